@@ -1,0 +1,1 @@
+"""Drivers of fieldbus devices. Each imports its vendor library inside its own package only."""

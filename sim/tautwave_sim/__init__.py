@@ -1,0 +1,1 @@
+"""Simulated devices: the other end of every driver, and the loopback that needs no bus."""
