@@ -1,0 +1,82 @@
+"""Every error tautwave raises on purpose, and the exit code each one ends in.
+
+    TautwaveError
+    ├── ConfigError (ValueError)          2  the rig file or an argument is wrong
+    ├── NotCertifiedError                 3  the rig is not certified, or no longer
+    ├── BusBudgetError                    4  the rig is faster than its bus
+    ├── DriverError                       5  a bus or a device failed
+    │   ├── BusTimeout (TimeoutError)     5  nothing answered in time
+    │   └── DeviceFault                   5  a device reported a fault
+    ├── LinkError                         5  the other site is lost
+    ├── SafetyStop                        6  a limit or a guard ended the run
+    └── RecordingError (OSError)          2  a recording cannot be read or written
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+
+class TautwaveError(Exception):
+    """Root of all errors; `record` holds the rows of the last cycles, newest last, if any."""
+
+    exit_code = 1
+
+    def __init__(self, message: str, record: Sequence[Any] = ()) -> None:
+        super().__init__(message)
+        self.record = tuple(record)
+
+
+class ConfigError(TautwaveError, ValueError):
+    """A rig file or an argument is wrong; `problems` holds one sentence for each mistake."""
+
+    exit_code = 2
+
+    def __init__(self, problems: str | Sequence[str]) -> None:
+        self.problems = (problems,) if isinstance(problems, str) else tuple(problems)
+        super().__init__("\n".join(self.problems))
+
+
+class NotCertifiedError(TautwaveError):
+    """The rig does not have the certificate that it requires."""
+
+    exit_code = 3
+
+
+class BusBudgetError(TautwaveError):
+    """The rig's rate does not fit on its bus."""
+
+    exit_code = 4
+
+
+class DriverError(TautwaveError):
+    """A bus or a device failed. The sentence says which, where, and what to do."""
+
+    exit_code = 5
+
+
+class BusTimeout(DriverError, TimeoutError):
+    """No answer by the deadline."""
+
+
+class DeviceFault(DriverError):
+    """A device reported a fault of its own."""
+
+
+class LinkError(TautwaveError):
+    """The link to the other site failed."""
+
+    exit_code = 5
+
+
+class SafetyStop(TautwaveError):
+    """A limit or a guard ended the run; the axes were brought to their safe command first."""
+
+    exit_code = 6
+
+
+class RecordingError(TautwaveError, OSError):
+    """A recording cannot be read or written."""
+
+    exit_code = 2

@@ -1,0 +1,88 @@
+"""The sampled wave port of an admittance device (takes velocity, measures effort).
+
+The port asks for the velocity w at which the line's resistance b w - sqrt(2b) v_in equals the
+measured outside effort. That effort is one sample old: against an outside stiffness K the loop
+x+ = x + T (-K x + ...) / b is unstable from K T / b = 2 on even with a matched far end, and it is
+active (|S| > 1) for every K > 0. With an upper bound Kh >= K of the outside stiffness the port
+predicts the effort in the middle of the acting period, F - Kh T (w under way + w / 2). For a
+command delay of d periods, with q = 1/z and c = cot(theta/2), the port's divisor is
+D = b + e - j c Kh T / 2 - (Kh - K) T q**(d+1) / (1 - q), and S = 2 b / D - 1, so |S| <= 1 if
+Re D >= b. Re(-q**(d+1) / (1 - q)) = 1/2 + sum_1^d cos(i theta) >= 1/2 - d, hence the extra damping
+e = Kh T max(0, d - 1/2) makes the port passive for every outside stiffness up to Kh. Nothing is
+claimed beyond it, and nothing at all without Kh. The device is taken to reach the commanded
+velocity within the period. The energy at this port rests on sampled efforts: it is an interval.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+
+class AdmittanceParams(NamedTuple):
+    """Constants of one admittance port, in the device's own units.
+
+    period T [s]; impedance b; root = sqrt(2 b); stiffness = upper bound of the outside stiffness
+    (0: none given); divisor = b + Kh T / 2 + Kh T max(0, d - 1/2). The wall's constants are in
+    `wall.WallParams`; the books and the leaving wave are `port.port_close`, see `rigid_port`.
+    """
+
+    period: float
+    impedance: float
+    root: float
+    stiffness: float
+    divisor: float
+
+
+def admittance_params(
+    period: float,
+    impedance: float,
+    stiffness: float,
+    delay_periods: int,
+) -> AdmittanceParams:
+    """Return the constants of an admittance port; units as in `AdmittanceParams`."""
+    extra = 0.0
+    if delay_periods > 0:
+        extra = stiffness * period * (delay_periods - 0.5)
+    divisor = impedance + 0.5 * stiffness * period + extra
+    return AdmittanceParams(period, impedance, math.sqrt(2.0 * impedance), stiffness, divisor)
+
+
+def greatest_stiffness(period: float, impedance: float, delay_periods: int) -> float:
+    """Return the outside stiffness [N m/rad or N/m] at which the plain port loses stability.
+
+    Far end matched, no effort prediction: z**d (z - 1) + K T / b = 0 reaches the unit circle at
+    K T / b = 2 sin(pi / (2 (2 d + 1))).
+    """
+    return 2.0 * impedance / period * math.sin(0.5 * math.pi / (2.0 * delay_periods + 1.0))
+
+
+def admittance_velocity(
+    p: AdmittanceParams,
+    effort: float,
+    arriving: float,
+    pending: float,
+    wall_push: float,
+    wall_stiffness: float,
+    wall_damping: float,
+) -> float:
+    """Return the velocity to command [rad/s or m/s].
+
+    Parameters
+    ----------
+    p : AdmittanceParams
+        Constants.
+    effort : float
+        Measured outside effort, positive along x [N m or N].
+    arriving : float
+        Arriving wave [W**0.5].
+    pending : float
+        Sum of the commanded velocities that have not acted yet [rad/s or m/s].
+    wall_push : float
+        Resisting effort of the local wall's spring at the start of the acting period [N m or N].
+    wall_stiffness, wall_damping : float
+        The wall's K and B while touched, else 0; its spring is taken at mid period, implicitly.
+    """
+    drive = effort - p.stiffness * p.period * pending + p.root * arriving - wall_push
+    return drive / (p.divisor + wall_damping + 0.5 * wall_stiffness * p.period)
+

@@ -1,0 +1,98 @@
+"""Limits: the last functions before a motor. NaN never passes.
+
+`share_effort` gives the wave port what the limit left over, so that clipping happens inside
+the port's account and needs no account of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+
+class LimitParams(NamedTuple):
+    """Limits of an axis: effort [N m or N], effort change per period, effort quantum (0 none),
+    velocity [rad/s or m/s], position range [rad or m], damping of the stop outside it.
+
+    An absent limit is infinite.
+    """
+
+    effort: float
+    effort_step: float
+    effort_quantum: float
+    velocity: float
+    position_low: float
+    position_high: float
+    stop_damping: float
+
+
+def clamp(value: float, bound: float) -> float:
+    """Return `value` within +-`bound`; NaN gives 0."""
+    if -bound <= value <= bound:
+        return value
+    if value > bound:
+        return bound
+    if value < -bound:
+        return -bound
+    return 0.0  # NaN: every comparison above was False
+
+
+def limit_effort(
+    p: LimitParams, asked: float, last: float, ceiling: float
+) -> float:
+    """Return the resisting effort that may be sent [N m or N].
+
+    Order: NaN to zero and the effort limit or the engage ramp's `ceiling`, whichever is lower;
+    then the rate limit from `last`; then truncation to the drive's quantum, towards zero.
+    """
+    bound = p.effort
+    if ceiling < bound:
+        bound = ceiling
+    value = clamp(asked, bound)
+    rise = value - last
+    if rise > p.effort_step:
+        value = last + p.effort_step
+    elif rise < -p.effort_step:
+        value = last - p.effort_step
+    if p.effort_quantum > 0.0:
+        # The small bias keeps a value that is a multiple already from losing one quantum.
+        counts = value / p.effort_quantum
+        if counts >= 0.0:
+            value = p.effort_quantum * math.floor(counts + 1e-9)
+        else:
+            value = -(p.effort_quantum * math.floor(1e-9 - counts))
+    return value
+
+
+def share_effort(wall: float, port: float, applied: float) -> float:
+    """Return the part of the `applied` effort that counts as the port's [N m or N].
+
+    A shortfall first brings the port to zero, then the wall; an excess (rate limit on release)
+    is the port's.
+    """
+    short = applied - wall - port
+    if short * port > 0.0:
+        return port + short
+    if port > 0.0 and port + short > 0.0:
+        return port + short
+    if port < 0.0 and port + short < 0.0:
+        return port + short
+    return 0.0
+
+
+def guard_axis(p: LimitParams, position: float, velocity: float) -> int:
+    """Return 0 when all is well, 1 outside the position range, 2 too fast, 3 not finite."""
+    if p.position_low <= position <= p.position_high:
+        if -p.velocity <= velocity <= p.velocity:
+            return 0
+        if velocity - velocity == 0.0:
+            return 2
+        return 3
+    if position - position == 0.0:
+        return 1
+    return 3
+
+
+def stop_effort(p: LimitParams, velocity: float) -> float:
+    """Return the resisting effort of the certified damping used while stopping [N m or N]."""
+    return p.stop_damping * velocity

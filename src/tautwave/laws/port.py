@@ -1,0 +1,221 @@
+"""The sampled wave port of an impedance device (takes effort): passive, not only on paper.
+
+The obvious port estimates the velocity, applies R = b v - sqrt(2b) v_in and sends
+u = sqrt(2b) v - v_in. Its books close on paper, because they multiply a force by a velocity of
+another period; on a real device it is unstable against a lossless far end at every delay. This
+port does three things instead:
+
+1. it predicts the mean velocity of the period in which the effort *will act*, with a lower bound
+   of the device's mass and every effort that is known or still under way;
+2. the leaving wave is formed from the displacement over the period in which the effort acted;
+3. an energy account stands between what came in and what leaves; a wave is never larger than
+   the account can pay, and an effort is never planned to deliver what is not there.
+
+Proof of 1 and 2 for a free mass m, a believed mass m/rho with rho >= 1, and a command delay of d
+whole periods. Let q = 1/z, a = b T / (2 m), c = cot(theta/2); the held force gives the mean
+velocity V = j (T/2m) c R (resistance R acting). Solving the port for wave in -> wave out gives
+S = -(D + 2 j a c) / D with D = 1 - j a c + (rho - 1) a g(q), g(q) = (1+q)(1 + q + ... + q**d)
+= -j c (1 - q**(d+1)). Im g = -c (1 - cos((d+1) theta)) <= 0, hence
+|D|**2 - |D + 2 j a c|**2 = 4 a**2 c**2 (rho - 1)(1 - cos((d+1) theta)) >= 0: |S| <= 1 at every
+frequency. Im D < 0 on the open upper half of the circle, from -j infinity at q = 1 to 1 at
+q = -1, so D has no zero inside and S is stable. A passive far end behind any delay then keeps
+the loop stable. With an underestimated mass the port loses energy, with an overestimated one
+it would gain.
+
+Sources: Niemeyer & Slotine 1991, Colgate & Schenkel 1997 (what a held force does), Chopra & Spong
+and Hannaford & Ryu 2002 (energy accounts); the delayed form is derived here.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+
+class PortParams(NamedTuple):
+    """Constants of one impedance port, in the device's own units.
+
+    period T [s]; impedance b; root = sqrt(2 b); half_mobility = T / (2 mass lower bound);
+    divisor = 1 + b half_mobility + b slip; slip = 1 / series damper, 0 without, 1/b to match the
+    line; repay: share of the unsent wave integral that is sent per period; allowance: energy
+    [J per period] that sensor noise may feign, see `sensor_allowance`.
+    """
+
+    period: float
+    impedance: float
+    root: float
+    half_mobility: float
+    divisor: float
+    slip: float
+    repay: float
+    allowance: float
+
+
+def port_params(
+    period: float,
+    impedance: float,
+    mass: float,
+    matched: bool,
+    drift_time: float,
+    allowance: float,
+) -> PortParams:
+    """Return the constants of a port.
+
+    Parameters
+    ----------
+    period : float
+        Loop period T [s].
+    impedance : float
+        Wave impedance b [N m s/rad or N s/m].
+    mass : float
+        Lower bound of the device's inertia [kg m**2 or kg].
+    matched : bool
+        True puts a damper b in series, so that no wave is reflected (and positions may creep).
+    drift_time : float
+        Time constant in which unsent wave integral (position error) is repaid [s].
+    allowance : float
+        Energy per period that the account forgives [J], see `sensor_allowance`.
+    """
+    mobility = period / (2.0 * mass)
+    slip = 0.0
+    if matched:
+        slip = 1.0 / impedance
+    repay = period / (period + drift_time)
+    divisor = 1.0 + impedance * mobility + impedance * slip
+    root = math.sqrt(2.0 * impedance)
+    return PortParams(period, impedance, root, mobility, divisor, slip, repay, allowance)
+
+
+def rigid_port(
+    period: float, impedance: float, drift_time: float, allowance: float
+) -> PortParams:
+    """Return the constants with which `port_close` closes an admittance port (no prediction)."""
+    repay = period / (period + drift_time)
+    root = math.sqrt(2.0 * impedance)
+    return PortParams(period, impedance, root, 0.0, 1.0, 0.0, repay, allowance)
+
+
+def sensor_allowance(
+    period: float, impedance: float, gain: float, quantum: float, noise: float
+) -> float:
+    """Return the energy per period [J] that an encoder feigns at a port.
+
+    A position error n of the last sample enters the effort as b g n / T and the next
+    displacement as -n: measured energy falls by b g n**2 / T each period although nothing
+    physical left the port. Without an allowance the account would starve and the coupling
+    fall silent. `gain` is that of `track_velocity`; `quantum` and `noise` (standard deviation)
+    are in rad or m; twice the mean is allowed.
+    """
+    return 2.0 * impedance * gain * (noise * noise + 0.25 * quantum * quantum) / period
+
+
+def track_velocity(
+    gain: float, predicted: float, displacement: float, span: float
+) -> float:
+    """Correct a predicted mean velocity by the measured one: gain 1 is the plain difference."""
+    return predicted + gain * (displacement / span - predicted)
+
+
+def port_effort(
+    p: PortParams, account: float, coast: float, arriving: float
+) -> tuple[float, float]:
+    """Return the resisting effort of the port and the predicted mean velocity of its period.
+
+    Parameters
+    ----------
+    p : PortParams
+        Constants.
+    account : float
+        Energy account after the last close [J].
+    coast : float
+        Mean velocity of the coming acting period if the port did nothing [rad/s or m/s].
+    arriving : float
+        Arriving wave [W**0.5].
+
+    Returns
+    -------
+    tuple of float
+        Resisting effort [N m or N] and predicted mean velocity [rad/s or m/s].
+    """
+    effort = (p.impedance * coast - p.root * arriving) / p.divisor
+    ahead = coast - p.half_mobility * effort
+    given = -effort * (ahead - p.slip * effort) * p.period
+    if given > 0.0:
+        funds = account + 0.5 * p.period * arriving * arriving
+        if given > funds:
+            # Only after clipping, gaps or sensor noise: an unclipped port never plans this.
+            if funds > 0.0:
+                effort = effort * (funds / given)
+            else:
+                effort = 0.0
+            ahead = coast - p.half_mobility * effort
+    return effort, ahead
+
+
+def port_close(
+    p: PortParams,
+    account: float,
+    gap: float,
+    displacement: float,
+    periods: float,
+    velocity: float,
+    effort: float,
+    wave_sum: float,
+    wave_energy: float,
+) -> tuple[float, float, float, float, float, float]:
+    """Close the periods since the last sample: books first, then the leaving wave.
+
+    Parameters
+    ----------
+    p : PortParams
+        Constants.
+    account : float
+        Energy account [J].
+    gap : float
+        Wave integral not sent yet [W**0.5 s]; sqrt(2b) times a position error.
+    displacement : float
+        Measured displacement since the last valid sample [rad or m].
+    periods : float
+        Number of periods since then, >= 1.
+    velocity : float
+        Tracked mean velocity over them [rad/s or m/s].
+    effort : float
+        Mean resisting effort of the port that acted [N m or N].
+    wave_sum : float
+        Sum of the arriving waves that belong to these periods [W**0.5].
+    wave_energy : float
+        Energy of all waves that arrived since the last close [J].
+
+    Returns
+    -------
+    tuple of float
+        Leaving wave [W**0.5], account [J], gap [W**0.5 s], energy absorbed by the port and by
+        the series damper [J], energy forgiven [J].
+    """
+    span = periods * p.period
+    slipped = p.slip * effort
+    advance = displacement - span * slipped
+    income = effort * advance + wave_energy
+    burnt = effort * slipped * span
+    account = account + income
+    plain = p.root * (velocity - slipped) - wave_sum / periods
+    gap = gap + p.root * advance - p.period * wave_sum
+    leaving = plain + p.repay * (gap / p.period - plain)
+    if account <= 0.0:
+        leaving = 0.0
+    else:
+        ceiling = math.sqrt(2.0 * account / p.period)
+        if leaving > ceiling:
+            leaving = ceiling
+        elif leaving < -ceiling:
+            leaving = -ceiling
+    sent = 0.5 * p.period * leaving * leaving
+    account = account - sent
+    gap = gap - p.period * leaving
+    forgiven = 0.0
+    if account < 0.0 and p.allowance > 0.0:
+        forgiven = periods * p.allowance
+        if forgiven > -account:
+            forgiven = -account
+        account = account + forgiven
+    return leaving, account, gap, income - sent, burnt, forgiven

@@ -1,0 +1,59 @@
+"""Values that cross the contract edges. SI units; rotary axes read N m for N and rad for m."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class JointState(NamedTuple):
+    """What a driver measured on one axis.
+
+    `position` [rad or m]; `velocity` [rad/s or m/s] and `effort` [N m or N] are NaN where the
+    device does not measure them. `effort` is the force the outside world (hand, environment)
+    applies to the device, positive along `position`. `valid` is False when no fresh sample came
+    in this cycle; the numbers are then not to be used. `age_ns` is the time since the sample.
+    """
+
+    position: float
+    velocity: float
+    effort: float
+    valid: bool
+    age_ns: int
+
+
+class AxisCommand(NamedTuple):
+    """What one axis shall do until the next command.
+
+    `effort` [N m or N] is used by impedance axes, `velocity` [rad/s or m/s] by admittance axes,
+    both positive along `position`; the other one is 0.
+    """
+
+    effort: float
+    velocity: float
+
+
+class CommandDelay(NamedTuple):
+    """Time until a written command acts: whole loop periods and a remainder [s] below one."""
+
+    periods: int
+    remainder_s: float
+
+
+class Fault(NamedTuple):
+    """Something a device or a bus reported, in words. `axis` is '' for the whole bus."""
+
+    axis: str
+    text: str
+    fatal: bool
+
+
+class WaveSample(NamedTuple):
+    """What crosses a link in one direction: sequence number, sender's time and the wave [W**0.5]."""
+
+    sequence: int
+    sent_ns: int
+    wave: float
+
+
+SAFE_COMMAND = AxisCommand(0.0, 0.0)
+"""Zero effort for an impedance axis, zero velocity for an admittance axis."""
