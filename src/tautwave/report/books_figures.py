@@ -1,0 +1,196 @@
+"""The figures of the books and of the clock: energy per element, timing of the loop."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tautwave.report.canvas import INK, SOFT, draw, element_style, label_of, legend, panels
+from tautwave.report.envelope import Floats, Trace, peak, trace
+from tautwave.report.rebuild import periods_us
+from tautwave.report.rundir import Run
+from tautwave.report.units import quantity, scale_for
+from tautwave.report.views import EnergyView
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+CLOSED = 1e-9  # residual over gross flow up to which the books count as closed
+_FLOOR = 1e-20  # J; where the balance is exactly zero, so that the log axis has something to show
+
+
+def energy_figure(view: EnergyView, pair: str) -> Figure | None:
+    """Stored, absorbed and dissipated energy of every element, and what does not balance."""
+    if not view.elements:
+        return None
+    figure, axes = panels((1.9, 1.9, 1.9, 1.4), f"Energy of {pair}, by element")
+    titles = {
+        "stored": "Stored now",
+        "absorbed": "Absorbed since the start",
+        "dissipated": "Dissipated since the start (a falling line generates)",
+    }
+    for panel, (kind, title) in zip(axes, titles.items(), strict=False):
+        _account(panel, view, kind)
+        panel.set_title(title)
+        legend(panel)
+    _balance(axes[3], view)
+    axes[3].set_xlabel("time [s]")
+    axes[3].margins(x=0)
+    return figure
+
+
+def _account(panel: Axes, view: EnergyView, kind: str) -> None:
+    lines = {e: t for e, t in view.account[kind].items() if peak(t) > 0.0}
+    factor, unit = scale_for(peak(*lines.values()), "J")
+    quiet = [label_of(e) for e in view.elements if e not in lines]
+    for element, line in lines.items():
+        style = element_style(element)
+        draw(panel, line, factor, label_of(element), **style)
+        # Areas only where little overlaps; with signs mixed they would hide each other.
+        if kind == "stored" and len(lines) <= 4 and float(np.nanmin(line.value)) >= 0.0:
+            panel.fill_between(
+                line.time, factor * line.value, color=style["color"], alpha=0.18, linewidth=0
+            )
+    if quiet:
+        text = "none at all" if not lines else "always zero"
+        panel.plot([], [], " ", label=f"{text}:")
+        for name in quiet[: 7 - len(lines)]:
+            panel.plot([], [], " ", label=name)
+        if len(quiet) > 7 - len(lines):
+            panel.plot([], [], " ", label="and more")
+    panel.axhline(0.0, color="#999999", linewidth=0.8)
+    panel.set_ylabel(f"energy [{unit}]")
+
+
+def _balance(panel: Axes, view: EnergyView) -> None:
+    panel.set_yscale("log")
+    if view.balance is not None:
+        visible = Trace(view.balance.time, np.maximum(view.balance.value, _FLOOR))
+        draw(panel, visible, 1.0, "does not balance", color=INK, linewidth=1.0)
+    limit = CLOSED * view.gross_flow
+    if limit > 0.0:
+        label = "10⁻⁹ of gross flow"
+        panel.axhline(limit, color="#CC3311", linewidth=1.2, linestyle="-.", label=label)
+    low = max(_FLOOR, 1e-8 * limit) if limit > 0.0 else _FLOOR
+    panel.set_ylim(bottom=low)
+    panel.set_title("Balance: absorbed − change of stored − dissipated, all elements")
+    panel.set_ylabel("|residual| [J]")
+    legend(panel, f"gross flow\n{quantity(view.gross_flow, 'J')}")
+
+
+def timing_figure(run: Run) -> Figure | None:
+    """Histograms of period, lateness and compute time, and when the slow cycles were."""
+    clock = run.read("time_s", "lateness_us", "compute_us", "skipped_slots")
+    if len(clock.get("time_s", ())) < 2:
+        return None
+    rate = run.rate_hz
+    budget = 1e6 / rate if np.isfinite(rate) else float("nan")
+    figure, axes = panels((1.9, 2.1, 1.7), "Timing of the loop", share=False)
+    _period(axes[0], periods_us(clock, rate), budget)
+    parts = {
+        "start later than its slot": (clock.get("lateness_us"), "#56B4E9"),
+        "compute, all of a cycle": (clock.get("compute_us"), INK),
+    }
+    _durations(axes[1], parts, budget)
+    _when(axes[2], clock, budget)
+    return figure
+
+
+def _period(panel: Axes, periods: Floats, budget: float) -> None:
+    known = periods[np.isfinite(periods)]
+    low, high = float(known.min()), float(known.max())
+    centre = budget if np.isfinite(budget) else float(np.median(known))
+    half = max(high - centre, centre - low, 0.01 * centre)
+    edges = np.linspace(centre - half, centre + half, 162)
+    tally, _ = np.histogram(known, edges)
+    panel.stairs(tally, edges, fill=True, color="#5B7C99", label="cycles")
+    panel.set_yscale("log")
+    panel.set_ylim(bottom=0.7)
+    if np.isfinite(budget):
+        panel.axvline(
+            budget, color="#CC3311", linewidth=1.3, linestyle="-.", label="period asked for"
+        )
+    panel.set_title("Period, start to start")
+    panel.set_xlabel("period [µs]")
+    panel.set_ylabel("cycles")
+    spread = f"least {quantity(low * 1e-6, 's', 5)}\ngreatest {quantity(high * 1e-6, 's', 5)}"
+    legend(panel, spread)
+
+
+def _durations(panel: Axes, parts: dict[str, tuple[Floats | None, str]], budget: float) -> None:
+    # What is not late at all has no place on a log axis: it is counted in the first bin.
+    shown = {
+        label: (np.maximum(values[np.isfinite(values)], 0.1), colour)
+        for label, (values, colour) in parts.items()
+        if values is not None and np.isfinite(values).any()
+    }
+    tops = [float(values.max()) for values, _ in shown.values()]
+    if np.isfinite(budget):
+        tops.append(budget)
+    edges = np.geomspace(0.1, 2.0 * max([1.0, *tops]), 121)
+    for label, (values, colour) in shown.items():
+        tally, _ = np.histogram(values, edges)
+        panel.stairs(tally, edges, color=colour, linewidth=1.5, label=label)
+        panel.stairs(tally, edges, fill=True, color=colour, alpha=0.18)
+    panel.set_xscale("log")
+    panel.set_yscale("log")
+    panel.set_ylim(bottom=0.7)
+    if np.isfinite(budget):
+        label = f"budget 1/rate, {quantity(budget * 1e-6, 's')}"
+        panel.axvline(budget, color="#CC3311", linewidth=1.3, linestyle="-.", label=label)
+    panel.set_title("Lateness and compute time (bars at 0.1 µs: that or less)")
+    panel.set_xlabel("duration [µs]")
+    panel.set_ylabel("cycles")
+    legend(panel)
+
+
+def _when(panel: Axes, clock: dict[str, Floats], budget: float) -> None:
+    time = clock["time_s"]
+    styles: dict[str, dict[str, Any]] = {
+        "lateness_us": {"color": "#56B4E9", "label": "lateness"},
+        "compute_us": {"color": INK, "label": "compute"},
+    }
+    for name, style in styles.items():
+        if name in clock:
+            line = trace(time, np.maximum(clock[name], 0.1))
+            panel.plot(line.time, line.value, linewidth=0.8, **style)
+    skipped = clock.get("skipped_slots")
+    if skipped is not None and (skipped > 0).any():
+        where = np.flatnonzero(skipped > 0)
+        # Thousands of marks say no more than a few hundred, and cost seconds.
+        some = where[:: max(1, len(where) // 400)]
+        panel.plot(
+            time[some],
+            np.full(len(some), 0.97),
+            "v",
+            color="#CC3311",
+            markersize=5,
+            transform=panel.get_xaxis_transform(),
+            label=f"slots skipped ({len(where)})",
+        )
+    if np.isfinite(budget):
+        panel.axhline(budget, color="#CC3311", linewidth=1.0, linestyle="-.", label="budget")
+    panel.set_yscale("log")
+    panel.margins(x=0)
+    panel.set_title("When it happened")
+    panel.set_xlabel("time [s]")
+    panel.set_ylabel("duration [µs]")
+    legend(panel)
+
+
+def errors_figure(runs: dict[str, tuple[Trace | None, str]], pair: str, unit: str) -> Figure | None:
+    """Position error of one pair in several runs over each other; label -> (trace, colour)."""
+    if not any(line is not None for line, _ in runs.values()):
+        return None
+    figure, (panel,) = panels((2.3,), f"Position error of {pair}")
+    factor, label = scale_for(peak(*(line for line, _ in runs.values())), unit)
+    for name, (line, colour) in runs.items():
+        draw(panel, line, factor, name, color=colour, linewidth=1.2)
+    panel.axhline(0.0, color=SOFT, linewidth=0.8)
+    panel.set_ylabel(f"master − slave [{label}]")
+    panel.set_xlabel("time [s]")
+    panel.margins(x=0)
+    legend(panel)
+    return figure

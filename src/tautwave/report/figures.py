@@ -1,0 +1,207 @@
+"""The figures of one pair: tracking, effort, contact, waves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tautwave.report.canvas import (
+    INK,
+    MASTER,
+    SIDE,
+    SLAVE,
+    SOFT,
+    WALL,
+    draw,
+    legend,
+    panels,
+    shade,
+)
+from tautwave.report.envelope import peak
+from tautwave.report.units import quantity, scale_for
+from tautwave.report.views import PairView
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+CAUSE = {
+    "environment": "contact with the environment",
+    "wall_slave": "inside the slave's virtual wall",
+    "wall_master": "inside the master's virtual wall",
+}
+_CONTACT = {
+    "environment": "contact",
+    "wall_slave": "in slave wall",
+    "wall_master": "in master wall",
+}
+
+
+def tracking_figure(view: PairView) -> Figure | None:
+    """Positions of master and slave in master units, and their difference beneath."""
+    lines = view.lines
+    if "master.position" not in lines and "slave.position" not in lines:
+        return None
+    figure, (above, below) = panels((2.7, 1.7), f"Tracking of {view.name}")
+    unit = view.units["master"][0]
+    shown = [lines.get(name) for name in ("master.position", "slave.position", "reference")]
+    factor, label = scale_for(peak(*shown), unit)
+    _shade(above, view)
+    draw(above, shown[2], factor, "hand's reference", color=SOFT, linestyle=":", linewidth=1.6)
+    draw(above, shown[0], factor, "master", color=MASTER)
+    draw(above, shown[1], factor, "slave", color=SLAVE, linestyle=(0, (5, 1.5)))
+    above.set_title("Position, slave in the master's units")
+    above.set_ylabel(f"position [{label}]")
+    legend(above)
+    error, expected = lines.get("error"), lines.get("expected")
+    factor, label = scale_for(peak(error), unit)
+    _shade(below, view, "")
+    draw(below, expected, factor, "steady state, F τ / b", color=SOFT, linestyle=":", linewidth=1.6)
+    draw(below, error, factor, "master − slave", color=INK, linewidth=1.2)
+    below.set_title("Position error")
+    below.set_ylabel(f"error [{label}]")
+    below.axhline(0.0, color="#999999", linewidth=0.8)
+    _finish_time(below)
+    legend(below)
+    return figure
+
+
+def effort_figure(view: PairView) -> Figure | None:
+    """What is transmitted, and everything that acts on each device."""
+    lines = view.lines
+    sides = [side for side in SIDE if f"{side}.port_effort" in lines]
+    if not sides:
+        return None
+    figure, axes = panels((2.1,) + (2.1,) * len(sides), f"Effort of {view.name}")
+    unit = view.units["master"][1]
+    felt, given = lines.get("master.transmitted"), lines.get("slave.transmitted")
+    factor, label = scale_for(peak(felt, given), unit)
+    _shade(axes[0], view)
+    draw(axes[0], felt, factor, "master: felt by hand", color=MASTER)
+    draw(axes[0], given, factor, "slave: pushes with", color=SLAVE, linestyle=(0, (5, 1.5)))
+    axes[0].set_title("Transmitted by the coupling, in the master's units")
+    axes[0].set_ylabel(f"effort [{label}]")
+    legend(axes[0])
+    for panel, side in zip(axes[1:], sides, strict=True):
+        _acting(panel, view, side)
+    _finish_time(axes[-1])
+    return figure
+
+
+def _acting(panel: Axes, view: PairView, side: str) -> None:
+    lines = view.lines
+    names = {
+        "commanded": ("commanded in all", {"color": "#AAAAAA", "linewidth": 2.6}),
+        "port_effort": ("coupling port", {"color": SIDE[side]}),
+        "wall_effort": ("virtual wall", {"color": WALL}),
+        "measured_effort": ("measured", {"color": "#AA4499", "linewidth": 1.0}),
+        "hand_effort": ("hand (true)", {"color": INK, "linestyle": ":"}),
+        "environment_effort": ("environment (true)", {"color": INK, "linestyle": ":"}),
+    }
+    shown = {name: lines.get(f"{side}.{name}") for name in names}
+    if shown["wall_effort"] is None:
+        shown["commanded"] = None  # without a wall the port is all there is
+    greatest = peak(*shown.values())
+    factor, label = scale_for(greatest, view.units[side][1])
+    _shade(panel, view, "")
+    for name, (text, style) in names.items():
+        draw(panel, shown[name], factor, text, **style)
+    limit = view.limits.get(side)
+    if limit is not None and greatest > 0.6 * limit:
+        for at in (-limit, limit):
+            panel.axhline(
+                factor * at,
+                color="#CC3311",
+                linewidth=1.0,
+                linestyle="-.",
+                label="effort limit" if at > 0 else "",
+            )
+    panel.set_title(f"Acting on the {side} device, positive along its position")
+    panel.set_ylabel(f"effort [{label}]")
+    legend(panel)
+
+
+def wave_figure(view: PairView) -> Figure | None:
+    """Waves leaving and arriving; the line shows as the shift between them."""
+    lines = view.lines
+    if "master.wave_out" not in lines and "slave.wave_out" not in lines:
+        return None
+    figure, axes = panels((1.9, 1.9), f"Waves of {view.name}")
+    for panel, source, sink in ((axes[0], "master", "slave"), (axes[1], "slave", "master")):
+        _shade(panel, view, "" if panel is axes[1] else None)
+        draw(panel, lines.get(f"{source}.wave_out"), 1.0, f"leaves {source}", color=SIDE[source])
+        draw(
+            panel,
+            lines.get(f"{sink}.wave_in"),
+            1.0,
+            f"arrives at {sink}",
+            color=SIDE[sink],
+            linestyle=(0, (5, 1.5)),
+        )
+        panel.set_title(f"From {source} to {sink}")
+        panel.set_ylabel("wave [√W]")
+        legend(panel, f"one-way delay\n{quantity(view.delay_s, 's')}" if panel is axes[0] else "")
+    _finish_time(axes[-1])
+    return figure
+
+
+def contact_figure(view: PairView) -> Figure | None:
+    """Force against depth of the hardest contacts, and the hardest one in time."""
+    cause = view.cause
+    if not cause:
+        return None
+    figure, (loop, time) = panels((2.9, 2.2), f"Contact of {view.name}: {CAUSE[cause]}", False)
+    side = "master" if cause == "wall_master" else "slave"
+    position, effort = view.units[side]
+    loops = view.phase.get(cause, [])
+    greatest = max((float(abs(force).max()) for _, force in loops), default=0.0)
+    deepest = max((float(abs(depth).max()) for depth, _ in loops), default=0.0)
+    down, down_unit = scale_for(deepest, position)
+    up, up_unit = scale_for(greatest, effort)
+    shades = ("#D55E00", "#E69F00", "#009E73", "#56B4E9", "#0072B2", "#AA4499")
+    for colour, contact, (depth, force) in zip(
+        shades, _strongest(view, cause), loops, strict=False
+    ):
+        loop.plot(
+            down * depth, up * force, color=colour, linewidth=1.2, label=f"{contact:.2f} s"
+        )
+    known = any(c.peak_depth == c.peak_depth for c in view.contacts[cause])
+    loop.set_title("Force against depth, hardest contacts (a loop is energy lost)")
+    loop.set_xlabel(f"{'depth in the surface' if known else f'{side} position'} [{down_unit}]")
+    loop.set_ylabel(f"force on the wall [{up_unit}]")
+    legend(loop, "contact from")
+    zoom = view.zoom
+    up, up_unit = scale_for(peak(*zoom.values()), effort)
+    mark = {"environment": "environment", "wall_slave": "slave.wall_effort"}
+    draw(time, zoom.get(mark.get(cause, "")), -up, "force on the wall", color=INK, linestyle=":")
+    if cause == "wall_master":
+        draw(time, zoom.get("master.wall_effort"), -up, "master wall", color=WALL)
+    draw(time, zoom.get("slave.port_effort"), up, "slave port", color=SLAVE)
+    scaled = view.units["master"][1] == effort
+    if scaled:
+        draw(time, zoom.get("master.port_effort"), -up, "felt at master", color=MASTER)
+    time.set_title(
+        f"The hardest contact in time; the hand feels it {quantity(view.delay_s, 's')} later"
+        if view.delay_s > 0.0
+        else "The hardest contact in time"
+    )
+    time.set_ylabel(f"effort [{up_unit}]")
+    time.set_xlabel("time [s]")
+    time.margins(x=0)
+    legend(time)
+    return figure
+
+
+def _strongest(view: PairView, cause: str) -> list[float]:
+    hardest = sorted(view.contacts[cause], key=lambda c: -c.peak_effort)[:6]
+    return [contact.start_s for contact in sorted(hardest)]
+
+
+def _shade(panel: Axes, view: PairView, label: str | None = None) -> None:
+    if view.cause:
+        text = _CONTACT[view.cause] if label is None else label
+        shade(panel, view.contacts[view.cause], text or "_")
+
+
+def _finish_time(panel: Axes) -> None:
+    panel.set_xlabel("time [s]")
+    panel.margins(x=0)

@@ -1,0 +1,103 @@
+"""Numbers as a person reads them: engineering prefixes, powers of ten, counts.
+
+A value that is missing (`None`) is "not recorded"; it is never shown as zero.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+MISSING = "not recorded"
+THIN = "\N{NARROW NO-BREAK SPACE}"
+_PREFIXES = ((1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p"))
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def number(value: Any) -> float | None:
+    """`value` as a float, or None where it is missing or not a number."""
+    if value is None or isinstance(value, bool):
+        return None
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return None
+
+
+def scale_for(peak: float, unit: str) -> tuple[float, str]:
+    """Factor and prefixed unit in which `peak` [unit] reads as 1 to 1000.
+
+    Returns
+    -------
+    tuple[float, str]
+        Multiply by the factor to get the number that belongs to the unit.
+    """
+    size = abs(peak)
+    if not math.isfinite(size) or size == 0.0 or unit == "" or unit.startswith("√"):
+        return 1.0, unit
+    for weight, prefix in _PREFIXES:
+        # A length of 1500 m stays in m: nobody reads krad.
+        if prefix == "k" and unit in ("rad", "s", "rad/s"):
+            continue
+        if size >= 0.9995 * weight:
+            return 1.0 / weight, prefix + unit
+    return 1.0 / _PREFIXES[-1][0], _PREFIXES[-1][1] + unit
+
+
+def significant(value: float, digits: int = 4) -> str:
+    """`value` to so many significant digits, with a real minus sign and powers of ten."""
+    if math.isnan(value):
+        return "undefined"
+    if math.isinf(value):
+        return "infinite" if value > 0 else "−infinite"
+    text = f"{value:.{digits}g}"
+    if "e" in text:
+        mantissa, exponent = text.split("e")
+        text = f"{mantissa}{THIN}×{THIN}10{str(int(exponent)).translate(_SUPERSCRIPT)}"
+    return text.replace("-", "−")
+
+
+def quantity(value: Any, unit: str, digits: int = 4) -> str:
+    """`value` [unit, SI] with an engineering prefix, as in `12.34 mrad`."""
+    plain = number(value)
+    if plain is None:
+        return MISSING
+    if not math.isfinite(plain):
+        return significant(plain)
+    if 0.0 < abs(plain) < 1e-13 and unit != "":
+        return f"{significant(plain, 2)}{THIN}{unit}"
+    factor, label = scale_for(plain, unit)
+    return f"{significant(plain * factor, digits)}{THIN}{label}".rstrip(THIN)
+
+
+def microseconds(value: Any, digits: int = 4) -> str:
+    """`value` [us] in the prefix that suits it, as in `12.3 µs` or `1.4 ms`."""
+    plain = number(value)
+    return MISSING if plain is None else quantity(plain * 1e-6, "s", digits)
+
+
+def ratio(value: Any, digits: int = 2) -> str:
+    """A relative figure, as in `2.1 × 10⁻¹⁴`."""
+    plain = number(value)
+    return MISSING if plain is None else significant(plain, digits)
+
+
+def count(value: Any) -> str:
+    """A whole number, in groups of three from five digits on."""
+    plain = number(value)
+    if plain is None:
+        return MISSING
+    whole = round(plain)
+    return f"{whole:,}".replace(",", THIN) if abs(whole) >= 10_000 else str(whole)
+
+
+def plural(amount: int, noun: str) -> str:
+    """`3 contacts`, `1 contact`, `no contacts`."""
+    if amount == 1:
+        return f"1 {noun}"
+    return f"{count(amount) if amount else 'no'} {noun}s"
+
+
+def axis_units(kind: str) -> tuple[str, str]:
+    """Units of position and effort of a `rotary` or `linear` axis."""
+    return ("rad", "N m") if kind == "rotary" else ("m", "N")

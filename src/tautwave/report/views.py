@@ -1,0 +1,224 @@
+"""What the figures of one pair need, taken from the recording column by column and decimated.
+
+Nothing here draws, and no full column outlives its reduction, so an hour of rows stays small.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tautwave.report.contacts import Contact, find_contacts
+from tautwave.report.envelope import Floats, Trace, trace
+from tautwave.report.rebuild import residual
+from tautwave.report.rundir import SIDES, Run, axis_kind, block, pair_settings
+from tautwave.report.units import axis_units, number
+
+ACCOUNTS = ("absorbed", "stored", "dissipated")
+
+
+@dataclass
+class PairView:
+    """One pair, ready to draw.
+
+    `lines` holds traces by name; positions, `error` and `expected` are in master units,
+    everything of one axis in that axis' units. `contacts` and `phase` are by their cause:
+    `environment`, `wall_slave`, `wall_master`.
+    """
+
+    name: str
+    units: dict[str, tuple[str, str]]
+    lines: dict[str, Trace] = field(default_factory=dict)
+    contacts: dict[str, list[Contact]] = field(default_factory=dict)
+    phase: dict[str, list[tuple[Floats, Floats]]] = field(default_factory=dict)
+    zoom: dict[str, Trace] = field(default_factory=dict)
+    limits: dict[str, float] = field(default_factory=dict)
+    wave_impedance: float | None = None
+    delay_s: float = 0.0
+
+    @property
+    def cause(self) -> str:
+        """The kind of contact to show first, empty when there was none."""
+        for cause in ("environment", "wall_slave", "wall_master"):
+            if self.contacts.get(cause):
+                return cause
+        return ""
+
+
+@dataclass
+class EnergyView:
+    """Energy accounts of one pair [J]: `account[kind][element]`, and the balance of all of them."""
+
+    elements: list[str]
+    account: dict[str, dict[str, Trace]]
+    balance: Trace | None
+    gross_flow: float
+
+
+def delay_of(run: Run, pair: str) -> float:
+    """Effective one-way delay [s] of `pair`, from the summary, else from the rig."""
+    told = block(run.summary, "pairs", pair).get("coupling_delay_s")
+    top = run.summary.get("coupling_delay_s")
+    if told is None:
+        told = top.get(pair) if isinstance(top, dict) else top
+    if told is None:
+        told = block(run.rig, "coupling").get("delay_s")
+    return number(told) or 0.0
+
+
+def view_pair(run: Run, pair: str) -> PairView:
+    """Everything but the energy of `pair`."""
+    settings = pair_settings(run, pair)
+    view = PairView(pair, {side: axis_units(axis_kind(run, side, pair)) for side in SIDES})
+    view.wave_impedance = number(settings.get("wave_impedance"))
+    view.delay_s = delay_of(run, pair)
+    for side in SIDES:
+        limit = number(block(run.rig, side, "axes", pair).get("effort_limit"))
+        if limit is not None:
+            view.limits[side] = limit
+    if run.rows == 0 or "time_s" not in run.columns:
+        return view
+    time = run.read("time_s")["time_s"]
+    _positions(run, view, settings, time)
+    _efforts(run, view, settings, time)
+    for side in SIDES:
+        for way in ("wave_in", "wave_out"):
+            _keep(run, view, time, f"{side}.{way}", f"{side}.{pair}.{way}")
+    _touch(run, view, settings, time)
+    return view
+
+
+def view_energy(run: Run, pair: str) -> EnergyView:
+    """Energy accounts of `pair`, empty where the recording holds none."""
+    account: dict[str, dict[str, Trace]] = {kind: {} for kind in ACCOUNTS}
+    view = EnergyView([], account, None, 0.0)
+    if run.rows == 0 or "time_s" not in run.columns:
+        return view
+    time = run.read("time_s")["time_s"]
+    for element in run.elements(pair):
+        for kind in ACCOUNTS:
+            column = f"{pair}.{element}.{kind}"
+            found = run.read(column).get(column)
+            if found is not None:
+                account[kind][element] = trace(time, found)
+        if element in account["absorbed"]:
+            view.elements.append(element)
+    if view.elements:
+        balance, view.gross_flow = residual(run, pair)
+        view.balance = trace(time, np.abs(balance))
+    return view
+
+
+def _keep(run: Run, view: PairView, time: Floats, name: str, column: str) -> None:
+    found = run.read(column).get(column)
+    if found is not None and np.isfinite(found).any():
+        view.lines[name] = trace(time, found)
+
+
+def _positions(run: Run, view: PairView, settings: dict[str, Any], time: Floats) -> None:
+    pair = view.name
+    master, slave = f"master.{pair}.position", f"slave.{pair}.position"
+    error = f"{pair}.position_error"
+    read = run.read(master, slave, error)
+    if master in read:
+        view.lines["master.position"] = trace(time, read[master])
+    if error in read:
+        view.lines["error"] = trace(time, read[error])
+    if master in read and error in read:
+        # The loop's own error already holds scale, sign and the offset taken when engaging.
+        view.lines["slave.position"] = trace(time, read[master] - read[error])
+    elif slave in read:
+        scale = number(settings.get("position_scale")) or 1.0
+        sign = number(settings.get("sign")) or 1.0
+        mapped = sign * read[slave] / scale
+        shift = read[master][0] - mapped[0] if master in read else 0.0
+        view.lines["slave.position"] = trace(time, mapped + shift)
+    del read
+    _keep(run, view, time, "reference", f"true.master.{pair}.reference")
+    if view.wave_impedance and view.delay_s > 0.0:
+        force = run.read(f"master.{pair}.port_effort").get(f"master.{pair}.port_effort")
+        if force is not None:
+            view.lines["expected"] = trace(time, -force * view.delay_s / view.wave_impedance)
+
+
+def _efforts(run: Run, view: PairView, settings: dict[str, Any], time: Floats) -> None:
+    pair = view.name
+    for side in SIDES:
+        axis = f"{side}.{pair}"
+        for name in ("port_effort", "wall_effort", "measured_effort"):
+            _keep(run, view, time, f"{side}.{name}", f"{axis}.{name}")
+        causality = block(run.rig, side, "axes", pair).get("causality", "impedance")
+        if causality == "impedance":
+            _keep(run, view, time, f"{side}.commanded", f"{axis}.commanded")
+        for name in ("hand_effort", "environment_effort"):
+            _keep(run, view, time, f"{side}.{name}", f"true.{axis}.{name}")
+    scale = number(settings.get("position_scale")) or 1.0
+    force_scale = number(settings.get("force_scale")) or 1.0 / scale
+    sign = number(settings.get("sign")) or 1.0
+    for side, factor in (("master", -1.0), ("slave", sign / force_scale)):
+        line = view.lines.get(f"{side}.port_effort")
+        if line is not None:
+            view.lines[f"{side}.transmitted"] = Trace(line.time, factor * line.value)
+
+
+def _touch(run: Run, view: PairView, settings: dict[str, Any], time: Floats) -> None:
+    pair = view.name
+    environment = block(run.rig, "simulation", "environment", pair)
+    if environment.get("type") != "spring":  # a spring holds on always: that is no contact
+        column = f"true.slave.{pair}.environment_effort"
+        _touch_one(run, view, time, "environment", column, "slave", environment)
+    for side in ("slave", "master"):
+        column = f"{side}.{pair}.wall_effort"
+        wall = block(settings, f"wall_{side}")
+        _touch_one(run, view, time, f"wall_{side}", column, side, wall)
+    if view.cause:
+        _zoom(run, view, time, view.contacts[view.cause])
+
+
+def _touch_one(
+    run: Run, view: PairView, time: Floats, cause: str, column: str, side: str, wall: dict[str, Any]
+) -> None:
+    axis = f"{side}.{view.name}"
+    place = f"true.{axis}.position" if cause == "environment" else f"{axis}.position"
+    if column not in run.columns:
+        return
+    read = run.read(column, place)
+    effort, position = read[column], read.get(place)
+    edge = number(wall.get("position"))
+    below = wall.get("side") in ("below", -1, "-1")
+    depth = None
+    if position is not None and edge is not None:
+        depth = edge - position if below else position - edge
+    found = find_contacts(time, effort, depth)
+    view.contacts[cause] = found
+    strongest = sorted(found, key=lambda c: -c.peak_effort)[:6]
+    across = depth if depth is not None else position
+    if across is None:
+        return
+    view.phase[cause] = []
+    for contact in sorted(strongest):
+        inside = slice(contact.first, contact.last + 1)
+        loop = trace(across[inside], effort[inside], 400)
+        view.phase[cause].append((loop.time.copy(), (loop.value if below else -loop.value).copy()))
+
+
+def _zoom(run: Run, view: PairView, time: Floats, found: list[Contact]) -> None:
+    strongest = max(found, key=lambda c: c.peak_effort)
+    before = max(0.03, 1.5 * view.delay_s)
+    after = max(0.25, 6.0 * view.delay_s)
+    low, high = strongest.start_s - before, strongest.start_s + after
+    first, last = np.searchsorted(time, (low, high)).tolist()
+    for name, line in (
+        ("environment", f"true.slave.{view.name}.environment_effort"),
+        ("slave.port_effort", f"slave.{view.name}.port_effort"),
+        ("slave.wall_effort", f"slave.{view.name}.wall_effort"),
+        ("master.port_effort", f"master.{view.name}.port_effort"),
+        ("master.wall_effort", f"master.{view.name}.wall_effort"),
+    ):
+        full = run.read(line).get(line)
+        if full is not None and math.isfinite(float(np.nanmax(np.abs(full[first:last]), initial=0))):
+            window = trace(time[first:last], full[first:last])
+            view.zoom[name] = Trace(window.time.copy(), window.value.copy())
