@@ -1,0 +1,5 @@
+"""The command line. Light on purpose: each command imports its backend when it runs."""
+
+from tautwave.cli.group import main
+
+__all__ = ["main"]

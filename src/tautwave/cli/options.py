@@ -1,0 +1,43 @@
+"""Arguments and options that several commands share."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+PATH = click.Path(path_type=Path)
+
+rig_argument = click.argument("rig", type=PATH)
+
+set_option = click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Change one key of the rig, typed and checked like the file; may be repeated."
+    " Example: --set coupling.delay_s=0.05",
+)
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
+
+
+def out_option(text: str) -> Callable[[Any], Any]:
+    """`--out DIR` with its own help text."""
+    return click.option("--out", type=PATH, metavar="DIR", help=text)
+
+
+def positive(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    """Let only finite numbers above 0 pass; click's FloatRange lets NaN and inf through."""
+    if value is not None and not (value > 0.0 and math.isfinite(value)):
+        raise click.BadParameter(f"has to be a finite number above 0 (got {value:g})", ctx, param)
+    return value
+
+
+def echo_json(value: Any) -> None:
+    """Print `value` as JSON that people can read too."""
+    click.echo(json.dumps(value, indent=2, ensure_ascii=False))

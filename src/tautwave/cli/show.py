@@ -1,0 +1,100 @@
+"""Tables for people: rich on a terminal, plain aligned text everywhere else."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import click
+
+GOOD, BAD, NOTE, FAINT = "green", "bold red", "yellow", "dim"
+
+
+class Cell(NamedTuple):
+    """Text with a colour. Colours are sparing: a plain str is the rule."""
+
+    text: str
+    style: str
+
+
+class Section(NamedTuple):
+    """A titled table. A column whose name begins with '>' is aligned to the right."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str | Cell]]
+    style: str = "bold"
+
+
+def show(sections: Sequence[Section]) -> None:
+    """Print the sections that have something to say on stdout."""
+    filled = [section for section in sections if section.rows or not section.columns]
+    if sys.stdout.isatty():
+        _show_rich(filled)
+        return
+    for number, section in enumerate(filled):
+        if number:
+            click.echo()
+        for line in plain_lines(section):
+            click.echo(line)
+
+
+def plain_lines(section: Section) -> Iterator[str]:
+    """`section` as aligned text in ASCII as far as our own words go."""
+    if section.title:
+        yield plain(section.title)
+    rows = [[plain(_text(cell)) for cell in row] for row in section.rows]
+    headers = [name.lstrip(">") for name in section.columns]
+    if any(headers):
+        rows.insert(0, headers)
+    widths = [max((len(row[at]) for row in rows), default=0) for at in range(len(headers))]
+    for row in rows:
+        cells = [
+            text.rjust(width) if name.startswith(">") else text.ljust(width)
+            for text, width, name in zip(row, widths, section.columns, strict=True)
+        ]
+        yield ("  " + "  ".join(cells)).rstrip()
+
+
+def plain(text: str) -> str:
+    """Typeset figures as a script can read them: `2.1e-14`, `12 us`."""
+    for mark, sign in ((" ", " "), ("−", "-"), ("µ", "u")):
+        text = text.replace(mark, sign)
+    if " × 10" not in text and "×10" not in text:
+        return text
+    mantissa, _, power = text.replace(" × ", "×").partition("×10")
+    return f"{mantissa}e{power.translate(_FROM_SUPERSCRIPT)}"
+
+
+_FROM_SUPERSCRIPT = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+
+
+def _text(cell: str | Cell) -> str:
+    return cell.text if isinstance(cell, Cell) else cell
+
+
+def _show_rich(sections: Sequence[Section]) -> None:
+    from rich.console import Console
+    from rich.padding import Padding
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    for section in sections:
+        if section.title:
+            console.print(Text(section.title, style=section.style))
+        if not section.columns:
+            continue
+        named = any(name.strip(">") for name in section.columns)
+        table = Table(box=None, show_header=named, header_style=FAINT, padding=(0, 2, 0, 0))
+        for name in section.columns:
+            right = name.startswith(">")
+            table.add_column(
+                name.lstrip(">"), justify="right" if right else "left", overflow="fold"
+            )
+        for row in section.rows:
+            table.add_row(
+                *(Text(_text(c), style=c.style if isinstance(c, Cell) else "") for c in row)
+            )
+        console.print(Padding(table, (0, 0, 1, 2)))
