@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from tautwave.contracts import Driver, DriverPlugin
     from tautwave.errors import ConfigError, DriverError, SafetyStop, TautwaveError
     from tautwave.offline import simulate
-    from tautwave.report import read_recording
+    from tautwave.report.recording import read_recording
     from tautwave.session import check, run
     from tautwave.types import AxisCommand, JointState, WaveSample
 
@@ -44,7 +44,7 @@ _MODULES = {
     "contracts": ("Driver", "DriverPlugin"),
     "errors": ("ConfigError", "DriverError", "SafetyStop", "TautwaveError"),
     "offline": ("simulate",),
-    "report": ("read_recording",),
+    "report.recording": ("read_recording",),
     "session": ("check", "run"),
     "types": ("AxisCommand", "JointState", "WaveSample"),
 }
