@@ -1,0 +1,93 @@
+"""The floors hold, and each contract of pyproject.toml notices when they do not."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("src/tautwave", "drivers/tautwave_drivers", "sim/tautwave_sim")
+CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
+    "contracts"
+]
+
+# contract, module that gets the line, the line
+PLANTED = [
+    ("floors", "src/tautwave/laws/planted.py", "import tautwave.models"),
+    ("floors", "src/tautwave/contracts.py", "import tautwave.registry"),
+    ("floors", "src/tautwave/runtime/planted.py", "import tautwave.config"),
+    ("floors", "src/tautwave/report/planted.py", "import tautwave.session"),
+    ("floors", "src/tautwave/stray.py", "EXHAUSTIVE = True"),
+    ("pure", "src/tautwave/laws/planted.py", "import numpy"),
+    ("pure", "src/tautwave/models/planted.py", "from time import monotonic_ns"),
+    ("live", "src/tautwave/runtime/planted.py", "import tautwave.analysis"),
+    ("live", "src/tautwave/runtime/planted.py", "def late():\n    import scipy.linalg"),
+    ("siblings", "sim/tautwave_sim/planted.py", "import tautwave_drivers"),
+    ("siblings", "drivers/tautwave_drivers/planted.py", "import tautwave_sim"),
+    ("plugins", "drivers/tautwave_drivers/planted.py", "import tautwave.runtime"),
+    ("plugins", "sim/tautwave_sim/planted.py", "import tautwave.session"),
+    ("roads", "src/tautwave/planted_registry.py", "import tautwave_sim"),
+    ("roads", "src/tautwave/runtime/planted.py", "import serial"),
+]
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """Return a copy of the three packages with the contracts beside them."""
+    ignore = shutil.ignore_patterns("__pycache__", "*.nbi", "*.nbc")
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=ignore)
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    return tmp_path
+
+
+def broken_contracts(tree: Path) -> tuple[set[str], str]:
+    """Names of the contracts that lint-imports calls broken, and all that it printed."""
+    path = os.pathsep.join(str((tree / package).parent) for package in PACKAGES)
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "import sys; from importlinter.cli import lint_imports_command as main; main()",
+            "--no-cache",
+        ],
+        cwd=tree,
+        env=os.environ | {"PYTHONPATH": path, "NO_COLOR": "1", "COLUMNS": "200"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    output = done.stdout + done.stderr
+    assert "Traceback" not in output, output
+    broken = set(re.findall(r"^(.+?) BROKEN\b", output, re.MULTILINE))
+    assert bool(broken) == bool(done.returncode), output
+    return broken, output
+
+
+def test_the_tree_keeps_every_contract(tree: Path) -> None:
+    broken, output = broken_contracts(tree)
+    assert not broken, output
+    assert f"{len(CONTRACTS)} kept, 0 broken" in output
+
+
+@pytest.mark.parametrize(("contract", "module", "line"), PLANTED)
+def test_a_planted_violation_breaks_its_contract(
+    tree: Path, contract: str, module: str, line: str
+) -> None:
+    name = next(entry["name"] for entry in CONTRACTS if entry["id"] == contract)
+    planted = tree / module
+    before = planted.read_text() if planted.exists() else ""
+    planted.write_text(f"{before}\n{line}\n")
+    broken, output = broken_contracts(tree)
+    assert name in broken, output
+
+
+def test_every_contract_has_a_planted_violation() -> None:
+    assert {entry["id"] for entry in CONTRACTS} == {contract for contract, _, _ in PLANTED}

@@ -1,0 +1,71 @@
+"""One distribution, three typed packages, and entry points that lead somewhere."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import entry_points, version
+from pathlib import Path
+
+import pytest
+
+import tautwave
+from tautwave.contracts import DriverPlugin, SimulatorPlugin
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def test_the_version_is_the_installed_one() -> None:
+    assert version("tautwave") == tautwave.__version__
+
+
+@pytest.mark.parametrize("package", ["tautwave", "tautwave_drivers", "tautwave_sim"])
+def test_each_package_is_typed(package: str) -> None:
+    module = importlib.import_module(package)
+    assert module.__file__ is not None
+    assert (Path(module.__file__).parent / "py.typed").is_file()
+
+
+@pytest.mark.parametrize(
+    ("group", "kind"),
+    [("tautwave.drivers", DriverPlugin), ("tautwave.simulators", SimulatorPlugin)],
+)
+def test_each_entry_point_is_a_plugin(group: str, kind: type) -> None:
+    names = {
+        point.name
+        for point in entry_points(group=group)
+        if point.dist is not None and point.dist.name == "tautwave"
+    }
+    assert names == set(PROJECT["entry-points"][group])
+    for name in names:
+        (point,) = entry_points(group=group, name=name)
+        assert isinstance(point.load(), kind)
+
+
+def test_all_holds_every_run_time_extra() -> None:
+    extras = PROJECT["optional-dependencies"]
+    (spelled,) = extras["all"]
+    named = set(re.findall(r"\w+", spelled.partition("[")[2]))
+    assert named == set(extras) - {"all", "test", "dev"}
+
+
+@pytest.mark.parametrize("name", tautwave.__all__)
+def test_each_public_name_is_there(name: str) -> None:
+    assert getattr(tautwave, name) is not None
+    assert name in dir(tautwave)
+
+
+def test_an_unknown_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'rnu'"):
+        _ = tautwave.rnu
+
+
+def test_importing_tautwave_imports_nothing_heavy() -> None:
+    heavy = {"numpy", "pydantic", "yaml", "rich", "click", "mcap", "matplotlib", "scipy", "numba"}
+    code = "import sys, tautwave; print(*{m.partition('.')[0] for m in sys.modules})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not heavy & set(done.stdout.split())

@@ -1,0 +1,98 @@
+"""Habits of the source that no linter knows, each shown to notice a planted breach."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("src/tautwave", "drivers/tautwave_drivers", "sim/tautwave_sim")
+SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+PURE = sorted(
+    path for floor in ("laws", "models") for path in (ROOT / "src/tautwave" / floor).rglob("*.py")
+)
+PURE_IMPORTS = {"__future__", "math", "typing", "tautwave.types"}
+GREATEST_MODULE = 400
+
+
+def imported(source: str) -> Iterator[str]:
+    """Modules that `source` imports, also inside functions."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute"
+            yield node.module or ""
+
+
+def impure(source: str) -> set[str]:
+    """Imports that a law or a model may not have."""
+    return {
+        name
+        for name in imported(source)
+        if name not in PURE_IMPORTS and not name.startswith(("tautwave.laws", "tautwave.models"))
+    }
+
+
+def vague_functions(source: str) -> list[str]:
+    """Public functions without a docstring, or with one that names no unit."""
+    return [
+        node.name
+        for node in ast.parse(source).body
+        if isinstance(node, ast.FunctionDef)
+        and not node.name.startswith("_")
+        and not re.search(r"\[[^\]]+\]", ast.get_docstring(node) or "")
+    ]
+
+
+@pytest.mark.parametrize("path", PURE, ids=lambda path: f"{path.parent.name}/{path.name}")
+def test_laws_and_models_import_only_arithmetic(path: Path) -> None:
+    assert not impure(path.read_text())
+
+
+@pytest.mark.parametrize(
+    "line", ["import os", "def f():\n    from numpy import pi", "import numba"]
+)
+def test_a_planted_import_is_noticed(line: str) -> None:
+    assert impure(line)
+
+
+@pytest.mark.parametrize("path", PURE, ids=lambda path: f"{path.parent.name}/{path.name}")
+def test_public_laws_and_models_say_their_units(path: Path) -> None:
+    assert not vague_functions(path.read_text())
+
+
+def test_a_planted_vague_function_is_noticed() -> None:
+    assert vague_functions('def wall(x):\n    """Force of the wall."""') == ["wall"]
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: "/".join(path.parts[-2:]))
+def test_modules_stay_readable(path: Path) -> None:
+    lines = len(path.read_text().splitlines())
+    assert lines <= GREATEST_MODULE, f"{path} has {lines} lines"
+
+
+def test_nothing_but_the_version_is_taken_from_the_public_face() -> None:
+    """`from tautwave import run` inside the package would be an import upwards that nobody sees."""
+    modules = {path.stem for path in (ROOT / "src/tautwave").iterdir()}
+    taken = {
+        f"{path.relative_to(ROOT)}: {alias.name}"
+        for path in SOURCES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ImportFrom) and node.module == "tautwave"
+        for alias in node.names
+        if alias.name not in modules | {"__version__"}
+    }
+    assert not taken
+
+
+def test_every_lint_exception_has_its_reason() -> None:
+    text = (ROOT / "pyproject.toml").read_text()
+    ignores = text.partition("[tool.ruff.lint]")[2].partition("[tool.mypy]")[0]
+    for line in ignores.splitlines():
+        if re.match(r'\s+"[A-Z]+\d+",', line) or re.match(r'"\S+" = \["[A-Z]', line):
+            assert "#" in line, f"no reason beside: {line}"
