@@ -48,7 +48,7 @@ class Fault(NamedTuple):
 
 
 class WaveSample(NamedTuple):
-    """What crosses a link in one direction: sequence number, sender's time and the wave [W**0.5]."""
+    """What crosses a link in one direction: sequence number, sender's time, wave [W**0.5]."""
 
     sequence: int
     sent_ns: int
