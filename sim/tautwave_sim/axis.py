@@ -1,0 +1,165 @@
+"""One simulated axis: physics, encoder, motor and their faults. Every simulator is built on it.
+
+It moves on the slots of the loop's grid, like a drive that latches position and command on a
+hardware SYNC: host lateness below half a period moves neither. A command acts `command_delay`
+periods after the slot it was written in; until then, and while nothing is written, the last one
+acts on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator, MutableSequence
+
+import numpy as np
+
+from tautwave.models.encoder import quantise
+from tautwave.truth import AxisTruth
+from tautwave.types import JointState
+from tautwave_sim.physics import FoamPhysics, Physics, PlantPhysics, ServoPhysics
+
+BLOCK = 4096  # random numbers are drawn in blocks: the stream is the same as drawn one by one
+NOISE, MISSING = 0, 1  # one stream per purpose, so that leaving one out shifts no other
+
+
+def normal_stream(seed: tuple[int, ...]) -> Iterator[float]:
+    """Yield standard normal numbers of a seeded stream."""
+    rng = np.random.default_rng(seed)
+    while True:
+        yield from rng.standard_normal(BLOCK).tolist()
+
+
+def uniform_stream(seed: tuple[int, ...]) -> Iterator[float]:
+    """Yield numbers in [0, 1) of a seeded stream."""
+    rng = np.random.default_rng(seed)
+    while True:
+        yield from rng.random(BLOCK).tolist()
+
+
+def make_physics(truth: AxisTruth) -> Physics:
+    """Return the physics that the truth asks for, at rest at its start position."""
+    if truth.servo is not None:
+        return ServoPhysics(truth.servo, truth.start_position)
+    if truth.foam is not None:
+        return FoamPhysics(truth.plant, truth.foam, truth.period, truth.start_position)
+    return PlantPhysics(truth.plant, truth.period, truth.start_position)
+
+
+class SimulatedAxis:
+    """The truth of one axis, and what its drive reports of it.
+
+    Parameters
+    ----------
+    name : str
+        `master.wrist` or `slave.wrist`.
+    truth : AxisTruth
+        Physics, motor, encoder and faults.
+    """
+
+    def __init__(self, name: str, truth: AxisTruth) -> None:
+        self.name = name
+        self._truth = truth
+        self.period = truth.period
+        self._servo = truth.servo is not None
+        self.physics = make_physics(truth)
+        whole = math.floor(truth.command_delay + 1e-9)
+        share = truth.command_delay - whole
+        self._late = share if share > 1e-9 else 0.0
+        self._pipe = deque([0.0] * whole)
+        self._acting = 0.0
+        self._command = 0.0
+        self._reference = truth.reference
+        self._last = len(truth.reference) - 1
+        self._slot = 0
+        self._noise = normal_stream((*truth.seed, NOISE))
+        self._missing = uniform_stream((*truth.seed, MISSING))
+        self.columns = self._columns()
+
+    def command(self, value: float) -> None:
+        """Take an effort (impedance) or a velocity (admittance) for the slots to come."""
+        truth = self._truth
+        quantum = truth.velocity_quantum if self._servo else truth.effort_quantum
+        if quantum > 0.0:
+            value = quantise(value, quantum)
+        if not self._servo:
+            limit = truth.effort_limit
+            value = limit if value > limit else -limit if value < -limit else value
+        self._command = value
+
+    def hand(self) -> tuple[float, float]:
+        """Return the hand's reference [rad or m] at this slot and its rate until the next."""
+        slot = self._slot
+        if slot < self._last:
+            here = self._reference[slot]
+            return here, (self._reference[slot + 1] - here) / self.period
+        if self._last >= 0:
+            return self._reference[self._last], 0.0
+        return 0.0, 0.0
+
+    def pass_slot(self) -> None:
+        """Move by one slot of the loop's grid."""
+        reference, rate = self.hand()
+        command = self._command
+        if self._pipe:
+            self._pipe.append(command)
+            command = self._pipe.popleft()
+        if self._late > 0.0:
+            late = self._late * self.period
+            self.physics.step(self._acting, reference, rate, late)
+            self.physics.step(command, reference + rate * late, rate, self.period - late)
+            self._acting = command
+        else:
+            self.physics.step(command, reference, rate, self.period)
+        self._slot += 1
+
+    def measure(self) -> JointState:
+        """Return what the drive reports at this slot."""
+        truth = self._truth
+        position = self.physics.x
+        if truth.position_noise > 0.0:
+            position += truth.position_noise * next(self._noise)
+        if truth.encoder_quantum > 0.0:
+            position = quantise(position, truth.encoder_quantum)
+        valid = True
+        if truth.missing_probability > 0.0:
+            valid = next(self._missing) >= truth.missing_probability
+        effort = math.nan
+        if self._servo:
+            reference, rate = self.hand()
+            one, other = self.physics.forces(reference, rate)
+            effort = one + other
+            if truth.effort_quantum > 0.0:
+                effort = quantise(effort, truth.effort_quantum)
+        return JointState(position, math.nan, effort, valid, 0)
+
+    def _columns(self) -> list[str]:
+        """Return the names of the columns that `fill` writes."""
+        names = [f"true.{self.name}.position", f"true.{self.name}.velocity"]
+        if self._last >= 0:
+            names += [f"true.{self.name}.reference", f"true.{self.name}.hand_effort"]
+        names += [f"true.{self.name}.environment_effort"]
+        books = ["hand_work", "motor_work", "kinetic", "grip_stored", "environment_stored"]
+        books += ["grip_loss", "viscous_loss", "coulomb_loss", "environment_loss"]
+        return names + [f"plant.{self.name}.{book}" for book in books]
+
+    def fill(self, row: MutableSequence[float], at: int) -> None:
+        """Write the truth at this slot into `row` from index `at` on."""
+        physics = self.physics
+        reference, rate = self.hand()
+        hand, environment = physics.forces(reference, rate)
+        row[at] = physics.x
+        row[at + 1] = physics.v
+        at += 2
+        if self._last >= 0:
+            row[at] = reference
+            row[at + 1] = hand
+            at += 2
+        row[at] = environment
+        row[at + 1] = physics.hand_work
+        row[at + 2] = physics.motor_work
+        row[at + 3], row[at + 4], row[at + 5] = physics.stored(reference)
+        row[at + 6] = physics.grip_loss
+        row[at + 7] = physics.viscous_loss
+        row[at + 8] = physics.coulomb_loss
+        row[at + 9] = physics.environment_loss

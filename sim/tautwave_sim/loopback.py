@@ -1,0 +1,158 @@
+"""Devices without a bus: a driver whose other end is the physics itself, in one process.
+
+It has no bytes and no bus time. The drive latches on the loop's slots (see `axis`); what it does
+not model is a host so late that a command misses its slot by half a period.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from tautwave.contracts import AxisSpec, Budget, Clock, DriverPlugin, SimulatorPlugin
+from tautwave.errors import DriverError
+from tautwave.truth import AxisTruth
+from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, Fault, JointState
+from tautwave_sim.axis import SimulatedAxis
+
+
+class LoopbackOptions(BaseModel):
+    """Options of a loopback bus."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    command_delay_s: Annotated[float, Field(ge=0.0)] = 0.0
+    """Time until a command acts [s], as the driver declares it."""
+
+
+class LoopbackSimulator:
+    """The axes of one loopback bus and the grid on which they move."""
+
+    def __init__(self, axes: Sequence[AxisSpec], truths: Sequence[AxisTruth]) -> None:
+        self.axes = [
+            SimulatedAxis(spec.name, truth) for spec, truth in zip(axes, truths, strict=True)
+        ]
+        self._period_ns = round(truths[0].period * 1e9)
+        self._origin_ns: int | None = None
+        self._slot = 0
+        self.transport = self
+
+    def rest(self) -> None:
+        """Hold still: the next `advance` begins a new grid at its own time."""
+        self._origin_ns = None
+
+    def advance(self, to_ns: int) -> None:
+        """Move all axes over the slots that have passed at `to_ns`."""
+        if self._origin_ns is None:
+            self._origin_ns = to_ns
+            self._slot = 0
+            return
+        slot = (to_ns - self._origin_ns + self._period_ns // 2) // self._period_ns
+        while self._slot < slot:
+            for axis in self.axes:
+                axis.pass_slot()
+            self._slot += 1
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+class LoopbackDriver:
+    """Driver for the axes of a `LoopbackSimulator`."""
+
+    def __init__(
+        self,
+        options: LoopbackOptions,
+        axes: Sequence[AxisSpec],
+        clock: Clock,
+        transport: LoopbackSimulator,
+    ) -> None:
+        self._world = transport
+        self._clock = clock
+        self._servo = [spec.causality == "admittance" for spec in axes]
+        self._enabled = False
+        period = transport.axes[0].period
+        periods = int(options.command_delay_s / period + 1e-9)
+        self.command_delay = CommandDelay(
+            periods, max(0.0, options.command_delay_s - periods * period)
+        )
+
+    def open(self) -> None:
+        """Torque off; the devices stand still until they are enabled."""
+        self._enabled = False
+        self._world.rest()
+
+    def enable_step(self) -> bool:
+        """Enable at once; there is nothing to wait for."""
+        self._enabled = True
+        return True
+
+    def request(self) -> None:
+        """Bring the physics to the present slot."""
+        if self._enabled:
+            self._world.advance(self._clock.now_ns())
+
+    def read(self, deadline_ns: int) -> Sequence[JointState]:
+        """Return what every axis measures at this slot; `deadline_ns` is never needed."""
+        return [axis.measure() for axis in self._world.axes]
+
+    def write(self, commands: Sequence[AxisCommand]) -> None:
+        """Hand one command to every axis; ignored while not enabled."""
+        if len(commands) != len(self._servo):
+            raise DriverError(
+                f"loopback: {len(commands)} commands for {len(self._servo)} axes; "
+                "write one command per axis, in the order of the rig file"
+            )
+        if self._enabled:
+            for axis, servo, command in zip(
+                self._world.axes, self._servo, commands, strict=True
+            ):
+                axis.command(command.velocity if servo else command.effort)
+
+    def faults(self) -> Sequence[Fault]:
+        """Nothing fails here by itself."""
+        return ()
+
+    def disable(self) -> None:
+        """Zero command on every axis, then ignore commands."""
+        self.write([SAFE_COMMAND] * len(self._servo))
+        self._enabled = False
+
+    def close(self) -> None:
+        """Idempotent; safe command first."""
+        self.disable()
+
+
+def _make(
+    options: LoopbackOptions, axes: Sequence[AxisSpec], clock: Clock, transport: Any
+) -> LoopbackDriver:
+    return LoopbackDriver(options, axes, clock, transport)
+
+
+def _simulate(
+    options: LoopbackOptions, axes: Sequence[AxisSpec], physics: Sequence[Any], clock: Clock
+) -> LoopbackSimulator:
+    return LoopbackSimulator(axes, physics)
+
+
+def _budget(options: LoopbackOptions, axes: Sequence[AxisSpec], rate_hz: float) -> Budget:
+    return Budget(0.0, float("inf"), "no bus: nothing is transmitted")
+
+
+def _scan(options: LoopbackOptions) -> Sequence[str]:
+    return ()
+
+
+plugin = DriverPlugin(
+    options=LoopbackOptions,
+    make=_make,
+    budget=_budget,
+    scan=_scan,
+    hardware=False,
+    summary="simulated devices without a bus, in this process",
+)
+simulator = SimulatorPlugin(
+    options=LoopbackOptions, make=_simulate, summary="the devices behind the loopback driver"
+)

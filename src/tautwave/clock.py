@@ -1,0 +1,82 @@
+"""Time for the loop: the machine's monotonic clock, or one that runs as fast as it computes.
+
+Drivers wait only through a clock. No code but this module sleeps.
+"""
+
+from __future__ import annotations
+
+import select
+import time
+from collections.abc import Callable
+from typing import Any
+
+
+class MonotonicClock:
+    """CLOCK_MONOTONIC with absolute deadlines.
+
+    Linux wakes late by its timer slack and scheduling; nothing here spins to hide it.
+    """
+
+    real = True
+
+    def now_ns(self) -> int:
+        """Return the time [ns]."""
+        return time.monotonic_ns()
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        """Sleep until `deadline_ns`; return at once if it has passed."""
+        left = deadline_ns - time.monotonic_ns()
+        if left > 0:
+            # CPython sleeps with clock_nanosleep(TIMER_ABSTIME), signals included (PEP 475).
+            time.sleep(left * 1e-9)  # noqa: TID251  the clock is the one place that sleeps
+
+    def wait(self, transport: Any, deadline_ns: int) -> bool:
+        """Wait in the kernel until `transport.fileno()` is readable or the deadline passes."""
+        left = deadline_ns - time.monotonic_ns()
+        ready, _, _ = select.select([transport], [], [], max(0.0, left * 1e-9))
+        return bool(ready)
+
+
+class FakeClock:
+    """A clock that jumps: computing takes no time, sleeping neither.
+
+    Parameters
+    ----------
+    start_ns : int
+        Time at the start [ns].
+    oversleep : callable, optional
+        Called at each sleep with its deadline; returns how much later the sleeper wakes [ns].
+        Seeded overruns of a simulation come from here.
+    """
+
+    real = False
+
+    def __init__(self, start_ns: int = 0, oversleep: Callable[[int], int] | None = None) -> None:
+        self._now_ns = start_ns
+        self._oversleep = oversleep
+
+    def now_ns(self) -> int:
+        """Return the time [ns]."""
+        return self._now_ns
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        """Jump to `deadline_ns`, and beyond it by what `oversleep` says."""
+        if deadline_ns > self._now_ns:
+            self._now_ns = deadline_ns
+        if self._oversleep is not None:
+            self._now_ns += self._oversleep(deadline_ns)
+
+    def wait(self, transport: Any, deadline_ns: int) -> bool:
+        """Advance an in-memory transport, event by event, until it has data or time is up.
+
+        `transport` offers `next_event_ns()` (or None), `advance(to_ns)` and `readable()`.
+        """
+        while not transport.readable():
+            event = transport.next_event_ns()
+            if event is None or event > deadline_ns:
+                self._now_ns = max(self._now_ns, deadline_ns)
+                transport.advance(self._now_ns)
+                return bool(transport.readable())
+            self._now_ns = max(self._now_ns, event)
+            transport.advance(self._now_ns)
+        return True

@@ -1,0 +1,1 @@
+"""What carries waves from one site to the other."""
