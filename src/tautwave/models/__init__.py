@@ -1,0 +1,1 @@
+"""Physical models as pure functions over floats: devices, hands, contacts, sensors."""

@@ -1,0 +1,186 @@
+"""Impedance-axis plant: a mass with friction, held by a hand, at a spring or a one-sided wall.
+
+`m a = effort + grip + environment - viscous v - coulomb sign(v)`. The effort is constant over a
+step and the hand's reference moves linearly, so between events a step is an exact linear map.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tautwave.models.plant_params import PlantCache, PlantParams, plant_cache
+from tautwave.models.switching import (
+    CLIPPED,
+    FREE,
+    PRESSING,
+    SLIDING_DOWN,
+    SLIDING_UP,
+    STUCK,
+    PlantStep,
+    contact_mode,
+    switching_step,
+)
+
+__all__ = [
+    "CLIPPED",
+    "FREE",
+    "PRESSING",
+    "SLIDING_DOWN",
+    "SLIDING_UP",
+    "STUCK",
+    "PlantCache",
+    "PlantParams",
+    "PlantStep",
+    "plant_cache",
+    "plant_forces",
+    "plant_step",
+    "plant_stored",
+]
+
+
+def plant_step(
+    p: PlantParams,
+    c: PlantCache,
+    x: float,
+    v: float,
+    mode: int,
+    effort: float,
+    reference: float,
+    reference_rate: float,
+    h: float,
+) -> PlantStep:
+    """Move plant `p` on by `h` [s] under a constant `effort` [N m or N].
+
+    Parameters
+    ----------
+    c
+        `plant_cache(p, step)`; the fast path is taken when `h` equals its step and a bound shows
+        that no contact or friction event can happen.
+    mode
+        Mode the step before returned, FREE (0) at first: contact plus friction code.
+    reference, reference_rate
+        Hand's reference position at the start and its velocity over the step.
+
+    Returns
+    -------
+    tuple
+        x, v, mode, then over the step in J: work of the reference on the grip, and the losses of
+        grip, viscous friction, Coulomb friction and environment. Work and losses are integrals of
+        their own: `hand_work + effort dx = d stored + losses` up to rounding.
+    """
+    force = (
+        effort
+        + p.grip_stiffness * (reference - x)
+        + p.grip_damping * (reference_rate - v)
+        - p.viscous * v
+    )
+    if c.has_spring:
+        force = force - p.spring_stiffness * (x - p.spring_position)
+    slope = p.grip_stiffness * reference_rate
+    friction = 0.0
+    code = 0
+    contact = FREE
+    depth = 0.0
+    if c.has_wall:
+        depth = p.wall_side * (x - p.wall_position)
+        if not depth < 0.0:
+            contact = contact_mode(p, mode, depth, v)
+    if h != c.step or contact == CLIPPED:
+        return switching_step(p, contact, x, v, effort, reference, reference_rate, h)
+    if contact == PRESSING:
+        force = force - (p.wall_stiffness * (x - p.wall_position) + p.wall_damping * v)
+    if c.has_coulomb:
+        if v == 0.0:
+            later = force + slope * h
+            if force > p.coulomb or force < -p.coulomb or later > p.coulomb or later < -p.coulomb:
+                return switching_step(p, contact, x, v, effort, reference, reference_rate, h)
+            swept = reference_rate * h
+            grip = p.grip_stiffness * (reference - x + 0.5 * swept)
+            grip = grip + p.grip_damping * reference_rate
+            loss = p.grip_damping * reference_rate * swept
+            return x, v, contact + STUCK, swept * grip, loss, 0.0, 0.0, 0.0
+        friction = p.coulomb
+        code = SLIDING_UP
+        if v < 0.0:
+            friction = -friction
+            code = SLIDING_DOWN
+        force = force - friction
+        swing = c.free_swing
+        if contact == PRESSING:
+            swing = c.pressing_swing
+        margin = h * (math.fabs(force) + h * math.fabs(slope)) - p.mass * math.fabs(v) * (
+            1.0 - swing
+        )
+        if not margin < 0.0:
+            return switching_step(p, contact, x, v, effort, reference, reference_rate, h)
+    environment_loss = 0.0
+    if contact == PRESSING:
+        speed = math.fabs(v) + c.pressing_reach * (math.fabs(force) + h * math.fabs(slope))
+        if not p.wall_stiffness * (depth - h * speed) - p.wall_damping * speed > 0.0:
+            return switching_step(p, contact, x, v, effort, reference, reference_rate, h)
+        moved = c.pressing_xv * v + c.pressing_xn * force + c.pressing_xs * slope
+        gained = c.pressing_vv * v + c.pressing_vn * force + c.pressing_vs * slope
+        area = c.pressing_iv * v + c.pressing_in * force + c.pressing_is * slope
+        square = (
+            v * (c.pressing_qvv * v + c.pressing_qvn * force + c.pressing_qvs * slope)
+            + force * (c.pressing_qnn * force + c.pressing_qns * slope)
+            + c.pressing_qss * slope * slope
+        )
+        environment_loss = p.wall_damping * square
+    else:
+        if c.has_wall:
+            speed = math.fabs(v) + c.free_reach * (math.fabs(force) + h * math.fabs(slope))
+            if not depth + h * speed < 0.0:
+                return switching_step(p, contact, x, v, effort, reference, reference_rate, h)
+        moved = c.free_xv * v + c.free_xn * force + c.free_xs * slope
+        gained = c.free_vv * v + c.free_vn * force + c.free_vs * slope
+        area = c.free_iv * v + c.free_in * force + c.free_is * slope
+        square = (
+            v * (c.free_qvv * v + c.free_qvn * force + c.free_qvs * slope)
+            + force * (c.free_qnn * force + c.free_qns * slope)
+            + c.free_qss * slope * slope
+        )
+    swept = reference_rate * h
+    grip = p.grip_stiffness * (h * (reference - x + 0.5 * swept) - area)
+    grip = grip + p.grip_damping * (swept - moved)
+    return (
+        x + moved,
+        v + gained,
+        contact + code,
+        reference_rate * grip,
+        p.grip_damping * (square + reference_rate * (swept - 2.0 * moved)),
+        p.viscous * square,
+        friction * moved,
+        environment_loss,
+    )
+
+
+def plant_stored(
+    p: PlantParams, x: float, v: float, reference: float
+) -> tuple[float, float, float]:
+    """Stored energy [J]: kinetic, in the grip's spring, in the environment's springs."""
+    environment = 0.0
+    if p.spring_stiffness > 0.0:
+        stretch = x - p.spring_position
+        environment = 0.5 * p.spring_stiffness * stretch * stretch
+    depth = p.wall_side * (x - p.wall_position)
+    if depth > 0.0:
+        environment = environment + 0.5 * p.wall_stiffness * depth * depth
+    ahead = reference - x
+    return 0.5 * p.mass * v * v, 0.5 * p.grip_stiffness * ahead * ahead, environment
+
+
+def plant_forces(
+    p: PlantParams, x: float, v: float, reference: float, reference_rate: float
+) -> tuple[float, float]:
+    """Force of the hand's grip and of the environment on the mass, positive along x."""
+    hand = p.grip_stiffness * (reference - x) + p.grip_damping * (reference_rate - v)
+    environment = 0.0
+    if p.spring_stiffness > 0.0:
+        environment = -p.spring_stiffness * (x - p.spring_position)
+    depth = p.wall_side * (x - p.wall_position)
+    if depth > 0.0:
+        push = p.wall_stiffness * depth + p.wall_damping * p.wall_side * v
+        if push > 0.0:
+            environment = environment - p.wall_side * push
+    return hand, environment
