@@ -13,7 +13,7 @@ from tautwave.cli.options import echo_json, json_option, positive
 
 @click.group(short_help="Measure loop timing and cost per step on this machine.")
 def bench() -> None:
-    r"""Measure loop timing and cost per step on this machine.
+    """Measure loop timing and cost per step on this machine.
 
     \b
     Examples:
@@ -34,7 +34,7 @@ def bench() -> None:
 )
 @json_option
 def loop(duration: float, as_json: bool) -> None:
-    r"""Run the live loop on loopback devices and time it.
+    """Run the live loop on loopback devices and time it.
 
     \b
     Example:
@@ -46,7 +46,7 @@ def loop(duration: float, as_json: bool) -> None:
 @bench.command(short_help="Cost per step of each law, live and compiled.")
 @json_option
 def laws(as_json: bool) -> None:
-    r"""Measure the cost per step of each law: live, compiled, and in plain C.
+    """Measure the cost per step of each law: live, compiled, and in plain C.
 
     \b
     Example:

@@ -44,7 +44,7 @@ def check(
     out: Path | None,
     overrides: tuple[str, ...],
 ) -> None:
-    r"""Check RIG: its keys, what is in and left out, bus time, certificate.
+    """Check RIG: its keys, what is in and left out, bus time, certificate.
 
     \b
     Examples:

@@ -11,7 +11,7 @@ from tautwave.cli.show import BAD, Cell, Section, show
 @click.command(short_help="List the installed bus drivers.")
 @json_option
 def drivers(as_json: bool) -> None:
-    r"""List the installed bus drivers, and the extras that are missing.
+    """List the installed bus drivers, and the extras that are missing.
 
     \b
     Examples:

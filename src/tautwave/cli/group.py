@@ -95,6 +95,7 @@ def _save_traceback(err: Exception, command: str) -> str:
 
 
 @click.command(
+    "tautwave",
     cls=Commands,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog="Exit codes: 0 fine, 2 usage or configuration, 3 not certified, 4 over the bus-time"
@@ -102,7 +103,7 @@ def _save_traceback(err: Exception, command: str) -> str:
 )
 @click.version_option(__version__, prog_name="tautwave", message="%(prog)s %(version)s")
 def main() -> None:
-    r"""Teleoperation over fieldbuses: two devices coupled by a taut string.
+    """Teleoperation over fieldbuses: two devices coupled by a taut string.
 
     A rig is one YAML file. Check it, run it, read the report:
 

@@ -20,7 +20,7 @@ from tautwave.errors import RecordingError
     help="Where the comparison goes; default: compare-DIR-DIR2 beside DIR2.",
 )
 def report(directory: Path, other: Path | None, out: Path | None) -> None:
-    r"""Rebuild the report of the run in DIR, or compare it with the one in DIR2.
+    """Rebuild the report of the run in DIR, or compare it with the one in DIR2.
 
     Works from the recording, also where the run was killed before it could write its summary.
 

@@ -49,7 +49,7 @@ def run(
     allow_unwatched: bool,
     configure: bool,
 ) -> None:
-    r"""Run RIG: check it, move, record, report.
+    """Run RIG: check it, move, record, report.
 
     Ctrl-C ramps down, writes the report and exits 0; a second Ctrl-C stops at once. The run's
     directory holds rig.yaml, summary.json, recording.mcap, report.html and its figures.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -57,17 +58,18 @@ def plain_lines(section: Section) -> Iterator[str]:
         yield ("  " + "  ".join(cells)).rstrip()
 
 
+_THIN = "\N{NARROW NO-BREAK SPACE}"
+_ASCII = {_THIN: " ", "\N{MINUS SIGN}": "-", "\N{MICRO SIGN}": "u"}
+_POWER = re.compile(f"{_THIN}?×{_THIN}?10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
+_DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+
+
 def plain(text: str) -> str:
     """Typeset figures as a script can read them: `2.1e-14`, `12 us`."""
-    for mark, sign in ((" ", " "), ("−", "-"), ("µ", "u")):
+    text = _POWER.sub(lambda power: "e" + power[1].translate(_DIGITS), text)
+    for mark, sign in _ASCII.items():
         text = text.replace(mark, sign)
-    if " × 10" not in text and "×10" not in text:
-        return text
-    mantissa, _, power = text.replace(" × ", "×").partition("×10")
-    return f"{mantissa}e{power.translate(_FROM_SUPERSCRIPT)}"
-
-
-_FROM_SUPERSCRIPT = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+    return text
 
 
 def _text(cell: str | Cell) -> str:

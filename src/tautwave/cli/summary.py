@@ -18,7 +18,11 @@ def summary_sections(
     """Outcome, tracking, books, timing, devices, what was left out, and where the files are."""
     return [
         _headline(name, summary, exit_code),
-        Section("Tracking", ("", ">rms", ">max", ">effort rms", ">max"), list(_tracking(summary))),
+        Section(
+            "Tracking",
+            ("", ">position rms", ">max", ">effort rms", ">max"),
+            list(_tracking(summary)),
+        ),
         Section("Energy books", ("", ">", ""), list(_books(summary))),
         Section("Timing", ("", ">p50", ">p99", ">p99.9", ">max"), list(_timing(summary))),
         Section("Devices", ("", ">lost", ">late", "faults"), list(_devices(summary))),
@@ -78,7 +82,7 @@ def _books(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
             share = f"{ratio(abs(value) / flow)} of gross flow"
         yield label, quantity(value, "J", 3), share
     passed = _dig(summary, "certificate", "passed")
-    yield "certificate", verdict(passed), ""
+    yield "certificate", "", verdict(passed)
 
 
 def verdict(passed: Any) -> Cell:

@@ -1,0 +1,238 @@
+"""What each command asks of its backend, prints, and exits with."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+from click.testing import Result
+
+from tautwave import errors
+from tautwave.cli import main
+from tests.cli.conftest import Backend
+
+Cli = Callable[..., Result]
+
+
+def all_commands(group: click.Command, words: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    found = [words]
+    if isinstance(group, click.Group):
+        context = click.Context(group)
+        for name in group.list_commands(context):
+            command = group.get_command(context, name)
+            assert command is not None
+            found += all_commands(command, (*words, name))
+    return found
+
+
+@pytest.mark.parametrize("words", all_commands(main), ids=" ".join)
+def test_every_help_has_an_example(tautwave_cli: Cli, words: tuple[str, ...]) -> None:
+    result = tautwave_cli(*words, "--help")
+    assert result.exit_code == 0
+    assert re.search(rf"^ +tautwave {' '.join(words)}", result.output, re.MULTILINE)
+
+
+def test_version(tautwave_cli: Cli) -> None:
+    assert re.fullmatch(r"tautwave \d+\.\d+\.\d+\n", tautwave_cli("--version").output)
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (["chek", "rig.yaml"], "Did you mean 'check'?"),
+        (["rum"], "Did you mean 'run'?"),
+        (["zzz"], "There are run, check, report, drivers"),
+        (["run", "rig.yaml", "--duratoin", "1"], "--duration"),
+        (["run", "rig.yaml", "--clock", "fast"], "'real', 'fake'"),
+        (["run", "rig.yaml", "--duration", "nan"], "finite number above 0"),
+        (["run", "rig.yaml", "--duration", "-1"], "finite number above 0"),
+        (["run"], "Missing argument 'RIG'"),
+        (["report", "a", "--out", "b"], "no such directory"),
+    ],
+)
+def test_usage_errors_exit_2_with_a_hint(tautwave_cli: Cli, words: list[str], hint: str) -> None:
+    result = tautwave_cli(*words)
+    assert result.exit_code == 2
+    assert hint in result.stderr
+    assert result.stdout == ""
+
+
+def test_run_passes_everything_on(tautwave_cli: Cli, backend: Backend, tmp_path: Path) -> None:
+    words = ["run", "rig.yaml", "--clock", "fake", "--duration", "2", "--out", "there"]
+    result = tautwave_cli(*words, "--set", "rate_hz=500", "--set", "name=a b", "--configure")
+    assert result.exit_code == 0, result.output
+    assert backend.loaded == (Path("rig.yaml"), ("rate_hz=500", "name=a b"))
+    asked = backend.run_arguments
+    del asked["progress"]
+    assert asked == {
+        "clock": "fake",
+        "duration_s": 2.0,
+        "out": Path("there"),
+        "command": "tautwave run rig.yaml --clock fake --duration 2 --out there"
+        " --set rate_hz=500 --set 'name=a b' --configure",
+        "allow_uncertified": False,
+        "allow_unwatched": False,
+        "configure": True,
+    }
+
+
+def test_run_shows_the_summary(tautwave_cli: Cli, backend: Backend) -> None:
+    backend.summary["axes"] = {"slave.wrist": {"lost": 4, "late": 1, "faults": ["over-heated"]}}
+    output = tautwave_cli("run", "rig.yaml", "--out", "there").output
+    assert "bench / 1dof: finished, 2000 cycles at 1 kHz, 3 missed, in 80 ms" in output
+    for line in (
+        r"wrist +12\.3 mrad +40 mrad +1 mN m +2 mN m",
+        r"residual +2\.5e-14 J +1e-14 of gross flow",
+        r"certificate +not yet evaluated",
+        r"compute +41\.5 us +60 us +80 us +95 us",
+        r"slave\.wrist +4 +1 +over-heated",
+        r"wall_master +the rig has none",
+        r"there/summary\.json",
+    ):
+        assert re.search(line, output), f"{line} is not in\n{output}"
+    assert output.isascii()
+
+
+def test_a_default_directory_is_new_each_time(
+    tautwave_cli: Cli, backend: Backend, tmp_path: Path
+) -> None:
+    for _ in range(3):
+        assert tautwave_cli("run", "rig.yaml").exit_code == 0
+    made = sorted(path.name for path in (tmp_path / "runs").iterdir())
+    assert len(made) == 3
+    assert all(re.fullmatch(r"bench-1dof-\d{8}-\d{6}(-\d)?", name) for name in made)
+
+
+def test_run_overwrites_nothing(tautwave_cli: Cli, backend: Backend, tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there/precious.txt").write_text("data")
+    result = tautwave_cli("run", "rig.yaml", "--out", "there")
+    assert result.exit_code == 2
+    assert result.stderr.startswith("there: is not empty")
+    assert backend.run_arguments == {}
+
+
+def test_a_directory_that_cannot_be_made_is_one_sentence(
+    tautwave_cli: Cli, backend: Backend, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    result = tautwave_cli("run", "rig.yaml", "--out", "file/sub")
+    assert result.exit_code == 2
+    assert result.stderr == "file/sub: cannot be used as the run's directory: Not a directory\n"
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        errors.ConfigError(["rig.yaml:5: one", "rig.yaml:7: two"]),
+        errors.NotCertifiedError("not certified"),
+        errors.BusBudgetError("too fast"),
+        errors.BusTimeout("no answer"),
+        errors.DeviceFault("over-heated"),
+        errors.LinkError("lost"),
+        errors.SafetyStop("too far"),
+        errors.RecordingError("disk full"),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_an_error_is_its_sentence_and_its_exit_code(
+    tautwave_cli: Cli, backend: Backend, tmp_path: Path, command: str, error: errors.TautwaveError
+) -> None:
+    backend.error = error
+    result = tautwave_cli(command, "rig.yaml")
+    assert result.exit_code == error.exit_code
+    assert result.stderr == f"{error}\n"
+    assert result.stdout == ""
+    assert not list(tmp_path.glob("runs/*")), "a run that never began leaves nothing"
+
+
+@pytest.mark.parametrize("code", [0, 3, 5, 6])
+def test_the_exit_code_of_the_run_is_kept(tautwave_cli: Cli, backend: Backend, code: int) -> None:
+    backend.exit_code = code
+    assert tautwave_cli("run", "rig.yaml").exit_code == code
+    assert tautwave_cli("check", "rig.yaml").exit_code == code
+
+
+def test_an_unexpected_error_is_a_sentence_and_a_file(
+    tautwave_cli: Cli, backend: Backend, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    backend.error = ZeroDivisionError("division by zero")
+    result = tautwave_cli("check", "rig.yaml")
+    assert result.exit_code == 1
+    assert result.stderr.count("\n") == 1
+    assert "ZeroDivisionError: division by zero" in result.stderr
+    saved = Path(result.stderr.split()[-1]).read_text()
+    assert saved.startswith("tautwave check rig.yaml\n")
+    assert "Traceback (most recent call last)" in saved
+
+
+def test_check_prints_facts_plan_time_and_certificate(tautwave_cli: Cli, backend: Backend) -> None:
+    result = tautwave_cli("check", "rig.yaml")
+    assert result.exit_code == 0
+    for line in (
+        r"delay line +in +delay_s is 0\.05",
+        r"wall_master +left out +the rig has none",
+        r"rate +1000 Hz",
+        r"hand +not yet evaluated",
+        r"arm +400 us +2\.5 kHz +4 frames",
+        r"passive +not yet evaluated",
+    ):
+        assert re.search(line, result.stdout), f"{line} is not in\n{result.stdout}"
+    assert "passed" not in result.stdout
+
+
+def test_check_json_and_out(tautwave_cli: Cli, backend: Backend, tmp_path: Path) -> None:
+    result = tautwave_cli("check", "rig.yaml", "--json", "--out", "a/b")
+    printed = json.loads(result.stdout)
+    assert printed == {"name": "bench", "plan": [["delay line", "in", ""]]}
+    assert json.loads((tmp_path / "a/b/check.json").read_text()) == printed
+
+
+def test_check_schema_needs_no_rig(tautwave_cli: Cli, backend: Backend) -> None:
+    result = tautwave_cli("check", "--schema")
+    assert result.exit_code == 0
+    assert json.loads(result.stdout) == {"title": "Rig"}
+
+
+def test_report_rebuilds_or_compares(
+    tautwave_cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import tautwave.report
+
+    calls: list[tuple[Any, ...]] = []
+
+    def write_report(directory: Path) -> Path:
+        calls.append((directory,))
+        return directory / "report.html"
+
+    def compare_reports(first: Path, second: Path, out: Path) -> Path:
+        calls.append((first, second, out))
+        return out / "compare.html"
+
+    monkeypatch.setattr(tautwave.report, "write_report", write_report, raising=False)
+    monkeypatch.setattr(tautwave.report, "compare_reports", compare_reports, raising=False)
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+    assert tautwave_cli("report", "a").stdout == "a/report.html\n"
+    assert tautwave_cli("report", "a", "b").exit_code == 0
+    assert tautwave_cli("report", "a", "b", "--out", "c").stdout == "c/compare.html\n"
+    assert tautwave_cli("report", "a", "--out", "c").exit_code == 2
+    assert calls == [
+        (Path("a"),),
+        (Path("a"), Path("b"), tmp_path / "compare-a-b"),
+        (Path("a"), Path("b"), Path("c")),
+    ]
+
+
+def test_drivers_lists_the_loopback(tautwave_cli: Cli) -> None:
+    listed = json.loads(tautwave_cli("drivers", "--json").stdout)
+    assert "loopback" in [entry["name"] for entry in listed]
+    table = tautwave_cli("drivers").stdout
+    assert re.search(r"loopback +tautwave \d", table)

@@ -1,0 +1,44 @@
+"""The command line imports a backend when a command needs it, and not before."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = {"numpy", "pydantic", "yaml", "rich", "mcap", "zstandard", "matplotlib", "scipy", "numba"}
+
+
+def imported_by(*words: str) -> set[str]:
+    code = (
+        "import sys, atexit\n"
+        "atexit.register(lambda: print('imported', *sys.modules, file=sys.stderr))\n"
+        "from tautwave.cli import main\n"
+        f"main({list(words)!r}, prog_name='tautwave')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    line = next(line for line in done.stderr.splitlines() if line.startswith("imported "))
+    return set(line.split())
+
+
+@pytest.mark.parametrize(
+    "words", [("--help",), ("--version",), ("run", "--help"), ("rum",), ("check", "--jsno")]
+)
+def test_help_and_mistakes_import_nothing_heavy(words: tuple[str, ...]) -> None:
+    modules = imported_by(*words)
+    assert not HEAVY & {name.partition(".")[0] for name in modules}
+
+
+def test_version_imports_no_command() -> None:
+    assert "tautwave.cli.run" not in imported_by("--version")
+
+
+def test_completion_knows_commands_and_options() -> None:
+    from click.shell_completion import ShellComplete
+
+    from tautwave.cli import main
+
+    complete = ShellComplete(main, {}, "tautwave", "_TAUTWAVE_COMPLETE")
+    assert [item.value for item in complete.get_completions([], "ch")] == ["check"]
+    assert "--allow-uncertified" in {i.value for i in complete.get_completions(["run"], "--a")}

@@ -1,0 +1,133 @@
+"""Tables on a terminal and in a pipe, and progress that never blocks the loop."""
+
+from __future__ import annotations
+
+import io
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tautwave.cli import progress_bar
+from tautwave.cli.progress import Progress
+from tautwave.cli.show import Cell, Section, plain, plain_lines
+
+TABLE = Section(
+    "Tracking", ("pair", ">rms"), [("wrist", "1.5 mrad"), ("elbow", Cell("12 µrad", "red"))]
+)
+
+
+def test_plain_tables_are_aligned() -> None:
+    assert list(plain_lines(TABLE)) == [
+        "Tracking",
+        "  pair        rms",
+        "  wrist  1.5 mrad",
+        "  elbow   12 urad",
+    ]
+
+
+def test_plain_figures_can_be_read_by_a_script() -> None:
+    space = "\N{NARROW NO-BREAK SPACE}"
+    assert plain(f"2.1{space}×{space}10⁻¹⁴ of gross flow") == "2.1e-14 of gross flow"
+    assert plain("−3 µs") == "-3 us"
+
+
+def test_a_terminal_gets_a_table_with_colours() -> None:
+    code = (
+        "from tautwave.cli.show import *; show([Section('Title', ('a',), [(Cell('bad', BAD),)])])"
+    )
+    main, side = pty.openpty()
+    try:
+        env = os.environ | {"TERM": "xterm-256color", "COLUMNS": "80"}
+        env.pop("NO_COLOR", None)
+        subprocess.run([sys.executable, "-c", code], stdout=side, check=True, env=env)
+        printed = os.read(main, 10_000).decode()
+    finally:
+        os.close(main)
+        os.close(side)
+    assert "\x1b[1mTitle" in printed
+    assert "bad" in printed
+
+
+def test_a_pipe_gets_a_line_every_tenth() -> None:
+    stream = io.StringIO("".join(f"{i / 200:.4f}\trunning\n" for i in range(201)) + "junk\n")
+    out = io.StringIO()
+    progress_bar.draw_lines(stream, out, "bench")
+    lines = out.getvalue().splitlines()
+    assert lines[0] == "bench:   0 %  running"
+    assert lines[-1] == "bench: 100 %  running"
+    assert len(lines) == 11
+
+
+def test_a_terminal_gets_a_bar_that_is_gone_at_the_end() -> None:
+    main, side = pty.openpty()
+    try:
+        with subprocess.Popen(
+            [sys.executable, "-P", progress_bar.__file__, "bench"],
+            stdin=subprocess.PIPE,
+            stderr=side,
+            env=os.environ | {"TERM": "xterm"},
+        ) as child:
+            child.communicate(b"0.5\trunning\n0.9\trunning\n")
+        printed = os.read(main, 100_000).decode()
+    finally:
+        os.close(main)
+        os.close(side)
+    assert "bench" in printed
+    assert "\x1b[2K" in printed, "the bar erases itself"
+
+
+def test_progress_goes_to_a_process_of_its_own(capfd: pytest.CaptureFixture[str]) -> None:
+    with Progress("bench") as progress:
+        progress(0.0, "engaging")
+        progress(0.5, "running")
+    assert capfd.readouterr().err.splitlines() == [
+        "bench:   0 %  engaging",
+        "bench:  50 %  running",
+    ]
+
+
+def test_progress_never_waits_for_a_stopped_reader() -> None:
+    progress = Progress("bench")
+    os.kill(progress._child.pid, signal.SIGSTOP)  # as Ctrl-S does to whoever writes to a terminal
+    try:
+        for count in range(100_000):  # more than any pipe holds
+            progress(count / 1e5, f"step {count}")
+    finally:
+        os.kill(progress._child.pid, signal.SIGCONT)
+        progress.__exit__()
+
+
+def test_progress_survives_the_death_of_its_reader() -> None:
+    with Progress("bench") as progress:
+        progress._child.kill()
+        progress._child.wait()
+        for count in range(100):
+            progress(count / 100.0, "running")
+
+
+def test_ctrl_c_leaves_the_bar_to_the_run(tmp_path: Path) -> None:
+    """The terminal sends SIGINT to both; the bar goes on until the run has ramped down."""
+    with (
+        (tmp_path / "err").open("w+") as err,
+        subprocess.Popen(
+            [sys.executable, "-P", progress_bar.__file__, "bench"],
+            stdin=subprocess.PIPE,
+            stderr=err,
+        ) as child,
+    ):
+        assert child.stdin is not None
+        child.stdin.write(b"0.5\trunning\n")
+        child.stdin.flush()
+        give_up = time.monotonic() + 20.0
+        while not (tmp_path / "err").read_text() and time.monotonic() < give_up:
+            time.sleep(0.01)  # its handler is set before its first line
+        child.send_signal(signal.SIGINT)
+        child.communicate(b"0.6\tramping down\n")
+        assert child.returncode == 0
+    assert "ramping down" in (tmp_path / "err").read_text()
