@@ -15,7 +15,7 @@ import tautwave
 from tautwave.cli import main
 
 SUMMARY: dict[str, Any] = {
-    "outcome": "finished",
+    "outcome": {"kind": "finished", "sentence": "Ran for the 2 s asked for."},
     "cycles": 2000,
     "missed_cycles": 3,
     "rate_hz": 1000.0,

@@ -98,6 +98,25 @@ def test_run_shows_the_summary(tautwave_cli: Cli, backend: Backend) -> None:
     assert output.isascii()
 
 
+def test_a_run_that_was_stopped_says_so_on_stderr(tautwave_cli: Cli, backend: Backend) -> None:
+    sentence = "slave.wrist left its position range at 1.2 s."
+    backend.summary["outcome"] = {"kind": "safety_stop", "sentence": sentence}
+    backend.summary["recording"] = {"rows_dropped": 7, "error": "disk full"}
+    backend.exit_code = 6
+    result = tautwave_cli("run", "rig.yaml")
+    assert result.stdout.startswith("bench / 1dof: safety stop, 2000 cycles")
+    assert "7 rows of the recording were dropped." in result.stdout
+    assert "The recording failed: disk full" in result.stdout
+    assert result.stderr == f"{sentence}\n"
+
+
+def test_a_run_of_which_little_is_known_is_shown_too(tautwave_cli: Cli, backend: Backend) -> None:
+    backend.summary = {"outcome": None, "pairs": None, "energy_j": {"gross_flow": None}}
+    result = tautwave_cli("run", "rig.yaml")
+    assert result.exit_code == 0
+    assert result.stdout.startswith("bench / 1dof: finished\n")
+
+
 def test_a_default_directory_is_new_each_time(
     tautwave_cli: Cli, backend: Backend, tmp_path: Path
 ) -> None:

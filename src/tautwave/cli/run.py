@@ -62,7 +62,7 @@ def run(
     """
     from tautwave.cli.progress import Progress
     from tautwave.cli.show import show
-    from tautwave.cli.summary import summary_sections
+    from tautwave.cli.summary import outcome, summary_sections
     from tautwave.config import load_rig
 
     loaded = load_rig(rig, overrides)
@@ -87,6 +87,9 @@ def run(
         with suppress(OSError):
             directory.rmdir()  # works on an empty one only: a run that never began leaves nothing
     show(summary_sections(loaded.name, result.summary, result.directory, result.exit_code))
+    if result.exit_code:
+        word, sentence = outcome(result.summary, result.exit_code)
+        click.echo(sentence or f"{loaded.name}: {word}", err=True)
     ctx.exit(result.exit_code)
 
 

@@ -29,8 +29,8 @@ class Section(NamedTuple):
 
 
 def show(sections: Sequence[Section]) -> None:
-    """Print the sections that have something to say on stdout."""
-    filled = [section for section in sections if section.rows or not section.columns]
+    """Print the sections that have something to say on stdout; the first one is the headline."""
+    filled = [section for at, section in enumerate(sections) if section.rows or at == 0]
     if sys.stdout.isatty():
         _show_rich(filled)
         return
@@ -86,7 +86,7 @@ def _show_rich(sections: Sequence[Section]) -> None:
     for section in sections:
         if section.title:
             console.print(Text(section.title, style=section.style))
-        if not section.columns:
+        if not section.rows:
             continue
         named = any(name.strip(">") for name in section.columns)
         table = Table(box=None, show_header=named, header_style=FAINT, padding=(0, 2, 0, 0))

@@ -35,9 +35,17 @@ def summary_sections(
     ]
 
 
+def outcome(summary: Mapping[str, Any], exit_code: int) -> tuple[str, str]:
+    """How the run ended: a word or two, and a sentence ('' where there is none)."""
+    told = summary.get("outcome")
+    kind = _dig(told, "kind") if isinstance(told, Mapping) else told
+    word = str(kind or ("finished" if exit_code == 0 else "stopped")).replace("_", " ")
+    return word, str(_dig(told, "sentence") or "")
+
+
 def _headline(name: str, summary: Mapping[str, Any], exit_code: int) -> Section:
-    outcome = str(summary.get("outcome") or ("finished" if exit_code == 0 else "stopped"))
-    parts = [f"{name}: {outcome}"]
+    word, sentence = outcome(summary, exit_code)
+    parts = [f"{name}: {word}"]
     cycles, missed = number(summary.get("cycles")), number(summary.get("missed_cycles"))
     if cycles is not None:
         rate = f" at {quantity(summary.get('rate_hz'), 'Hz')}" if summary.get("rate_hz") else ""
@@ -46,8 +54,14 @@ def _headline(name: str, summary: Mapping[str, Any], exit_code: int) -> Section:
         parts.append(f"{count(missed)} missed")
     if number(summary.get("wall_time_s")) is not None:
         parts.append(f"in {quantity(summary['wall_time_s'], 's', 3)}")
-    style = f"bold {GOOD}" if exit_code == 0 else BAD
-    return Section(", ".join(parts), (), (), style)
+    notes: list[str | Cell] = [sentence] if sentence else []
+    dropped, error = (_dig(summary, "recording", key) for key in ("rows_dropped", "error"))
+    if dropped:
+        notes.append(Cell(f"{count(dropped)} rows of the recording were dropped.", NOTE))
+    if error:
+        notes.append(Cell(f"The recording failed: {error}", BAD))
+    style = f"bold {NOTE if word == 'interrupted' else GOOD}" if exit_code == 0 else BAD
+    return Section(", ".join(parts), ("",), [(note,) for note in notes], style)
 
 
 def _tracking(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
@@ -106,7 +120,7 @@ def _timing(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
 def _devices(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
     for axis, figures in _items(summary, "axes"):
         faults = figures.get("faults") or ()
-        text = "; ".join(map(str, faults)) if isinstance(faults, Sequence) else str(faults)
+        text = "; ".join(map(str, faults)) if isinstance(faults, list | tuple) else str(faults)
         if figures.get("lost") or figures.get("late") or faults:
             yield axis, count(figures.get("lost")), count(figures.get("late")), Cell(text, BAD)
 

@@ -1,0 +1,124 @@
+"""The installed command on the shipped rig: files, exit codes, Ctrl-C, and what it imports."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+RIG = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
+LEFT_BEHIND = ("rig.yaml", "summary.json", "recording.mcap", "report.html")
+NOT_IN_A_LIVE_RUN = {
+    "numba", "scipy", "matplotlib", "can", "canopen", "pymodbus", "dynamixel_sdk",
+}  # fmt: skip
+COMMAND = [sys.executable, "-c", "from tautwave.cli import main; main(prog_name='tautwave')"]
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    return Path(shutil.copy(RIG, tmp_path / "rig.yaml"))
+
+
+def tautwave(*words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*COMMAND, *map(str, words)], cwd=cwd, capture_output=True, text=True, check=False
+    )
+
+
+def assert_complete(directory: Path) -> dict[str, object]:
+    for name in LEFT_BEHIND:
+        assert (directory / name).stat().st_size > 0, name
+    summary = json.loads((directory / "summary.json").read_text())
+    assert isinstance(summary, dict)
+    return summary
+
+
+def test_a_run_leaves_its_files_and_its_summary(rig: Path, tmp_path: Path) -> None:
+    words = ("run", rig.name, "--clock", "fake", "--duration", 0.5, "--out", "out")
+    done = tautwave(*words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    summary = assert_complete(tmp_path / "out")
+    assert summary["cycles"] == 500
+    assert "Tracking" in done.stdout
+    assert "100 %" in done.stderr
+    again = tautwave(*words, cwd=tmp_path)
+    assert again.returncode == 2
+    assert "is not empty" in again.stderr
+
+
+def test_the_report_can_be_rebuilt(rig: Path, tmp_path: Path) -> None:
+    tautwave("run", rig, "--clock", "fake", "--duration", 0.2, "--out", "out", cwd=tmp_path)
+    (tmp_path / "out/report.html").unlink()
+    done = tautwave("report", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert_complete(tmp_path / "out")
+
+
+def test_check_of_the_shipped_rig(rig: Path, tmp_path: Path) -> None:
+    done = tautwave("check", rig, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "left out" in done.stdout
+    printed = json.loads(tautwave("check", rig, "--json", cwd=tmp_path).stdout)
+    assert printed["certificate"]["passed"] is None
+    assert list(tmp_path.iterdir()) == [rig], "check writes nothing"
+
+
+def test_the_schema_knows_the_rig(tmp_path: Path) -> None:
+    schema = json.loads(tautwave("check", "--schema", cwd=tmp_path).stdout)
+    assert {"buses", "coupling", "rate_hz"} <= set(schema["properties"])
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_a_wrong_rig_is_a_sentence_with_its_line(rig: Path, tmp_path: Path, command: str) -> None:
+    rig.write_text(rig.read_text() + "\nrate: 5\n")
+    line = len(rig.read_text().splitlines())
+    done = tautwave(command, rig.name, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"rig.yaml:{line}: rate: ")
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "runs").exists() or not list((tmp_path / "runs").iterdir())
+
+
+def test_ctrl_c_ramps_down_reports_and_exits_0(rig: Path, tmp_path: Path) -> None:
+    words = ("run", rig, "--duration", "60", "--out", "out")
+    with subprocess.Popen(
+        [*COMMAND, *map(str, words)],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as run:
+        assert run.stderr is not None
+        for line in run.stderr:
+            if "running" in line:
+                break
+        run.send_signal(signal.SIGINT)
+        output, errors = run.communicate(timeout=60)
+    assert run.returncode == 0, errors
+    assert "interrupted" in output
+    summary = assert_complete(tmp_path / "out")
+    assert isinstance(summary["outcome"], dict)
+    assert summary["outcome"]["kind"] == "interrupted"
+
+
+@pytest.mark.parametrize("clock", ["real", "fake"])
+def test_a_live_run_imports_no_offline_and_no_vendor_library(
+    rig: Path, tmp_path: Path, clock: str
+) -> None:
+    code = (
+        "import sys, atexit, pathlib\n"
+        "names = lambda: ' '.join(sys.modules)\n"
+        "atexit.register(lambda: pathlib.Path('modules.txt').write_text(names()))\n"
+        "from tautwave.cli import main; main(prog_name='tautwave')"
+    )
+    words = ["run", str(rig), "--clock", clock, "--duration", "0.2", "--out", "out"]
+    subprocess.run([sys.executable, "-c", code, *words], cwd=tmp_path, check=True)
+    loaded = {name.partition(".")[0] for name in (tmp_path / "modules.txt").read_text().split()}
+    assert "tautwave_sim" in loaded
+    assert not NOT_IN_A_LIVE_RUN & loaded
+    assert "tautwave_drivers" not in loaded
