@@ -33,7 +33,8 @@ class PlantCache(NamedTuple):
     """What a full step without an event needs: see `flow_coefficients` for the 15 letters.
 
     `*_reach` [m/N s] bounds the speed one newton can give within the step; `*_swing` [1] the
-    part of its speed a mass can lose to the springs: |v(t) - v| <= h (|net| + h |slope|) / m + swing |v|.
+    part of its speed a mass can lose to the springs,
+    `|v(t) - v| <= h (|net| + h |slope|) / m + swing |v|`.
     """
 
     step: float
