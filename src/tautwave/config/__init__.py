@@ -1,0 +1,61 @@
+"""Rig files: `load_rig(path)` gives a `Rig` that is right, or a `ConfigError` with all mistakes.
+
+Imports pydantic and PyYAML, and nothing heavier.
+"""
+
+from tautwave.config.keys.coupling import Coupling, Loop, Pair, Wall
+from tautwave.config.keys.devices import Axis, Bus, Damping, Inertia, Side
+from tautwave.config.keys.rig import AxisTruth, Rig, axis_specs, simulation_of
+from tautwave.config.keys.simulation import (
+    AxisSimulation,
+    Environment,
+    Faults,
+    Foam,
+    Free,
+    Hand,
+    Hold,
+    MinimumJerk,
+    Multisine,
+    Recording,
+    Reference,
+    Simulation,
+    SolidWall,
+    Spring,
+)
+from tautwave.config.load import load_rig, parse_rig
+from tautwave.config.resolved import resolved_yaml
+from tautwave.config.schema import rig_schema
+
+__all__ = [
+    "Axis",
+    "AxisSimulation",
+    "AxisTruth",
+    "Bus",
+    "Coupling",
+    "Damping",
+    "Environment",
+    "Faults",
+    "Foam",
+    "Free",
+    "Hand",
+    "Hold",
+    "Inertia",
+    "Loop",
+    "MinimumJerk",
+    "Multisine",
+    "Pair",
+    "Recording",
+    "Reference",
+    "Rig",
+    "Side",
+    "Simulation",
+    "SolidWall",
+    "Spring",
+    "Wall",
+    "axis_specs",
+    "load_rig",
+    "parse_rig",
+    "resolved_yaml",
+    "rig_schema",
+    "simulation_of",
+]

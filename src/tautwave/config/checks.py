@@ -1,0 +1,227 @@
+"""What has to agree between the keys of a rig file: devices and coupling."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from tautwave.config.checks_simulation import check_simulation
+from tautwave.config.document import Document, nearest, show_path, show_value
+from tautwave.config.keys.coupling import Pair, Wall
+from tautwave.config.keys.devices import Axis
+from tautwave.config.parts import SIDES, Parts
+
+HARDWARE_LIMITS = ("effort_rate_limit", "velocity_limit", "position_range")
+
+
+def check_parts(document: Document, parts: Parts) -> None:
+    """Note everything that is right by itself but does not fit the rest."""
+    _check_timing(document, parts)
+    _check_buses(document, parts)
+    _check_ids(document, parts)
+    for side, name, axis in parts.axes():
+        _check_axis(document, parts, side, name, axis)
+    _check_coupling(document, parts)
+    _check_names(document, parts)
+    for name, pair in (parts.pairs or {}).items():
+        if pair is not None:
+            _check_pair(document, parts, name, pair)
+    check_simulation(document, parts)
+
+
+def _check_timing(document: Document, parts: Parts) -> None:
+    if parts.rate_hz and parts.duration_s and parts.duration_s * parts.rate_hz < 1.0:
+        document.report(
+            ("duration_s",),
+            f"shorter than one cycle of {1.0 / parts.rate_hz:g} s (got {parts.duration_s:g})",
+        )
+
+
+def _check_buses(document: Document, parts: Parts) -> None:
+    if not parts.buses:
+        return
+    used: set[Any] = set()
+    for side, axes in parts.sides.items():
+        for name in axes:
+            path = (side, "axes", name, "bus")
+            bus = document.get(path)
+            used.add(bus if isinstance(bus, str) else None)
+            if isinstance(bus, str) and bus not in parts.buses:
+                known = ", ".join(parts.buses)
+                hint = nearest(bus, list(parts.buses)) or ";"
+                document.report(path, f"unknown bus {bus!r}{hint} Buses: {known}")
+    whole = len(parts.sides) == len(SIDES) and used <= set(parts.buses)
+    for name, bus in parts.buses.items():
+        if whole and name not in used:
+            document.report(("buses", name), "no axis uses this bus; remove it")
+        if bus is not None and bus.divisor != 1:
+            document.report(
+                ("buses", name, "divisor"),
+                f"only 1 is supported so far: every bus is served every cycle (got {bus.divisor})",
+            )
+
+
+def _check_ids(document: Document, parts: Parts) -> None:
+    seen: dict[tuple[str, int], tuple[str, ...]] = {}
+    for side, axes in parts.sides.items():
+        for name in axes:
+            path = (side, "axes", name)
+            bus, number = document.get((*path, "bus")), document.get((*path, "id"))
+            if not isinstance(bus, str) or type(number) is not int:
+                continue
+            first = seen.setdefault((bus, number), path)
+            if first != path:
+                document.report(
+                    (*path, "id"),
+                    f"id {number} on bus {bus!r} is taken by {show_path(first)} "
+                    f"({document.where((*first, 'id'))})",
+                )
+
+
+def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Axis) -> None:
+    path = (side, "axes", name)
+    for key, belief in (("inertia", axis.inertia), ("damping", axis.damping)):
+        if belief is not None and belief.lower > belief.value:
+            document.report(
+                (*path, key, "lower"),
+                f"should not be greater than value {belief.value:g} (got {belief.lower:g})",
+            )
+    if axis.causality == "impedance":
+        if axis.inertia is None:
+            document.report((*path, "inertia"), "required key is missing (impedance axis)")
+        if axis.environment_stiffness_upper is not None:
+            document.report(
+                (*path, "environment_stiffness_upper"), "only for admittance axes; remove it"
+            )
+    else:
+        if axis.inertia is not None:
+            document.report((*path, "inertia"), "not used by an admittance axis; remove it")
+        if axis.damping.value > 0.0:
+            document.report((*path, "damping"), "not used by an admittance axis; remove it")
+    if axis.position_range is not None and axis.position_range[0] >= axis.position_range[1]:
+        lowest, highest = axis.position_range
+        document.report(
+            (*path, "position_range"),
+            f"write the lower end first: [lowest, highest] (got [{lowest:g}, {highest:g}])",
+        )
+    plugin = parts.plugins.get(axis.bus)
+    if plugin is not None and plugin.hardware:
+        for key in HARDWARE_LIMITS:
+            if getattr(axis, key) is None:
+                document.report(
+                    (*path, key),
+                    f"required key is missing (bus {axis.bus!r} moves motors, so every limit "
+                    "has to be given)",
+                )
+
+
+def _check_coupling(document: Document, parts: Parts) -> None:
+    coupling, rate = parts.coupling, parts.rate_hz
+    if parts.pairs is not None and not parts.pairs:
+        document.report(("coupling", "pairs"), "there has to be at least one pair")
+    if coupling is None:
+        return
+    path = ("coupling", "wave_filter_hz")
+    corner = coupling.wave_filter_hz
+    if corner is not None and coupling.law != "wave":
+        document.report(path, f"only for law wave, this is law {coupling.law}; remove it")
+    elif corner is not None and rate is not None and corner > rate / 2.0:
+        document.report(
+            path, f"should not be above half the rate, {rate / 2.0:g} Hz (got {corner:g})"
+        )
+    if rate is None:
+        return
+    samples = coupling.delay_s * rate
+    if abs(samples - round(samples)) > 1e-6:
+        low, high = math.floor(samples) / rate, math.ceil(samples) / rate
+        document.report(
+            ("coupling", "delay_s"),
+            f"should be a whole number of samples at {rate:g} Hz; nearest: {low:.12g} or "
+            f"{high:.12g} (got {show_value(coupling.delay_s)})",
+        )
+
+
+def _check_names(document: Document, parts: Parts) -> None:
+    """Note pairs that lack an axis, and axes that lack a pair."""
+    if parts.pairs is None or len(parts.sides) < len(SIDES):
+        return
+    for name in parts.pairs:
+        for side in SIDES:
+            if name not in parts.sides[side]:
+                known = list(parts.sides[side])
+                document.report(
+                    ("coupling", "pairs", name),
+                    f"there is no {side} axis {name!r}{nearest(name, known) or ';'} "
+                    f"The {side} has: {', '.join(known) or 'none'}",
+                )
+    for side in SIDES:
+        for name in parts.sides[side]:
+            if name not in parts.pairs and not _meant_by_a_pair(parts, side, name):
+                document.report(
+                    (side, "axes", name),
+                    f"not coupled to anything; add coupling.pairs.{name} or remove the axis",
+                )
+
+
+def _meant_by_a_pair(parts: Parts, side: str, name: str) -> bool:
+    """Return whether a pair without an axis has named this one as its nearest."""
+    lacking = [pair for pair in parts.pairs or {} if pair not in parts.sides[side]]
+    return any(repr(name) in nearest(pair, list(parts.sides[side])) for pair in lacking)
+
+
+def _check_pair(document: Document, parts: Parts, name: str, pair: Pair) -> None:
+    path = ("coupling", "pairs", name)
+    if parts.coupling is not None:
+        _check_law(document, parts.coupling.law, name, pair)
+    master, slave = parts.axis("master", name), parts.axis("slave", name)
+    if (
+        master is not None
+        and slave is not None
+        and master.kind != slave.kind
+        and "position_scale" not in pair.model_fields_set
+    ):
+        units = {"rotary": "rad", "linear": "m"}
+        document.report(
+            (*path, "position_scale"),
+            f"required key is missing: {master.kind} master, {slave.kind} slave "
+            f"[{units[slave.kind]}/{units[master.kind]}]",
+        )
+    if pair.offset != "at_engage" and pair.engage_tolerance is None:
+        document.report(
+            (*path, "engage_tolerance"), "required key is missing when offset is a number"
+        )
+    for side, axis, wall in (
+        ("master", master, pair.wall_master),
+        ("slave", slave, pair.wall_slave),
+    ):
+        if axis is not None and wall is not None:
+            _check_wall(document, name, side, axis, wall)
+
+
+def _check_law(document: Document, law: str, name: str, pair: Pair) -> None:
+    path = ("coupling", "pairs", name)
+    needed, foreign = ["wave_impedance"], ["stiffness", "damping"]
+    if law == "position":
+        needed, foreign = foreign, needed
+        for key in ("matched_master", "matched_slave"):
+            if getattr(pair, key):
+                document.report((*path, key), "only for law wave, this is law position; remove it")
+    for key in needed:
+        if getattr(pair, key) is None:
+            document.report((*path, key), f"required key is missing (law {law})")
+    for key in foreign:
+        if getattr(pair, key) is not None:
+            other = "position" if law == "wave" else "wave"
+            document.report((*path, key), f"only for law {other}, this is law {law}; remove it")
+
+
+def _check_wall(document: Document, name: str, side: str, axis: Axis, wall: Wall) -> None:
+    if axis.position_range is None:
+        return
+    lowest, highest = axis.position_range
+    if lowest < highest and not lowest <= wall.position <= highest:
+        document.report(
+            ("coupling", "pairs", name, f"wall_{side}", "position"),
+            f"should be inside position_range [{lowest:g}, {highest:g}] of {side}.axes.{name} "
+            f"(got {wall.position:g})",
+        )

@@ -1,0 +1,133 @@
+"""What has to agree between the keys of a rig file: the simulated truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from tautwave.config.document import Document, nearest
+from tautwave.config.keys.devices import Axis
+from tautwave.config.keys.simulation import (
+    AxisSimulation,
+    Hand,
+    MinimumJerk,
+    Multisine,
+    Recording,
+    Reference,
+)
+from tautwave.config.parts import SIDES, Parts
+from tautwave.config.recordings import check_recording
+from tautwave.config.yaml12 import KeyPath
+
+_IMPEDANCE_ONLY = ("inertia", "damping", "coulomb")
+
+
+def check_simulation(document: Document, parts: Parts) -> None:
+    """Note what is wrong between `simulation` and the rest of the rig."""
+    if not parts.simulated:
+        _check_needed(document, parts)
+        return
+    axes = [f"{side}.{name}" for side, block in parts.sides.items() for name in block]
+    if len(parts.sides) == len(SIDES):
+        _check_known(document, ("simulation", "axes"), parts.truths, axes, "axis")
+    if parts.pairs is not None:
+        pairs = list(parts.pairs)
+        _check_known(document, ("simulation", "hand"), parts.hands, pairs, "pair")
+        _check_known(document, ("simulation", "environment"), parts.environments, pairs, "pair")
+    for side, name, axis in parts.axes():
+        truth = parts.truths.get(f"{side}.{name}", AxisSimulation())
+        if truth is not None:
+            _check_truth(document, f"{side}.{name}", axis, truth)
+    for name, hand in parts.hands.items():
+        if hand is not None:
+            _check_hand(document, parts, name, hand)
+
+
+def _check_needed(document: Document, parts: Parts) -> None:
+    """Note the first driver without hardware, for which the truth has to be simulated."""
+    for bus, plugin in parts.plugins.items():
+        if plugin is not None and not plugin.hardware:
+            driver = document.get(("buses", bus, "driver"))
+            document.report(
+                ("buses", bus, "driver"),
+                f"driver {driver!r} has no hardware and needs a 'simulation' block; "
+                "'simulation: {}' takes every truth from the rig's beliefs",
+            )
+            return
+
+
+def _check_known(
+    document: Document,
+    path: tuple[str, ...],
+    names: Iterable[str],
+    known: list[str],
+    what: str,
+) -> None:
+    plural = "Axes" if what == "axis" else "Pairs"
+    for name in names:
+        if name not in known and not (what == "axis" and not _is_full(name)):
+            document.report(
+                (*path, name),
+                f"unknown {what} {name!r}{nearest(name, known) or ';'} "
+                f"{plural}: {', '.join(known)}",
+            )
+
+
+def _is_full(name: str) -> bool:
+    """Return whether a name has the form that the model asks for (else it has said so)."""
+    side, _, rest = name.partition(".")
+    return side in SIDES and bool(rest)
+
+
+def _check_truth(document: Document, name: str, axis: Axis, truth: AxisSimulation) -> None:
+    path = ("simulation", "axes", name)
+    if axis.causality == "admittance":
+        for key in _IMPEDANCE_ONLY:
+            if getattr(truth, key) is not None:
+                document.report((*path, key), "not used by an admittance axis; remove it")
+    elif truth.velocity_time_constant_s is not None:
+        document.report(
+            (*path, "velocity_time_constant_s"), "not used by an impedance axis; remove it"
+        )
+    if axis.position_range is not None:
+        lowest, highest = axis.position_range
+        if lowest < highest and not lowest <= truth.start_position <= highest:
+            document.report(
+                (*path, "start_position"),
+                f"should be inside position_range [{lowest:g}, {highest:g}] of {name} "
+                f"(got {truth.start_position:g})",
+            )
+
+
+def _check_hand(document: Document, parts: Parts, name: str, hand: Hand) -> None:
+    path = ("simulation", "hand", name)
+    axis = parts.axis("master", name)
+    if axis is not None and axis.kind == "rotary" and hand.lever_arm is None:
+        document.report(
+            (*path, "lever_arm"),
+            "required key is missing: the hand's values are in N and m, the axis is rotary "
+            "(1 if they are given in N m and rad)",
+        )
+    if axis is not None and axis.kind == "linear" and hand.lever_arm is not None:
+        document.report((*path, "lever_arm"), "only for rotary axes, this is linear; remove it")
+    _check_reference(document, parts, (*path, "reference"), hand.reference)
+
+
+def _check_reference(document: Document, parts: Parts, path: KeyPath, reference: Reference) -> None:
+    if isinstance(reference, MinimumJerk):
+        times = [time for time, _ in reference.waypoints]
+        for index in range(1, len(times)):
+            if times[index] <= times[index - 1]:
+                document.report(
+                    (*path, "waypoints", index),
+                    f"times should rise: {times[index]:g} s comes after {times[index - 1]:g} s",
+                )
+    elif isinstance(reference, Multisine) and parts.rate_hz is not None:
+        for index, (frequency, _, _) in enumerate(reference.components):
+            if frequency >= parts.rate_hz / 2.0:
+                document.report(
+                    (*path, "components", index),
+                    f"should be below half the rate, {parts.rate_hz / 2.0:g} Hz "
+                    f"(got {frequency:g})",
+                )
+    elif isinstance(reference, Recording):
+        check_recording(document, path, reference)

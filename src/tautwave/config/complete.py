@@ -1,0 +1,73 @@
+"""Fill in what a right rig leaves to defaults that depend on other keys."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from tautwave.config.document import Document
+from tautwave.config.keys.coupling import Pair
+from tautwave.config.keys.rig import Rig, simulation_of
+from tautwave.config.keys.simulation import AxisSimulation, Hand, Recording, Simulation
+from tautwave.config.recordings import find_recording
+from tautwave.contracts import DriverPlugin
+
+
+def complete_rig(
+    document: Document, rig: Rig, plugins: dict[str, DriverPlugin | None], path: Path
+) -> Rig:
+    """Return the rig with every default made explicit.
+
+    Options of drivers are filled in by the driver's model, `force_scale` from `position_scale`,
+    the truth of simulated axes from the belief; recordings get their whole path.
+    """
+    buses = {
+        name: bus.model_copy(update={"options": _options(plugins[name], bus.options)})
+        for name, bus in rig.buses.items()
+    }
+    pairs = {name: _complete_pair(pair) for name, pair in rig.coupling.pairs.items()}
+    rig = rig.model_copy(
+        update={"buses": buses, "coupling": rig.coupling.model_copy(update={"pairs": pairs})}
+    )
+    if rig.simulation is not None:
+        simulation = _complete_simulation(document, rig, rig.simulation)
+        rig = rig.model_copy(update={"simulation": simulation})
+    return rig.read_from(path)
+
+
+def _options(plugin: DriverPlugin | None, given: dict[str, Any]) -> dict[str, Any]:
+    if plugin is None:
+        return given
+    options = plugin.options.model_validate_json(json.dumps(given), strict=True)
+    filled: dict[str, Any] = options.model_dump(mode="json", by_alias=True)
+    return filled
+
+
+def _complete_pair(pair: Pair) -> Pair:
+    return pair.model_copy(update={"force_scale": pair.effective_force_scale})
+
+
+def _complete_simulation(document: Document, rig: Rig, simulation: Simulation) -> Simulation:
+    axes = {name: _complete_axis(rig, name) for name in rig.axes}
+    hands = {name: _complete_hand(document, name, hand) for name, hand in simulation.hand.items()}
+    return simulation.model_copy(update={"axes": axes, "hand": hands})
+
+
+def _complete_axis(rig: Rig, name: str) -> AxisSimulation:
+    truth = simulation_of(rig, name)._asdict()
+    if rig.axes[name].causality == "impedance":
+        del truth["velocity_time_constant_s"]
+    else:
+        for key in ("inertia", "damping", "coulomb"):
+            del truth[key]
+    return AxisSimulation(**truth)
+
+
+def _complete_hand(document: Document, name: str, hand: Hand) -> Hand:
+    reference = hand.reference
+    if not isinstance(reference, Recording):
+        return hand
+    path = ("simulation", "hand", name, "reference", "file")
+    found = find_recording(document, path, reference.file)
+    return hand.model_copy(update={"reference": reference.model_copy(update={"file": str(found)})})

@@ -1,0 +1,169 @@
+"""A rig file as plain values that know where they were written, and `--set` on top of it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tautwave.config.yaml12 import KeyPath, Mark, Problem, SyntaxProblem, parse_yaml
+from tautwave.errors import ConfigError
+
+LARGEST = 256 * 1024
+"""Bytes. A rig is a page; what is larger is not one (a recording given by mistake, say)."""
+
+_WORD = re.compile(r"[\w.-]+")
+
+
+def show_path(path: KeyPath) -> str:
+    """Return a key path as `--set` takes it, such as `slave.axes.wrist.effort_limit`."""
+    return ".".join(
+        str(part) if isinstance(part, int) or _WORD.fullmatch(part) else json.dumps(part)
+        for part in path
+    )
+
+
+@dataclass
+class Document:
+    """What was read, before it is known to be a rig.
+
+    `marks` has a place per path, `spoiled` the paths whose value cannot be judged because it was
+    refused already, `problems` what was wrong so far.
+    """
+
+    name: str
+    folder: Path
+    value: dict[str, Any] = field(default_factory=dict)
+    marks: dict[KeyPath, Mark] = field(default_factory=dict)
+    spoiled: set[KeyPath] = field(default_factory=set)
+    problems: list[Problem] = field(default_factory=list)
+
+    def mark(self, path: KeyPath) -> Mark:
+        """Return where `path` or the nearest mapping around it was written."""
+        for length in range(len(path), -1, -1):
+            if path[:length] in self.marks:
+                return self.marks[path[:length]]
+        return Mark(1)
+
+    def where(self, path: KeyPath) -> str:
+        """Return `rig.yaml:5`, or the `--set` argument."""
+        mark = self.mark(path)
+        return f"--set {mark.argument}" if mark.argument else f"{self.name}:{mark.line}"
+
+    def report(self, path: KeyPath, text: str) -> None:
+        """Note a mistake, unless the value at `path` was refused already."""
+        if not any(path[:length] in self.spoiled for length in range(1, len(path) + 1)):
+            self.problems.append(Problem(self.mark(path), path, text))
+
+    def get(self, path: KeyPath) -> Any:
+        """Return the value at `path`, None if there is none."""
+        value: Any = self.value
+        for part in path:
+            try:
+                value = value[part]
+            except (KeyError, IndexError, TypeError):
+                return None
+        return value
+
+    def sentences(self) -> list[str]:
+        """Return all problems in the order of the file, each once, `--set` last."""
+        ordered = sorted(self.problems, key=lambda p: (bool(p.mark.argument), p.mark.line))
+        return list(dict.fromkeys(self._sentence(problem) for problem in ordered))
+
+    def _sentence(self, problem: Problem) -> str:
+        mark, path, text = problem
+        where = f"--set {mark.argument}" if mark.argument else f"{self.name}:{mark.line}"
+        if not path or (mark.argument and path == mark.target):
+            return f"{where}: {text}"
+        return f"{where}: {show_path(path)}: {text}"
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a rig file.
+
+    Raises
+    ------
+    ConfigError
+        There is no such file, it cannot be read, is too large, or is not UTF-8.
+    """
+    try:
+        with path.open("rb") as stream:
+            raw = stream.read(LARGEST + 1)
+    except FileNotFoundError as err:
+        raise ConfigError(f"{path}: no such file") from err
+    except IsADirectoryError as err:
+        raise ConfigError(f"{path}: a folder, not a rig file") from err
+    except (OSError, ValueError) as err:
+        reason = getattr(err, "strerror", None) or err
+        raise ConfigError(f"{path}: cannot be read: {reason}") from err
+    if len(raw) > LARGEST:
+        raise ConfigError(f"{path}: larger than {LARGEST // 1024} KiB, so not a rig file")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as err:
+        raise ConfigError(
+            f"{path}: not UTF-8 text (byte 0x{raw[err.start]:02x} at offset {err.start})"
+        ) from err
+
+
+def open_document(text: str, name: str, folder: Path) -> Document:
+    """Parse the text of a rig file.
+
+    Raises
+    ------
+    ConfigError
+        It is not YAML, is empty, or has no mapping at the top.
+    """
+    try:
+        parsed = parse_yaml(text)
+    except SyntaxProblem as err:
+        place = f"{name}:{err.line}:{err.column}" if err.line else name
+        raise ConfigError(f"{place}: {err}") from err
+    if parsed.value is None and not parsed.problems:
+        raise ConfigError(f"{name}: the file is empty")
+    if not isinstance(parsed.value, dict):
+        line = parsed.marks[()].line
+        raise ConfigError(
+            [
+                *(f"{name}:{p.mark.line}: {p.text}" for p in parsed.problems),
+                f"{name}:{line}: a rig file is a mapping such as 'name: bench', "
+                f"this is {describe_kind(parsed.value)}",
+            ]
+        )
+    return Document(name, folder, parsed.value, parsed.marks, parsed.spoiled, parsed.problems)
+
+
+def describe_kind(value: Any) -> str:
+    """Return what kind of value this is, in a word."""
+    if value is None:
+        return "empty"
+    if isinstance(value, bool):
+        return "true or false"
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, list):
+        return "a list"
+    return "text" if isinstance(value, str) else "a number"
+
+
+def show_value(value: Any) -> str:
+    """Return a value as it would be written, shortened."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, dict | list):
+        return describe_kind(value)
+    text = repr(value)
+    return text if len(text) <= 60 else text[:40] + "..." + text[-8:]
+
+
+def nearest(word: str, known: Sequence[str]) -> str:
+    """Return `; did you mean 'x'?`, or '' where nothing is near."""
+    import difflib  # only needed once something is wrong
+
+    close = difflib.get_close_matches(word, known, n=1)
+    return f"; did you mean {close[0]!r}?" if close else ""

@@ -1,0 +1,1 @@
+"""The keys of a rig file, as pydantic models: one file per block."""

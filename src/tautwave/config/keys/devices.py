@@ -1,0 +1,114 @@
+"""`buses`, `master` and `slave`: what is plugged in, and what the controller believes of it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from tautwave.config.keys.common import Block, Name, NonNegative, Positive
+
+
+class Bus(Block):
+    """One bus and the driver that speaks on it."""
+
+    driver: str = Field(description="Name of an installed driver; `tautwave drivers` lists them.")
+    options: dict[str, Any] = Field(
+        default_factory=dict, description="The driver's own options, checked by the driver."
+    )
+    divisor: Annotated[int, Field(ge=1)] = Field(
+        default=1, description="The bus is served every n-th cycle; only 1 so far."
+    )
+
+
+class Inertia(Block):
+    """What is believed of a device's inertia [kg m^2 | kg]."""
+
+    value: Positive = Field(description="[kg m^2 | kg] Best estimate.")
+    lower: Positive = Field(
+        description="[kg m^2 | kg] Safe lower bound, 0.5 to 0.8 of `value`: the wave port predicts "
+        "with it, and is passive only while the true inertia is not smaller."
+    )
+    source: Annotated[str, Field(min_length=1)] = Field(
+        description="Where the numbers come from: identified, data sheet, CAD, ..."
+    )
+
+
+class Damping(Block):
+    """What is believed of a device's viscous damping [N m s/rad | N s/m]."""
+
+    value: NonNegative = Field(description="[N m s/rad | N s/m] Best estimate.")
+    lower: NonNegative = Field(
+        description="[N m s/rad | N s/m] Safe lower bound; the certificate counts on this much."
+    )
+    source: Annotated[str, Field(min_length=1)] = Field(
+        description="Where the numbers come from: identified, data sheet, ..."
+    )
+
+
+def _expand_damping(value: Any) -> Any:
+    """`damping: 0.001` is short for value and lower bound alike."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return {"value": value, "lower": value, "source": "given"}
+    return value
+
+
+class Axis(Block):
+    """One axis of a device: where it hangs, what it takes, what is believed of it, its limits."""
+
+    bus: str = Field(description="Name of the bus in `buses`.")
+    id: Annotated[int, Field(ge=0)] = Field(description="The device's number on that bus.")
+    kind: Literal["rotary", "linear"] = Field(
+        description="Decides the units: rad, N m, kg m^2 or m, N, kg."
+    )
+    causality: Literal["impedance", "admittance"] = Field(
+        default="impedance",
+        description="impedance: takes effort; admittance: takes velocity and measures effort.",
+    )
+    inertia: Inertia | None = Field(
+        default=None, description="[kg m^2 | kg] Required for impedance axes, none for admittance."
+    )
+    damping: Annotated[Damping, BeforeValidator(_expand_damping)] = Field(
+        default=Damping(value=0.0, lower=0.0, source="given"),
+        description="[N m s/rad | N s/m] A number, or value, lower and source.",
+    )
+    effort_limit: Positive = Field(
+        description="[N m | N] Greatest effort ever commanded (or, admittance, expected)."
+    )
+    effort_rate_limit: Positive | None = Field(
+        default=None, description="[N m/s | N/s] Greatest change of effort. Hardware: required."
+    )
+    velocity_limit: Positive | None = Field(
+        default=None, description="[rad/s | m/s] Above it the run stops. Hardware: required."
+    )
+    position_range: tuple[float, float] | None = Field(
+        default=None,
+        description="[rad | m] Lowest and highest position; outside, damping and stop. "
+        "Hardware: required.",
+    )
+    encoder_quantum: NonNegative = Field(default=0.0, description="[rad | m] Encoder step.")
+    position_noise: NonNegative = Field(
+        default=0.0, description="[rad | m] Standard deviation of the position's noise."
+    )
+    effort_quantum: NonNegative = Field(
+        default=0.0, description="[N m | N] Step of the effort that is commanded or measured."
+    )
+    velocity_quantum: NonNegative = Field(
+        default=0.0, description="[rad/s | m/s] Step of the velocity that is commanded or measured."
+    )
+    velocity_filter_s: NonNegative = Field(
+        default=0.0, description="[s] Time constant of the velocity estimate's low-pass; 0: none."
+    )
+    environment_stiffness_upper: NonNegative | None = Field(
+        default=None,
+        description="[N m/rad | N/m] Stiffest thing an admittance axis will touch; "
+        "decides how small its wave impedance may be.",
+    )
+
+
+class Side(Block):
+    """`master` or `slave`."""
+
+    axes: Annotated[dict[Name, Axis], Field(min_length=1)] = Field(
+        description="The axes of this side by name."
+    )

@@ -1,0 +1,154 @@
+"""The whole rig file, and what follows from it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, Self
+
+from pydantic import Field, PrivateAttr
+
+from tautwave.config.keys.common import Block, Name, Positive
+from tautwave.config.keys.coupling import Coupling, Loop
+from tautwave.config.keys.devices import Axis, Bus, Side
+from tautwave.config.keys.simulation import AxisSimulation, Simulation
+from tautwave.contracts import AxisSpec
+
+VELOCITY_TIME_CONSTANT_S = 0.002
+"""[s] Velocity loop of a simulated admittance axis that does not say its own."""
+
+
+class Rig(Block):
+    """A teleoperation rig: buses, the axes of both sides, their coupling, and a simulated truth."""
+
+    name: Annotated[str, Field(min_length=1)] = Field(description="What the report is headed with.")
+    rate_hz: Annotated[float, Field(gt=0, le=1e6)] = Field(description="[Hz] Cycles per second.")
+    duration_s: Positive = Field(description="[s] How long a run lasts.")
+    require: Literal["passive", "passive_quantised", "coupled_stable"] = Field(
+        default="passive",
+        description="What must be certified before the rig may run: passive for any operator and "
+        "environment; the same with encoder steps and Coulomb friction; or stable with a "
+        "typical hand.",
+    )
+    seed: int = Field(default=0, description="Every random number of a simulated run follows it.")
+    buses: Annotated[dict[Name, Bus], Field(min_length=1)] = Field(description="Buses by name.")
+    master: Side = Field(description="The devices in the operator's hand.")
+    slave: Side = Field(description="The devices at the task.")
+    coupling: Coupling = Field(description="How they are coupled.")
+    loop: Loop = Field(default_factory=Loop, description="How the loop is run.")
+    simulation: Simulation | None = Field(
+        default=None, description="The truth that replaces hardware; leave out on a real rig."
+    )
+
+    _source: Path | None = PrivateAttr(default=None)
+
+    def __eq__(self, other: object) -> bool:
+        """Rigs are equal if all keys are; where they were read from does not matter."""
+        if not isinstance(other, Rig):
+            return NotImplemented
+        return all(getattr(self, key) == getattr(other, key) for key in Rig.model_fields)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    @property
+    def source(self) -> Path | None:
+        """The file this rig was read from, None if it was none."""
+        return self._source
+
+    def read_from(self, path: Path) -> Self:
+        """Return the same rig with `source` set."""
+        rig = self.model_copy()
+        rig._source = path
+        return rig
+
+    @property
+    def period_s(self) -> float:
+        """[s] One cycle."""
+        return 1.0 / self.rate_hz
+
+    @property
+    def period_ns(self) -> int:
+        """[ns] One cycle, rounded."""
+        return round(1e9 / self.rate_hz)
+
+    @property
+    def cycles(self) -> int:
+        """Cycles of a whole run."""
+        return round(self.duration_s * self.rate_hz)
+
+    @property
+    def delay_samples(self) -> int:
+        """One-way delay of the line in cycles."""
+        return round(self.coupling.delay_s * self.rate_hz)
+
+    @property
+    def axes(self) -> dict[str, Axis]:
+        """All axes by full name, the master's first."""
+        return {
+            f"{side}.{name}": axis
+            for side, block in (("master", self.master), ("slave", self.slave))
+            for name, axis in block.axes.items()
+        }
+
+
+class AxisTruth(NamedTuple):
+    """What is true of a simulated axis, complete; units as in the keys of the same names."""
+
+    inertia: float
+    damping: float
+    coulomb: float
+    encoder_quantum: float
+    position_noise: float
+    effort_quantum: float
+    velocity_quantum: float
+    effort_limit: float
+    command_delay_s: float
+    start_position: float
+    velocity_time_constant_s: float
+
+
+def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
+    """Return the truth of one axis, drawn from the rig's belief where it is not given.
+
+    Parameters
+    ----------
+    rig : Rig
+        Any rig, with or without a `simulation` block.
+    axis_name : str
+        Full name, such as `master.wrist`.
+
+    Raises
+    ------
+    KeyError
+        The rig has no such axis.
+    """
+    axis = rig.axes[axis_name]
+    given = AxisSimulation()
+    if rig.simulation is not None:
+        given = rig.simulation.axes.get(axis_name, given)
+    declared: Any = rig.buses[axis.bus].options.get("command_delay_s", 0.0)
+    return AxisTruth(
+        inertia=_first(given.inertia, 0.0 if axis.inertia is None else axis.inertia.value),
+        damping=_first(given.damping, axis.damping.value),
+        coulomb=_first(given.coulomb, 0.0),
+        encoder_quantum=_first(given.encoder_quantum, axis.encoder_quantum),
+        position_noise=_first(given.position_noise, axis.position_noise),
+        effort_quantum=_first(given.effort_quantum, axis.effort_quantum),
+        velocity_quantum=_first(given.velocity_quantum, axis.velocity_quantum),
+        effort_limit=_first(given.effort_limit, axis.effort_limit),
+        command_delay_s=_first(given.command_delay_s, float(declared)),
+        start_position=given.start_position,
+        velocity_time_constant_s=_first(given.velocity_time_constant_s, VELOCITY_TIME_CONSTANT_S),
+    )
+
+
+def axis_specs(rig: Rig, bus_name: str) -> tuple[AxisSpec, ...]:
+    """Return what the driver of a bus has to know of its axes, the master's first."""
+    return tuple(
+        AxisSpec(name, axis.id, axis.kind, axis.causality, axis.effort_limit)
+        for name, axis in rig.axes.items()
+        if axis.bus == bus_name
+    )
+
+
+def _first(given: float | None, otherwise: float) -> float:
+    return otherwise if given is None else given

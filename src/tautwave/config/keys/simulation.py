@@ -1,0 +1,177 @@
+"""`simulation`: the truth that replaces hardware. Absent on a real rig."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from tautwave.config.keys.common import (
+    AxisName,
+    Block,
+    Name,
+    NonNegative,
+    Positive,
+    Probability,
+)
+
+
+class AxisSimulation(Block):
+    """What is true of one axis; whatever is not given is as the rig believes."""
+
+    inertia: Positive | None = Field(default=None, description="[kg m^2 | kg] Impedance axes.")
+    damping: NonNegative | None = Field(
+        default=None, description="[N m s/rad | N s/m] Impedance axes."
+    )
+    coulomb: NonNegative | None = Field(
+        default=None, description="[N m | N] Coulomb friction of an impedance axis; default 0."
+    )
+    encoder_quantum: NonNegative | None = Field(default=None, description="[rad | m]")
+    position_noise: NonNegative | None = Field(
+        default=None, description="[rad | m] Standard deviation."
+    )
+    effort_quantum: NonNegative | None = Field(default=None, description="[N m | N]")
+    velocity_quantum: NonNegative | None = Field(default=None, description="[rad/s | m/s]")
+    effort_limit: Positive | None = Field(
+        default=None, description="[N m | N] Where the motor itself saturates."
+    )
+    command_delay_s: NonNegative | None = Field(
+        default=None, description="[s] Until a command acts; default: as the driver declares."
+    )
+    start_position: float = Field(default=0.0, description="[rad | m]")
+    velocity_time_constant_s: Positive | None = Field(
+        default=None, description="[s] Velocity loop of an admittance axis; default 0.002."
+    )
+
+
+class MinimumJerk(Block):
+    """Smooth moves from waypoint to waypoint, at rest in each."""
+
+    type: Literal["minimum_jerk"] = Field(description="Kind of reference.")
+    waypoints: Annotated[tuple[tuple[NonNegative, float], ...], Field(min_length=1)] = Field(
+        description="[s], [rad | m] Times, rising, and positions; held before and after."
+    )
+
+
+class Multisine(Block):
+    """A sum of sines."""
+
+    type: Literal["multisine"] = Field(description="Kind of reference.")
+    offset: float = Field(default=0.0, description="[rad | m] Added to the sum.")
+    components: Annotated[tuple[tuple[Positive, float, float], ...], Field(min_length=1)] = Field(
+        description="[Hz], [rad | m], [rad] Frequency, amplitude and phase of each sine."
+    )
+    ramp_s: NonNegative = Field(default=0.5, description="[s] The sines fade in over this time.")
+
+
+class Hold(Block):
+    """The hand stays where it is."""
+
+    type: Literal["hold"] = Field(description="Kind of reference.")
+    position: float = Field(description="[rad | m]")
+
+
+class Recording(Block):
+    """A column of a CSV file, resampled from its own rate."""
+
+    type: Literal["recording"] = Field(description="Kind of reference.")
+    file: Annotated[str, Field(min_length=1)] = Field(
+        description="CSV file; a relative path starts at the rig file's folder, with `--set` at "
+        "the current folder."
+    )
+    column: str = Field(description="Heading of the column with the position.")
+    time_column: str = Field(default="time_s", description="Heading of the column with the time.")
+    scale: float = Field(default=1.0, description="[rad | m per unit of the file]")
+    offset: float = Field(default=0.0, description="[rad | m] Added after scaling.")
+    repeat: bool = Field(default=True, description="Play it in a cycle; else hold its last value.")
+
+
+Reference = Annotated[MinimumJerk | Multisine | Hold | Recording, Field(discriminator="type")]
+
+
+class Hand(Block):
+    """The operator's grip: a mass on the device, spring and damper to where the hand wants to be.
+
+    The defaults are a light grip, in N and m; on a rotary axis the `lever_arm` turns them into
+    rotary ones (times its square).
+    """
+
+    mass: NonNegative = Field(default=0.143, description="[kg] Rides on the device.")
+    damping: NonNegative = Field(default=5.0, description="[N s/m]")
+    stiffness: Positive = Field(default=538.0, description="[N/m]")
+    lever_arm: Positive | None = Field(
+        default=None,
+        description="[m] Rotary axes only, and required there; 1 if the values above are rotary.",
+    )
+    reference: Reference = Field(description="[rad | m] Where the hand wants to be.")
+
+
+class Free(Block):
+    """Nothing to touch."""
+
+    type: Literal["free"] = Field(description="Kind of environment.")
+
+
+class Spring(Block):
+    """A spring that pulls both ways."""
+
+    type: Literal["spring"] = Field(description="Kind of environment.")
+    stiffness: Positive = Field(description="[N m/rad | N/m]")
+    position: float = Field(description="[rad | m] Where it rests.")
+
+
+class SolidWall(Block):
+    """A spring and damper that only pushes."""
+
+    type: Literal["wall"] = Field(description="Kind of environment.")
+    stiffness: Positive = Field(description="[N m/rad | N/m]")
+    damping: NonNegative = Field(default=0.0, description="[N m s/rad | N s/m]")
+    position: float = Field(description="[rad | m] Its surface.")
+    side: Literal["above", "below"] = Field(
+        default="above", description="above: it fills everything above `position`."
+    )
+
+
+class Foam(Block):
+    """Hunt-Crossley contact: effort = stiffness * depth**exponent * (1 + loss * speed), >= 0."""
+
+    type: Literal["foam"] = Field(description="Kind of environment.")
+    stiffness: Positive = Field(description="[N m/rad**exponent | N/m**exponent]")
+    exponent: Annotated[float, Field(ge=1, le=10)] = Field(default=1.5, description="1: linear.")
+    loss: NonNegative = Field(default=0.0, description="[s/rad | s/m]")
+    position: float = Field(description="[rad | m] Its surface.")
+    side: Literal["above", "below"] = Field(
+        default="above", description="above: it fills everything above `position`."
+    )
+
+
+Environment = Annotated[Free | Spring | SolidWall | Foam, Field(discriminator="type")]
+
+
+class Faults(Block):
+    """Mishaps drawn from the rig's seed."""
+
+    missing_probability: Probability = Field(
+        default=0.0, description="Chance that a sample is missing, per axis and cycle."
+    )
+    overrun_probability: Probability = Field(
+        default=0.0, description="Chance that the loop overruns, per cycle."
+    )
+    overrun_slots: Annotated[int, Field(ge=1)] = Field(
+        default=3, description="Slots an overrun skips."
+    )
+
+
+class Simulation(Block):
+    """The truth of a simulated rig."""
+
+    axes: dict[AxisName, AxisSimulation] = Field(
+        default_factory=dict, description="By full name, such as `master.wrist`."
+    )
+    hand: dict[Name, Hand] = Field(
+        default_factory=dict, description="The hand on the master, by pair; default: nobody."
+    )
+    environment: dict[Name, Environment] = Field(
+        default_factory=dict, description="What the slave meets, by pair; default: free."
+    )
+    faults: Faults = Field(default_factory=Faults, description="Mishaps; default: none.")

@@ -1,0 +1,135 @@
+"""`load_rig`: from a file and `--set` arguments to a rig that is right, or all that is wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tautwave import registry
+from tautwave.config.checks import check_parts
+from tautwave.config.complete import complete_rig
+from tautwave.config.document import Document, open_document, read_text
+from tautwave.config.keys.rig import Rig
+from tautwave.config.messages import unknown_key, validate
+from tautwave.config.overrides import apply_overrides
+from tautwave.config.parts import take_apart
+from tautwave.config.yaml12 import KeyPath
+from tautwave.contracts import DriverPlugin
+from tautwave.errors import ConfigError
+
+
+def load_rig(path: str | Path, overrides: Sequence[str] = ()) -> Rig:
+    """Read, check and complete a rig file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The rig file, YAML 1.2, SI units; `configs/README.md` describes it.
+    overrides : sequence of str
+        `a.b=c` each, laid over the file in order; keys and values are checked like the file.
+
+    Returns
+    -------
+    Rig
+        Complete: drivers' options and the truth of simulated axes have their defaults filled in,
+        and files their whole path.
+
+    Raises
+    ------
+    ConfigError
+        Anything is wrong; `problems` holds every mistake with its line.
+    """
+    path = Path(path)
+    return parse_rig(read_text(path), path, overrides)
+
+
+def parse_rig(text: str, path: str | Path = "rig.yaml", overrides: Sequence[str] = ()) -> Rig:
+    """Check and complete the text of a rig file, as `load_rig` does.
+
+    Parameters
+    ----------
+    text : str
+        The rig file's text.
+    path : str or Path
+        What messages call it, and where its relative paths start; it need not exist.
+    overrides : sequence of str
+        As for `load_rig`.
+
+    Raises
+    ------
+    ConfigError
+        Anything is wrong.
+    """
+    path = Path(path)
+    document = open_document(text, str(path), path.parent)
+    apply_overrides(document, overrides)
+    rig: Rig | None = validate(document, Rig)
+    plugins = _check_drivers(document)
+    check_parts(document, take_apart(document, plugins))
+    if document.problems or rig is None:
+        raise ConfigError(document.sentences())
+    return complete_rig(document, rig, plugins, path)
+
+
+def _check_drivers(document: Document) -> dict[str, DriverPlugin | None]:
+    """Find the driver of every bus and check its options; None where that failed."""
+    found: dict[str, DriverPlugin | ConfigError] = {}
+    plugins: dict[str, DriverPlugin | None] = {}
+    buses = document.get(("buses",))
+    for bus, block in buses.items() if isinstance(buses, dict) else ():
+        plugins[bus] = None
+        name = block.get("driver") if isinstance(block, dict) else None
+        if not isinstance(name, str):
+            continue
+        if name not in found:
+            try:
+                found[name] = registry.load_driver(name)
+            except ConfigError as err:
+                found[name] = err
+        plugin = found[name]
+        if isinstance(plugin, ConfigError):
+            document.report(("buses", bus, "driver"), str(plugin))
+            continue
+        plugins[bus] = plugin
+        _check_options(document, plugin, ("buses", bus, "options"))
+    return plugins
+
+
+def _check_options(document: Document, plugin: DriverPlugin, path: KeyPath) -> None:
+    options = document.get(path)
+    if options is None and path[-1] not in document.get(path[:-1]):
+        options = {}
+    if not isinstance(options, dict):
+        return  # the rig's own model has said so
+    for below in _not_finite(options):
+        document.report((*path, *below), "Input should be a finite number")
+    if plugin.options.model_config.get("extra") is None:
+        fields = plugin.options.model_fields
+        known = {*fields, *(field.alias for field in fields.values())}
+        for key in options.keys() - known:
+            document.report((*path, key), unknown_key(key, plugin.options))
+    if document.get(path) is None:
+        _check_defaults(document, plugin, path)
+    else:
+        validate(document, plugin.options, path)
+
+
+def _check_defaults(document: Document, plugin: DriverPlugin, path: KeyPath) -> None:
+    """Check a driver whose `options` are left out: some may be required."""
+    bare = Document(document.name, document.folder, {"options": {}})
+    validate(bare, plugin.options, ("options",))
+    for problem in bare.problems:
+        document.report((*path, *problem.path[1:]), problem.text)
+
+
+def _not_finite(value: Any) -> list[KeyPath]:
+    if isinstance(value, float) and not math.isfinite(value):
+        return [()]
+    items: list[tuple[str | int, Any]] = []
+    if isinstance(value, dict):
+        items = list(value.items())
+    elif isinstance(value, list):
+        items = list(enumerate(value))
+    return [(key, *below) for key, item in items for below in _not_finite(item)]

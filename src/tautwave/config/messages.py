@@ -1,0 +1,137 @@
+"""pydantic's errors as sentences: the key as it was written, the nearest key, what is allowed."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from tautwave.config.document import Document, nearest, show_value
+from tautwave.config.places import Place, locate, tags
+from tautwave.config.yaml12 import KeyPath, read_scalar
+
+_PATTERNS = {
+    r"^[A-Za-z_][A-Za-z0-9_-]*$": "a name has letters, digits, _ and -, and begins with a letter",
+    r"^(master|slave)\.[A-Za-z_][A-Za-z0-9_-]*$": "an axis is named here in full, such as "
+    "master.wrist or slave.wrist",
+}
+
+
+def validate(document: Document, model: type[Any], path: KeyPath = ()) -> Any:
+    """Return the block at `path` as a `model`, or None after noting every mistake in it.
+
+    The values go through JSON, in strict mode: text is text and a number is a number, but lists
+    may fill tuples and names may fill enumerations, also in a third party's model.
+    """
+    try:
+        return model.model_validate_json(json.dumps(document.get(path)), strict=True)
+    except ValidationError as err:
+        _report(document, model, path, err)
+        return None
+
+
+def salvage(model: type[Any], value: Any) -> Any:
+    """Return `value` as a `model`, None if it is wrong; says nothing."""
+    try:
+        return model.model_validate_json(json.dumps(value), strict=True)
+    except ValidationError:
+        return None
+
+
+def _report(document: Document, model: type[Any], base: KeyPath, err: ValidationError) -> None:
+    errors = err.errors(include_url=False)
+    places = [locate(document, model, base, error["loc"]) for error in errors]
+    meant = {
+        (*place.path[:-1], close)
+        for place, error in zip(places, errors, strict=True)
+        if error["type"] == "extra_forbidden"
+        for close in _meant(place)
+    }
+    for place, error in zip(places, errors, strict=True):
+        if error["type"] == "missing" and place.path in meant:
+            continue  # the misspelt key is this one
+        path, text = _sentence(document, place, error)
+        document.report(path, text)
+
+
+def _keys(model: type[BaseModel]) -> list[str]:
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _meant(place: Place) -> list[str]:
+    import difflib
+
+    return (
+        difflib.get_close_matches(str(place.path[-1]), _keys(place.owner), n=1)
+        if place.owner and place.path
+        else []
+    )
+
+
+def unknown_key(word: str, model: type[BaseModel]) -> str:
+    """Return the sentence about a key that `model` does not have."""
+    keys = _keys(model)
+    if not keys:
+        return f"unknown key {word!r}; no keys are allowed here"
+    return f"unknown key {word!r}{nearest(word, keys) or ';'} Allowed: {', '.join(keys)}"
+
+
+def _sentence(document: Document, place: Place, error: Any) -> tuple[KeyPath, str]:
+    kind, context, path = error["type"], error.get("ctx", {}), place.path
+    value = document.get(path)
+    got = f" (got {show_value(value)})"
+    if kind == "extra_forbidden" and place.owner is not None:
+        return path, unknown_key(str(path[-1]), place.owner)
+    if kind == "missing":
+        if path and isinstance(path[-1], int):
+            count = len(document.get(path[:-1]) or ())
+            return path[:-1], f"Input should have {path[-1] + 1} items or more (got {count})"
+        return path, "required key is missing"
+    if kind == "union_tag_not_found":
+        key = context["discriminator"].strip("'")
+        return (*path, key), f"required key is missing; one of {', '.join(tags(place.kind))}"
+    if kind == "union_tag_invalid":
+        key, known = context["discriminator"].strip("'"), tags(place.kind)
+        word = context["tag"]
+        return (
+            *path,
+            key,
+        ), f"unknown {key} {word!r}{nearest(word, known) or ';'} Allowed: {', '.join(known)}"
+    if kind == "literal_error":
+        known = re.findall(r"'([^']*)'", context["expected"])
+        hint = nearest(value, known) if isinstance(value, str) else ""
+        return path, error["msg"] + got + hint
+    if kind == "string_pattern_mismatch" and context["pattern"] in _PATTERNS:
+        return path, f"{_PATTERNS[context['pattern']]} (got {show_value(error['input'])})"
+    if kind in ("too_long", "too_short") and "actual_length" in context:
+        wanted = context.get("max_length", context.get("min_length"))
+        bound = "at most" if kind == "too_long" else "at least"
+        return path, f"Input should have {bound} {wanted} (got {context['actual_length']})"
+    if kind in ("model_type", "dict_type", "model_attributes_type"):
+        return path, f"Input should be a mapping{got}"
+    if kind in ("tuple_type", "list_type", "set_type"):
+        return path, f"Input should be a list{got}"
+    return path, error["msg"] + got + _hint(kind, value)
+
+
+def _hint(kind: str, value: Any) -> str:
+    """Return what to write instead, for the traps of YAML and of units."""
+    if kind == "bool_type" and str(value).lower() in ("yes", "no", "on", "off", "y", "n", "0", "1"):
+        return "; write true or false"
+    if kind not in ("float_type", "int_type") or not isinstance(value, str):
+        return ""
+    if isinstance(read_scalar(value), int | float):
+        return "; leave out the quotes"
+    if re.fullmatch(r"[-+]?\d[\d_]*_[\d_]*(\.[\d_]*)?", value):
+        return "; leave out the underscores"
+    if re.fullmatch(r"[-+]?\d+(:\d+)+(\.\d*)?", value):
+        return "; write one number in the key's unit"
+    if re.fullmatch(r"[-+]?\d+,\d+", value):
+        return "; write a decimal point"
+    if re.fullmatch(r"[-+]?[\d.]+([eE][-+]?\d+)?\s*[A-Za-zµ%/]+\S*", value):
+        return "; numbers are SI and carry no unit"
+    if re.search(r"[-+*/^()]", value) and re.search(r"\d", value):
+        return "; expressions are not evaluated"
+    return ""

@@ -1,0 +1,107 @@
+"""`--set a.b=c`: one value laid over the rig file, read and checked like the file itself."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from tautwave.config.document import Document, show_path, show_value
+from tautwave.config.yaml12 import KeyPath, Mark, Parsed, Problem, SyntaxProblem, parse_yaml
+
+_PART = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([^."'=\s][^.="']*?))\s*(\.|=|$)""")
+
+
+class _Word(NamedTuple):
+    text: str
+    quoted: bool
+
+
+def apply_overrides(document: Document, overrides: Sequence[str]) -> None:
+    """Lay every `a.b=c` over the document, in order; mistakes are noted in the document."""
+    for argument in overrides:
+        mark = Mark(0, argument)
+        try:
+            words, text = _split(argument)
+            parsed = parse_yaml(text, mark)
+            _put(document, words, parsed, argument)
+        except SyntaxProblem as err:
+            document.problems.append(Problem(mark, (), str(err)))
+        except _CannotSet as err:
+            document.problems.append(Problem(mark, (), str(err)))
+
+
+class _CannotSet(Exception):
+    """The key cannot be set; the message says why."""
+
+
+def _split(argument: str) -> tuple[list[_Word], str]:
+    """Split `a."b.c".d=value` into its words and the text of the value."""
+    words: list[_Word] = []
+    at = 0
+    while True:
+        match = _PART.match(argument, at)
+        if match is None or match[4] == "":
+            raise _CannotSet("write it as key=value, with dots between keys, such as rate_hz=500")
+        quoted = match[1] if match[1] is not None else match[2]
+        words.append(_Word(match[3], False) if quoted is None else _Word(quoted, True))
+        at = match.end()
+        if match[4] == "=":
+            return words, argument[at:].strip()
+
+
+def _put(document: Document, words: list[_Word], parsed: Parsed, argument: str) -> None:
+    node: Any = document.value
+    path: KeyPath = ()
+    while True:
+        key, words = _next_key(node, path, words)
+        if isinstance(key, int) and key == len(node):
+            node.append(None)
+        if not words:
+            break
+        path = (*path, key)
+        holder: Any = node
+        below = holder[key] if isinstance(holder, list) else holder.get(key)
+        if below is None:
+            below = holder[key] = {}
+            document.marks[path] = Mark(0, argument, path)
+        if not isinstance(below, dict | list):
+            raise _CannotSet(
+                f"{show_path(path)} is {show_value(below)} and has no keys below it; "
+                f"set {show_path(path)} as a whole, such as {show_path(path)}={{key: value}}"
+            )
+        node = below
+    node[key] = parsed.value
+    _mark(document, (*path, key), parsed, argument)
+
+
+def _next_key(node: Any, path: KeyPath, words: list[_Word]) -> tuple[str | int, list[_Word]]:
+    """Return the key meant by the first words: the longest dotted name that exists."""
+    first = words[0]
+    if isinstance(node, list):
+        if not first.text.isascii() or not first.text.isdigit() or len(first.text) > 6:
+            raise _CannotSet(f"{show_path(path)} is a list; give a number, not {first.text!r}")
+        if int(first.text) > len(node):
+            raise _CannotSet(f"{show_path(path)} has {len(node)} items, counted from 0")
+        return int(first.text), words[1:]
+    if not first.quoted:
+        for count in range(len(words), 1, -1):
+            if any(word.quoted for word in words[:count]):
+                continue
+            name = ".".join(word.text for word in words[:count])
+            new_axis = path == ("simulation", "axes") and count == 2
+            if name in node or (new_axis and first.text in ("master", "slave")):
+                return name, words[count:]
+    return first.text, words[1:]
+
+
+def _mark(document: Document, path: KeyPath, parsed: Parsed, argument: str) -> None:
+    """Replace everything the document knew at and below `path` by the argument's own."""
+    for known in [p for p in document.marks if p[: len(path)] == path]:
+        del document.marks[known]
+    document.spoiled = {p for p in document.spoiled if p[: len(path)] != path}
+    mark = Mark(0, argument, path)
+    document.marks[path] = mark
+    document.marks.update({path + below: mark for below in parsed.marks})
+    document.spoiled |= {path + below for below in parsed.spoiled}
+    document.problems += [Problem(mark, path + p.path, p.text) for p in parsed.problems]

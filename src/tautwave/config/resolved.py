@@ -1,0 +1,63 @@
+"""Write a rig as YAML with every default explicit, so that it loads back to an equal rig."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from tautwave.config.keys.rig import Rig
+from tautwave.config.yaml12 import read_scalar
+
+_PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_./ -]*")
+_ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+
+
+def resolved_yaml(rig: Rig) -> str:
+    """Return the rig as YAML 1.2 text.
+
+    `load_rig` on it gives an equal rig wherever it lies, as long as recorded references stay
+    where they are.
+    """
+    values = rig.model_dump(mode="json")
+    return "\n".join(["# Resolved rig: every default is explicit.", *_lines(values, 0)]) + "\n"
+
+
+def _lines(block: dict[str, Any], depth: int) -> Iterator[str]:
+    for key, value in block.items():
+        start = f"{'  ' * depth}{_text(key)}:"
+        if isinstance(value, dict) and value:
+            yield start
+            yield from _lines(value, depth + 1)
+        else:
+            yield f"{start} {_flow(value)}"
+
+
+def _flow(value: Any) -> str:
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_text(k)}: {_flow(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(_flow(item) for item in value) + "]"
+    return _text(value) if isinstance(value, str) else repr(value)
+
+
+def _text(text: str) -> str:
+    """Return text plain where YAML takes it for text, else in double quotes."""
+    if _PLAIN.fullmatch(text) and not text.endswith(" ") and read_scalar(text) == text:
+        return text
+    return '"' + "".join(_escape(letter) for letter in text) + '"'
+
+
+def _escape(letter: str) -> str:
+    if letter in _ESCAPES:
+        return _ESCAPES[letter]
+    if letter.isprintable() and letter != "\ufeff":
+        return letter
+    code = ord(letter)
+    if code < 0x100:
+        return f"\\x{code:02X}"
+    return f"\\u{code:04X}" if code < 0x10000 else f"\\U{code:08X}"

@@ -1,0 +1,59 @@
+"""JSON Schema of a rig file, for editors: completion, hover texts, and red lines while typing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tautwave import registry
+from tautwave.config.keys.rig import Rig
+from tautwave.errors import ConfigError
+
+
+def rig_schema() -> dict[str, Any]:
+    """Return the JSON Schema (2020-12) of a rig file.
+
+    The options of every installed driver that loads are part of it. What has to agree between
+    keys (`load_rig` checks it) is not.
+    """
+    schema = Rig.model_json_schema()
+    definitions = schema["$defs"]
+    damping = definitions["Axis"]["properties"]["damping"]
+    reference = damping.pop("$ref", None) or damping.pop("allOf")[0]["$ref"]
+    damping["anyOf"] = [{"type": "number", "minimum": 0}, {"$ref": reference}]
+    _add_drivers(definitions)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **schema,
+        "title": "tautwave rig",
+    }
+
+
+def _add_drivers(definitions: dict[str, Any]) -> None:
+    """Tie the options of a bus to its driver."""
+    bus = definitions["Bus"]
+    names = registry.driver_names()
+    bus["properties"]["driver"]["examples"] = names
+    cases = []
+    for name in names:
+        try:
+            plugin = registry.load_driver(name)
+        except ConfigError:
+            continue  # an editor still helps with the other drivers
+        options = plugin.options.model_json_schema(
+            ref_template=f"#/$defs/{name}.{{model}}", by_alias=True
+        )
+        for inner, definition in options.pop("$defs", {}).items():
+            definitions[f"{name}.{inner}"] = definition
+        required = ["options"] if options.get("required") else []
+        definitions[f"{name}.options"] = options
+        cases.append(
+            {
+                "if": {"properties": {"driver": {"const": name}}},
+                "then": {
+                    "properties": {"options": {"$ref": f"#/$defs/{name}.options"}},
+                    "required": required,
+                },
+            }
+        )
+    if cases:
+        bus["allOf"] = cases
