@@ -6,19 +6,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tautwave.report.canvas import INK, SOFT, draw, element_style, label_of, legend, panels
+from tautwave.report.canvas import (
+    INK,
+    draw,
+    element_style,
+    heading,
+    label_of,
+    legend,
+    panels,
+)
 from tautwave.report.envelope import Floats, Trace, peak, trace
 from tautwave.report.rebuild import periods_us
 from tautwave.report.rundir import Run
 from tautwave.report.units import quantity, scale_for
+from tautwave.report.verdicts import CLOSED
 from tautwave.report.views import EnergyView
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-CLOSED = 1e-9  # residual over gross flow up to which the books count as closed
-_FLOOR = 1e-20  # J; where the balance is exactly zero, so that the log axis has something to show
 
 
 def energy_figure(view: EnergyView, pair: str) -> Figure | None:
@@ -33,11 +39,10 @@ def energy_figure(view: EnergyView, pair: str) -> Figure | None:
     }
     for panel, (kind, title) in zip(axes, titles.items(), strict=False):
         _account(panel, view, kind)
-        panel.set_title(title)
+        heading(panel, title)
         legend(panel)
     _balance(axes[3], view)
     axes[3].set_xlabel("time [s]")
-    axes[3].margins(x=0)
     return figure
 
 
@@ -65,18 +70,19 @@ def _account(panel: Axes, view: EnergyView, kind: str) -> None:
 
 
 def _balance(panel: Axes, view: EnergyView) -> None:
+    limit = CLOSED * view.gross_flow
+    bottom = 1e-9 * limit if limit > 0.0 else 1e-20
     panel.set_yscale("log")
     if view.balance is not None:
-        visible = Trace(view.balance.time, np.maximum(view.balance.value, _FLOOR))
-        draw(panel, visible, 1.0, "does not balance", color=INK, linewidth=1.0)
-    limit = CLOSED * view.gross_flow
+        # An exact zero has no place on a log axis; it is drawn at the bottom.
+        visible = Trace(view.balance.time, np.maximum(view.balance.value, 1.5 * bottom))
+        draw(panel, visible, 1.0, "does not balance\n(bottom: exactly 0)", color=INK, linewidth=1.0)
     if limit > 0.0:
         label = "10⁻⁹ of gross flow"
         panel.axhline(limit, color="#CC3311", linewidth=1.2, linestyle="-.", label=label)
-    low = max(_FLOOR, 1e-8 * limit) if limit > 0.0 else _FLOOR
-    panel.set_ylim(bottom=low)
-    panel.set_title("Balance: absorbed − change of stored − dissipated, all elements")
-    panel.set_ylabel("|residual| [J]")
+    panel.set_ylim(bottom=bottom)
+    heading(panel, "Balance: absorbed − change of stored − dissipated, all elements")
+    panel.set_ylabel("residual [J]")
     legend(panel, f"gross flow\n{quantity(view.gross_flow, 'J')}")
 
 
@@ -112,7 +118,7 @@ def _period(panel: Axes, periods: Floats, budget: float) -> None:
         panel.axvline(
             budget, color="#CC3311", linewidth=1.3, linestyle="-.", label="period asked for"
         )
-    panel.set_title("Period, start to start")
+    heading(panel, "Period, start to start")
     panel.set_xlabel("period [µs]")
     panel.set_ylabel("cycles")
     spread = f"least {quantity(low * 1e-6, 's', 5)}\ngreatest {quantity(high * 1e-6, 's', 5)}"
@@ -140,7 +146,7 @@ def _durations(panel: Axes, parts: dict[str, tuple[Floats | None, str]], budget:
     if np.isfinite(budget):
         label = f"budget 1/rate, {quantity(budget * 1e-6, 's')}"
         panel.axvline(budget, color="#CC3311", linewidth=1.3, linestyle="-.", label=label)
-    panel.set_title("Lateness and compute time (bars at 0.1 µs: that or less)")
+    heading(panel, "Lateness and compute time (bars at 0.1 µs: that or less)")
     panel.set_xlabel("duration [µs]")
     panel.set_ylabel("cycles")
     legend(panel)
@@ -173,24 +179,7 @@ def _when(panel: Axes, clock: dict[str, Floats], budget: float) -> None:
     if np.isfinite(budget):
         panel.axhline(budget, color="#CC3311", linewidth=1.0, linestyle="-.", label="budget")
     panel.set_yscale("log")
-    panel.margins(x=0)
-    panel.set_title("When it happened")
+    heading(panel, "When it happened")
     panel.set_xlabel("time [s]")
     panel.set_ylabel("duration [µs]")
     legend(panel)
-
-
-def errors_figure(runs: dict[str, tuple[Trace | None, str]], pair: str, unit: str) -> Figure | None:
-    """Position error of one pair in several runs over each other; label -> (trace, colour)."""
-    if not any(line is not None for line, _ in runs.values()):
-        return None
-    figure, (panel,) = panels((2.3,), f"Position error of {pair}")
-    factor, label = scale_for(peak(*(line for line, _ in runs.values())), unit)
-    for name, (line, colour) in runs.items():
-        draw(panel, line, factor, name, color=colour, linewidth=1.2)
-    panel.axhline(0.0, color=SOFT, linewidth=0.8)
-    panel.set_ylabel(f"master − slave [{label}]")
-    panel.set_xlabel("time [s]")
-    panel.margins(x=0)
-    legend(panel)
-    return figure

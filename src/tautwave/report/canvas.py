@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,12 +39,9 @@ _ELEMENT = {
     "damper": DAMPER,
     "coupler": LINE,
 }
-_RC = {
+_RC: Any = {  # matplotlib's stubs want its own keys, spelled as literals
     "font.family": "DejaVu Sans",
     "font.size": 10.0,
-    "axes.titlesize": 10.5,
-    "axes.titlelocation": "left",
-    "axes.titleweight": "bold",
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.edgecolor": "#555555",
@@ -64,33 +62,44 @@ _RC = {
 WIDTH = 9.8  # inches; 1000 px wide on the page
 
 
-def panels(heights: Sequence[float], title: str, share: bool = True) -> tuple[Figure, list[Axes]]:
+def panels(
+    heights: Sequence[float], title: str, share: bool | Sequence[bool] = True
+) -> tuple[Figure, list[Axes]]:
     """A figure with panels of these heights [inch] above each other, room for legends at the right.
 
     Parameters
     ----------
-    share : True when all panels have the same horizontal axis
+    share : which panels have the first one's horizontal axis; True means all
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    gap, top, bottom = (0.42 if share else 0.78), 0.66, 0.52
-    whole = sum(heights) + gap * (len(heights) - 1) + top + bottom
+    shared = [share] * len(heights) if isinstance(share, bool) else list(share)
+    # Under a panel whose axis is not the next one's stand its own numbers and label.
+    gaps = [0.42 if here and below else 0.78 for here, below in pairwise(shared)]
+    top, bottom = 0.66, 0.52
+    whole = sum(heights) + sum(gaps) + top + bottom
     with matplotlib.rc_context(_RC):
         figure = Figure(figsize=(WIDTH, whole), facecolor="white")
         FigureCanvasAgg(figure)
         axes: list[Axes] = []
         edge = whole - top
-        for height in heights:
-            box = (0.085, (edge - height) / whole, 0.70, height / whole)
-            axes.append(figure.add_axes(box, sharex=axes[0] if share and axes else None))
-            edge -= height + gap
-        if share:
-            for above in axes[:-1]:
-                above.tick_params(labelbottom=False)
+        for at, height in enumerate(heights):
+            box = (0.085, (edge - height) / whole, 0.72, height / whole)
+            panel = figure.add_axes(box, sharex=axes[0] if shared[at] and axes else None)
+            panel.margins(x=0)
+            axes.append(panel)
+            if at < len(gaps):
+                edge -= height + gaps[at]
+                panel.tick_params(labelbottom=gaps[at] > 0.5)
         figure.text(0.085, 1.0 - 0.2 / whole, title, weight="bold", size=12.5, va="top")
     return figure, axes
+
+
+def heading(axes: Axes, text: str) -> None:
+    """The title of one panel, at its left end."""
+    axes.set_title(text, loc="left", fontsize=10.0, color="#333333")
 
 
 def draw(axes: Axes, line: Trace | None, factor: float, label: str, **style: Any) -> None:
@@ -170,6 +179,9 @@ def png(figure: Figure, dpi: float = 115.0) -> bytes:
         canvas.draw()
     picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3].copy())
     small = picture.quantize(colors=128, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    # The page is white, and a box of almost white around each figure is seen.
+    colours = [255 if shade >= 250 else shade for shade in small.getpalette() or []]
+    small.putpalette(colours)
     out = io.BytesIO()
     small.save(out, format="PNG", compress_level=7)
     return out.getvalue()

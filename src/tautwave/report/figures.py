@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tautwave.report.canvas import (
     INK,
@@ -12,11 +12,12 @@ from tautwave.report.canvas import (
     SOFT,
     WALL,
     draw,
+    heading,
     legend,
     panels,
     shade,
 )
-from tautwave.report.envelope import peak
+from tautwave.report.envelope import Trace, peak
 from tautwave.report.units import quantity, scale_for
 from tautwave.report.views import PairView
 
@@ -49,7 +50,7 @@ def tracking_figure(view: PairView) -> Figure | None:
     draw(above, shown[2], factor, "hand's reference", color=SOFT, linestyle=":", linewidth=1.6)
     draw(above, shown[0], factor, "master", color=MASTER)
     draw(above, shown[1], factor, "slave", color=SLAVE, linestyle=(0, (5, 1.5)))
-    above.set_title("Position, slave in the master's units")
+    heading(above, "Position, slave in the master's units")
     above.set_ylabel(f"position [{label}]")
     legend(above)
     error, expected = lines.get("error"), lines.get("expected")
@@ -57,10 +58,10 @@ def tracking_figure(view: PairView) -> Figure | None:
     _shade(below, view, "")
     draw(below, expected, factor, "steady state, F τ / b", color=SOFT, linestyle=":", linewidth=1.6)
     draw(below, error, factor, "master − slave", color=INK, linewidth=1.2)
-    below.set_title("Position error")
+    heading(below, "Position error")
     below.set_ylabel(f"error [{label}]")
     below.axhline(0.0, color="#999999", linewidth=0.8)
-    _finish_time(below)
+    below.set_xlabel("time [s]")
     legend(below)
     return figure
 
@@ -78,18 +79,18 @@ def effort_figure(view: PairView) -> Figure | None:
     _shade(axes[0], view)
     draw(axes[0], felt, factor, "master: felt by hand", color=MASTER)
     draw(axes[0], given, factor, "slave: pushes with", color=SLAVE, linestyle=(0, (5, 1.5)))
-    axes[0].set_title("Transmitted by the coupling, in the master's units")
+    heading(axes[0], "Transmitted by the coupling, in the master's units")
     axes[0].set_ylabel(f"effort [{label}]")
     legend(axes[0])
     for panel, side in zip(axes[1:], sides, strict=True):
         _acting(panel, view, side)
-    _finish_time(axes[-1])
+    axes[-1].set_xlabel("time [s]")
     return figure
 
 
 def _acting(panel: Axes, view: PairView, side: str) -> None:
     lines = view.lines
-    names = {
+    names: dict[str, tuple[str, dict[str, Any]]] = {
         "commanded": ("commanded in all", {"color": "#AAAAAA", "linewidth": 2.6}),
         "port_effort": ("coupling port", {"color": SIDE[side]}),
         "wall_effort": ("virtual wall", {"color": WALL}),
@@ -115,33 +116,40 @@ def _acting(panel: Axes, view: PairView, side: str) -> None:
                 linestyle="-.",
                 label="effort limit" if at > 0 else "",
             )
-    panel.set_title(f"Acting on the {side} device, positive along its position")
+    heading(panel, f"Acting on the {side} device, positive along its position")
     panel.set_ylabel(f"effort [{label}]")
     legend(panel)
 
 
 def wave_figure(view: PairView) -> Figure | None:
-    """Waves leaving and arriving; the line shows as the shift between them."""
+    """Waves leaving and arriving, and both ways enlarged, where the line shows as a shift."""
     lines = view.lines
     if "master.wave_out" not in lines and "slave.wave_out" not in lines:
         return None
-    figure, axes = panels((1.9, 1.9), f"Waves of {view.name}")
+    figure, axes = panels((1.8, 1.8), f"Waves of {view.name}")
+    enlarged = view.zoom.get("master.wave_out")
+    if enlarged is not None and view.delay_s > 0.0:
+        figure, axes = panels((1.8, 1.8, 1.8), f"Waves of {view.name}", (True, True, False))
+        for source, sink in (("master", "slave"), ("slave", "master")):
+            _way(axes[2], view.zoom, source, sink)
+        heading(axes[2], f"Both ways, enlarged at {enlarged.time[0]:.2f} s")
+        axes[2].set_xlabel("time [s]")
+        legend(axes[2])
     for panel, source, sink in ((axes[0], "master", "slave"), (axes[1], "slave", "master")):
         _shade(panel, view, "" if panel is axes[1] else None)
-        draw(panel, lines.get(f"{source}.wave_out"), 1.0, f"leaves {source}", color=SIDE[source])
-        draw(
-            panel,
-            lines.get(f"{sink}.wave_in"),
-            1.0,
-            f"arrives at {sink}",
-            color=SIDE[sink],
-            linestyle=(0, (5, 1.5)),
-        )
-        panel.set_title(f"From {source} to {sink}")
-        panel.set_ylabel("wave [√W]")
+        _way(panel, lines, source, sink)
+        heading(panel, f"From {source} to {sink}")
         legend(panel, f"one-way delay\n{quantity(view.delay_s, 's')}" if panel is axes[0] else "")
-    _finish_time(axes[-1])
+    axes[1].set_xlabel("time [s]")
     return figure
+
+
+def _way(panel: Axes, lines: dict[str, Trace], source: str, sink: str) -> None:
+    out, arrived = lines.get(f"{source}.wave_out"), lines.get(f"{sink}.wave_in")
+    draw(panel, out, 1.0, f"leaves {source}", color=SIDE[source])
+    style = (0, (5, 1.5))
+    draw(panel, arrived, 1.0, f"arrives at {sink}", color=SIDE[sink], linestyle=style)
+    panel.set_ylabel("wave [√W]")
 
 
 def contact_figure(view: PairView) -> Figure | None:
@@ -161,11 +169,10 @@ def contact_figure(view: PairView) -> Figure | None:
     for colour, contact, (depth, force) in zip(
         shades, _strongest(view, cause), loops, strict=False
     ):
-        loop.plot(
-            down * depth, up * force, color=colour, linewidth=1.2, label=f"{contact:.2f} s"
-        )
+        loop.plot(down * depth, up * force, color=colour, linewidth=1.2, label=f"{contact:.2f} s")
     known = any(c.peak_depth == c.peak_depth for c in view.contacts[cause])
-    loop.set_title("Force against depth, hardest contacts (a loop is energy lost)")
+    heading(loop, "Force against depth, hardest contacts (a loop is energy lost)")
+    loop.margins(x=0.02)
     loop.set_xlabel(f"{'depth in the surface' if known else f'{side} position'} [{down_unit}]")
     loop.set_ylabel(f"force on the wall [{up_unit}]")
     legend(loop, "contact from")
@@ -179,14 +186,14 @@ def contact_figure(view: PairView) -> Figure | None:
     scaled = view.units["master"][1] == effort
     if scaled:
         draw(time, zoom.get("master.port_effort"), -up, "felt at master", color=MASTER)
-    time.set_title(
+    heading(
+        time,
         f"The hardest contact in time; the hand feels it {quantity(view.delay_s, 's')} later"
         if view.delay_s > 0.0
-        else "The hardest contact in time"
+        else "The hardest contact in time",
     )
     time.set_ylabel(f"effort [{up_unit}]")
     time.set_xlabel("time [s]")
-    time.margins(x=0)
     legend(time)
     return figure
 
@@ -200,8 +207,3 @@ def _shade(panel: Axes, view: PairView, label: str | None = None) -> None:
     if view.cause:
         text = _CONTACT[view.cause] if label is None else label
         shade(panel, view.contacts[view.cause], text or "_")
-
-
-def _finish_time(panel: Axes) -> None:
-    panel.set_xlabel("time [s]")
-    panel.margins(x=0)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tautwave.report.envelope import Floats
-from tautwave.report.rundir import Run, kind_of
+from tautwave.report.rundir import SIDES, Run, kind_of
 
 _PERCENTILES = (("p50", 50.0), ("p99", 99.0), ("p999", 99.9))
 
@@ -79,24 +79,43 @@ def periods_us(clock: dict[str, Floats], rate_hz: float) -> Floats:
     return 1e6 * np.diff(start)
 
 
-def residual(run: Run, pair: str) -> tuple[Floats, float]:
-    """Sum over the elements of absorbed - change of stored - dissipated [J], and the gross flow.
+def element_books(run: Run, pair: str, element: str) -> tuple[Floats, Floats, Floats] | None:
+    """Absorbed, stored and dissipated [J] of one element, or None when not all were recorded."""
+    names = [f"{pair}.{element}.{kind}" for kind in ("absorbed", "stored", "dissipated")]
+    books = run.read(*names)
+    if len(books) < 3:
+        return None
+    return books[names[0]], books[names[1]], books[names[2]]
 
-    One element at a time, so that an hour of recording stays small in memory.
+
+class Balance:
+    """Sum of what entered a pair's elements less what they stored and dissipated [J].
+
+    Give it one element at a time, so that an hour of recording stays small in memory. What
+    entered is what the motors took out of the devices (`port_energy`) where that is recorded:
+    then a loss between elements shows, too; else it is what the elements say they absorbed.
     """
-    total = np.zeros(run.rows)
-    gross = 0.0
-    for element in run.elements(pair):
-        stem = f"{pair}.{element}."
-        books = run.read(stem + "absorbed", stem + "stored", stem + "dissipated")
-        if len(books) < 3:
-            continue
-        absorbed = books[stem + "absorbed"]
-        total += absorbed - absorbed[0]
-        total -= books[stem + "stored"] - books[stem + "stored"][0]
-        total -= books[stem + "dissipated"] - books[stem + "dissipated"][0]
-        gross += float(np.nansum(np.abs(np.diff(absorbed))))
-    return total, gross
+
+    def __init__(self, run: Run, pair: str) -> None:
+        self.total = np.zeros(run.rows)
+        self.gross_flow = 0.0
+        ports = [f"{side}.{pair}.port_energy" for side in SIDES]
+        self.by_ports = all(port in run.columns for port in ports)
+        if self.by_ports:
+            for _, entered in run.each(ports):
+                self.total += entered - entered[0]
+            for _, flow in run.each(f"{side}.{pair}.gross_flow" for side in SIDES):
+                self.gross_flow += float(flow[-1])
+        self._by_flow = self.gross_flow > 0.0
+
+    def add(self, absorbed: Floats, stored: Floats, dissipated: Floats) -> None:
+        """Book one element."""
+        if not self.by_ports:
+            self.total += absorbed - absorbed[0]
+        self.total -= stored - stored[0]
+        self.total -= dissipated - dissipated[0]
+        if not self._by_flow:
+            self.gross_flow += float(np.nansum(np.abs(np.diff(absorbed))))
 
 
 def _pair(run: Run, pair: str) -> dict[str, Any]:
@@ -109,27 +128,25 @@ def _pair(run: Run, pair: str) -> dict[str, Any]:
                 "rms": float(np.sqrt(np.mean(known**2))),
                 "max": float(np.abs(known).max()),
             }
+    balance = Balance(run, pair)
     for element in run.elements(pair):
-        stem = f"{pair}.{element}."
-        books = run.read(stem + "absorbed", stem + "stored", stem + "dissipated")
-        if len(books) < 3:
+        books = element_books(run, pair, element)
+        if books is None:
             continue
-        absorbed = books[stem + "absorbed"]
+        balance.add(*books)
+        absorbed, stored, dissipated = books
         told["elements"][element] = {
             "absorbed": float(absorbed[-1]),
-            "stored": float(books[stem + "stored"][-1]),
-            "dissipated": float(books[stem + "dissipated"][-1]),
+            "stored": float(stored[-1]),
+            "dissipated": float(dissipated[-1]),
             "generated": max(0.0, -float(np.nanmin(absorbed))),
         }
-    balance, gross = residual(run, pair)
-    told["_books"] = (gross, float(np.nanmax(np.abs(balance))) if run.rows else 0.0)
+    told["_books"] = (balance.gross_flow, float(np.nanmax(np.abs(balance.total))))
     return told
 
 
 def _axes(run: Run) -> dict[str, Any]:
     lost: dict[str, Any] = {}
-    for column in run.columns:
-        if column.endswith(".valid"):
-            valid = run.read(column)[column]
-            lost[column.removesuffix(".valid")] = {"lost": int(np.sum(valid == 0.0))}
+    for column, valid in run.each(c for c in run.columns if c.endswith(".valid")):
+        lost[column.removesuffix(".valid")] = {"lost": int(np.sum(valid == 0.0))}
     return lost

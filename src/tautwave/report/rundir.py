@@ -4,39 +4,33 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import yaml
 
 from tautwave.errors import RecordingError
 from tautwave.report.envelope import Floats
 
-WHOLE_CELLS = 12_000_000  # up to about 100 MB a recording is held in memory, above it is read by columns
+if TYPE_CHECKING:
+    from tautwave.report.recording import Recording
+
+WHOLE_CELLS = (
+    12_000_000  # up to about 100 MB a recording is held in memory, above it is read by columns
+)
+AT_ONCE = 5  # columns of a long recording held together: 150 MB of an hour at 1 kHz
 SIDES = ("master", "slave")
-
-
-class Recorded(Protocol):
-    """What the report needs of `tautwave.report.recording.Recording`."""
-
-    @property
-    def columns(self) -> tuple[str, ...]: ...
-
-    @property
-    def truncated(self) -> bool: ...
-
-    @property
-    def metadata(self) -> Mapping[str, Any]: ...
-
-    def __getitem__(self, column: str) -> Floats: ...
 
 
 @dataclass
 class Run:
-    """One finished, broken or half recovered run. Times in s, everything else SI."""
+    """One finished, broken or half recovered run. Times in s, everything else SI.
+
+    `whole` is the recording in memory, None where it is too long and read by columns instead;
+    `time` is its time column.
+    """
 
     directory: Path
     rig: dict[str, Any]
@@ -47,17 +41,28 @@ class Run:
     truncated: bool = False
     metadata: Mapping[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-    _whole: Recorded | None = None
+    whole: Recording | None = None
+    time: Floats | None = None
 
-    def read(self, *names: str) -> dict[str, Floats]:
+    def read(self, *names: str, rows: slice = slice(None)) -> dict[str, Floats]:
         """Full columns by name; names that were not recorded are left out of the answer."""
         present = tuple(dict.fromkeys(name for name in names if name in self.columns))
         if not present:
             return {}
-        source = self._whole
-        if source is None:
-            source = _read(self.directory / "recording.mcap", present)
-        return {name: np.asarray(source[name], dtype=np.float64) for name in present}
+        if self.whole is not None:
+            return {name: self.whole[name][rows] for name in present}
+        if present == ("time_s",) and self.time is not None:
+            return {"time_s": self.time[rows]}
+        from tautwave.report.recording import read_recording
+
+        part = read_recording(self.directory / "recording.mcap", present, rows=rows)
+        return {name: part[name] for name in present}
+
+    def each(self, names: Iterable[str]) -> Iterator[tuple[str, Floats]]:
+        """Columns one after the other, a few for each pass over a long recording."""
+        wanted = list(names)
+        for at in range(0, len(wanted), AT_ONCE):
+            yield from self.read(*wanted[at : at + AT_ONCE]).items()
 
     @property
     def name(self) -> str:
@@ -111,7 +116,7 @@ def load_run(directory: Path) -> Run:
         There is neither a summary nor a readable recording.
     """
     notes: list[str] = []
-    rig_text = _text(directory / "rig.yaml", notes)
+    rig_text = _text(directory / "rig.yaml")
     summary = _summary(directory / "summary.json", notes)
     run = Run(directory, _rig(rig_text, notes), rig_text, summary, notes=notes)
     path = directory / "recording.mcap"
@@ -124,6 +129,8 @@ def load_run(directory: Path) -> Run:
                 f"recording.mcap ({error})"
             ) from error
         notes.append(f"There are no figures, because the recording cannot be read: {error}.")
+    if not run.rig_text:
+        notes.append("rig.yaml is missing: axes count as linear where the summary says nothing.")
     if run.truncated:
         notes.append(
             "The recording is cut short: its writer was stopped before it closed the file. "
@@ -141,35 +148,39 @@ def load_run(directory: Path) -> Run:
     return run
 
 
-def _read(path: Path, names: tuple[str, ...]) -> Recorded:
+def _attach(run: Run, path: Path) -> None:
     from tautwave.report.recording import read_recording
 
-    return cast(Recorded, read_recording(path, columns=names))
-
-
-def _attach(run: Run, path: Path) -> None:
     if not path.is_file():
         raise RecordingError(f"{path.name} is missing")
-    head = _read(path, ("time_s",))
-    run.columns = _all_columns(path)
-    run.rows = len(head["time_s"])
-    run.truncated = bool(head.truncated)
-    run.metadata = head.metadata
+    found = read_recording(path, rows=slice(0, 1))
+    run.columns, run.metadata = found.columns, found.metadata
+    if "time_s" not in run.columns:
+        raise RecordingError(f"{path.name} has no column time_s")
+    clock = read_recording(path, ("time_s",))
+    run.rows, run.truncated = len(clock), clock.truncated
+    run.time = clock["time_s"].copy()
     if run.rows * len(run.columns) <= WHOLE_CELLS:
-        run._whole = _read(path, run.columns)
+        run.whole = read_recording(path)
+    if clock.damaged_chunks:
+        run.notes.append(
+            f"{clock.damaged_chunks} chunks of the recording are damaged and left out."
+        )
+    if clock.missing_rows > 0:
+        run.notes.append(
+            f"{clock.missing_rows} cycles between the first and the last row are not in the "
+            "recording; figures draw straight lines across them."
+        )
+    if not run.rig_text and "rig.yaml" in found.attachments:
+        run.rig_text = found.attachments["rig.yaml"].decode("utf-8", errors="replace")
+        run.rig = _rig(run.rig_text, run.notes)
+        run.notes.append("rig.yaml is missing; the copy inside the recording was used.")
 
 
-def _all_columns(path: Path) -> tuple[str, ...]:
-    from tautwave.report.recording import read_recording
-
-    return tuple(read_recording(path, stride=1 << 62).columns)
-
-
-def _text(path: Path, notes: list[str]) -> str:
+def _text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        notes.append(f"{path.name} cannot be read ({error.strerror}); units are those of N and m.")
+    except OSError:
         return ""
 
 

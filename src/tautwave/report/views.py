@@ -5,7 +5,6 @@ Nothing here draws, and no full column outlives its reduction, so an hour of row
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,10 +12,12 @@ import numpy as np
 
 from tautwave.report.contacts import Contact, find_contacts
 from tautwave.report.envelope import Floats, Trace, trace
-from tautwave.report.rebuild import residual
+from tautwave.report.rebuild import Balance, element_books
 from tautwave.report.rundir import SIDES, Run, axis_kind, block, pair_settings
 from tautwave.report.units import axis_units, number
 
+RESISTING = ("port_effort", "wall_effort")
+"""Columns of resisting efforts, positive against the position; figures show them along it."""
 ACCOUNTS = ("absorbed", "stored", "dissipated")
 
 
@@ -84,9 +85,8 @@ def view_pair(run: Run, pair: str) -> PairView:
     time = run.read("time_s")["time_s"]
     _positions(run, view, settings, time)
     _efforts(run, view, settings, time)
-    for side in SIDES:
-        for way in ("wave_in", "wave_out"):
-            _keep(run, view, time, f"{side}.{way}", f"{side}.{pair}.{way}")
+    waves = [(side, way) for side in SIDES for way in ("wave_in", "wave_out")]
+    _keep(run, view, time, {f"{side}.{pair}.{way}": f"{side}.{way}" for side, way in waves})
     _touch(run, view, settings, time)
     return view
 
@@ -98,24 +98,29 @@ def view_energy(run: Run, pair: str) -> EnergyView:
     if run.rows == 0 or "time_s" not in run.columns:
         return view
     time = run.read("time_s")["time_s"]
+    balance = Balance(run, pair)
     for element in run.elements(pair):
-        for kind in ACCOUNTS:
-            column = f"{pair}.{element}.{kind}"
-            found = run.read(column).get(column)
-            if found is not None:
-                account[kind][element] = trace(time, found)
-        if element in account["absorbed"]:
-            view.elements.append(element)
+        books = element_books(run, pair, element)
+        if books is None:
+            continue
+        balance.add(*books)
+        for kind, values in zip(ACCOUNTS, books, strict=True):
+            account[kind][element] = trace(time, values)
+        view.elements.append(element)
     if view.elements:
-        balance, view.gross_flow = residual(run, pair)
-        view.balance = trace(time, np.abs(balance))
+        view.gross_flow = balance.gross_flow
+        view.balance = trace(time, np.abs(balance.total))
     return view
 
 
-def _keep(run: Run, view: PairView, time: Floats, name: str, column: str) -> None:
-    found = run.read(column).get(column)
-    if found is not None and np.isfinite(found).any():
-        view.lines[name] = trace(time, found)
+def _keep(run: Run, view: PairView, time: Floats, columns: dict[str, str]) -> None:
+    """Keep traces of `columns` (by column, the trace's name); efforts become acting ones."""
+    for column, values in run.each(columns):
+        if np.isfinite(values).any():
+            line = trace(time, values)
+            if column.endswith(RESISTING):
+                line = Trace(line.time, -line.value)
+            view.lines[columns[column]] = line
 
 
 def _positions(run: Run, view: PairView, settings: dict[str, Any], time: Floats) -> None:
@@ -137,24 +142,20 @@ def _positions(run: Run, view: PairView, settings: dict[str, Any], time: Floats)
         shift = read[master][0] - mapped[0] if master in read else 0.0
         view.lines["slave.position"] = trace(time, mapped + shift)
     del read
-    _keep(run, view, time, "reference", f"true.master.{pair}.reference")
-    if view.wave_impedance and view.delay_s > 0.0:
-        force = run.read(f"master.{pair}.port_effort").get(f"master.{pair}.port_effort")
-        if force is not None:
-            view.lines["expected"] = trace(time, -force * view.delay_s / view.wave_impedance)
+    _keep(run, view, time, {f"true.master.{pair}.reference": "reference"})
 
 
 def _efforts(run: Run, view: PairView, settings: dict[str, Any], time: Floats) -> None:
     pair = view.name
+    columns: dict[str, str] = {}
     for side in SIDES:
-        axis = f"{side}.{pair}"
-        for name in ("port_effort", "wall_effort", "measured_effort"):
-            _keep(run, view, time, f"{side}.{name}", f"{axis}.{name}")
-        causality = block(run.rig, side, "axes", pair).get("causality", "impedance")
-        if causality == "impedance":
-            _keep(run, view, time, f"{side}.commanded", f"{axis}.commanded")
+        names = ["port_effort", "wall_effort", "measured_effort"]
+        if block(run.rig, side, "axes", pair).get("causality", "impedance") == "impedance":
+            names.append("commanded")
+        columns |= {f"{side}.{pair}.{name}": f"{side}.{name}" for name in names}
         for name in ("hand_effort", "environment_effort"):
-            _keep(run, view, time, f"{side}.{name}", f"true.{axis}.{name}")
+            columns[f"true.{side}.{pair}.{name}"] = f"{side}.{name}"
+    _keep(run, view, time, columns)
     scale = number(settings.get("position_scale")) or 1.0
     force_scale = number(settings.get("force_scale")) or 1.0 / scale
     sign = number(settings.get("sign")) or 1.0
@@ -162,6 +163,10 @@ def _efforts(run: Run, view: PairView, settings: dict[str, Any], time: Floats) -
         line = view.lines.get(f"{side}.port_effort")
         if line is not None:
             view.lines[f"{side}.transmitted"] = Trace(line.time, factor * line.value)
+    felt = view.lines.get("master.transmitted")
+    if felt is not None and view.wave_impedance and view.delay_s > 0.0:
+        offset = felt.value * (view.delay_s / view.wave_impedance)
+        view.lines["expected"] = Trace(felt.time, offset)
 
 
 def _touch(run: Run, view: PairView, settings: dict[str, Any], time: Floats) -> None:
@@ -174,8 +179,7 @@ def _touch(run: Run, view: PairView, settings: dict[str, Any], time: Floats) -> 
         column = f"{side}.{pair}.wall_effort"
         wall = block(settings, f"wall_{side}")
         _touch_one(run, view, time, f"wall_{side}", column, side, wall)
-    if view.cause:
-        _zoom(run, view, time, view.contacts[view.cause])
+    _zoom(run, view, time)
 
 
 def _touch_one(
@@ -187,6 +191,8 @@ def _touch_one(
         return
     read = run.read(column, place)
     effort, position = read[column], read.get(place)
+    if column.endswith(RESISTING):
+        effort = -effort
     edge = number(wall.get("position"))
     below = wall.get("side") in ("below", -1, "-1")
     depth = None
@@ -205,20 +211,27 @@ def _touch_one(
         view.phase[cause].append((loop.time.copy(), (loop.value if below else -loop.value).copy()))
 
 
-def _zoom(run: Run, view: PairView, time: Floats, found: list[Contact]) -> None:
-    strongest = max(found, key=lambda c: c.peak_effort)
-    before = max(0.03, 1.5 * view.delay_s)
-    after = max(0.25, 6.0 * view.delay_s)
-    low, high = strongest.start_s - before, strongest.start_s + after
+def _zoom(run: Run, view: PairView, time: Floats) -> None:
+    """Keep a short window around the hardest contact, or else the greatest wave, undecimated."""
+    if view.cause:
+        centre = max(view.contacts[view.cause], key=lambda c: c.peak_effort).start_s
+    elif "master.wave_out" in view.lines:
+        line = view.lines["master.wave_out"]
+        centre = float(line.time[int(np.nanargmax(np.abs(line.value)))])
+    else:
+        return
+    low, high = centre - max(0.03, 1.5 * view.delay_s), centre + max(0.25, 6.0 * view.delay_s)
     first, last = np.searchsorted(time, (low, high)).tolist()
-    for name, line in (
-        ("environment", f"true.slave.{view.name}.environment_effort"),
-        ("slave.port_effort", f"slave.{view.name}.port_effort"),
-        ("slave.wall_effort", f"slave.{view.name}.wall_effort"),
-        ("master.port_effort", f"master.{view.name}.port_effort"),
-        ("master.wall_effort", f"master.{view.name}.wall_effort"),
-    ):
-        full = run.read(line).get(line)
-        if full is not None and math.isfinite(float(np.nanmax(np.abs(full[first:last]), initial=0))):
-            window = trace(time[first:last], full[first:last])
-            view.zoom[name] = Trace(window.time.copy(), window.value.copy())
+    if last - first < 2:
+        return
+    columns = {"environment": f"true.slave.{view.name}.environment_effort"}
+    for side in SIDES:
+        for name in ("port_effort", "wall_effort", "wave_in", "wave_out"):
+            columns[f"{side}.{name}"] = f"{side}.{view.name}.{name}"
+    window = slice(first, last)
+    read = run.read(*columns.values(), rows=window)
+    for name, column in columns.items():
+        if column in read:
+            line = trace(time[window], read[column])
+            sense = -1.0 if column.endswith(RESISTING) else 1.0
+            view.zoom[name] = Trace(line.time.copy(), sense * line.value)

@@ -1,0 +1,223 @@
+"""Two runs on one page: verdicts side by side, what differs, and their lines over each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from tautwave.report.html import badge, banner, page, picture, table, verdict_rows
+from tautwave.report.page import write_whole
+from tautwave.report.rundir import Run, block, load_run
+from tautwave.report.tables import Table
+from tautwave.report.units import count, microseconds, number, quantity, significant
+from tautwave.report.verdicts import outcome, units_of, verdicts
+
+Show = Callable[[Any], str]
+Line = tuple[str, Show, tuple[str, ...]]
+_NOT_COMPARED = ("started_utc", "command", "left_out", "realtime")
+
+
+def compare_reports(a: Path, b: Path, out: Path) -> Path:
+    """Write a page that compares the runs in `a` and `b`.
+
+    Parameters
+    ----------
+    out : the page itself if its name ends in .html, else a directory to hold `compare.html`
+
+    Raises
+    ------
+    RecordingError
+        One of them holds neither a summary nor a readable recording.
+    """
+    runs = (load_run(Path(a)), load_run(Path(b)))
+    target = Path(out)
+    if target.suffix != ".html":
+        target = target / "compare.html"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    labels = _labels(runs)
+    title = f"{labels[0]} against {labels[1]} – tautwave"
+    write_whole(target, page(title, _body(runs, labels, target.parent)))
+    return target
+
+
+def _labels(runs: tuple[Run, Run]) -> tuple[str, str]:
+    names = [run.directory.resolve().name for run in runs]
+    if names[0] == names[1]:
+        return f"A: {names[0]}", f"B: {names[1]}"
+    return names[0], names[1]
+
+
+def _body(runs: tuple[Run, Run], labels: tuple[str, str], folder: Path) -> Iterator[str]:
+    yield f"<h1>{escape(labels[0])} against {escape(labels[1])}</h1>"
+    yield '<div class="sides">'
+    for run, label in zip(runs, labels, strict=True):
+        ended = outcome(run)
+        yield f'<div><h3>{escape(label)}</h3><div class="top"><b>{escape(run.name)}</b>'
+        yield f"{badge(ended)}</div>"
+        yield "".join(f"<p>{escape(sentence)}</p>" for sentence in ended.sentences)
+        if run.notes:
+            yield banner("This run is incomplete", run.notes, "note")
+        yield verdict_rows(verdicts(run)) + "</div>"
+    yield "</div>"
+    yield "<h2>What differs in the rig</h2>"
+    changed = _changes(runs[0].rig, runs[1].rig)
+    yield table(Table("", ("key", *labels), changed), "text") or (
+        "<p>Nothing: both runs had the same resolved rig.</p>"
+    )
+    shared = [pair for pair in runs[0].pairs if pair in runs[1].pairs]
+    for pair in shared:
+        yield f"<h2>Pair {escape(pair)}</h2>"
+        yield table(_table(runs, labels, "Tracking", _tracking(runs[0], pair)))
+        yield from _pictures(runs, labels, pair, folder)
+        yield table(_table(runs, labels, "Energy of each element", _energies(runs, pair)))
+    for run, label in zip(runs, labels, strict=True):
+        alone = [pair for pair in run.pairs if pair not in shared]
+        if alone:
+            yield f'<p class="note">Only in {escape(label)}: {escape(", ".join(alone))}.</p>'
+    yield "<h2>Books and timing</h2>"
+    yield table(_table(runs, labels, "Books", _books()))
+    yield table(_table(runs, labels, "Timing", _times()))
+    from tautwave.report.canvas import png
+    from tautwave.report.compare_figures import timing_overlay
+
+    figure = timing_overlay(runs, labels)
+    if figure is not None:
+        yield _keep(folder, "compare-timing.png", png(figure), "histograms of both runs")
+    yield "<h2>Every difference of the summaries</h2>"
+    rows = _changes(_plain(runs[0].summary), _plain(runs[1].summary))
+    yield table(Table("", ("key", *labels), rows), "text") or "<p>None.</p>"
+
+
+def _pictures(
+    runs: tuple[Run, Run], labels: tuple[str, str], pair: str, folder: Path
+) -> Iterator[str]:
+    from tautwave.report.canvas import png
+    from tautwave.report.compare_figures import Overlay, column_of, energy_of, overlay_figure
+
+    position, effort = units_of(runs[0], pair)
+
+    def both(column: str) -> Any:
+        return column_of(runs[0], column), column_of(runs[1], column)
+
+    def energies(which: int) -> Any:
+        return energy_of(runs[0], pair, which), energy_of(runs[1], pair, which)
+
+    shown = [
+        Overlay("Position of the master", position, both(f"master.{pair}.position")),
+        Overlay("Position error, master − slave", position, both(f"{pair}.position_error")),
+        Overlay(
+            "Effort error, what both ports do not cancel", effort, both(f"{pair}.effort_error")
+        ),
+    ]
+    stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in pair)
+    figure = overlay_figure(f"Tracking of {pair}", shown, labels)
+    if figure is not None:
+        yield _keep(folder, f"compare-{stem}-tracking.png", png(figure), f"tracking of {pair}")
+    shown = [
+        Overlay("Stored in all elements", "J", energies(1)),
+        Overlay("Dissipated in all elements since the start", "J", energies(2)),
+    ]
+    figure = overlay_figure(f"Energy of {pair}", shown, labels)
+    if figure is not None:
+        yield _keep(folder, f"compare-{stem}-energy.png", png(figure), f"energy of {pair}")
+
+
+def _keep(folder: Path, name: str, png: bytes, alt: str) -> str:
+    (folder / name).write_bytes(png)
+    return picture(png, alt)
+
+
+def _tracking(run: Run, pair: str) -> list[Line]:
+    position, effort = units_of(run, pair)
+
+    def in_position(value: Any) -> str:
+        return quantity(value, position)
+
+    def in_effort(value: Any) -> str:
+        return quantity(value, effort)
+
+    return [
+        ("position error, rms", in_position, ("pairs", pair, "position_error", "rms")),
+        ("position error, max", in_position, ("pairs", pair, "position_error", "max")),
+        ("offset F τ / b", in_position, ("pairs", pair, "expected_offset")),
+        ("effort error, rms", in_effort, ("pairs", pair, "effort_error", "rms")),
+        ("effort error, max", in_effort, ("pairs", pair, "effort_error", "max")),
+    ]
+
+
+def _joule(value: Any) -> str:
+    return quantity(value, "J")
+
+
+def _energies(runs: tuple[Run, Run], pair: str) -> list[Line]:
+    elements = dict.fromkeys([*runs[0].elements(pair), *runs[1].elements(pair)])
+    kinds = ("absorbed", "stored", "dissipated", "generated")
+    return [
+        (f"{element.replace('_', ' ')}, {kind}", _joule, ("pairs", pair, "elements", element, kind))
+        for element in elements
+        for kind in kinds
+    ]
+
+
+def _books() -> list[Line]:
+    keys = ("gross_flow", "residual", "generated", "sensing_gap", "plant_residual")
+    return [(key.replace("_", " "), _joule, ("energy_j", key)) for key in keys]
+
+
+def _times() -> list[Line]:
+    lines: list[Line] = [
+        (key.replace("_", " "), count, (key,)) for key in ("cycles", "missed_cycles")
+    ]
+    for what in ("period_us", "lateness_us", "compute_us"):
+        for at, label in (("p50", "p50"), ("p99", "p99"), ("p999", "p99.9"), ("max", "max")):
+            lines.append((f"{what.removesuffix('_us')} {label}", microseconds, (what, at)))
+    return lines
+
+
+def _table(runs: tuple[Run, Run], labels: tuple[str, str], title: str, lines: list[Line]) -> Table:
+    rows = []
+    for name, show, keys in lines:
+        values = [block(run.summary, *keys[:-1]).get(keys[-1]) for run in runs]
+        first, second = number(values[0]), number(values[1])
+        if first is None and second is None:
+            continue
+        if first is None or second is None:
+            difference = times = "–"
+        else:
+            difference = show(second - first)
+            times = "–" if first == 0.0 else significant(second / first, 3)
+        rows.append((name, show(values[0]), show(values[1]), difference, times))
+    head = ("", *labels, "second − first", "second / first")
+    return Table(title, head, tuple(rows))
+
+
+def _plain(summary: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in summary.items() if key not in _NOT_COMPARED}
+
+
+def _changes(a: dict[str, Any], b: dict[str, Any]) -> tuple[tuple[str, ...], ...]:
+    """Keys whose values differ, with both values; a missing key is a dash."""
+    first, second = dict(_flat(a)), dict(_flat(b))
+    keys = [*first, *(key for key in second if key not in first)]
+    return tuple(
+        (key, _text(first, key), _text(second, key))
+        for key in keys
+        if first.get(key, _flat) != second.get(key, _flat)
+    )
+
+
+def _text(values: dict[str, Any], key: str) -> str:
+    if key not in values:
+        return "–"
+    value = values[key]
+    return significant(value, 6) if isinstance(value, float) else str(value)
+
+
+def _flat(tree: dict[str, Any], stem: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in tree.items():
+        if isinstance(value, dict) and value:
+            yield from _flat(value, f"{stem}{key}.")
+        else:
+            yield f"{stem}{key}", value

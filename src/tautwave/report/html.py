@@ -1,0 +1,169 @@
+"""Pieces of the page: escaped text, tables, pictures inside the file. No script, no network."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable
+from html import escape
+
+from tautwave.report.tables import Table
+from tautwave.report.verdicts import Verdict
+
+STYLE = """
+:root { --ink: #1b1f23; --soft: #57606a; --rule: #d8dee4; --pale: #f6f8fa;
+  --ok: #1a6b3c; --note: #8a5a00; --bad: #a61b1b; --open: #4a5568; --info: #1f4e79; }
+* { box-sizing: border-box; }
+body { margin: 0 auto; padding: 28px 24px 64px; max-width: 1040px; background: #fff;
+  color: var(--ink); font: 15px/1.5 system-ui, "Segoe UI", "Noto Sans", "DejaVu Sans", sans-serif; }
+h1 { font-size: 27px; line-height: 1.2; margin: 0; overflow-wrap: anywhere; }
+h2 { font-size: 20px; margin: 44px 0 6px; padding-bottom: 5px; border-bottom: 2px solid var(--ink);
+  overflow-wrap: anywhere; }
+h3 { font-size: 15px; margin: 22px 0 6px; }
+p { margin: 6px 0; }
+.top { display: flex; flex-wrap: wrap; align-items: center; gap: 8px 14px; }
+.soft, figcaption, .note { color: var(--soft); font-size: 13.5px; }
+.badge { color: #fff; border-radius: 4px; padding: 3px 10px; font-size: 14px; font-weight: 600;
+  white-space: nowrap; }
+.badge.ok { background: var(--ok); } .badge.note { background: var(--note); }
+.badge.bad { background: var(--bad); } .badge.open { background: var(--open); }
+.badge.info { background: var(--info); }
+.banner { border: 1px solid; border-left-width: 7px; border-radius: 4px; padding: 9px 14px;
+  margin: 14px 0 0; }
+.banner.bad { border-color: var(--bad); background: #fdf1f1; }
+.banner.note { border-color: var(--note); background: #fdf7ea; }
+.banner b { display: block; }
+.verdicts { margin: 18px 0 0; border-top: 1px solid var(--rule); }
+.verdict { display: grid; grid-template-columns: 120px 152px 1fr; gap: 4px 14px; padding: 9px 0;
+  border-bottom: 1px solid var(--rule); align-items: baseline; }
+.verdict > b { font-size: 15px; }
+.verdict p { margin: 0; }
+.mark { font-weight: 600; font-size: 13.5px; white-space: nowrap; }
+.mark::before { content: ""; display: inline-block; width: 10px; height: 10px; margin-right: 7px;
+  border-radius: 50%; background: currentColor; }
+.mark.ok { color: var(--ok); } .mark.note { color: var(--note); } .mark.bad { color: var(--bad); }
+.mark.info { color: var(--info); } .mark.open { color: var(--open); }
+.mark.open::before { background: none; border: 2px solid currentColor; }
+.mark.bad::before { border-radius: 0; }
+nav { margin: 14px 0 0; font-size: 14px; }
+nav a { margin-right: 14px; color: var(--info); }
+figure { margin: 16px 0 4px; break-inside: avoid; }
+figure img { display: block; width: 100%; height: auto; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; margin: 6px 0 4px; font-size: 14px;
+  font-variant-numeric: tabular-nums; break-inside: avoid; }
+caption { text-align: left; font-weight: 600; padding: 12px 0 4px; }
+th, td { padding: 4px 14px 4px 0; text-align: right; border-bottom: 1px solid var(--rule);
+  vertical-align: top; }
+thead th { color: var(--soft); font-weight: 600; font-size: 13px; border-bottom-color: #8c959f; }
+th:first-child, td:first-child, table.text th, table.text td, td.text, th.text
+  { text-align: left; }
+td:first-child { font-weight: 500; overflow-wrap: anywhere; }
+.sides { display: grid; grid-template-columns: 1fr 1fr; gap: 0 40px; }
+.sides .verdict { grid-template-columns: 1fr; }
+.columns { display: flex; flex-wrap: wrap; gap: 0 52px; }
+pre { background: var(--pale); border: 1px solid var(--rule); border-radius: 4px; padding: 10px 12px;
+  font: 12.5px/1.45 ui-monospace, "DejaVu Sans Mono", monospace; white-space: pre-wrap;
+  overflow-wrap: anywhere; }
+summary { cursor: pointer; font-weight: 600; }
+@media print { body { padding: 0; max-width: none; font-size: 11pt; } nav { display: none; }
+  h2 { break-after: avoid; } .badge, .banner, .mark::before { print-color-adjust: exact; } }
+@media (max-width: 700px) { .verdict { grid-template-columns: 1fr; } }
+"""
+
+_MARKS = {
+    "ok": "fine",
+    "note": "look here",
+    "bad": "not fine",
+    "open": "not known",
+    "info": "measured",
+}
+
+
+def page(title: str, body: Iterable[str]) -> str:
+    """A whole document, complete in one file."""
+    policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+    return "\n".join(
+        [
+            "<!DOCTYPE html>",
+            '<html lang="en">',
+            "<head>",
+            '<meta charset="utf-8">',
+            f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f"<title>{escape(title)}</title>",
+            f"<style>{STYLE}</style>",
+            "</head>",
+            "<body>",
+            *body,
+            "</body>",
+            "</html>",
+            "",
+        ]
+    )
+
+
+def picture(png: bytes, alt: str, caption: str = "") -> str:
+    """A PNG inside the page, with words for who cannot see it."""
+    data = base64.b64encode(png).decode("ascii")
+    under = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
+    source = f"data:image/png;base64,{data}"
+    return f'<figure><img src="{source}" alt="{escape(alt)}">{under}</figure>'
+
+
+def table(content: Table, kind: str = "") -> str:
+    """A table, or nothing where it has no rows; `kind` is `text` for words in every column."""
+    if not content.rows:
+        return ""
+    words = [
+        i for i in range(len(content.head)) if content.head[i] in ("what it is", "faults", "why")
+    ]
+
+    def cells(row: tuple[str, ...], tag: str) -> str:
+        return "".join(
+            f"<{tag}{' class=' + chr(34) + 'text' + chr(34) if i in words else ''}>"
+            f"{escape(cell)}</{tag}>"
+            for i, cell in enumerate(row)
+        )
+
+    rows = "\n".join(f"<tr>{cells(row, 'td')}</tr>" for row in content.rows)
+    note = f'<p class="note">{escape(content.note)}</p>' if content.note else ""
+    style = f' class="{kind}"' if kind else ""
+    return (
+        f'<div class="wide"><table{style}><caption>{escape(content.title)}</caption>'
+        f"<thead><tr>{cells(content.head, 'th')}</tr></thead>"
+        f"<tbody>{rows}</tbody></table></div>{note}"
+    )
+
+
+def verdict_rows(found: Iterable[Verdict]) -> str:
+    """The verdicts, each with its mark in words and colour."""
+    rows = []
+    for topic, status, sentences in found:
+        mark = "not yet evaluated" if topic == "Certificate" and status == "open" else None
+        text = "".join(f"<p>{escape(sentence)}</p>" for sentence in sentences)
+        rows.append(
+            f'<div class="verdict"><b>{escape(topic)}</b>'
+            f'<span class="mark {status}">{mark or _MARKS[status]}</span><div>{text}</div></div>'
+        )
+    return f'<div class="verdicts">{"".join(rows)}</div>'
+
+
+def banner(title: str, sentences: Iterable[str], status: str) -> str:
+    """A box nobody overlooks."""
+    text = "".join(f"<p>{escape(sentence)}</p>" for sentence in sentences)
+    return f'<div class="banner {status}"><b>{escape(title)}</b>{text}</div>'
+
+
+def badge(found: Verdict) -> str:
+    """The outcome as a coloured word."""
+    return f'<span class="badge {found.status}">{escape(found.topic)}</span>'
+
+
+def details(title: str, text: str) -> str:
+    """Long text that opens on a click, without any script."""
+    return f"<details><summary>{escape(title)}</summary><pre>{escape(text)}</pre></details>"
+
+
+def anchor(text: str) -> str:
+    """An identifier for a heading, safe whatever the pair is called."""
+    return "part-" + "".join(c if c.isascii() and c.isalnum() else "-" for c in text)
