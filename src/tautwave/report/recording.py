@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Metadata
 from numpy.typing import NDArray
@@ -170,21 +171,13 @@ def _read(
     if memory[: len(MAGIC)] != MAGIC:
         raise RecordingError(f"{name} is not an MCAP file")
     contents = _walk(memory)
-    own = contents.metadata.get(METADATA_NAME)
-    try:
-        recorded = tuple(json.loads((own or {})["columns"]))
-        order = list(json.loads((own or {})["order"]))
-    except (KeyError, ValueError) as error:
-        raise RecordingError(
-            f"{name} is an MCAP file, but not a recording of tautwave: it does not name its columns"
-        ) from error
-    assert own is not None
-    selected = recorded if wanted is None else tuple(wanted)
+    own = contents.metadata.get(METADATA_NAME, {})
+    recorded, places = _columns(name, own)
+    selected = tuple(recorded) if wanted is None else tuple(wanted)
     for column in selected:
-        if column not in recorded:
+        if column not in places:
             raise RecordingError(f"{name}: {_unknown(column, recorded)}")
-    # Field k of a message is column order[k] of the row.
-    fields = [order.index(recorded.index(column)) for column in selected]
+    fields = [places[column] for column in selected]
     kind = record_type(len(recorded))
     most = sum(chunk.size // kind.itemsize for chunk in contents.chunks)
     start, stop, _ = rows.indices(most)
@@ -227,6 +220,20 @@ def _read(
     )
 
 
+def _columns(name: str, own: dict[str, str]) -> tuple[list[str], dict[str, int]]:
+    """Names of the columns as the loop had them, and where each lies in a message."""
+    try:
+        recorded, order = json.loads(own["columns"]), json.loads(own["order"])
+    except (KeyError, ValueError) as error:
+        raise RecordingError(
+            f"{name} is an MCAP file, but not a recording of tautwave: it does not name its columns"
+        ) from error
+    # Field k of a message is column order[k] of the row.
+    if sorted(order) != list(range(len(recorded))) or len(set(recorded)) != len(order):
+        raise RecordingError(f"{name}: the names of its columns are damaged")
+    return recorded, {recorded[index]: k for k, index in enumerate(order)}
+
+
 def _walk(memory: mmap.mmap) -> _Contents:
     """Every record up to the footer, or up to where the file breaks off."""
     contents = _Contents()
@@ -262,7 +269,7 @@ def _keep(contents: _Contents, opcode: int, raw: bytes) -> None:
         else:
             attachment = Attachment.read(stream)
             contents.attachments[attachment.name] = attachment.data
-    except (ValueError, struct.error, EOFError):  # damaged; the rows may still be good
+    except (ValueError, struct.error, McapError):  # damaged; the rows may still be good
         return
 
 
@@ -271,6 +278,8 @@ def _records(memory: mmap.mmap, chunk: _Chunk, kind: np.dtype[Any]) -> NDArray[A
     content = memory[chunk.start : chunk.stop]
     if chunk.compression == "zstd":
         try:
+            if zstandard.frame_content_size(content) not in (chunk.size, -1):
+                return None
             content = zstandard.ZstdDecompressor().decompress(content, max_output_size=chunk.size)
         except zstandard.ZstdError:
             return None

@@ -14,6 +14,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -84,9 +85,9 @@ class Recorder:
         self.columns = tuple(columns)
         if "time_s" not in self.columns:
             raise RecordingError("a recording needs a column 'time_s'")
-        twice = {name for name in self.columns if self.columns.count(name) > 1}
+        twice = [name for name, count in Counter(self.columns).items() if count > 1]
         if twice:
-            raise RecordingError(f"columns given twice: {', '.join(sorted(twice))}")
+            raise RecordingError(f"columns given twice: {', '.join(twice)}")
         if rows < 2:
             raise RecordingError(f"the recording's ring needs at least 2 rows (got {rows})")
         self._metadata = {**metadata, "rate_hz": repr(float(rate_hz))}

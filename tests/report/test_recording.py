@@ -1,0 +1,345 @@
+"""Reading recordings back: exactly, in part, damaged, cut off, and by other people's readers."""
+
+from __future__ import annotations
+
+import io
+import json
+import random
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import NonSeekingReader, make_reader
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
+from numpy.typing import NDArray
+
+from tautwave.errors import RecordingError
+from tautwave.report.recording import read_recording
+from tautwave.runtime.mcap_file import McapFile
+from tautwave.runtime.mcap_schema import CDR_HEADER
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    from mcap_ros2.decoder import DecoderFactory
+
+# Interleaved on purpose: the message groups what belongs together, the row does not.
+COLUMNS = (
+    "time_s",
+    "master.wrist.position",
+    "slave.wrist.position",
+    "master.wrist.wave_in",
+    "wrist.position_error",
+    "slave.wrist.wave_in",
+    "wrist.line.absorbed",
+    "true.master.wrist.position",
+)
+EPOCH_NS = 1_700_000_000_000_000_000
+
+
+def slots(count: int, columns: int = len(COLUMNS), seed: int = 0) -> NDArray[np.float64]:
+    """Rows as the ring holds them: time first, the cycle's number last."""
+    rows = np.random.default_rng(seed).standard_normal((count, columns + 1))
+    rows[:, 0] = np.arange(count) * 1e-3
+    rows[:, -1] = np.arange(count)
+    return rows
+
+
+def write(path: Path, rows: NDArray[np.float64], columns: tuple[str, ...] = COLUMNS) -> McapFile:
+    file = McapFile(
+        str(path),
+        columns,
+        {"version": "1.2", "rate_hz": "1000.0"},
+        {"rig.yaml": b"name: x\n"},
+        EPOCH_NS,
+    )
+    for at in range(0, len(rows), file.rows_per_chunk):
+        file.append(rows[at : at + file.rows_per_chunk])
+    file.finish({"rows_written": str(len(rows))})
+    file.close()
+    return file
+
+
+@pytest.fixture(scope="module")
+def sample(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, NDArray[np.float64], int]:
+    """A complete file of 2500 rows, its rows, and the rows in one chunk."""
+    path = tmp_path_factory.mktemp("sample") / "recording.mcap"
+    rows = slots(2500)
+    rows[7, 1:5] = np.nan, np.inf, -0.0, 5e-324
+    return path, rows, write(path, rows).rows_per_chunk
+
+
+Sample = tuple[Path, NDArray[np.float64], int]
+
+
+def test_every_bit_comes_back(sample: Sample) -> None:
+    path, rows, _ = sample
+    recording = read_recording(path)
+    assert recording.columns == COLUMNS
+    assert recording.data.shape == (2500, len(COLUMNS))
+    assert recording.data.tobytes() == rows[:, :-1].tobytes()
+    assert recording["wrist.position_error"].tobytes() == rows[:, 4].tobytes()
+    assert recording.time_s.tobytes() == rows[:, 0].tobytes()
+    assert recording.metadata == {"version": "1.2", "rate_hz": "1000.0"}
+    assert recording.attachments == {"rig.yaml": b"name: x\n"}
+    assert recording.ending == {"rows_written": "2500"}
+    assert (recording.truncated, recording.damaged_chunks, recording.missing_rows) == (False, 0, 0)
+    assert len(recording) == 2500
+    assert "time_s" in recording
+
+
+def test_axes_pairs_and_elements_are_found_among_the_columns(sample: Sample) -> None:
+    recording = read_recording(sample[0], rows=slice(0, 1))
+    assert recording.axes() == ("master.wrist", "slave.wrist")
+    assert recording.pairs() == ("wrist",)
+    assert recording.elements("wrist") == ("line",)
+
+
+@pytest.mark.parametrize("reader", [make_reader, NonSeekingReader])
+def test_the_mcap_library_and_a_ros_decoder_read_the_same_floats(
+    sample: Sample, reader: type[NonSeekingReader]
+) -> None:
+    path, rows, _ = sample
+    with path.open("rb") as stream:
+        found = list(
+            reader(
+                stream, validate_crcs=True, decoder_factories=[DecoderFactory()]
+            ).iter_decoded_messages()
+        )
+    assert len(found) == 2500
+    for k in (0, 7, 8, 1234, 2499):
+        schema, channel, message, decoded = found[k]
+        assert schema is not None
+        assert (schema.name, schema.encoding) == ("tautwave/msg/Cycle", "ros2msg")
+        assert (channel.topic, channel.message_encoding) == ("/tautwave/cycle", "cdr")
+        assert message.sequence == k
+        assert message.log_time == message.publish_time == EPOCH_NS + k * 1_000_000
+        values = [
+            decoded.time_s,
+            decoded.master.wrist.position,
+            decoded.slave.wrist.position,
+            decoded.master.wrist.wave_in,
+            decoded.wrist.position_error,
+            decoded.slave.wrist.wave_in,
+            decoded.wrist.line.absorbed,
+            decoded.truth.master.wrist.position,
+        ]
+        assert np.array(values).tobytes() == rows[k, :-1].tobytes()
+
+
+def test_the_summary_lets_a_viewer_seek(sample: Sample) -> None:
+    path, _, per_chunk = sample
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        statistics = summary.statistics
+        assert statistics is not None
+        assert statistics.message_count == 2500
+        assert statistics.chunk_count == len(summary.chunk_indexes) == -(-2500 // per_chunk)
+        assert statistics.message_start_time == EPOCH_NS
+        assert statistics.message_end_time == EPOCH_NS + 2_499_000_000
+        assert all(index.uncompressed_size <= 64 * 1024 for index in summary.chunk_indexes)
+        at = EPOCH_NS + 2_000_000_000
+        part = list(reader.iter_messages(starting_at=at, ending_before=at + 5_000_000))
+        assert [message.sequence for _, _, message in part] == [2000, 2001, 2002, 2003, 2004]
+        assert [m.name for m in reader.iter_metadata()] == ["tautwave", "tautwave ending"]
+        (attachment,) = reader.iter_attachments()
+        assert (attachment.name, attachment.data) == ("rig.yaml", b"name: x\n")
+
+
+@given(
+    start=st.one_of(st.none(), st.integers(-2600, 2600)),
+    stop=st.one_of(st.none(), st.integers(-2600, 2600)),
+    stride=st.sampled_from([1, 2, 3, 7, 100, 901, 2499, 2500, 1 << 62]),
+    names=st.lists(st.sampled_from(COLUMNS), max_size=3),
+)
+def test_a_selection_is_a_slice_of_the_whole(
+    sample: Sample, start: int | None, stop: int | None, stride: int, names: list[str]
+) -> None:
+    path, rows, _ = sample
+    part = read_recording(path, names, rows=slice(start, stop), stride=stride)
+    expected = rows[start:stop:stride][:, [COLUMNS.index(name) for name in names]]
+    assert part.columns == tuple(names)
+    assert part.data.tobytes() == expected.tobytes()
+    assert part.missing_rows == 0
+
+
+def test_a_full_ring_leaves_a_gap_that_is_counted(tmp_path: Path) -> None:
+    rows = slots(1000)
+    kept = np.delete(rows, slice(300, 420), axis=0)
+    write(tmp_path / "r.mcap", kept)
+    recording = read_recording(tmp_path / "r.mcap")
+    assert (len(recording), recording.missing_rows) == (880, 120)
+
+
+def test_cut_off_anywhere_in_the_last_chunk_the_rest_is_whole(
+    sample: Sample, tmp_path: Path
+) -> None:
+    path, rows, per_chunk = sample
+    content = path.read_bytes()
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    last = max(summary.chunk_indexes, key=lambda index: index.chunk_start_offset)
+    first = last.chunk_start_offset
+    chunk_end = first + last.chunk_length
+    whole = 2500 // per_chunk * per_chunk
+    dice = random.Random(4)
+    edges = {first, first + 1, first + 8, first + 9, first + 60, chunk_end - 1, chunk_end}
+    edges |= {len(content) - n for n in (1, 7, 8, 9, 20, 37)}
+    for cut in sorted(edges | {dice.randrange(first, len(content)) for _ in range(60)}):
+        short = tmp_path / "short.mcap"
+        short.write_bytes(content[:cut])
+        recording = read_recording(short)
+        expected = whole if cut < chunk_end else 2500
+        assert recording.truncated
+        assert recording.data.tobytes() == rows[:expected, :-1].tobytes(), cut
+        assert recording.attachments == {"rig.yaml": b"name: x\n"}
+
+
+def test_a_damaged_chunk_is_left_out_and_counted(sample: Sample, tmp_path: Path) -> None:
+    path, rows, per_chunk = sample
+    content = bytearray(path.read_bytes())
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    second = sorted(index.chunk_start_offset for index in summary.chunk_indexes)[1]
+    content[second + 400] ^= 0xFF
+    (tmp_path / "bad.mcap").write_bytes(content)
+    recording = read_recording(tmp_path / "bad.mcap")
+    assert recording.damaged_chunks == 1
+    expected = np.delete(rows, slice(per_chunk, 2 * per_chunk), axis=0)
+    assert recording.data.tobytes() == expected[:, :-1].tobytes()
+
+
+def test_whatever_is_damaged_there_is_one_sentence_or_whole_rows(
+    sample: Sample, tmp_path: Path
+) -> None:
+    path, rows, _ = sample
+    content = path.read_bytes()[:60_000] + path.read_bytes()[-3000:]
+    known = {row.tobytes() for row in rows[:, :-1]}
+    dice = random.Random(5)
+    sentences = []
+    for _ in range(150):
+        bad = bytearray(content)
+        for _ in range(dice.randrange(1, 4)):
+            at = dice.randrange(len(bad)) if dice.random() < 0.5 else dice.randrange(1500)
+            bad[at] = dice.randrange(256)
+        (tmp_path / "bad.mcap").write_bytes(bad)
+        try:
+            recording = read_recording(tmp_path / "bad.mcap")
+        except RecordingError as error:
+            sentences.append(str(error))
+            continue
+        if recording.columns == COLUMNS:
+            assert {row.tobytes() for row in recording.data} <= known
+    assert sentences
+    assert not any("\n" in sentence for sentence in sentences)
+
+
+def test_a_file_rewritten_by_other_tools_still_reads(sample: Sample, tmp_path: Path) -> None:
+    path, rows, _ = sample
+    target = tmp_path / "rewritten.mcap"
+    with path.open("rb") as stream, target.open("wb") as out:
+        reader = make_reader(stream)
+        writer = Writer(out, chunk_size=20_000)
+        writer.start()
+        for metadata in reader.iter_metadata():
+            writer.add_metadata(metadata.name, metadata.metadata)
+        ids = None
+        for schema, channel, message in reader.iter_messages():
+            if ids is None:
+                assert schema is not None
+                known = writer.register_schema(schema.name, schema.encoding, schema.data)
+                ids = writer.register_channel(channel.topic, channel.message_encoding, known)
+                other = writer.register_channel("/other", "cdr", known)
+                writer.add_message(other, 0, b"something else", 0)
+            writer.add_message(
+                ids, message.log_time, message.data, message.publish_time, message.sequence
+            )
+        writer.finish()  # type: ignore[no-untyped-call]
+    recording = read_recording(target)
+    assert recording.data.tobytes() == rows[:, :-1].tobytes()
+    assert read_recording(target, stride=10).data.tobytes() == rows[::10, :-1].tobytes()
+
+
+def test_times_that_are_no_numbers_do_not_break_the_order(tmp_path: Path) -> None:
+    rows = slots(10)
+    rows[0, 0], rows[4, 0], rows[9, 0] = np.nan, np.inf, -np.inf
+    write(tmp_path / "r.mcap", rows)
+    with (tmp_path / "r.mcap").open("rb") as stream:
+        times = [m.log_time - EPOCH_NS for _, _, m in make_reader(stream).iter_messages()]
+    assert times == [k * 1_000_000 for k in (0, 1, 2, 3, 3, 5, 6, 7, 8, 8)]
+    assert read_recording(tmp_path / "r.mcap").data.tobytes() == rows[:, :-1].tobytes()
+
+
+def test_a_row_larger_than_a_chunk_is_a_chunk_of_its_own(tmp_path: Path) -> None:
+    columns = ("time_s", *(f"g{k % 50}.c{k}" for k in range(9000)))
+    rows = slots(3, len(columns))
+    assert write(tmp_path / "r.mcap", rows, columns).rows_per_chunk == 1
+    assert read_recording(tmp_path / "r.mcap").data.tobytes() == rows[:, :-1].tobytes()
+
+
+def test_chunks_are_at_most_64_kib(sample: Sample) -> None:
+    with sample[0].open("rb") as stream:
+        chunks = [r for r in StreamReader(stream, emit_chunks=True).records if isinstance(r, Chunk)]
+    assert {chunk.compression for chunk in chunks} == {"zstd"}
+    assert all(63_000 < chunk.uncompressed_size <= 65_536 for chunk in chunks[:-1])
+
+
+def foreign() -> bytes:
+    out = io.BytesIO()
+    writer = Writer(out)
+    writer.start()
+    schema = writer.register_schema("a/msg/B", "ros2msg", b"float64 x\n")
+    channel = writer.register_channel("/b", "cdr", schema)
+    writer.add_message(channel, 1, CDR_HEADER + bytes(8), 1)
+    writer.finish()  # type: ignore[no-untyped-call]
+    return out.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"", "is empty"),
+        (b"time_s,position\n0,1\n" * 100, "is not an MCAP file"),
+        (b"\x89MCA", "is not an MCAP file"),
+        (foreign(), "is an MCAP file, but not a recording of tautwave"),
+        (foreign()[:30], "is an MCAP file, but not a recording of tautwave"),
+    ],
+)
+def test_what_is_no_recording_is_said_in_one_sentence(
+    tmp_path: Path, content: bytes, sentence: str
+) -> None:
+    path = tmp_path / "other.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=sentence) as caught:
+        read_recording(path)
+    assert str(path) in str(caught.value)
+
+
+def test_no_file_no_rows_no_such_column(sample: Sample, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"nope\.mcap cannot be read: No such file"):
+        read_recording(tmp_path / "nope.mcap")
+    with pytest.raises(RecordingError, match="cannot be read: Is a directory"):
+        read_recording(tmp_path)
+    write(tmp_path / "none.mcap", slots(0))
+    with pytest.raises(RecordingError, match="holds no rows"):
+        read_recording(tmp_path / "none.mcap")
+    with pytest.raises(RecordingError, match=r"did you mean 'master\.wrist\.position'"):
+        read_recording(sample[0], ["master.wrist.positon"])
+    with pytest.raises(RecordingError, match=r"there is no column 'zzz'$"):
+        read_recording(sample[0], ["time_s"])["zzz"]
+    with pytest.raises(RecordingError, match="every n-th row"):
+        read_recording(sample[0], stride=0)
+
+
+def test_the_names_as_they_were_are_in_the_file(sample: Sample) -> None:
+    with sample[0].open("rb") as stream:
+        names = next(make_reader(stream).iter_metadata()).metadata
+    assert json.loads(names["columns"]) == list(COLUMNS)
