@@ -37,7 +37,7 @@ def _elastic(foam: FoamParams, depth: float) -> float:
         return 0.0
     if depth > _DEEP:
         depth = _DEEP
-    return foam.stiffness * depth**foam.exponent
+    return foam.stiffness * math.pow(depth, foam.exponent)
 
 
 def _potential(foam: FoamParams, depth: float) -> float:
@@ -46,7 +46,7 @@ def _potential(foam: FoamParams, depth: float) -> float:
         return 0.0
     if depth > _DEEP:
         depth = _DEEP
-    return foam.stiffness * depth ** (foam.exponent + 1.0) / (foam.exponent + 1.0)
+    return foam.stiffness * math.pow(depth, foam.exponent + 1.0) / (foam.exponent + 1.0)
 
 
 def foam_substeps(
@@ -60,13 +60,13 @@ def foam_substeps(
     """
     a = foam.exponent
     energy = 0.5 * plant.mass * speed * speed
-    depth = ((a + 1.0) * energy / foam.stiffness) ** (1.0 / (a + 1.0))
-    pressed = (math.fabs(effort) / foam.stiffness) ** (1.0 / a)
+    depth = math.pow((a + 1.0) * energy / foam.stiffness, 1.0 / (a + 1.0))
+    pressed = math.pow(math.fabs(effort) / foam.stiffness, 1.0 / a)
     if pressed > depth:
         depth = pressed
     hardness = plant.grip_stiffness
     if depth > 0.0:
-        hardness = hardness + foam.stiffness * a * depth ** (a - 1.0)
+        hardness = hardness + foam.stiffness * a * math.pow(depth, a - 1.0)
     rate = math.sqrt(hardness / plant.mass)
     damping = (plant.viscous + plant.grip_damping) / plant.mass
     if damping > rate:
@@ -119,7 +119,7 @@ def foam_movement(
     if high > 0.0 and _potential(foam, depth + high) - held > 2.0 * push * high:
         # Very stiff: the work of `push` bounds the depth far better than inertia alone.
         bound = (foam.exponent + 1.0) * (held + push * high) / foam.stiffness
-        deepest = bound ** (1.0 / (foam.exponent + 1.0)) * (1.0 + 1e-12) - depth
+        deepest = math.pow(bound, 1.0 / (foam.exponent + 1.0)) * (1.0 + 1e-12) - depth
         if low < deepest < high:
             high = deepest
     u = high

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+_STRETCHES = 16  # a lag has a handful of events at most; the last stretch looks for none
+
 
 class ServoParams(NamedTuple):
     """Lag of the drive [s, >= 0], hand and environment; the rest as in `PlantParams`."""
@@ -186,11 +188,11 @@ def servo_step(
             if p.wall_stiffness * depth + p.wall_damping * speed < 0.0:
                 contact = 2
     remaining = h
-    for _ in range(16):
+    for stretch in range(_STRETCHES):
         span = remaining
         following = contact
         depth = p.wall_side * (x - p.wall_position)
-        if walled:
+        if walled and stretch < _STRETCHES - 1:
             span, following = _wall_event(p, contact, depth, v, command, remaining)
         decay, first, second, squared = lag_integrals(span, p.time_constant)
         lead = v - command

@@ -1,0 +1,260 @@
+"""Reference motions of a simulated hand, sampled once before a run; set-up code, not a model."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tautwave.errors import ConfigError
+from tautwave.models.reference import minimum_jerk, minimum_jerk_position, ramp_gain, sine_position
+
+Array = npt.NDArray[np.float64]
+
+_HALF_WIDTH = 32  # zero crossings of the windowed sinc on each side
+_KAISER = 9.0  # some -90 dB beyond the transition band
+_EDGE = 0.92  # of the new Nyquist frequency: where a low-pass ends when going down
+_SEAM_S = 0.5  # longest blend from the end of a recording into its beginning
+
+
+def reference_positions(
+    reference: Mapping[str, Any], rate_hz: float, samples: int, base_directory: Path
+) -> Array:
+    """Positions of a hand's reference at slots 0 to `samples`, `samples + 1` values.
+
+    Parameters
+    ----------
+    reference
+        The rig's `reference` block: `type` is minimum_jerk, multisine, hold or recording.
+    rate_hz
+        Slots per second.
+    base_directory
+        Where a recording's relative `file` is looked for: the rig file's directory.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown type, waypoints out of order, or a recording that cannot be used.
+    """
+    times = np.arange(samples + 1, dtype=np.float64) / rate_hz
+    kind = reference.get("type")
+    if kind == "hold":
+        return np.full(samples + 1, float(reference["position"]))
+    if kind == "minimum_jerk":
+        return waypoint_positions(reference["waypoints"], times)
+    if kind == "multisine":
+        return multisine_positions(
+            reference["components"],
+            float(reference.get("offset", 0.0)),
+            float(reference.get("ramp_s", 0.0)),
+            times,
+        )
+    if kind == "recording":
+        path = base_directory / str(reference["file"])
+        recorded, values = read_recording(
+            path, str(reference["column"]), str(reference.get("time_column", "time_s"))
+        )
+        scaled = values * float(reference.get("scale", 1.0)) + float(reference.get("offset", 0.0))
+        return recorded_positions(recorded, scaled, times, bool(reference.get("repeat", True)))
+    raise ConfigError(
+        f"reference type {kind!r} is unknown; known are hold, minimum_jerk, multisine and recording"
+    )
+
+
+def waypoint_positions(waypoints: Sequence[Sequence[float]], times: Array) -> Array:
+    """Minimum-jerk moves through `[t_s, position]` waypoints, at rest in each; held outside."""
+    if len(waypoints) == 0:
+        raise ConfigError("minimum_jerk needs at least one waypoint [t_s, position]")
+    points = [(float(t), float(x)) for t, x in waypoints]
+    for (t0, _), (t1, _) in itertools.pairwise(points):
+        if not t1 > t0:
+            raise ConfigError(f"minimum_jerk waypoint times must increase: {t1:g} s after {t0:g} s")
+    starts = np.array([t for t, _ in points])
+    legs = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, max(len(points) - 2, 0))
+    result = np.empty_like(times)
+    for i, (t, leg) in enumerate(zip(times, legs, strict=True)):
+        t0, x0 = points[leg]
+        t1, x1 = points[min(leg + 1, len(points) - 1)]
+        result[i] = minimum_jerk_position(float(t), t0, x0, t1, x1)
+    return result
+
+
+def multisine_positions(
+    components: Sequence[Sequence[float]], offset: float, ramp_s: float, times: Array
+) -> Array:
+    """`offset` plus a sum of `[hz, amplitude, phase_rad]`, faded in over `ramp_s` [s]."""
+    parts = [(float(f), float(a), float(p)) for f, a, p in components]
+    return np.array(
+        [
+            offset
+            + ramp_gain(float(t), ramp_s)
+            * math.fsum(sine_position(float(t), f, a, p) for f, a, p in parts)
+            for t in times
+        ]
+    )
+
+
+def read_recording(path: Path, column: str, time_column: str) -> tuple[Array, Array]:
+    """Read two columns of a CSV file with a header line: times [s] and values.
+
+    Raises
+    ------
+    ConfigError
+        Naming the file and the columns there are, or the line that cannot be used.
+    """
+    times: list[float] = []
+    values: list[float] = []
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = csv.reader(file)
+            header = [name.strip() for name in next(rows, [])]
+            for name in (time_column, column):
+                if name not in header:
+                    raise ConfigError(
+                        f"{path}: there is no column {name!r}; "
+                        f"available: {', '.join(header) or 'none, the file is empty'}"
+                    )
+            at = header.index(time_column), header.index(column)
+            for row in rows:
+                if not any(cell.strip() for cell in row):
+                    continue
+                numbers = []
+                for name, index in zip((time_column, column), at, strict=True):
+                    cell = row[index].strip() if index < len(row) else ""
+                    try:
+                        number = float(cell)
+                    except ValueError:
+                        number = math.nan
+                    if not math.isfinite(number):
+                        raise ConfigError(
+                            f"{path}:{rows.line_num}: column {name!r} holds {cell!r}, "
+                            "not a finite number"
+                        )
+                    numbers.append(number)
+                if times and not numbers[0] > times[-1]:
+                    raise ConfigError(
+                        f"{path}:{rows.line_num}: time must increase, "
+                        f"but {numbers[0]:g} s follows {times[-1]:g} s"
+                    )
+                times.append(numbers[0])
+                values.append(numbers[1])
+    except (OSError, UnicodeDecodeError, csv.Error) as err:
+        raise ConfigError(f"{path}: the recording cannot be read: {err}") from err
+    if len(times) < 2:
+        raise ConfigError(f"{path}: a recording needs at least two rows, it has {len(times)}")
+    return np.array(times), np.array(values)
+
+
+def recorded_positions(times: Array, values: Array, new_times: Array, repeat: bool) -> Array:
+    """Play a recording at `new_times` (from 0): once and then held, or in a cycle.
+
+    In a cycle the last stretch (at most 0.5 s or a quarter of the recording) is blended into the
+    first with a minimum-jerk weight, so position, velocity and acceleration have no seam.
+    """
+    clock = times - times[0]
+    length = float(clock[-1])
+    rate = _rate(new_times)
+    if new_times[-1] <= length or not repeat:
+        return resample(clock, values, np.minimum(new_times, length), rate)
+    seam = min(_SEAM_S, 0.25 * length)
+    period = length - seam
+    turns = np.floor(new_times / period)
+    phase = new_times - turns * period
+    head = resample(clock, values, phase, rate)
+    blend = (turns >= 1.0) & (phase < seam)
+    tail = resample(clock, values, np.minimum(phase[blend] + period, length), rate)
+    weight = np.array([minimum_jerk(float(s)) for s in phase[blend] / seam])
+    head[blend] = (1.0 - weight) * tail + weight * head[blend]
+    return head
+
+
+def _rate(times: Array) -> float:
+    """Samples per second of times that need not increase evenly; 0 if there is only one."""
+    steps = np.diff(times)
+    steps = steps[steps > 0.0]
+    return float(1.0 / np.median(steps)) if steps.size else 0.0
+
+
+def resample(
+    times: npt.ArrayLike, values: npt.ArrayLike, new_times: npt.ArrayLike, new_rate: float = 0.0
+) -> Array:
+    """Band-limited value of a recording at new times, with a low-pass when the rate goes down.
+
+    Windowed sinc (Kaiser, 32 zero crossings a side) about the straight line from the first to the
+    last value; the remainder is continued point-symmetrically beyond the ends, so linear trends
+    and both end values are kept. Where the rates agree and times coincide the values are returned
+    unchanged. Unevenly spaced recordings are first laid on an even grid by local cubics.
+
+    Parameters
+    ----------
+    times, values
+        Recording; times [s] increase.
+    new_times
+        Any order, inside the recording (held at its ends outside).
+    new_rate
+        Rate [Hz] the result is to be sampled at; 0 takes it from `new_times`.
+    """
+    t = np.asarray(times, dtype=np.float64)
+    y = np.asarray(values, dtype=np.float64)
+    wanted = np.clip(np.asarray(new_times, dtype=np.float64), t[0], t[-1])
+    count = len(t)
+    step = float(t[-1] - t[0]) / (count - 1)
+    even = t[0] + step * np.arange(count)
+    if np.max(np.abs(t - even)) > 1e-3 * step:
+        y = _cubic(t, y, even)
+    rate = new_rate if new_rate > 0.0 else _rate(np.sort(wanted))
+    ratio = rate * step
+    place = (wanted - t[0]) / step
+    cut = 1.0 if ratio >= 1.0 - 1e-6 or rate == 0.0 else _EDGE * ratio
+    nearest = np.rint(place)
+    snapped = np.abs(place - nearest) < 1e-6
+    place = np.where(snapped, nearest, place)
+    line = y[0] + (y[-1] - y[0]) * (np.arange(count) / (count - 1))
+    rest = y - line
+    result = np.interp(place, np.arange(count), line)
+    reach = math.ceil(_HALF_WIDTH / cut)
+    offsets = np.arange(-reach + 1, reach + 1)
+    block = max(1, 2**20 // len(offsets))  # some 30 MB, whatever the ratio
+    for begin in range(0, len(place), block):
+        part = place[begin : begin + block]
+        centre = np.floor(part).astype(np.int64)
+        index = centre[:, None] + offsets[None, :]
+        distance = part[:, None] - index
+        inside = np.sqrt(np.maximum(0.0, 1.0 - (distance / reach) ** 2))
+        weights = np.sinc(cut * distance) * np.i0(_KAISER * inside)
+        weights[np.abs(distance) >= reach] = 0.0
+        weights /= weights.sum(axis=1, keepdims=True)
+        result[begin : begin + block] += np.sum(weights * _continued(rest, index), axis=1)
+    if cut == 1.0:
+        result[snapped] = y[nearest[snapped].astype(np.int64)]
+    return result
+
+
+def _continued(rest: Array, index: npt.NDArray[np.int64]) -> Array:
+    """Values beyond the ends, mirrored in the end points, where `rest` is zero."""
+    last = len(rest) - 1
+    wrapped = np.mod(index, 2 * last)
+    mirrored = wrapped > last
+    place = np.where(mirrored, 2 * last - wrapped, wrapped)
+    return np.asarray(np.where(mirrored, -rest[place], rest[place]), dtype=np.float64)
+
+
+def _cubic(t: Array, y: Array, wanted: Array) -> Array:
+    """Hermite cubics with three-point slopes: keeps the order of a jittering recording."""
+    if len(t) < 3:
+        return np.asarray(np.interp(wanted, t, y), dtype=np.float64)
+    slope = np.gradient(y, t, edge_order=2)
+    i = np.clip(np.searchsorted(t, wanted, side="right") - 1, 0, len(t) - 2)
+    width = t[i + 1] - t[i]
+    s = (wanted - t[i]) / width
+    rise = y[i + 1] - y[i]
+    a = width * slope[i] - rise
+    b = rise - width * slope[i + 1]
+    bend = (1.0 - s) * a + s * b
+    return np.asarray(y[i] + s * rise + s * (1.0 - s) * bend, dtype=np.float64)
