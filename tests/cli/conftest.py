@@ -81,7 +81,7 @@ class Backend:
 def backend(monkeypatch: pytest.MonkeyPatch) -> Backend:
     stub = Backend()
     for name, members in (
-        ("config", {"load_rig": stub.load_rig, "json_schema": lambda: {"title": "Rig"}}),
+        ("config", {"load_rig": stub.load_rig, "rig_schema": lambda: {"title": "Rig"}}),
         ("session", {"run": stub.run, "check": stub.check}),
     ):
         module = ModuleType(f"tautwave.{name}")

@@ -17,9 +17,9 @@ from tautwave.errors import ConfigError
 def _print_schema(ctx: click.Context, param: click.Parameter, wanted: bool) -> None:
     if not wanted or ctx.resilient_parsing:
         return
-    from tautwave.config import json_schema
+    from tautwave.config import rig_schema
 
-    echo_json(json_schema())
+    echo_json(rig_schema())
     ctx.exit(0)
 
 
@@ -52,10 +52,11 @@ def check(
         tautwave check rig.yaml --set coupling.delay_s=0.1 --json
         tautwave check --schema > rig.schema.json
     """
-    from tautwave import session
     from tautwave.config import load_rig
 
     loaded = load_rig(rig, overrides)
+    from tautwave import session
+
     result = session.check(loaded)
     if out is not None:
         _write(out, result.as_dict())
