@@ -77,7 +77,7 @@ def waypoint_positions(waypoints: Sequence[Sequence[float]], times: Array) -> Ar
             raise ConfigError(f"minimum_jerk waypoint times must increase: {t1:g} s after {t0:g} s")
     starts = np.array([t for t, _ in points])
     legs = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, max(len(points) - 2, 0))
-    result = np.empty_like(times)
+    result: Array = np.empty_like(times)
     for i, (t, leg) in enumerate(zip(times, legs, strict=True)):
         t0, x0 = points[leg]
         t1, x1 = points[min(leg + 1, len(points) - 1)]
@@ -217,7 +217,7 @@ def resample(
     place = np.where(snapped, nearest, place)
     line = y[0] + (y[-1] - y[0]) * (np.arange(count) / (count - 1))
     rest = y - line
-    result = np.interp(place, np.arange(count), line)
+    result: Array = np.interp(place, np.arange(count), line).astype(np.float64)
     reach = math.ceil(_HALF_WIDTH / cut)
     offsets = np.arange(-reach + 1, reach + 1)
     block = max(1, 2**20 // len(offsets))  # some 30 MB, whatever the ratio

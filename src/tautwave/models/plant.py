@@ -86,14 +86,14 @@ def plant_step(
         if not depth < 0.0:
             contact = contact_mode(p, mode, depth, v)
     if h != c.step or contact == CLIPPED:
-        return switching_step(p, contact, x, v, effort, reference, reference_rate, h)
+        return switching_step(p, c, contact, x, v, effort, reference, reference_rate, h)
     if contact == PRESSING:
         force = force - (p.wall_stiffness * (x - p.wall_position) + p.wall_damping * v)
     if c.has_coulomb:
         if v == 0.0:
             later = force + slope * h
             if force > p.coulomb or force < -p.coulomb or later > p.coulomb or later < -p.coulomb:
-                return switching_step(p, contact, x, v, effort, reference, reference_rate, h)
+                return switching_step(p, c, contact, x, v, effort, reference, reference_rate, h)
             swept = reference_rate * h
             grip = p.grip_stiffness * (reference - x + 0.5 * swept)
             grip = grip + p.grip_damping * reference_rate
@@ -105,40 +105,40 @@ def plant_step(
             friction = -friction
             code = SLIDING_DOWN
         force = force - friction
-        swing = c.free_swing
+        swing = c.free.swing
         if contact == PRESSING:
-            swing = c.pressing_swing
+            swing = c.pressing.swing
         margin = h * (math.fabs(force) + h * math.fabs(slope)) - p.mass * math.fabs(v) * (
             1.0 - swing
         )
         if not margin < 0.0:
-            return switching_step(p, contact, x, v, effort, reference, reference_rate, h)
+            return switching_step(p, c, contact, x, v, effort, reference, reference_rate, h)
     environment_loss = 0.0
     if contact == PRESSING:
-        speed = math.fabs(v) + c.pressing_reach * (math.fabs(force) + h * math.fabs(slope))
+        speed = math.fabs(v) + c.pressing.reach * (math.fabs(force) + h * math.fabs(slope))
         if not p.wall_stiffness * (depth - h * speed) - p.wall_damping * speed > 0.0:
-            return switching_step(p, contact, x, v, effort, reference, reference_rate, h)
-        moved = c.pressing_xv * v + c.pressing_xn * force + c.pressing_xs * slope
-        gained = c.pressing_vv * v + c.pressing_vn * force + c.pressing_vs * slope
-        area = c.pressing_iv * v + c.pressing_in * force + c.pressing_is * slope
+            return switching_step(p, c, contact, x, v, effort, reference, reference_rate, h)
+        moved = c.pressing.xv * v + c.pressing.xn * force + c.pressing.xs * slope
+        gained = c.pressing.vv * v + c.pressing.vn * force + c.pressing.vs * slope
+        area = c.pressing.av * v + c.pressing.an * force + c.pressing.as_ * slope
         square = (
-            v * (c.pressing_qvv * v + c.pressing_qvn * force + c.pressing_qvs * slope)
-            + force * (c.pressing_qnn * force + c.pressing_qns * slope)
-            + c.pressing_qss * slope * slope
+            v * (c.pressing.qvv * v + c.pressing.qvn * force + c.pressing.qvs * slope)
+            + force * (c.pressing.qnn * force + c.pressing.qns * slope)
+            + c.pressing.qss * slope * slope
         )
         environment_loss = p.wall_damping * square
     else:
         if c.has_wall:
-            speed = math.fabs(v) + c.free_reach * (math.fabs(force) + h * math.fabs(slope))
+            speed = math.fabs(v) + c.free.reach * (math.fabs(force) + h * math.fabs(slope))
             if not depth + h * speed < 0.0:
-                return switching_step(p, contact, x, v, effort, reference, reference_rate, h)
-        moved = c.free_xv * v + c.free_xn * force + c.free_xs * slope
-        gained = c.free_vv * v + c.free_vn * force + c.free_vs * slope
-        area = c.free_iv * v + c.free_in * force + c.free_is * slope
+                return switching_step(p, c, contact, x, v, effort, reference, reference_rate, h)
+        moved = c.free.xv * v + c.free.xn * force + c.free.xs * slope
+        gained = c.free.vv * v + c.free.vn * force + c.free.vs * slope
+        area = c.free.av * v + c.free.an * force + c.free.as_ * slope
         square = (
-            v * (c.free_qvv * v + c.free_qvn * force + c.free_qvs * slope)
-            + force * (c.free_qnn * force + c.free_qns * slope)
-            + c.free_qss * slope * slope
+            v * (c.free.qvv * v + c.free.qvn * force + c.free.qvs * slope)
+            + force * (c.free.qnn * force + c.free.qns * slope)
+            + c.free.qss * slope * slope
         )
     swept = reference_rate * h
     grip = p.grip_stiffness * (h * (reference - x + 0.5 * swept) - area)

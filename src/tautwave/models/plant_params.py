@@ -29,56 +29,43 @@ class PlantParams(NamedTuple):
     wall_side: float
 
 
-class PlantCache(NamedTuple):
-    """What a full step without an event needs: see `flow_coefficients` for the 15 letters.
+class FlowCache(NamedTuple):
+    """Full step of one linear mode: totals, bounds, and the 15 of `flow_coefficients`.
 
-    `*_reach` [m/N s] bounds the speed one newton can give within the step; `*_swing` [1] the
-    part of its speed a mass can lose to the springs,
-    `|v(t) - v| <= h (|net| + h |slope|) / m + swing |v|`.
+    `reach` [m/N s] bounds the speed one newton can give within the step; `swing` [1] the part of
+    its speed a mass can lose to the springs, `|v(t) - v| <= h (|net| + h |slope|) / m + swing |v|`.
     """
+
+    stiffness: float
+    damping: float
+    reach: float
+    swing: float
+    xv: float
+    xn: float
+    xs: float
+    vv: float
+    vn: float
+    vs: float
+    av: float
+    an: float
+    as_: float
+    qvv: float
+    qvn: float
+    qvs: float
+    qnn: float
+    qns: float
+    qss: float
+
+
+class PlantCache(NamedTuple):
+    """What a full step without an event needs: its length [s], the parts there are, the modes."""
 
     step: float
     has_spring: bool
     has_wall: bool
     has_coulomb: bool
-    free_stiffness: float
-    free_damping: float
-    free_reach: float
-    free_swing: float
-    free_xv: float
-    free_xn: float
-    free_xs: float
-    free_vv: float
-    free_vn: float
-    free_vs: float
-    free_iv: float
-    free_in: float
-    free_is: float
-    free_qvv: float
-    free_qvn: float
-    free_qvs: float
-    free_qnn: float
-    free_qns: float
-    free_qss: float
-    pressing_stiffness: float
-    pressing_damping: float
-    pressing_reach: float
-    pressing_swing: float
-    pressing_xv: float
-    pressing_xn: float
-    pressing_xs: float
-    pressing_vv: float
-    pressing_vn: float
-    pressing_vs: float
-    pressing_iv: float
-    pressing_in: float
-    pressing_is: float
-    pressing_qvv: float
-    pressing_qvn: float
-    pressing_qvs: float
-    pressing_qnn: float
-    pressing_qns: float
-    pressing_qss: float
+    free: FlowCache
+    pressing: FlowCache
 
 
 def greatest_response(stiffness: float, damping: float, mass: float, t: float) -> float:
@@ -94,23 +81,14 @@ def greatest_response(stiffness: float, damping: float, mass: float, t: float) -
     return bound
 
 
-def plant_cache(p: PlantParams, h: float) -> PlantCache:
-    """Coefficients of the full step `h` [s] of plant `p`; build it once, not in the loop."""
-    stiffness = p.grip_stiffness + p.spring_stiffness
-    damping = p.viscous + p.grip_damping
-    hard = stiffness + p.wall_stiffness
-    sticky = damping + p.wall_damping
-    a = flow_coefficients(stiffness, damping, p.mass, h)
-    b = flow_coefficients(hard, sticky, p.mass, h)
-    return PlantCache(
-        h,
-        p.spring_stiffness > 0.0,
-        p.wall_stiffness > 0.0 or p.wall_damping > 0.0,
-        p.coulomb > 0.0,
+def flow_cache(stiffness: float, damping: float, mass: float, h: float) -> FlowCache:
+    """Coefficients and bounds of the step `h` [s] of one linear mode."""
+    a = flow_coefficients(stiffness, damping, mass, h)
+    return FlowCache(
         stiffness,
         damping,
-        greatest_response(stiffness, damping, p.mass, h),
-        math.sqrt(stiffness / p.mass) * h,
+        greatest_response(stiffness, damping, mass, h),
+        math.sqrt(stiffness / mass) * h,
         a[0],
         a[1],
         a[2],
@@ -126,23 +104,18 @@ def plant_cache(p: PlantParams, h: float) -> PlantCache:
         a[12],
         a[13],
         a[14],
-        hard,
-        sticky,
-        greatest_response(hard, sticky, p.mass, h),
-        math.sqrt(hard / p.mass) * h,
-        b[0],
-        b[1],
-        b[2],
-        b[3],
-        b[4],
-        b[5],
-        b[6],
-        b[7],
-        b[8],
-        b[9],
-        b[10],
-        b[11],
-        b[12],
-        b[13],
-        b[14],
+    )
+
+
+def plant_cache(p: PlantParams, h: float) -> PlantCache:
+    """Coefficients of the full step `h` [s] of plant `p`; build it once, not in the loop."""
+    stiffness = p.grip_stiffness + p.spring_stiffness
+    damping = p.viscous + p.grip_damping
+    return PlantCache(
+        h,
+        p.spring_stiffness > 0.0,
+        p.wall_stiffness > 0.0 or p.wall_damping > 0.0,
+        p.coulomb > 0.0,
+        flow_cache(stiffness, damping, p.mass, h),
+        flow_cache(stiffness + p.wall_stiffness, damping + p.wall_damping, p.mass, h),
     )

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from tautwave.models.crossing import first_rise, isolation_limit, motion_bounds
-from tautwave.models.linear import flow_coefficients
-from tautwave.models.plant_params import PlantParams
+from tautwave.models.linear import FlowCoefficients, flow_coefficients
+from tautwave.models.plant_params import FlowCache, PlantCache, PlantParams
 
 FREE = 0
 PRESSING = 1
@@ -133,8 +133,32 @@ def _next_event(
     return when, what
 
 
+def _coefficients(p: PlantParams, flow: FlowCache, step: float, span: float) -> FlowCoefficients:
+    """`flow_coefficients` over `span`; those of a whole step are in the cache."""
+    if span != step:
+        return flow_coefficients(flow.stiffness, flow.damping, p.mass, span)
+    return (
+        flow.xv,
+        flow.xn,
+        flow.xs,
+        flow.vv,
+        flow.vn,
+        flow.vs,
+        flow.av,
+        flow.an,
+        flow.as_,
+        flow.qvv,
+        flow.qvn,
+        flow.qvs,
+        flow.qnn,
+        flow.qns,
+        flow.qss,
+    )
+
+
 def switching_step(
     p: PlantParams,
+    c: PlantCache,
     contact: int,
     x: float,
     v: float,
@@ -162,8 +186,8 @@ def switching_step(
     for _ in range(_STRETCHES):
         remaining = h - elapsed
         ahead = reference + reference_rate * elapsed - x
-        stiffness = p.grip_stiffness + p.spring_stiffness
-        damping = p.viscous + p.grip_damping
+        stiffness = c.free.stiffness
+        damping = c.free.damping
         force = (
             effort
             + p.grip_stiffness * ahead
@@ -173,8 +197,8 @@ def switching_step(
         if p.spring_stiffness > 0.0:
             force = force - p.spring_stiffness * (x - p.spring_position)
         if contact == PRESSING:
-            stiffness = stiffness + p.wall_stiffness
-            damping = damping + p.wall_damping
+            stiffness = c.pressing.stiffness
+            damping = c.pressing.damping
             force = force - (p.wall_stiffness * (x - p.wall_position) + p.wall_damping * v)
         direction = 0.0
         if p.coulomb > 0.0:
@@ -217,11 +241,16 @@ def switching_step(
             p, contact, direction, stiffness, damping, x, v, force, slope, remaining
         )
         if span > 0.0:
-            xv, xn, xs, vv, vn, vs, iv, jn, js, qvv, qvn, qvs, qnn, qns, qss = flow_coefficients(
-                stiffness, damping, p.mass, span
-            )
+            if contact == PRESSING:
+                xv, xn, xs, vv, vn, vs, av, an, as_, qvv, qvn, qvs, qnn, qns, qss = _coefficients(
+                    p, c.pressing, c.step, span
+                )
+            else:
+                xv, xn, xs, vv, vn, vs, av, an, as_, qvv, qvn, qvs, qnn, qns, qss = _coefficients(
+                    p, c.free, c.step, span
+                )
             moved = xv * v + xn * force + xs * slope
-            area = iv * v + jn * force + js * slope
+            area = av * v + an * force + as_ * slope
             square = (
                 v * (qvv * v + qvn * force + qvs * slope)
                 + force * (qnn * force + qns * slope)
