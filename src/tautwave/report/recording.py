@@ -1,7 +1,7 @@
 """Read a recording back as NumPy arrays: chunk by chunk, also when its end is missing.
 
-All messages of a chunk have the same length, so a decompressed chunk *is* a structured array. The
-file is mapped, not loaded; a selection of columns or every n-th row keeps the memory small.
+All messages of a chunk have the same length, so a decompressed chunk *is* a structured array. One
+chunk is in memory at a time; a selection of columns or every n-th row keeps the result small.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import difflib
 import io
 import json
-import mmap
 import os
 import struct
 import zlib
@@ -32,6 +31,8 @@ _RECORD = struct.Struct("<BQ")  # opcode, length of what follows
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, its CRC, length of compression
 _FOOTER_BYTES = 20
 _LARGEST_CHUNK = 1 << 30
+_LONGEST_NAME = 16  # of a compression
+_HEAD_BYTES = _RECORD.size + _CHUNK.size + _LONGEST_NAME
 
 
 class _Chunk(NamedTuple):
@@ -155,22 +156,22 @@ def read_recording(
     if stride < 1 or rows.step not in (None, 1):
         raise RecordingError("a recording is read forwards, every n-th row with n >= 1")
     try:
-        with open(path, "rb") as file:
-            memory = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    except ValueError as error:
-        raise RecordingError(f"{name} is empty") from error
+        with open(path, "rb", buffering=0) as file:
+            return _read(name, file.fileno(), columns, rows, stride)
+    except RecordingError:
+        raise
     except OSError as error:
         raise RecordingError(f"{name} cannot be read: {error.strerror}") from error
-    with memory:
-        return _read(name, memory, columns, rows, stride)
 
 
 def _read(
-    name: str, memory: mmap.mmap, wanted: Sequence[str] | None, rows: slice, stride: int
+    name: str, file: int, wanted: Sequence[str] | None, rows: slice, stride: int
 ) -> Recording:
-    if memory[: len(MAGIC)] != MAGIC:
+    if os.fstat(file).st_size == 0:
+        raise RecordingError(f"{name} is empty")
+    if os.pread(file, len(MAGIC), 0) != MAGIC:
         raise RecordingError(f"{name} is not an MCAP file")
-    contents = _walk(memory)
+    contents = _walk(file)
     own = contents.metadata.get(METADATA_NAME, {})
     recorded, places = _columns(name, own)
     selected = tuple(recorded) if wanted is None else tuple(wanted)
@@ -191,7 +192,7 @@ def _read(
         if extra == 0 and (skip >= whole or seen + skip >= stop):
             seen += whole
             continue
-        records = _records(memory, chunk, kind)
+        records = _records(file, chunk, kind)
         if records is None:
             damaged += 1
             continue
@@ -234,30 +235,42 @@ def _columns(name: str, own: dict[str, str]) -> tuple[list[str], dict[str, int]]
     return recorded, {recorded[index]: k for k, index in enumerate(order)}
 
 
-def _walk(memory: mmap.mmap) -> _Contents:
+def _walk(file: int) -> _Contents:
     """Every record up to the footer, or up to where the file breaks off."""
     contents = _Contents()
     at = len(MAGIC)
-    end = len(memory)
+    end = os.fstat(file).st_size
     while at + _RECORD.size <= end:
-        opcode, length = _RECORD.unpack_from(memory, at)
+        head = os.pread(file, _HEAD_BYTES, at)
+        opcode, length = _RECORD.unpack_from(head)
         at += _RECORD.size
         if opcode == 0 or at + length > end:
             break
-        if opcode == Opcode.CHUNK and length >= _CHUNK.size:
-            _, _, size, checksum, letters = _CHUNK.unpack_from(memory, at)
-            text = at + _CHUNK.size
-            content = text + letters + 8
-            if content <= at + length and size <= _LARGEST_CHUNK:
-                compression = memory[text : text + letters].decode("ascii", "replace")
-                contents.chunks.append(_Chunk(content, at + length, size, checksum, compression))
+        if opcode == Opcode.CHUNK:
+            chunk = _chunk(head, at, length)
+            if chunk is not None:
+                contents.chunks.append(chunk)
         elif opcode in (Opcode.METADATA, Opcode.ATTACHMENT):
-            _keep(contents, opcode, memory[at : at + length])
+            _keep(contents, opcode, os.pread(file, length, at))
         elif opcode == Opcode.FOOTER:
-            contents.complete = length == _FOOTER_BYTES and memory[at + length :] == MAGIC
+            tail = os.pread(file, len(MAGIC) + 1, at + length)
+            contents.complete = length == _FOOTER_BYTES and tail == MAGIC
             break
         at += length
     return contents
+
+
+def _chunk(head: bytes, at: int, length: int) -> _Chunk | None:
+    """The chunk whose record starts with `head`, or None when that is damaged."""
+    if len(head) < _RECORD.size + _CHUNK.size:
+        return None
+    _, _, size, checksum, letters = _CHUNK.unpack_from(head, _RECORD.size)
+    text = _RECORD.size + _CHUNK.size
+    content = at + _CHUNK.size + letters + 8
+    if letters > _LONGEST_NAME or content > at + length or size > _LARGEST_CHUNK:
+        return None
+    compression = head[text : text + letters].decode("ascii", "replace")
+    return _Chunk(content, at + length, size, checksum, compression)
 
 
 def _keep(contents: _Contents, opcode: int, raw: bytes) -> None:
@@ -273,9 +286,9 @@ def _keep(contents: _Contents, opcode: int, raw: bytes) -> None:
         return
 
 
-def _records(memory: mmap.mmap, chunk: _Chunk, kind: np.dtype[Any]) -> NDArray[Any] | None:
+def _records(file: int, chunk: _Chunk, kind: np.dtype[Any]) -> NDArray[Any] | None:
     """Messages of a chunk as a structured array, or None when it is damaged."""
-    content = memory[chunk.start : chunk.stop]
+    content = os.pread(file, chunk.stop - chunk.start, chunk.start)
     if chunk.compression == "zstd":
         try:
             if zstandard.frame_content_size(content) not in (chunk.size, -1):

@@ -2,7 +2,8 @@
 
 The `mcap` library's `Writer.add_message` costs 12-22 us a row in Python, too much beside a loop
 that simulates 20-50 times faster than real time. Here the messages of one chunk and their index
-are put together by NumPy in one go; every other record is the library's own.
+are put together by NumPy in one go, 2 us a row of 60 floats and 4 us of 100, most of it zstd;
+every other record is the library's own.
 Format: https://mcap.dev/spec
 """
 
@@ -106,7 +107,17 @@ class McapFile:
         self._chunk_indexes = bytearray()  # kept encoded: an hour has some 50 000 of them
         self._attachment_indexes: list[McapRecord] = []
         self._metadata_indexes: list[McapRecord] = []
-        self._statistics = Statistics(0, 1, {CHANNEL_ID: 0}, 0, 0, 0, 0, 0, 1)
+        self._statistics = Statistics(
+            attachment_count=0,
+            channel_count=1,
+            channel_message_counts={CHANNEL_ID: 0},
+            chunk_count=0,
+            message_count=0,
+            message_end_time=0,
+            message_start_time=0,
+            metadata_count=0,
+            schema_count=1,
+        )
         self.length = 0
         self._descriptor = os.open(
             path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666
@@ -189,13 +200,17 @@ class McapFile:
         for opcode, content in groups:
             if content:
                 at = summary_at + len(summary)
-                offsets += _encode(SummaryOffset(opcode, at, len(content)))
+                offsets += _encode(
+                    SummaryOffset(group_opcode=opcode, group_start=at, group_length=len(content))
+                )
             summary += content
         offsets_at = summary_at + len(summary)
         # The checksum covers the footer up to itself.
         front = struct.pack("<BQQQ", Opcode.FOOTER, 20, summary_at, offsets_at)
         checksum = zlib.crc32(front, zlib.crc32(summary + offsets))
-        footer = _encode(Footer(summary_at, offsets_at, checksum))
+        footer = _encode(
+            Footer(summary_start=summary_at, summary_offset_start=offsets_at, summary_crc=checksum)
+        )
         self._write(data_end + summary + offsets + footer + MAGIC)
 
     def close(self) -> None:
@@ -233,7 +248,9 @@ class McapFile:
 
     def _add_metadata(self, name: str, entries: Mapping[str, str]) -> None:
         encoded = _encode(Metadata(name=name, metadata=dict(entries)))
-        self._metadata_indexes.append(MetadataIndex(self.length, len(encoded), name))
+        self._metadata_indexes.append(
+            MetadataIndex(offset=self.length, length=len(encoded), name=name)
+        )
         self._statistics.metadata_count += 1
         self._write(encoded)
 

@@ -1,7 +1,9 @@
 """The loop's end of a recording: fill `row`, call `commit`, and at the end `close`.
 
 The file is written by another process (`mcap_writer`); this module imports neither NumPy nor mcap.
-Handing over a row of 60 floats takes about 0.4 us with warm caches and 1-2 us at 1 kHz.
+`commit` takes 0.5-1 us with warm caches; paced at 1 kHz, with 6 MB of other data touched between
+two cycles, 3 us (median) and 6 us (99 %), 60 and 120 columns alike. Filling `row` by index comes
+to 0.05 us an item.
 """
 
 from __future__ import annotations
