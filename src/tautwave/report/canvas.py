@@ -93,8 +93,13 @@ def panels(
             if at < len(gaps):
                 edge -= height + gaps[at]
                 panel.tick_params(labelbottom=gaps[at] > 0.5)
-        figure.text(0.085, 1.0 - 0.2 / whole, title, weight="bold", size=12.5, va="top")
+        figure.text(0.085, 1.0 - 0.2 / whole, plain(title), weight="bold", size=12.5, va="top")
     return figure, axes
+
+
+def plain(text: str) -> str:
+    """A name from a rig file or a path, safe from matplotlib's formulas and hidden labels."""
+    return ("\u200b" if text.startswith("_") else "") + text.replace("$", r"\$")
 
 
 def heading(axes: Axes, text: str) -> None:

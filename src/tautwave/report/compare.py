@@ -11,7 +11,7 @@ from tautwave.report.html import badge, banner, page, picture, table, verdict_ro
 from tautwave.report.page import write_whole
 from tautwave.report.rundir import Run, block, load_run
 from tautwave.report.tables import Table
-from tautwave.report.units import count, microseconds, number, quantity, significant
+from tautwave.report.units import count, microseconds, number, plural, quantity, significant
 from tautwave.report.verdicts import outcome, units_of, verdicts
 
 Show = Callable[[Any], str]
@@ -62,10 +62,7 @@ def _body(runs: tuple[Run, Run], labels: tuple[str, str], folder: Path) -> Itera
         yield verdict_rows(verdicts(run)) + "</div>"
     yield "</div>"
     yield "<h2>What differs in the rig</h2>"
-    changed = _changes(runs[0].rig, runs[1].rig)
-    yield table(Table("", ("key", *labels), changed), "text") or (
-        "<p>Nothing: both runs had the same resolved rig.</p>"
-    )
+    yield _differences(_changes(runs[0].rig, runs[1].rig), labels)
     shared = [pair for pair in runs[0].pairs if pair in runs[1].pairs]
     for pair in shared:
         yield f"<h2>Pair {escape(pair)}</h2>"
@@ -86,8 +83,16 @@ def _body(runs: tuple[Run, Run], labels: tuple[str, str], folder: Path) -> Itera
     if figure is not None:
         yield _keep(folder, "compare-timing.png", png(figure), "histograms of both runs")
     yield "<h2>Every difference of the summaries</h2>"
-    rows = _changes(_plain(runs[0].summary), _plain(runs[1].summary))
-    yield table(Table("", ("key", *labels), rows), "text") or "<p>None.</p>"
+    yield _differences(_changes(_plain(runs[0].summary), _plain(runs[1].summary)), labels)
+
+
+def _differences(rows: list[tuple[str, str, str]], labels: tuple[str, str]) -> str:
+    if not rows:
+        return "<p>Nothing.</p>"
+    made = table(Table("", ("key", *labels), tuple(rows)), "text")
+    if len(rows) <= 15:
+        return made
+    return f"<details><summary>{plural(len(rows), 'difference')}</summary>{made}</details>"
 
 
 def _pictures(
@@ -181,6 +186,8 @@ def _table(runs: tuple[Run, Run], labels: tuple[str, str], title: str, lines: li
     for name, show, keys in lines:
         values = [block(run.summary, *keys[:-1]).get(keys[-1]) for run in runs]
         first, second = number(values[0]), number(values[1])
+        if not first and not second and keys[-1] in ("absorbed", "stored", "dissipated"):
+            continue
         if first is None and second is None:
             continue
         if first is None or second is None:
@@ -197,27 +204,22 @@ def _plain(summary: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in summary.items() if key not in _NOT_COMPARED}
 
 
-def _changes(a: dict[str, Any], b: dict[str, Any]) -> tuple[tuple[str, ...], ...]:
-    """Keys whose values differ, with both values; a missing key is a dash."""
-    first, second = dict(_flat(a)), dict(_flat(b))
-    keys = [*first, *(key for key in second if key not in first)]
-    return tuple(
-        (key, _text(first, key), _text(second, key))
-        for key in keys
-        if first.get(key, _flat) != second.get(key, _flat)
-    )
+def _changes(a: dict[str, Any], b: dict[str, Any], stem: str = "") -> list[tuple[str, str, str]]:
+    """Keys whose values differ, with both values; a block that one side lacks is one row."""
+    rows: list[tuple[str, str, str]] = []
+    for key in dict.fromkeys([*a, *b]):
+        first, second = a.get(key), b.get(key)
+        if isinstance(first, dict) and isinstance(second, dict):
+            rows += _changes(first, second, f"{stem}{key}.")
+        elif key not in a or key not in b or first != second:
+            rows.append((f"{stem}{key}", _text(a, key), _text(b, key)))
+    return rows
 
 
 def _text(values: dict[str, Any], key: str) -> str:
+    value = values.get(key)
     if key not in values:
         return "–"
-    value = values[key]
+    if isinstance(value, dict):
+        return "given" if value else "empty"
     return significant(value, 6) if isinstance(value, float) else str(value)
-
-
-def _flat(tree: dict[str, Any], stem: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in tree.items():
-        if isinstance(value, dict) and value:
-            yield from _flat(value, f"{stem}{key}.")
-        else:
-            yield f"{stem}{key}", value

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tautwave.report.canvas import INK, draw, heading, legend, panels
+from tautwave.report.canvas import INK, draw, heading, legend, panels, plain
 from tautwave.report.envelope import Floats, Trace, peak, trace
 from tautwave.report.rebuild import element_books
 from tautwave.report.rundir import Run
@@ -54,7 +54,7 @@ def overlay_figure(title: str, shown: Sequence[Overlay], labels: tuple[str, str]
     for panel, overlay in zip(axes, shown, strict=True):
         factor, unit = scale_for(peak(*overlay.lines), overlay.unit)
         for line, label, colour in zip(overlay.lines, labels, COLOURS, strict=True):
-            draw(panel, line, factor, label, color=colour, linewidth=1.2)
+            draw(panel, line, factor, plain(label), color=colour, linewidth=1.2)
         heading(panel, overlay.title)
         panel.set_ylabel(f"[{unit}]")
         panel.axhline(0.0, color="#999999", linewidth=0.8)
@@ -77,10 +77,10 @@ def timing_overlay(runs: tuple[Run, Run], labels: tuple[str, str]) -> Figure | N
         for values, label, colour in zip(data[name], labels, COLOURS, strict=True):
             if values is not None:
                 tally, _ = np.histogram(np.maximum(values[np.isfinite(values)], 0.1), edges)
-                panel.stairs(tally, edges, color=colour, linewidth=1.5, label=label)
+                panel.stairs(tally, edges, color=colour, linewidth=1.5, label=plain(label))
         for budget, label, colour in zip(budgets, labels, COLOURS, strict=True):
             if np.isfinite(budget):
-                text = f"budget of {label}"
+                text = plain(f"budget of {label}")
                 panel.axvline(budget, color=colour, linestyle="-.", linewidth=1.1, label=text)
         panel.set_xscale("log")
         panel.set_yscale("log")

@@ -61,7 +61,8 @@ td:first-child { font-weight: 500; overflow-wrap: anywhere; }
 .sides { display: grid; grid-template-columns: 1fr 1fr; gap: 0 40px; }
 .sides .verdict { grid-template-columns: 1fr; }
 .columns { display: flex; flex-wrap: wrap; gap: 0 52px; }
-pre { background: var(--pale); border: 1px solid var(--rule); border-radius: 4px; padding: 10px 12px;
+pre { background: var(--pale); border: 1px solid var(--rule); border-radius: 4px;
+  padding: 10px 12px;
   font: 12.5px/1.45 ui-monospace, "DejaVu Sans Mono", monospace; white-space: pre-wrap;
   overflow-wrap: anywhere; }
 summary { cursor: pointer; font-weight: 600; }
@@ -128,8 +129,9 @@ def table(content: Table, kind: str = "") -> str:
     rows = "\n".join(f"<tr>{cells(row, 'td')}</tr>" for row in content.rows)
     note = f'<p class="note">{escape(content.note)}</p>' if content.note else ""
     style = f' class="{kind}"' if kind else ""
+    caption = f"<caption>{escape(content.title)}</caption>" if content.title else ""
     return (
-        f'<div class="wide"><table{style}><caption>{escape(content.title)}</caption>'
+        f'<div class="wide"><table{style}>{caption}'
         f"<thead><tr>{cells(content.head, 'th')}</tr></thead>"
         f"<tbody>{rows}</tbody></table></div>{note}"
     )

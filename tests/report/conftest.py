@@ -1,0 +1,22 @@
+from pathlib import Path
+
+import pytest
+
+from tests.report.synthetic import Columns, make_columns, make_run
+
+
+@pytest.fixture(scope="session")
+def columns() -> Columns:
+    """Three seconds of one pair; tests that change it take a copy."""
+    return make_columns(rows=3000)
+
+
+@pytest.fixture(scope="session")
+def reported(tmp_path_factory: pytest.TempPathFactory, columns: Columns) -> Path:
+    """A whole run with its report written."""
+    from tautwave.report import write_report
+
+    directory = tmp_path_factory.mktemp("runs") / "first"
+    make_run(directory, columns=columns)
+    write_report(directory)
+    return directory

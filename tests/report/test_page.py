@@ -1,0 +1,277 @@
+import base64
+import json
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tautwave.errors import RecordingError
+from tautwave.report import write_report
+from tautwave.report.units import microseconds, quantity, ratio
+from tests.report.synthetic import make_columns, make_run, write_recording
+
+VOID = {"meta", "img", "br", "hr", "link", "input"}
+
+
+class Page(HTMLParser):
+    """Text, images and every attribute; fails on tags that do not nest."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.text = ""
+        self.images: list[str] = []
+        self.tags: set[str] = set()
+        self.identifiers: list[str] = []
+        self.links: list[str] = []
+        self.raw = path.read_text(encoding="utf-8")
+        self.feed(self.raw)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        told = dict(attrs)
+        self.tags.add(tag)
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "img":
+            assert told["alt"]
+            self.images.append(told["src"])
+        if "id" in told:
+            self.identifiers.append(told["id"])
+        if tag == "a":
+            self.links.append(told["href"])
+        assert not any(name.startswith("on") for name in told)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] != "style":
+            self.text += data + "\n"
+
+
+def numbers_in(summary):
+    """Every measured number of a summary, as the page has to show it."""
+    for pair in summary["pairs"].values():
+        for error, unit in (("position_error", "m"), ("effort_error", "N")):
+            for key in ("rms", "max"):
+                yield quantity(pair[error][key], unit)
+        yield quantity(pair["expected_offset"], "m")
+        for element in pair["elements"].values():
+            for key in ("absorbed", "stored", "dissipated", "generated"):
+                yield quantity(element[key], "J")
+    for key, value in summary["energy_j"].items():
+        yield quantity(value, "J", 3 if key == "residual" else 4)
+    yield ratio(summary["energy_j"]["residual"] / summary["energy_j"]["gross_flow"])
+    for name in ("period_us", "lateness_us", "compute_us"):
+        for key in ("p50", "p99", "p999", "max"):
+            yield microseconds(summary[name][key])
+    for axis in summary["axes"].values():
+        yield str(axis["lost"])
+        yield str(axis["late"])
+        yield from axis["faults"]
+
+
+def test_one_file_with_every_image_inside(reported):
+    page = Page(reported / "report.html")
+    assert len(page.images) == 6
+    for source in page.images:
+        head, data = source.split(",")
+        assert head == "data:image/png;base64"
+        assert base64.b64decode(data, validate=True).startswith(b"\x89PNG")
+    assert not page.tags & {"script", "link", "iframe", "object"}
+    assert not re.search(r"https?:|url\(|@import", page.raw)
+    assert (reported / "report.html").stat().st_size < 3_000_000
+    assert all(link[1:] in page.identifiers for link in page.links)
+    assert len(set(page.identifiers)) == len(page.identifiers)
+
+
+def test_the_figures_stand_beside_the_page_too(reported):
+    names = {path.name for path in reported.glob("*.png")}
+    parts = ("tracking", "effort", "contact", "waves", "energy")
+    assert names == {f"wrist-{part}.png" for part in parts} | {"timing.png"}
+    assert not list(reported.glob("*.part"))
+
+
+def test_every_number_is_the_summarys(reported):
+    page = Page(reported / "report.html")
+    summary = json.loads((reported / "summary.json").read_text())
+    for shown in numbers_in(summary):
+        assert shown in page.text
+    assert summary["command"] in page.text
+    assert summary["outcome"]["sentence"] in page.text
+    assert "2026-03-02 14:05:11 UTC" in page.text
+    assert all(sentence in page.text for sentence in summary["realtime"])
+    assert "wall_master of wrist" in page.text
+    assert "wave_impedance: 6.0" in page.text  # the resolved rig
+
+
+def test_a_certificate_that_is_not_evaluated_never_passes(reported):
+    page = Page(reported / "report.html")
+    assert "Not yet evaluated" in page.text
+    assert "passed" not in page.text.lower()
+
+
+def test_text_of_users_is_escaped(tmp_path):
+    evil = "<script>alert('x')</script>"
+    make_run(
+        tmp_path,
+        pairs=("a$_{b",),
+        rows=300,
+        rig_top={"name": evil},
+        rig=evil,
+        command=f"tautwave run {evil}",
+        left_out=[f"{evil}: {evil}"],
+        outcome={"kind": "fault", "sentence": evil},
+        realtime=[evil],
+        certificate={"passed": False, "verdicts": [{"name": evil, "passed": None}]},
+    )
+    page = Page(write_report(tmp_path))
+    assert "script" not in page.tags
+    assert page.text.count(evil) >= 7
+
+
+def make_summary(directory, columns, **top):
+    """A run without its recording: a page without figures is made in no time."""
+    told = make_run(directory, columns={n: c[:100] for n, c in columns.items()}, **top)
+    (directory / "recording.mcap").unlink()
+    return told
+
+
+def test_a_safety_stop_is_a_banner(tmp_path, columns):
+    sentence = "slave.wrist left its position range at 2.9 s."
+    make_summary(tmp_path, columns, outcome={"kind": "safety_stop", "sentence": sentence})
+    page = Page(write_report(tmp_path))
+    assert 'class="banner bad"' in page.raw
+    assert sentence in page.text
+
+
+def test_open_books_are_called_open(tmp_path, columns):
+    energy = {"gross_flow": 1.0, "residual": 2e-9, "generated": 0.0}
+    make_summary(tmp_path, columns, energy_j=energy)
+    assert "Not closed: residual 2" in Page(write_report(tmp_path)).text
+    energy["residual"] = float("nan")
+    make_summary(tmp_path, columns, energy_j=energy)
+    assert "Not closed" in Page(write_report(tmp_path)).text
+
+
+def test_several_pairs(tmp_path):
+    make_run(tmp_path, pairs=("wrist", "elbow"), rows=1500)
+    page = Page(write_report(tmp_path))
+    assert len(page.images) == 11
+    assert "Pair elbow" in page.text
+    assert (tmp_path / "report.html").stat().st_size < 3_000_000
+
+
+def without(columns, *parts):
+    return {name: c for name, c in columns.items() if not any(part in name for part in parts)}
+
+
+def test_hardware_without_truth_or_walls(tmp_path, columns):
+    few = without(columns, "true.", "plant.", "wall_", "gross_flow", "port_energy")
+    make_run(tmp_path, rows=3000, delay=20, columns={**few, **_accounts(columns)})
+    (tmp_path / "rig.yaml").unlink()
+    page = Page(write_report(tmp_path))
+    assert "Contacts cannot be told" in page.text
+    assert "Plant, from the simulation" not in page.text
+    assert not (tmp_path / "wrist-contact.png").exists()
+
+
+def _accounts(columns):
+    return {name: c for name, c in columns.items() if name.startswith("wrist.wall_slave")}
+
+
+def test_no_line_means_no_expected_offset(tmp_path, columns):
+    told = make_summary(tmp_path, columns, delay=0)
+    for pair in told["pairs"].values():
+        pair.pop("expected_offset")
+        pair.pop("coupling_delay_s")
+    (tmp_path / "summary.json").write_text(json.dumps(told))
+    page = Page(write_report(tmp_path))
+    assert "F τ / b" not in page.text.split("Pair wrist")[0]
+    assert "no delay line" in page.text
+
+
+def test_without_summary_the_recording_speaks(tmp_path, columns):
+    told = make_run(tmp_path, columns=columns)
+    (tmp_path / "summary.json").unlink()
+    page = Page(write_report(tmp_path))
+    assert "summary.json is missing" in page.text
+    assert "outcome not recorded" in page.text
+    pair = told["pairs"]["wrist"]
+    assert quantity(pair["position_error"]["rms"], "m") in page.text
+    assert quantity(pair["elements"]["line"]["stored"], "J") in page.text
+    assert microseconds(told["compute_us"]["p99"]) in page.text
+    assert "Closed: residual" in page.text
+
+
+def test_a_recording_cut_off_is_shown_as_far_as_it_goes(tmp_path, columns):
+    make_run(tmp_path, columns=columns)
+    write_recording(tmp_path / "recording.mcap", columns, finish=False)
+    whole = (tmp_path / "recording.mcap").read_bytes()
+    (tmp_path / "recording.mcap").write_bytes(whole[: int(0.6 * len(whole))])
+    page = Page(write_report(tmp_path))
+    assert "The recording is cut short" in page.text
+    assert len(page.images) == 6
+
+
+def test_a_summary_alone_makes_a_page_without_figures(tmp_path, columns):
+    make_summary(tmp_path, columns)
+    page = Page(write_report(tmp_path))
+    assert "There are no figures" in page.text
+    assert page.images == []
+
+
+@pytest.mark.parametrize("content", [b"", b"not a recording", None])
+def test_nothing_to_report_on_is_one_sentence(tmp_path, content):
+    if content is not None:
+        (tmp_path / "recording.mcap").write_bytes(content)
+    with pytest.raises(RecordingError, match="nothing to report on"):
+        write_report(tmp_path)
+
+
+def test_an_empty_summary_is_not_taken_for_a_good_run(tmp_path, columns):
+    make_summary(tmp_path, columns)
+    (tmp_path / "summary.json").write_text('{"rig": "x"}')
+    page = Page(write_report(tmp_path))
+    assert "fine" not in page.text
+    assert "not recorded" in page.text
+
+
+def test_a_long_recording_read_by_columns_gives_the_same_page(
+    tmp_path, reported, columns, monkeypatch
+):
+    make_run(tmp_path / reported.name, columns=columns)
+    monkeypatch.setattr("tautwave.report.rundir.WHOLE_CELLS", 0)
+    page = write_report(tmp_path / reported.name)
+    assert page.read_text() == (reported / "report.html").read_text()
+
+
+def test_signals_that_are_not_numbers_do_not_stop_the_report(tmp_path, columns):
+    broken = {name: c.copy() for name, c in columns.items()}
+    for name in ("slave.wrist.position", "wrist.position_error", "slave.wrist.port_effort"):
+        broken[name][1000:1100] = np.nan
+    broken["compute_us"][:] = np.nan
+    make_run(tmp_path, columns=broken)
+    (tmp_path / "summary.json").unlink()
+    assert len(Page(write_report(tmp_path)).images) == 6
+
+
+def test_a_run_of_two_cycles(tmp_path):
+    make_run(tmp_path, columns={n: c[:2] for n, c in make_columns(rows=10).items()})
+    (tmp_path / "summary.json").unlink()
+    Page(write_report(tmp_path))
+
+
+def test_reading_numbers_costs_no_matplotlib():
+    code = (
+        "import sys, tautwave.report, tautwave.report.units, tautwave.report.tables\n"
+        "import tautwave.report.page, tautwave.report.compare\n"
+        "assert not {m.split('.')[0] for m in sys.modules} & {'matplotlib', 'PIL', 'mcap'}"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=30)

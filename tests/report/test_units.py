@@ -1,0 +1,41 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tautwave.report.units import THIN, count, microseconds, quantity, scale_for
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "shown"),
+    [
+        (0.012345678, "rad", "12.35 mrad"),
+        (0.9999999, "m", "1 m"),
+        (1500.0, "rad", "1500 rad"),
+        (2e-15, "J", "2 × 10⁻¹⁵ J"),
+        (-3.2e-6, "N m", "−3.2 µN m"),
+        (0.0, "J", "0 J"),
+        (1000.0, "Hz", "1 kHz"),
+        (6.0, "", "6"),
+        (math.nan, "m", "undefined"),
+        (None, "m", "not recorded"),
+        ("broken", "m", "not recorded"),
+    ],
+)
+def test_reads_as_a_person_writes(value, unit, shown):
+    assert quantity(value, unit).replace(THIN, " ") == shown.replace(THIN, " ")
+
+
+def test_microseconds_and_counts():
+    assert microseconds(1500.0).replace(THIN, " ") == "1.5 ms"
+    assert count(9999) == "9999"
+    assert count(1234567).replace(THIN, " ") == "1 234 567"
+
+
+@given(st.floats(1e-12, 1e6))
+def test_the_prefix_keeps_the_value(value):
+    factor, unit = scale_for(value, "m")
+    weight = {"km": 1e3, "m": 1.0, "mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "pm": 1e-12}[unit]
+    assert math.isclose(value * factor * weight, value, rel_tol=1e-12)
+    assert 0.9 <= value * factor < 1001.0 or value > 1e5
