@@ -90,7 +90,8 @@ def _load(group: str, name: str, kind: type[Any]) -> Any:
         ) from err
     if not isinstance(plugin, kind):
         raise ConfigError(
-            f"{what} {name!r}: {point.value} is a {type(plugin).__name__}, not a {kind.__name__}"
+            f"{what} {name!r}: {point.value} is no {kind.__name__} "
+            f"but of type {type(plugin).__name__}"
         )
     return plugin
 
@@ -101,8 +102,8 @@ def _unknown(what: str, name: str, known: list[str]) -> str:
     if not known:
         return f"unknown {what} {name!r}; none is installed (pip install tautwave, once more)"
     close = get_close_matches(name, known, n=1)
-    hint = f"did you mean {close[0]!r}? " if close else ""
-    return f"unknown {what} {name!r}; {hint}Installed: {', '.join(known)}"
+    hint = f"; did you mean {close[0]!r}?" if close else "."
+    return f"unknown {what} {name!r}{hint} Installed: {', '.join(known)}"
 
 
 def _remedy(point: EntryPoint) -> str:

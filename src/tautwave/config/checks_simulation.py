@@ -29,7 +29,7 @@ def check_simulation(document: Document, parts: Parts) -> None:
     axes = [f"{side}.{name}" for side, block in parts.sides.items() for name in block]
     if len(parts.sides) == len(SIDES):
         _check_known(document, ("simulation", "axes"), parts.truths, axes, "axis")
-    if parts.pairs is not None:
+    if parts.pairs:
         pairs = list(parts.pairs)
         _check_known(document, ("simulation", "hand"), parts.hands, pairs, "pair")
         _check_known(document, ("simulation", "environment"), parts.environments, pairs, "pair")
@@ -67,7 +67,7 @@ def _check_known(
         if name not in known and not (what == "axis" and not _is_full(name)):
             document.report(
                 (*path, name),
-                f"unknown {what} {name!r}{nearest(name, known) or ';'} "
+                f"unknown {what} {name!r}{nearest(name, known) or '.'} "
                 f"{plural}: {', '.join(known)}",
             )
 
@@ -90,7 +90,7 @@ def _check_truth(document: Document, name: str, axis: Axis, truth: AxisSimulatio
         )
     if axis.position_range is not None:
         lowest, highest = axis.position_range
-        if lowest < highest and not lowest <= truth.start_position <= highest:
+        if not lowest <= truth.start_position <= highest:
             document.report(
                 (*path, "start_position"),
                 f"should be inside position_range [{lowest:g}, {highest:g}] of {name} "

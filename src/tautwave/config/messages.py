@@ -75,11 +75,13 @@ def unknown_key(word: str, model: type[BaseModel]) -> str:
     keys = _keys(model)
     if not keys:
         return f"unknown key {word!r}; no keys are allowed here"
-    return f"unknown key {word!r}{nearest(word, keys) or ';'} Allowed: {', '.join(keys)}"
+    return f"unknown key {word!r}{nearest(word, keys) or '.'} Allowed: {', '.join(keys)}"
 
 
 def _sentence(document: Document, place: Place, error: Any) -> tuple[KeyPath, str]:
     kind, context, path = error["type"], error.get("ctx", {}), place.path
+    if isinstance(document.get(path[:-1]), int | float):
+        path = path[:-1]  # a number where a mapping may stand, such as damping: 0.001
     value = document.get(path)
     got = f" (got {show_value(value)})"
     if kind == "extra_forbidden" and place.owner is not None:
@@ -94,11 +96,9 @@ def _sentence(document: Document, place: Place, error: Any) -> tuple[KeyPath, st
         return (*path, key), f"required key is missing; one of {', '.join(tags(place.kind))}"
     if kind == "union_tag_invalid":
         key, known = context["discriminator"].strip("'"), tags(place.kind)
-        word = context["tag"]
-        return (
-            *path,
-            key,
-        ), f"unknown {key} {word!r}{nearest(word, known) or ';'} Allowed: {', '.join(known)}"
+        word, allowed = context["tag"], ", ".join(known)
+        text = f"unknown {key} {word!r}{nearest(word, known) or '.'} Allowed: {allowed}"
+        return (*path, key), text
     if kind == "literal_error":
         known = re.findall(r"'([^']*)'", context["expected"])
         hint = nearest(value, known) if isinstance(value, str) else ""
@@ -108,7 +108,10 @@ def _sentence(document: Document, place: Place, error: Any) -> tuple[KeyPath, st
     if kind in ("too_long", "too_short") and "actual_length" in context:
         wanted = context.get("max_length", context.get("min_length"))
         bound = "at most" if kind == "too_long" else "at least"
-        return path, f"Input should have {bound} {wanted} (got {context['actual_length']})"
+        items = "item" if wanted == 1 else "items"
+        return path, f"Input should have {bound} {wanted} {items} (got {context['actual_length']})"
+    if kind == "order":
+        return path, error["msg"]
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         return path, f"Input should be a mapping{got}"
     if kind in ("tuple_type", "list_type", "set_type"):
@@ -118,6 +121,8 @@ def _sentence(document: Document, place: Place, error: Any) -> tuple[KeyPath, st
 
 def _hint(kind: str, value: Any) -> str:
     """Return what to write instead, for the traps of YAML and of units."""
+    if value is None:
+        return "; the key has no value"
     if kind == "bool_type" and str(value).lower() in ("yes", "no", "on", "off", "y", "n", "0", "1"):
         return "; write true or false"
     if kind not in ("float_type", "int_type") or not isinstance(value, str):

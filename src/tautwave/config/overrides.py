@@ -51,28 +51,28 @@ def _split(argument: str) -> tuple[list[_Word], str]:
 
 
 def _put(document: Document, words: list[_Word], parsed: Parsed, argument: str) -> None:
+    """Set the value, making the mappings on the way to it that do not exist yet."""
     node: Any = document.value
     path: KeyPath = ()
     while True:
+        key: Any
         key, words = _next_key(node, path, words)
-        if isinstance(key, int) and key == len(node):
+        path = (*path, key)
+        if isinstance(node, list) and key == len(node):
             node.append(None)
         if not words:
-            break
-        path = (*path, key)
-        holder: Any = node
-        below = holder[key] if isinstance(holder, list) else holder.get(key)
-        if below is None:
-            below = holder[key] = {}
+            node[key] = parsed.value
+            _mark(document, path, parsed, argument)
+            return
+        if document.get(path) is None:
+            node[key] = {}
             document.marks[path] = Mark(0, argument, path)
-        if not isinstance(below, dict | list):
+        node = node[key]
+        if not isinstance(node, dict | list):
             raise _CannotSet(
-                f"{show_path(path)} is {show_value(below)} and has no keys below it; "
+                f"{show_path(path)} is {show_value(node)} and has no keys below it; "
                 f"set {show_path(path)} as a whole, such as {show_path(path)}={{key: value}}"
             )
-        node = below
-    node[key] = parsed.value
-    _mark(document, (*path, key), parsed, argument)
 
 
 def _next_key(node: Any, path: KeyPath, words: list[_Word]) -> tuple[str | int, list[_Word]]:

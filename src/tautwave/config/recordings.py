@@ -46,7 +46,7 @@ def check_recording(document: Document, path: KeyPath, recording: Recording) -> 
         if wanted not in columns:
             document.report(
                 (*path, key) if document.get((*path, key)) is not None else at,
-                f"{found.name} has no column {wanted!r}{nearest(wanted, columns) or ';'} "
+                f"{found.name} has no column {wanted!r}{nearest(wanted, columns) or '.'} "
                 f"It has: {', '.join(columns[:12])}{', ...' if len(columns) > 12 else ''}",
             )
 

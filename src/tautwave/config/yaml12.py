@@ -114,9 +114,11 @@ def parse_yaml(text: str, mark: Mark | None = None) -> Parsed:
     SyntaxProblem
         The text is not YAML, holds several documents, or is nested too deeply.
     """
-    builder = _Builder(text, mark)
     try:
+        builder = _Builder(text, mark)
         value = builder.document()
+    except SyntaxProblem:
+        raise
     except yaml.MarkedYAMLError as err:
         raise _syntax(err, text) from err
     except ReaderError as err:
@@ -179,7 +181,8 @@ class _Builder:
             self.refuse(event, path, f"anchors (&{event.anchor}) are not supported; write it out")
         if event.tag is not None:
             self.spoiled.add(path)
-            self.refuse(event, path, f"tags ({event.tag}) are not supported; write the plain value")
+            tag = event.tag.replace("tag:yaml.org,2002:", "!!")
+            self.refuse(event, path, f"tags ({tag}) are not supported; write the plain value")
         if isinstance(event, yaml.ScalarEvent):
             return self.scalar(event, path)
         if isinstance(event, yaml.SequenceStartEvent):

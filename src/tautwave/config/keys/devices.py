@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
 
 from tautwave.config.keys.common import Block, Name, NonNegative, Positive
 
@@ -21,7 +22,24 @@ class Bus(Block):
     )
 
 
-class Inertia(Block):
+class Belief(Block):
+    """What is believed of a device: best estimate, safe lower bound, and where they come from."""
+
+    value: float
+    lower: float
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        if self.lower > self.value:
+            raise PydanticCustomError(
+                "order",
+                "lower should not be greater than value: {lower} > {value}",
+                {"lower": f"{self.lower:g}", "value": f"{self.value:g}"},
+            )
+        return self
+
+
+class Inertia(Belief):
     """What is believed of a device's inertia [kg m^2 | kg]."""
 
     value: Positive = Field(description="[kg m^2 | kg] Best estimate.")
@@ -34,7 +52,7 @@ class Inertia(Block):
     )
 
 
-class Damping(Block):
+class Damping(Belief):
     """What is believed of a device's viscous damping [N m s/rad | N s/m]."""
 
     value: NonNegative = Field(description="[N m s/rad | N s/m] Best estimate.")
@@ -51,6 +69,16 @@ def _expand_damping(value: Any) -> Any:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return {"value": value, "lower": value, "source": "given"}
     return value
+
+
+def _check_range(ends: tuple[float, float]) -> tuple[float, float]:
+    if ends[0] >= ends[1]:
+        raise PydanticCustomError(
+            "order",
+            "write the lower end first: {lowest} is not below {highest}",
+            {"lowest": f"{ends[0]:g}", "highest": f"{ends[1]:g}"},
+        )
+    return ends
 
 
 class Axis(Block):
@@ -81,7 +109,7 @@ class Axis(Block):
     velocity_limit: Positive | None = Field(
         default=None, description="[rad/s | m/s] Above it the run stops. Hardware: required."
     )
-    position_range: tuple[float, float] | None = Field(
+    position_range: Annotated[tuple[float, float], AfterValidator(_check_range)] | None = Field(
         default=None,
         description="[rad | m] Lowest and highest position; outside, damping and stop. "
         "Hardware: required.",

@@ -57,7 +57,7 @@ class Rig(Block):
     def read_from(self, path: Path) -> Self:
         """Return the same rig with `source` set."""
         rig = self.model_copy()
-        rig._source = path
+        rig._source = path  # noqa: SLF001 - its own kind
         return rig
 
     @property
