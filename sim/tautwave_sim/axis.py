@@ -10,39 +10,21 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator, MutableSequence
 
-import numpy as np
-
+from tautwave.contracts import Row
 from tautwave.models.encoder import quantise
-from tautwave.truth import AxisTruth
+from tautwave.streams import MISSING, NOISE, normal_stream, uniform_stream
+from tautwave.truth import AxisModel
 from tautwave.types import JointState
 from tautwave_sim.physics import FoamPhysics, Physics, PlantPhysics, ServoPhysics
 
-BLOCK = 4096  # random numbers are drawn in blocks: the stream is the same as drawn one by one
-NOISE, MISSING = 0, 1  # one stream per purpose, so that leaving one out shifts no other
 
-
-def normal_stream(seed: tuple[int, ...]) -> Iterator[float]:
-    """Yield standard normal numbers of a seeded stream."""
-    rng = np.random.default_rng(seed)
-    while True:
-        yield from rng.standard_normal(BLOCK).tolist()
-
-
-def uniform_stream(seed: tuple[int, ...]) -> Iterator[float]:
-    """Yield numbers in [0, 1) of a seeded stream."""
-    rng = np.random.default_rng(seed)
-    while True:
-        yield from rng.random(BLOCK).tolist()
-
-
-def make_physics(truth: AxisTruth) -> Physics:
+def make_physics(truth: AxisModel) -> Physics:
     """Return the physics that the truth asks for, at rest at its start position."""
     if truth.servo is not None:
         return ServoPhysics(truth.servo, truth.start_position)
     if truth.foam is not None:
-        return FoamPhysics(truth.plant, truth.foam, truth.period, truth.start_position)
+        return FoamPhysics(truth.plant, truth.foam, truth.start_position)
     return PlantPhysics(truth.plant, truth.period, truth.start_position)
 
 
@@ -53,11 +35,11 @@ class SimulatedAxis:
     ----------
     name : str
         `master.wrist` or `slave.wrist`.
-    truth : AxisTruth
+    truth : AxisModel
         Physics, motor, encoder and faults.
     """
 
-    def __init__(self, name: str, truth: AxisTruth) -> None:
+    def __init__(self, name: str, truth: AxisModel) -> None:
         self.name = name
         self._truth = truth
         self.period = truth.period
@@ -122,7 +104,7 @@ class SimulatedAxis:
         if truth.encoder_quantum > 0.0:
             position = quantise(position, truth.encoder_quantum)
         valid = True
-        if truth.missing_probability > 0.0:
+        if truth.missing_probability > 0.0 and self._slot > 0:
             valid = next(self._missing) >= truth.missing_probability
         effort = math.nan
         if self._servo:
@@ -143,7 +125,7 @@ class SimulatedAxis:
         books += ["grip_loss", "viscous_loss", "coulomb_loss", "environment_loss"]
         return names + [f"plant.{self.name}.{book}" for book in books]
 
-    def fill(self, row: MutableSequence[float], at: int) -> None:
+    def fill(self, row: Row, at: int) -> None:
         """Write the truth at this slot into `row` from index `at` on."""
         physics = self.physics
         reference, rate = self.hand()

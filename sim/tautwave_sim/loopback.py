@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.contracts import AxisSpec, Budget, Clock, DriverPlugin, SimulatorPlugin
 from tautwave.errors import DriverError
-from tautwave.truth import AxisTruth
+from tautwave.truth import AxisModel
 from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, Fault, JointState
 from tautwave_sim.axis import SimulatedAxis
 
@@ -30,7 +30,7 @@ class LoopbackOptions(BaseModel):
 class LoopbackSimulator:
     """The axes of one loopback bus and the grid on which they move."""
 
-    def __init__(self, axes: Sequence[AxisSpec], truths: Sequence[AxisTruth]) -> None:
+    def __init__(self, axes: Sequence[AxisSpec], truths: Sequence[AxisModel]) -> None:
         self.axes = [
             SimulatedAxis(spec.name, truth) for spec, truth in zip(axes, truths, strict=True)
         ]
@@ -106,9 +106,7 @@ class LoopbackDriver:
                 "write one command per axis, in the order of the rig file"
             )
         if self._enabled:
-            for axis, servo, command in zip(
-                self._world.axes, self._servo, commands, strict=True
-            ):
+            for axis, servo, command in zip(self._world.axes, self._servo, commands, strict=True):
                 axis.command(command.velocity if servo else command.effort)
 
     def faults(self) -> Sequence[Fault]:

@@ -7,15 +7,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from tautwave.models.foam import FoamParams, foam_force, foam_step, foam_stored, foam_substeps
-from tautwave.models.plant import (
-    PlantParams,
-    plant_cache,
-    plant_forces,
-    plant_step,
-    plant_stored,
-)
-from tautwave.models.servo import ServoParams, servo_effort, servo_step, servo_stored
+from tautwave.models.foam import FoamParams, foam_forces, foam_step, foam_stored
+from tautwave.models.plant import plant_forces, plant_step, plant_stored
+from tautwave.models.plant_params import PlantParams, plant_cache
+from tautwave.models.servo import ServoParams, servo_forces, servo_step, servo_stored
 
 
 class Physics(Protocol):
@@ -80,11 +75,9 @@ class PlantPhysics:
 class FoamPhysics:
     """An impedance device against a power-law contact, by discrete gradients."""
 
-    def __init__(self, params: PlantParams, foam: FoamParams, period: float, x: float) -> None:
+    def __init__(self, params: PlantParams, foam: FoamParams, x: float) -> None:
         self._params = params
         self._foam = foam
-        self._substeps = foam_substeps(params, foam, period)
-        self._period = period
         self.x = x
         self.v = 0.0
         self.hand_work = self.motor_work = 0.0
@@ -93,11 +86,8 @@ class FoamPhysics:
     def step(self, command: float, reference: float, rate: float, h: float) -> None:
         """Move by `h` under a held effort."""
         before = self.x
-        substeps = self._substeps
-        if h != self._period:
-            substeps = max(1, round(substeps * h / self._period))
         self.x, self.v, work, grip, viscous, coulomb, environment = foam_step(
-            self._params, self._foam, before, self.v, command, reference, rate, h, substeps
+            self._params, self._foam, before, self.v, command, reference, rate, h
         )
         self.motor_work += command * (self.x - before)
         self.hand_work += work
@@ -108,13 +98,11 @@ class FoamPhysics:
 
     def stored(self, reference: float) -> tuple[float, float, float]:
         """Return kinetic, grip and contact energy."""
-        kinetic, grip, _ = plant_stored(self._params, self.x, self.v, reference)
-        return kinetic, grip, foam_stored(self._foam, self.x)
+        return foam_stored(self._params, self._foam, self.x, self.v, reference)
 
     def forces(self, reference: float, rate: float) -> tuple[float, float]:
         """Return the efforts of hand and contact."""
-        hand, _ = plant_forces(self._params, self.x, self.v, reference, rate)
-        return hand, foam_force(self._foam, self.x, self.v)
+        return foam_forces(self._params, self._foam, self.x, self.v, reference, rate)
 
 
 class ServoPhysics:
@@ -145,4 +133,4 @@ class ServoPhysics:
 
     def forces(self, reference: float, rate: float) -> tuple[float, float]:
         """Return the efforts of hand and environment."""
-        return servo_effort(self._params, self.x, self.v, self._command, reference, rate)
+        return servo_forces(self._params, self.x, self.v, self._command, reference, rate)

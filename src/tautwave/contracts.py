@@ -102,11 +102,20 @@ class SimulatorPlugin(NamedTuple):
     summary: str = ""
 
 
+class Row(Protocol):
+    """A row of the recording: anything whose floats can be set by index."""
+
+    def __setitem__(self, index: int, value: float, /) -> None: ...
+
+
 class RowSource(Protocol):
     """Something that owns columns of the recording and fills them once a cycle."""
 
-    columns: Sequence[str]
+    @property
+    def columns(self) -> Sequence[str]:
+        """Names of the columns, fixed once built."""
+        ...
 
-    def fill(self, row: Any, at: int) -> None:
+    def fill(self, row: Row, at: int) -> None:
         """Write one float per column into `row`, beginning at index `at`."""
         ...

@@ -85,4 +85,3 @@ def admittance_velocity(
     """
     drive = effort - p.stiffness * p.period * pending + p.root * arriving - wall_push
     return drive / (p.divisor + wall_damping + 0.5 * wall_stiffness * p.period)
-

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 
 class LimitParams(NamedTuple):
-    """Limits of an axis: effort [N m or N], effort change per period, effort quantum (0 none),
-    velocity [rad/s or m/s], position range [rad or m], damping of the stop outside it.
+    """Limits of an axis; an absent one is infinite.
 
-    An absent limit is infinite.
+    effort [N m or N], effort change per period, effort quantum (0: none), velocity
+    [rad/s or m/s], position range [rad or m], damping of the stop outside it [N m s/rad or N s/m].
     """
 
     effort: float
@@ -37,9 +37,7 @@ def clamp(value: float, bound: float) -> float:
     return 0.0  # NaN: every comparison above was False
 
 
-def limit_effort(
-    p: LimitParams, asked: float, last: float, ceiling: float
-) -> float:
+def limit_effort(p: LimitParams, asked: float, last: float, ceiling: float) -> float:
     """Return the resisting effort that may be sent [N m or N].
 
     Order: NaN to zero and the effort limit or the engage ramp's `ceiling`, whichever is lower;

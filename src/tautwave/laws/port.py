@@ -86,9 +86,7 @@ def port_params(
     return PortParams(period, impedance, root, mobility, divisor, slip, repay, allowance)
 
 
-def rigid_port(
-    period: float, impedance: float, drift_time: float, allowance: float
-) -> PortParams:
+def rigid_port(period: float, impedance: float, drift_time: float, allowance: float) -> PortParams:
     """Return the constants with which `port_close` closes an admittance port (no prediction)."""
     repay = period / (period + drift_time)
     root = math.sqrt(2.0 * impedance)
@@ -109,9 +107,7 @@ def sensor_allowance(
     return 2.0 * impedance * gain * (noise * noise + 0.25 * quantum * quantum) / period
 
 
-def track_velocity(
-    gain: float, predicted: float, displacement: float, span: float
-) -> float:
+def track_velocity(gain: float, predicted: float, displacement: float, span: float) -> float:
     """Correct a predicted mean velocity by the measured one: gain 1 is the plain difference."""
     return predicted + gain * (displacement / span - predicted)
 

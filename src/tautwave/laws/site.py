@@ -6,6 +6,7 @@ wall's effort known) -> limits, last before the motor -> shares of port and wall
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from tautwave.laws.admittance import AdmittanceParams, admittance_velocity
@@ -74,13 +75,12 @@ def think_wave(
     Returns
     -------
     tuple of float
-        Resisting effort to send, its parts by port and wall [N m or N], predicted mean velocity
-        of the acting period, depth in the wall.
+        Resisting effort to send, its parts by port and wall, the effort asked for before limits
+        [N m or N], predicted mean velocity of the acting period [rad/s or m/s].
     """
     mobility = p.port.half_mobility
     coast = velocity - mobility * (impulse + 2.0 * pending)
     wall = 0.0
-    depth = 0.0
     if p.has_wall:
         depth = wall_depth(p.wall, position)
         if depth > 0.0:
@@ -93,7 +93,7 @@ def think_wave(
     if total != asked:
         port = share_effort(wall, port, total)
         wall = total - port
-    return total, port, wall, ahead, depth
+    return total, port, wall, asked, ahead
 
 
 def think_position(
@@ -114,10 +114,10 @@ def think_position(
     Returns
     -------
     tuple of float
-        Resisting effort to send, its parts by coupler and wall [N m or N], depth in the wall.
+        Resisting effort to send, its parts by coupler and wall, the effort asked for before
+        limits [N m or N].
     """
     wall = 0.0
-    depth = 0.0
     if p.has_wall:
         depth = wall_depth(p.wall, position)
         if depth > 0.0:
@@ -132,7 +132,7 @@ def think_position(
     if total != asked:
         port = share_effort(wall, port, total)
         wall = total - port
-    return total, port, wall, depth
+    return total, port, wall, asked
 
 
 def think_admittance(
@@ -152,30 +152,28 @@ def think_admittance(
     -------
     tuple of float
         Velocity to command [rad/s or m/s], resisting effort of the wall in the acting period
-        [N m or N], depth in the wall now [rad or m].
+        [N m or N], velocity asked for before limits [rad/s or m/s].
     """
     wall_push = 0.0
     wall_stiffness = 0.0
     wall_damping = 0.0
-    depth = 0.0
     if p.has_wall:
-        depth = wall_depth(p.wall, position)
         ahead = wall_depth(p.wall, position + p.port.period * pending)
         if ahead > 0.0:
             wall_stiffness = p.wall.stiffness
             wall_damping = p.wall.damping
             wall_push = p.wall.side * wall_stiffness * ahead
-    velocity = admittance_velocity(
+    asked = admittance_velocity(
         p.admittance, effort, arriving, pending, wall_push, wall_stiffness, wall_damping
     )
     bound = p.limit.velocity
     if ceiling < bound:
         bound = ceiling
-    velocity = clamp(velocity, bound)
+    velocity = clamp(asked, bound)
     if p.velocity_quantum > 0.0:
-        velocity = p.velocity_quantum * float(round(velocity / p.velocity_quantum))
+        velocity = p.velocity_quantum * math.floor(velocity / p.velocity_quantum + 0.5)
     wall = 0.0
     if wall_stiffness > 0.0:
         half = 0.5 * wall_stiffness * p.port.period
         wall = wall_push + (wall_damping + half) * velocity
-    return velocity, wall, depth
+    return velocity, wall, asked

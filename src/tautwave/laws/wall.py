@@ -47,7 +47,9 @@ def wall_stored(p: WallParams, depth: float) -> float:
     return 0.5 * p.stiffness * depth * depth
 
 
-def wall_loss(p: WallParams, effort: float, displacement: float, before: float, after: float) -> float:
+def wall_loss(
+    p: WallParams, effort: float, displacement: float, before: float, after: float
+) -> float:
     """Return what the wall dissipated over a period [J]; negative when the sampling created energy.
 
     `effort` is the resisting effort that acted, `before` and `after` are the depths. For a pure

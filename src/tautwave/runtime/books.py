@@ -8,12 +8,9 @@ times displacement measured): the sum over axes has to be the sum over elements.
 
 from __future__ import annotations
 
-from collections.abc import MutableSequence
-
+from tautwave.contracts import Row
 from tautwave.runtime.pair import Pair, PositionPair, WavePair
 from tautwave.runtime.site import SiteAxis
-
-Row = MutableSequence[float]
 
 
 def axis_columns(name: str, site: SiteAxis) -> list[str]:

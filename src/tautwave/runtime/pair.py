@@ -6,9 +6,11 @@ sides never see each other's present, so the order in which they are evaluated c
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 from tautwave.laws.coupler import coupler_stored
+from tautwave.laws.wall import wall_effort
 from tautwave.laws.wave import filter_step
 from tautwave.link.memory import DelayLine
 from tautwave.runtime.site import SiteAxis
@@ -47,7 +49,7 @@ class WaveFilter:
         return out
 
 
-class Pair:
+class Pair(ABC):
     """Base of both couplings: what is common to the start and the tracking errors."""
 
     def __init__(self, name: str, master: SiteAxis, slave: SiteAxis, scale: PairScale) -> None:
@@ -75,6 +77,24 @@ class Pair:
             gap = self.mismatch(master.position, slave.position, offset)
         self.master.start(master.position, master.effort, 0.0)
         self.slave.start(slave.position, slave.effort, gap * self.slave.params.port.root)
+
+    def arm(self, share: float) -> bool:
+        """Return True when both walls ask for less than `share` of the limits where they stand."""
+        for site in (self.master, self.slave):
+            p = site.params
+            if p.has_wall and wall_effort(p.wall, site.depth, 0.0) ** 2 > (
+                (share * p.limit.effort) ** 2
+            ):
+                return False
+        return True
+
+    @abstractmethod
+    def engage(self, ramp: float) -> None:
+        """Think for the first time, with nothing on its way yet."""
+
+    @abstractmethod
+    def cycle(self, master: JointState, slave: JointState, skipped: int, ramp: float) -> None:
+        """Run one cycle on fresh samples; `skipped` slots went by unseen before this one."""
 
     def position_error(self) -> float:
         """Return master position less the slave's in master units [rad or m]."""
@@ -156,9 +176,19 @@ class WavePair(Pair):
         guard = 0
         if master.valid:
             guard = one.think(0.0, 0.0, ramp * one.ceiling)
+        elif one.stopping:
+            one.fade(ramp * one.ceiling)
         if slave.valid:
             guard += 8 * two.think(0.0, 0.0, ramp * two.ceiling)
+        elif two.stopping:
+            two.fade(ramp * two.ceiling)
         self.guard = guard
+
+    def engage(self, ramp: float) -> None:
+        """Think for the first time, with nothing on the line."""
+        for site in (self.master, self.slave):
+            site.receive(0.0)
+            site.think(0.0, 0.0, ramp * site.ceiling)
 
 
 class PositionPair(Pair):
@@ -184,6 +214,10 @@ class PositionPair(Pair):
             self._velocities = DelayLine(self._samples, 0.0)
         self._book()
         self.start_stored = self.stored
+
+    def engage(self, ramp: float) -> None:
+        """Think for the first time: the far side is where it is."""
+        self._think(*self._exchange(), ramp=ramp, master_valid=True, slave_valid=True)
 
     def _exchange(self) -> tuple[float, float, float, float]:
         """Pass one slot; return far position and velocity at the master, then at the slave."""
@@ -220,14 +254,34 @@ class PositionPair(Pair):
         else:
             two.miss()
         self._book()
-        back, back_rate, ahead, ahead_rate = self._exchange()
-        scale = self.scale
-        ratio = scale.sign * scale.scale
+        self._think(
+            *self._exchange(), ramp=ramp, master_valid=master.valid, slave_valid=slave.valid
+        )
+
+    def _think(
+        self,
+        back: float,
+        back_rate: float,
+        ahead: float,
+        ahead_rate: float,
+        *,
+        ramp: float,
+        master_valid: bool,
+        slave_valid: bool,
+    ) -> None:
+        """Think on both sides with what arrived, in each side's own units."""
+        one = self.master
+        two = self.slave
+        ratio = self.scale.sign * self.scale.scale
         guard = 0
-        if master.valid:
+        if master_valid:
             far = self._slave_to_master * (back - self.offset)
             guard = one.think(far, self._slave_to_master * back_rate, ramp * one.ceiling)
-        if slave.valid:
+        elif one.stopping:
+            one.fade(ramp * one.ceiling)
+        if slave_valid:
             far = ratio * ahead + self.offset
             guard += 8 * two.think(far, ratio * ahead_rate, ramp * two.ceiling)
+        elif two.stopping:
+            two.fade(ramp * two.ceiling)
         self.guard = guard

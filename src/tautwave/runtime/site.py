@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from tautwave.laws.limit import guard_axis, limit_effort, stop_effort
+from tautwave.laws.limit import clamp, guard_axis, limit_effort, stop_effort
 from tautwave.laws.port import port_close, track_velocity
 from tautwave.laws.site import SiteParams, think_admittance, think_position, think_wave
 from tautwave.laws.wall import wall_depth, wall_loss, wall_stored
@@ -35,13 +35,52 @@ class SiteAxis:
     """
 
     __slots__ = (
-        "_wave_energy", "_command_port", "_command_total", "_command_wall", "_command_wave",
-        "_acted", "_count", "_effort_sum", "_half_period", "_late", "_pipe",
-        "_port_sum", "_spread", "_wall_sum", "_wave", "_wave_sum", "account", "arrived", "burnt", "by_wave",
-        "ceiling", "command", "depth", "forgiven", "gap", "gross_flow", "impedance", "impulse", "leaving", "outside",
-        "params", "port_absorbed", "port_energy", "position", "predicted", "stopping",
-        "uncertainty", "valid", "velocity", "wall_absorbed", "wall_contact_energy",
-        "wall_dissipated", "wall_stored_at_start", "wall_velocity", "wave_in",
+        "_acted",
+        "_command_port",
+        "_command_total",
+        "_command_wall",
+        "_command_wave",
+        "_count",
+        "_effort_sum",
+        "_half_period",
+        "_late",
+        "_pipe",
+        "_port_sum",
+        "_spread",
+        "_wall_sum",
+        "_wave",
+        "_wave_energy",
+        "_wave_sum",
+        "account",
+        "arrived",
+        "asked",
+        "burnt",
+        "by_wave",
+        "ceiling",
+        "command",
+        "depth",
+        "forgiven",
+        "gap",
+        "gross_flow",
+        "impedance",
+        "impulse",
+        "leaving",
+        "outside",
+        "params",
+        "port_absorbed",
+        "port_energy",
+        "position",
+        "predicted",
+        "stopping",
+        "uncertainty",
+        "valid",
+        "velocity",
+        "wall_absorbed",
+        "wall_contact_energy",
+        "wall_dissipated",
+        "wall_stored_at_start",
+        "wall_velocity",
+        "wave_in",
     )  # fmt: skip
 
     def __init__(
@@ -68,7 +107,7 @@ class SiteAxis:
         self.start(0.0, math.nan, 0.0)
 
     def start(self, position: float, outside: float, gap: float) -> None:
-        """Begin at a measured position with nothing stored; `gap` [W**0.5 s] is an offset to mend."""
+        """Begin at a measured position, nothing stored; `gap` [W**0.5 s] is an offset to mend."""
         self.position = position
         self.outside = 0.0 if math.isnan(outside) else outside
         self.velocity = 0.0
@@ -83,6 +122,7 @@ class SiteAxis:
         self.wave_in = 0.0
         self.arrived = 0.0
         self.command = 0.0
+        self.asked = 0.0
         self.valid = True
         self.stopping = False
         self._command_total = self._command_port = self._command_wall = self._command_wave = 0.0
@@ -227,7 +267,7 @@ class SiteAxis:
         for waiting in self._pipe:  # the oldest entry acts from now on; all are still to act
             pending += waiting[0]
         if not self.impedance:
-            velocity, wall, _ = think_admittance(
+            velocity, wall, self.asked = think_admittance(
                 p, self.position, self.outside, pending, self.wave_in, ceiling
             )
             self.command = velocity
@@ -235,13 +275,13 @@ class SiteAxis:
             self._command_wall = wall
             return 0
         if self.by_wave:
-            total, port, wall, self.predicted, _ = think_wave(
+            total, port, wall, self.asked, self.predicted = think_wave(
                 p, self.account, self.wall_contact_energy, self.position, self.velocity,
                 self.wall_velocity, self.impulse, pending, self.wave_in, self._command_total,
                 ceiling,
             )  # fmt: skip
         else:
-            total, port, wall, _ = think_position(
+            total, port, wall, self.asked = think_position(
                 p, self.wall_contact_energy, self.position, self.velocity, self.wall_velocity,
                 self.impulse, pending, far_position, far_velocity, self._command_total, ceiling,
             )  # fmt: skip
@@ -263,6 +303,14 @@ class SiteAxis:
             self.command = 0.0
         self._command_total = self._command_port = total
         self._command_wall = 0.0
+
+    def fade(self, ceiling: float) -> None:
+        """Bring the command to zero under a falling ceiling, without looking at the axis."""
+        self.stopping = True
+        total = clamp(self._command_total, ceiling)
+        self._command_total = self._command_port = total
+        self._command_wall = 0.0
+        self.command = -total if self.impedance else total
 
     def axis_command(self) -> AxisCommand:
         """Return the command for the driver."""

@@ -1,0 +1,81 @@
+"""What a real-time loop asks of the machine: priority, locked memory, a core, no collector.
+
+Every request may be refused; each answer is a sentence for the report.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+_MCL_CURRENT, _MCL_FUTURE = 1, 2
+
+
+def _raise_priority(priority: int) -> str:
+    if priority == 0:
+        return "SCHED_FIFO not asked for"
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except OSError as err:
+        return f"SCHED_FIFO refused ({err.strerror}); lateness is the default scheduler's"
+    return f"SCHED_FIFO, priority {priority}"
+
+
+def _lock_memory(wanted: bool) -> str:
+    if not wanted:
+        return "mlockall not asked for"
+    try:
+        libc = ctypes.CDLL(None, use_errno=True)
+        if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0:
+            return "memory locked"
+        reason = os.strerror(ctypes.get_errno())
+    except (OSError, AttributeError) as err:
+        reason = str(err)
+    return f"mlockall refused ({reason}); a page fault may delay a cycle"
+
+
+def _pin(cpu: int | None) -> str:
+    if cpu is None:
+        return "not pinned to a core"
+    try:
+        os.sched_setaffinity(0, {cpu})
+    except OSError as err:
+        return f"core {cpu} refused ({err.strerror})"
+    return f"pinned to core {cpu}"
+
+
+@contextmanager
+def quiet_collector() -> Iterator[None]:
+    """Collect once, freeze what is alive, and keep the collector off inside the block."""
+    was_enabled = gc.isenabled()
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+        if was_enabled:
+            gc.enable()
+
+
+@contextmanager
+def realtime(priority: int, cpu: int | None, lock_memory: bool) -> Iterator[list[str]]:
+    """Ask for real-time conditions inside the block; yield one sentence per request.
+
+    The scheduler and the affinity are put back afterwards; locked memory is released.
+    """
+    scheduler = os.sched_getscheduler(0)
+    parameters = os.sched_getparam(0)
+    affinity = os.sched_getaffinity(0)
+    sentences = [_pin(cpu), _lock_memory(lock_memory), _raise_priority(priority)]
+    try:
+        yield sentences
+    finally:
+        os.sched_setscheduler(0, scheduler, parameters)
+        os.sched_setaffinity(0, affinity)
+        if lock_memory:
+            ctypes.CDLL(None).munlockall()

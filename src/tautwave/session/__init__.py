@@ -1,0 +1,6 @@
+"""One run from rig file to report, and the check that comes before it."""
+
+from tautwave.session.checking import CheckResult, check
+from tautwave.session.running import RunResult, run
+
+__all__ = ["CheckResult", "RunResult", "check", "run"]

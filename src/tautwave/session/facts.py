@@ -1,0 +1,79 @@
+"""Numbers that follow from a rig: delays, offsets, limits of its ports."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from tautwave.config import Rig
+from tautwave.laws.admittance import greatest_stiffness
+from tautwave.laws.wave import filter_gain
+from tautwave.rig import build_rig, device_impedance, pair_scale
+from tautwave.types import CommandDelay
+
+
+class PairFacts(NamedTuple):
+    """Of one pair: one-way delay tau [s] as it acts, all samples counted, and tau / b.
+
+    With the effort F held, the master stands ahead of the slave by F tau / b.
+    """
+
+    coupling_delay_s: float
+    offset_per_effort: float
+    power_ratio: float
+
+
+def command_delays(rig: Rig) -> dict[str, CommandDelay]:
+    """Return the command delay each axis' driver declares."""
+    assembly = build_rig(rig, clock="fake", duration_s=rig.period_s)
+    return {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
+
+
+def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFacts:
+    """Return what follows for one pair.
+
+    A wave that left for a period is on the line `delay_s`, was closed one period late and acts
+    one command delay later; a wave filter adds (1-a)/a periods.
+    """
+    keys = rig.coupling.pairs[name]
+    period = rig.period_s
+    mean = 0.0
+    for side in ("master", "slave"):
+        delay = delays[f"{side}.{name}"]
+        mean += 0.5 * (delay.periods * period + delay.remainder_s)
+    tau = rig.delay_samples * period + period + mean
+    if rig.coupling.law == "wave" and rig.coupling.wave_filter_hz is not None:
+        gain = filter_gain(rig.coupling.wave_filter_hz, period)
+        tau += (1.0 - gain) / gain * period
+    offset = 0.0
+    if keys.wave_impedance is not None:
+        offset = tau / keys.wave_impedance
+    elif keys.stiffness is not None:
+        offset = 1.0 / keys.stiffness
+    return PairFacts(tau, offset, pair_scale(keys).power)
+
+
+def admittance_facts(rig: Rig, delays: dict[str, CommandDelay]) -> list[tuple[str, str]]:
+    """Return one sentence per admittance axis on how stiff its outside may be."""
+    facts = []
+    for axis_name, axis in rig.axes.items():
+        if axis.causality != "admittance" or rig.coupling.law != "wave":
+            continue
+        side, name = axis_name.split(".")
+        keys = rig.coupling.pairs[name]
+        impedance = device_impedance(keys, side, keys.wave_impedance or 0.0)
+        limit = greatest_stiffness(rig.period_s, impedance, delays[axis_name].periods)
+        unit = "N m/rad" if axis.kind == "rotary" else "N/m"
+        upper = axis.environment_stiffness_upper
+        if upper is None or upper == 0.0:
+            text = (
+                f"no guarantee: give environment_stiffness_upper; matched, it is stable up to "
+                f"{limit:.4g} {unit} (K T / b < {limit * rig.period_s / impedance:.3g})"
+            )
+        else:
+            ratio = upper * rig.period_s / impedance
+            text = (
+                f"passive for an outside stiffness up to {upper:.4g} {unit} (K T / b = {ratio:.3g})"
+                f" if the velocity is reached within a period; nothing is claimed beyond"
+            )
+        facts.append((f"admittance port of {axis_name}", text))
+    return facts

@@ -1,0 +1,128 @@
+"""What of tautwave a rig uses, and what it leaves out, with the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from tautwave.config import Axis, Rig, Wall
+from tautwave.config import Pair as PairKeys
+from tautwave.registry import list_drivers
+
+NOT_IN_RIG = "not in the rig"
+
+
+class PlanItem(NamedTuple):
+    """One element: `state` is `in` or `left out`, `reason` says why."""
+
+    element: str
+    state: str
+    reason: str
+
+
+def rig_plan(rig: Rig, *, clock: str = "real") -> list[PlanItem]:
+    """Return every element the framework knows for this rig, in or left out."""
+    items = list(_coupling(rig))
+    for name, keys in rig.coupling.pairs.items():
+        items.extend(_pair(rig, name, keys))
+    for name, axis in rig.axes.items():
+        items.extend(_axis(rig, name, axis))
+    items.extend(_simulation(rig, clock))
+    used = {bus.driver for bus in rig.buses.values()}
+    items.extend(
+        _item(f"driver {driver.name}", driver.name in used, "a bus uses it", "no bus uses it")
+        for driver in list_drivers()
+    )
+    return items
+
+
+def left_out(plan: list[PlanItem]) -> list[str]:
+    """Return the left-out elements as sentences for the summary."""
+    return [f"{item.element}: {item.reason}" for item in plan if item.state == "left out"]
+
+
+def _item(element: str, used: bool, why: str, why_not: str = NOT_IN_RIG) -> PlanItem:
+    return PlanItem(element, "in" if used else "left out", why if used else why_not)
+
+
+def _coupling(rig: Rig) -> Iterator[PlanItem]:
+    keys = rig.coupling
+    samples = rig.delay_samples
+    yield _item("delay line", samples > 0, f"{samples} samples each way", "no delay")
+    if keys.law == "wave":
+        corner = keys.wave_filter_hz
+        yield _item("wave filter", corner is not None, f"low-pass at {corner} Hz")
+    yield _item("engage ramp", keys.engage_ramp_s > 0, f"{keys.engage_ramp_s:g} s", "its time is 0")
+    yield _item(
+        "release ramp", keys.release_ramp_s > 0, f"{keys.release_ramp_s:g} s", "its time is 0"
+    )
+
+
+def _pair(rig: Rig, name: str, keys: PairKeys) -> Iterator[PlanItem]:
+    power = keys.effective_force_scale * keys.position_scale
+    scaled = keys.position_scale != 1.0 or keys.sign != 1 or abs(power - 1.0) > 1e-12
+    what = f"slave = {keys.sign * keys.position_scale:g} x master"
+    if abs(power - 1.0) > 1e-12:
+        what += f", power ratio {power:g}"
+    yield _item(f"scaling of {name}", scaled, what, "scale 1, sign 1")
+    if rig.coupling.law == "wave":
+        for side, matched in (("master", keys.matched_master), ("slave", keys.matched_slave)):
+            yield _item(f"matching damper of {side}.{name}", matched, "matched end")
+    for side, wall in (("master", keys.wall_master), ("slave", keys.wall_slave)):
+        yield _item(f"wall of {side}.{name}", wall is not None, _wall(wall))
+        if wall is not None:
+            yield _item(
+                f"passivity control of the wall of {side}.{name}",
+                wall.passivity_control,
+                "energy observer and controller",
+            )
+
+
+def _wall(wall: Wall | None) -> str:
+    if wall is None:
+        return ""
+    return f"K {wall.stiffness:g}, B {wall.damping:g}, {wall.side} {wall.position:g}"
+
+
+def _axis(rig: Rig, name: str, axis: Axis) -> Iterator[PlanItem]:
+    yield _item(
+        f"effort rate limit of {name}",
+        axis.effort_rate_limit is not None,
+        f"{axis.effort_rate_limit} per s",
+    )
+    yield _item(
+        f"velocity limit of {name}", axis.velocity_limit is not None, f"{axis.velocity_limit}"
+    )
+    yield _item(
+        f"position range of {name}", axis.position_range is not None, f"{axis.position_range}"
+    )
+    filtered = axis.velocity_filter_s > 0.0
+    yield _item(f"velocity filter of {name}", filtered, f"{axis.velocity_filter_s:g} s")
+
+
+def _simulation(rig: Rig, clock: str) -> Iterator[PlanItem]:
+    simulation = rig.simulation
+    yield _item("simulation", simulation is not None, "devices, hand and environment are models")
+    if simulation is None:
+        return
+    for name in rig.coupling.pairs:
+        hand = simulation.hand.get(name)
+        yield _item(
+            f"hand on master.{name}", hand is not None, "" if hand is None else hand.reference.type
+        )
+        environment = simulation.environment.get(name)
+        kind = "free" if environment is None else environment.type
+        yield _item(f"environment of slave.{name}", kind != "free", kind, "free")
+    faults = simulation.faults
+    missing = faults.missing_probability
+    yield _item("missing samples", missing > 0.0, f"probability {missing:g}")
+    overruns = faults.overrun_probability
+    why_not = NOT_IN_RIG
+    if overruns > 0.0 and clock == "real":
+        why_not = "on the real clock only real overruns count"
+    yield _item(
+        "seeded overruns",
+        overruns > 0.0 and clock == "fake",
+        f"probability {overruns:g}, {faults.overrun_slots} slots",
+        why_not,
+    )

@@ -1,0 +1,254 @@
+"""`run`: build, record, loop, and report, whatever happens on the way."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tautwave.config import Rig, resolved_yaml
+from tautwave.errors import BusBudgetError, NotCertifiedError, RecordingError, TautwaveError
+from tautwave.registry import load_driver
+from tautwave.rig import Assembly, build_rig
+from tautwave.runtime.loop import Loop, LoopResult
+from tautwave.runtime.machine import quiet_collector, realtime
+from tautwave.runtime.recorder import Recorder, RecorderStats
+from tautwave.session.checking import bus_budgets, certificate, over_budget
+from tautwave.session.facts import pair_facts
+from tautwave.session.plan import left_out, rig_plan
+
+REPORT_TIMEOUT_S = 600.0
+
+
+class RunResult(NamedTuple):
+    """A run that ended, well or not: its summary, where it is kept, and the exit code."""
+
+    summary: dict[str, Any]
+    directory: Path
+    exit_code: int
+
+
+def run(
+    rig: Rig,
+    *,
+    out: Path | str,
+    clock: str = "real",
+    duration_s: float | None = None,
+    command: str = "",
+    allow_uncertified: bool = False,
+    allow_unwatched: bool = False,
+    configure: bool = False,
+    progress: Callable[[float, str], None] | None = None,
+) -> RunResult:
+    """Run a rig and leave a run directory behind.
+
+    Parameters
+    ----------
+    rig : Rig
+        A checked rig.
+    out : Path
+        Directory of the run; made if needed.
+    clock : str
+        `real`, or `fake` to run as fast as it computes.
+    duration_s : float, optional
+        Length [s]; the rig's own if not given.
+    command : str
+        How the run was asked for; kept in the summary.
+    allow_uncertified : bool
+        Move motors without a certificate.
+    allow_unwatched, configure : bool
+        Handed to drivers that have a watchdog or settings of their own.
+    progress : callable, optional
+        Called now and then with the share done and a word.
+
+    Raises
+    ------
+    TautwaveError
+        Nothing has moved: the rig is refused, or the run directory cannot be written. What goes
+        wrong later is in the result, not raised.
+    """
+    _refuse(rig, allow_uncertified)
+    directory = Path(out)
+    started = datetime.now(UTC)
+    assembly = build_rig(rig, clock=clock, duration_s=duration_s)
+    text = resolved_yaml(rig)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        (directory / "rig.yaml").write_text(text, encoding="utf-8")
+    except OSError as err:
+        raise RecordingError(
+            f"{directory}: the run's directory cannot be written: {err.strerror}"
+        ) from err
+    recorder = Recorder(
+        directory / "recording.mcap",
+        assembly.columns,
+        metadata={"version": version("tautwave"), "rig": rig.name, "clock": clock},
+        attachments={"rig.yaml": text.encode()},
+        rows=rig.loop.ring_rows,
+        lossless=clock == "fake",
+        rate_hz=rig.rate_hz,
+    )
+    recorder.start()
+    loop = Loop(
+        assembly.clock,
+        assembly.settings,
+        assembly.buses,
+        assembly.pairs,
+        assembly.sources,
+        recorder,
+        progress,
+    )
+    with _conditions(rig, clock) as sentences, quiet_collector(), _interrupts(loop):
+        result = loop.run()
+    if progress is not None:
+        progress(1.0, "reporting")
+    stats = recorder.close()
+    outcome, exit_code = _outcome(result, assembly)
+    summary = {
+        "rig": rig.name,
+        "version": version("tautwave"),
+        "outcome": outcome,
+        "started_utc": started.isoformat(timespec="seconds"),
+        "command": command,
+        "clock": clock,
+        "duration_s": result.cycles * rig.period_s,
+        "rate_hz": rig.rate_hz,
+        "cycles": result.cycles,
+        "missed_cycles": result.missed_cycles,
+        "wall_time_s": result.wall_ns * 1e-9,
+        "period_us": loop.period.summary(),
+        "lateness_us": loop.lateness.summary(),
+        "compute_us": loop.compute.summary(),
+        "realtime": sentences,
+        "axes": _axes(assembly, result),
+        "faults": list(result.faults),
+        "certificate": certificate(rig),
+        "left_out": left_out(rig_plan(rig, clock=clock)),
+        "recording": _recording(stats),
+        "pairs": _pairs(rig, assembly),
+    }
+    return _report(directory, summary, exit_code)
+
+
+def _refuse(rig: Rig, allow_uncertified: bool) -> None:
+    """Raise if the rig may not move."""
+    problems = over_budget(rig, bus_budgets(rig))
+    if problems:
+        raise BusBudgetError("\n".join(problems))
+    hardware = [name for name, bus in rig.buses.items() if load_driver(bus.driver).hardware]
+    if hardware and rig.simulation is None and not allow_uncertified:
+        raise NotCertifiedError(
+            f"{rig.name}: bus {', '.join(hardware)} moves motors, and the certificate "
+            f"({rig.require}) is not yet evaluated; --allow-uncertified runs it all the same"
+        )
+
+
+@contextmanager
+def _conditions(rig: Rig, clock: str) -> Iterator[list[str]]:
+    """Ask for real-time conditions on the real clock; a fake one needs none."""
+    if clock != "real":
+        yield ["fake clock: computing takes no time, so lateness and compute time are 0"]
+        return
+    keys = rig.loop
+    with realtime(keys.fifo_priority, keys.cpu, keys.lock_memory) as sentences:
+        yield sentences
+
+
+@contextmanager
+def _interrupts(loop: Loop) -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM ask the loop to stop, inside the block."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {
+        number: signal.signal(number, lambda *_: loop.stop())
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _outcome(result: LoopResult, assembly: Assembly) -> tuple[dict[str, str], int]:
+    """Return kind and sentence of how the run ended, and the exit code."""
+    error = result.error
+    seconds = result.cycles * assembly.settings.period_ns * 1e-9
+    if error is None:
+        if result.interrupted:
+            return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
+        return {"kind": "finished", "sentence": ""}, 0
+    if isinstance(error, KeyboardInterrupt):
+        return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
+    if isinstance(error, TautwaveError):
+        kind = "safety_stop" if error.exit_code == 6 else "fault"
+        return {"kind": kind, "sentence": str(error)}, error.exit_code
+    where = error.__traceback__
+    while where is not None and where.tb_next is not None:
+        where = where.tb_next
+    place = ""
+    if where is not None:
+        place = f" ({Path(where.tb_frame.f_code.co_filename).name}:{where.tb_lineno})"
+    sentence = f"{type(error).__name__}: {error}{place}; the axes were made safe"
+    return {"kind": "fault", "sentence": sentence}, 5
+
+
+def _axes(assembly: Assembly, result: LoopResult) -> dict[str, dict[str, Any]]:
+    names = [name for bus in assembly.buses for name in bus.axes]
+    return {
+        name: {
+            "lost": result.lost[index],
+            "late": result.late[index],
+            "faults": [text for text in result.faults if text.startswith(f"{name}:")],
+        }
+        for index, name in enumerate(names)
+    }
+
+
+def _recording(stats: RecorderStats) -> dict[str, Any]:
+    return {
+        "rows_written": stats.rows_written,
+        "rows_dropped": stats.rows_dropped,
+        "bytes": stats.bytes,
+        "error": stats.error,
+    }
+
+
+def _pairs(rig: Rig, assembly: Assembly) -> dict[str, dict[str, Any]]:
+    delays = {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
+    return {
+        name: {"kind": rig.master.axes[name].kind, **pair_facts(rig, name, delays)._asdict()}
+        for name in rig.coupling.pairs
+    }
+
+
+def _report(directory: Path, summary: dict[str, Any], exit_code: int) -> RunResult:
+    """Write the summary, then let another process add what the recording tells and draw it.
+
+    NumPy arrays of an hour and matplotlib stay out of the process that moved the motors.
+    """
+    path = directory / "summary.json"
+    path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    child = subprocess.run(
+        [sys.executable, "-m", "tautwave.report", str(directory)],
+        capture_output=True,
+        text=True,
+        timeout=REPORT_TIMEOUT_S,
+        check=False,
+    )
+    if child.returncode == 0:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    else:
+        reason = child.stderr.strip().splitlines()[-1:] or ["no reason given"]
+        summary["report_error"] = f"the report could not be written: {reason[0]}"
+        path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    return RunResult(summary, directory, exit_code)
