@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from tautwave.models.foam import FoamParams
-from tautwave.models.plant import PlantParams
+from tautwave.models.plant_params import PlantParams
 from tautwave.models.servo import ServoParams
 
 
-class AxisTruth(NamedTuple):
+class AxisModel(NamedTuple):
     """The true device, hand and environment of one axis; SI, rotary N m and rad for N and m.
 
     Exactly one physics applies: `servo` for an admittance axis, `foam` (with `plant`) for a

@@ -65,9 +65,11 @@ def limit_effort(p: LimitParams, asked: float, last: float, ceiling: float) -> f
 def share_effort(wall: float, port: float, applied: float) -> float:
     """Return the part of the `applied` effort that counts as the port's [N m or N].
 
-    A shortfall first brings the port to zero, then the wall; an excess (rate limit on release)
-    is the port's.
+    Out of the wall everything is the port's. In it, a shortfall first brings the port to zero,
+    then the wall; an excess (rate limit on release) is the port's.
     """
+    if wall == 0.0:
+        return applied
     short = applied - wall - port
     if short * port > 0.0:
         return port + short
