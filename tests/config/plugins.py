@@ -44,7 +44,9 @@ def _budget(*_: Any) -> Budget:
     return Budget(0.0, float("inf"), "")
 
 
-def _plugin(options: type[BaseModel], *, hardware: bool, needs: tuple[str, ...] = ()) -> DriverPlugin:
+def _plugin(
+    options: type[BaseModel], *, hardware: bool, needs: tuple[str, ...] = ()
+) -> DriverPlugin:
     return DriverPlugin(options, _none, _budget, _none, needs, hardware, "a stand-in")
 
 

@@ -26,13 +26,11 @@ def check_simulation(document: Document, parts: Parts) -> None:
     if not parts.simulated:
         _check_needed(document, parts)
         return
-    axes = [f"{side}.{name}" for side, block in parts.sides.items() for name in block]
     if len(parts.sides) == len(SIDES):
-        _check_known(document, ("simulation", "axes"), parts.truths, axes, "axis")
+        _check_axis_names(document, parts)
     if parts.pairs:
-        pairs = list(parts.pairs)
-        _check_known(document, ("simulation", "hand"), parts.hands, pairs, "pair")
-        _check_known(document, ("simulation", "environment"), parts.environments, pairs, "pair")
+        _check_pair_names(document, "hand", parts.hands, list(parts.pairs))
+        _check_pair_names(document, "environment", parts.environments, list(parts.pairs))
     for side, name, axis in parts.axes():
         truth = parts.truths.get(f"{side}.{name}", AxisSimulation())
         if truth is not None:
@@ -55,27 +53,25 @@ def _check_needed(document: Document, parts: Parts) -> None:
             return
 
 
-def _check_known(
-    document: Document,
-    path: tuple[str, ...],
-    names: Iterable[str],
-    known: list[str],
-    what: str,
-) -> None:
-    plural = "Axes" if what == "axis" else "Pairs"
+def _check_axis_names(document: Document, parts: Parts) -> None:
+    known = [f"{side}.{name}" for side, axes in parts.sides.items() for name in axes]
+    for full in parts.truths:
+        side, _, name = full.partition(".")
+        if full in known or side not in SIDES or not name:
+            continue  # what is no full name has been reported
+        hint = nearest(name, list(parts.sides[side]), f"{side}.") or "."
+        document.report(
+            ("simulation", "axes", full), f"unknown axis {full!r}{hint} Axes: {', '.join(known)}"
+        )
+
+
+def _check_pair_names(document: Document, key: str, names: Iterable[str], known: list[str]) -> None:
     for name in names:
-        if name not in known and not (what == "axis" and not _is_full(name)):
+        if name not in known:
             document.report(
-                (*path, name),
-                f"unknown {what} {name!r}{nearest(name, known) or '.'} "
-                f"{plural}: {', '.join(known)}",
+                ("simulation", key, name),
+                f"unknown pair {name!r}{nearest(name, known) or '.'} Pairs: {', '.join(known)}",
             )
-
-
-def _is_full(name: str) -> bool:
-    """Return whether a name has the form that the model asks for (else it has said so)."""
-    side, _, rest = name.partition(".")
-    return side in SIDES and bool(rest)
 
 
 def _check_truth(document: Document, name: str, axis: Axis, truth: AxisSimulation) -> None:

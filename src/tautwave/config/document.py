@@ -51,7 +51,7 @@ class Document:
     def where(self, path: KeyPath) -> str:
         """Return `rig.yaml:5`, or the `--set` argument."""
         mark = self.mark(path)
-        return f"--set {mark.argument}" if mark.argument else f"{self.name}:{mark.line}"
+        return f"--set {mark.argument}" if mark.argument is not None else f"{self.name}:{mark.line}"
 
     def report(self, path: KeyPath, text: str) -> None:
         """Note a mistake, unless the value at `path` was refused already."""
@@ -70,13 +70,15 @@ class Document:
 
     def sentences(self) -> list[str]:
         """Return all problems in the order of the file, each once, `--set` last."""
-        ordered = sorted(self.problems, key=lambda p: (bool(p.mark.argument), p.mark.line))
+        ordered = sorted(self.problems, key=lambda p: (p.mark.argument is not None, p.mark.line))
         return list(dict.fromkeys(self._sentence(problem) for problem in ordered))
 
     def _sentence(self, problem: Problem) -> str:
         mark, path, text = problem
-        where = f"--set {mark.argument}" if mark.argument else f"{self.name}:{mark.line}"
-        if not path or (mark.argument and path == mark.target):
+        where = (
+            f"--set {mark.argument}" if mark.argument is not None else f"{self.name}:{mark.line}"
+        )
+        if not path or (mark.argument is not None and path == mark.target):
             return f"{where}: {text}"
         return f"{where}: {show_path(path)}: {text}"
 
@@ -161,9 +163,9 @@ def show_value(value: Any) -> str:
     return text if len(text) <= 60 else text[:40] + "..." + text[-8:]
 
 
-def nearest(word: str, known: Sequence[str]) -> str:
-    """Return `; did you mean 'x'?`, or '' where nothing is near."""
+def nearest(word: str, known: Sequence[str], prefix: str = "") -> str:
+    """Return `; did you mean 'x'?`, or '' where nothing is near; `prefix` goes before the x."""
     import difflib  # only needed once something is wrong
 
     close = difflib.get_close_matches(word, known, n=1)
-    return f"; did you mean {close[0]!r}?" if close else ""
+    return f"; did you mean {prefix + close[0]!r}?" if close else ""

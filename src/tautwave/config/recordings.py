@@ -56,4 +56,4 @@ def _candidates(document: Document, path: KeyPath, file: str) -> list[Path]:
     if given.is_absolute():
         return [given]
     folder = document.folder / given
-    return [given, folder] if document.mark(path).argument else [folder]
+    return [given, folder] if document.mark(path).argument is not None else [folder]

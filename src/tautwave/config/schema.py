@@ -21,11 +21,21 @@ def rig_schema() -> dict[str, Any]:
     reference = damping.pop("$ref", None) or damping.pop("allOf")[0]["$ref"]
     damping["anyOf"] = [{"type": "number", "minimum": 0}, {"$ref": reference}]
     _add_drivers(definitions)
+    _close_names(schema)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema,
         "title": "tautwave rig",
     }
+
+
+def _close_names(node: Any) -> None:
+    """Refuse names that do not match where names have a pattern."""
+    for value in node.values() if isinstance(node, dict) else node:
+        if isinstance(value, dict | list):
+            _close_names(value)
+    if isinstance(node, dict) and "patternProperties" in node:
+        node.setdefault("additionalProperties", False)
 
 
 def _add_drivers(definitions: dict[str, Any]) -> None:

@@ -37,7 +37,7 @@ class Mark(NamedTuple):
     """Where a value was written: a line of the file, or the `--set` argument in `argument`."""
 
     line: int
-    argument: str = ""
+    argument: str | None = None
     target: KeyPath = ()
 
 
@@ -217,7 +217,9 @@ class _Builder:
                 if key is not None:
                     first = self.marks[(*path, key)]
                     place = (
-                        "in the same mapping" if first.argument else f"first at line {first.line}"
+                        "in the same mapping"
+                        if first.argument is not None
+                        else f"first at line {first.line}"
                     )
                     self.refuse(event, (*path, key), f"duplicate key {key!r}, {place}")
                 self.skip()

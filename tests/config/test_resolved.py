@@ -1,0 +1,59 @@
+"""The resolved rig: every default explicit, and it loads back to an equal rig."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tautwave.config import parse_rig, resolved_yaml
+from tautwave.config.yaml12 import parse_yaml
+from tests.config.bench import BENCH
+
+CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_round_trip_of_shipped_rigs(path: Path) -> None:
+    rig = parse_rig(path.read_text(), path)
+    text = resolved_yaml(rig)
+    again = parse_rig(text)
+    assert again == rig
+    assert resolved_yaml(again) == text
+
+
+def test_every_key_is_there() -> None:
+    rig = parse_rig(BENCH)
+    values = parse_yaml(resolved_yaml(rig)).value
+    assert list(values) == list(type(rig).model_fields)
+    assert values["loop"]["ring_rows"] == 8192
+    assert values["coupling"]["pairs"]["wrist"]["force_scale"] == 1.0
+    assert values["simulation"]["axes"]["slave.wrist"]["inertia"] == 1.5e-3
+
+
+def test_recording_keeps_its_place(tmp_path: Path) -> None:
+    (tmp_path / "hand.csv").write_text("time_s,x\n0,0\n")
+    override = "simulation.hand.wrist.reference={type: recording, file: hand.csv, column: x}"
+    rig = parse_rig(BENCH, tmp_path / "rig.yaml", [override])
+    assert parse_rig(resolved_yaml(rig), "elsewhere/rig.yaml") == rig
+
+
+@given(st.text(st.characters(exclude_categories=["Cs"]), min_size=1))
+def test_any_name_survives(name: str) -> None:
+    rig = parse_rig(BENCH).model_copy(update={"name": name})
+    assert parse_rig(resolved_yaml(rig)).name == name
+
+
+@given(st.floats(min_value=1e-300, max_value=1e300))
+def test_any_number_survives(value: float) -> None:
+    rig = parse_rig(BENCH, overrides=[f"slave.axes.wrist.effort_limit={value!r}"])
+    assert rig.slave.axes["wrist"].effort_limit == value
+    assert parse_rig(resolved_yaml(rig)) == rig
+
+
+@pytest.mark.parametrize("name", ["no", "1e3", "12:30", "null", "~", "a: b", "# x", "- a", "it's"])
+def test_names_that_look_like_something_else(name: str) -> None:
+    rig = parse_rig(BENCH).model_copy(update={"name": name})
+    assert parse_rig(resolved_yaml(rig)).name == name
