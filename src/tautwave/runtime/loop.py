@@ -80,7 +80,6 @@ class LoopResult(NamedTuple):
 
     cycles: int
     missed_cycles: int
-    wall_ns: int
     lost: Sequence[int]
     late: Sequence[int]
     faults: Sequence[str]
@@ -159,15 +158,13 @@ class Loop:
 
     def run(self) -> LoopResult:
         """Open, enable, run all cycles, and leave every axis safe, whatever happens."""
-        began_ns = self._clock.now_ns()
         cycles = missed = 0
         error: BaseException | None = None
         try:
             for bus in self._buses:
                 bus.driver.open()
             self._enable()
-            began_ns = self._clock.now_ns()
-            for cycles, missed in self._cycles():  # noqa: B007  both are read after the loop
+                for cycles, missed in self._cycles():  # noqa: B007  both are read after the loop
                 pass
         except (Exception, KeyboardInterrupt) as err:  # noqa: BLE001  reported by the caller
             error = err
@@ -176,7 +173,6 @@ class Loop:
         return LoopResult(
             cycles,
             missed,
-            self._clock.now_ns() - began_ns,
             tuple(self._lost),
             tuple(self._late),
             tuple(self._faults),
