@@ -164,7 +164,7 @@ class Loop:
             for bus in self._buses:
                 bus.driver.open()
             self._enable()
-                for cycles, missed in self._cycles():  # noqa: B007  both are read after the loop
+            for cycles, missed in self._cycles():  # noqa: B007  both are read after the loop
                 pass
         except (Exception, KeyboardInterrupt) as err:  # noqa: BLE001  reported by the caller
             error = err
