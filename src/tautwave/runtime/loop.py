@@ -130,6 +130,7 @@ class Loop:
         axes = sum(len(bus.axes) for bus in buses)
         self._states: list[JointState] = [ABSENT] * axes
         self._names = [name for bus in buses for name in bus.axes]
+        self._sites = [site for bus in buses for site in bus.sites]
         self._missing = [0] * axes
         self._lost = [0] * axes
         self._late = [0] * axes
@@ -282,6 +283,8 @@ class Loop:
         at = 0
         for bus in self._buses:
             for state in bus.driver.read(deadline_ns):
+                if state.valid and not self._finite(at, state):
+                    state = ABSENT
                 states[at] = state
                 if state.valid:
                     missing[at] = 0
@@ -303,6 +306,22 @@ class Loop:
                 self._faults.append(f"{fault.axis or bus.name}: {fault.text}")
                 if fault.fatal and self._error is None:
                     self._begin_stop(self._slot, DeviceFault(self._faults[-1]))
+
+    def _finite(self, at: int, state: JointState) -> bool:
+        """Return False, and begin to stop, when what a driver calls valid is no number."""
+        effort = 0.0 if self._sites[at].impedance else state.effort
+        total = state.position + effort
+        if total - total == 0.0:
+            return True
+        if self._error is None:
+            self._begin_stop(
+                self._slot,
+                SafetyStop(
+                    f"{self._names[at]}: measured position {state.position}, effort "
+                    f"{state.effort}; a sensor or its driver is broken"
+                ),
+            )
+        return False
 
     # -- engaging and stopping --------------------------------------------------------------
 

@@ -49,7 +49,7 @@ class CheckResult(NamedTuple):
 
 def certificate(rig: Rig) -> dict[str, Any]:
     """Return the passivity certificate: not evaluated, and so never passed."""
-    return {"passed": None, "verdicts": {rig.require: NOT_EVALUATED}}
+    return {"passed": None, "verdicts": {}, "require": rig.require, "state": NOT_EVALUATED}
 
 
 def bus_budgets(rig: Rig) -> dict[str, Budget]:
