@@ -37,11 +37,11 @@ def check_recording(document: Document, path: KeyPath, recording: Recording) -> 
         return
     try:
         with found.open(encoding="utf-8-sig", newline="") as stream:
-            first = stream.readline(1 << 16)
-    except (OSError, ValueError) as err:
+            heading = next(csv.reader([stream.readline(1 << 16)]), [])
+    except (OSError, ValueError, csv.Error) as err:
         document.report(at, f"cannot be read as CSV text: {err}")
         return
-    columns = [column.strip() for row in csv.reader([first]) for column in row]
+    columns = [column.strip() for column in heading]
     for key, wanted in (("column", recording.column), ("time_column", recording.time_column)):
         if wanted not in columns:
             document.report(
@@ -52,7 +52,7 @@ def check_recording(document: Document, path: KeyPath, recording: Recording) -> 
 
 
 def _candidates(document: Document, path: KeyPath, file: str) -> list[Path]:
-    given = Path(file).expanduser()
+    given = Path(file)
     if given.is_absolute():
         return [given]
     folder = document.folder / given
