@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -87,21 +87,42 @@ def _balance(panel: Axes, view: EnergyView) -> None:
 
 
 def timing_figure(run: Run) -> Figure | None:
-    """Histograms of period, lateness and compute time, and when the slow cycles were."""
-    clock = run.read("time_s", "lateness_us", "compute_us", "skipped_slots")
-    if len(clock.get("time_s", ())) < 2:
+    """Histograms of period, lateness and compute time, and when the slow cycles were.
+
+    Columns are taken one after the other, so that an hour of recording stays small in memory.
+    """
+    time = run.time
+    if time is None or len(time) < 2:
         return None
-    rate = run.rate_hz
-    budget = 1e6 / rate if np.isfinite(rate) else float("nan")
+    budget = 1e6 / run.rate_hz if np.isfinite(run.rate_hz) else float("nan")
     figure, axes = panels((1.9, 2.1, 1.7), "Timing of the loop", share=False)
-    _period(axes[0], periods_us(clock, rate), budget)
-    parts = {
-        "start later than its slot": (clock.get("lateness_us"), "#56B4E9"),
-        "compute, all of a cycle": (clock.get("compute_us"), INK),
-    }
-    _durations(axes[1], parts, budget)
-    _when(axes[2], clock, budget)
+    _period(axes[0], periods_us(time, run.read("lateness_us"), run.rate_hz), budget)
+    edges = _edges(run, budget)
+    for name, label, colour in (
+        ("lateness_us", "start later than its slot", "#56B4E9"),
+        ("compute_us", "compute per cycle", INK),
+    ):
+        for values in run.read(name).values():
+            # What is not late at all has no place on a log axis: it is counted in the first bin.
+            shown = np.maximum(values, edges[0])
+            tally, _ = np.histogram(shown[np.isfinite(shown)], edges)
+            axes[1].stairs(tally, edges, color=colour, linewidth=1.5, label=label)
+            axes[1].stairs(tally, edges, fill=True, color=colour, alpha=0.18)
+            line = trace(time, shown)
+            short = name.removesuffix("_us")
+            axes[2].plot(line.time, line.value, color=colour, linewidth=0.8, label=short)
+    _finish_durations(axes[1], budget)
+    for skipped in run.read("skipped_slots").values():
+        _mark_skipped(axes[2], time, skipped)
+    _finish_when(axes[2], budget)
     return figure
+
+
+def _edges(run: Run, budget: float) -> Floats:
+    tops = [1.0, budget]
+    for name in ("lateness_us", "compute_us"):
+        tops += [float(np.nanmax(v, initial=0.0)) for v in run.read(name).values()]
+    return np.geomspace(0.1, 2.0 * max(top for top in tops if np.isfinite(top)), 121)
 
 
 def _period(panel: Axes, periods: Floats, budget: float) -> None:
@@ -125,21 +146,7 @@ def _period(panel: Axes, periods: Floats, budget: float) -> None:
     legend(panel, spread)
 
 
-def _durations(panel: Axes, parts: dict[str, tuple[Floats | None, str]], budget: float) -> None:
-    # What is not late at all has no place on a log axis: it is counted in the first bin.
-    shown = {
-        label: (np.maximum(values[np.isfinite(values)], 0.1), colour)
-        for label, (values, colour) in parts.items()
-        if values is not None and np.isfinite(values).any()
-    }
-    tops = [float(values.max()) for values, _ in shown.values()]
-    if np.isfinite(budget):
-        tops.append(budget)
-    edges = np.geomspace(0.1, 2.0 * max([1.0, *tops]), 121)
-    for label, (values, colour) in shown.items():
-        tally, _ = np.histogram(values, edges)
-        panel.stairs(tally, edges, color=colour, linewidth=1.5, label=label)
-        panel.stairs(tally, edges, fill=True, color=colour, alpha=0.18)
+def _finish_durations(panel: Axes, budget: float) -> None:
     panel.set_xscale("log")
     panel.set_yscale("log")
     panel.set_ylim(bottom=0.7)
@@ -152,30 +159,24 @@ def _durations(panel: Axes, parts: dict[str, tuple[Floats | None, str]], budget:
     legend(panel)
 
 
-def _when(panel: Axes, clock: dict[str, Floats], budget: float) -> None:
-    time = clock["time_s"]
-    styles: dict[str, dict[str, Any]] = {
-        "lateness_us": {"color": "#56B4E9", "label": "lateness"},
-        "compute_us": {"color": INK, "label": "compute"},
-    }
-    for name, style in styles.items():
-        if name in clock:
-            line = trace(time, np.maximum(clock[name], 0.1))
-            panel.plot(line.time, line.value, linewidth=0.8, **style)
-    skipped = clock.get("skipped_slots")
-    if skipped is not None and (skipped > 0).any():
-        where = np.flatnonzero(skipped > 0)
-        # Thousands of marks say no more than a few hundred, and cost seconds.
-        some = where[:: max(1, len(where) // 400)]
-        panel.plot(
-            time[some],
-            np.full(len(some), 0.97),
-            "v",
-            color="#CC3311",
-            markersize=5,
-            transform=panel.get_xaxis_transform(),
-            label=f"slots skipped ({len(where)})",
-        )
+def _mark_skipped(panel: Axes, time: Floats, skipped: Floats) -> None:
+    where = np.flatnonzero(skipped > 0)
+    if len(where) == 0:
+        return
+    # Thousands of marks say no more than a few hundred, and cost seconds.
+    some = where[:: max(1, len(where) // 400)]
+    panel.plot(
+        time[some],
+        np.full(len(some), 0.97),
+        "v",
+        color="#CC3311",
+        markersize=5,
+        transform=panel.get_xaxis_transform(),
+        label=f"slots skipped ({len(where)})",
+    )
+
+
+def _finish_when(panel: Axes, budget: float) -> None:
     if np.isfinite(budget):
         panel.axhline(budget, color="#CC3311", linewidth=1.0, linestyle="-.", label="budget")
     panel.set_yscale("log")

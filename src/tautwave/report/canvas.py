@@ -29,7 +29,7 @@ WALL, LINE, FILTER, DAMPER, INK, SOFT = (
     "#222222",
     "#767676",
 )
-SHADE = "#B9C4CC"
+SHADE, WALL_SHADE = "#B9C4CC", "#A5D8C6"
 SIDE = {"master": MASTER, "slave": SLAVE}
 _ELEMENT = {
     "port": INK,
@@ -108,13 +108,22 @@ def heading(axes: Axes, text: str) -> None:
 
 
 def draw(axes: Axes, line: Trace | None, factor: float, label: str, **style: Any) -> None:
-    """One trace, multiplied by `factor`; nothing when there is no such trace."""
-    if line is not None and line.time.size:
-        axes.plot(line.time, factor * line.value, label=label, **style)
+    """One trace, multiplied by `factor`; nothing when there is no such trace.
+
+    Noise is drawn pale behind its mean, so that it neither hides nor is hidden.
+    """
+    if line is None or not line.time.size:
+        return
+    shown = line.times(factor)
+    if shown.middle_time is not None and shown.middle is not None and line.is_rough():
+        axes.plot(shown.time, shown.value, color=style.get("color"), alpha=0.3, linewidth=0.5)
+        axes.plot(shown.middle_time, shown.middle, label=label, **style)
+    else:
+        axes.plot(shown.time, shown.value, label=label, **style)
 
 
-def shade(axes: Axes, contacts: Sequence[Contact], label: str = "") -> None:
-    """Grey where there was contact; one collection, however many contacts there are."""
+def shade(axes: Axes, contacts: Sequence[Contact], label: str = "", colour: str = SHADE) -> None:
+    """A pale ground where there was contact; one collection, however many contacts there are."""
     if not contacts:
         return
     from matplotlib.collections import PolyCollection
@@ -133,8 +142,8 @@ def shade(axes: Axes, contacts: Sequence[Contact], label: str = "") -> None:
     # An edge keeps contacts of a millisecond visible on a plot of an hour.
     boxes = PolyCollection(
         list(corners),
-        facecolor=SHADE,
-        edgecolor=SHADE,
+        facecolor=colour,
+        edgecolor=colour,
         linewidth=0.4,
         alpha=0.45,
         transform=axes.get_xaxis_transform(),

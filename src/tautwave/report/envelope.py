@@ -11,10 +11,28 @@ Floats = NDArray[np.float64]
 
 
 class Trace(NamedTuple):
-    """A line to draw: `time` [s] and `value`, both of shape (n,); NaN breaks the line."""
+    """A line to draw: `time` [s] and `value`, both of shape (n,); NaN breaks the line.
+
+    `middle_time` and `middle` are the means of the buckets, both None where nothing was left out:
+    under noise they show the signal, and `value` the noise with every peak of it.
+    """
 
     time: Floats
     value: Floats
+    middle_time: Floats | None = None
+    middle: Floats | None = None
+
+    def times(self, factor: float) -> Trace:
+        """The same line, every value multiplied."""
+        middle = None if self.middle is None else factor * self.middle
+        return Trace(self.time, factor * self.value, self.middle_time, middle)
+
+    def is_rough(self) -> bool:
+        """True where the line runs up and down far more than its means do: noise."""
+        if self.middle is None:
+            return False
+        inside, across = (np.nansum(np.abs(np.diff(v))) for v in (self.value, self.middle))
+        return bool(inside > 3.0 * across)
 
 
 def decimate(values: Floats, buckets: int = 900) -> NDArray[np.intp]:
@@ -62,7 +80,14 @@ def _extremes(rows: Floats, offset: int) -> NDArray[np.intp]:
 def trace(time: Floats, values: Floats, buckets: int = 900) -> Trace:
     """The line of `values` over `time` [s], decimated as in `decimate`."""
     kept = decimate(values, buckets)
-    return Trace(time[kept], values[kept])
+    if len(kept) == len(values):
+        return Trace(time, values)
+    size = -(-len(values) // buckets)
+    whole = len(values) // size
+    ahead = slice(0, whole * size)
+    middle = values[ahead].reshape(whole, size).mean(axis=1)
+    middle_time = time[ahead].reshape(whole, size).mean(axis=1)
+    return Trace(time[kept], values[kept], middle_time, middle)
 
 
 def peak(*lines: Trace | None) -> float:

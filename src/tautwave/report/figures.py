@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any
 from tautwave.report.canvas import (
     INK,
     MASTER,
+    SHADE,
     SIDE,
     SLAVE,
     SOFT,
     WALL,
+    WALL_SHADE,
     draw,
     heading,
     legend,
@@ -30,11 +32,10 @@ CAUSE = {
     "wall_slave": "inside the slave's virtual wall",
     "wall_master": "inside the master's virtual wall",
 }
-_CONTACT = {
-    "environment": "contact",
-    "wall_slave": "in slave wall",
-    "wall_master": "in master wall",
-}
+_GROUNDS = (
+    (("environment",), "contact", SHADE),
+    (("wall_slave", "wall_master"), "in virtual wall", WALL_SHADE),
+)
 
 
 def tracking_figure(view: PairView) -> Figure | None:
@@ -55,7 +56,11 @@ def tracking_figure(view: PairView) -> Figure | None:
     legend(above)
     error, expected = lines.get("error"), lines.get("expected")
     factor, label = scale_for(peak(error), unit)
-    _shade(below, view, "")
+    _shade(below, view, False)
+    if expected is not None and expected.middle is not None and expected.is_rough():
+        # The noise of the effort says nothing about an offset.
+        assert expected.middle_time is not None
+        expected = Trace(expected.middle_time, expected.middle)
     draw(below, expected, factor, "steady state, F τ / b", color=SOFT, linestyle=":", linewidth=1.6)
     draw(below, error, factor, "master − slave", color=INK, linewidth=1.2)
     heading(below, "Position error")
@@ -77,7 +82,7 @@ def effort_figure(view: PairView) -> Figure | None:
     felt, given = lines.get("master.transmitted"), lines.get("slave.transmitted")
     factor, label = scale_for(peak(felt, given), unit)
     _shade(axes[0], view)
-    draw(axes[0], felt, factor, "master: felt by hand", color=MASTER)
+    draw(axes[0], felt, factor, "master: pushes back", color=MASTER)
     draw(axes[0], given, factor, "slave: pushes with", color=SLAVE, linestyle=(0, (5, 1.5)))
     heading(axes[0], "Transmitted by the coupling, in the master's units")
     axes[0].set_ylabel(f"effort [{label}]")
@@ -101,9 +106,12 @@ def _acting(panel: Axes, view: PairView, side: str) -> None:
     shown = {name: lines.get(f"{side}.{name}") for name in names}
     if shown["wall_effort"] is None:
         shown["commanded"] = None  # without a wall the port is all there is
+    for name in ("hand_effort", "environment_effort"):
+        if peak(shown[name]) == 0.0:
+            shown[name] = None  # nobody holds the slave, nothing stands before the master
     greatest = peak(*shown.values())
     factor, label = scale_for(greatest, view.units[side][1])
-    _shade(panel, view, "")
+    _shade(panel, view, False)
     for name, (text, style) in names.items():
         draw(panel, shown[name], factor, text, **style)
     limit = view.limits.get(side)
@@ -136,7 +144,7 @@ def wave_figure(view: PairView) -> Figure | None:
         axes[2].set_xlabel("time [s]")
         legend(axes[2])
     for panel, source, sink in ((axes[0], "master", "slave"), (axes[1], "slave", "master")):
-        _shade(panel, view, "" if panel is axes[1] else None)
+        _shade(panel, view, panel is axes[0])
         _way(panel, lines, source, sink)
         heading(panel, f"From {source} to {sink}")
         legend(panel, f"one-way delay\n{quantity(view.delay_s, 's')}" if panel is axes[0] else "")
@@ -203,7 +211,7 @@ def _strongest(view: PairView, cause: str) -> list[float]:
     return [contact.start_s for contact in sorted(hardest)]
 
 
-def _shade(panel: Axes, view: PairView, label: str | None = None) -> None:
-    if view.cause:
-        text = _CONTACT[view.cause] if label is None else label
-        shade(panel, view.contacts[view.cause], text or "_")
+def _shade(panel: Axes, view: PairView, labelled: bool = True) -> None:
+    for causes, text, colour in _GROUNDS:
+        found = [contact for cause in causes for contact in view.contacts.get(cause, [])]
+        shade(panel, found, text if labelled else "_", colour)

@@ -13,6 +13,7 @@ import yaml
 
 from tautwave.errors import RecordingError
 from tautwave.report.envelope import Floats
+from tautwave.report.scratch import Scratch, spread_columns
 
 if TYPE_CHECKING:
     from tautwave.report.recording import Recording
@@ -29,7 +30,7 @@ class Run:
     """One finished, broken or half recovered run. Times in s, everything else SI.
 
     `whole` is the recording in memory, None where it is too long and read by columns instead;
-    `time` is its time column.
+    `time` is its time column, `scratch` its columns spread out in a file.
     """
 
     directory: Path
@@ -43,6 +44,7 @@ class Run:
     notes: list[str] = field(default_factory=list)
     whole: Recording | None = None
     time: Floats | None = None
+    scratch: Scratch | None = None
 
     def read(self, *names: str, rows: slice = slice(None)) -> dict[str, Floats]:
         """Full columns by name; names that were not recorded are left out of the answer."""
@@ -51,8 +53,10 @@ class Run:
             return {}
         if self.whole is not None:
             return {name: self.whole[name][rows] for name in present}
-        if present == ("time_s",) and self.time is not None:
+        if self.time is not None and present == ("time_s",):
             return {"time_s": self.time[rows]}
+        if self.scratch is not None:
+            return {name: self.scratch.read(name, rows) for name in present}
         from tautwave.report.recording import read_recording
 
         part = read_recording(self.directory / "recording.mcap", present, rows=rows)
@@ -61,8 +65,9 @@ class Run:
     def each(self, names: Iterable[str]) -> Iterator[tuple[str, Floats]]:
         """Columns one after the other, a few for each pass over a long recording."""
         wanted = list(names)
-        for at in range(0, len(wanted), AT_ONCE):
-            yield from self.read(*wanted[at : at + AT_ONCE]).items()
+        step = AT_ONCE if self.scratch is None else 1
+        for at in range(0, len(wanted), step):
+            yield from self.read(*wanted[at : at + step]).items()
 
     @property
     def name(self) -> str:
@@ -162,6 +167,8 @@ def _attach(run: Run, path: Path) -> None:
     run.time = clock["time_s"].copy()
     if run.rows * len(run.columns) <= WHOLE_CELLS:
         run.whole = read_recording(path)
+    else:
+        run.scratch = spread_columns(path, run.columns, run.rows)
     if clock.damaged_chunks:
         run.notes.append(
             f"{clock.damaged_chunks} chunks of the recording are damaged and left out."

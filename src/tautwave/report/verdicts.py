@@ -53,6 +53,8 @@ def verdicts(run: Run) -> list[Verdict]:
 def _books(run: Run) -> Verdict:
     energy = block(run.summary, "energy_j")
     gross, residual = number(energy.get("gross_flow")), number(energy.get("residual"))
+    if "residual" in energy and residual is None:
+        return Verdict("Energy books", "bad", ("Not closed: the residual is not a number.",))
     if gross is None or residual is None:
         return Verdict("Energy books", "open", (f"Residual and gross flow: {MISSING}.",))
     sentences = []
@@ -132,7 +134,7 @@ def _timing(run: Run) -> Verdict:
         text += f" ({ratio(100.0 * missed / cycles)} %)"
     sentences = [text + "."]
     if summary.get("clock") == "fake":
-        sentences.append("Simulated clock: no cycle can be late; compute times are real.")
+        sentences.append("Simulated clock: time stands still while the loop computes.")
     sentences.append(
         f"Lateness p99 {microseconds(lateness.get('p99'))}, "
         f"at most {microseconds(lateness.get('max'))}; compute p99 "

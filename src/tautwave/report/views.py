@@ -107,6 +107,7 @@ def view_energy(run: Run, pair: str) -> EnergyView:
         for kind, values in zip(ACCOUNTS, books, strict=True):
             account[kind][element] = trace(time, values)
         view.elements.append(element)
+        del books  # before the next element's are read
     if view.elements:
         view.gross_flow = balance.gross_flow
         view.balance = trace(time, np.abs(balance.total))
@@ -119,7 +120,7 @@ def _keep(run: Run, view: PairView, time: Floats, columns: dict[str, str]) -> No
         if np.isfinite(values).any():
             line = trace(time, values)
             if column.endswith(RESISTING):
-                line = Trace(line.time, -line.value)
+                line = line.times(-1.0)
             view.lines[columns[column]] = line
 
 
@@ -162,11 +163,10 @@ def _efforts(run: Run, view: PairView, settings: dict[str, Any], time: Floats) -
     for side, factor in (("master", -1.0), ("slave", sign / force_scale)):
         line = view.lines.get(f"{side}.port_effort")
         if line is not None:
-            view.lines[f"{side}.transmitted"] = Trace(line.time, factor * line.value)
+            view.lines[f"{side}.transmitted"] = line.times(factor)
     felt = view.lines.get("master.transmitted")
     if felt is not None and view.wave_impedance and view.delay_s > 0.0:
-        offset = felt.value * (view.delay_s / view.wave_impedance)
-        view.lines["expected"] = Trace(felt.time, offset)
+        view.lines["expected"] = felt.times(view.delay_s / view.wave_impedance)
 
 
 def _touch(run: Run, view: PairView, settings: dict[str, Any], time: Floats) -> None:
