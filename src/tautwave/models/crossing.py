@@ -14,6 +14,7 @@ from tautwave.models.linear import flow_increment
 from tautwave.models.plant_params import greatest_response
 
 _ITERATIONS = 200
+_HALVINGS = 40
 _ISOLATION = 2.5  # radians of the damped oscillation; at most one zero needs less than pi
 
 
@@ -203,7 +204,20 @@ def first_rise(
                 )
             if g_right > 0.0 and g_right > g_left:
                 if g_left >= 0.0:
-                    return left
+                    if left > 0.0 or not (d0 < 0.0 or (d0 == 0.0 and c0 < 0.0)):
+                        return left
+                    # It falls first, but its turn drowns in rounding: find where it is below.
+                    below = right
+                    for _ in range(_HALVINGS):
+                        below = 0.25 * below
+                        g_left, _, _, _ = _rise(
+                            stiffness, damping, mass, v, net, slope, alpha, beta, start, below
+                        )
+                        if g_left < 0.0:
+                            break
+                    if g_left >= 0.0:
+                        return -1.0
+                    left = below
                 return _zero(
                     stiffness,
                     damping,

@@ -20,6 +20,7 @@ SLIDING_UP = 3
 SLIDING_DOWN = 6
 STUCK = 9
 _STRETCHES = 2000
+_DECAYS = 25.0  # time constants of the damping searched at once after an event
 
 PlantStep = tuple[float, float, int, float, float, float, float, float]
 
@@ -58,10 +59,16 @@ def _next_event(
     net: float,
     slope: float,
     remaining: float,
+    patience: float,
 ) -> tuple[float, int]:
-    """Time of the next event and which (0 none, 1 contact, 2 exit while clipped, 3 stop)."""
+    """Time of the next event and which (0 none, 1 contact, 2 exit while clipped, 3 stop).
+
+    `patience` is the longest search in units of the damping's time m/b.
+    """
     depth = p.wall_side * (x - p.wall_position)
     limit = isolation_limit(stiffness, damping, p.mass, remaining)
+    if damping * limit > patience * p.mass:
+        limit = patience * p.mass / damping
     walled = p.wall_stiffness > 0.0 or p.wall_damping > 0.0
     span = remaining
     quiet = False
@@ -180,6 +187,7 @@ def switching_step(
     environment_loss = 0.0
     elapsed = 0.0
     pushed = 0.0
+    patience = _DECAYS
     friction = 0
     slope = p.grip_stiffness * reference_rate
     finished = False
@@ -238,8 +246,12 @@ def switching_step(
             if v == 0.0 and force * direction < 0.0:
                 force = 0.0
         span, event = _next_event(
-            p, contact, direction, stiffness, damping, x, v, force, slope, remaining
+            p, contact, direction, stiffness, damping, x, v, force, slope, remaining, patience
         )
+        # A fast decay hides slow turns in its rounding: look closely after an event only.
+        patience = 4.0 * patience
+        if event != 0:
+            patience = _DECAYS
         if span > 0.0:
             if contact == PRESSING:
                 xv, xn, xs, vv, vn, vs, av, an, as_, qvv, qvn, qvs, qnn, qns, qss = _coefficients(
