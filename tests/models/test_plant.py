@@ -235,3 +235,27 @@ def test_chatter_beyond_the_limit_ends_at_rest_and_passive() -> None:
     assert v == 0.0
     assert lost > 0.0
     assert after + lost == pytest.approx(before, rel=1e-9)
+
+
+def test_a_turn_hidden_behind_a_very_fast_decay_is_no_stop() -> None:
+    # Wall with b h / m = 1e6 and friction: a search over the whole step once saw a stop at once,
+    # again and again, because the turn of v drowned in the rounding of the fast decay.
+    p = PlantParams(
+        3.3162554113310485e-4, 0.00565919, 0.8473724503124099, 3816.4942133139402, 0.0,
+        72.52013411168831, 0.0032439061035851105, 608441357.5551476, 41601.7004362086,
+        -0.0005243487696377207, 1.0,
+    )  # fmt: skip
+    start = (0.0016965136011249, 0.22214034862953858)
+    effort, rate, h = 1.496235804344134, 0.08137630314111531, 0.01
+    whole = plant_step(p, plant_cache(p, h), *start, FREE, effort, 0.0, rate, h)
+    x, v = start
+    mode = FREE
+    pieces = 10
+    c = plant_cache(p, h / pieces)
+    for k in range(pieces):
+        ref = rate * k * h / pieces
+        x, v, mode, *_ = plant_step(p, c, x, v, mode, effort, ref, rate, h / pieces)
+    assert v != 0.0
+    assert whole[0] == pytest.approx(x, abs=1e-12)
+    assert whole[1] == pytest.approx(v, rel=1e-6)
+    assert whole[2] == mode

@@ -1,4 +1,4 @@
-"""Quantisation of a sensor or a command."""
+"""Quantisation of a sensor or a command; the quantum has the unit of the value."""
 
 from __future__ import annotations
 
