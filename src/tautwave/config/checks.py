@@ -92,6 +92,9 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
             document.report((*path, "inertia"), "not used by an admittance axis; remove it")
         if axis.damping.value > 0.0:
             document.report((*path, "damping"), "not used by an admittance axis; remove it")
+        if axis.velocity_limit is None:
+            # Its command is a velocity: without a bound the ramps have nothing to fill.
+            document.report((*path, "velocity_limit"), "required key is missing (admittance axis)")
     plugin = parts.plugins.get(axis.bus)
     if plugin is not None and plugin.hardware:
         for key in HARDWARE_LIMITS:
