@@ -3,7 +3,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tautwave.models.crossing import first_rise, isolation_limit, motion_bounds
@@ -50,6 +50,9 @@ def test_the_motion_is_that_of_tiny_steps(name: str) -> None:
     rate=st.floats(-1.0, 1.0),
     h=st.sampled_from([3e-4, 1e-3, 5e-3]),
 )
+@example("wall", 0.0, -2.2e-309, 0.0, 1.0, 3e-4)
+@example("wall", 0.0, 0.0, 0.0, 1.0, 3e-4)
+@example("all", 0.0, -1e-200, 3.0, 0.0, 1e-3)
 def test_one_step_is_many_small_ones(
     name: str, x: float, v: float, effort: float, rate: float, h: float
 ) -> None:

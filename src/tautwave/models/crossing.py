@@ -216,7 +216,7 @@ def first_rise(
                         if g_left < 0.0:
                             break
                     if g_left >= 0.0:
-                        return -1.0
+                        return left  # below for less than a float can tell from now
                     left = below
                 return _zero(
                     stiffness,
