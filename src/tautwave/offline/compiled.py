@@ -1,0 +1,112 @@
+"""The kernel compiled by numba, and a cache that no edit can leave stale.
+
+numba's own cache looks at the text of the compiled function only: after an edit in a function
+that it calls, the old machine code is used on. So the cache lies in a folder named by a hash of
+every source the kernel is made of, and of numba's and NumPy's versions.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib
+import inspect
+import os
+import pkgutil
+import platform
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import tautwave.laws
+import tautwave.models
+from tautwave.errors import ConfigError
+from tautwave.offline import couple, device, kernel, records, rows, side
+
+KERNEL_MODULES = (records, side, couple, device, rows, kernel)
+
+
+def source_modules() -> tuple[ModuleType, ...]:
+    """Return every module that the kernel may be made of: all laws, all models, and itself."""
+    found = []
+    for package in (tautwave.laws, tautwave.models):
+        names = sorted(info.name for info in pkgutil.iter_modules(package.__path__))
+        found += [importlib.import_module(f"{package.__name__}.{name}") for name in names]
+    return (*found, *KERNEL_MODULES)
+
+
+def source_hash() -> str:
+    """Return a short name of the sources, compiler and Python in use."""
+    digest = hashlib.sha256()
+    for module in source_modules():
+        digest.update(module.__name__.encode())
+        digest.update(Path(str(module.__file__)).read_bytes())
+    for name in ("numba", "llvmlite", "numpy"):
+        digest.update(importlib.import_module(name).__version__.encode())
+    digest.update(f"{sys.version_info[:2]} {platform.machine()}".encode())
+    return digest.hexdigest()[:16]
+
+
+def cache_directory() -> Path:
+    """Return where machine code of the present sources is kept between processes.
+
+    Below NUMBA_CACHE_DIR if that is set, else below the user's cache folder.
+    """
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    if given:
+        root = Path(given)
+    else:
+        root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return root / "tautwave" / source_hash()
+
+
+def functions_of(module: ModuleType) -> Iterator[Callable[..., Any]]:
+    """Yield the functions that a module defines."""
+    for _, function in inspect.getmembers(module, inspect.isfunction):
+        if function.__module__ == module.__name__:
+            yield function
+
+
+def load_numba() -> Any:
+    """Import numba.
+
+    Raises
+    ------
+    ConfigError
+        It is not installed.
+    """
+    try:
+        return importlib.import_module("numba")
+    except ImportError as err:
+        raise ConfigError(
+            "the compiled simulation needs numba: pip install 'tautwave[fast]', "
+            'or simulate(rig, engine="python"), which is some thousand times slower'
+        ) from err
+
+
+@functools.cache
+def compiled_kernel() -> Callable[..., int]:
+    """Return `kernel.run_rig` for numba; compiled at the first call, or read from the cache."""
+    numba = load_numba()
+    extending = importlib.import_module("numba.extending")
+    for module in source_modules():
+        for function in functions_of(module):
+            if function is not kernel.run_rig:
+                extending.register_jitable(error_model="numpy")(function)
+    directory = cache_directory()
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        kept = os.access(directory, os.W_OK)
+    except OSError:
+        kept = False  # a read-only home: compile every time
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(directory)
+    try:
+        result: Callable[..., int] = numba.njit(
+            cache=kept, nogil=True, error_model="numpy", fastmath=False
+        )(kernel.run_rig)
+    finally:
+        numba.config.CACHE_DIR = before
+    return result

@@ -1,0 +1,285 @@
+"""A pair: `runtime.pair` and `link.memory` as functions over records.
+
+The line's four rings of a pair lie one after the other: from master, from slave, and with the
+position law the velocities of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import MutableSequence
+
+from tautwave.laws.coupler import coupler_stored
+from tautwave.laws.wall import wall_effort
+from tautwave.laws.wave import filter_step
+from tautwave.offline.records import Body, Couple, PairParams, Side, SideParams
+from tautwave.offline.side import (
+    close_side,
+    fade_side,
+    miss_side,
+    pass_side,
+    receive_side,
+    start_side,
+    think_side,
+)
+
+
+def mismatch(q: PairParams, master_position: float, slave_position: float, offset: float) -> float:
+    """Return how far the slave is from where `offset` wants it [slave's rad or m]."""
+    target = q.ratio * master_position + offset
+    return slave_position - target
+
+
+def start_pair(
+    c: Couple,
+    q: PairParams,
+    one: Side,
+    two: Side,
+    p1: SideParams,
+    p2: SideParams,
+    master: Body,
+    slave: Body,
+    lines: MutableSequence[float],
+) -> None:
+    """Engage at the measured positions."""
+    gap = 0.0
+    if q.at_engage:
+        c.offset = mismatch(q, master.position, slave.position, 0.0)
+    else:
+        c.offset = q.offset
+        gap = mismatch(q, master.position, slave.position, q.offset)
+    start_side(one, p1, master.position, master.effort, 0.0)
+    start_side(two, p2, slave.position, slave.effort, gap * p2.site.port.root)
+    if not q.by_wave:
+        c.at = 0
+        for i in range(q.samples):
+            lines[q.line + i] = master.position
+            lines[q.line + q.samples + i] = slave.position
+            lines[q.line + 2 * q.samples + i] = 0.0
+            lines[q.line + 3 * q.samples + i] = 0.0
+        book_spring(c, q, one, two, p1)
+        c.start_stored = c.stored
+
+
+def arm_side(s: Side, p: SideParams, share: float) -> bool:
+    """Return True when the wall asks for less than `share` of the limit where the axis stands."""
+    if p.site.has_wall:
+        effort = wall_effort(p.site.wall, s.depth, 0.0)
+        limit = share * p.site.limit.effort
+        if effort * effort > limit * limit:
+            return False
+    return True
+
+
+def exchange_waves(
+    c: Couple,
+    q: PairParams,
+    lines: MutableSequence[float],
+    from_master: float,
+    from_slave: float,
+) -> tuple[float, float]:
+    """Pass one slot on the wave line; return the waves arriving at (master, slave)."""
+    ahead = q.line + c.at
+    back = ahead + q.samples
+    at_slave = lines[ahead]
+    at_master = lines[back]
+    lines[ahead] = from_master
+    lines[back] = from_slave
+    c.at += 1
+    if c.at == q.samples:
+        c.at = 0
+    c.line_energy += q.half_period * (
+        from_master * from_master
+        + from_slave * from_slave
+        - at_slave * at_slave
+        - at_master * at_master
+    )
+    return at_master, at_slave
+
+
+def exchange_states(
+    c: Couple, q: PairParams, one: Side, two: Side, lines: MutableSequence[float]
+) -> tuple[float, float, float, float]:
+    """Pass one slot; return far position and velocity at the master, then at the slave."""
+    if q.samples == 0:
+        return two.position, two.velocity, one.position, one.velocity
+    at = q.line + c.at
+    ahead = lines[at]
+    lines[at] = one.position
+    at = at + q.samples
+    back = lines[at]
+    lines[at] = two.position
+    at = at + q.samples
+    ahead_rate = lines[at]
+    lines[at] = one.velocity
+    at = at + q.samples
+    back_rate = lines[at]
+    lines[at] = two.velocity
+    c.at += 1
+    if c.at == q.samples:
+        c.at = 0
+    return back, back_rate, ahead, ahead_rate
+
+
+def book_spring(c: Couple, q: PairParams, one: Side, two: Side, p1: SideParams) -> None:
+    """Book the spring between the present positions, in pair units."""
+    c.absorbed = one.port_absorbed + q.weight * two.port_absorbed
+    far = q.to_master * (two.position - c.offset)
+    c.stored = coupler_stored(p1.site.stiffness, one.position, far)
+
+
+def filter_waves(
+    c: Couple, q: PairParams, from_master: float, from_slave: float
+) -> tuple[float, float]:
+    """Low-pass both leaving waves and book them."""
+    u, stored, lost = filter_step(q.filter_gain, q.period, c.filter_master, from_master)
+    c.filter_master = u
+    c.filter_master_stored = stored
+    c.filter_master_dissipated += lost
+    c.filter_master_absorbed += q.half_period * (from_master * from_master - u * u)
+    w, held, gone = filter_step(q.filter_gain, q.period, c.filter_slave, from_slave)
+    c.filter_slave = w
+    c.filter_slave_stored = held
+    c.filter_slave_dissipated += gone
+    c.filter_slave_absorbed += q.half_period * (from_slave * from_slave - w * w)
+    return u, w
+
+
+def decide_side(
+    s: Side,
+    p: SideParams,
+    pipes: MutableSequence[float],
+    valid: bool,
+    far_position: float,
+    far_velocity: float,
+    ramp: float,
+) -> int:
+    """Think if there is a sample; without one, fade while stopping, else keep the command."""
+    if valid:
+        return think_side(s, p, pipes, far_position, far_velocity, ramp * p.ceiling)
+    if s.stopping:
+        fade_side(s, p, ramp * p.ceiling)
+    return 0
+
+
+def think_states(
+    c: Couple,
+    q: PairParams,
+    one: Side,
+    two: Side,
+    p1: SideParams,
+    p2: SideParams,
+    pipes: MutableSequence[float],
+    lines: MutableSequence[float],
+    master_valid: bool,
+    slave_valid: bool,
+    ramp: float,
+) -> int:
+    """Exchange positions and think on both sides, each in its own units."""
+    back, back_rate, ahead, ahead_rate = exchange_states(c, q, one, two, lines)
+    far = q.to_master * (back - c.offset)
+    guard = decide_side(one, p1, pipes, master_valid, far, q.to_master * back_rate, ramp)
+    far = q.ratio * ahead + c.offset
+    return guard + 8 * decide_side(two, p2, pipes, slave_valid, far, q.ratio * ahead_rate, ramp)
+
+
+def engage_pair(
+    c: Couple,
+    q: PairParams,
+    one: Side,
+    two: Side,
+    p1: SideParams,
+    p2: SideParams,
+    pipes: MutableSequence[float],
+    lines: MutableSequence[float],
+    ramp: float,
+) -> None:
+    """Think for the first time, with nothing on its way yet."""
+    if q.by_wave:
+        receive_side(one, p1, 0.0)
+        decide_side(one, p1, pipes, True, 0.0, 0.0, ramp)
+        receive_side(two, p2, 0.0)
+        decide_side(two, p2, pipes, True, 0.0, 0.0, ramp)
+    else:
+        think_states(c, q, one, two, p1, p2, pipes, lines, True, True, ramp)
+
+
+def close_or_miss(s: Side, p: SideParams, body: Body) -> None:
+    """Close with the sample of this cycle, if there is one."""
+    if body.valid:
+        close_side(s, p, body.position, body.effort)
+    else:
+        miss_side(s)
+
+
+def cycle_waves(
+    c: Couple,
+    q: PairParams,
+    one: Side,
+    two: Side,
+    p1: SideParams,
+    p2: SideParams,
+    master: Body,
+    slave: Body,
+    pipes: MutableSequence[float],
+    lines: MutableSequence[float],
+    skipped: int,
+    ramp: float,
+) -> int:
+    """Run one cycle of a wave pair; `skipped` slots went by unseen before it."""
+    at_master = 0.0
+    at_slave = 0.0
+    pass_side(one, p1, pipes)
+    pass_side(two, p2, pipes)
+    for _ in range(skipped):
+        at_master = 0.0
+        at_slave = 0.0
+        if q.samples > 0:
+            at_master, at_slave = exchange_waves(c, q, lines, 0.0, 0.0)
+        receive_side(one, p1, at_master)
+        receive_side(two, p2, at_slave)
+        pass_side(one, p1, pipes)
+        pass_side(two, p2, pipes)
+    close_or_miss(one, p1, master)
+    close_or_miss(two, p2, slave)
+    from_master = one.leaving
+    from_slave = two.leaving
+    if q.filtered:
+        from_master, from_slave = filter_waves(c, q, from_master, from_slave)
+    if q.samples > 0:
+        at_master, at_slave = exchange_waves(c, q, lines, from_master, from_slave)
+    else:
+        at_master = from_slave
+        at_slave = from_master
+    receive_side(one, p1, at_master)
+    receive_side(two, p2, at_slave)
+    guard = decide_side(one, p1, pipes, master.valid, 0.0, 0.0, ramp)
+    return guard + 8 * decide_side(two, p2, pipes, slave.valid, 0.0, 0.0, ramp)
+
+
+def cycle_states(
+    c: Couple,
+    q: PairParams,
+    one: Side,
+    two: Side,
+    p1: SideParams,
+    p2: SideParams,
+    master: Body,
+    slave: Body,
+    pipes: MutableSequence[float],
+    lines: MutableSequence[float],
+    skipped: int,
+    ramp: float,
+) -> int:
+    """Run one cycle of a position coupling."""
+    pass_side(one, p1, pipes)
+    pass_side(two, p2, pipes)
+    for _ in range(skipped):
+        exchange_states(c, q, one, two, lines)
+        pass_side(one, p1, pipes)
+        pass_side(two, p2, pipes)
+    close_or_miss(one, p1, master)
+    close_or_miss(two, p2, slave)
+    book_spring(c, q, one, two, p1)
+    return think_states(
+        c, q, one, two, p1, p2, pipes, lines, master.valid, slave.valid, ramp
+    )

@@ -1,0 +1,139 @@
+"""A simulated device: `tautwave_sim`'s axis and its three physics as functions over records."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import MutableSequence, Sequence
+
+from tautwave.models.encoder import quantise
+from tautwave.models.foam import foam_forces, foam_step, foam_stored
+from tautwave.models.plant import plant_forces, plant_step, plant_stored
+from tautwave.models.servo import servo_forces, servo_step, servo_stored
+from tautwave.offline.records import FOAM, PLANT, SERVO, Body, DeviceParams
+
+
+def command_body(b: Body, d: DeviceParams, value: float) -> None:
+    """Take an effort (impedance) or a velocity (admittance) for the slots to come."""
+    quantum = d.effort_quantum
+    if d.kind == SERVO:
+        quantum = d.velocity_quantum
+    if quantum > 0.0:
+        value = quantise(value, quantum)
+    if d.kind != SERVO:
+        if value > d.effort_limit:
+            value = d.effort_limit
+        elif value < -d.effort_limit:
+            value = -d.effort_limit
+    b.command = value
+
+
+def hand_motion(b: Body, d: DeviceParams, references: Sequence[float]) -> tuple[float, float]:
+    """Return the hand's reference [rad or m] at this slot and its rate until the next."""
+    if b.slot < d.last:
+        here = references[d.reference + b.slot]
+        return here, (references[d.reference + b.slot + 1] - here) / d.period
+    if d.last >= 0:
+        return references[d.reference + d.last], 0.0
+    return 0.0, 0.0
+
+
+def move_body(
+    b: Body, d: DeviceParams, command: float, reference: float, rate: float, h: float
+) -> None:
+    """Move by `h` under a constant command and a hand reference of constant rate."""
+    before = b.x
+    if d.kind == PLANT:
+        x, v, mode, work, grip, viscous, coulomb, environment = plant_step(
+            d.plant, d.cache, before, b.v, b.mode, command, reference, rate, h
+        )
+        b.mode = mode
+        b.motor_work += command * (x - before)
+        b.viscous_loss += viscous
+        b.coulomb_loss += coulomb
+    elif d.kind == FOAM:
+        x, v, work, grip, viscous, coulomb, environment = foam_step(
+            d.plant, d.foam, before, b.v, command, reference, rate, h
+        )
+        b.motor_work += command * (x - before)
+        b.viscous_loss += viscous
+        b.coulomb_loss += coulomb
+    else:
+        b.held = command
+        x, v, work, grip, environment, outside = servo_step(
+            d.servo, before, b.v, command, reference, rate, h
+        )
+        b.motor_work -= outside
+    b.x = x
+    b.v = v
+    b.hand_work += work
+    b.grip_loss += grip
+    b.environment_loss += environment
+
+
+def body_forces(b: Body, d: DeviceParams, reference: float, rate: float) -> tuple[float, float]:
+    """Return the efforts of hand and environment on the device [N m or N]."""
+    if d.kind == PLANT:
+        return plant_forces(d.plant, b.x, b.v, reference, rate)
+    if d.kind == FOAM:
+        return foam_forces(d.plant, d.foam, b.x, b.v, reference, rate)
+    return servo_forces(d.servo, b.x, b.v, b.held, reference, rate)
+
+
+def body_stored(b: Body, d: DeviceParams, reference: float) -> tuple[float, float, float]:
+    """Return kinetic, grip and environment energy [J]."""
+    if d.kind == PLANT:
+        return plant_stored(d.plant, b.x, b.v, reference)
+    if d.kind == FOAM:
+        return foam_stored(d.plant, d.foam, b.x, b.v, reference)
+    return servo_stored(d.servo, b.x, b.v, reference)
+
+
+def pass_body(
+    b: Body, d: DeviceParams, references: Sequence[float], pipes: MutableSequence[float]
+) -> None:
+    """Move by one slot of the loop's grid."""
+    reference, rate = hand_motion(b, d, references)
+    command = b.command
+    if d.delay > 0:
+        at = d.pipe + b.head
+        command = pipes[at]
+        pipes[at] = b.command
+        b.head += 1
+        if b.head == d.delay:
+            b.head = 0
+    span = d.period
+    if d.late > 0.0:
+        late = d.late * d.period
+        move_body(b, d, b.acting, reference, rate, late)
+        reference = reference + rate * late
+        span = d.period - late
+        b.acting = command
+    move_body(b, d, command, reference, rate, span)
+    b.slot += 1
+
+
+def measure_body(
+    b: Body,
+    d: DeviceParams,
+    cycle: int,
+    references: Sequence[float],
+    noise: Sequence[float],
+    missing: Sequence[bool],
+) -> None:
+    """Report what the drive measures at this slot."""
+    position = b.x
+    if d.position_noise > 0.0:
+        position = position + d.position_noise * noise[d.draws + cycle]
+    if d.encoder_quantum > 0.0:
+        position = quantise(position, d.encoder_quantum)
+    b.position = position
+    b.valid = True
+    if d.loses:
+        b.valid = not missing[d.draws + cycle]
+    b.effort = math.nan
+    if d.kind == SERVO:
+        reference, rate = hand_motion(b, d, references)
+        hand, environment = body_forces(b, d, reference, rate)
+        b.effort = hand + environment
+        if d.effort_quantum > 0.0:
+            b.effort = quantise(b.effort, d.effort_quantum)

@@ -1,0 +1,346 @@
+"""From a rig to the tables the kernel works on. Everything comes from what a live run is built of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from tautwave.config import Rig, simulation_of
+from tautwave.errors import ConfigError
+from tautwave.laws.wave import filter_gain
+from tautwave.models.foam import FoamParams
+from tautwave.models.plant_params import plant_cache
+from tautwave.models.servo import ServoParams
+from tautwave.offline.records import (
+    FOAM,
+    PLANT,
+    SERVO,
+    Body,
+    Couple,
+    DeviceParams,
+    Outcome,
+    PairParams,
+    RunParams,
+    Side,
+    SideParams,
+    empty,
+    record_type,
+)
+from tautwave.rig import (
+    SEED_WORD,
+    axis_model,
+    build_rig,
+    loop_settings,
+    pair_scale,
+    site_params,
+    slave_offset,
+    wave_gain,
+)
+from tautwave.runtime.loop import ARM_SHARE, ARM_TIMEOUT_S
+from tautwave.streams import MISSING, NOISE, OVERRUN
+from tautwave.truth import AxisModel
+from tautwave.types import CommandDelay
+
+Array = npt.NDArray[Any]
+NO_FOAM = FoamParams(1.0, 1.0, 0.0, 0.0, 1.0, 1)
+NO_SERVO = ServoParams(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+class Job(NamedTuple):
+    """A rig as tables. `axes` and `buses` name axes and their buses in the order of the tables."""
+
+    rig: Rig
+    columns: tuple[str, ...]
+    axes: tuple[str, ...]
+    buses: tuple[str, ...]
+    run: RunParams
+    sides: tuple[SideParams, ...]
+    devices: tuple[DeviceParams, ...]
+    pairs: tuple[PairParams, ...]
+    references: Array
+    noise: Array
+    missing: Array
+    overruns: Array
+    pipe_size: int
+    line_size: int
+
+
+class Tables(NamedTuple):
+    """The arguments of `kernel.run_rig`, in its order."""
+
+    runs: Any
+    outcomes: Any
+    params: Any
+    sides: Any
+    devices: Any
+    bodies: Any
+    pairs: Any
+    couples: Any
+    references: Any
+    noise: Any
+    missing: Any
+    overruns: Any
+    pipes: Any
+    lines: Any
+    out: Any
+
+
+def pack_rig(rig: Rig, duration_s: float | None = None) -> Job:
+    """Return the tables of one run.
+
+    Parameters
+    ----------
+    rig : Rig
+        A checked rig with a `simulation` block.
+    duration_s : float, optional
+        Length of the run [s]; the rig's own if not given.
+
+    Raises
+    ------
+    ConfigError
+        The rig simulates nothing, or a recorded reference cannot be read.
+    """
+    if rig.simulation is None:
+        raise ConfigError(
+            f"{rig.name}: there is nothing to simulate; add a simulation block to the rig file"
+        )
+    cycles = max(round((rig.duration_s if duration_s is None else duration_s) * rig.rate_hz), 1)
+    # One cycle's worth of the live rig: the drivers know their delays, the sources their columns.
+    assembly = build_rig(rig, clock="fake", duration_s=rig.period_s)
+    delays = {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
+    axes = tuple(delays)
+    models = [axis_model(rig, name, cycles) for name in axes]
+    if round(models[0].period * 1e9) != rig.period_ns:
+        raise ConfigError(f"rate_hz: {rig.rate_hz!r} has no period in whole ns; use a rounder rate")
+    at = 0
+    sides = []
+    for name in axes:
+        sides.append(pack_side(rig, name, delays[name], at))
+        at += 4 * sides[-1].delay
+    devices = []
+    first = 0
+    for index, model in enumerate(models):
+        devices.append(pack_device(model, at, first, index * cycles))
+        at += devices[-1].delay
+        first += len(model.reference)
+    pairs = tuple(
+        pack_pair(rig, name, axes, number) for number, name in enumerate(rig.coupling.pairs)
+    )
+    faults = rig.simulation.faults
+    return Job(
+        rig=rig,
+        columns=tuple(assembly.columns),
+        axes=axes,
+        buses=tuple(bus.name for bus in assembly.buses for _ in bus.axes),
+        run=pack_run(rig, cycles, len(axes), len(pairs)),
+        sides=tuple(sides),
+        devices=tuple(devices),
+        pairs=pairs,
+        references=np.array([x for model in models for x in model.reference], dtype=np.float64),
+        noise=draw_noise(models, cycles),
+        missing=draw_missing(models, cycles),
+        overruns=draw_overruns(rig.seed, faults.overrun_probability, cycles),
+        pipe_size=at,
+        line_size=4 * rig.delay_samples * len(pairs),
+    )
+
+
+def pack_run(rig: Rig, cycles: int, axes: int, pairs: int) -> RunParams:
+    """Return length, ramps and limits of the run."""
+    assert rig.simulation is not None
+    faults = rig.simulation.faults
+    settings = loop_settings(rig, cycles)
+    return RunParams(
+        period_ns=settings.period_ns,
+        cycles=settings.cycles,
+        axes=axes,
+        pairs=pairs,
+        engage_cycles=settings.engage_cycles,
+        release_cycles=settings.release_cycles,
+        missing_limit=settings.missing_limit,
+        overrun_limit=settings.overrun_limit,
+        overrun_slots=faults.overrun_slots,
+        overruns=faults.overrun_probability > 0.0,
+        arm_share=ARM_SHARE,
+        arm_timeout_ns=ARM_TIMEOUT_S * 1e9,
+    )
+
+
+def pack_side(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> SideParams:
+    """Return one axis of the controller; as `rig.make_site`."""
+    side, name = axis_name.split(".")
+    scale = pair_scale(rig.coupling.pairs[name])
+    site = site_params(rig, axis_name, delay)
+    impedance = rig.axes[axis_name].causality == "impedance"
+    return SideParams(
+        site=site,
+        wave=wave_gain(scale, side),
+        half_period=0.5 * site.port.period,
+        late=delay.remainder_s / rig.period_s,
+        ceiling=site.limit.effort if impedance else site.limit.velocity,
+        weight=1.0 if side == "master" else 1.0 / scale.power,
+        delay=delay.periods,
+        pipe=pipe,
+        by_wave=rig.coupling.law == "wave",
+        impedance=impedance,
+    )
+
+
+def pack_device(model: AxisModel, pipe: int, reference: int, draws: int) -> DeviceParams:
+    """Return the truth of one axis; as a simulated axis reads it."""
+    whole = math.floor(model.command_delay + 1e-9)
+    share = model.command_delay - whole
+    kind = PLANT
+    if model.servo is not None:
+        kind = SERVO
+    elif model.foam is not None:
+        kind = FOAM
+    return DeviceParams(
+        plant=model.plant,
+        cache=plant_cache(model.plant, model.period),
+        foam=NO_FOAM if model.foam is None else model.foam,
+        servo=NO_SERVO if model.servo is None else model.servo,
+        kind=kind,
+        period=model.period,
+        late=share if share > 1e-9 else 0.0,
+        encoder_quantum=model.encoder_quantum,
+        position_noise=model.position_noise,
+        effort_quantum=model.effort_quantum,
+        velocity_quantum=model.velocity_quantum,
+        effort_limit=model.effort_limit,
+        delay=whole,
+        pipe=pipe,
+        reference=reference,
+        last=len(model.reference) - 1,
+        draws=draws,
+        loses=model.missing_probability > 0.0,
+    )
+
+
+def pack_pair(rig: Rig, name: str, axes: Sequence[str], number: int) -> PairParams:
+    """Return one pair; as `rig.make_loop_pair`."""
+    keys = rig.coupling.pairs[name]
+    scale = pair_scale(keys)
+    offset, tolerance = slave_offset(keys)
+    samples = rig.delay_samples
+    corner = rig.coupling.wave_filter_hz
+    return PairParams(
+        master=axes.index(f"master.{name}"),
+        slave=axes.index(f"slave.{name}"),
+        by_wave=rig.coupling.law == "wave",
+        filtered=corner is not None and rig.coupling.law == "wave",
+        at_engage=offset is None,
+        ratio=scale.sign * scale.scale,
+        sign=scale.sign,
+        force_scale=scale.force_scale,
+        to_master=scale.sign / scale.scale,
+        weight=1.0 / scale.power,
+        period=rig.period_s,
+        half_period=0.5 * rig.period_s,
+        filter_gain=1.0 if corner is None else filter_gain(corner, rig.period_s),
+        offset=0.0 if offset is None else offset,
+        tolerance=tolerance,
+        samples=samples,
+        line=4 * samples * number,
+    )
+
+
+def draw_noise(models: Sequence[AxisModel], cycles: int) -> Array:
+    """Return the position noise of every axis and cycle; one number if nothing is noisy."""
+    if not any(model.position_noise > 0.0 for model in models):
+        return np.zeros(1)
+    table = np.zeros((len(models), cycles))
+    for row, model in zip(table, models, strict=True):
+        if model.position_noise > 0.0:
+            row[:] = np.random.default_rng((*model.seed, NOISE)).standard_normal(cycles)
+    return table.reshape(-1)
+
+
+def draw_missing(models: Sequence[AxisModel], cycles: int) -> Array:
+    """Return which samples are missing; the first never is, and nothing is drawn for it."""
+    if not any(model.missing_probability > 0.0 for model in models):
+        return np.zeros(1, dtype=np.bool_)
+    table = np.zeros((len(models), cycles), dtype=np.bool_)
+    for row, model in zip(table, models, strict=True):
+        draws = np.random.default_rng((*model.seed, MISSING)).random(cycles - 1)
+        row[1:] = draws < model.missing_probability
+    return table.reshape(-1)
+
+
+def draw_overruns(seed: int, probability: float, cycles: int) -> Array:
+    """Return after which cycles the loop oversleeps."""
+    if probability == 0.0:
+        return np.zeros(1, dtype=np.bool_)
+    draws = np.random.default_rng((seed % SEED_WORD, OVERRUN)).random(cycles)
+    return np.asarray(draws < probability)
+
+
+def record_tables(job: Job, out: Array | None = None) -> Tables:
+    """Return fresh tables of NumPy records, for the compiled engines."""
+
+    def records(kind: type[Any], values: Sequence[Any]) -> Array:
+        return np.array([_plain(value) for value in values], dtype=record_type(kind))
+
+    def blank(kind: type[Any], count: int) -> Array:
+        return np.zeros(count, dtype=record_type(kind))
+
+    return Tables(
+        runs=records(RunParams, [job.run]),
+        outcomes=blank(Outcome, 1),
+        params=records(SideParams, job.sides),
+        sides=blank(Side, len(job.axes)),
+        devices=records(DeviceParams, job.devices),
+        bodies=_standing(job, blank(Body, len(job.axes))),
+        pairs=records(PairParams, job.pairs),
+        couples=blank(Couple, len(job.pairs)),
+        references=job.references,
+        noise=job.noise,
+        missing=job.missing,
+        overruns=job.overruns,
+        pipes=np.zeros(job.pipe_size),
+        lines=np.zeros(job.line_size),
+        out=np.empty(job.run.cycles * len(job.columns)) if out is None else out,
+    )
+
+
+def object_tables(job: Job) -> Tables:
+    """Return fresh tables of Python objects and floats, for the kernel as plain Python."""
+    bodies = [empty(Body) for _ in job.axes]
+    for body, name in zip(bodies, job.axes, strict=True):
+        body.x = start_position(job.rig, name)
+    return Tables(
+        runs=[job.run],
+        outcomes=[empty(Outcome)],
+        params=job.sides,
+        sides=[empty(Side) for _ in job.axes],
+        devices=job.devices,
+        bodies=bodies,
+        pairs=job.pairs,
+        couples=[empty(Couple) for _ in job.pairs],
+        references=job.references.tolist(),
+        noise=job.noise.tolist(),
+        missing=job.missing.tolist(),
+        overruns=job.overruns.tolist(),
+        pipes=[0.0] * job.pipe_size,
+        lines=[0.0] * job.line_size,
+        out=np.empty(job.run.cycles * len(job.columns)),
+    )
+
+
+def start_position(rig: Rig, axis_name: str) -> float:
+    """Return where a simulated axis stands at the start [rad or m]."""
+    return float(simulation_of(rig, axis_name).start_position)
+
+
+def _standing(job: Job, bodies: Array) -> Array:
+    bodies["x"] = [start_position(job.rig, name) for name in job.axes]
+    return bodies
+
+
+def _plain(value: Any) -> Any:
+    """Return nested NamedTuples as nested plain tuples, which NumPy takes as records."""
+    return tuple(_plain(part) for part in value) if isinstance(value, tuple) else value

@@ -1,0 +1,299 @@
+"""One axis of the controller: `runtime.site.SiteAxis` as functions over a record.
+
+Only the glue is written again here, statement by statement; the formulas are those of
+`tautwave.laws`. `tests/offline` holds every row equal to the live one, to the bit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import MutableSequence
+
+from tautwave.laws.limit import clamp, guard_axis, limit_effort, stop_effort
+from tautwave.laws.port import port_close, track_velocity
+from tautwave.laws.site import think_admittance, think_position, think_wave
+from tautwave.laws.wall import wall_depth, wall_loss, wall_stored
+from tautwave.offline.records import Side, SideParams
+
+
+def start_side(s: Side, p: SideParams, position: float, outside: float, gap: float) -> None:
+    """Begin at a measured position, nothing stored."""
+    s.position = position
+    s.outside = outside
+    if math.isnan(outside):
+        s.outside = 0.0
+    s.velocity = 0.0
+    s.wall_velocity = 0.0
+    s.predicted = 0.0
+    s.account = 0.0
+    s.gap = gap
+    s.impulse = 0.0
+    s.depth = 0.0
+    if p.site.has_wall:
+        s.depth = wall_depth(p.site.wall, position)
+    s.start_stored = wall_stored(p.site.wall, s.depth)
+    s.leaving = 0.0
+    s.wave_in = 0.0
+    s.arrived = 0.0
+    s.command = 0.0
+    s.asked = 0.0
+    s.valid = True
+    s.stopping = False
+    s.total = 0.0
+    s.port = 0.0
+    s.wall = 0.0
+    s.wave = 0.0
+    s.acted_total = 0.0
+    s.acted_port = 0.0
+    s.acted_wall = 0.0
+    s.spread = 0.0
+    s.count = 0
+    s.effort_sum = 0.0
+    s.port_sum = 0.0
+    s.wall_sum = 0.0
+    s.wave_sum = 0.0
+    s.wave_energy = 0.0
+    s.port_energy = 0.0
+    s.gross_flow = 0.0
+    s.uncertainty = 0.0
+    s.port_absorbed = 0.0
+    s.burnt = 0.0
+    s.forgiven = 0.0
+    s.wall_absorbed = 0.0
+    s.wall_dissipated = 0.0
+    s.contact_energy = 0.0
+
+
+def pass_side(s: Side, p: SideParams, pipes: MutableSequence[float]) -> None:
+    """One slot went by: the command that acted in it joins the open interval."""
+    total = s.total
+    port = s.port
+    wall = s.wall
+    wave = s.wave
+    if p.delay > 0:
+        at = p.pipe + 4 * s.head
+        total = pipes[at]
+        port = pipes[at + 1]
+        wall = pipes[at + 2]
+        wave = pipes[at + 3]
+        pipes[at] = s.total
+        pipes[at + 1] = s.port
+        pipes[at + 2] = s.wall
+        pipes[at + 3] = s.wave
+        s.head += 1
+        if s.head == p.delay:
+            s.head = 0
+    if p.late > 0.0:
+        late = p.late
+        early = 1.0 - late
+        last_total = s.acted_total
+        last_port = s.acted_port
+        last_wall = s.acted_wall
+        s.acted_total = total
+        s.acted_port = port
+        s.acted_wall = wall
+        s.spread += math.fabs(total - last_total)
+        total = late * last_total + early * total
+        port = late * last_port + early * port
+        wall = late * last_wall + early * wall
+    s.effort_sum += total
+    s.port_sum += port
+    s.wall_sum += wall
+    s.wave_sum += wave
+    s.wave_energy += p.half_period * wave * wave
+    s.count += 1
+
+
+def receive_side(s: Side, p: SideParams, arriving: float) -> None:
+    """Take the wave of this slot; it is booked with the command that it leads to."""
+    wave = p.wave * arriving
+    s.arrived = arriving
+    s.wave_in = wave
+    s.wave = wave
+
+
+def close_side(s: Side, p: SideParams, position: float, outside: float) -> None:
+    """Close all periods since the last sample: books, and the leaving wave."""
+    s.valid = True
+    count = float(s.count)
+    displacement = position - s.position
+    s.position = position
+    effort = s.effort_sum
+    port = s.port_sum
+    wall = s.wall_sum
+    if count != 1.0:
+        effort = s.effort_sum / count
+        port = s.port_sum / count
+        wall = s.wall_sum / count
+    span = count * p.site.port.period
+    energy = 0.0
+    if p.impedance:
+        expected = s.velocity - p.site.port.half_mobility * (s.impulse + s.effort_sum)
+        s.velocity = track_velocity(p.site.gain, expected, displacement, span)
+        s.impulse = s.effort_sum
+        energy = effort * displacement
+        if p.late > 0.0:
+            s.uncertainty += s.spread * math.fabs(displacement)
+            s.spread = 0.0
+    else:
+        mean = 0.5 * (s.outside + outside)
+        s.uncertainty += 0.5 * math.fabs((outside - s.outside) * displacement)
+        s.outside = outside
+        s.velocity = displacement / span
+        port = mean - wall
+        energy = mean * displacement
+    if p.site.has_wall:
+        s.wall_velocity += p.site.gain * (displacement / span - s.wall_velocity)
+        before = s.depth
+        after = wall_depth(p.site.wall, position)
+        s.depth = after
+        taken = wall * displacement
+        s.wall_absorbed += taken
+        s.wall_dissipated += wall_loss(p.site.wall, wall, displacement, before, after)
+        if after > 0.0:
+            s.contact_energy += taken
+        else:
+            s.contact_energy = 0.0
+    s.port_energy += energy
+    s.gross_flow += math.fabs(energy)
+    if p.by_wave:
+        leaving, account, gap, absorbed, burnt, forgiven = port_close(
+            p.site.port,
+            s.account,
+            s.gap,
+            displacement,
+            count,
+            s.velocity,
+            port,
+            s.wave_sum,
+            s.wave_energy,
+        )
+        s.account = account
+        s.gap = gap
+        s.leaving = leaving / p.wave
+        s.port_absorbed += absorbed
+        s.burnt += burnt
+        s.forgiven += forgiven
+        s.wave_energy = 0.0
+    else:
+        s.port_absorbed += port * displacement
+    s.effort_sum = 0.0
+    s.port_sum = 0.0
+    s.wall_sum = 0.0
+    s.wave_sum = 0.0
+    s.count = 0
+
+
+def miss_side(s: Side) -> None:
+    """No sample in this cycle: nothing is known, nothing leaves, the command stays."""
+    s.valid = False
+    s.leaving = 0.0
+
+
+def pending_effort(s: Side, p: SideParams, pipes: MutableSequence[float]) -> float:
+    """Return the sum of the commands that are still to act, oldest first."""
+    pending = 0.0
+    for i in range(p.delay):
+        at = s.head + i
+        if at >= p.delay:
+            at = at - p.delay
+        pending += pipes[p.pipe + 4 * at]
+    return pending
+
+
+def think_side(
+    s: Side,
+    p: SideParams,
+    pipes: MutableSequence[float],
+    far_position: float,
+    far_velocity: float,
+    ceiling: float,
+) -> int:
+    """Decide the next command; return the guard's code (0: all is well)."""
+    guard = guard_axis(p.site.limit, s.position, s.velocity)
+    if guard != 0 or s.stopping:
+        stop_side(s, p, ceiling)
+        return guard
+    pending = pending_effort(s, p, pipes)
+    if not p.impedance:
+        velocity, held, asked = think_admittance(
+            p.site, s.position, s.outside, pending, s.wave_in, ceiling
+        )
+        s.asked = asked
+        s.command = velocity
+        s.total = velocity
+        s.wall = held
+        return 0
+    if p.by_wave:
+        total, port, wall, wanted, ahead = think_wave(
+            p.site,
+            s.account,
+            s.contact_energy,
+            s.position,
+            s.velocity,
+            s.wall_velocity,
+            s.impulse,
+            pending,
+            s.wave_in,
+            s.total,
+            ceiling,
+        )
+        s.predicted = ahead
+    else:
+        total, port, wall, wanted = think_position(
+            p.site,
+            s.contact_energy,
+            s.position,
+            s.velocity,
+            s.wall_velocity,
+            s.impulse,
+            pending,
+            far_position,
+            far_velocity,
+            s.total,
+            ceiling,
+        )
+    s.asked = wanted
+    s.total = total
+    s.port = port
+    s.wall = wall
+    s.command = -total
+    return 0
+
+
+def stop_side(s: Side, p: SideParams, ceiling: float) -> None:
+    """Replace coupling and wall by the certified damping of a passive stop."""
+    s.stopping = True
+    total = 0.0
+    s.command = 0.0
+    if p.impedance:
+        damping = stop_effort(p.site.limit, s.velocity)
+        total = limit_effort(p.site.limit, damping, s.total, ceiling)
+        s.command = -total
+    s.total = total
+    s.port = total
+    s.wall = 0.0
+
+
+def fade_side(s: Side, p: SideParams, ceiling: float) -> None:
+    """Bring the command to zero under a falling ceiling, without looking at the axis."""
+    s.stopping = True
+    total = clamp(s.total, ceiling)
+    s.total = total
+    s.port = total
+    s.wall = 0.0
+    s.command = total
+    if p.impedance:
+        s.command = -total
+
+
+def waiting_energy(s: Side, p: SideParams, pipes: MutableSequence[float]) -> float:
+    """Return the energy of waves that arrived but are not booked yet [J]."""
+    total = s.wave_energy + p.half_period * s.wave * s.wave
+    for i in range(p.delay):
+        at = s.head + i
+        if at >= p.delay:
+            at = at - p.delay
+        wave = pipes[p.pipe + 4 * at + 3]
+        total += p.half_period * wave * wave
+    return total
