@@ -1,0 +1,125 @@
+"""From a rig to the linear analysis of one of its pairs: state matrix, least damped mode.
+
+What is assumed is in `tautwave.analysis.sampled_loop`; local walls, a unilateral environment and
+Coulomb friction are left out, so this is motion in free space or at a spring, small and smooth.
+"""
+
+from __future__ import annotations
+
+from tautwave.analysis.loop_modes import Mode, least_damped
+from tautwave.analysis.sampled_loop import (
+    Device,
+    LinearEnd,
+    Matrix,
+    Site,
+    close_loop,
+    position_end,
+    wave_end,
+)
+from tautwave.config import Rig, SolidWall
+from tautwave.errors import ConfigError
+from tautwave.laws.wave import filter_gain
+from tautwave.rig import axis_model, build_rig, pair_scale, site_params, wave_gain
+from tautwave.types import CommandDelay
+
+
+def pair_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[LinearEnd, LinearEnd]:
+    """Return master's and slave's end of a pair, in SI of their axes.
+
+    Parameters
+    ----------
+    rig : Rig
+        With a `simulation` block: the truth is needed.
+    name : str
+        The pair.
+    contact : bool
+        Take a wall at the slave as a spring and damper that is always pressed; else it is absent.
+
+    Raises
+    ------
+    ConfigError
+        Nothing is simulated, or an axis takes velocities.
+    """
+    if rig.simulation is None:
+        raise ConfigError(f"{rig.name}: a prediction needs a simulation block, the truth")
+    delays = _command_delays(rig)
+    keys = rig.coupling.pairs[name]
+    scale = pair_scale(keys)
+    ratio = scale.sign * scale.scale
+    ends = []
+    params = {
+        side: site_params(rig, f"{side}.{name}", delays[f"{side}.{name}"])
+        for side in ("master", "slave")
+    }
+    for side, far, back in (("master", "slave", ratio), ("slave", "master", 1.0 / ratio)):
+        axis = f"{side}.{name}"
+        if rig.axes[axis].causality != "impedance":
+            raise ConfigError(f"{axis}: predictions are for impedance axes, this one takes velocity")
+        believed = delays[axis]
+        device = _device(rig, axis, contact=contact and side == "slave")
+        site = Site(
+            params[side].port,
+            params[side].gain,
+            believed.periods,
+            believed.remainder_s / rig.period_s,
+        )
+        if rig.coupling.law == "wave":
+            corner = rig.coupling.wave_filter_hz
+            ends.append(
+                wave_end(
+                    device,
+                    site,
+                    wave_gain=wave_gain(scale, side),
+                    filter_gain=1.0 if corner is None else filter_gain(corner, rig.period_s),
+                )
+            )
+        else:
+            ends.append(
+                position_end(
+                    device,
+                    site,
+                    stiffness=params[side].stiffness,
+                    damping=params[side].damping,
+                    sent_stiffness=params[far].stiffness * back,
+                    sent_damping=params[far].damping * back,
+                )
+            )
+    return ends[0], ends[1]
+
+
+def pair_matrix(rig: Rig, name: str, *, contact: bool = False) -> Matrix:
+    """Return the closed-loop state matrix of one pair, shape (n, n); see `pair_ends`."""
+    return close_loop(*pair_ends(rig, name, contact=contact), rig.delay_samples)
+
+
+def pair_mode(
+    rig: Rig, name: str, *, samples: int | None = None, contact: bool = False
+) -> Mode:
+    """Return the least damped mode of one pair; see `pair_ends`.
+
+    `samples` replaces the rig's own delay (one way, in samples).
+    """
+    master, slave = pair_ends(rig, name, contact=contact)
+    delay = rig.delay_samples if samples is None else samples
+    return least_damped(master, slave, delay, rig.period_s)
+
+
+def _command_delays(rig: Rig) -> dict[str, CommandDelay]:
+    assembly = build_rig(rig, clock="fake", duration_s=rig.period_s)
+    return {axis: bus.driver.command_delay for bus in assembly.buses for axis in bus.axes}
+
+
+def _device(rig: Rig, axis: str, *, contact: bool) -> Device:
+    truth = axis_model(rig, axis, 1)
+    plant = truth.plant
+    wall = contact and rig.simulation is not None and isinstance(
+        rig.simulation.environment.get(axis.split(".")[1]), SolidWall
+    )
+    return Device(
+        mass=plant.mass,
+        damping=plant.viscous + plant.grip_damping + (plant.wall_damping if wall else 0.0),
+        stiffness=plant.grip_stiffness
+        + plant.spring_stiffness
+        + (plant.wall_stiffness if wall else 0.0),
+        command_delay=truth.command_delay,
+    )
