@@ -3,44 +3,81 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
+import sys
+import textwrap
 from typing import Any
 
 import click
 
 from tautwave.cli.options import echo_json, json_option, positive
+from tautwave.cli.show import BAD, GOOD, NOTE, Cell, Section, show
 
+QUICK_REALTIME_S = 5.0
+QUICK_MEMORY_S = 60.0
+HOUR_S = 3600.0
 
-@click.group(short_help="Measure loop timing and cost per step on this machine.")
-def bench() -> None:
-    """Measure loop timing and cost per step on this machine.
-
-    \b
-    Examples:
-        tautwave bench loop --duration 60
-        tautwave bench laws --json
-    """
-
-
-@bench.command(short_help="Period, lateness and compute time of the live loop.")
-@click.option(
+duration_option = click.option(
     "--duration",
     type=float,
     default=10.0,
     show_default=True,
     callback=positive,
     metavar="S",
-    help="How long the real-time loop runs [s].",
+    help="How long the real-time loop runs [s]; 60 for figures worth quoting.",
+)
+
+
+@click.group(
+    invoke_without_command=True, short_help="Measure loop timing and cost per step on this machine."
 )
 @json_option
-def loop(duration: float, as_json: bool) -> None:
-    """Run the live loop on loopback devices and time it.
+@click.pass_context
+def bench(ctx: click.Context, as_json: bool) -> None:
+    """Measure loop timing and cost per step on this machine.
+
+    Without a suite both run, quickly (below a minute). Times are CPU times unless a table says
+    otherwise; goals are printed as met or not met, the exit code is 0 either way.
 
     \b
-    Example:
+    Examples:
+        tautwave bench
         tautwave bench loop --duration 60
+        tautwave bench loop --hour
+        tautwave bench laws --json
     """
-    _print(_backend().loop(duration_s=duration), as_json)
+    if ctx.invoked_subcommand is not None:
+        if as_json:
+            raise click.UsageError(
+                f"--json belongs after the suite: tautwave bench {ctx.invoked_subcommand} --json"
+            )
+        return
+    backend = _backend()
+    suites = [
+        backend.loop(duration_s=QUICK_REALTIME_S, memory_s=QUICK_MEMORY_S, rounds=3, tell=_tell),
+        backend.laws(rounds=20, tell=_tell),
+    ]
+    _print(suites, as_json)
+
+
+@bench.command(short_help="Cycle, real time, FakeClock run, starting and memory of the live loop.")
+@duration_option
+@click.option(
+    "--hour",
+    is_flag=True,
+    help="Watch the resident size over a simulated hour; takes minutes. [default: 2 minutes]",
+)
+@json_option
+def loop(duration: float, hour: bool, as_json: bool) -> None:
+    """Run the live loop on loopback devices, recorder running, and time it.
+
+    \b
+    Examples:
+        tautwave bench loop --duration 60
+        tautwave bench loop --hour
+    """
+    backend = _backend()
+    more = {"memory_s": HOUR_S} if hour else {}
+    _print([backend.loop(duration_s=duration, tell=_tell, **more)], as_json)
 
 
 @bench.command(short_help="Cost per step of each law, live and compiled.")
@@ -52,16 +89,74 @@ def laws(as_json: bool) -> None:
     Example:
         tautwave bench laws --json
     """
-    _print(_backend().laws(), as_json)
+    _print([_backend().laws(tell=_tell)], as_json)
 
 
 def _backend() -> Any:
     return importlib.import_module("tautwave.bench")
 
 
-def _print(result: Mapping[str, Any], as_json: bool) -> None:
+def _tell(what: str) -> None:
+    if sys.stderr.isatty():
+        click.echo(f"measuring: {what} ...", err=True)
+
+
+def _print(suites: list[Any], as_json: bool) -> None:
+    results = [suite.as_dict() for suite in suites]
     if as_json:
-        echo_json(result)
-    else:
-        for line in _backend().lines(result):
-            click.echo(line)
+        echo_json(results[0] if len(results) == 1 else {"suites": results})
+        return
+    for number, result in enumerate(results):
+        if number == 0:
+            click.echo(", ".join(f"{key} {value}" for key, value in result["machine"].items()))
+        for table in result["tables"]:
+            click.echo()
+            _print_table(table)
+    click.echo()
+    show([_goal_section([goal for result in results for goal in result["goals"]])])
+
+
+def _print_table(table: dict[str, Any]) -> None:
+    rows = table["rows"]
+    columns = list(rows[0]) if rows else []
+    heads = [name if at == 0 else f">{heading(name)}" for at, name in enumerate(columns)]
+    cells = [[figure(row[name]) for name in columns] for row in rows]
+    show([Section(table["title"], heads, cells)])
+    click.echo(textwrap.indent(textwrap.fill(table["what"], 96), "  "))
+
+
+def _goal_section(goals: list[dict[str, Any]]) -> Section:
+    rows: list[list[str | Cell]] = []
+    for goal in goals:
+        relation = ">=" if goal["at_least"] else "<="
+        verdict = {True: Cell("met", GOOD), False: Cell("not met", BAD)}.get(
+            goal["met"], Cell(goal["why_not"] or "not measured", NOTE)
+        )
+        measured = "measured " + figure(goal["measured"])
+        rows.append(
+            [f"{goal['name']} {relation} {goal['limit']:g} {goal['unit']}:", measured, verdict]
+        )
+    return Section("Goals", ("", "", ""), rows)
+
+
+def heading(column: str) -> str:
+    """Return a column's name with its unit in brackets: `p50_us` is `p50 [us]`."""
+    name, _, unit = column.rpartition("_")
+    per = {"mb_per_h": "MB/h"}
+    for suffix, text in per.items():
+        if column.endswith("_" + suffix):
+            return f"{column.removesuffix('_' + suffix).replace('_', ' ')} [{text}]"
+    if name and unit in ("ns", "us", "s", "mb"):
+        return f"{name.replace('_', ' ')} [{unit.replace('mb', 'MB')}]"
+    return column.replace("_", " ")
+
+
+def figure(value: Any) -> str:
+    """Return a number with the digits that a measurement has: three, or all before the point."""
+    if value is None:
+        return "-"
+    if not isinstance(value, float):
+        return str(value)
+    if abs(value) >= 100.0:
+        return f"{value:.0f}"
+    return f"{value:.3g}"

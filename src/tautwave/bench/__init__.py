@@ -1,0 +1,13 @@
+"""What this machine can do: cost of the laws, of the loop, of starting, of an hour's memory.
+
+Every figure is CPU time unless its table says otherwise, taken in short chunks between two runs
+of a calibration kernel; goals are ratios to what the issue tracker asks and are printed, not
+enforced: a measurement has no exit code.
+"""
+
+from __future__ import annotations
+
+from tautwave.bench.result import Goal, Suite, Table
+from tautwave.bench.suites import laws, loop
+
+__all__ = ["Goal", "Suite", "Table", "laws", "loop"]
