@@ -95,7 +95,10 @@ def control_wall(
         if retreat >= 0.0:
             return 0.0
         # Still entering: any push below c / mu takes energy in.
-        return p.side * (-retreat / half_mobility)
+        greatest = -retreat / half_mobility
+        if push > greatest:
+            push = greatest
+        return p.side * push
     reach = math.sqrt(retreat * retreat + 4.0 * half_mobility * energy / period)
     if retreat >= 0.0:
         return p.side * (2.0 * energy / period / (reach + retreat))

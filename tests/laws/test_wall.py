@@ -1,0 +1,204 @@
+"""The local virtual wall: what a sampled wall leaks, and the two ways of leaking nothing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tautwave.laws.wall import (
+    WallParams,
+    control_wall,
+    wall_depth,
+    wall_effort,
+    wall_loss,
+    wall_stored,
+)
+from tests.laws.loops import Device, matrix_of, radius
+
+MASS, K, T = 0.1, 1000.0, 1e-3
+PHASES = (np.arange(64) + 0.5) / 64.0
+
+
+def wall(K: float = K, B: float = 0.0, controlled: bool = False, side: float = 1.0) -> WallParams:
+    return WallParams(0.0, side, K, B, controlled=controlled)
+
+
+def test_pole_radius_of_the_bare_sampled_wall_is_that_of_theory_D6() -> None:
+    row_x, row_v = Device(MASS).flow(T)
+    p = wall()
+
+    def cycle(state: list[float]) -> list[float]:
+        x, v = state
+        # Linear in contact: taken at a depth, less what the wall does there.
+        effort = wall_effort(p, 10.0 + x, v) - wall_effort(p, 10.0, 0.0)
+        return [
+            row_x[0] * x + row_x[1] * v + row_x[2] * effort,
+            row_v[0] * x + row_v[1] * v + row_v[2] * effort,
+        ]
+
+    assert radius(matrix_of(cycle, 2)) == pytest.approx(1.0024968828, abs=1e-9)
+
+
+class Bounce:
+    """A ballistic mass thrown at the wall at 1 m/s, `phase` of a sample before it gets there."""
+
+    def __init__(self, p: WallParams, period: float, phase: float, *, delay: int = 0,
+                 damping: float = 0.0, believed: float = 1.0, filter_gain: float = 1.0) -> None:  # fmt: skip
+        row_x, row_v = Device(MASS, damping).flow(period)
+        side = p.side
+        x, v = -side * (1.0 - phase) * period, side
+        mobility = period / (2.0 * MASS * believed)
+        energy = impulse = last = 0.0
+        velocity = v
+        waiting = [0.0] * delay
+        depth = 0.0
+        self.contact_energy = self.least = self.dissipated = self.flow = 0.0
+        self.wall_velocity = v
+        touched = False
+        for _ in range(100_000):
+            effort = 0.0
+            if depth > 0.0:
+                touched = True
+                effort = wall_effort(p, depth, self.wall_velocity)
+                if p.controlled:
+                    coast = velocity - mobility * (impulse + 2.0 * sum(waiting))
+                    effort = control_wall(p, effort, energy, coast, mobility, period)
+            elif touched and side * v < 0.0 and not any(waiting):
+                break
+            waiting.append(effort)
+            last = waiting.pop(0)
+            after = row_x[0] * x + row_x[1] * v + row_x[2] * last
+            v = row_v[0] * x + row_v[1] * v + row_v[2] * last
+            moved, before = after - x, depth
+            x, depth = after, wall_depth(p, after)
+            energy = energy + last * moved if depth > 0.0 else 0.0
+            self.contact_energy += last * moved
+            self.flow += abs(last * moved)
+            self.least = min(self.least, self.contact_energy)
+            self.dissipated += wall_loss(p, last, moved, before, depth)
+            velocity, impulse = moved / period, last
+            self.wall_velocity += filter_gain * (velocity - self.wall_velocity)
+        else:
+            raise AssertionError("it never came out")
+        self.restitution = abs(v)
+        self.stored = wall_stored(p, depth)
+
+
+def test_mean_energy_ratio_of_a_bounce_is_that_of_theory_D6() -> None:
+    ratio = np.mean([Bounce(wall(), T, phase).restitution ** 2 for phase in PHASES])
+    assert ratio == pytest.approx(1.16984, abs=3e-4)
+    assert math.exp(0.5 * math.pi * math.sqrt(K / MASS) * T) == pytest.approx(1.17009, abs=1e-5)
+
+
+@pytest.mark.parametrize("period", [1e-3, 5e-4, 1e-4])
+@pytest.mark.parametrize("damping", [0.0, 0.25])
+def test_a_bare_wall_generates_what_theory_says(period: float, damping: float) -> None:
+    """Within 1 % of exp(pi (K T / 2 - b) / sqrt(K m)) - 1 (theory 1.4), by the wall's own books."""
+    predicted = math.exp(math.pi * 0.5 * K * period / math.sqrt(K * MASS)) - 1.0
+    runs = [Bounce(wall(), period, phase) for phase in PHASES[::4]]
+    start = 0.5 * MASS
+    generated = np.mean([-run.least for run in runs]) / start
+    # The books of wall and mass agree: the wall gave what the mass gained.
+    gained = np.mean([run.restitution**2 - 1.0 for run in runs])
+    assert generated == pytest.approx(gained, rel=1e-9)
+    assert generated == pytest.approx(predicted, rel=0.01)
+    for run in runs:
+        assert abs(run.contact_energy - run.stored - run.dissipated) <= 1e-12 * run.flow
+    if damping:
+        ratio = np.mean(
+            [Bounce(wall(), period, f, damping=damping).restitution ** 2 for f in PHASES]
+        )
+        theory = math.exp(math.pi * (0.5 * K * period - damping) / math.sqrt(K * MASS))
+        assert ratio == pytest.approx(theory, rel=0.01)
+
+
+@pytest.mark.parametrize("B", [0.0, 0.1, 0.3])
+def test_device_damping_above_the_bound_takes_in_all_that_the_wall_leaks(B: float) -> None:
+    """b >= K T / 2 + B: at the plant, wall and damper together never give more than they got.
+
+    The mass starts in any state and is pushed by any held force; energy into (wall + damper)
+    is the integral of the wall's effort plus viscous loss, exact by the device's own energy.
+    """
+    rng = np.random.default_rng(3)
+    b = 0.5 * K * T + B
+    p = wall(B=B)
+    row_x, row_v = Device(MASS, b).flow(T)
+    for _ in range(40):
+        x, v = -2e-4 * rng.random(), rng.uniform(-0.1, 0.3)
+        depth, velocity, pushed = 0.0, v, 0.0
+        start = 0.5 * MASS * v * v
+        for k in range(400):
+            push = rng.choice([-1.0, 1.0]) * rng.random() * (2.0 if k % 7 else 20.0)
+            effort = wall_effort(p, depth, velocity)
+            after = row_x[0] * x + row_x[1] * v + row_x[2] * (effort - push)
+            v = row_v[0] * x + row_v[1] * v + row_v[2] * (effort - push)
+            pushed += push * (after - x)
+            velocity, x = (after - x) / T, after
+            depth = wall_depth(p, x)
+            taken = start + pushed - 0.5 * MASS * v * v  # into wall and damper so far
+            assert taken >= -1e-12
+
+
+def test_half_the_damping_is_not_enough() -> None:
+    """The same books fail below the bound: so they can."""
+    b = 0.25 * K * T
+    run = [Bounce(wall(), T, phase, damping=b).restitution for phase in PHASES]
+    assert np.mean(np.square(run)) > 1.05
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_passivity_control_makes_a_ballistic_bounce_exact(side: float) -> None:
+    for phase in PHASES[::4]:
+        run = Bounce(wall(controlled=True, side=side), T, phase)
+        assert run.restitution == pytest.approx(1.0, abs=1e-12)
+        assert run.least >= -1e-14
+
+
+def test_passivity_control_with_an_underestimated_mass_loses_rather_than_gains() -> None:
+    for phase in PHASES[::8]:
+        assert Bounce(wall(controlled=True), T, phase, believed=0.6).restitution <= 1.0 + 1e-12
+
+
+def test_passivity_control_is_bounded_with_a_delayed_command() -> None:
+    bare = np.array([Bounce(wall(), T, phase, delay=1).restitution for phase in PHASES[::4]])
+    kept = np.array(
+        [Bounce(wall(controlled=True), T, phase, delay=1).restitution for phase in PHASES[::4]]
+    )
+    assert bare.min() > 1.2
+    # The observer does not know yet what the effort under way will give: half a sample's worth
+    # of energy is lost control of, against one and a half samples' worth for the bare wall.
+    assert kept.max() < 1.08
+
+
+@given(
+    st.floats(-1e3, 1e3), st.floats(-10.0, 10.0), st.floats(-10.0, 10.0),
+    st.floats(1e-5, 1.0), st.sampled_from([1.0, -1.0]),
+)  # fmt: skip
+def test_the_controller_only_ever_takes_away(
+    effort: float, energy: float, coast: float, mobility: float, side: float
+) -> None:
+    p = wall(controlled=True, side=side)
+    effort = side * abs(effort)  # a wall never pulls
+    out = control_wall(p, effort, energy, coast, mobility, T)
+    assert abs(out) <= abs(effort)
+    assert out * effort >= 0.0
+    planned = energy + out * T * (coast - mobility * out)
+    if energy >= 0.0:
+        scale = energy + abs(out) * T * (abs(coast) + mobility * abs(out))
+        assert planned >= -1e-12 * scale - 1e-300
+
+
+@given(st.floats(-1, 1), st.floats(-100, 100), st.sampled_from([1.0, -1.0]), st.floats(0, 100))
+def test_it_only_pushes_out_and_only_inside(x: float, v: float, side: float, B: float) -> None:
+    p = WallParams(0.1, side, K, B, controlled=False)
+    depth = wall_depth(p, x)
+    effort = wall_effort(p, depth, v)
+    assert depth == max(0.0, side * (x - 0.1))
+    assert side * effort >= 0.0  # resisting effort towards the wall's inside
+    if depth == 0.0:
+        assert effort == 0.0
+    assert wall_stored(p, depth) == 0.5 * K * depth * depth
