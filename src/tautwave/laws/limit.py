@@ -52,14 +52,29 @@ def limit_effort(p: LimitParams, asked: float, last: float, ceiling: float) -> f
         value = last + p.effort_step
     elif rise < -p.effort_step:
         value = last - p.effort_step
-    if p.effort_quantum > 0.0:
-        # The small bias keeps a value that is a multiple already from losing one quantum.
-        counts = value / p.effort_quantum
-        if counts >= 0.0:
-            value = p.effort_quantum * math.floor(counts + 1e-9)
-        else:
-            value = -(p.effort_quantum * math.floor(1e-9 - counts))
-    return value
+    return truncate(value, p.effort_quantum)
+
+
+def truncate(value: float, quantum: float) -> float:
+    """Return the greatest multiple of `quantum` not beyond `value`, towards zero; 0: `value`.
+
+    Never larger than the value, so a limited effort stays limited, and idempotent to the bit.
+    """
+    if not quantum > 0.0:
+        return value
+    size = math.fabs(value)
+    count = size / quantum
+    if not count < 4.0e15:  # no digits are left to truncate
+        return value
+    whole = float(math.floor(count))
+    # Dividing rounds: a value that is a multiple already must not lose a quantum, nor gain one.
+    if (whole + 1.0) * quantum <= size:
+        whole = whole + 1.0
+    elif whole * quantum > size:
+        whole = whole - 1.0
+    if value < 0.0:
+        return -(whole * quantum)
+    return whole * quantum
 
 
 def share_effort(wall: float, port: float, applied: float) -> float:
@@ -82,15 +97,13 @@ def share_effort(wall: float, port: float, applied: float) -> float:
 
 def guard_axis(p: LimitParams, position: float, velocity: float) -> int:
     """Return 0 when all is well, 1 outside the position range, 2 too fast, 3 not finite."""
-    if p.position_low <= position <= p.position_high:
-        if -p.velocity <= velocity <= p.velocity:
-            return 0
-        if velocity - velocity == 0.0:
-            return 2
-        return 3
-    if position - position == 0.0:
+    if position - position != 0.0 or velocity - velocity != 0.0:
+        return 3  # NaN or infinite, which an absent limit would let pass
+    if not p.position_low <= position <= p.position_high:
         return 1
-    return 3
+    if not -p.velocity <= velocity <= p.velocity:
+        return 2
+    return 0
 
 
 def stop_effort(p: LimitParams, velocity: float) -> float:
