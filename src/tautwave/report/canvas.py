@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tautwave.report.contacts import Contact
+from tautwave.report.contacts import Contact, united
 from tautwave.report.envelope import Trace
 
 if TYPE_CHECKING:
@@ -128,8 +128,7 @@ def shade(axes: Axes, contacts: Sequence[Contact], label: str = "", colour: str 
         return
     from matplotlib.collections import PolyCollection
 
-    low = np.array([c.start_s for c in contacts])
-    high = low + np.array([c.duration_s for c in contacts])
+    low, high = np.array(united(contacts)).T
     corners = np.stack(
         [
             np.stack([low, np.zeros_like(low)], axis=1),
@@ -192,10 +191,9 @@ def png(figure: Figure, dpi: float = 115.0) -> bytes:
         canvas: Any = figure.canvas
         canvas.draw()
     picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3].copy())
-    small = picture.quantize(colors=128, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    # The page is white, and a box of almost white around each figure is seen.
-    colours = [255 if shade >= 250 else shade for shade in small.getpalette() or []]
-    small.putpalette(colours)
+    # Of Pillow's ways this one alone keeps white white and a pale green patch green.
+    cut = Image.Quantize.MEDIANCUT
+    small = picture.quantize(colors=256, method=cut, dither=Image.Dither.NONE)
     out = io.BytesIO()
     small.save(out, format="PNG", compress_level=7)
     return out.getvalue()

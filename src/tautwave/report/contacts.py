@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -61,3 +62,14 @@ def find_contacts(
         lasted = float(time[last] - time[first]) + period
         found.append(Contact(float(time[first]), lasted, hardest, deepest, first, last))
     return found
+
+
+def united(contacts: Sequence[Contact]) -> list[tuple[float, float]]:
+    """Start and end [s] of every stretch of time that some contact covers."""
+    stretches: list[tuple[float, float]] = []
+    for start, end in sorted((c.start_s, c.start_s + c.duration_s) for c in contacts):
+        if stretches and start <= stretches[-1][1]:
+            stretches[-1] = (stretches[-1][0], max(end, stretches[-1][1]))
+        else:
+            stretches.append((start, end))
+    return stretches

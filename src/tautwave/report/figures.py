@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tautwave.report.canvas import (
     INK,
     MASTER,
@@ -61,7 +63,8 @@ def tracking_figure(view: PairView) -> Figure | None:
         # The noise of the effort says nothing about an offset.
         assert expected.middle_time is not None
         expected = Trace(expected.middle_time, expected.middle)
-    draw(below, expected, factor, "steady state, F τ / b", color=SOFT, linestyle=":", linewidth=1.6)
+    steady = "steady state, F τ / b" if view.law == "wave" else "steady state, F / K"
+    draw(below, expected, factor, steady, color=SOFT, linestyle=":", linewidth=1.6)
     draw(below, error, factor, "master − slave", color=INK, linewidth=1.2)
     heading(below, "Position error")
     below.set_ylabel(f"error [{label}]")
@@ -104,6 +107,8 @@ def _acting(panel: Axes, view: PairView, side: str) -> None:
         "environment_effort": ("environment (true)", {"color": INK, "linestyle": ":"}),
     }
     shown = {name: lines.get(f"{side}.{name}") for name in names}
+    if shown["measured_effort"] is not None:
+        shown["port_effort"] = None  # its mirror image
     if shown["wall_effort"] is None:
         shown["commanded"] = None  # without a wall the port is all there is
     for name in ("hand_effort", "environment_effort"):
@@ -184,26 +189,39 @@ def contact_figure(view: PairView) -> Figure | None:
     loop.set_xlabel(f"{'depth in the surface' if known else f'{side} position'} [{down_unit}]")
     loop.set_ylabel(f"force on the wall [{up_unit}]")
     legend(loop, "contact from")
-    zoom = view.zoom
-    up, up_unit = scale_for(peak(*zoom.values()), effort)
-    mark = {"environment": "environment", "wall_slave": "slave.wall_effort"}
-    draw(time, zoom.get(mark.get(cause, "")), -up, "force on the wall", color=INK, linestyle=":")
-    if cause == "wall_master":
-        draw(time, zoom.get("master.wall_effort"), -up, "master wall", color=WALL)
-    draw(time, zoom.get("slave.port_effort"), up, "slave port", color=SLAVE)
-    scaled = view.units["master"][1] == effort
-    if scaled:
-        draw(time, zoom.get("master.port_effort"), -up, "felt at master", color=MASTER)
-    heading(
-        time,
-        f"The hardest contact in time; the hand feels it {quantity(view.delay_s, 's')} later"
-        if view.delay_s > 0.0
-        else "The hardest contact in time",
-    )
-    time.set_ylabel(f"effort [{up_unit}]")
-    time.set_xlabel("time [s]")
-    legend(time)
+    _pressing(time, view, cause)
     return figure
+
+
+def _pressing(panel: Axes, view: PairView, cause: str) -> None:
+    """The hardest contact in time, pushing upwards whichever way the wall stands."""
+    zoom = view.zoom
+    wall = zoom.get("environment" if cause == "environment" else f"{cause[5:]}.wall_effort")
+    if wall is None:
+        return
+    side = "master" if cause == "wall_master" else "slave"
+    away = -1.0 if float(np.nansum(wall.value)) > 0.0 else 1.0
+    shown: dict[str, tuple[Trace, dict[str, Any]]] = {
+        "force on the wall": (wall.times(-away), {"color": INK, "linestyle": ":"})
+    }
+    port = zoom.get(f"{side}.port_effort")
+    if port is not None:
+        shown[f"{side} port"] = (port.times(away), {"color": SIDE[side]})
+    felt = zoom.get("master.port_effort")
+    if felt is not None and side == "slave":
+        # Its resisting effort, in the slave's units.
+        shown["felt at master"] = (felt.times(-away * view.to_slave), {"color": MASTER})
+    up, unit = scale_for(peak(*(line for line, _ in shown.values())), view.units[side][1])
+    for label, (line, style) in shown.items():
+        draw(panel, line, up, label, **style)
+    later = f"; the hand feels it {quantity(view.delay_s, 's')} later"
+    heading(
+        panel,
+        "The hardest contact in time" + (later if view.delay_s > 0.0 and side == "slave" else ""),
+    )
+    panel.set_ylabel(f"effort [{unit}]")
+    panel.set_xlabel("time [s]")
+    legend(panel)
 
 
 def _strongest(view: PairView, cause: str) -> list[float]:

@@ -22,12 +22,19 @@ from tautwave.report.html import (
 from tautwave.report.rundir import Run, load_run
 from tautwave.report.units import plural, quantity
 from tautwave.report.verdicts import describe_pair, outcome, verdicts
-from tautwave.report.views import view_energy, view_pair
+from tautwave.report.views import PairView, view_energy, view_pair
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PICTURE_BYTES = 1_900_000  # of all PNGs together; base64 and the rest keep the page under 3 MB
+
+
+_OFFSET = {
+    True: "Dotted in the error: the offset F τ / b of a line of delay τ and impedance b that "
+    "transmits F. The rest is what the devices' own dynamics cost.",
+    False: "Dotted in the error: by how much the effort F stretches the coupling's spring K.",
+}
 
 
 class Picture(NamedTuple):
@@ -148,10 +155,7 @@ def _pair(run: Run, pair: str, dpi: float) -> Iterator[str | Picture]:
             "tracking",
             lambda: figures.tracking_figure(view),
             "position and position error",
-            "Dotted in the error: the offset F τ / b of a line of delay τ and impedance b that "
-            "transmits F. The rest is what the devices' own dynamics cost."
-            if "expected" in view.lines
-            else "",
+            "" if "expected" not in view.lines else _OFFSET[view.law == "wave"],
         ),
         (
             "effort",
@@ -173,7 +177,7 @@ def _pair(run: Run, pair: str, dpi: float) -> Iterator[str | Picture]:
             file = f"{anchor(pair).removeprefix('part-')}-{name}.png"
             yield Picture(file, png(figure, dpi), f"{pair}: {alt}", caption)
         if name == "contact":
-            yield from _contacts(run, pair, [table(t) for t in tables.contact_table(view)])
+            yield from _contacts(run, view)
     energy = view_energy(run, pair)
     figure = books_figures.energy_figure(energy, pair)
     if figure is not None:
@@ -181,19 +185,23 @@ def _pair(run: Run, pair: str, dpi: float) -> Iterator[str | Picture]:
         yield Picture(file, png(figure, dpi), f"{pair}: energy of every element", "")
 
 
-def _contacts(run: Run, pair: str, made: list[str]) -> Iterator[str]:
+def _contacts(run: Run, view: PairView) -> Iterator[str]:
+    made = [table(content) for content in tables.contact_table(view)]
     if made:
         yield f'<div class="columns">{"".join(f"<div>{part}</div>" for part in made)}</div>'
         return
-    known = [f"true.slave.{pair}.environment_effort"]
-    known += [f"{side}.{pair}.wall_effort" for side in ("slave", "master")]
-    if any(column in run.columns for column in known):
-        yield '<p class="note">There was no contact in this run.</p>'
+    known = [f"true.slave.{view.name}.environment_effort"]
+    known += [f"{side}.{view.name}.wall_effort" for side in ("slave", "master")]
+    if view.held:
+        told = "The environment is a spring that never lets go: there are no contacts to list."
+    elif any(column in run.columns for column in known):
+        told = "There was no contact in this run."
     else:
-        yield (
-            '<p class="note">Contacts cannot be told here: the recording holds neither the true '
-            "environment nor a virtual wall.</p>"
+        told = (
+            "Contacts cannot be told here: the recording holds neither the true environment nor "
+            "a virtual wall."
         )
+    yield f'<p class="note">{told}</p>'
 
 
 def _books(run: Run) -> Iterator[str]:

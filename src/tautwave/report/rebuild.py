@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tautwave.report.envelope import Floats
-from tautwave.report.rundir import SIDES, Run, kind_of
+from tautwave.report.rundir import SIDES, Run, delay_of, kind_of, offset_per_effort
 
 _PERCENTILES = {"p50": 50.0, "p99": 99.0, "p999": 99.9}
 
@@ -132,6 +132,9 @@ def _pair(run: Run, pair: str) -> dict[str, Any]:
                 "rms": math.sqrt(float(np.dot(known, known)) / len(known)),
                 "max": float(max(known.max(), -known.min())),
             }
+    offset = _expected_offset(run, pair)
+    if offset is not None:
+        told["expected_offset"] = offset
     balance = Balance(run, pair)
     for element in run.elements(pair):
         account = _element(run, pair, element, balance)
@@ -139,6 +142,22 @@ def _pair(run: Run, pair: str) -> dict[str, Any]:
             told["elements"][element] = account
     told["_books"] = (balance.gross_flow, float(np.max(np.abs(balance.total))))
     return told
+
+
+def _expected_offset(run: Run, pair: str) -> float | None:
+    """Offset of the line [master units] at the greatest effort, averaged over the delay and 20 ms.
+
+    Shorter efforts are shocks and noise; they come and go before any offset has built up.
+    """
+    each = offset_per_effort(run, pair)
+    names = [f"master.{pair}.measured_effort", f"master.{pair}.port_effort"]
+    effort = next((read for name in names for read in run.read(name).values()), None)
+    if each is None or effort is None or not np.isfinite(run.rate_hz):
+        return None
+    size = min(len(effort), max(1, round((0.02 + delay_of(run, pair)) * run.rate_hz)))
+    held = effort[: len(effort) // size * size].reshape(-1, size).mean(axis=1)
+    held = np.abs(held[np.isfinite(held)])
+    return each * float(held.max()) if held.size else None
 
 
 def _element(run: Run, pair: str, element: str, balance: Balance) -> dict[str, float]:

@@ -14,6 +14,7 @@ import yaml
 from tautwave.errors import RecordingError
 from tautwave.report.envelope import Floats
 from tautwave.report.scratch import Scratch, spread_columns
+from tautwave.report.units import number
 
 if TYPE_CHECKING:
     from tautwave.report.recording import Recording
@@ -225,3 +226,23 @@ def kind_of(run: Run, pair: str) -> str:
 def axis_kind(run: Run, side: str, pair: str) -> str:
     """`rotary` or `linear` of one axis; the pair's kind where the rig file does not say."""
     return str(block(run.rig, side, "axes", pair).get("kind") or kind_of(run, pair))
+
+
+def delay_of(run: Run, pair: str) -> float:
+    """Effective one-way delay [s] of `pair`, from the summary, else from the rig."""
+    told = block(run.summary, "pairs", pair).get("coupling_delay_s")
+    top = run.summary.get("coupling_delay_s")
+    if told is None:
+        told = top.get(pair) if isinstance(top, dict) else top
+    if told is None:
+        told = block(run.rig, "coupling").get("delay_s")
+    return number(told) or 0.0
+
+
+def offset_per_effort(run: Run, pair: str) -> float | None:
+    """By how much a held effort sets master and slave apart: tau / b [rad/(N m) or m/N]."""
+    told = number(block(run.summary, "pairs", pair).get("offset_per_effort"))
+    if told is None:
+        impedance = number(pair_settings(run, pair).get("wave_impedance"))
+        told = delay_of(run, pair) / impedance if impedance else None
+    return told if told is not None and told > 0.0 else None

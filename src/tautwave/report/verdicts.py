@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from tautwave.report.rundir import Run, axis_kind, block, kind_of, pair_settings
+from tautwave.report.rundir import Run, axis_kind, block, delay_of, kind_of, pair_settings
 from tautwave.report.units import (
     MISSING,
     axis_units,
@@ -15,7 +15,6 @@ from tautwave.report.units import (
     quantity,
     ratio,
 )
-from tautwave.report.views import delay_of
 
 CLOSED = 1e-9
 """Residual over gross flow up to which the books count as closed."""
@@ -95,6 +94,7 @@ def expected_offset(run: Run, pair: str) -> float | None:
 
 def _tracking(run: Run) -> Verdict:
     sentences = []
+    law = block(run.rig, "coupling").get("law", "wave")
     for pair in run.pairs:
         told = block(run.summary, "pairs", pair)
         position, effort = axis_units(str(told.get("kind") or axis_kind(run, "master", pair)))
@@ -105,11 +105,11 @@ def _tracking(run: Run) -> Verdict:
         )
         offset = expected_offset(run, pair)
         delay = delay_of(run, pair)
-        if offset is not None and delay > 0.0:
-            text += (
-                f"; a line of {quantity(delay, 's')} alone makes an offset of "
-                f"F τ / b = {quantity(offset, position)} in steady contact"
-            )
+        if offset is not None and (delay > 0.0 or law != "wave"):
+            cause = f"its line of {quantity(delay, 's')} alone makes F τ / b ="
+            if law != "wave":
+                cause = "its spring alone makes F / K ="
+            text += f"; {cause} {quantity(offset, position)} at the greatest effort held"
         force = block(told, "effort_error")
         if force:
             text += (

@@ -13,7 +13,15 @@ import numpy as np
 from tautwave.report.contacts import Contact, find_contacts
 from tautwave.report.envelope import Floats, Trace, trace
 from tautwave.report.rebuild import Balance, element_books
-from tautwave.report.rundir import SIDES, Run, axis_kind, block, pair_settings
+from tautwave.report.rundir import (
+    SIDES,
+    Run,
+    axis_kind,
+    block,
+    delay_of,
+    offset_per_effort,
+    pair_settings,
+)
 from tautwave.report.units import axis_units, number
 
 RESISTING = ("port_effort", "wall_effort")
@@ -27,7 +35,9 @@ class PairView:
 
     `lines` holds traces by name; positions, `error` and `expected` are in master units,
     everything of one axis in that axis' units. `contacts` and `phase` are by their cause:
-    `environment`, `wall_slave`, `wall_master`.
+    `environment`, `wall_slave`, `wall_master`. `held` says that the environment is a spring,
+    which never lets go: that is no contact. `to_slave` turns what the master pushes back with
+    into the slave's units and sign; `law` is the coupling's.
     """
 
     name: str
@@ -37,8 +47,10 @@ class PairView:
     phase: dict[str, list[tuple[Floats, Floats]]] = field(default_factory=dict)
     zoom: dict[str, Trace] = field(default_factory=dict)
     limits: dict[str, float] = field(default_factory=dict)
-    wave_impedance: float | None = None
     delay_s: float = 0.0
+    held: bool = False
+    to_slave: float = 1.0
+    law: str = "wave"
 
     @property
     def cause(self) -> str:
@@ -59,23 +71,12 @@ class EnergyView:
     gross_flow: float
 
 
-def delay_of(run: Run, pair: str) -> float:
-    """Effective one-way delay [s] of `pair`, from the summary, else from the rig."""
-    told = block(run.summary, "pairs", pair).get("coupling_delay_s")
-    top = run.summary.get("coupling_delay_s")
-    if told is None:
-        told = top.get(pair) if isinstance(top, dict) else top
-    if told is None:
-        told = block(run.rig, "coupling").get("delay_s")
-    return number(told) or 0.0
-
-
 def view_pair(run: Run, pair: str) -> PairView:
     """Everything but the energy of `pair`."""
     settings = pair_settings(run, pair)
     view = PairView(pair, {side: axis_units(axis_kind(run, side, pair)) for side in SIDES})
-    view.wave_impedance = number(settings.get("wave_impedance"))
     view.delay_s = delay_of(run, pair)
+    view.law = str(block(run.rig, "coupling").get("law", "wave"))
     for side in SIDES:
         limit = number(block(run.rig, side, "axes", pair).get("effort_limit"))
         if limit is not None:
@@ -160,19 +161,27 @@ def _efforts(run: Run, view: PairView, settings: dict[str, Any], time: Floats) -
     scale = number(settings.get("position_scale")) or 1.0
     force_scale = number(settings.get("force_scale")) or 1.0 / scale
     sign = number(settings.get("sign")) or 1.0
-    for side, factor in (("master", -1.0), ("slave", sign / force_scale)):
+    view.to_slave = sign * force_scale
+    for side in SIDES:
+        measured = view.lines.get(f"{side}.measured_effort")
+        if measured is not None:
+            # An admittance port carries the measured effort; what it answers with is a velocity.
+            view.lines[f"{side}.port_effort"] = measured.times(-1.0)
+    for side, factor in (("master", -1.0), ("slave", 1.0 / view.to_slave)):
         line = view.lines.get(f"{side}.port_effort")
         if line is not None:
             view.lines[f"{side}.transmitted"] = line.times(factor)
     felt = view.lines.get("master.transmitted")
-    if felt is not None and view.wave_impedance and view.delay_s > 0.0:
-        view.lines["expected"] = felt.times(view.delay_s / view.wave_impedance)
+    each = offset_per_effort(run, pair)
+    if felt is not None and each is not None:
+        view.lines["expected"] = felt.times(each)
 
 
 def _touch(run: Run, view: PairView, settings: dict[str, Any], time: Floats) -> None:
     pair = view.name
     environment = block(run.rig, "simulation", "environment", pair)
-    if environment.get("type") != "spring":  # a spring holds on always: that is no contact
+    view.held = environment.get("type") == "spring"
+    if not view.held:
         column = f"true.slave.{pair}.environment_effort"
         _touch_one(run, view, time, "environment", column, "slave", environment)
     for side in ("slave", "master"):
@@ -212,12 +221,16 @@ def _touch_one(
 
 
 def _zoom(run: Run, view: PairView, time: Floats) -> None:
-    """Keep a short window around the hardest contact, or else the greatest wave, undecimated."""
+    """Keep a short window about the hardest contact, or else the steepest wave."""
     if view.cause:
         centre = max(view.contacts[view.cause], key=lambda c: c.peak_effort).start_s
     elif "master.wave_out" in view.lines:
         line = view.lines["master.wave_out"]
-        centre = float(line.time[int(np.nanargmax(np.abs(line.value)))])
+        at, wave = line.time, line.value
+        if line.middle_time is not None and line.middle is not None:
+            at, wave = line.middle_time, line.middle
+        steepest = np.abs(np.diff(wave, prepend=wave[:1]))
+        centre = float(at[int(np.argmax(np.nan_to_num(steepest)))])
     else:
         return
     low, high = centre - max(0.03, 1.5 * view.delay_s), centre + max(0.25, 6.0 * view.delay_s)
@@ -226,7 +239,7 @@ def _zoom(run: Run, view: PairView, time: Floats) -> None:
         return
     columns = {"environment": f"true.slave.{view.name}.environment_effort"}
     for side in SIDES:
-        for name in ("port_effort", "wall_effort", "wave_in", "wave_out"):
+        for name in ("port_effort", "measured_effort", "wall_effort", "wave_in", "wave_out"):
             columns[f"{side}.{name}"] = f"{side}.{view.name}.{name}"
     window = slice(first, last)
     read = run.read(*columns.values(), rows=window)
@@ -235,3 +248,6 @@ def _zoom(run: Run, view: PairView, time: Floats) -> None:
             line = trace(time[window], read[column])
             sense = -1.0 if column.endswith(RESISTING) else 1.0
             view.zoom[name] = Trace(line.time.copy(), sense * line.value)
+    for side in SIDES:
+        if f"{side}.measured_effort" in view.zoom:
+            view.zoom[f"{side}.port_effort"] = view.zoom[f"{side}.measured_effort"].times(-1.0)
