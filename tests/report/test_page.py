@@ -160,8 +160,18 @@ def test_open_books_are_called_open(tmp_path, columns):
     assert "Not closed" in Page(write_report(tmp_path)).text
 
 
+def test_a_simulated_clock_has_no_histograms(tmp_path, columns):
+    make_summary(tmp_path, columns, clock="fake")
+    clock = ("time_s", "lateness_us", "compute_us", "skipped_slots")
+    write_recording(tmp_path / "recording.mcap", {name: columns[name][:100] for name in clock})
+    page = Page(write_report(tmp_path))
+    assert not (tmp_path / "timing.png").exists()
+    assert "A simulated clock" in page.text
+    assert "--clock fake" in page.text
+
+
 def test_several_pairs(tmp_path):
-    make_run(tmp_path, pairs=("wrist", "elbow"), rows=1500)
+    make_run(tmp_path, pairs=("wrist", "elbow"), rows=800)
     page = Page(write_report(tmp_path))
     assert len(page.images) == 11
     assert "Pair elbow" in page.text

@@ -129,8 +129,8 @@ def _period(panel: Axes, periods: Floats, budget: float) -> None:
     known = periods[np.isfinite(periods)]
     low, high = float(known.min()), float(known.max())
     centre = budget if np.isfinite(budget) else float(np.median(known))
-    half = max(high - centre, centre - low, 0.01 * centre)
-    edges = np.linspace(centre - half, centre + half, 162)
+    least, most = min(low, 0.99 * centre), max(high, 1.01 * centre)
+    edges = np.linspace(least, most + 0.01 * (most - least), 162)
     tally, _ = np.histogram(known, edges)
     panel.stairs(tally, edges, fill=True, color="#5B7C99", label="cycles")
     panel.set_yscale("log")

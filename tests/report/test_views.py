@@ -1,0 +1,103 @@
+import numpy as np
+import pytest
+
+from tautwave.report.envelope import trace
+from tautwave.report.rebuild import periods_us, rebuild_summary
+from tautwave.report.rundir import load_run
+from tautwave.report.scratch import spread_columns
+from tautwave.report.views import view_energy, view_pair
+from tests.report.synthetic import make_run, write_recording
+
+
+@pytest.fixture
+def run(tmp_path, columns):
+    make_run(tmp_path, columns=columns)
+    return load_run(tmp_path)
+
+
+def test_efforts_are_turned_to_act_along_the_position(run, columns):
+    view = view_pair(run, "wrist")
+    contact = view.contacts["environment"][0]
+    held = slice(contact.first + 200, contact.last - 50)
+    true = columns["true.slave.wrist.environment_effort"][held]
+    port = -columns["slave.wrist.port_effort"][held]
+    assert np.corrcoef(port, -true)[0, 1] > 0.3
+    assert view.lines["slave.port_effort"].value.max() > 1.0
+    assert view.lines["slave.transmitted"].value.max() > 1.0
+    assert view.lines["master.transmitted"].value.max() > 1.0
+    assert view.lines["master.port_effort"].value.min() < -1.0
+
+
+def test_the_slave_in_master_units_is_the_master_less_the_error(run, columns):
+    line = view_pair(run, "wrist").lines["slave.position"]
+    wanted = columns["master.wrist.position"] - columns["wrist.position_error"]
+    assert np.array_equal(line.value, wanted)
+
+
+def test_depth_is_measured_from_the_rigs_wall(run, columns):
+    (first, *_) = view_pair(run, "wrist").contacts["environment"]
+    inside = slice(first.first, first.last + 1)
+    deepest = (columns["true.slave.wrist.position"][inside] - 0.08).max()
+    assert first.peak_depth == pytest.approx(deepest, rel=1e-12)
+    assert first.start_s == columns["time_s"][first.first]
+
+
+def test_an_admittance_port_transmits_what_it_measures(tmp_path, columns):
+    measured = columns["true.slave.wrist.environment_effort"]
+    more = {**columns, "slave.wrist.measured_effort": measured}
+    make_run(tmp_path, columns={**more, "slave.wrist.port_effort": 0.0 * measured})
+    view = view_pair(load_run(tmp_path), "wrist")
+    assert view.lines["slave.transmitted"].value.max() == -measured.min()
+
+
+def test_a_spring_is_no_contact(tmp_path, columns):
+    environment = {"wrist": {"type": "spring", "stiffness": 1.0, "position": 0.0}}
+    top = {"simulation": {"environment": environment}}
+    make_run(tmp_path, columns=columns, rig_top=top)
+    assert "environment" not in view_pair(load_run(tmp_path), "wrist").contacts
+
+
+def test_the_balance_sees_energy_that_no_element_booked(tmp_path, columns):
+    make_run(tmp_path, columns=columns)
+    assert view_energy(load_run(tmp_path), "wrist").balance.value.max() < 1e-13
+    tampered = columns["wrist.line.stored"].copy()
+    tampered[2000:] += 1e-6
+    make_run(tmp_path, columns={**columns, "wrist.line.stored": tampered})
+    run = load_run(tmp_path)
+    assert view_energy(run, "wrist").balance.value.max() == pytest.approx(1e-6)
+    assert rebuild_summary(run)["energy_j"]["residual"] == pytest.approx(1e-6)
+
+
+def test_the_offset_of_the_line_is_that_of_the_effort_held(run, columns):
+    told = rebuild_summary(run)["pairs"]["wrist"]["expected_offset"]
+    greatest = np.abs(columns["master.wrist.port_effort"]).max() * 0.02 / 6.0
+    assert 0.8 * greatest < told <= greatest
+
+
+def test_periods_count_lateness_only_on_the_grid():
+    late = {"lateness_us": np.array([0.0, 30.0, 10.0])}
+    grid = np.array([0.0, 0.001, 0.003])
+    assert np.allclose(periods_us(grid, late, 1000.0), [1030.0, 1980.0])
+    measured = np.array([0.0, 0.00103, 0.00301])
+    assert np.allclose(periods_us(measured, late, 1000.0), [1030.0, 1980.0])
+
+
+def test_columns_spread_in_a_file_are_the_columns(tmp_path, columns, monkeypatch):
+    path = tmp_path / "recording.mcap"
+    write_recording(path, columns)
+    monkeypatch.setattr("tautwave.report.scratch.BLOCK_CELLS", 777 * len(columns))
+    scratch = spread_columns(path, tuple(columns), 3000)
+    for name, values in columns.items():
+        assert np.array_equal(scratch.read(name), values)
+    assert np.array_equal(scratch.read("time_s", slice(5, 9)), columns["time_s"][5:9])
+    assert [p.name for p in tmp_path.iterdir()] == ["recording.mcap"]
+
+
+def test_noise_is_told_from_a_signal():
+    time = np.arange(20_000) * 1e-3
+    noise = np.random.default_rng(1).normal(0.0, 0.05, len(time))
+    assert not trace(time, np.sin(time)).is_rough()
+    rough = trace(time, np.sin(time) + noise)
+    assert rough.is_rough()
+    assert np.abs(rough.middle - np.sin(rough.middle_time)).max() < 0.06
+    assert not trace(time[:100], noise[:100]).is_rough()
