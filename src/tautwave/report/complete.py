@@ -76,13 +76,13 @@ def plant_energy(run: Run, ratios: dict[str, float]) -> dict[str, float]:
             if balance is None or sent is None or motor is None or not len(motor):
                 continue
             found = True
-            residual += weight * balance
+            residual += abs(weight * balance)
             believed = float(sent[-1] - sent[0])
             gap[axis] = believed + weight * float(motor[-1] - motor[0])
     told = {"uncertainty": uncertainty}
     if found:
         told["plant_residual"] = residual
-        told["sensing_gap"] = sum(gap.values())
+        told["sensing_gap"] = sum(abs(value) for value in gap.values())
     return told
 
 

@@ -8,7 +8,7 @@ from tautwave.config import Rig, axis_specs
 from tautwave.contracts import Budget
 from tautwave.errors import BusBudgetError
 from tautwave.registry import load_driver
-from tautwave.session.facts import admittance_facts, command_delays, pair_facts
+from tautwave.session.facts import admittance_facts, command_delays, hints, pair_facts
 from tautwave.session.plan import PlanItem, left_out, rig_plan
 
 NOT_EVALUATED = "not yet evaluated"
@@ -99,6 +99,7 @@ def check(rig: Rig) -> CheckResult:
             )
         )
     facts.extend(admittance_facts(rig, delays))
+    facts.extend(hints(rig))
     for axis_name, axis in rig.axes.items():
         units = "rad, N m, kg m^2" if axis.kind == "rotary" else "m, N, kg"
         facts.append(

@@ -77,3 +77,25 @@ def admittance_facts(rig: Rig, delays: dict[str, CommandDelay]) -> list[tuple[st
             )
         facts.append((f"admittance port of {axis_name}", text))
     return facts
+
+
+def hints(rig: Rig) -> list[tuple[str, str]]:
+    """Return what experience says of a rig that is right, but will not feel right."""
+    coarse = [
+        name for name, axis in rig.axes.items() if axis.encoder_quantum or axis.position_noise
+    ]
+    matched = [keys for keys in rig.coupling.pairs.values() if keys.matched_slave]
+    if (
+        rig.coupling.law == "wave"
+        and coarse
+        and rig.coupling.wave_filter_hz is None
+        and len(matched) < len(rig.coupling.pairs)
+    ):
+        return [
+            (
+                "hint",
+                "encoder steps and noise ring in a line that loses nothing; "
+                f"coupling.wave_filter_hz: {0.1 * rig.rate_hz:g} takes them away",
+            )
+        ]
+    return []

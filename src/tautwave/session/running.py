@@ -189,7 +189,7 @@ def _outcome(result: LoopResult, assembly: Assembly) -> tuple[dict[str, str], in
     if error is None:
         if result.interrupted:
             return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
-        return {"kind": "finished", "sentence": ""}, 0
+        return {"kind": "finished", "sentence": f"ran its {seconds:g} s to the end"}, 0
     if isinstance(error, KeyboardInterrupt):
         return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
     if isinstance(error, TautwaveError):
