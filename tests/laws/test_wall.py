@@ -46,8 +46,17 @@ def test_pole_radius_of_the_bare_sampled_wall_is_that_of_theory_D6() -> None:
 class Bounce:
     """A ballistic mass thrown at the wall at 1 m/s, `phase` of a sample before it gets there."""
 
-    def __init__(self, p: WallParams, period: float, phase: float, *, delay: int = 0,
-                 damping: float = 0.0, believed: float = 1.0, filter_gain: float = 1.0) -> None:  # fmt: skip
+    def __init__(
+        self,
+        p: WallParams,
+        period: float,
+        phase: float,
+        *,
+        delay: int = 0,
+        damping: float = 0.0,
+        believed: float = 1.0,
+        filter_gain: float = 1.0,
+    ) -> None:
         row_x, row_v = Device(MASS, damping).flow(period)
         side = p.side
         x, v = -side * (1.0 - phase) * period, side

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import NamedTuple, Protocol
 
 from tautwave.contracts import Clock, Driver, Row, RowSource
@@ -67,12 +68,10 @@ class RowSink(Protocol):
     @property
     def row(self) -> Row:
         """The row to fill; the same object in every cycle."""
-        ...
 
     @property
     def commit(self) -> Callable[[], object]:
         """Take the row as it stands."""
-        ...
 
 
 class LoopResult(NamedTuple):
@@ -234,13 +233,11 @@ class Loop:
                 deadline += skipped * period
                 missed += skipped
                 if skipped >= settings.overrun_limit:
-                    self._begin_stop(
-                        slot,
-                        SafetyStop(
-                            f"{skipped} slots of {period / 1e6:g} ms were missed in a row at "
-                            f"{slot * period / 1e9:.3f} s; the host is too slow or was stopped"
-                        ),
+                    error = SafetyStop(
+                        f"{skipped} slots of {period / 1e6:g} ms were missed in a row at "
+                        f"{slot * period / 1e9:.3f} s; the host is too slow or was stopped"
                     )
+                    self._begin_stop(slot, error)
             else:
                 skipped = 0
 
@@ -282,7 +279,13 @@ class Loop:
         missing = self._missing
         at = 0
         for bus in self._buses:
-            for state in bus.driver.read(deadline_ns):
+            measured = bus.driver.read(deadline_ns)
+            if len(measured) != len(bus.axes):
+                raise DriverError(
+                    f"bus {bus.name!r}: {len(measured)} samples for {len(bus.axes)} axes; "
+                    "its driver has to return one per axis, valid or not"
+                )
+            for state in measured:
                 if state.valid and not self._finite(at, state):
                     state = ABSENT
                 states[at] = state
@@ -294,13 +297,11 @@ class Loop:
                     self._lost[at] += 1
                     missing[at] += 1
                     if missing[at] == self._settings.missing_limit and self._error is None:
-                        self._begin_stop(
-                            self._slot,
-                            DriverError(
-                                f"{self._names[at]} on bus {bus.name!r}: no sample in "
-                                f"{missing[at]} cycles running; check power and cable"
-                            ),
+                        error = DriverError(
+                            f"{self._names[at]} on bus {bus.name!r}: no sample in "
+                            f"{missing[at]} cycles running; check power and cable"
                         )
+                        self._begin_stop(self._slot, error)
                 at += 1
             for fault in bus.driver.faults():
                 self._faults.append(f"{fault.axis or bus.name}: {fault.text}")
@@ -313,20 +314,17 @@ class Loop:
         total = state.position + effort
         if total - total == 0.0:
             return True
-        if self._error is None:
-            self._begin_stop(
-                self._slot,
-                SafetyStop(
-                    f"{self._names[at]}: measured position {state.position}, effort "
-                    f"{state.effort}; a sensor or its driver is broken"
-                ),
-            )
+        told = f"{self._names[at]}: measured position {state.position}, effort {state.effort}"
+        error = SafetyStop(f"{told}; a sensor or its driver is broken")
+        self._begin_stop(self._slot, error)
         return False
 
     # -- engaging and stopping --------------------------------------------------------------
 
     def _engage(self, slot: int) -> None:
         """Start the pairs at what is measured; arm the ramp once every asked effort is small."""
+        if self._error is not None:
+            return  # a stop has begun: nothing engages any more
         states = self._states
         armed = True
         for at in self._pairs:
@@ -383,24 +381,20 @@ class Loop:
             for side, code in (("master", at.pair.guard & 7), ("slave", at.pair.guard >> 3)):
                 if code:
                     site = at.pair.master if side == "master" else at.pair.slave
-                    self._begin_stop(
-                        slot,
-                        SafetyStop(
-                            f"{side}.{at.pair.name} {GUARDS[code]} at "
-                            f"{slot * self._settings.period_ns / 1e9:.3f} s: position "
-                            f"{site.position:.6g}, velocity {site.velocity:.6g}"
-                        ),
+                    error = SafetyStop(
+                        f"{side}.{at.pair.name} {GUARDS[code]} at "
+                        f"{slot * self._settings.period_ns / 1e9:.3f} s: position "
+                        f"{site.position:.6g}, velocity {site.velocity:.6g}"
                     )
+                    self._begin_stop(slot, error)
                     return
 
     def _leave(self) -> None:
         """Safe command on every axis, then disable, then close; nothing stops this."""
-        for bus in self._buses:
-            with suppress(Exception):
-                bus.driver.write([SAFE_COMMAND] * len(bus.axes))
-        for bus in self._buses:
-            with suppress(Exception):
-                bus.driver.disable()
-        for bus in self._buses:
-            with suppress(Exception):
-                bus.driver.close()
+        buses = self._buses
+        calls = [partial(bus.driver.write, [SAFE_COMMAND] * len(bus.axes)) for bus in buses]
+        calls += [partial(bus.driver.disable) for bus in buses]
+        calls += [partial(bus.driver.close) for bus in buses]
+        for call in calls:
+            with suppress(Exception, KeyboardInterrupt):
+                call()
