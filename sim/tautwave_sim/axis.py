@@ -41,9 +41,14 @@ class SimulatedAxis:
 
     def __init__(self, name: str, truth: AxisModel) -> None:
         self.name = name
-        self._truth = truth
         self.period = truth.period
         self._servo = truth.servo is not None
+        self._command_quantum = truth.velocity_quantum if self._servo else truth.effort_quantum
+        self._effort_quantum = truth.effort_quantum
+        self._effort_limit = truth.effort_limit
+        self._encoder_quantum = truth.encoder_quantum
+        self._position_noise = truth.position_noise
+        self._missing_probability = truth.missing_probability
         self.physics = make_physics(truth)
         whole = math.floor(truth.command_delay + 1e-9)
         share = truth.command_delay - whole
@@ -56,22 +61,23 @@ class SimulatedAxis:
         self._slot = 0
         self._noise = normal_stream((*truth.seed, NOISE))
         self._missing = uniform_stream((*truth.seed, MISSING))
+        self._hand = self._hand_at(0)
         self.columns = self._columns()
 
     def command(self, value: float) -> None:
         """Take an effort (impedance) or a velocity (admittance) for the slots to come."""
-        truth = self._truth
-        quantum = truth.velocity_quantum if self._servo else truth.effort_quantum
-        if quantum > 0.0:
-            value = quantise(value, quantum)
+        if self._command_quantum > 0.0:
+            value = quantise(value, self._command_quantum)
         if not self._servo:
-            limit = truth.effort_limit
+            limit = self._effort_limit
             value = limit if value > limit else -limit if value < -limit else value
         self._command = value
 
     def hand(self) -> tuple[float, float]:
         """Return the hand's reference [rad or m] at this slot and its rate until the next."""
-        slot = self._slot
+        return self._hand
+
+    def _hand_at(self, slot: int) -> tuple[float, float]:
         if slot < self._last:
             here = self._reference[slot]
             return here, (self._reference[slot + 1] - here) / self.period
@@ -81,7 +87,7 @@ class SimulatedAxis:
 
     def pass_slot(self) -> None:
         """Move by one slot of the loop's grid."""
-        reference, rate = self.hand()
+        reference, rate = self._hand
         command = self._command
         if self._pipe:
             self._pipe.append(command)
@@ -94,25 +100,25 @@ class SimulatedAxis:
         else:
             self.physics.step(command, reference, rate, self.period)
         self._slot += 1
+        self._hand = self._hand_at(self._slot)
 
     def measure(self) -> JointState:
         """Return what the drive reports at this slot."""
-        truth = self._truth
         position = self.physics.x
-        if truth.position_noise > 0.0:
-            position += truth.position_noise * next(self._noise)
-        if truth.encoder_quantum > 0.0:
-            position = quantise(position, truth.encoder_quantum)
+        if self._position_noise > 0.0:
+            position += self._position_noise * next(self._noise)
+        if self._encoder_quantum > 0.0:
+            position = quantise(position, self._encoder_quantum)
         valid = True
-        if truth.missing_probability > 0.0 and self._slot > 0:
-            valid = next(self._missing) >= truth.missing_probability
+        if self._missing_probability > 0.0 and self._slot > 0:
+            valid = next(self._missing) >= self._missing_probability
         effort = math.nan
         if self._servo:
-            reference, rate = self.hand()
+            reference, rate = self._hand
             one, other = self.physics.forces(reference, rate)
             effort = one + other
-            if truth.effort_quantum > 0.0:
-                effort = quantise(effort, truth.effort_quantum)
+            if self._effort_quantum > 0.0:
+                effort = quantise(effort, self._effort_quantum)
         return JointState(position, math.nan, effort, valid, 0)
 
     def _columns(self) -> list[str]:
@@ -128,7 +134,7 @@ class SimulatedAxis:
     def fill(self, row: Row, at: int) -> None:
         """Write the truth at this slot into `row` from index `at` on."""
         physics = self.physics
-        reference, rate = self.hand()
+        reference, rate = self._hand
         hand, environment = physics.forces(reference, rate)
         row[at] = physics.x
         row[at + 1] = physics.v

@@ -21,7 +21,7 @@ def axis_columns(name: str, site: SiteAxis) -> list[str]:
         names += ["wave_in", "wave_out"]
     if not site.impedance:
         names += ["measured_effort"]
-    if site.params.has_wall:
+    if site.has_wall:
         names += ["wall_effort"]
     return [f"{name}.{column}" for column in names]
 
@@ -44,7 +44,7 @@ def fill_axis(site: SiteAxis, weight: float, row: Row, at: int) -> int:
     if not site.impedance:
         row[at] = site.outside
         at += 1
-    if site.params.has_wall:
+    if site.has_wall:
         row[at] = site.wall_effort
         at += 1
     return at
@@ -63,6 +63,7 @@ class PairRow:
 
     def __init__(self, pair: Pair) -> None:
         self._pair = pair
+        self._sides = ((pair.master, 1.0), (pair.slave, pair.weight))
         name = pair.name
         self.elements = elements_of(pair)
         self.columns = [
@@ -79,9 +80,8 @@ class PairRow:
     def fill(self, row: Row, at: int) -> None:
         """Write all columns of the pair at index `at`."""
         pair = self._pair
-        weight = pair.weight
-        at = fill_axis(pair.master, 1.0, row, at)
-        at = fill_axis(pair.slave, weight, row, at)
+        for site, share in self._sides:
+            at = fill_axis(site, share, row, at)
         row[at] = pair.position_error()
         row[at + 1] = pair.effort_error()
         at += 2
@@ -95,8 +95,8 @@ class PairRow:
                 pair.stored - pair.start_stored,
                 pair.absorbed - (pair.stored - pair.start_stored),
             )
-        for site, share in ((pair.master, 1.0), (pair.slave, weight)):
-            if site.params.has_wall:
+        for site, share in self._sides:
+            if site.has_wall:
                 at = fill_element(
                     row,
                     at,
@@ -105,10 +105,9 @@ class PairRow:
                     share * site.wall_dissipated,
                 )
 
-    @staticmethod
-    def _fill_waves(pair: WavePair, row: Row, at: int) -> int:
+    def _fill_waves(self, pair: WavePair, row: Row, at: int) -> int:
         """Write ports, series dampers, filters and line."""
-        for site, share in ((pair.master, 1.0), (pair.slave, pair.weight)):
+        for site, share in self._sides:
             waiting = site.waiting_energy()
             at = fill_element(
                 row,
@@ -117,7 +116,7 @@ class PairRow:
                 share * (site.account + waiting),
                 -share * site.forgiven,
             )
-            if site.params.port.slip > 0.0 and site.impedance:
+            if site.has_damper:
                 at = fill_element(row, at, share * site.burnt, 0.0, share * site.burnt)
         if pair.filters is not None:
             for wave_filter in pair.filters:
@@ -135,7 +134,7 @@ def elements_of(pair: Pair) -> list[str]:
     if isinstance(pair, WavePair):
         for side, site in (("master", pair.master), ("slave", pair.slave)):
             names.append(f"port_{side}")
-            if site.params.port.slip > 0.0 and site.impedance:
+            if site.has_damper:
                 names.append(f"damper_{side}")
         if pair.filters is not None:
             names += ["filter_master", "filter_slave"]
@@ -144,6 +143,6 @@ def elements_of(pair: Pair) -> list[str]:
     else:
         names.append("coupler")
     for side, site in (("master", pair.master), ("slave", pair.slave)):
-        if site.params.has_wall:
+        if site.has_wall:
             names.append(f"wall_{side}")
     return names

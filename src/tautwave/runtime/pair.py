@@ -60,6 +60,8 @@ class Pair(ABC):
         self.offset = 0.0
         self.weight = 1.0 / scale.power
         self._slave_to_master = scale.sign / scale.scale
+        self._sign = scale.sign
+        self._force_scale = scale.force_scale
         self.guard = 0
 
     def mismatch(self, master_position: float, slave_position: float, offset: float) -> float:
@@ -102,8 +104,8 @@ class Pair(ABC):
 
     def effort_error(self) -> float:
         """Return the sum of both ports' efforts in master units [N m or N]; 0 in equilibrium."""
-        scale = self.scale
-        return self.master.port_effort + scale.sign * self.slave.port_effort / scale.force_scale
+        slave = self._sign * self.slave.port_effort / self._force_scale
+        return self.master.port_effort + slave
 
 
 class WavePair(Pair):

@@ -32,21 +32,30 @@ class SiteAxis:
     late_share : float
         Remainder of the command delay as a share of the period: for that long the command
         before still acts. The books then hold an interval.
+
+    Attributes
+    ----------
+    port_effort, wall_effort : float
+        Resisting efforts of port and wall in the present command [N m or N].
     """
 
     __slots__ = (
         "_acted",
-        "_command_port",
         "_command_total",
-        "_command_wall",
         "_command_wave",
         "_count",
         "_effort_sum",
+        "_gain",
+        "_half_mobility",
         "_half_period",
         "_late",
+        "_limit",
+        "_period",
         "_pipe",
+        "_port",
         "_port_sum",
         "_spread",
+        "_wall",
         "_wall_sum",
         "_wave",
         "_wave_energy",
@@ -62,12 +71,15 @@ class SiteAxis:
         "forgiven",
         "gap",
         "gross_flow",
+        "has_damper",
+        "has_wall",
         "impedance",
         "impulse",
         "leaving",
         "outside",
         "params",
         "port_absorbed",
+        "port_effort",
         "port_energy",
         "position",
         "predicted",
@@ -78,6 +90,7 @@ class SiteAxis:
         "wall_absorbed",
         "wall_contact_energy",
         "wall_dissipated",
+        "wall_effort",
         "wall_stored_at_start",
         "wall_velocity",
         "wave_in",
@@ -94,11 +107,20 @@ class SiteAxis:
         late_share: float = 0.0,
     ) -> None:
         self.params = params
+        # Looked up in every cycle: an attribute of an attribute costs as much as an addition.
+        self._port = params.port
+        self._wall = params.wall
+        self._limit = params.limit
+        self._gain = params.gain
+        self.has_wall = params.has_wall
+        self._period = params.port.period
         self._half_period = 0.5 * params.port.period
+        self._half_mobility = params.port.half_mobility
         self._wave = wave_gain
         self.by_wave = coupled_by_wave
         self.impedance = impedance
         self._late = late_share
+        self.has_damper = impedance and params.port.slip > 0.0
         self.ceiling = params.limit.effort if impedance else params.limit.velocity
         # Commands on their way to the motor, oldest first: total, port, wall, wave used.
         self._pipe: deque[tuple[float, float, float, float]] = deque(
@@ -116,7 +138,7 @@ class SiteAxis:
         self.account = 0.0
         self.gap = gap
         self.impulse = 0.0
-        self.depth = wall_depth(self.params.wall, position) if self.params.has_wall else 0.0
+        self.depth = wall_depth(self._wall, position) if self.has_wall else 0.0
         self.wall_stored_at_start = wall_stored(self.params.wall, self.depth)
         self.leaving = 0.0
         self.wave_in = 0.0
@@ -125,7 +147,7 @@ class SiteAxis:
         self.asked = 0.0
         self.valid = True
         self.stopping = False
-        self._command_total = self._command_port = self._command_wall = self._command_wave = 0.0
+        self._command_total = self.port_effort = self.wall_effort = self._command_wave = 0.0
         self._acted = (0.0, 0.0, 0.0)
         self._spread = 0.0
         self._count = 0
@@ -140,13 +162,13 @@ class SiteAxis:
         pipe = self._pipe
         if pipe:
             pipe.append(
-                (self._command_total, self._command_port, self._command_wall, self._command_wave)
+                (self._command_total, self.port_effort, self.wall_effort, self._command_wave)
             )
             total, port, wall, wave = pipe.popleft()
         else:
             total = self._command_total
-            port = self._command_port
-            wall = self._command_wall
+            port = self.port_effort
+            wall = self.wall_effort
             wave = self._command_wave
         if self._late > 0.0:
             late = self._late
@@ -194,10 +216,9 @@ class SiteAxis:
         outside : float
             Measured outside effort [N m or N]; used by admittance axes.
         """
-        p = self.params
         self.valid = True
         count = float(self._count)
-        period = p.port.period
+        period = self._period
         displacement = position - self.position
         self.position = position
         if count == 1.0:
@@ -208,8 +229,8 @@ class SiteAxis:
             wall = self._wall_sum / count
         span = count * period
         if self.impedance:
-            expected = self.velocity - p.port.half_mobility * (self.impulse + self._effort_sum)
-            self.velocity = track_velocity(p.gain, expected, displacement, span)
+            expected = self.velocity - self._half_mobility * (self.impulse + self._effort_sum)
+            self.velocity = track_velocity(self._gain, expected, displacement, span)
             self.impulse = self._effort_sum
             energy = effort * displacement
             if self._late > 0.0:
@@ -223,14 +244,15 @@ class SiteAxis:
             self.velocity = displacement / span
             port = mean - wall
             energy = mean * displacement
-        if p.has_wall:
-            self.wall_velocity += p.gain * (displacement / span - self.wall_velocity)
+        if self.has_wall:
+            params = self._wall
+            self.wall_velocity += self._gain * (displacement / span - self.wall_velocity)
             before = self.depth
-            after = wall_depth(p.wall, position)
+            after = wall_depth(params, position)
             self.depth = after
             absorbed = wall * displacement
             self.wall_absorbed += absorbed
-            self.wall_dissipated += wall_loss(p.wall, wall, displacement, before, after)
+            self.wall_dissipated += wall_loss(params, wall, displacement, before, after)
             if after > 0.0:
                 self.wall_contact_energy += absorbed
             else:
@@ -239,7 +261,7 @@ class SiteAxis:
         self.gross_flow += abs(energy)
         if self.by_wave:
             leaving, self.account, self.gap, absorbed, burnt, forgiven = port_close(
-                p.port, self.account, self.gap, displacement, count, self.velocity, port,
+                self._port, self.account, self.gap, displacement, count, self.velocity, port,
                 self._wave_sum, self._wave_energy,
             )  # fmt: skip
             self.leaving = leaving / self._wave
@@ -259,7 +281,7 @@ class SiteAxis:
         are used by a position coupling only. `ceiling` is the engage ramp's [N m, N or rad/s, m/s].
         """
         p = self.params
-        guard = guard_axis(p.limit, self.position, self.velocity)
+        guard = guard_axis(self._limit, self.position, self.velocity)
         if guard or self.stopping:
             self.stop_command(ceiling)
             return guard
@@ -272,7 +294,7 @@ class SiteAxis:
             )
             self.command = velocity
             self._command_total = velocity
-            self._command_wall = wall
+            self.wall_effort = wall
             return 0
         if self.by_wave:
             total, port, wall, self.asked, self.predicted = think_wave(
@@ -286,8 +308,8 @@ class SiteAxis:
                 self.impulse, pending, far_position, far_velocity, self._command_total, ceiling,
             )  # fmt: skip
         self._command_total = total
-        self._command_port = port
-        self._command_wall = wall
+        self.port_effort = port
+        self.wall_effort = wall
         self.command = -total
         return 0
 
@@ -301,15 +323,15 @@ class SiteAxis:
         else:
             total = 0.0
             self.command = 0.0
-        self._command_total = self._command_port = total
-        self._command_wall = 0.0
+        self._command_total = self.port_effort = total
+        self.wall_effort = 0.0
 
     def fade(self, ceiling: float) -> None:
         """Bring the command to zero under a falling ceiling, without looking at the axis."""
         self.stopping = True
         total = clamp(self._command_total, ceiling)
-        self._command_total = self._command_port = total
-        self._command_wall = 0.0
+        self._command_total = self.port_effort = total
+        self.wall_effort = 0.0
         self.command = -total if self.impedance else total
 
     def axis_command(self) -> AxisCommand:
@@ -317,16 +339,6 @@ class SiteAxis:
         if self.impedance:
             return AxisCommand(self.command, 0.0)
         return AxisCommand(0.0, self.command)
-
-    @property
-    def port_effort(self) -> float:
-        """Resisting effort of the port in the present command [N m or N]."""
-        return self._command_port
-
-    @property
-    def wall_effort(self) -> float:
-        """Resisting effort of the wall in the present command [N m or N]."""
-        return self._command_wall
 
     def waiting_energy(self) -> float:
         """Return the energy of waves that arrived but are not booked yet [J]."""
