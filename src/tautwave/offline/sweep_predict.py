@@ -54,7 +54,9 @@ def pair_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[LinearEnd,
     for side, far, back in (("master", "slave", ratio), ("slave", "master", 1.0 / ratio)):
         axis = f"{side}.{name}"
         if rig.axes[axis].causality != "impedance":
-            raise ConfigError(f"{axis}: predictions are for impedance axes, this one takes velocity")
+            raise ConfigError(
+                f"{axis}: predictions are for impedance axes, this one takes velocity"
+            )
         believed = delays[axis]
         device = _device(rig, axis, contact=contact and side == "slave")
         site = Site(
@@ -92,9 +94,7 @@ def pair_matrix(rig: Rig, name: str, *, contact: bool = False) -> Matrix:
     return close_loop(*pair_ends(rig, name, contact=contact), rig.delay_samples)
 
 
-def pair_mode(
-    rig: Rig, name: str, *, samples: int | None = None, contact: bool = False
-) -> Mode:
+def pair_mode(rig: Rig, name: str, *, samples: int | None = None, contact: bool = False) -> Mode:
     """Return the least damped mode of one pair; see `pair_ends`.
 
     `samples` replaces the rig's own delay (one way, in samples).
@@ -112,8 +112,10 @@ def _command_delays(rig: Rig) -> dict[str, CommandDelay]:
 def _device(rig: Rig, axis: str, *, contact: bool) -> Device:
     truth = axis_model(rig, axis, 1)
     plant = truth.plant
-    wall = contact and rig.simulation is not None and isinstance(
-        rig.simulation.environment.get(axis.split(".")[1]), SolidWall
+    wall = (
+        contact
+        and rig.simulation is not None
+        and isinstance(rig.simulation.environment.get(axis.split(".")[1]), SolidWall)
     )
     return Device(
         mass=plant.mass,

@@ -1,0 +1,320 @@
+"""Sweep files: a rig, what is varied, what is measured. Read and checked like rig files.
+
+A sweep lists its values; there are no expressions. What depends on another key is a column beside
+it (`columns`: zipped, one point per row), or a case of its own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, get_args
+
+from pydantic import Field
+
+from tautwave.config import Rig, load_rig, resolved_yaml
+from tautwave.config.document import Document, nearest, open_document, read_text, show_path
+from tautwave.config.keys.common import Block, Name, Positive
+from tautwave.config.messages import validate
+from tautwave.config.yaml12 import KeyPath
+from tautwave.errors import ConfigError
+
+Measure = Literal[
+    "peak_amplitude",
+    "late_amplitude",
+    "growth_rate",
+    "stable",
+    "predicted_radius",
+    "predicted_growth",
+    "predicted_frequency",
+    "position_error_rms",
+    "position_error_max",
+    "effort_error_rms",
+    "effort_error_max",
+    "gross_flow",
+    "residual",
+    "generated",
+]
+MEASURES: tuple[str, ...] = get_args(Measure)
+
+GREATEST = 100_000
+"""Points of a sweep. Each is a rig that is checked before the first one runs."""
+
+Values = Annotated[list[Any], Field(min_length=1)]
+
+
+class Panel(Block):
+    """One panel of the figure."""
+
+    measures: Annotated[tuple[Measure, ...], Field(min_length=1)] = Field(
+        description="What is drawn: predictions as lines, simulations as markers."
+    )
+    title: str = Field(default="", description="Heading of the panel.")
+    label: str = Field(description="Label of its vertical axis, with the unit in brackets.")
+    scale: Literal["linear", "log", "symlog"] = Field(default="linear", description="Its scale.")
+    linear_to: Positive = Field(
+        default=1.0, description="symlog: linear between plus and minus this value."
+    )
+    range: tuple[float, float] | None = Field(default=None, description="Its limits.")
+    mark_stability: bool = Field(
+        default=False, description="Mark where each case changes between stable and unstable."
+    )
+
+
+class Figure(Block):
+    """How the result is drawn: measures over one key, one colour per case."""
+
+    title: str = Field(description="Heading of the figure.")
+    x: str = Field(description="Key on the horizontal axis; every case varies it.")
+    label: str = Field(description="Its label, with the unit in brackets.")
+    factor: Positive = Field(default=1.0, description="Key times this is what is shown.")
+    scale: Literal["linear", "log"] = Field(default="linear", description="Its scale.")
+    panels: Annotated[tuple[Panel, ...], Field(min_length=1)] = Field(
+        description="From top to bottom."
+    )
+    notes: tuple[str, ...] = Field(default=(), description="Lines of text below: assumptions.")
+
+
+class Varied(Block):
+    """What is set, and what is varied."""
+
+    set: dict[str, Any] = Field(default_factory=dict, description="Keys of the rig and values.")
+    grid: dict[str, Values] = Field(
+        default_factory=dict, description="Keys and values: every combination is a point."
+    )
+    columns: dict[str, Values] = Field(
+        default_factory=dict, description="Keys and values of equal number: every row is a point."
+    )
+
+
+class Case(Varied):
+    """One curve: what it sets and varies on its own, after the common part."""
+
+    label: str | None = Field(default=None, description="What it is called; default: its name.")
+
+
+class Sweep(Varied):
+    """A sweep file. Its own `set`, `grid` and `columns` hold for every case."""
+
+    name: Annotated[str, Field(min_length=1)] = Field(description="What it is called.")
+    rig: str = Field(description="Rig file; a relative path starts at this file's folder.")
+    pair: Name | None = Field(default=None, description="Pair that is measured; default: first.")
+    duration_s: Positive | None = Field(default=None, description="[s] Default: the rig's own.")
+    cases: dict[Name, Case] = Field(default_factory=dict, description="Curves by name.")
+    measures: Annotated[tuple[Measure, ...], Field(min_length=1)] = Field(
+        description="What is kept of each simulation."
+    )
+    figure: Figure | None = Field(default=None, description="Default: no figure.")
+
+
+class Point(NamedTuple):
+    """One simulation: its case, what was varied, the rig, and an id that follows from both."""
+
+    id: str
+    case: str
+    values: dict[str, Any]
+    rig: Rig
+    pair: str
+    duration_s: float
+
+
+class SweepPlan(NamedTuple):
+    """A sweep file that is right, and all its points."""
+
+    sweep: Sweep
+    keys: tuple[str, ...]
+    points: tuple[Point, ...]
+
+
+class _Choice(NamedTuple):
+    """One override and where it was written."""
+
+    key: str
+    value: Any
+    path: KeyPath
+
+    @property
+    def argument(self) -> str:
+        return f"{self.key}={json.dumps(self.value, allow_nan=False)}"
+
+
+def load_sweep(path: str | Path) -> SweepPlan:
+    """Read and check a sweep file and every rig that it makes.
+
+    Raises
+    ------
+    ConfigError
+        Anything is wrong; `problems` holds every mistake with its line.
+    """
+    path = Path(path)
+    try:
+        document = open_document(read_text(path), str(path), path.parent)
+    except ConfigError as err:  # the reader is shared and speaks of rig files
+        raise ConfigError(
+            [text.replace("rig file", "sweep file") for text in err.problems]
+        ) from err
+    sweep: Sweep | None = validate(document, Sweep)
+    if document.problems or sweep is None:
+        raise ConfigError(document.sentences())
+    _check(document, sweep)
+    if document.problems:
+        raise ConfigError(document.sentences())
+    points = _points(document, sweep, path.parent / sweep.rig)
+    keys = dict.fromkeys(key for point in points for key in point.values)
+    return SweepPlan(sweep, tuple(keys), points)
+
+
+def _scopes(sweep: Sweep) -> Iterator[tuple[str, KeyPath, Varied]]:
+    """Give every case, the sweep itself where there are none."""
+    if not sweep.cases:
+        yield "", (), Varied()
+    for name, case in sweep.cases.items():
+        yield name, ("cases", name), case
+
+
+def _blocks(sweep: Sweep, path: KeyPath, case: Varied) -> list[tuple[KeyPath, Varied]]:
+    """Return the common block and the case's own, if it has one, with their places."""
+    return [((), sweep), (path, case)] if path else [((), sweep)]
+
+
+def _check(document: Document, sweep: Sweep) -> None:
+    """Note what is right key by key but does not fit together."""
+    blocks: list[tuple[KeyPath, Varied]] = [((), sweep)]
+    blocks += [(path, case) for _, path, case in _scopes(sweep) if path]
+    total = 0
+    for path, case in blocks:
+        lengths = {key: len(values) for key, values in case.columns.items()}
+        first = next(iter(lengths), "")
+        for key, length in lengths.items():
+            if length != lengths[first]:
+                document.report(
+                    (*path, "columns", key),
+                    f"Input should have as many values as {first}, {lengths[first]} (got {length})",
+                )
+    for name, path, case in _scopes(sweep):
+        places: dict[str, str] = {}
+        count = 1
+        for base, block in _blocks(sweep, path, case):
+            rows = {len(values) for values in block.columns.values()}
+            count *= max(rows, default=1)
+            for word in ("grid", "columns"):
+                for key, values in getattr(block, word).items():
+                    here = (*base, word, key)
+                    if key in places:
+                        document.report(here, f"is varied already by {places[key]}")
+                    places[key] = show_path((*base, word))
+                    count *= len(values) if word == "grid" else 1
+        total += count
+        if sweep.figure is not None and sweep.figure.x not in places:
+            whom = f"case {name}" if name else "the sweep"
+            document.report(
+                ("figure", "x"),
+                f"{whom} does not vary {sweep.figure.x!r}{nearest(sweep.figure.x, list(places))}",
+            )
+    if total > GREATEST:
+        document.report((), f"{total} points are more than {GREATEST}")
+    for at, panel in enumerate(sweep.figure.panels if sweep.figure else ()):
+        for index, measure in enumerate(panel.measures):
+            if measure not in sweep.measures:
+                document.report(
+                    ("figure", "panels", at, "measures", index),
+                    f"{measure!r} is not measured; add it to measures",
+                )
+
+
+def _points(document: Document, sweep: Sweep, rig_path: Path) -> tuple[Point, ...]:
+    """Load the rig of every point; all that is wrong with any of them is raised at once."""
+    found: list[Point] = []
+    problems: dict[str, None] = {}
+    for name, choices, varied in _overrides(sweep):
+        try:
+            rig = load_rig(rig_path, [choice.argument for choice in choices])
+        except ConfigError as err:
+            problems.update(dict.fromkeys(_placed(document, choices, err)))
+            continue
+        sentence = _unfit(document, sweep, rig)
+        if sentence:
+            problems[sentence] = None
+            continue
+        seed = None if "seed" in varied else rig.seed + zlib.crc32(repr(varied).encode())
+        if seed is not None:  # noise of one point says nothing about that of its neighbour
+            rig = rig.model_copy(update={"seed": seed})
+        pair = sweep.pair or next(iter(rig.coupling.pairs))
+        duration = sweep.duration_s or rig.duration_s
+        text = f"{name}\n{pair}\n{duration!r}\n{resolved_yaml(rig)}"
+        mark = hashlib.sha256(text.encode()).hexdigest()[:16]
+        found.append(Point(mark, name, varied, rig, pair, duration))
+    if problems:
+        raise ConfigError(list(problems))
+    return tuple(found)
+
+
+def _overrides(sweep: Sweep) -> Iterator[tuple[str, list[_Choice], dict[str, Any]]]:
+    """Give case, overrides and what is varied, point by point: common first, then the case's."""
+    for name, path, case in _scopes(sweep):
+        blocks = _blocks(sweep, path, case)
+        fixed = [
+            _Choice(key, value, (*base, "set", key))
+            for base, block in blocks
+            for key, value in block.set.items()
+        ]
+        axes: list[list[list[_Choice]]] = []
+        for base, block in blocks:
+            for key, values in block.grid.items():
+                axes.append(
+                    [[_Choice(key, v, (*base, "grid", key, i))] for i, v in enumerate(values)]
+                )
+            if block.columns:
+                rows = zip(*block.columns.values(), strict=True)
+                axes.append(
+                    [
+                        [
+                            _Choice(key, v, (*base, "columns", key, i))
+                            for key, v in zip(block.columns, row, strict=True)
+                        ]
+                        for i, row in enumerate(rows)
+                    ]
+                )
+        for combination in itertools.product(*axes):
+            varied = [choice for group in combination for choice in group]
+            yield name, [*fixed, *varied], {choice.key: choice.value for choice in varied}
+
+
+def _placed(document: Document, choices: list[_Choice], err: ConfigError) -> Iterator[str]:
+    """Say of a refused override where in the sweep file it stands."""
+    for problem in err.problems:
+        for choice in choices:
+            start = f"--set {choice.argument}: "
+            if problem.startswith(start):
+                where = f"{document.where(choice.path)}: {show_path(choice.path)}"
+                yield f"{where}: {problem.removeprefix(start)}"
+                break
+        else:
+            yield problem
+
+
+def _unfit(document: Document, sweep: Sweep, rig: Rig) -> str:
+    """Return what keeps a right rig out of this sweep, or ''."""
+    if rig.simulation is None:
+        return f"{document.where(('rig',))}: rig: a sweep simulates, and this rig has no simulation"
+    pairs = list(rig.coupling.pairs)
+    if sweep.pair is not None and sweep.pair not in pairs:
+        hint = nearest(sweep.pair, pairs) or "."
+        return (
+            f"{document.where(('pair',))}: pair: unknown pair {sweep.pair!r}{hint} "
+            f"Pairs: {', '.join(pairs)}"
+        )
+    name = sweep.pair or pairs[0]
+    for at, measure in enumerate(sweep.measures):
+        if measure.startswith("predicted_"):
+            for axis in (f"master.{name}", f"slave.{name}"):
+                if rig.axes[axis].causality != "impedance":
+                    return (
+                        f"{document.where(('measures', at))}: measures: {measure} is for impedance "
+                        f"axes, and {axis} takes velocities"
+                    )
+    return ""
