@@ -14,6 +14,8 @@ import math
 _SHORT = 0.25  # greatest rate * step of a series; larger steps are doubled from it
 _TERMS = 20
 _DOUBLINGS = 80  # ends the search for a short step when a rate has overflowed
+_ALL_SEEN = 6  # from this term on every sum of a series has had its leading one
+_NOTHING = 1e-17  # a term below this share of its sum changes no bit of it, nor do those behind
 
 NineRows = tuple[float, float, float, float, float, float, float, float, float]
 TwelveRows = tuple[
@@ -68,7 +70,16 @@ def _short_rows(stiffness: float, damping: float, mass: float, t: float) -> Twel
     iv = 0.5
     jn = 0.0
     js = 0.0
+    edge = _NOTHING * t / mass
     for i in range(1, _TERMS):
+        if (
+            -edge <= b <= edge
+            and i > _ALL_SEEN
+            and math.fabs(a) <= _NOTHING * math.fabs(vv)
+            and math.fabs(b) <= _NOTHING * math.fabs(vn)
+            and math.fabs(c) <= _NOTHING * math.fabs(vs)
+        ):
+            break
         scale = t / i
         d = -stiffness * b * scale
         e = (a / mass - decay * b) * scale
@@ -166,7 +177,19 @@ def _short_form(stiffness: float, damping: float, mass: float, t: float) -> Form
     qnn = 0.0
     qns = 0.0
     qss = 0.0
+    edge = _NOTHING * t
     for i in range(2, _TERMS + 3):
+        if (
+            -edge <= a <= edge
+            and i > _ALL_SEEN
+            and math.fabs(a) <= _NOTHING * math.fabs(qvv)
+            and math.fabs(b) <= _NOTHING * math.fabs(qvn)
+            and math.fabs(c) <= _NOTHING * math.fabs(qvs)
+            and math.fabs(d) <= _NOTHING * math.fabs(qnn)
+            and math.fabs(e) <= _NOTHING * math.fabs(qns)
+            and math.fabs(f) <= _NOTHING * math.fabs(qss)
+        ):
+            break
         scale = t / i
         ra = -2.0 * stiffness * b * scale
         rb = (a / mass - stiffness * d - decay * b) * scale
@@ -231,7 +254,13 @@ def flow_increment(
     stiffness: float, damping: float, mass: float, v: float, net: float, slope: float, t: float
 ) -> tuple[float, float, float]:
     """Return the change of x, the new v and the new net force after `t` [s]; for root searches."""
-    if _doublings(stiffness, damping, mass, t) > 1:
+    if t == 0.0:
+        return 0.0, v, net
+    decay = damping / mass
+    rate = math.sqrt(stiffness / mass)
+    if decay > rate:
+        rate = decay
+    if rate * t > 2.0 * _SHORT:
         xv, xn, xs, vv, vn, vs, _, _, _ = flow_rows(stiffness, damping, mass, t)
         moved = xv * v + xn * net + xs * slope
         gained = vv * v + vn * net + vs * slope
@@ -245,13 +274,14 @@ def flow_increment(
         moved = last + 0.5 * term
         gained = term
         for i in range(2, _TERMS):
-            following = (push - drag * (i - 1.0) * term - pull * last) / (i * (i - 1.0))
+            before = i - 1.0
+            following = (push - drag * before * term - pull * last) / (i * before)
             push = 0.0
             last = term
             term = following
             gained = gained + term
             moved = moved + term / (i + 1.0)
-            if math.fabs(last) + math.fabs(term) < tiny:
+            if -tiny < term < tiny and math.fabs(last) + math.fabs(term) < tiny:
                 break
         moved = moved * t
     return moved, v + gained, net + (slope * t - stiffness * moved - damping * gained)

@@ -71,7 +71,8 @@ def _next_event(
         limit = patience * p.mass / damping
     walled = p.wall_stiffness > 0.0 or p.wall_damping > 0.0
     span = remaining
-    quiet = False
+    near = False
+    turning = False
     for _ in range(100):
         low, high, slowest, fastest = motion_bounds(stiffness, damping, p.mass, v, net, slope, span)
         if p.wall_side < 0.0:
@@ -82,35 +83,28 @@ def _next_event(
             rise = high
             fall = low
             withdrawal = slowest
-        quiet = True
+        near = contact == CLIPPED
         if walled:
             if contact == FREE:
-                quiet = depth + rise < 0.0
+                near = not depth + rise < 0.0
             elif contact == PRESSING:
-                quiet = (
+                near = not (
                     depth + fall > 0.0
                     and p.wall_stiffness * (depth + fall) + p.wall_damping * withdrawal > 0.0
                 )
-            else:
-                quiet = False
-        if direction > 0.0 and not slowest > 0.0:
-            quiet = False
-        if direction < 0.0 and not fastest < 0.0:
-            quiet = False
-        if quiet or span <= limit:
+        turning = (direction > 0.0 and not slowest > 0.0) or (direction < 0.0 and not fastest < 0.0)
+        if span <= limit or not (near or turning):
             break
         span = 0.5 * span
-    if quiet:
-        return span, 0
     when = span
     what = 0
     side = p.wall_side
-    if contact == FREE and walled:
+    if near and contact == FREE:
         t = first_rise(stiffness, damping, p.mass, v, net, slope, side, 0.0, depth, when)
         if t >= 0.0:
             when = t
             what = 1
-    elif contact == PRESSING:
+    elif near and contact == PRESSING:
         k = -side * p.wall_stiffness
         b = -side * p.wall_damping
         g = -p.wall_stiffness * depth + b * v
@@ -118,7 +112,7 @@ def _next_event(
         if t >= 0.0:
             when = t
             what = 1
-    elif contact == CLIPPED:
+    elif near:
         k = side * p.wall_stiffness
         b = side * p.wall_damping
         g = p.wall_stiffness * depth + b * v
@@ -130,7 +124,7 @@ def _next_event(
         if t >= 0.0 and (what == 0 or t < when):
             when = t
             what = 2
-    if direction != 0.0:
+    if turning:
         t = first_rise(
             stiffness, damping, p.mass, v, net, slope, 0.0, -direction, -direction * v, when
         )
