@@ -68,15 +68,21 @@ def plant_step(
         grip, viscous friction, Coulomb friction and environment. Work and losses are integrals of
         their own: `hand_work + effort dx = d stored + losses` up to rounding.
     """
+    # Bound once: in plain Python every `c.free.xv` below would be two look-ups.
+    free = c.free
+    pressing = c.pressing
+    grip_stiffness = p.grip_stiffness
+    grip_damping = p.grip_damping
+    viscous = p.viscous
     force = (
         effort
-        + p.grip_stiffness * (reference - x)
-        + p.grip_damping * (reference_rate - v)
-        - p.viscous * v
+        + grip_stiffness * (reference - x)
+        + grip_damping * (reference_rate - v)
+        - viscous * v
     )
     if c.has_spring:
         force = force - p.spring_stiffness * (x - p.spring_position)
-    slope = p.grip_stiffness * reference_rate
+    slope = grip_stiffness * reference_rate
     friction = 0.0
     code = 0
     contact = FREE
@@ -95,9 +101,9 @@ def plant_step(
             if force > p.coulomb or force < -p.coulomb or later > p.coulomb or later < -p.coulomb:
                 return switching_step(p, c, contact, x, v, effort, reference, reference_rate, h)
             swept = reference_rate * h
-            grip = p.grip_stiffness * (reference - x + 0.5 * swept)
-            grip = grip + p.grip_damping * reference_rate
-            loss = p.grip_damping * reference_rate * swept
+            grip = grip_stiffness * (reference - x + 0.5 * swept)
+            grip = grip + grip_damping * reference_rate
+            loss = grip_damping * reference_rate * swept
             return x, v, contact + STUCK, swept * grip, loss, 0.0, 0.0, 0.0
         friction = p.coulomb
         code = SLIDING_UP
@@ -105,9 +111,9 @@ def plant_step(
             friction = -friction
             code = SLIDING_DOWN
         force = force - friction
-        swing = c.free.swing
+        swing = free.swing
         if contact == PRESSING:
-            swing = c.pressing.swing
+            swing = pressing.swing
         margin = h * (math.fabs(force) + h * math.fabs(slope)) - p.mass * math.fabs(v) * (
             1.0 - swing
         )
@@ -115,41 +121,41 @@ def plant_step(
             return switching_step(p, c, contact, x, v, effort, reference, reference_rate, h)
     environment_loss = 0.0
     if contact == PRESSING:
-        speed = math.fabs(v) + c.pressing.reach * (math.fabs(force) + h * math.fabs(slope))
+        speed = math.fabs(v) + pressing.reach * (math.fabs(force) + h * math.fabs(slope))
         if not p.wall_stiffness * (depth - h * speed) - p.wall_damping * speed > 0.0:
             return switching_step(p, c, contact, x, v, effort, reference, reference_rate, h)
-        moved = c.pressing.xv * v + c.pressing.xn * force + c.pressing.xs * slope
-        gained = c.pressing.vv * v + c.pressing.vn * force + c.pressing.vs * slope
-        area = c.pressing.av * v + c.pressing.an * force + c.pressing.as_ * slope
+        moved = pressing.xv * v + pressing.xn * force + pressing.xs * slope
+        gained = pressing.vv * v + pressing.vn * force + pressing.vs * slope
+        area = pressing.av * v + pressing.an * force + pressing.as_ * slope
         square = (
-            v * (c.pressing.qvv * v + c.pressing.qvn * force + c.pressing.qvs * slope)
-            + force * (c.pressing.qnn * force + c.pressing.qns * slope)
-            + c.pressing.qss * slope * slope
+            v * (pressing.qvv * v + pressing.qvn * force + pressing.qvs * slope)
+            + force * (pressing.qnn * force + pressing.qns * slope)
+            + pressing.qss * slope * slope
         )
         environment_loss = p.wall_damping * square
     else:
         if c.has_wall:
-            speed = math.fabs(v) + c.free.reach * (math.fabs(force) + h * math.fabs(slope))
+            speed = math.fabs(v) + free.reach * (math.fabs(force) + h * math.fabs(slope))
             if not depth + h * speed < 0.0:
                 return switching_step(p, c, contact, x, v, effort, reference, reference_rate, h)
-        moved = c.free.xv * v + c.free.xn * force + c.free.xs * slope
-        gained = c.free.vv * v + c.free.vn * force + c.free.vs * slope
-        area = c.free.av * v + c.free.an * force + c.free.as_ * slope
+        moved = free.xv * v + free.xn * force + free.xs * slope
+        gained = free.vv * v + free.vn * force + free.vs * slope
+        area = free.av * v + free.an * force + free.as_ * slope
         square = (
-            v * (c.free.qvv * v + c.free.qvn * force + c.free.qvs * slope)
-            + force * (c.free.qnn * force + c.free.qns * slope)
-            + c.free.qss * slope * slope
+            v * (free.qvv * v + free.qvn * force + free.qvs * slope)
+            + force * (free.qnn * force + free.qns * slope)
+            + free.qss * slope * slope
         )
     swept = reference_rate * h
-    grip = p.grip_stiffness * (h * (reference - x + 0.5 * swept) - area)
-    grip = grip + p.grip_damping * (swept - moved)
+    grip = grip_stiffness * (h * (reference - x + 0.5 * swept) - area)
+    grip = grip + grip_damping * (swept - moved)
     return (
         x + moved,
         v + gained,
         contact + code,
         reference_rate * grip,
-        p.grip_damping * (square + reference_rate * (swept - 2.0 * moved)),
-        p.viscous * square,
+        grip_damping * (square + reference_rate * (swept - 2.0 * moved)),
+        viscous * square,
         friction * moved,
         environment_loss,
     )
