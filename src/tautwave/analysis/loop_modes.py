@@ -25,7 +25,7 @@ class Mode(NamedTuple):
     frequency: float
 
 
-OFFSET = 1e-9
+OFFSET = 1e-7
 """Eigenvalues this near to 1 are positions that nothing holds, not motion."""
 
 
@@ -85,8 +85,12 @@ def loop_roots(master: LinearEnd, slave: LinearEnd, samples: int) -> npt.NDArray
     circle = np.exp(2j * np.pi * (np.arange(turns) + 0.3) / turns)
     jitter = 1e-4 * np.exp(1j * (1.0 + 2.4 * np.arange(len(own))))
     z = np.concatenate([0.999 * circle, own * 0.9999 + jitter]).astype(np.complex128)
-    for _ in range(ROUNDS):
-        step = _newton(master, slave, turns, own, z)
+    for turn in range(ROUNDS):
+        step = np.zeros_like(z)
+        alive = np.abs(z) > DEAD
+        # Beside the point, never twice on the same side: some roots are poles of an end, too.
+        beside = 2e-14 * np.exp(2.4j * turn)
+        step[alive] = _newton(master, slave, turns, own, z[alive] + beside)
         for first in range(0, len(z), 512):
             part = slice(first, first + 512)
             apart = z[part, None] - z[None, :]
@@ -96,10 +100,13 @@ def loop_roots(master: LinearEnd, slave: LinearEnd, samples: int) -> npt.NDArray
         step *= np.minimum(1.0, 0.2 / np.maximum(np.abs(step), 1e-300))
         z = z - step
         outer = np.abs(z) > 0.9 * np.abs(z).max()
-        if np.abs(step[outer]).max() < 1e-13:
+        if np.abs(step[outer]).max() < 2e-13:
             break
     return z
 
+
+DEAD = 0.05
+"""Roots this small are left where they are: gone within a few periods, often many in one place."""
 
 ROUNDS = 200
 """Rounds after which `loop_roots` gives up; it needs some 10 to 30."""

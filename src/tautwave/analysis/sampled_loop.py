@@ -63,12 +63,14 @@ class Site(NamedTuple):
 class LinearEnd(NamedTuple):
     """One end: x[k+1] = a x[k] + b arriving[k+1], leaving[k+1] = c x[k]. Shapes (n, n), (n,), (n,).
 
-    Units follow the state: position, velocity, efforts, waves, in SI.
+    `states` names the n states, in SI: true position and velocity, efforts and waves on their way,
+    what the site remembers.
     """
 
     a: Matrix
     b: Matrix
     c: Matrix
+    states: tuple[str, ...]
 
 
 def wave_end(
@@ -118,7 +120,7 @@ def position_end(
 
 def reflecting_end(reflection: float) -> LinearEnd:
     """Return an end that sends back `reflection` times what arrived a slot before [1]."""
-    return LinearEnd(np.zeros((1, 1)), np.ones(1), np.full(1, reflection))
+    return LinearEnd(np.zeros((1, 1)), np.ones(1), np.full(1, reflection), ("arrived",))
 
 
 def close_loop(master: LinearEnd, slave: LinearEnd, samples: int) -> Matrix:
@@ -171,6 +173,10 @@ class _Common:
         self._sent = slice(3 + whole, 3 + whole + site.delay_periods)
         self._tail = self._sent.stop
         self.size = self._tail + 4
+        self.names = ["velocity", "command", "acted"]
+        self.names += [f"motor_pipe_{at}" for at in range(whole)]
+        self.names += [f"site_pipe_{at}" for at in range(site.delay_periods)]
+        self.names += ["impulse", "tracked_velocity", "acting", "last_acted"]
 
     def move(self, state: list[float], x: float) -> tuple[float, float]:
         """Move the device by a slot; return displacement and tracked velocity. Changes state."""
@@ -211,6 +217,8 @@ class _WaveStep:
         self._filter_gain = filter_gain
         self._waves = common.size + 3
         self.size = self._waves + common.site.delay_periods + 1
+        self.names = [*common.names, "position", "gap", "filtered_wave"]
+        self.names += [f"wave_{at}" for at in range(common.site.delay_periods + 1)]
 
     def __call__(self, state: list[float], arriving: float) -> tuple[list[float], float]:
         common = self._common
@@ -239,6 +247,7 @@ class _PositionStep:
         self._common = common
         self._law = k, b, sent_k, sent_b
         self.size = common.size + 1
+        self.names = [*common.names, "position"]
 
     def __call__(self, state: list[float], arriving: float) -> tuple[list[float], float]:
         k, b, sent_k, sent_b = self._law
@@ -262,15 +271,16 @@ def _linearise(
         after, c[at] = step(unit, 0.0)
         a[:, at] = after
     b[:], _ = step([0.0] * size, 1.0)
-    return _without_unseen(LinearEnd(a, b, c))
+    return _without_unseen(LinearEnd(a, b, c, tuple(step.names)))
 
 
 def _without_unseen(end: LinearEnd) -> LinearEnd:
     """Leave out states that nothing else and no output depends on, such as a free position."""
-    a, b, c = end
+    a, b, c, states = end
     while True:
         others = np.abs(a - np.diag(np.diag(a))).sum(axis=0)
         seen = (others > 0.0) | (c != 0.0)
         if seen.all():
-            return LinearEnd(a, b, c)
+            return LinearEnd(a, b, c, states)
+        states = tuple(name for name, kept in zip(states, seen, strict=True) if kept)
         a, b, c = a[np.ix_(seen, seen)], b[seen], c[seen]

@@ -90,7 +90,7 @@ def sweep_drawing(figure: Figure, curves: Sequence[Curve]) -> Drawing:
     """Return the figure: its panels, and what was found and assumed in words below."""
     lines = [line for curve in curves for line in stability_sentences(curve, figure)]
     lines += [(SOFT, text) for note in figure.notes for text in textwrap.wrap(note, 128)]
-    below = max(0.1, LINE_HEIGHT * len(lines) - 0.3)
+    below = max(0.1, LINE_HEIGHT * len(lines) - 0.65)
     shares = [True] * len(figure.panels) + [False]
     drawing, axes = panels([2.6] * len(figure.panels) + [below], figure.title, shares)
     for panel, keys in zip(axes, figure.panels, strict=False):
@@ -132,7 +132,7 @@ def _draw_panel(axes: Axes, keys: Panel, figure: Figure, curves: Sequence[Curve]
         for measure in simulated:
             axes.plot(*_known(curve, measure), **_markers(curve, joined=not predicted))
         style = _markers(curve, joined=not predicted) if simulated else {}
-        told = "\n".join(textwrap.wrap(plain(curve.label), 22))
+        told = "\n".join(textwrap.wrap(plain(curve.label), 20))
         axes.plot([], [], **{**style, **(_line(curve) if predicted else {})}, label=told)
     if predicted and simulated:
         axes.plot([], [], color=SOFT, linewidth=1.6, label="line: predicted")
@@ -145,13 +145,13 @@ def _draw_panel(axes: Axes, keys: Panel, figure: Figure, curves: Sequence[Curve]
     if keys.range is not None:
         axes.set_ylim(*keys.range)
     if keys.mark_stability:
-        _mark_stability(axes, curves)
+        _mark_stability(axes, curves, figure)
     heading(axes, plain(keys.title))
     axes.set_ylabel(plain(keys.label))
     legend(axes)
 
 
-def _mark_stability(axes: Axes, curves: Sequence[Curve]) -> None:
+def _mark_stability(axes: Axes, curves: Sequence[Curve], figure: Figure) -> None:
     """Mark where verdicts change: predicted by a line over the panel, simulated by a marker."""
     dashed: dict[str, Any] = {"linewidth": 1.1, "linestyle": (0, (4, 2))}
     filled: dict[str, Any] = {"markersize": 9, "markeredgecolor": "white", "linestyle": "none"}
@@ -159,7 +159,7 @@ def _mark_stability(axes: Axes, curves: Sequence[Curve]) -> None:
         for change in predicted_changes(curve):
             axes.axvline(change.x, color=curve.colour, **dashed)
             axes.annotate(
-                f" {significant(change.x)}",
+                f" {significant(change.x)} {_unit(figure)}".rstrip(),
                 (change.x, 0.02),
                 xycoords=("data", "axes fraction"),
                 fontsize=8.8,
@@ -233,7 +233,7 @@ def stability_sentences(curve: Curve, figure: Figure) -> list[tuple[str, str]]:
     """Return a sentence on where a case is stable, with its colour; none where not measured."""
     told = []
     first, last = curve.rows[0], curve.rows[-1]
-    unit = figure.label.partition("[")[2].partition("]")[0]
+    unit = _unit(figure)
     for word, measure, changes in (
         ("predicted", "predicted_growth", predicted_changes(curve)),
         ("simulated", "stable", simulated_changes(curve)),
@@ -241,6 +241,11 @@ def stability_sentences(curve: Curve, figure: Figure) -> list[tuple[str, str]]:
         if _value(first, measure) is not None and _value(last, measure) is not None:
             told.append(f"{word} {_ranges(changes, unit)}")
     return [(curve.colour, f"{curve.label}: {'; '.join(told)}.")] if told else []
+
+
+def _unit(figure: Figure) -> str:
+    """Return what stands in brackets in the label of the horizontal axis."""
+    return figure.label.partition("[")[2].partition("]")[0]
 
 
 def _ranges(changes: Sequence[Change], unit: str) -> str:
