@@ -94,19 +94,43 @@ def test_rate_limit_walks_to_the_target_and_stays() -> None:
 
 
 @given(numbers, numbers, numbers)
-def test_shares_add_up_and_the_port_pays_first(wall: float, port: float, applied: float) -> None:
+def test_shares_add_up_and_the_wall_never_pulls(wall: float, port: float, applied: float) -> None:
     share = share_effort(wall, port, applied)
+    rest = applied - share
     scale = abs(wall) + abs(port) + abs(applied)
-    assert abs(share + (applied - share) - applied) <= 1e-15 * scale
+    slack = 1e-12 * scale
     if wall == 0.0:
         assert share == applied
-    short = applied - wall - port
-    if wall != 0.0 and port != 0.0 and short * port < 0.0:
-        # A shortfall brings the port to zero at most, and only then touches the wall.
-        assert abs(share) <= abs(port)
-        assert share * port >= 0.0
-        if abs(short) < abs(port) * (1 - 1e-12):
-            assert abs(applied - share - wall) <= 1e-9 * scale
+        return
+    side = math.copysign(1.0, wall)
+    assert -slack <= side * rest <= side * wall + slack
+    short = side * (applied - wall - port)
+    if short >= slack:  # more than was asked for: all of it is the port's
+        assert abs(rest - wall) <= slack
+    elif short <= -slack:
+        # Less: the port gives what it planned at most, and pushes no more than it asked.
+        if side * applied >= min(0.0, side * port):
+            assert min(0.0, side * port) - slack <= side * share <= max(0.0, side * port) + slack
+        # As long as the port can pay, the wall is whole.
+        if side * port >= -short:
+            assert abs(rest - wall) <= slack
+
+
+@pytest.mark.parametrize(
+    ("wall", "port", "applied", "share"),
+    [
+        (3.0, 2.0, 4.0, 1.0),  # the port pays
+        (3.0, 2.0, 1.0, 0.0),  # and then the wall
+        (3.0, -1.0, 1.0, -1.0),  # a port that pulls does not pull harder
+        (3.0, -1.0, -2.0, -2.0),  # unless the motor does, which is not the wall's doing
+        (3.0, 2.0, 6.0, 3.0),  # an excess is the port's
+        (-3.0, -2.0, -4.0, -1.0),
+        (-3.0, 1.0, -1.0, 1.0),
+        (0.0, 5.0, 2.0, 2.0),
+    ],
+)
+def test_shares_by_example(wall: float, port: float, applied: float, share: float) -> None:
+    assert share_effort(wall, port, applied) == pytest.approx(share)
 
 
 @pytest.mark.parametrize(

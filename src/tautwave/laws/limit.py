@@ -37,16 +37,20 @@ def clamp(value: float, bound: float) -> float:
     return 0.0  # NaN: every comparison above was False
 
 
+def effort_bound(p: LimitParams, ceiling: float) -> float:
+    """Return the greatest effort now: the axis' limit or the engage ramp's ceiling [N m or N]."""
+    if ceiling < p.effort:
+        return ceiling
+    return p.effort
+
+
 def limit_effort(p: LimitParams, asked: float, last: float, ceiling: float) -> float:
     """Return the resisting effort that may be sent [N m or N].
 
     Order: NaN to zero and the effort limit or the engage ramp's `ceiling`, whichever is lower;
     then the rate limit from `last`; then truncation to the drive's quantum, towards zero.
     """
-    bound = p.effort
-    if ceiling < bound:
-        bound = ceiling
-    value = clamp(asked, bound)
+    value = clamp(asked, effort_bound(p, ceiling))
     rise = value - last
     if rise > p.effort_step:
         value = last + p.effort_step
@@ -80,19 +84,26 @@ def truncate(value: float, quantum: float) -> float:
 def share_effort(wall: float, port: float, applied: float) -> float:
     """Return the part of the `applied` effort that counts as the port's [N m or N].
 
-    Out of the wall everything is the port's. In it, a shortfall first brings the port to zero,
-    then the wall; an excess (rate limit on release) is the port's.
+    Out of the wall everything is the port's. In it, a shortfall first brings a port that pushes
+    with the wall to zero, then the wall, so that a port that pulls gives no more than it planned;
+    an excess (rate limit on release) is the port's.
     """
     if wall == 0.0:
         return applied
-    short = applied - wall - port
-    if short * port > 0.0:
-        return port + short
-    if port > 0.0 and port + short > 0.0:
-        return port + short
-    if port < 0.0 and port + short < 0.0:
-        return port + short
-    return 0.0
+    side = 1.0
+    if wall < 0.0:
+        side = -1.0
+    share = side * port
+    short = side * (applied - wall - port)
+    if short >= 0.0:
+        return applied - wall
+    if share > 0.0:
+        share = share + short
+        if share < 0.0:
+            share = 0.0
+    if side * applied > share:
+        return side * share
+    return applied  # nothing is left for the wall, which never pulls
 
 
 def guard_axis(p: LimitParams, position: float, velocity: float) -> int:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from tautwave.laws.admittance import AdmittanceParams, admittance_velocity
 from tautwave.laws.coupler import coupler_effort
-from tautwave.laws.limit import LimitParams, clamp, limit_effort, share_effort
+from tautwave.laws.limit import LimitParams, clamp, effort_bound, limit_effort, share_effort
 from tautwave.laws.port import PortParams, port_effort
 from tautwave.laws.wall import WallParams, control_wall, wall_depth, wall_effort
 
@@ -84,7 +84,7 @@ def think_wave(
     if p.has_wall:
         depth = wall_depth(p.wall, position)
         if depth > 0.0:
-            wall = wall_effort(p.wall, depth, wall_velocity)
+            wall = clamp(wall_effort(p.wall, depth, wall_velocity), effort_bound(p.limit, ceiling))
             if p.wall.controlled:
                 wall = control_wall(p.wall, wall, wall_energy, coast, mobility, p.port.period)
     port, ahead = port_effort(p.port, account, coast - mobility * wall, arriving)
@@ -121,7 +121,7 @@ def think_position(
     if p.has_wall:
         depth = wall_depth(p.wall, position)
         if depth > 0.0:
-            wall = wall_effort(p.wall, depth, wall_velocity)
+            wall = clamp(wall_effort(p.wall, depth, wall_velocity), effort_bound(p.limit, ceiling))
             if p.wall.controlled:
                 mobility = p.port.half_mobility
                 coast = velocity - mobility * (impulse + 2.0 * pending)
