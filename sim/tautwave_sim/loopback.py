@@ -6,6 +6,7 @@ not model is a host so late that a command misses its slot by half a period.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -71,13 +72,14 @@ class LoopbackDriver:
     ) -> None:
         self._world = transport
         self._clock = clock
-        self._servo = [spec.causality == "admittance" for spec in axes]
+        servos = [spec.causality == "admittance" for spec in axes]
+        self._targets = list(zip(transport.axes, servos, strict=True))
         self._enabled = False
         period = transport.axes[0].period
-        periods = int(options.command_delay_s / period + 1e-9)
-        self.command_delay = CommandDelay(
-            periods, max(0.0, options.command_delay_s - periods * period)
-        )
+        periods = math.floor(options.command_delay_s / period + 1e-9)
+        rest = options.command_delay_s - periods * period
+        # Rounding leaves a rest of a whole number of periods: that is none, as in `axis`.
+        self.command_delay = CommandDelay(periods, rest if rest > 1e-9 * period else 0.0)
 
     def open(self) -> None:
         """Torque off; the devices stand still until they are enabled."""
@@ -100,13 +102,13 @@ class LoopbackDriver:
 
     def write(self, commands: Sequence[AxisCommand]) -> None:
         """Hand one command to every axis; ignored while not enabled."""
-        if len(commands) != len(self._servo):
+        if len(commands) != len(self._targets):
             raise DriverError(
-                f"loopback: {len(commands)} commands for {len(self._servo)} axes; "
+                f"loopback: {len(commands)} commands for {len(self._targets)} axes; "
                 "write one command per axis, in the order of the rig file"
             )
         if self._enabled:
-            for axis, servo, command in zip(self._world.axes, self._servo, commands, strict=True):
+            for (axis, servo), command in zip(self._targets, commands, strict=True):
                 axis.command(command.velocity if servo else command.effort)
 
     def faults(self) -> Sequence[Fault]:
@@ -115,7 +117,7 @@ class LoopbackDriver:
 
     def disable(self) -> None:
         """Zero command on every axis, then ignore commands."""
-        self.write([SAFE_COMMAND] * len(self._servo))
+        self.write([SAFE_COMMAND] * len(self._targets))
         self._enabled = False
 
     def close(self) -> None:
