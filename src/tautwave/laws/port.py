@@ -188,26 +188,27 @@ def port_close(
         Leaving wave [W**0.5], account [J], gap [W**0.5 s], energy absorbed by the port and by
         the series damper [J], energy forgiven [J].
     """
-    span = periods * p.period
+    period = p.period
+    span = periods * period
     slipped = p.slip * effort
     advance = displacement - span * slipped
     income = effort * advance + wave_energy
     burnt = effort * slipped * span
     account = account + income
     plain = p.root * (velocity - slipped) - wave_sum / periods
-    gap = gap + p.root * advance - p.period * wave_sum
-    leaving = plain + p.repay * (gap / p.period - plain)
+    gap = gap + p.root * advance - period * wave_sum
+    leaving = plain + p.repay * (gap / period - plain)
     if account <= 0.0:
         leaving = 0.0
     else:
-        ceiling = math.sqrt(2.0 * account / p.period)
+        ceiling = math.sqrt(2.0 * account / period)
         if leaving > ceiling:
             leaving = ceiling
         elif leaving < -ceiling:
             leaving = -ceiling
-    sent = 0.5 * p.period * leaving * leaving
+    sent = 0.5 * period * leaving * leaving
     account = account - sent
-    gap = gap - p.period * leaving
+    gap = gap - period * leaving
     forgiven = 0.0
     if account < 0.0 and p.allowance > 0.0:
         forgiven = periods * p.allowance

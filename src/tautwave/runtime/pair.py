@@ -155,12 +155,14 @@ class WavePair(Pair):
                 two.receive(at_slave)
             one.pass_slot()
             two.pass_slot()
-        if master.valid:
-            one.close(master.position, master.effort)
+        position, _, effort, master_valid, _ = master
+        if master_valid:
+            one.close(position, effort)
         else:
             one.miss()
-        if slave.valid:
-            two.close(slave.position, slave.effort)
+        position, _, effort, slave_valid, _ = slave
+        if slave_valid:
+            two.close(position, effort)
         else:
             two.miss()
         from_master = one.leaving
@@ -176,11 +178,11 @@ class WavePair(Pair):
             one.receive(from_slave)
             two.receive(from_master)
         guard = 0
-        if master.valid:
+        if master_valid:
             guard = one.think(0.0, 0.0, ramp * one.ceiling)
         elif one.stopping:
             one.fade(ramp * one.ceiling)
-        if slave.valid:
+        if slave_valid:
             guard += 8 * two.think(0.0, 0.0, ramp * two.ceiling)
         elif two.stopping:
             two.fade(ramp * two.ceiling)
@@ -247,17 +249,19 @@ class PositionPair(Pair):
             self._exchange()
             one.pass_slot()
             two.pass_slot()
-        if master.valid:
-            one.close(master.position, master.effort)
+        position, _, effort, master_valid, _ = master
+        if master_valid:
+            one.close(position, effort)
         else:
             one.miss()
-        if slave.valid:
-            two.close(slave.position, slave.effort)
+        position, _, effort, slave_valid, _ = slave
+        if slave_valid:
+            two.close(position, effort)
         else:
             two.miss()
         self._book()
         self._think(
-            *self._exchange(), ramp=ramp, master_valid=master.valid, slave_valid=slave.valid
+            *self._exchange(), ramp=ramp, master_valid=master_valid, slave_valid=slave_valid
         )
 
     def _think(
