@@ -9,6 +9,7 @@ Cargo & Shisha 1966 (Bernstein coefficients bound a polynomial); Schur 1918, Coh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 
@@ -22,8 +23,7 @@ DEPTH = 400
 def common_integers(*parts: Sequence[float | Fraction]) -> list[list[int]]:
     """Return all the numbers times one common positive factor, as integers, exactly."""
     exact = [[Fraction(value) for value in part] for part in parts]
-    scale = max((value.denominator for part in exact for value in part), default=1)
-    # Denominators are powers of two: the greatest is a multiple of all.
+    scale = math.lcm(*(value.denominator for part in exact for value in part))
     return [[int(value * scale) for value in part] for part in exact]
 
 
@@ -68,7 +68,7 @@ def find_negative(poly: Whole) -> tuple[Fraction, Fraction] | None:
     return None
 
 
-def is_schur(denominator: Sequence[float]) -> bool:
+def is_schur(denominator: Sequence[float | Fraction]) -> bool:
     """Return whether all roots lie strictly inside the unit circle, exactly (Schur, Cohn).
 
     `denominator` has its highest power first.
@@ -87,7 +87,7 @@ def is_schur(denominator: Sequence[float]) -> bool:
 
 
 def reduce_fraction(
-    numerator: Sequence[float], denominator: Sequence[float]
+    numerator: Sequence[float | Fraction], denominator: Sequence[float | Fraction]
 ) -> tuple[list[Fraction], list[Fraction]]:
     """Return numerator and denominator without their common factor; highest power first."""
     top = _trim([Fraction(value) for value in numerator])
@@ -95,6 +95,8 @@ def reduce_fraction(
     first, second = bottom, top
     while second != [0]:
         first, second = second, _divide(first, second)[1]
+    if len(first) == 1:
+        return top, bottom
     return _divide(top, first)[0], _divide(bottom, first)[0]
 
 
@@ -104,9 +106,7 @@ def _trim(poly: list[Fraction]) -> list[Fraction]:
     return poly
 
 
-def _divide(
-    top: list[Fraction], bottom: list[Fraction]
-) -> tuple[list[Fraction], list[Fraction]]:
+def _divide(top: list[Fraction], bottom: list[Fraction]) -> tuple[list[Fraction], list[Fraction]]:
     """Return quotient and remainder."""
     if len(top) < len(bottom):
         return [Fraction(0)], top

@@ -83,8 +83,9 @@ def loop_roots(master: LinearEnd, slave: LinearEnd, samples: int) -> npt.NDArray
     own = np.concatenate([np.linalg.eigvals(end.a) for end in (master, slave)])
     turns = 2 * samples
     circle = np.exp(2j * np.pi * (np.arange(turns) + 0.3) / turns)
-    jitter = 1e-4 * np.exp(1j * (1.0 + 2.4 * np.arange(len(own))))
-    z = np.concatenate([0.999 * circle, own * 0.9999 + jitter]).astype(np.complex128)
+    apart = np.exp(1j * (1.0 + 2.4 * np.arange(len(own))))
+    begin = np.where(np.abs(own) > 0.1, 0.9999 * own + 1e-4 * apart, 0.5 * apart)
+    z = np.concatenate([0.999 * circle, begin]).astype(np.complex128)
     for turn in range(ROUNDS):
         step = np.zeros_like(z)
         alive = np.abs(z) > DEAD
@@ -93,9 +94,9 @@ def loop_roots(master: LinearEnd, slave: LinearEnd, samples: int) -> npt.NDArray
         step[alive] = _newton(master, slave, turns, own, z[alive] + beside)
         for first in range(0, len(z), 512):
             part = slice(first, first + 512)
-            apart = z[part, None] - z[None, :]
-            apart[apart == 0.0] = np.inf
-            step[part] = step[part] / (1.0 - step[part] * (1.0 / apart).sum(axis=1))
+            between = z[part, None] - z[None, :]
+            between[between == 0.0] = np.inf
+            step[part] = step[part] / (1.0 - step[part] * (1.0 / between).sum(axis=1))
         # A step beyond the neighbours only confuses them.
         step *= np.minimum(1.0, 0.2 / np.maximum(np.abs(step), 1e-300))
         z = z - step
@@ -105,7 +106,7 @@ def loop_roots(master: LinearEnd, slave: LinearEnd, samples: int) -> npt.NDArray
     return z
 
 
-DEAD = 0.05
+DEAD = 1e-3
 """Roots this small are left where they are: gone within a few periods, often many in one place."""
 
 ROUNDS = 200

@@ -11,6 +11,7 @@ Sources: Colgate & Schenkel, "Passivity of a class of sampled-data systems", J. 
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from typing import NamedTuple
 
 from tautwave.errors import ConfigError
@@ -44,8 +45,8 @@ class SampledWall(NamedTuple):
 class PulseTransfer(NamedTuple):
     """E(z): effort [N or N m] per position [m or rad]; real coefficients, highest power first."""
 
-    numerator: tuple[float, ...]
-    denominator: tuple[float, ...] = (1.0,)
+    numerator: tuple[float | Fraction, ...]
+    denominator: tuple[float | Fraction, ...] = (1.0,)
 
 
 SNAP = 1e-9
@@ -84,14 +85,16 @@ def velocity_gain(wall: SampledWall) -> float:
 
 
 def wall_transfer(wall: SampledWall) -> PulseTransfer:
-    """Return E(z) = K + B g (z - 1) / (T (z - 1 + g)) of a wall, without its delay."""
-    gain = velocity_gain(wall)
-    slope = wall.damping * gain / wall.period
+    """Return E(z) = K + B g (z - 1) / (T (z - 1 + g)) of a wall, without its delay.
+
+    The coefficients are fractions and exact: beside a large K a slow filter's B would be rounded.
+    """
+    stiffness = Fraction(wall.stiffness)
     if wall.damping == 0.0:
-        return PulseTransfer((wall.stiffness,))
-    return PulseTransfer(
-        (wall.stiffness + slope, -(wall.stiffness * (1.0 - gain) + slope)), (1.0, gain - 1.0)
-    )
+        return PulseTransfer((stiffness,))
+    gain = Fraction(wall.period) / (Fraction(wall.period) + Fraction(wall.filter_s))
+    slope = Fraction(wall.damping) * gain / Fraction(wall.period)
+    return PulseTransfer((stiffness + slope, stiffness * (gain - 1) - slope), (1, gain - 1))
 
 
 def tustin_velocity(damping: float, period: float, leak: float = 1.0) -> PulseTransfer:
