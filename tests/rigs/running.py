@@ -74,9 +74,16 @@ def tree(*changes: Tree, base: Tree = BASE) -> Tree:
     return out
 
 
+class Plain(yaml.SafeDumper):
+    """Writes everything out: rig files have no aliases."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True
+
+
 def rig_of(data: Tree) -> Rig:
     """Return the checked rig of a dictionary, by way of its YAML text."""
-    return parse_rig(yaml.safe_dump(data, sort_keys=False))
+    return parse_rig(yaml.dump(data, Dumper=Plain, sort_keys=False))
 
 
 class ListSink:
