@@ -123,6 +123,16 @@ def test_velocity_tracking_with_a_hand_and_a_large_impedance_rests_on_the_accoun
     assert 1.001 < found < 1.003
 
 
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_a_steady_force_that_nobody_predicts_costs_b_T_over_m_of_the_effort(share: float) -> None:
+    """At rest in a hand's steady grip, R (1 + b T / believed mass) = -root a: known, not free."""
+    b, arriving, effort = 20.0, -0.7, 0.0
+    p = params(b, share)
+    for _ in range(200):
+        effort, _ = port_effort(p, RICH, -p.half_mobility * effort, arriving)
+    assert effort * (1.0 + b * T / (share * MASS)) == pytest.approx(-p.root * arriving, rel=1e-12)
+
+
 # -- the counterexamples -----------------------------------------------------------------------
 
 
