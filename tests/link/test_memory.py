@@ -167,7 +167,7 @@ def rig_admittance(omega: float, damping: float, clamped_slave: bool) -> complex
     root = math.sqrt(2.0 * B)
 
     def cycle(state: list[float]) -> list[float]:
-        v, moved, velocity, impulse, gap, acted, wave, xs, vs, xd, before = state[:11]
+        v, moved, velocity, _, gap, acted, wave, xs, vs, xd, before = state[:11]
         ahead, back = state[11 : 10 + samples], state[10 + samples : -1]
         leaving, _, gap, *_ = port_close(p, RICH, gap, moved, 1.0, moved / period, acted, wave, 0.0)
         arriving = back[0]
