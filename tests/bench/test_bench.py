@@ -11,7 +11,18 @@ import pytest
 from click.testing import CliRunner
 
 from tautwave import bench
-from tautwave.bench import calls, child, chunks, compiled, live, result, rigs, suites, think
+from tautwave.bench import (
+    calls,
+    child,
+    chunks,
+    compiled,
+    live,
+    plain_c,
+    result,
+    rigs,
+    suites,
+    think,
+)
 from tautwave.bench.result import Goal, Suite, Table
 from tautwave.cli import bench as cli_bench
 from tautwave.cli import main
@@ -210,3 +221,30 @@ def test_a_suite_is_plain_data() -> None:
     suite = Suite("x", [Table("t", "w", ("a", "b_ns"), [["one", 2.0]])], [])
     assert suite.as_dict()["tables"][0]["rows"] == [{"a": "one", "b_ns": 2.0}]
     assert "processor" in result.machine()
+
+
+def test_simulate_against_c_where_there_is_no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plain_c, "has_numba", lambda: False)
+    table, goals = plain_c.simulate_costs((rigs.ONE_PAIR,), 1)
+    assert table.rows[0][1] is None
+    assert goals[0].met is None
+    assert "numba" in goals[0].why_not
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_both_engines_are_timed_on_the_same_tables(same: bool) -> None:
+    """Stand-ins for the kernels: compiling one takes longer than a test should."""
+
+    def one(*tables: Any) -> int:
+        tables[-1][:] = 1.0
+        return 1
+
+    def other(*tables: Any) -> int:
+        tables[-1][:] = 1.0 if same else 2.0
+        return 1
+
+    rig = rigs.BenchRig("own", "absent.yaml", "one-pair.yaml")
+    steps, found, equal = plain_c._measure(rig, {"a": one, "b": other}, 1, 0.002)
+    assert steps == 2
+    assert set(found) == {"a", "b"}
+    assert equal is same
