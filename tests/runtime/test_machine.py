@@ -1,0 +1,76 @@
+"""Real-time conditions: asked for, told in words, and put back."""
+
+from __future__ import annotations
+
+import gc
+import os
+
+import pytest
+
+from tautwave.runtime.machine import quiet_collector, realtime
+
+
+def test_the_collector_is_off_inside_and_back_afterwards() -> None:
+    assert gc.isenabled()
+    with pytest.raises(RuntimeError), quiet_collector():
+        assert not gc.isenabled()
+        assert gc.get_freeze_count() > 0
+        raise RuntimeError
+    assert gc.isenabled()
+    assert gc.get_freeze_count() == 0
+
+
+def test_a_collector_that_was_off_stays_off() -> None:
+    gc.disable()
+    try:
+        with quiet_collector():
+            assert not gc.isenabled()
+        assert not gc.isenabled()
+    finally:
+        gc.enable()
+
+
+def test_nothing_asked_for_is_said() -> None:
+    with realtime(0, None, False) as told:
+        assert told == [
+            "not pinned to a core",
+            "mlockall not asked for",
+            "SCHED_FIFO not asked for",
+        ]
+
+
+def test_a_core_is_taken_and_given_back() -> None:
+    before = os.sched_getaffinity(0)
+    core = min(before)
+    with pytest.raises(RuntimeError), realtime(0, core, False) as told:
+        assert told[0] == f"pinned to core {core}"
+        assert os.sched_getaffinity(0) == {core}
+        raise RuntimeError
+    assert os.sched_getaffinity(0) == before
+
+
+def test_a_core_that_is_not_there_is_refused_in_words() -> None:
+    with realtime(0, 1000, False) as told:
+        assert told[0].startswith("core 1000 refused (")
+
+
+def test_a_refused_priority_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = os.sched_setscheduler
+
+    def refuse(pid: int, policy: int, param: os.sched_param) -> None:
+        if policy == os.SCHED_FIFO:
+            raise PermissionError(1, "Operation not permitted")
+        real(pid, policy, param)
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    with realtime(50, None, False) as told:
+        assert told[2].startswith("SCHED_FIFO refused (Operation not permitted)")
+
+
+def test_a_granted_priority_is_told_and_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    monkeypatch.setattr(os, "sched_setscheduler", lambda *args: asked.append(args[1]))
+    before = os.sched_getscheduler(0)
+    with realtime(50, None, False) as told:
+        assert told[2] == "SCHED_FIFO, priority 50"
+    assert asked == [os.SCHED_FIFO, before]
