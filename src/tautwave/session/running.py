@@ -122,7 +122,7 @@ def run(
         "started_utc": started.isoformat(timespec="seconds"),
         "command": command,
         "clock": clock,
-        "duration_s": result.cycles * rig.period_s,
+        "duration_s": (result.cycles + result.missed_cycles) * rig.period_s,
         "rate_hz": rig.rate_hz,
         "cycles": result.cycles,
         "missed_cycles": result.missed_cycles,
@@ -185,7 +185,7 @@ def _interrupts(loop: Loop) -> Iterator[None]:
 def _outcome(result: LoopResult, assembly: Assembly) -> tuple[dict[str, str], int]:
     """Return kind and sentence of how the run ended, and the exit code."""
     error = result.error
-    seconds = result.cycles * assembly.settings.period_ns * 1e-9
+    seconds = (result.cycles + result.missed_cycles) * assembly.settings.period_ns * 1e-9
     if error is None:
         if result.interrupted:
             return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
