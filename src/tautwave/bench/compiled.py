@@ -3,16 +3,10 @@
 from __future__ import annotations
 
 import importlib
-import inspect
-import pkgutil
 import time
-from collections.abc import Callable, Iterator
 from importlib.util import find_spec
-from types import ModuleType
 from typing import Any
 
-import tautwave.laws
-import tautwave.models
 from tautwave.bench.calls import Call
 from tautwave.bench.chunks import Work
 
@@ -27,23 +21,14 @@ def has_numba() -> bool:
 def kernels(calls: tuple[Call, ...]) -> dict[str, Work]:
     """Return, for each call, the work of doing it in a compiled loop.
 
-    Each turn's first argument along the chain depends on the result of the turn before, so the
+    Each turn's argument along the chain depends on the result of the turn before, so the
     compiler can neither drop nor overlap the calls; the time is that of a step in a simulation.
     """
+    from tautwave.offline.compiled import compiled_kernel
+
     numba: Any = importlib.import_module("numba")
-    extending: Any = importlib.import_module("numba.extending")
-    for function in _functions():
-        extending.register_jitable(function)
+    compiled_kernel()  # makes laws and models known to numba, with the simulation's own settings
     return {call.name: _work(numba, call) for call in calls}
-
-
-def _functions() -> Iterator[Callable[..., Any]]:
-    for package in (tautwave.laws, tautwave.models):
-        for found in pkgutil.iter_modules(package.__path__):
-            module: ModuleType = importlib.import_module(f"{package.__name__}.{found.name}")
-            for _, function in inspect.getmembers(module, inspect.isfunction):
-                if function.__module__ == module.__name__:
-                    yield function
 
 
 def _work(numba: Any, call: Call) -> Work:
@@ -68,7 +53,7 @@ def _work(numba: Any, call: Call) -> Work:
                 last = float(law(*(*head, start + link * last, *tail)))
             return last
 
-    compiled = numba.njit(run)
+    compiled = numba.njit(error_model="numpy")(run)
 
     def work(n: int) -> float:
         began = time.thread_time_ns()
