@@ -108,7 +108,7 @@ def _check_damping(device_damping: float) -> None:
 def _greatest(base: SampledWall, full: SampledWall, device_damping: float) -> float:
     """Return the greatest s for which base + s (full - base) is passive; -inf if none is."""
     check_wall(full)
-    limit = min(_cut(base, full, device_damping, t) for t in np.linspace(0.0, math.pi, 65))
+    limit = min(_cut(base, full, device_damping, t) for t in np.linspace(0.0, math.pi, 65).tolist())
     for _ in range(100):
         if limit == -math.inf:
             break
@@ -119,9 +119,10 @@ def _greatest(base: SampledWall, full: SampledWall, device_damping: float) -> fl
         if leak.damping <= device_damping * (1.0 + 0.5 * TIGHT):
             break
         lower = _cut(base, full, device_damping, leak.theta)
+        if lower > limit + 1e-6 * abs(limit):
+            return -math.inf  # this angle asks for more, the ones before for less
         if not lower < limit:
-            # Rounding holds it up: step down by what is left.
-            lower = limit - 1e-12 * abs(limit)
+            lower = limit - 1e-12 * abs(limit)  # rounding holds it up
         limit = lower
     return limit
 
@@ -156,7 +157,7 @@ def _cut(base: SampledWall, full: SampledWall, device_damping: float, theta: flo
     if a == 0.0:
         if half == 0.0:
             return math.inf if c >= 0.0 else -math.inf
-        return c / (2.0 * half) if half > 0.0 else math.inf if c >= 0.0 else math.inf
+        return c / (2.0 * half) if half > 0.0 else math.inf
     square = half * half + a * c
     if square < 0.0:
         return -math.inf

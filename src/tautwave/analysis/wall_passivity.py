@@ -207,7 +207,7 @@ class LeakForm(NamedTuple):
             if not high > low:
                 break
             grid = np.linspace(low, high, 17)
-        return grid[int(np.argmax(self.values(grid)))][None]
+        return np.array([grid[int(np.argmax(self.values(grid)))]])
 
 
 ALGEBRAIC = 80
