@@ -171,7 +171,13 @@ def think_admittance(
         bound = ceiling
     velocity = clamp(asked, bound)
     if p.velocity_quantum > 0.0:
-        velocity = p.velocity_quantum * math.floor(velocity / p.velocity_quantum + 0.5)
+        counts = math.floor(velocity / p.velocity_quantum + 0.5)
+        # Rounding is to the nearest step, but never over the limit.
+        if p.velocity_quantum * counts > bound:
+            counts = counts - 1
+        elif p.velocity_quantum * counts < -bound:
+            counts = counts + 1
+        velocity = p.velocity_quantum * counts
     wall = 0.0
     if wall_stiffness > 0.0:
         half = 0.5 * wall_stiffness * p.port.period
