@@ -34,7 +34,7 @@ def position_law(stiffness: float, damping: float) -> list[str]:
     return ["coupling.law=position", f"coupling.pairs.cart={pair}"]
 
 
-def growth(rig: Rig, duration: float = 20.0) -> tuple[float, bool]:
+def growth(rig: Rig, duration: float = 10.0) -> tuple[float, bool]:
     columns, _, outcome = simulate_rows(rig, duration)
     energy = moving_energy(Point("", "", {}, rig, "cart", duration), columns)
     found = growth_of(energy, rig.period_s)

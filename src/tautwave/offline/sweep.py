@@ -24,7 +24,7 @@ from tautwave.offline.sweep_measure import measure_point
 from tautwave.offline.sweep_rows import simulate_rows
 
 TABLE = "points.csv"
-CHUNKS = 8
+CHUNKS = 32
 """Pieces per worker: enough to share the work evenly, few enough to cost nothing."""
 
 Row = dict[str, str]
@@ -84,10 +84,7 @@ def run_sweep(
                     file.flush()
                     rows.update({row["id"]: row for row in done})
                     if progress is not None:
-                        progress(
-                            len(rows) / len(plan.points),
-                            f"{len(rows)} of {len(plan.points)} points",
-                        )
+                        progress(len(rows) / len(plan.points), "simulating")
             except KeyboardInterrupt:
                 interrupted = True
             finally:
@@ -179,7 +176,7 @@ def _ignore_interrupts() -> None:
 
 
 def _pooled(plan: SweepPlan, points: Sequence[Point], jobs: int) -> Generator[list[Row]]:
-    """Simulate chunks of points in a pool; what was begun is waited for, never killed."""
+    """Simulate chunks of points in a pool; what was begun is waited for and kept, never killed."""
     size = max(1, len(points) // (jobs * CHUNKS))
     chunks = [points[at : at + size] for at in range(0, len(points), size)]
     pool = ProcessPoolExecutor(
@@ -193,5 +190,14 @@ def _pooled(plan: SweepPlan, points: Sequence[Point], jobs: int) -> Generator[li
             done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for future in done:
                 yield future.result()
+    except KeyboardInterrupt:
+        pool.shutdown(cancel_futures=True)
+        yield [
+            row
+            for future in waiting
+            if future.done() and not future.cancelled()
+            for row in future.result()
+        ]
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
