@@ -162,7 +162,8 @@ class LeakForm(NamedTuple):
         """Return the greatest y, a proved upper bound of it, and its theta."""
         powers = LeakForm(*(_in_powers(part) for part in self))
         thetas = self._proposals()
-        value, best = max((_exact(powers, t), t) for t in _places(thetas))
+        # Where several are as great the lowest frequency is reported.
+        value, best = max(((_exact(powers, t), t) for t in _places(thetas)), key=_rank)
         scale = abs(value)
         if scale == 0.0:
             scale = float(np.abs(self.values(np.linspace(0.0, math.pi, 65))).max())
@@ -177,7 +178,8 @@ class LeakForm(NamedTuple):
             spread = np.linspace(0.5 * ends[0], min(1.0, 2.0 * ends[1]), 65)
             near = self._climb(2.0 * np.arcsin(spread))
             better = [*found, *map(Fraction, _places(near))]
-            value, best = max((value, best), *((_exact(powers, t), float(t)) for t in better))
+            others = [(_exact(powers, t), float(t)) for t in better]
+            value, best = max([(value, best), *others], key=_rank)
 
     def _proposals(self) -> Floats:
         """Return the angles at which the greatest y may be."""
@@ -281,6 +283,10 @@ def _in_powers(series: Whole) -> Whole:
 def _places(thetas: Floats) -> list[float]:
     """Return t of the angles, and both ends."""
     return [0.0, 1.0, *(math.sin(0.5 * float(theta)) ** 2 for theta in thetas)]
+
+
+def _rank(found: tuple[float, float]) -> tuple[float, float]:
+    return found[0], -found[1]
 
 
 def _exact(powers: LeakForm, t: float | Fraction) -> float:

@@ -75,7 +75,9 @@ def quantum_sentence(verdict: WallVerdict, name: str = "wall", *, rotary: bool =
         )
     if math.isinf(verdict.activity):
         return f"{name}: {why}, and with too little damping the energy it gives has no bound."
-    return f"{name}: {why}; at most {verdict.activity:.2g} J per two samples come out."
+    return (
+        f"{name}: {why}; at most {_number(verdict.activity, up=True)} J per two samples come out."
+    )
 
 
 def _reasons(verdict: WallVerdict, damper: str) -> str:
