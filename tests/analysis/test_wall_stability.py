@@ -36,7 +36,9 @@ def simulated_growth(wall: SampledWall, device: Device) -> float:
         device.mass, device.damping, 0.0, device.stiffness, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
     )
     law = WallParams(0.0, 1.0, wall.stiffness, wall.damping, controlled=False)
-    spring, damper = wall_effort(law, 1.0, 0.0), wall_effort(law, 1e-300, 1.0)
+    # A wall never pulls: of a negative damper the other side is taken.
+    sign = math.copysign(1.0, wall.damping)
+    spring, damper = wall_effort(law, 1.0, 0.0), sign * wall_effort(law, 1e-300, sign)
     whole, rest = split_delay(wall.delay)
     spans = [rest * wall.period, (1.0 - rest) * wall.period] if rest else [wall.period]
     caches = [plant_cache(plant, span) for span in spans]
@@ -176,6 +178,17 @@ def test_a_spring_can_restabilise_what_a_negative_damper_lets_go() -> None:
         assert wall_mode(inside, Device(1e-3, 1.14)).growth < 0.0
 
 
+def test_crossings_that_hide_between_two_angles_are_found() -> None:
+    # The delay turns by half a turn just at the hand's resonance, where K(theta) is almost 0.
+    wall = SampledWall(0.0, 0.0, 0.0003157085756482452, 18.81504089595842)
+    device = Device(0.0007728820936298899, 7.206061518110321e-07, 206.12988488609838)
+    found = stable_stiffness(wall, device)
+    assert found.limit == pytest.approx(1.1, abs=0.1)
+    assert found.frequency == pytest.approx(82.0, abs=0.2)
+    assert simulated_growth(wall._replace(stiffness=0.99 * found.limit), device) < 0.0
+    assert simulated_growth(wall._replace(stiffness=1.01 * found.limit), device) > 0.0
+
+
 def test_senseless_devices_are_refused() -> None:
     with pytest.raises(ConfigError, match="mass: must be positive"):
         stable_stiffness(SampledWall(1.0), Device(0.0))
@@ -212,6 +225,7 @@ def agree(wall: SampledWall, device: Device) -> int:
     share=st.floats(-8, -0.3),
     period=st.floats(math.log10(2e-5), -2),
     damper=st.one_of(st.just(0.0), st.floats(-2, 1.5)),
+    sign=st.sampled_from([1.0, 1.0, -1.0]),
     delay=st.one_of(st.integers(0, 20).map(float), st.floats(0, 20)),
     tau=st.sampled_from([0.0, 1e-3, 1e-2]),
     grip=st.one_of(st.none(), st.floats(-1, 4)),
@@ -222,20 +236,21 @@ def test_boundary_agrees_with_the_simulated_map_to_one_percent(
     share: float,
     period: float,
     damper: float,
+    sign: float,
     delay: float,
     tau: float,
     grip: float | None,
 ) -> None:
     m, period = 10.0**mass, 10.0**period
     b = 10.0**share * m / period
-    B = 0.0 if damper == 0.0 else b * 10.0**damper
+    B = 0.0 if damper == 0.0 else sign * b * 10.0**damper
     k = 0.0 if grip is None else 10.0**grip
     assume(k * period**2 < 0.05 * m)  # a hand that the loop can see
     wall, device = SampledWall(0.0, B, period, delay, tau), Device(m, b, k)
     found = stable_stiffness(wall, device)
     agree(wall, device)
     if found.limit == 0.0:
-        small = wall._replace(stiffness=1e-3 * min(b, B or b) / period / (1 + delay))
+        small = wall._replace(stiffness=1e-3 * min(b, abs(B) or b) / period / (1 + delay))
         assert simulated_growth(small, device) > 0.0
 
 

@@ -245,6 +245,7 @@ def _crossings(gain: Callable[[Floats], Complexes], theta: Floats, period: float
     """Return where a gain along the unit circle is real; a pole is none."""
     out = []
     turn = 2.0 * math.pi * period
+    theta = _with_dips(gain, theta)
     side = np.sign(gain(theta).imag)
     side[-1] = side[-2]  # at half the sampling rate it is real anyway
     at = np.flatnonzero(side[:-1] * side[1:] < 0)
@@ -265,6 +266,28 @@ def _crossings(gain: Callable[[Floats], Complexes], theta: Floats, period: float
     if math.isfinite(end) and side[-1] != 0.0:
         out.append(Crossing(float(end), 0.5 / period, 1 if side[-2] < 0 else -1))
     return out
+
+
+def _with_dips(gain: Callable[[Floats], Complexes], theta: Floats) -> Floats:
+    """Add the angles where Im K comes closest to zero: two crossings may hide between two angles.
+
+    They do where the delay's half turn meets the device's own resonance.
+    """
+    value = gain(theta).imag
+    size = np.abs(value)
+    inner = (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (value[:-2] * value[2:] > 0)
+    at = np.flatnonzero(inner & (value[1:-1] * value[2:] > 0)) + 1
+    low, high, side = theta[at - 1], theta[at + 1], np.sign(value[at])
+    share = np.linspace(0.0, 1.0, 9)[:, None]
+    found = [theta]
+    for _ in range(20):
+        points = low + share * (high - low)
+        lowest = np.argmin(gain(points).imag * side, axis=0)
+        columns = np.arange(len(at))
+        found.append(points[lowest, columns])
+        low = points[np.maximum(lowest - 1, 0), columns]
+        high = points[np.minimum(lowest + 1, 8), columns]
+    return np.unique(np.concatenate(found))
 
 
 def _polish(wall: SampledWall, device: Device, roots: Complexes) -> Complexes:
