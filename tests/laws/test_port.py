@@ -322,3 +322,21 @@ def test_rigid_port_does_not_predict() -> None:
     p = rigid_port(T, 10.0, 0.05, 1e-9)
     assert (p.half_mobility, p.divisor, p.slip) == (0.0, 1.0, 0.0)
     assert p.root == math.sqrt(20.0)
+
+
+@pytest.mark.parametrize("share", [0.9, 0.5, 0.1, 0.0, -1.0])
+def test_with_a_debt_it_plans_to_give_only_what_is_left(share: float) -> None:
+    """Most is asked for where the port matches the device: funds are `share` of what arrives."""
+    p = params(10.0)
+    arriving = 2.0
+    energy = 0.5 * T * arriving**2
+    account = (share - 1.0) * energy
+    coast = p.root * arriving / (2.0 * 10.0)
+    wanted, _ = port_effort(p, RICH, coast, arriving)
+    effort, ahead = port_effort(p, account, coast, arriving)
+    assert -wanted * (coast - p.half_mobility * wanted) * T > 0.9 * energy
+    assert -effort * ahead * T <= max(0.0, share) * energy * (1.0 + 1e-12)
+    if share <= 0.0:
+        assert effort == 0.0
+    else:
+        assert -effort * ahead * T >= 0.9 * share * energy

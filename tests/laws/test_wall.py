@@ -211,3 +211,13 @@ def test_it_only_pushes_out_and_only_inside(x: float, v: float, side: float, B: 
     if depth == 0.0:
         assert effort == 0.0
     assert wall_stored(p, depth) == 0.5 * K * depth * depth
+
+
+def test_loss_is_what_came_in_less_what_the_spring_holds() -> None:
+    p = wall()
+    before, after = 0.002, 0.005
+    held = wall_stored(p, after) - wall_stored(p, before)
+    assert wall_loss(p, 3.0, 0.003, before, after) == pytest.approx(3.0 * 0.003 - held)
+    # A spring alone, its effort held over the period: the leak is K dx**2 / 2.
+    leak = wall_loss(p, wall_effort(p, before, 0.0), after - before, before, after)
+    assert leak == pytest.approx(-0.5 * K * (after - before) ** 2)

@@ -140,6 +140,24 @@ def test_whole_periods_of_command_delay_are_exact(periods: int, features: tuple[
         assert abs(found.sensing_gap) <= EXACT * found.gross_flow
 
 
+@pytest.mark.parametrize("periods", [0, 1, 3])
+@pytest.mark.parametrize("probability", ["missing_probability", "overrun_probability"])
+def test_gaps_are_booked_with_the_efforts_that_acted_in_them(
+    probability: str, periods: int
+) -> None:
+    """Over a missing sample the command stays, so even there the books know what acted.
+
+    With a command delay, efforts under way change inside the gap, and a mean effort times the
+    whole displacement is no longer exact; the books do not say so yet (`uncertainty` stays 0).
+    """
+    mishap = {f"simulation.faults.{probability}": 0.05, "simulation.faults.overrun_slots": 4}
+    run = run_rig(tree(MOTION, CONTACT, WALLS, line(7), delay(periods), mishap))
+    found = assert_closed(run)
+    assert run.result.missed_cycles + sum(run.result.lost) > 20
+    limit = EXACT if periods == 0 else 1e-2
+    assert abs(found.sensing_gap) <= limit * found.gross_flow
+
+
 @pytest.mark.parametrize("periods", [0.3, 1.5])
 def test_a_remainder_of_command_delay_is_an_interval(periods: float) -> None:
     run = run_rig(tree(MOTION, CONTACT, FRICTION, line(7), delay(periods)))

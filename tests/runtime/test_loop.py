@@ -478,3 +478,15 @@ def test_the_first_reason_is_the_one_that_is_told() -> None:
     )  # fmt: skip
     result = bench.loop.run()
     assert isinstance(result.error, DeviceFault)
+
+
+def test_ramps_that_overlap_multiply() -> None:
+    limit = WIDE._replace(effort=2.0)
+    bench = Bench(
+        cycles=30, engage=20, release=20, master=site(b=1000.0, limit=limit),
+        hand={"positions": lambda axis, k: 0.01 * k},
+    )  # fmt: skip
+    bench.loop.run()
+    for k, effort in enumerate(bench.efforts(bench.hand)[:30]):
+        share = min(1.0, (k + 1) / 20) * min(1.0, (30 - k) / 20)
+        assert abs(effort) <= 2.0 * share + 1e-12

@@ -172,3 +172,21 @@ def test_position_coupling_delays_what_the_other_side_sees() -> None:
         seen.append(pair.slave.command)
     # Three slots later: K x and, for the one slot in which it moved, B v.
     assert seen == pytest.approx([0.0, 0.0, 0.0, 2.1, 0.1, 0.1])
+
+
+@pytest.mark.parametrize("skipped", [0, 1, 2, 3])
+def test_a_wave_takes_as_many_slots_whether_they_are_run_or_skipped(skipped: int) -> None:
+    pair = WavePair("a", site(), site(), ONE, DelayLine(6, T), None)
+    pair.start(state(), state(), None)
+    pair.engage(1.0)
+    pair.cycle(state(0.0), state(), 0, 1.0)
+    pair.master.account = 1.0
+    pair.cycle(state(0.001), state(), 0, 1.0)
+    sent = pair.master.leaving
+    assert sent > 0.0
+    pair.cycle(state(0.001), state(), skipped, 1.0)
+    for _ in range(4 - skipped):
+        pair.cycle(state(0.001), state(), 0, 1.0)
+    assert pair.slave.arrived == 0.0
+    pair.cycle(state(0.001), state(), 0, 1.0)
+    assert pair.slave.arrived == sent
