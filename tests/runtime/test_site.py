@@ -91,10 +91,11 @@ def test_the_gap_is_closed_as_a_whole() -> None:
     assert whole.velocity == pytest.approx(parts.velocity, rel=1e-9)
 
 
-def test_a_known_mass_is_predicted_exactly() -> None:
+@pytest.mark.parametrize("gain", [1.0, 0.3])
+def test_a_known_mass_is_predicted_exactly(gain: float) -> None:
     """The prediction of every acting period comes true, for a free mass and any delay."""
     for delay in (0, 1, 2):
-        axis = site(mass=0.5, delay=delay)
+        axis = site(mass=0.5, delay=delay, gain=gain)
         axis.start(0.0, math.nan, 0.0)
         axis.receive(0.7)
         x = v = 0.0
@@ -170,3 +171,22 @@ def test_start_forgets_everything() -> None:
         step(axis, 3e-3, 0.2)
     for name in ("command", "account", "gap", "velocity", "port_energy", "wall_absorbed", "burnt"):
         assert getattr(fresh, name) == getattr(used, name), name
+
+
+def test_an_admittance_axis_books_the_mean_of_two_efforts() -> None:
+    axis = site(admittance=True, limit=WIDE._replace(velocity=1.0))
+    axis.start(0.0, 2.0, 0.0)
+    axis.pass_slot()
+    axis.close(1e-3, 4.0)
+    assert axis.port_energy == pytest.approx(3e-3)
+    assert axis.uncertainty == pytest.approx(1e-3)  # from 2 mJ to 4 mJ
+
+
+def test_the_walls_observer_begins_anew_with_each_contact() -> None:
+    axis = site(wall=WALL, mass=1e9, b=1e-6)
+    for x in (1e-3, 2e-3, 3e-3):
+        step(axis, x)
+    assert axis.wall_contact_energy > 0.0
+    step(axis, -1e-3)
+    assert axis.wall_contact_energy == 0.0
+    assert axis.wall_absorbed != 0.0
