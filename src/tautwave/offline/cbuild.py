@@ -34,7 +34,7 @@ RECORDS = (
 def kernel_text() -> str:
     """Return the kernel as one C file, with the sizes of its records checked against NumPy's."""
     checks = "".join(
-        f'_Static_assert(sizeof(R_{record.__name__}) == {records.record_type(record).itemsize}, '
+        f"_Static_assert(sizeof(R_{record.__name__}) == {records.record_type(record).itemsize}, "
         f'"layout of {record.__name__}");\n'
         for record in RECORDS
     )

@@ -12,15 +12,7 @@ from tautwave.laws.coupler import coupler_stored
 from tautwave.laws.wall import wall_effort
 from tautwave.laws.wave import filter_step
 from tautwave.offline.records import Body, Couple, PairParams, Side, SideParams
-from tautwave.offline.side import (
-    close_side,
-    fade_side,
-    miss_side,
-    pass_side,
-    receive_side,
-    start_side,
-    think_side,
-)
+from tautwave.offline.side import receive_side, start_side
 
 
 def mismatch(q: PairParams, master_position: float, slave_position: float, offset: float) -> float:
@@ -38,7 +30,7 @@ def start_pair(
     p2: SideParams,
     master: Body,
     slave: Body,
-    lines: MutableSequence[float],
+    table: MutableSequence[float],
 ) -> None:
     """Engage at the measured positions."""
     gap = 0.0
@@ -52,10 +44,10 @@ def start_pair(
     if not q.by_wave:
         c.at = 0
         for i in range(q.samples):
-            lines[q.line + i] = master.position
-            lines[q.line + q.samples + i] = slave.position
-            lines[q.line + 2 * q.samples + i] = 0.0
-            lines[q.line + 3 * q.samples + i] = 0.0
+            table[q.line + i] = master.position
+            table[q.line + q.samples + i] = slave.position
+            table[q.line + 2 * q.samples + i] = 0.0
+            table[q.line + 3 * q.samples + i] = 0.0
         book_spring(c, q, one, two, p1)
         c.start_stored = c.stored
 
@@ -73,17 +65,17 @@ def arm_side(s: Side, p: SideParams, share: float) -> bool:
 def exchange_waves(
     c: Couple,
     q: PairParams,
-    lines: MutableSequence[float],
+    table: MutableSequence[float],
     from_master: float,
     from_slave: float,
 ) -> tuple[float, float]:
     """Pass one slot on the wave line; return the waves arriving at (master, slave)."""
     ahead = q.line + c.at
     back = ahead + q.samples
-    at_slave = lines[ahead]
-    at_master = lines[back]
-    lines[ahead] = from_master
-    lines[back] = from_slave
+    at_slave = table[ahead]
+    at_master = table[back]
+    table[ahead] = from_master
+    table[back] = from_slave
     c.at += 1
     if c.at == q.samples:
         c.at = 0
@@ -97,23 +89,23 @@ def exchange_waves(
 
 
 def exchange_states(
-    c: Couple, q: PairParams, one: Side, two: Side, lines: MutableSequence[float]
+    c: Couple, q: PairParams, one: Side, two: Side, table: MutableSequence[float]
 ) -> tuple[float, float, float, float]:
     """Pass one slot; return far position and velocity at the master, then at the slave."""
     if q.samples == 0:
         return two.position, two.velocity, one.position, one.velocity
     at = q.line + c.at
-    ahead = lines[at]
-    lines[at] = one.position
+    ahead = table[at]
+    table[at] = one.position
     at = at + q.samples
-    back = lines[at]
-    lines[at] = two.position
+    back = table[at]
+    table[at] = two.position
     at = at + q.samples
-    ahead_rate = lines[at]
-    lines[at] = one.velocity
+    ahead_rate = table[at]
+    table[at] = one.velocity
     at = at + q.samples
-    back_rate = lines[at]
-    lines[at] = two.velocity
+    back_rate = table[at]
+    table[at] = two.velocity
     c.at += 1
     if c.at == q.samples:
         c.at = 0
@@ -144,142 +136,57 @@ def filter_waves(
     return u, w
 
 
-def decide_side(
-    s: Side,
-    p: SideParams,
-    pipes: MutableSequence[float],
-    valid: bool,
-    far_position: float,
-    far_velocity: float,
-    ramp: float,
-) -> int:
-    """Think if there is a sample; without one, fade while stopping, else keep the command."""
-    if valid:
-        return think_side(s, p, pipes, far_position, far_velocity, ramp * p.ceiling)
-    if s.stopping:
-        fade_side(s, p, ramp * p.ceiling)
-    return 0
-
-
-def think_states(
+def skip_slot(
     c: Couple,
     q: PairParams,
     one: Side,
     two: Side,
     p1: SideParams,
     p2: SideParams,
-    pipes: MutableSequence[float],
-    lines: MutableSequence[float],
-    master_valid: bool,
-    slave_valid: bool,
-    ramp: float,
-) -> int:
-    """Exchange positions and think on both sides, each in its own units."""
-    back, back_rate, ahead, ahead_rate = exchange_states(c, q, one, two, lines)
-    far = q.to_master * (back - c.offset)
-    guard = decide_side(one, p1, pipes, master_valid, far, q.to_master * back_rate, ramp)
-    far = q.ratio * ahead + c.offset
-    return guard + 8 * decide_side(two, p2, pipes, slave_valid, far, q.ratio * ahead_rate, ramp)
-
-
-def engage_pair(
-    c: Couple,
-    q: PairParams,
-    one: Side,
-    two: Side,
-    p1: SideParams,
-    p2: SideParams,
-    pipes: MutableSequence[float],
-    lines: MutableSequence[float],
-    ramp: float,
+    table: MutableSequence[float],
 ) -> None:
-    """Think for the first time, with nothing on its way yet."""
+    """Pass a slot that the loop did not see: nothing enters the line, what leaves it arrives."""
     if q.by_wave:
-        receive_side(one, p1, 0.0)
-        decide_side(one, p1, pipes, True, 0.0, 0.0, ramp)
-        receive_side(two, p2, 0.0)
-        decide_side(two, p2, pipes, True, 0.0, 0.0, ramp)
-    else:
-        think_states(c, q, one, two, p1, p2, pipes, lines, True, True, ramp)
-
-
-def close_or_miss(s: Side, p: SideParams, body: Body) -> None:
-    """Close with the sample of this cycle, if there is one."""
-    if body.valid:
-        close_side(s, p, body.position, body.effort)
-    else:
-        miss_side(s)
-
-
-def cycle_waves(
-    c: Couple,
-    q: PairParams,
-    one: Side,
-    two: Side,
-    p1: SideParams,
-    p2: SideParams,
-    master: Body,
-    slave: Body,
-    pipes: MutableSequence[float],
-    lines: MutableSequence[float],
-    skipped: int,
-    ramp: float,
-) -> int:
-    """Run one cycle of a wave pair; `skipped` slots went by unseen before it."""
-    at_master = 0.0
-    at_slave = 0.0
-    pass_side(one, p1, pipes)
-    pass_side(two, p2, pipes)
-    for _ in range(skipped):
         at_master = 0.0
         at_slave = 0.0
         if q.samples > 0:
-            at_master, at_slave = exchange_waves(c, q, lines, 0.0, 0.0)
+            at_master, at_slave = exchange_waves(c, q, table, 0.0, 0.0)
         receive_side(one, p1, at_master)
         receive_side(two, p2, at_slave)
-        pass_side(one, p1, pipes)
-        pass_side(two, p2, pipes)
-    close_or_miss(one, p1, master)
-    close_or_miss(two, p2, slave)
-    from_master = one.leaving
-    from_slave = two.leaving
-    if q.filtered:
-        from_master, from_slave = filter_waves(c, q, from_master, from_slave)
-    if q.samples > 0:
-        at_master, at_slave = exchange_waves(c, q, lines, from_master, from_slave)
     else:
-        at_master = from_slave
-        at_slave = from_master
-    receive_side(one, p1, at_master)
-    receive_side(two, p2, at_slave)
-    guard = decide_side(one, p1, pipes, master.valid, 0.0, 0.0, ramp)
-    return guard + 8 * decide_side(two, p2, pipes, slave.valid, 0.0, 0.0, ramp)
+        exchange_states(c, q, one, two, table)
 
 
-def cycle_states(
+def meet(
     c: Couple,
     q: PairParams,
     one: Side,
     two: Side,
     p1: SideParams,
     p2: SideParams,
-    master: Body,
-    slave: Body,
-    pipes: MutableSequence[float],
-    lines: MutableSequence[float],
-    skipped: int,
-    ramp: float,
-) -> int:
-    """Run one cycle of a position coupling."""
-    pass_side(one, p1, pipes)
-    pass_side(two, p2, pipes)
-    for _ in range(skipped):
-        exchange_states(c, q, one, two, lines)
-        pass_side(one, p1, pipes)
-        pass_side(two, p2, pipes)
-    close_or_miss(one, p1, master)
-    close_or_miss(two, p2, slave)
-    book_spring(c, q, one, two, p1)
-    return think_states(
-        c, q, one, two, p1, p2, pipes, lines, master.valid, slave.valid, ramp
-    )
+    table: MutableSequence[float],
+    fresh: bool,
+) -> None:
+    """Exchange what both sides closed; `fresh` is the first time, with nothing on its way yet."""
+    if q.by_wave:
+        at_master = 0.0
+        at_slave = 0.0
+        if not fresh:
+            from_master = one.leaving
+            from_slave = two.leaving
+            if q.filtered:
+                from_master, from_slave = filter_waves(c, q, from_master, from_slave)
+            at_master = from_slave
+            at_slave = from_master
+            if q.samples > 0:
+                at_master, at_slave = exchange_waves(c, q, table, from_master, from_slave)
+        receive_side(one, p1, at_master)
+        receive_side(two, p2, at_slave)
+    else:
+        if not fresh:
+            book_spring(c, q, one, two, p1)
+        back, back_rate, ahead, ahead_rate = exchange_states(c, q, one, two, table)
+        one.far = q.to_master * (back - c.offset)
+        one.far_rate = q.to_master * back_rate
+        two.far = q.ratio * ahead + c.offset
+        two.far_rate = q.ratio * ahead_rate

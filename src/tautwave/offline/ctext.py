@@ -275,8 +275,7 @@ class Function(Expressions):
             self._serial += 1
             self._write(f"{whole.kind.c} t{self._serial} = {whole.text};")
             parts = [
-                Value(f"t{self._serial}._{index}", kind)
-                for index, kind in enumerate(whole.kind.of)
+                Value(f"t{self._serial}._{index}", kind) for index, kind in enumerate(whole.kind.of)
             ]
         if len(parts) != len(targets):
             self.refuse(node, f"{len(parts)} values for {len(targets)} names")

@@ -27,14 +27,16 @@ def command_body(b: Body, d: DeviceParams, value: float) -> None:
     b.command = value
 
 
-def hand_motion(b: Body, d: DeviceParams, references: Sequence[float]) -> tuple[float, float]:
-    """Return the hand's reference [rad or m] at this slot and its rate until the next."""
+def aim_hand(b: Body, d: DeviceParams, table: Sequence[float]) -> None:
+    """Note the hand's reference [rad or m] at this slot and its rate until the next."""
+    b.reference = 0.0
+    b.rate = 0.0
     if b.slot < d.last:
-        here = references[d.reference + b.slot]
-        return here, (references[d.reference + b.slot + 1] - here) / d.period
-    if d.last >= 0:
-        return references[d.reference + d.last], 0.0
-    return 0.0, 0.0
+        here = table[d.reference + b.slot]
+        b.reference = here
+        b.rate = (table[d.reference + b.slot + 1] - here) / d.period
+    elif d.last >= 0:
+        b.reference = table[d.reference + d.last]
 
 
 def move_body(
@@ -88,52 +90,46 @@ def body_stored(b: Body, d: DeviceParams, reference: float) -> tuple[float, floa
     return servo_stored(d.servo, b.x, b.v, reference)
 
 
-def pass_body(
-    b: Body, d: DeviceParams, references: Sequence[float], pipes: MutableSequence[float]
-) -> None:
+def pass_body(b: Body, d: DeviceParams, table: MutableSequence[float]) -> None:
     """Move by one slot of the loop's grid."""
-    reference, rate = hand_motion(b, d, references)
+    reference = b.reference
     command = b.command
     if d.delay > 0:
         at = d.pipe + b.head
-        command = pipes[at]
-        pipes[at] = b.command
+        command = table[at]
+        table[at] = b.command
         b.head += 1
         if b.head == d.delay:
             b.head = 0
+    acting = command
     span = d.period
+    parts = 1
     if d.late > 0.0:
-        late = d.late * d.period
-        move_body(b, d, b.acting, reference, rate, late)
-        reference = reference + rate * late
-        span = d.period - late
-        b.acting = command
-    move_body(b, d, command, reference, rate, span)
+        acting = b.acting
+        span = d.late * d.period
+        parts = 2
+    for _ in range(parts):
+        move_body(b, d, acting, reference, b.rate, span)
+        reference = reference + b.rate * span
+        span = d.period - span
+        acting = command
+    b.acting = command
     b.slot += 1
+    aim_hand(b, d, table)
 
 
-def measure_body(
-    b: Body,
-    d: DeviceParams,
-    cycle: int,
-    references: Sequence[float],
-    noise: Sequence[float],
-    missing: Sequence[bool],
-) -> None:
-    """Report what the drive measures at this slot."""
+def measure_body(b: Body, d: DeviceParams, noise: float, missing: bool) -> None:
+    """Report what the drive measures at this slot; `noise` is of standard deviation 1."""
     position = b.x
     if d.position_noise > 0.0:
-        position = position + d.position_noise * noise[d.draws + cycle]
+        position = position + d.position_noise * noise
     if d.encoder_quantum > 0.0:
         position = quantise(position, d.encoder_quantum)
     b.position = position
-    b.valid = True
-    if d.loses:
-        b.valid = not missing[d.draws + cycle]
+    b.valid = not missing
     b.effort = math.nan
     if d.kind == SERVO:
-        reference, rate = hand_motion(b, d, references)
-        hand, environment = body_forces(b, d, reference, rate)
+        hand, environment = body_forces(b, d, b.reference, b.rate)
         b.effort = hand + environment
         if d.effort_quantum > 0.0:
             b.effort = quantise(b.effort, d.effort_quantum)

@@ -9,22 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import MutableSequence, Sequence
 
-from tautwave.offline.couple import (
-    arm_side,
-    cycle_states,
-    cycle_waves,
-    engage_pair,
-    mismatch,
-    start_pair,
-)
-from tautwave.offline.device import command_body, measure_body, pass_body
+from tautwave.offline.couple import arm_side, meet, mismatch, skip_slot, start_pair
+from tautwave.offline.device import aim_hand, command_body, measure_body, pass_body
 from tautwave.offline.records import (
+    BROKEN,
     FINISHED,
     GUARD,
     MISMATCH,
     MISSING,
     NOT_ARMED,
     OVERRUN,
+    SERVO,
     Body,
     Couple,
     DeviceParams,
@@ -35,7 +30,7 @@ from tautwave.offline.records import (
     SideParams,
 )
 from tautwave.offline.rows import fill_body, fill_pair
-from tautwave.offline.side import start_side
+from tautwave.offline.side import close_side, decide_side, pass_side, start_side
 
 
 def ramp_share(r: RunParams, o: Outcome, slot: int) -> float:
@@ -52,48 +47,34 @@ def ramp_share(r: RunParams, o: Outcome, slot: int) -> float:
 
 def begin_stop(
     r: RunParams, o: Outcome, sides: Sequence[Side], slot: int, kind: int, which: int, code: int
-) -> None:
-    """Begin a passive stop; only the first reason is kept."""
-    if o.kind == FINISHED:
-        o.kind = kind
-        o.slot = slot
-        o.which = which
-        o.code = code
+) -> bool:
+    """Begin a passive stop; return True if this is the first reason, which is the one kept."""
     for i in range(r.axes):
         s = sides[i]
         s.stopping = True
     end = slot + 1 + r.release_cycles
     if end < o.end:
         o.end = end
+    if o.kind != FINISHED:
+        return False
+    o.kind = kind
+    o.slot = slot
+    o.which = which
+    o.code = code
+    return True
 
 
-def sense(
-    r: RunParams,
-    o: Outcome,
-    sides: Sequence[Side],
-    bodies: Sequence[Body],
-    devices: Sequence[DeviceParams],
-    references: Sequence[float],
-    noise: Sequence[float],
-    missing: Sequence[bool],
-    pipes: MutableSequence[float],
-    slot: int,
-    cycle: int,
-) -> None:
-    """Bring every device to this slot and measure it; count what is missing."""
-    for i in range(r.axes):
-        b = bodies[i]
-        d = devices[i]
-        while b.slot < slot:
-            pass_body(b, d, references, pipes)
-        measure_body(b, d, cycle, references, noise, missing)
-        s = sides[i]
-        if b.valid:
-            s.missing = 0
-        else:
-            s.missing += 1
-            if s.missing == r.missing_limit and o.kind == FINISHED:
-                begin_stop(r, o, sides, slot, MISSING, i, s.missing)
+def lose(r: RunParams, o: Outcome, sides: Sequence[Side], b: Body, slot: int, which: int) -> None:
+    """Count an axis without a usable sample; stop if it is a broken one or one too many."""
+    if b.valid:
+        b.valid = False
+        if begin_stop(r, o, sides, slot, BROKEN, which, 0):
+            o.first = b.position
+            o.second = b.effort
+    s = sides[which]
+    s.missing += 1
+    if s.missing == r.missing_limit and o.kind == FINISHED:
+        begin_stop(r, o, sides, slot, MISSING, which, s.missing)
 
 
 def engage(
@@ -104,15 +85,15 @@ def engage(
     bodies: Sequence[Body],
     pairs: Sequence[PairParams],
     couples: Sequence[Couple],
-    pipes: MutableSequence[float],
-    lines: MutableSequence[float],
+    table: MutableSequence[float],
     slot: int,
 ) -> bool:
     """Start the pairs at what is measured; return False if the run must not begin."""
+    if o.kind != FINISHED:
+        return True
     armed = True
     for k in range(r.pairs):
         q = pairs[k]
-        c = couples[k]
         master = bodies[q.master]
         slave = bodies[q.slave]
         if not (master.valid and slave.valid):
@@ -130,26 +111,10 @@ def engage(
         two = sides[q.slave]
         p1 = params[q.master]
         p2 = params[q.slave]
-        start_pair(c, q, one, two, p1, p2, master, slave, lines)
-        armed = (
-            arm_side(one, p1, r.arm_share) and arm_side(two, p2, r.arm_share) and armed
-        )
+        start_pair(couples[k], q, one, two, p1, p2, master, slave, table)
+        armed = arm_side(one, p1, r.arm_share) and arm_side(two, p2, r.arm_share) and armed
     if armed:
         o.armed_at = slot
-        ramp = ramp_share(r, o, slot)
-        for k in range(r.pairs):
-            q = pairs[k]
-            engage_pair(
-                couples[k],
-                q,
-                sides[q.master],
-                sides[q.slave],
-                params[q.master],
-                params[q.slave],
-                pipes,
-                lines,
-                ramp,
-            )
     elif slot * r.period_ns > r.arm_timeout_ns:
         o.kind = NOT_ARMED
         o.slot = slot
@@ -157,52 +122,19 @@ def engage(
     return True
 
 
-def couple_all(
-    r: RunParams,
-    o: Outcome,
-    params: Sequence[SideParams],
-    sides: Sequence[Side],
-    bodies: Sequence[Body],
-    pairs: Sequence[PairParams],
-    couples: Sequence[Couple],
-    pipes: MutableSequence[float],
-    lines: MutableSequence[float],
-    slot: int,
-    skipped: int,
+def stop_on_guard(
+    r: RunParams, o: Outcome, sides: Sequence[Side], pairs: Sequence[PairParams], slot: int
 ) -> None:
-    """Close, exchange and think on every pair; stop on the first guard that speaks."""
-    ramp = ramp_share(r, o, slot)
-    guarded = False
-    for k in range(r.pairs):
-        q = pairs[k]
-        c = couples[k]
-        one = sides[q.master]
-        two = sides[q.slave]
-        p1 = params[q.master]
-        p2 = params[q.slave]
-        master = bodies[q.master]
-        slave = bodies[q.slave]
-        if q.by_wave:
-            c.guard = cycle_waves(
-                c, q, one, two, p1, p2, master, slave, pipes, lines, skipped, ramp
-            )
-        else:
-            c.guard = cycle_states(
-                c, q, one, two, p1, p2, master, slave, pipes, lines, skipped, ramp
-            )
-        if c.guard != 0:
-            guarded = True
-    if guarded and o.kind == FINISHED:
-        for k in range(r.pairs):
-            code = couples[k].guard
-            if code != 0 and o.kind == FINISHED:
-                which = pairs[k].master
-                if code % 8 == 0:
-                    which = pairs[k].slave
-                    code = code // 8
-                begin_stop(r, o, sides, slot, GUARD, which, code % 8)
-                o.first = sides[which].position
-                o.second = sides[which].velocity
+    """Stop because a limit was passed; the first axis that did is named."""
+    for k in range(2 * r.pairs):
+        which = pairs[k // 2].master
+        if k % 2 == 1:
+            which = pairs[k // 2].slave
+        s = sides[which]
+        if s.guard != 0 and o.kind == FINISHED:
+            begin_stop(r, o, sides, slot, GUARD, which, s.guard)
+            o.first = s.position
+            o.second = s.velocity
 
 
 def run_rig(
@@ -214,34 +146,86 @@ def run_rig(
     bodies: Sequence[Body],
     pairs: Sequence[PairParams],
     couples: Sequence[Couple],
-    references: Sequence[float],
-    noise: Sequence[float],
-    missing: Sequence[bool],
-    overruns: Sequence[bool],
-    pipes: MutableSequence[float],
-    lines: MutableSequence[float],
+    table: MutableSequence[float],
+    flags: Sequence[bool],
     out: MutableSequence[float],
 ) -> int:
-    """Run all cycles; return how many rows were written into `out`, one after the other."""
+    """Run all cycles; return how many rows were written into `out`, one after the other.
+
+    The loops over axes and pairs stand here and not in functions of their own, because handing
+    on a table costs numba as much as a small law.
+    """
     r = runs[0]
     o = outcomes[0]
     o.end = r.cycles
     o.armed_at = -1
     for i in range(r.axes):
         start_side(sides[i], params[i], 0.0, math.nan, 0.0)
+        aim_hand(bodies[i], devices[i], table)
     at = 0
     slot = 0
     cycle = 0
     skipped = 0
     while slot < o.end:
-        sense(r, o, sides, bodies, devices, references, noise, missing, pipes, slot, cycle)
-        if o.armed_at < 0:
-            if not engage(r, o, params, sides, bodies, pairs, couples, pipes, lines, slot):
-                return cycle
-        else:
-            couple_all(
-                r, o, params, sides, bodies, pairs, couples, pipes, lines, slot, skipped
-            )
+        # sense
+        for i in range(r.axes):
+            b = bodies[i]
+            d = devices[i]
+            while b.slot < slot:
+                pass_body(b, d, table)
+            noise = 0.0
+            if d.position_noise > 0.0:
+                noise = table[d.noise + cycle]
+            measure_body(b, d, noise, d.loses and flags[d.missing + cycle])
+            total = b.position
+            if d.kind == SERVO:
+                total = total + b.effort
+            if b.valid and total - total == 0.0:
+                s = sides[i]
+                s.missing = 0
+            else:
+                lose(r, o, sides, b, slot, i)
+        # close
+        if o.armed_at >= 0:
+            for passed in range(skipped + 1):
+                if passed > 0:
+                    for k in range(r.pairs):
+                        q = pairs[k]
+                        one = sides[q.master]
+                        two = sides[q.slave]
+                        p1 = params[q.master]
+                        skip_slot(couples[k], q, one, two, p1, params[q.slave], table)
+                for i in range(r.axes):
+                    pass_side(sides[i], params[i], table)
+            for i in range(r.axes):
+                s = sides[i]
+                b = bodies[i]
+                if b.valid:
+                    close_side(s, params[i], b.position, b.effort)
+                else:
+                    s.valid = False
+                    s.leaving = 0.0
+        elif not engage(r, o, params, sides, bodies, pairs, couples, table, slot):
+            return cycle
+        # exchange and think
+        if o.armed_at >= 0:
+            fresh = o.armed_at == slot
+            for k in range(r.pairs):
+                q = pairs[k]
+                one = sides[q.master]
+                two = sides[q.slave]
+                p1 = params[q.master]
+                meet(couples[k], q, one, two, p1, params[q.slave], table, fresh)
+            ramp = ramp_share(r, o, slot)
+            guarded = False
+            for i in range(r.axes):
+                s = sides[i]
+                s.guard = decide_side(s, params[i], table, bodies[i].valid, ramp)
+                if s.guard != 0:
+                    guarded = True
+            if guarded and not fresh and o.kind == FINISHED:
+                stop_on_guard(r, o, sides, pairs, slot)
+        # act and record
         out[at] = slot * r.period_ns * 1e-9
         out[at + 1] = 0.0
         out[at + 2] = 0.0
@@ -249,23 +233,17 @@ def run_rig(
         at = at + 4
         for k in range(r.pairs):
             q = pairs[k]
-            at = fill_pair(
-                out,
-                at,
-                couples[k],
-                q,
-                sides[q.master],
-                sides[q.slave],
-                params[q.master],
-                params[q.slave],
-                pipes,
-            )
+            one = sides[q.master]
+            two = sides[q.slave]
+            p1 = params[q.master]
+            at = fill_pair(out, at, couples[k], q, one, two, p1, params[q.slave], table)
         for i in range(r.axes):
             command_body(bodies[i], devices[i], sides[i].command)
-            at = fill_body(out, at, bodies[i], devices[i], references)
+            at = fill_body(out, at, bodies[i], devices[i])
+        # sleep
         slot = slot + 1
         skipped = 0
-        if r.overruns and overruns[cycle]:
+        if r.overruns and flags[cycle]:
             skipped = r.overrun_slots
             slot = slot + skipped
             if skipped >= r.overrun_limit:

@@ -61,12 +61,8 @@ class Job(NamedTuple):
     sides: tuple[SideParams, ...]
     devices: tuple[DeviceParams, ...]
     pairs: tuple[PairParams, ...]
-    references: Array
-    noise: Array
-    missing: Array
-    overruns: Array
-    pipe_size: int
-    line_size: int
+    table: Array
+    flags: Array
 
 
 class Tables(NamedTuple):
@@ -80,12 +76,8 @@ class Tables(NamedTuple):
     bodies: Any
     pairs: Any
     couples: Any
-    references: Any
-    noise: Any
-    missing: Any
-    overruns: Any
-    pipes: Any
-    lines: Any
+    table: Any
+    flags: Any
     out: Any
 
 
@@ -116,21 +108,20 @@ def pack_rig(rig: Rig, duration_s: float | None = None) -> Job:
     models = [axis_model(rig, name, cycles) for name in axes]
     if round(models[0].period * 1e9) != rig.period_ns:
         raise ConfigError(f"rate_hz: {rig.rate_hz!r} has no period in whole ns; use a rounder rate")
-    at = 0
-    sides = []
-    for name in axes:
-        sides.append(pack_side(rig, name, delays[name], at))
-        at += 4 * sides[-1].delay
-    devices = []
-    first = 0
-    for index, model in enumerate(models):
-        devices.append(pack_device(model, at, first, index * cycles))
-        at += devices[-1].delay
-        first += len(model.reference)
-    pairs = tuple(
-        pack_pair(rig, name, axes, number) for number, name in enumerate(rig.coupling.pairs)
-    )
     faults = rig.simulation.faults
+    floats = Pieces(np.float64)
+    flags = Pieces(np.bool_)
+    flags.add(draw_overruns(rig.seed, faults.overrun_probability, cycles))
+    sides = []
+    devices = []
+    for name, model in zip(axes, models, strict=True):
+        at = floats.add(np.zeros(4 * delays[name].periods))
+        sides.append(pack_side(rig, name, delays[name], at))
+        devices.append(pack_device(model, floats, flags, cycles))
+    pairs = []
+    for name in rig.coupling.pairs:
+        at = floats.add(np.zeros(4 * rig.delay_samples))
+        pairs.append(pack_pair(rig, name, axes, at))
     return Job(
         rig=rig,
         columns=tuple(assembly.columns),
@@ -139,14 +130,30 @@ def pack_rig(rig: Rig, duration_s: float | None = None) -> Job:
         run=pack_run(rig, cycles, len(axes), len(pairs)),
         sides=tuple(sides),
         devices=tuple(devices),
-        pairs=pairs,
-        references=np.array([x for model in models for x in model.reference], dtype=np.float64),
-        noise=draw_noise(models, cycles),
-        missing=draw_missing(models, cycles),
-        overruns=draw_overruns(rig.seed, faults.overrun_probability, cycles),
-        pipe_size=at,
-        line_size=4 * rig.delay_samples * len(pairs),
+        pairs=tuple(pairs),
+        table=floats.join(),
+        flags=flags.join(),
     )
+
+
+class Pieces:
+    """A table in the making: pieces laid end to end."""
+
+    def __init__(self, kind: type[Any]) -> None:
+        self._kind = kind
+        self._pieces: list[Array] = []
+        self._size = 0
+
+    def add(self, piece: Array) -> int:
+        """Add a piece and return the index of its first number."""
+        at = self._size
+        self._pieces.append(piece)
+        self._size += len(piece)
+        return at
+
+    def join(self) -> Array:
+        """Return the table, never empty."""
+        return np.concatenate([*self._pieces, np.zeros(1)]).astype(self._kind)
 
 
 def pack_run(rig: Rig, cycles: int, axes: int, pairs: int) -> RunParams:
@@ -190,8 +197,8 @@ def pack_side(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> SideP
     )
 
 
-def pack_device(model: AxisModel, pipe: int, reference: int, draws: int) -> DeviceParams:
-    """Return the truth of one axis; as a simulated axis reads it."""
+def pack_device(model: AxisModel, floats: Pieces, flags: Pieces, cycles: int) -> DeviceParams:
+    """Return the truth of one axis, as a simulated axis reads it; its tables are added."""
     whole = math.floor(model.command_delay + 1e-9)
     share = model.command_delay - whole
     kind = PLANT
@@ -213,15 +220,16 @@ def pack_device(model: AxisModel, pipe: int, reference: int, draws: int) -> Devi
         velocity_quantum=model.velocity_quantum,
         effort_limit=model.effort_limit,
         delay=whole,
-        pipe=pipe,
-        reference=reference,
+        pipe=floats.add(np.zeros(whole)),
+        reference=floats.add(np.asarray(model.reference, dtype=np.float64)),
         last=len(model.reference) - 1,
-        draws=draws,
+        noise=floats.add(draw_noise(model, cycles)),
+        missing=flags.add(draw_missing(model, cycles)),
         loses=model.missing_probability > 0.0,
     )
 
 
-def pack_pair(rig: Rig, name: str, axes: Sequence[str], number: int) -> PairParams:
+def pack_pair(rig: Rig, name: str, axes: Sequence[str], line: int) -> PairParams:
     """Return one pair; as `rig.make_loop_pair`."""
     keys = rig.coupling.pairs[name]
     scale = pair_scale(keys)
@@ -245,36 +253,29 @@ def pack_pair(rig: Rig, name: str, axes: Sequence[str], number: int) -> PairPara
         offset=0.0 if offset is None else offset,
         tolerance=tolerance,
         samples=samples,
-        line=4 * samples * number,
+        line=line,
     )
 
 
-def draw_noise(models: Sequence[AxisModel], cycles: int) -> Array:
-    """Return the position noise of every axis and cycle; one number if nothing is noisy."""
-    if not any(model.position_noise > 0.0 for model in models):
-        return np.zeros(1)
-    table = np.zeros((len(models), cycles))
-    for row, model in zip(table, models, strict=True):
-        if model.position_noise > 0.0:
-            row[:] = np.random.default_rng((*model.seed, NOISE)).standard_normal(cycles)
-    return table.reshape(-1)
+def draw_noise(model: AxisModel, cycles: int) -> Array:
+    """Return the position noise of every cycle, of standard deviation 1; nothing without noise."""
+    if model.position_noise == 0.0:
+        return np.zeros(0)
+    return np.random.default_rng((*model.seed, NOISE)).standard_normal(cycles)
 
 
-def draw_missing(models: Sequence[AxisModel], cycles: int) -> Array:
+def draw_missing(model: AxisModel, cycles: int) -> Array:
     """Return which samples are missing; the first never is, and nothing is drawn for it."""
-    if not any(model.missing_probability > 0.0 for model in models):
-        return np.zeros(1, dtype=np.bool_)
-    table = np.zeros((len(models), cycles), dtype=np.bool_)
-    for row, model in zip(table, models, strict=True):
-        draws = np.random.default_rng((*model.seed, MISSING)).random(cycles - 1)
-        row[1:] = draws < model.missing_probability
-    return table.reshape(-1)
+    if model.missing_probability == 0.0:
+        return np.zeros(0)
+    draws = np.random.default_rng((*model.seed, MISSING)).random(cycles - 1)
+    return np.append(False, draws < model.missing_probability)
 
 
 def draw_overruns(seed: int, probability: float, cycles: int) -> Array:
     """Return after which cycles the loop oversleeps."""
     if probability == 0.0:
-        return np.zeros(1, dtype=np.bool_)
+        return np.zeros(0)
     draws = np.random.default_rng((seed % SEED_WORD, OVERRUN)).random(cycles)
     return np.asarray(draws < probability)
 
@@ -297,12 +298,8 @@ def record_tables(job: Job, out: Array | None = None) -> Tables:
         bodies=_standing(job, blank(Body, len(job.axes))),
         pairs=records(PairParams, job.pairs),
         couples=blank(Couple, len(job.pairs)),
-        references=job.references,
-        noise=job.noise,
-        missing=job.missing,
-        overruns=job.overruns,
-        pipes=np.zeros(job.pipe_size),
-        lines=np.zeros(job.line_size),
+        table=job.table.copy(),
+        flags=job.flags,
         out=np.empty(job.run.cycles * len(job.columns)) if out is None else out,
     )
 
@@ -321,12 +318,8 @@ def object_tables(job: Job) -> Tables:
         bodies=bodies,
         pairs=job.pairs,
         couples=[empty(Couple) for _ in job.pairs],
-        references=job.references.tolist(),
-        noise=job.noise.tolist(),
-        missing=job.missing.tolist(),
-        overruns=job.overruns.tolist(),
-        pipes=[0.0] * job.pipe_size,
-        lines=[0.0] * job.line_size,
+        table=job.table.tolist(),
+        flags=job.flags.tolist(),
         out=np.empty(job.run.cycles * len(job.columns)),
     )
 

@@ -24,8 +24,9 @@ FINISHED = 0
 MISSING = 1
 OVERRUN = 2
 GUARD = 3
-MISMATCH = 4
-NOT_ARMED = 5
+BROKEN = 4
+MISMATCH = 5
+NOT_ARMED = 6
 """Ways in which a run ends; the last two before it has begun."""
 
 
@@ -69,7 +70,7 @@ class DeviceParams(NamedTuple):
     """The truth of one axis; see `truth.AxisModel`.
 
     `reference` and `last` are the first index in the table of references and the number of the
-    last one (-1: no hand); `draws` the first index in the tables of noise and missing samples.
+    last one (-1: no hand); `noise` and `missing` are the first indices of the drawn ones.
     """
 
     plant: PlantParams
@@ -88,7 +89,8 @@ class DeviceParams(NamedTuple):
     pipe: int
     reference: int
     last: int
-    draws: int
+    noise: int
+    missing: int
     loses: bool
 
 
@@ -136,6 +138,8 @@ class Side:
     port: float
     wall: float
     wave: float
+    far: float
+    far_rate: float
     acted_total: float
     acted_port: float
     acted_wall: float
@@ -157,6 +161,7 @@ class Side:
     count: int
     head: int
     missing: int
+    guard: int
     valid: bool
     stopping: bool
 
@@ -175,6 +180,8 @@ class Body:
     command: float
     acting: float
     held: float
+    reference: float
+    rate: float
     position: float
     effort: float
     mode: int
@@ -200,7 +207,6 @@ class Couple:
     stored: float
     start_stored: float
     at: int
-    guard: int
 
 
 class Outcome:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import MutableSequence, Sequence
+from collections.abc import MutableSequence
 
 from tautwave.laws.wall import wall_stored
-from tautwave.offline.device import body_forces, body_stored, hand_motion
+from tautwave.offline.device import body_forces, body_stored
 from tautwave.offline.records import Body, Couple, DeviceParams, PairParams, Side, SideParams
 from tautwave.offline.side import waiting_energy
 
@@ -36,11 +36,8 @@ def fill_side(out: MutableSequence[float], at: int, s: Side, p: SideParams) -> i
     return at
 
 
-def fill_port(
-    out: MutableSequence[float], at: int, s: Side, p: SideParams, pipes: MutableSequence[float]
-) -> int:
+def fill_port(out: MutableSequence[float], at: int, s: Side, p: SideParams, waiting: float) -> int:
     """Write the accounts of a wave port and of its series damper."""
-    waiting = waiting_energy(s, p, pipes)
     out[at] = p.weight * (s.port_absorbed + waiting)
     out[at + 1] = p.weight * (s.account + waiting)
     out[at + 2] = -p.weight * s.forgiven
@@ -73,7 +70,7 @@ def fill_pair(
     two: Side,
     p1: SideParams,
     p2: SideParams,
-    pipes: MutableSequence[float],
+    table: MutableSequence[float],
 ) -> int:
     """Write all columns of a pair at index `at`; return the next index."""
     at = fill_side(out, at, one, p1)
@@ -82,8 +79,8 @@ def fill_pair(
     out[at + 1] = one.port + q.sign * two.port / q.force_scale
     at = at + 2
     if q.by_wave:
-        at = fill_port(out, at, one, p1, pipes)
-        at = fill_port(out, at, two, p2, pipes)
+        at = fill_port(out, at, one, p1, waiting_energy(one, p1, table))
+        at = fill_port(out, at, two, p2, waiting_energy(two, p2, table))
         if q.filtered:
             out[at] = c.filter_master_absorbed
             out[at + 1] = c.filter_master_stored
@@ -107,22 +104,15 @@ def fill_pair(
     return fill_wall(out, at, two, p2)
 
 
-def fill_body(
-    out: MutableSequence[float],
-    at: int,
-    b: Body,
-    d: DeviceParams,
-    references: Sequence[float],
-) -> int:
+def fill_body(out: MutableSequence[float], at: int, b: Body, d: DeviceParams) -> int:
     """Write the truth of one axis at index `at`; return the next index."""
-    reference, rate = hand_motion(b, d, references)
-    hand, environment = body_forces(b, d, reference, rate)
-    kinetic, grip, surroundings = body_stored(b, d, reference)
+    hand, environment = body_forces(b, d, b.reference, b.rate)
+    kinetic, grip, surroundings = body_stored(b, d, b.reference)
     out[at] = b.x
     out[at + 1] = b.v
     at = at + 2
     if d.last >= 0:
-        out[at] = reference
+        out[at] = b.reference
         out[at + 1] = hand
         at = at + 2
     out[at] = environment

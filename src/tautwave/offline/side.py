@@ -64,7 +64,7 @@ def start_side(s: Side, p: SideParams, position: float, outside: float, gap: flo
     s.contact_energy = 0.0
 
 
-def pass_side(s: Side, p: SideParams, pipes: MutableSequence[float]) -> None:
+def pass_side(s: Side, p: SideParams, table: MutableSequence[float]) -> None:
     """One slot went by: the command that acted in it joins the open interval."""
     total = s.total
     port = s.port
@@ -72,14 +72,14 @@ def pass_side(s: Side, p: SideParams, pipes: MutableSequence[float]) -> None:
     wave = s.wave
     if p.delay > 0:
         at = p.pipe + 4 * s.head
-        total = pipes[at]
-        port = pipes[at + 1]
-        wall = pipes[at + 2]
-        wave = pipes[at + 3]
-        pipes[at] = s.total
-        pipes[at + 1] = s.port
-        pipes[at + 2] = s.wall
-        pipes[at + 3] = s.wave
+        total = table[at]
+        port = table[at + 1]
+        wall = table[at + 2]
+        wave = table[at + 3]
+        table[at] = s.total
+        table[at + 1] = s.port
+        table[at + 2] = s.wall
+        table[at + 3] = s.wave
         s.head += 1
         if s.head == p.delay:
             s.head = 0
@@ -184,29 +184,21 @@ def close_side(s: Side, p: SideParams, position: float, outside: float) -> None:
     s.count = 0
 
 
-def miss_side(s: Side) -> None:
-    """No sample in this cycle: nothing is known, nothing leaves, the command stays."""
-    s.valid = False
-    s.leaving = 0.0
-
-
-def pending_effort(s: Side, p: SideParams, pipes: MutableSequence[float]) -> float:
+def pending_effort(s: Side, p: SideParams, table: MutableSequence[float]) -> float:
     """Return the sum of the commands that are still to act, oldest first."""
     pending = 0.0
     for i in range(p.delay):
         at = s.head + i
         if at >= p.delay:
             at = at - p.delay
-        pending += pipes[p.pipe + 4 * at]
+        pending += table[p.pipe + 4 * at]
     return pending
 
 
 def think_side(
     s: Side,
     p: SideParams,
-    pipes: MutableSequence[float],
-    far_position: float,
-    far_velocity: float,
+    table: MutableSequence[float],
     ceiling: float,
 ) -> int:
     """Decide the next command; return the guard's code (0: all is well)."""
@@ -214,7 +206,7 @@ def think_side(
     if guard != 0 or s.stopping:
         stop_side(s, p, ceiling)
         return guard
-    pending = pending_effort(s, p, pipes)
+    pending = pending_effort(s, p, table)
     if not p.impedance:
         velocity, held, asked = think_admittance(
             p.site, s.position, s.outside, pending, s.wave_in, ceiling
@@ -248,8 +240,8 @@ def think_side(
             s.wall_velocity,
             s.impulse,
             pending,
-            far_position,
-            far_velocity,
+            s.far,
+            s.far_rate,
             s.total,
             ceiling,
         )
@@ -287,13 +279,24 @@ def fade_side(s: Side, p: SideParams, ceiling: float) -> None:
         s.command = -total
 
 
-def waiting_energy(s: Side, p: SideParams, pipes: MutableSequence[float]) -> float:
+def decide_side(
+    s: Side, p: SideParams, table: MutableSequence[float], valid: bool, ramp: float
+) -> int:
+    """Think if there is a sample; without one, fade while stopping, else keep the command."""
+    if valid:
+        return think_side(s, p, table, ramp * p.ceiling)
+    if s.stopping:
+        fade_side(s, p, ramp * p.ceiling)
+    return 0
+
+
+def waiting_energy(s: Side, p: SideParams, table: MutableSequence[float]) -> float:
     """Return the energy of waves that arrived but are not booked yet [J]."""
     total = s.wave_energy + p.half_period * s.wave * s.wave
     for i in range(p.delay):
         at = s.head + i
         if at >= p.delay:
             at = at - p.delay
-        wave = pipes[p.pipe + 4 * at + 3]
+        wave = table[p.pipe + 4 * at + 3]
         total += p.half_period * wave * wave
     return total
