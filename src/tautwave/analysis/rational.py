@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, Protocol
@@ -162,40 +162,51 @@ class Delayed:
 class Sampled:
     """A law force = law(z) position on samples, held for a period, as an impedance at the device.
 
-    `period` in s; `delay` in s until a held force acts, on top of the hold. The value at s is that
-    of the baseband, law(e^sT) (1 - e^-sT) e^(-s delay) / (s**2 T): the aliases that a sampler adds
-    belong to the exact loop (`tautwave.analysis.necessity` verifies with that one), not to this.
+    `period` in s; `delay` in s until a held force acts, on top of the hold; `device` is the mass,
+    damping and stiffness that stand before it. The value at s is that of the baseband,
+    law(e^sT) (1 - e^-sT) e^(-s delay) / (s**2 T): the aliases that a sampler adds belong to the
+    exact loop (`tautwave.analysis.sampled_user`), not to this.
     """
 
     law: Rational
     period: float
     delay: float = 0.0
+    device: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __call__(self, s: complex) -> complex:
         """Return the value at s [rad/s]."""
         t = self.period
+        m, b, k = self.device
         hold = (1.0 - cmath.exp(-s * t)) / (s * s * t)
-        return self.law(cmath.exp(s * t)) * hold * cmath.exp(-s * self.delay)
+        return self.law(cmath.exp(s * t)) * hold * cmath.exp(-s * self.delay) + m * s + b + k / s
 
     def slope(self, s: complex) -> complex:
         """Return the derivative by s."""
         t = self.period
+        m, _, k = self.device
         z, late = cmath.exp(s * t), cmath.exp(-s * self.delay)
         hold = (1.0 - 1.0 / z) / (s * s * t)
         turn = 1.0 / (z * s * s) - 2.0 * hold / s - self.delay * hold
-        return late * (t * z * self.law.slope(z) * hold + self.law(z) * turn)
+        return late * (t * z * self.law.slope(z) * hold + self.law(z) * turn) + m - k / (s * s)
 
     def at(self, s: Complexes) -> Complexes:
         """Return the values at an array of points, in its shape."""
         t = self.period
+        m, b, k = self.device
         hold = -np.expm1(-s * t) / (s * s * t)
-        return np.asarray(self.law.at(np.exp(s * t)) * hold * np.exp(-s * self.delay))
+        law = self.law.at(np.exp(s * t)) * hold * np.exp(-s * self.delay)
+        return np.asarray(law + m * s + b + k / s)
 
     def features(self) -> Complexes:
         """Return the points near which it changes quickly [rad/s], below the Nyquist frequency."""
         inside = self.law.features()
         inside = inside[np.abs(inside) > 1e-12]  # z = 0: a pure delay
         return np.asarray(np.log(inside.astype(np.complex128)) / self.period)
+
+    def with_device(self, mass: float, damping: float, stiffness: float) -> Sampled:
+        """Return it behind a device: SI, linear or rotary."""
+        m, b, k = self.device
+        return replace(self, device=(m + mass, b + damping, k + stiffness))
 
 
 def rational(num: Sequence[Number], den: Sequence[Number] = (1,)) -> Rational:
