@@ -226,7 +226,7 @@ def leak_form(top: list[Fraction], bottom: list[Fraction], delay: float) -> Leak
         if part:
             for power, value in products.items():
                 _add_kernel(p, power - later, part * value)
-    squares = [_square(bottom), [share * (1 - share) * value for value in _square(top)]]
+    squares = [square_series(bottom), [share * (1 - share) * value for value in square_series(top)]]
     ints = common_integers(p, *squares)
     return LeakForm(*ints)
 
@@ -252,8 +252,8 @@ def _add_kernel(series: list[Fraction], power: int, value: Fraction) -> None:
         series[at] += 2 * value
 
 
-def _square(poly: list[Fraction]) -> list[Fraction]:
-    """Return |poly(e^(j theta))|**2 as a Chebyshev series."""
+def square_series(poly: list[Fraction]) -> list[Fraction]:
+    """Return |poly(e^(j theta))|**2 as a Chebyshev series in cos theta; either order."""
     length = len(poly)
     out = [
         2 * sum((poly[i] * poly[i + apart] for i in range(length - apart)), Fraction(0))
