@@ -51,13 +51,21 @@ class Site(NamedTuple):
     """What the controller of one end believes of it.
 
     port: constants of `tautwave.laws.port`; gain of the velocity tracker (1: plain difference);
-    whole periods and share of a period of the command delay that the driver declares.
+    whole periods and share of a period of the command delay that the driver declares. A local
+    wall with stiffness K [N/m or N m/rad] and damping B, if any, is in contact all the time.
     """
 
     port: PortParams
     gain: float = 1.0
     delay_periods: int = 0
     late_share: float = 0.0
+    wall_stiffness: float = 0.0
+    wall_damping: float = 0.0
+
+    @property
+    def has_wall(self) -> bool:
+        """Whether a wall is pressed."""
+        return self.wall_stiffness != 0.0 or self.wall_damping != 0.0
 
 
 class LinearEnd(NamedTuple):
@@ -208,6 +216,32 @@ class _Common:
         return velocity - self.site.port.half_mobility * (impulse + 2.0 * pending)
 
 
+class _Wall:
+    """A pressed local wall. State: filtered velocity, command, commands on their way, last acted.
+
+    Its share of the command is followed beside the whole: the port's books take what is left.
+    """
+
+    def __init__(self, site: Site) -> None:
+        self._site = site
+        self.size = 3 + site.delay_periods if site.has_wall else 0
+        self.names = ["wall_velocity", "wall_command", "wall_last_acted"][: self.size]
+        self.names += [f"wall_pipe_{at}" for at in range(self.size - 3)]
+
+    def step(self, state: list[float], x: float, moved: float) -> tuple[float, float]:
+        """Return the mean effort that acted and the next one [N m or N]. Changes its state."""
+        if not self.size:
+            return 0.0, 0.0
+        site = self._site
+        velocity, command, before = state[:3]
+        sent = [*state[3:], command]
+        acted = site.late_share * before + (1.0 - site.late_share) * sent[0]
+        velocity += site.gain * (moved / site.port.period - velocity)
+        effort = site.wall_stiffness * x + site.wall_damping * velocity
+        state[:] = [velocity, effort, sent[0], *sent[1:]]
+        return acted, effort
+
+
 class _WaveStep:
     """One slot of a wave end. Extra state: position, gap, waves that belong to commands, filter."""
 
@@ -215,28 +249,35 @@ class _WaveStep:
         self._common = common
         self._wave_gain = wave_gain
         self._filter_gain = filter_gain
+        self._wall = _Wall(common.site)
         self._waves = common.size + 3
-        self.size = self._waves + common.site.delay_periods + 1
+        self._walls = self._waves + common.site.delay_periods + 1
+        self.size = self._walls + self._wall.size
         self.names = [*common.names, "position", "gap", "filtered_wave"]
         self.names += [f"wave_{at}" for at in range(common.site.delay_periods + 1)]
+        self.names += self._wall.names
 
     def __call__(self, state: list[float], arriving: float) -> tuple[list[float], float]:
         common = self._common
         port = common.site.port
         x, gap, filtered = state[common.size : common.size + 3]
-        waves = state[self._waves :]
+        waves = state[self._waves : self._walls]
         moved, velocity = common.move(state, x)
+        part = state[self._walls :]
+        acted, wall = self._wall.step(part, x + moved, moved)
         leaving, _, gap, _, _, _ = port_close(
-            port, FULL, gap, moved, 1.0, velocity, state[2], waves[0], 0.0
+            port, FULL, gap, moved, 1.0, velocity, state[2] - acted, waves[0], 0.0
         )
         leaving = leaving / self._wave_gain
         if self._filter_gain < 1.0:
             filtered, _, _ = filter_step(self._filter_gain, port.period, filtered, leaving)
             leaving = filtered
         wave = self._wave_gain * arriving
-        state[1], _ = port_effort(port, FULL, common.coast(state), wave)
+        coast = common.coast(state) - port.half_mobility * wall
+        effort, _ = port_effort(port, FULL, coast, wave)
+        state[1] = wall + effort
         state[common.size : common.size + 3] = [x + moved, gap, filtered]
-        state[self._waves :] = [*waves[1:], wave]
+        state[self._waves :] = [*waves[1:], wave, *part]
         return state, leaving
 
 
@@ -246,15 +287,19 @@ class _PositionStep:
     def __init__(self, common: _Common, k: float, b: float, sent_k: float, sent_b: float) -> None:
         self._common = common
         self._law = k, b, sent_k, sent_b
-        self.size = common.size + 1
-        self.names = [*common.names, "position"]
+        self._wall = _Wall(common.site)
+        self._at = common.size
+        self.size = common.size + 1 + self._wall.size
+        self.names = [*common.names, "position", *self._wall.names]
 
     def __call__(self, state: list[float], arriving: float) -> tuple[list[float], float]:
         k, b, sent_k, sent_b = self._law
-        moved, velocity = self._common.move(state, state[-1])
-        x = state[-1] + moved
-        state[-1] = x
-        state[1] = coupler_effort(k, b, x, velocity, 0.0, 0.0) - arriving
+        moved, velocity = self._common.move(state, state[self._at])
+        x = state[self._at] + moved
+        part = state[self._at + 1 :]
+        _, wall = self._wall.step(part, x, moved)
+        state[self._at :] = [x, *part]
+        state[1] = coupler_effort(k, b, x, velocity, 0.0, 0.0) - arriving + wall
         return state, sent_k * x + sent_b * velocity
 
 
