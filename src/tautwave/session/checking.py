@@ -95,7 +95,8 @@ def check(rig: Rig) -> CheckResult:
             (
                 f"pair {name}",
                 f"one-way delay {known.coupling_delay_s:.4g} s in all; "
-                f"standing offset {known.offset_per_effort:.4g} {unit}",
+                f"standing offset {known.offset_per_effort:.4g} {unit}; "
+                f"held still, a port gives {known.held_share:.1%} of the line's effort",
             )
         )
     facts.extend(admittance_facts(rig, delays))

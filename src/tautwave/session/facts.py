@@ -14,12 +14,17 @@ from tautwave.types import CommandDelay
 class PairFacts(NamedTuple):
     """Of one pair: one-way delay tau [s] as it acts, all samples counted, and tau / b.
 
-    With the effort F held, the master stands ahead of the slave by F tau / b.
+    With the wave's effort F held, the master stands ahead of the slave by F tau / b. A device
+    that is held still by a hand or a wall gets `held_share` of F: the port's prediction takes
+    the effort it gives itself for a motion, and 1 / (1 + b T (1 + d) / m) is what is left of it
+    (d: command delay in periods, m: the inertia's lower bound). The
+    smaller of master's and slave's.
     """
 
     coupling_delay_s: float
     offset_per_effort: float
     power_ratio: float
+    held_share: float
 
 
 def command_delays(rig: Rig) -> dict[str, CommandDelay]:
@@ -45,11 +50,28 @@ def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFact
         gain = filter_gain(rig.coupling.wave_filter_hz, period)
         tau += (1.0 - gain) / gain * period
     offset = 0.0
+    share = 1.0
     if keys.wave_impedance is not None:
         offset = tau / keys.wave_impedance
+        share = min(
+            held_share(rig, f"{side}.{name}", delays[f"{side}.{name}"])
+            for side in ("master", "slave")
+        )
     elif keys.stiffness is not None:
         offset = 1.0 / keys.stiffness
-    return PairFacts(tau, offset, pair_scale(keys).power)
+    return PairFacts(tau, offset, pair_scale(keys).power, share)
+
+
+def held_share(rig: Rig, axis_name: str, delay: CommandDelay) -> float:
+    """Return effort given per effort of the wave, of an axis that is held still; see `PairFacts`."""
+    side, name = axis_name.split(".")
+    axis = rig.axes[axis_name]
+    keys = rig.coupling.pairs[name]
+    if axis.inertia is None or keys.wave_impedance is None:
+        return 1.0
+    impedance = device_impedance(keys, side, keys.wave_impedance)
+    ratio = impedance * rig.period_s * (1.0 + delay.periods) / axis.inertia.lower
+    return 1.0 / (1.0 + ratio)
 
 
 def admittance_facts(rig: Rig, delays: dict[str, CommandDelay]) -> list[tuple[str, str]]:
