@@ -63,7 +63,7 @@ def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFact
 
 
 def held_share(rig: Rig, axis_name: str, delay: CommandDelay) -> float:
-    """Return effort given per effort of the wave, of an axis that is held still; see `PairFacts`."""
+    """Return effort given per effort of the wave when held still; see `PairFacts`."""
     side, name = axis_name.split(".")
     axis = rig.axes[axis_name]
     keys = rig.coupling.pairs[name]
