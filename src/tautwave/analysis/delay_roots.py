@@ -19,12 +19,23 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.analysis.axis import axis_grid, bisect
-from tautwave.analysis.polynomials import Poly, divide, gcd, multiply
+from tautwave.analysis.polynomials import (
+    Poly,
+    add,
+    divide,
+    even_odd,
+    gcd,
+    mirrored,
+    multiply,
+    positive_roots,
+)
+from tautwave.analysis.polynomials import scale as scaled
 from tautwave.analysis.rational import Complexes, Delayed, Rational, rational
 from tautwave.errors import ConfigError
 
 Floats = npt.NDArray[np.float64]
 _NEWTON = 60
+_FAR = 600.0  # exponent beyond which a root is of no interest, and of no double
 
 
 class DelayLoop(NamedTuple):
@@ -76,28 +87,34 @@ def unstable_count(loop: DelayLoop) -> int:
     if not order:
         return 0
     scale = _scale(p)
-    reach = 4.0 * scale
-    while abs(np.polyval(q, 1j * reach)) > 1e-3 * abs(np.polyval(p, 1j * reach)) or reach < max(
-        1e3 * abs(r) for r in [*np.roots(p), scale]
-    ):
-        reach *= 2.0
+    high = max(1.01 * _reach(loop), 1e-3 * scale)
     shape = Delayed(rational([1], list(loop.now)), loop.delay, _or_one(loop.late))
-    w = np.concatenate([[0.0], axis_grid(shape, 1e-6 * scale, reach)])
-    turn = 0.0
+    w = np.concatenate([[0.0], axis_grid(shape, 1e-6 * high, high)])
     values = _values(p, q, loop.delay, w)
     for _ in range(60):
         steps = np.abs(np.angle(values[1:] / values[:-1]))
         wide = np.flatnonzero(~(steps < math.pi / 4.0))
         if not len(wide):
-            turn = float(np.sum(np.angle(values[1:] / values[:-1])))
             break
         extra = 0.5 * (w[wide] + w[wide + 1])
         w = np.insert(w, wide + 1, extra)
         values = np.insert(values, wide + 1, _values(p, q, loop.delay, extra))
     else:
         raise ConfigError(f"a root lies on the axis near {float(w[wide[0]]):.6g} rad/s")
-    turn += cmath.phase(1j**order * p[0] / values[-1])
+    turn = float(np.sum(np.angle(values[1:] / values[:-1])))
+    # Above, the late part is less than half of the rest: it turns as its undelayed roots do.
+    turn -= cmath.phase(values[-1] / np.polyval(p, 1j * high))
+    for root in np.roots(p):
+        angle = cmath.phase(1j * high - root)
+        turn += 0.5 * math.pi - (angle if angle > -0.5 * math.pi else angle + 2.0 * math.pi)
     return round(order / 2.0 - turn / math.pi)
+
+
+def _reach(loop: DelayLoop) -> float:
+    """Return the frequency [rad/s] above which the late part is less than half of the rest."""
+    squares = [even_odd(multiply(p, mirrored(p)))[0] for p in (loop.now, loop.late)]
+    roots = positive_roots(add(squares[0], scaled(squares[1], -4)))
+    return math.sqrt(roots[-1].value) if roots else 0.0
 
 
 def rightmost_roots(loop: DelayLoop, count: int = 4, nodes: int = 24) -> Complexes:
@@ -136,11 +153,13 @@ def rightmost_roots(loop: DelayLoop, count: int = 4, nodes: int = 24) -> Complex
 
 
 def refine_root(loop: DelayLoop, guess: complex) -> complex:
-    """Return the root [rad/s] that Newton's method reaches from `guess`."""
+    """Return the root [rad/s] that Newton's method reaches from `guess`, or nan."""
     p, q, delay = _floats(loop.now), _floats(loop.late), loop.delay
     dp, dq = np.polyder(p), np.polyder(q)
     s = guess
     for _ in range(_NEWTON):
+        if not cmath.isfinite(s) or -s.real * delay > _FAR:
+            return complex(math.nan, math.nan)
         late = cmath.exp(-s * delay)
         value = complex(np.polyval(p, s) + np.polyval(q, s) * late)
         slope = complex(np.polyval(dp, s) + (np.polyval(dq, s) - delay * np.polyval(q, s)) * late)
@@ -150,7 +169,8 @@ def refine_root(loop: DelayLoop, guess: complex) -> complex:
         s -= step
         if abs(step) <= 1e-15 * abs(s):
             break
-    return s
+    size = np.polyval(np.abs(p), abs(s)) + np.polyval(np.abs(q), abs(s)) * abs(late)
+    return s if abs(loop(s)) <= 1e-8 * size else complex(math.nan, math.nan)
 
 
 def companion(loop: DelayLoop, scale: float = 1.0) -> tuple[Floats, Floats]:

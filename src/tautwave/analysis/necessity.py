@@ -170,12 +170,17 @@ def growing_root(controller: Controller, user: User, guess: complex) -> complex 
             return None
         found += [refine_root(loop, complex(r)) for r in np.roots([float(c) for c in total])]
         # Growth below rounding is still growth: Routh's count has shown it.
-        best = max(found, key=lambda s: s.real)
-        return complex(max(best.real, math.ulp(abs(best))), abs(best.imag))
+        shown = _fastest(found) or guess
+        return complex(max(shown.real, math.ulp(abs(shown))), abs(shown.imag))
     if len(loop.late) < len(loop.now):
         found += [complex(s) for s in rightmost_roots(loop, 2)]
-    best = max(found, key=lambda s: s.real)
-    return complex(best.real, abs(best.imag)) if best.real > 0.0 else None
+    best = _fastest(found)
+    return complex(best.real, abs(best.imag)) if best is not None and best.real > 0.0 else None
+
+
+def _fastest(roots: list[complex]) -> complex | None:
+    known = [s for s in roots if cmath.isfinite(s)]
+    return max(known, key=lambda s: s.real) if known else None
 
 
 def verified_unstable(example: Counterexample, controller: Controller) -> bool:

@@ -28,7 +28,8 @@ class Motion(NamedTuple):
     """Size of the motion after a nudge.
 
     time : [s], shape (n,). amplitude : greatest size since the row before, relative to the first
-    row [1], shape (n,). growth : rate over the second half of the rows [1/s].
+    row [1], shape (n,). growth : rate over the second half of the rows [1/s], rough where the
+    motion swings slower than it grows.
     """
 
     time: Floats
