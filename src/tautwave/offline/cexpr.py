@@ -75,9 +75,9 @@ class Expressions(ABC):
             case ast.UnaryOp(op=ast.Not(), operand=operand):
                 return Value(f"(!{self.condition(operand)})", BOOL)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
-                value = self.expression(operand)
-                self._number(node, value)
-                return Value(f"(-{value.text})", value.kind)
+                number = self.expression(operand)
+                self._number(node, number)
+                return Value(f"(-{number.text})", number.kind)
             case ast.BinOp(left=left, op=operator, right=right):
                 return self._binary(node, self.expression(left), operator, self.expression(right))
             case ast.BoolOp(op=operator, values=values):

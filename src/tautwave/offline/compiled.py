@@ -27,6 +27,13 @@ from tautwave.offline import couple, device, kernel, records, rows, side
 
 KERNEL_MODULES = (records, side, couple, device, rows, kernel)
 
+INLINED = {
+    *(side.pass_side, side.close_side, side.decide_side, side.think_side, couple.meet),
+    *(rows.fill_pair, rows.fill_side, rows.fill_port, rows.fill_wall, rows.fill_body),
+    *(device.command_body, device.body_forces),
+}
+"""Glue that stands once in a cycle and is small beside the cost of a call with a table."""
+
 
 def source_modules() -> tuple[ModuleType, ...]:
     """Return every module that the kernel may be made of: all laws, all models, and itself."""
@@ -91,10 +98,12 @@ def compiled_kernel() -> Callable[..., int]:
     """Return `kernel.run_rig` for numba; compiled at the first call, or read from the cache."""
     numba = load_numba()
     extending = importlib.import_module("numba.extending")
+    # Nothing is allocated in a run: without numba's run time no table is counted at every call.
+    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
     for module in source_modules():
         for function in functions_of(module):
             if function is not kernel.run_rig:
-                extending.register_jitable(error_model="numpy")(function)
+                extending.register_jitable(forceinline=function in INLINED, **options)(function)
     directory = cache_directory()
     try:
         directory.mkdir(parents=True, exist_ok=True)
@@ -104,9 +113,9 @@ def compiled_kernel() -> Callable[..., int]:
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(directory)
     try:
-        result: Callable[..., int] = numba.njit(
-            cache=kept, nogil=True, error_model="numpy", fastmath=False
-        )(kernel.run_rig)
+        result: Callable[..., int] = numba.njit(cache=kept, nogil=True, fastmath=False, **options)(
+            kernel.run_rig
+        )
     finally:
         numba.config.CACHE_DIR = before
     return result

@@ -9,15 +9,12 @@ from __future__ import annotations
 
 import ast
 import inspect
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn, get_type_hints
 
 from tautwave.offline.cexpr import Expressions, Value
 from tautwave.offline.ctypes_of import (
-    BOOL,
-    FLOAT,
     INT,
     Nothing,
     Number,
@@ -127,9 +124,7 @@ class Function(Expressions):
         self._tree = tree
         self._first = first
         self._file = Path(inspect.getsourcefile(function) or "?").name
-        self._globals: dict[str, Any] = vars(function).get("__globals__", {}) or getattr(
-            function, "__globals__", {}
-        )
+        self._globals: dict[str, Any] = getattr(function, "__globals__", {})
         self._parameters = unit.parameters(function)
         self._result = unit.result(function)
         self._locals: dict[str, Type] = {}
@@ -151,17 +146,21 @@ class Function(Expressions):
     # -- what expressions ask for ------------------------------------------------------------
 
     def refuse(self, node: ast.AST, what: str) -> NoReturn:
+        """Raise, naming file and line."""
         line = self._first + getattr(node, "lineno", 1) - 1
         raise TranslationError(f"{self._file}:{line}: {what} has no translation to C")
 
     def look_up(self, name: str) -> Value | None:
+        """Return a parameter or local variable."""
         kind = self._locals.get(name) or self._parameters.get(name)
         return None if kind is None else Value(f"v_{name}", kind)
 
     def constant(self, name: str) -> Any:
+        """Return what a name means in the function's module, or None."""
         return self._globals.get(name)
 
     def call(self, node: ast.Call, function: Callable[..., Any], given: list[Value]) -> Value:
+        """Return a call of another function, which is translated as well."""
         wanted = self._unit.parameters(function)
         if len(wanted) != len(given):
             self.refuse(node, f"a call of {function.__name__} with {len(given)} arguments")
@@ -311,6 +310,3 @@ class Function(Expressions):
                 self._write(f"return {given.text};")
             else:
                 self.refuse(node, "a result of another type")
-
-
-__all__ = ["BOOL", "FLOAT", "INT", "TranslationError", "math", "translate"]

@@ -1,4 +1,4 @@
-"""From a rig to the tables the kernel works on. Everything comes from what a live run is built of."""
+"""From a rig to the tables the kernel works on, by the functions that build a live run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.config import Rig, simulation_of
+from tautwave.config import Rig
 from tautwave.errors import ConfigError
 from tautwave.laws.wave import filter_gain
 from tautwave.models.foam import FoamParams
@@ -19,16 +19,10 @@ from tautwave.offline.records import (
     FOAM,
     PLANT,
     SERVO,
-    Body,
-    Couple,
     DeviceParams,
-    Outcome,
     PairParams,
     RunParams,
-    Side,
     SideParams,
-    empty,
-    record_type,
 )
 from tautwave.rig import (
     SEED_WORD,
@@ -51,7 +45,11 @@ NO_SERVO = ServoParams(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 class Job(NamedTuple):
-    """A rig as tables. `axes` and `buses` name axes and their buses in the order of the tables."""
+    """A rig as tables. `axes` and `buses` name axes and their buses in the order of the tables.
+
+    `start` is where the devices stand [rad or m]; `table` holds every float that is no record
+    (references, noise, commands and waves on their way), `flags` overruns and missing samples.
+    """
 
     rig: Rig
     columns: tuple[str, ...]
@@ -61,24 +59,9 @@ class Job(NamedTuple):
     sides: tuple[SideParams, ...]
     devices: tuple[DeviceParams, ...]
     pairs: tuple[PairParams, ...]
+    start: tuple[float, ...]
     table: Array
     flags: Array
-
-
-class Tables(NamedTuple):
-    """The arguments of `kernel.run_rig`, in its order."""
-
-    runs: Any
-    outcomes: Any
-    params: Any
-    sides: Any
-    devices: Any
-    bodies: Any
-    pairs: Any
-    couples: Any
-    table: Any
-    flags: Any
-    out: Any
 
 
 def pack_rig(rig: Rig, duration_s: float | None = None) -> Job:
@@ -131,6 +114,7 @@ def pack_rig(rig: Rig, duration_s: float | None = None) -> Job:
         sides=tuple(sides),
         devices=tuple(devices),
         pairs=tuple(pairs),
+        start=tuple(model.start_position for model in models),
         table=floats.join(),
         flags=flags.join(),
     )
@@ -278,62 +262,3 @@ def draw_overruns(seed: int, probability: float, cycles: int) -> Array:
         return np.zeros(0)
     draws = np.random.default_rng((seed % SEED_WORD, OVERRUN)).random(cycles)
     return np.asarray(draws < probability)
-
-
-def record_tables(job: Job, out: Array | None = None) -> Tables:
-    """Return fresh tables of NumPy records, for the compiled engines."""
-
-    def records(kind: type[Any], values: Sequence[Any]) -> Array:
-        return np.array([_plain(value) for value in values], dtype=record_type(kind))
-
-    def blank(kind: type[Any], count: int) -> Array:
-        return np.zeros(count, dtype=record_type(kind))
-
-    return Tables(
-        runs=records(RunParams, [job.run]),
-        outcomes=blank(Outcome, 1),
-        params=records(SideParams, job.sides),
-        sides=blank(Side, len(job.axes)),
-        devices=records(DeviceParams, job.devices),
-        bodies=_standing(job, blank(Body, len(job.axes))),
-        pairs=records(PairParams, job.pairs),
-        couples=blank(Couple, len(job.pairs)),
-        table=job.table.copy(),
-        flags=job.flags,
-        out=np.empty(job.run.cycles * len(job.columns)) if out is None else out,
-    )
-
-
-def object_tables(job: Job) -> Tables:
-    """Return fresh tables of Python objects and floats, for the kernel as plain Python."""
-    bodies = [empty(Body) for _ in job.axes]
-    for body, name in zip(bodies, job.axes, strict=True):
-        body.x = start_position(job.rig, name)
-    return Tables(
-        runs=[job.run],
-        outcomes=[empty(Outcome)],
-        params=job.sides,
-        sides=[empty(Side) for _ in job.axes],
-        devices=job.devices,
-        bodies=bodies,
-        pairs=job.pairs,
-        couples=[empty(Couple) for _ in job.pairs],
-        table=job.table.tolist(),
-        flags=job.flags.tolist(),
-        out=np.empty(job.run.cycles * len(job.columns)),
-    )
-
-
-def start_position(rig: Rig, axis_name: str) -> float:
-    """Return where a simulated axis stands at the start [rad or m]."""
-    return float(simulation_of(rig, axis_name).start_position)
-
-
-def _standing(job: Job, bodies: Array) -> Array:
-    bodies["x"] = [start_position(job.rig, name) for name in job.axes]
-    return bodies
-
-
-def _plain(value: Any) -> Any:
-    """Return nested NamedTuples as nested plain tuples, which NumPy takes as records."""
-    return tuple(_plain(part) for part in value) if isinstance(value, tuple) else value
