@@ -25,6 +25,7 @@ from tautwave.config.keys.simulation import (
 from tautwave.config.load import load_rig, parse_rig
 from tautwave.config.resolved import resolved_yaml
 from tautwave.config.schema import rig_schema
+from tautwave.config.walls import local_wall, render_stiffness, replace_wall
 
 __all__ = [
     "Axis",
@@ -54,7 +55,10 @@ __all__ = [
     "Wall",
     "axis_specs",
     "load_rig",
+    "local_wall",
     "parse_rig",
+    "render_stiffness",
+    "replace_wall",
     "resolved_yaml",
     "rig_schema",
     "simulation_of",

@@ -207,6 +207,11 @@ def _check_law(document: Document, law: str, name: str, pair: Pair) -> None:
 
 
 def _check_wall(document: Document, name: str, side: str, axis: Axis, wall: Wall) -> None:
+    if wall.derate and axis.causality == "admittance":
+        document.report(
+            ("coupling", "pairs", name, f"wall_{side}", "derate"),
+            f"no stiffness can be certified on an admittance axis ({side}.axes.{name}); remove it",
+        )
     if axis.position_range is None:
         return
     lowest, highest = axis.position_range

@@ -27,6 +27,11 @@ class Wall(Block):
     passivity_control: bool = Field(
         default=False, description="Take back at once whatever energy sampling created."
     )
+    derate: bool = Field(
+        default=False,
+        description="Render the stiffest wall that the certificate allows where `stiffness` is "
+        "more; impedance axes only.",
+    )
 
 
 def _check_offset(value: Any) -> Any:

@@ -1,0 +1,124 @@
+"""The certificate once more, with what a run measured: period, jitter, gaps, losses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from tautwave.analysis.sampled_wall import SampledWall
+from tautwave.analysis.wall_passivity import wall_leak
+from tautwave.certificate.belief import declared_delays, delay_in_periods
+from tautwave.certificate.certify import certify
+from tautwave.certificate.walls import wall_name
+from tautwave.config import Rig, Wall, local_wall
+
+RESOLUTION_S = 1.1e-6
+"""[s] Measured periods nearer to the nominal one are it: the loop's histogram has bins of 1 us."""
+
+
+class Measured(NamedTuple):
+    """What a run measured.
+
+    Attributes
+    ----------
+    period_s, worst_period_s : float
+        Median and 99.9th percentile of the time between cycles [s].
+    latched : bool
+        Samples and commands belong to slots of a grid that host jitter does not move.
+    held_s : mapping of str to float
+        By axis: the longest time for which one effort of its wall was held [s]; 0 if it was
+        never touched.
+    missed_cycles : int
+        Slots that were skipped.
+    lost, late : mapping of str to int
+        Missing samples, and samples older than a period, by axis.
+    """
+
+    period_s: float
+    worst_period_s: float
+    latched: bool
+    held_s: Mapping[str, float]
+    missed_cycles: int
+    lost: Mapping[str, int]
+    late: Mapping[str, int]
+
+
+def recheck(rig: Rig, measured: Measured) -> dict[str, Any]:
+    """Return the certificate after a run as plain data.
+
+    A wall passes if its condition holds for the longest time that its effort was really held:
+    the leak of a held effort, K T / 2, grows with that time. Skipped slots and lost samples out
+    of contact cost a wall nothing, and a wave port keeps its account over them.
+
+    Returns
+    -------
+    dict
+        passed, sentences, period_s, worst_period_s, missed_cycles, lost, late, verdicts, walls.
+    """
+    nominal = rig.period_s
+    period = measured.period_s
+    if abs(period - nominal) <= RESOLUTION_S or not period > 0.0:
+        period = nominal
+    real = rig if period == nominal else rig.model_copy(update={"rate_hz": 1.0 / period})
+    certificate = certify(real)
+    sentences = certificate.sentences()
+    walls: dict[str, Any] = {}
+    delays = declared_delays(rig)
+    for axis_name in rig.axes:
+        wall = local_wall(rig, axis_name)
+        if wall is None or rig.axes[axis_name].causality == "admittance":
+            continue
+        held = measured.held_s.get(axis_name, 0.0)
+        if not measured.latched and held > 0.0:
+            held = max(held, measured.worst_period_s)
+        told = _wall(rig, axis_name, wall, delay_in_periods(rig, delays[axis_name]), held, measured)
+        walls[axis_name] = told
+        if not told["passed"] and rig.require != "coupled_stable":
+            sentences.append(told["sentence"])
+    return {
+        "passed": certificate.passed and not sentences,
+        "sentences": sentences,
+        "period_s": measured.period_s,
+        "worst_period_s": measured.worst_period_s,
+        "missed_cycles": measured.missed_cycles,
+        "lost": dict(measured.lost),
+        "late": dict(measured.late),
+        "verdicts": {name: verdict.as_dict() for name, verdict in certificate.verdicts.items()},
+        "walls": walls,
+    }
+
+
+def _wall(
+    rig: Rig, axis_name: str, wall: Wall, delay: float, held: float, measured: Measured
+) -> dict[str, Any]:
+    """Return how a wall fared with the longest time its effort was held."""
+    axis = rig.axes[axis_name]
+    longest = max(held, rig.period_s)
+    periods = delay + (1.0 if held > 0.0 and measured.late.get(axis_name, 0) else 0.0)
+    sampled = SampledWall(
+        wall.stiffness,
+        wall.damping,
+        longest,
+        periods * rig.period_s / longest,
+        axis.velocity_filter_s,
+    )
+    needed = wall_leak(sampled).damping
+    present = axis.damping.lower
+    regular = longest <= rig.period_s + RESOLUTION_S and periods == delay
+    passed = needed <= present or (wall.passivity_control and regular)
+    unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
+    sentence = (
+        f"{wall_name(rig, axis_name)}: its effort was held for {1e3 * longest:.4g} ms at most, "
+    )
+    if periods > delay:
+        sentence += "from a sample up to a period old, "
+    sentence += f"which needs {needed:.4g} {unit} of the device's {present:.4g}."
+    if not passed:
+        sentence += " Sampling may have created energy: lower K, or keep the loop in time."
+    return {
+        "held_s": held,
+        "needed_damping": needed,
+        "damping": present,
+        "passed": passed,
+        "sentence": sentence,
+    }

@@ -1,0 +1,152 @@
+"""What a rig believes of its devices and hands, as the analysis wants it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from tautwave.config import Axis, Foam, Rig, SolidWall, Spring, simulation_of
+from tautwave.models.hand import PAPER_HAND, Hand, rotary_hand
+from tautwave.rig import build_rig
+from tautwave.types import CommandDelay
+
+LEVER_ARM = 0.075
+"""[m] At which the seed's linear hand holds a rotary axis that states no hand of its own."""
+
+SIDES = ("master", "slave")
+
+
+class StatedHand(NamedTuple):
+    """A hand in SI of its axis, and where it comes from."""
+
+    hand: Hand
+    text: str
+
+
+class Contact(NamedTuple):
+    """Stiffness [N m/rad or N/m] and damping [N m s/rad or N s/m] that an end may meet."""
+
+    stiffness: float
+    damping: float
+    text: str
+
+
+def declared_delays(rig: Rig) -> dict[str, CommandDelay]:
+    """Return the command delay that each axis' driver declares."""
+    assembly = build_rig(rig, clock="fake", duration_s=rig.period_s)
+    return {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
+
+
+def delay_in_periods(rig: Rig, delay: CommandDelay) -> float:
+    """Return a command delay in periods, with its fraction."""
+    return delay.periods + delay.remainder_s / rig.period_s
+
+
+def stated_hand(rig: Rig, pair: str) -> StatedHand:
+    """Return the hand on a pair's master: the simulation's, else the seed's."""
+    rotary = rig.master.axes[pair].kind == "rotary"
+    given = None if rig.simulation is None else rig.simulation.hand.get(pair)
+    mass, damping, stiffness = PAPER_HAND
+    lever, whose = LEVER_ARM, "the seed's hand"
+    if given is not None:
+        mass, damping, stiffness = given.mass, given.damping, given.stiffness
+        lever, whose = given.lever_arm or 1.0, "the simulation's hand"
+    text = f"{whose}: {mass:g} kg, {damping:g} N s/m, {stiffness:g} N/m"
+    if not rotary:
+        return StatedHand(Hand(mass, damping, stiffness), text)
+    return StatedHand(
+        rotary_hand(mass, damping, stiffness, lever), f"{text} at a lever arm of {lever:g} m"
+    )
+
+
+def stated_environment(rig: Rig, pair: str) -> Contact | None:
+    """Return what a simulated slave meets, pressed; None where nothing is stated or it is free.
+
+    Foam counts with its tangent stiffness at the slave's effort limit, without its loss.
+    """
+    found = None if rig.simulation is None else rig.simulation.environment.get(pair)
+    if isinstance(found, Spring):
+        return Contact(found.stiffness, 0.0, "the simulation's spring")
+    if isinstance(found, SolidWall):
+        return Contact(found.stiffness, found.damping, "the simulation's wall")
+    if isinstance(found, Foam):
+        limit = rig.slave.axes[pair].effort_limit
+        depth = (limit / found.stiffness) ** (1.0 / found.exponent)
+        tangent = found.exponent * found.stiffness * depth ** (found.exponent - 1.0)
+        return Contact(tangent, 0.0, "the simulation's foam, pressed as hard as may be")
+    return None
+
+
+def stated_contact(rig: Rig, axis_name: str) -> Contact | None:
+    """Return what holds an axis: the stated hand at the master, the environment at the slave."""
+    side, pair = axis_name.split(".")
+    if side == "slave":
+        return stated_environment(rig, pair)
+    hand = stated_hand(rig, pair)
+    return Contact(hand.hand.stiffness, hand.hand.damping, hand.text)
+
+
+def drive_lag(rig: Rig, axis_name: str) -> float | None:
+    """Return the velocity lag [s] that a simulation states of an admittance axis, else None."""
+    if rig.simulation is None:
+        return None
+    return simulation_of(rig, axis_name).velocity_time_constant_s
+
+
+def assumed(axis: Axis, name: str, *, inertia: bool = False, damping: bool = False) -> list[str]:
+    """Return a condition for each parameter of an axis that somebody only assumed."""
+    found = []
+    if inertia and axis.inertia is not None and _is_assumed(axis.inertia.source):
+        found.append(
+            f"the inertia of {name}, at least {axis.inertia.lower:g}, is {axis.inertia.source}"
+        )
+    if damping and axis.damping.lower > 0.0 and _is_assumed(axis.damping.source):
+        found.append(
+            f"the damping of {name}, at least {axis.damping.lower:g}, is {axis.damping.source}"
+        )
+    return found
+
+
+def _is_assumed(source: str) -> bool:
+    return "assum" in source.lower()
+
+
+def broken_inertia(rig: Rig, axis_name: str) -> str | None:
+    """Return a sentence where a simulation contradicts `inertia.lower`, None elsewhere."""
+    axis = rig.axes[axis_name]
+    if rig.simulation is None or axis.inertia is None:
+        return None
+    truth = simulation_of(rig, axis_name).inertia
+    if truth >= axis.inertia.lower:
+        return None
+    return (
+        f"{axis_name}: its simulated inertia {truth:g} is below inertia.lower "
+        f"{axis.inertia.lower:g}; lower that to {truth:g}"
+    )
+
+
+def broken_damping(rig: Rig, axis_name: str) -> str | None:
+    """Return a sentence where a simulation contradicts `damping.lower`, None elsewhere."""
+    axis = rig.axes[axis_name]
+    if rig.simulation is None or axis.causality == "admittance":
+        return None
+    truth = simulation_of(rig, axis_name).damping
+    if truth >= axis.damping.lower:
+        return None
+    return (
+        f"{axis_name}: its simulated damping {truth:g} is below damping.lower "
+        f"{axis.damping.lower:g}; lower that to {truth:g}"
+    )
+
+
+def broken_delay(rig: Rig, axis_name: str, delay: CommandDelay) -> str | None:
+    """Return a sentence where a simulation contradicts the declared command delay."""
+    if rig.simulation is None:
+        return None
+    truth = simulation_of(rig, axis_name).command_delay_s
+    declared = delay.periods * rig.period_s + delay.remainder_s
+    if abs(truth - declared) <= 1e-6 * rig.period_s:
+        return None
+    return (
+        f"{axis_name}: its simulated commands act after {truth:g} s, its driver declares "
+        f"{declared:g} s"
+    )

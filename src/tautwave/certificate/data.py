@@ -1,0 +1,189 @@
+"""The certificate as plain data: verdicts, what they rest on, and the sentences people read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+VERDICTS = ("passive", "passive_quantised", "coupled_stable")
+"""Of a rig, always all three; `require` names the one that has to pass."""
+
+
+class Verdict(NamedTuple):
+    """One answer.
+
+    Attributes
+    ----------
+    passed : bool
+        Holds, if need be under conditions.
+    reason : str
+        By which theorem, or why not: one sentence.
+    conditions : tuple of str
+        What nobody has measured and the answer rests on; empty for a plain pass.
+    margin : float or None
+        Room left, > 0 where it passes; unit and meaning are in `reason` or in the element.
+    """
+
+    passed: bool
+    reason: str
+    conditions: tuple[str, ...] = ()
+    margin: float | None = None
+
+    @property
+    def state(self) -> str:
+        """`passed`, `conditional` or `failed`."""
+        if not self.passed:
+            return "failed"
+        return "conditional" if self.conditions else "passed"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {
+            "passed": self.passed,
+            "state": self.state,
+            "reason": self.reason,
+            "conditions": list(self.conditions),
+            "margin": self.margin,
+        }
+
+
+class Element(NamedTuple):
+    """One element of the rig: a wall, a port, the line, a filter, a scaling, a coupling.
+
+    `axis` is the full name of its axis or, where it belongs to no axis, the pair's name.
+    `numbers` holds everything that was computed, `sentences` what people read.
+    """
+
+    name: str
+    kind: str
+    axis: str
+    passive: Verdict
+    passive_quantised: Verdict
+    numbers: Mapping[str, Any]
+    sentences: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "axis": self.axis,
+            "passive": self.passive.as_dict(),
+            "passive_quantised": self.passive_quantised.as_dict(),
+            "numbers": dict(self.numbers),
+            "sentences": list(self.sentences),
+        }
+
+
+class LoopCase(NamedTuple):
+    """One linear regime of a pair: what is in contact, mass taken [kg or kg m^2], and its mode.
+
+    `radius` is the greatest |z|, `growth` ln|z| / T [1/s], `frequency` [Hz]. nan where the small
+    gain of both ends already says that it is stable.
+    """
+
+    contact: str
+    mass: str
+    stable: bool
+    radius: float
+    growth: float
+    frequency: float
+
+
+class PairLoop(NamedTuple):
+    """Coupled stability of one pair with the stated hand."""
+
+    pair: str
+    verdict: Verdict
+    hand: str
+    cases: tuple[LoopCase, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {
+            "pair": self.pair,
+            "verdict": self.verdict.as_dict(),
+            "hand": self.hand,
+            "cases": [case._asdict() for case in self.cases],
+        }
+
+
+class Certificate(NamedTuple):
+    """What is guaranteed of a rig, and on what it rests.
+
+    Attributes
+    ----------
+    rig : str
+        Its name.
+    require : str
+        The verdict that decides.
+    verdicts : mapping of str to Verdict
+        All of `VERDICTS`.
+    elements, loops : tuples
+        Element by element, pair by pair.
+    walls : mapping of str to dict
+        By axis: stiffness asked and rendered, and whether `derate` asks for less.
+    """
+
+    rig: str
+    require: str
+    verdicts: Mapping[str, Verdict]
+    elements: tuple[Element, ...]
+    loops: tuple[PairLoop, ...]
+    walls: Mapping[str, Mapping[str, Any]]
+
+    @property
+    def passed(self) -> bool:
+        """Whether the required verdict holds."""
+        return self.verdicts[self.require].passed
+
+    def sentences(self) -> list[str]:
+        """Return why the required verdict fails, each with its remedy; empty if it holds."""
+        if self.passed:
+            return []
+        if self.require == "coupled_stable":
+            return [loop.verdict.reason for loop in self.loops if not loop.verdict.passed]
+        found = []
+        for element in self.elements:
+            verdict = getattr(element, self.require)
+            if not verdict.passed:
+                found.append(verdict.reason)
+        return found
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON, None where a number is not finite."""
+        found: dict[str, Any] = _finite(
+            {
+                "passed": self.passed,
+                "state": self.verdicts[self.require].state,
+                "require": self.require,
+                "verdicts": {name: verdict.as_dict() for name, verdict in self.verdicts.items()},
+                "sentences": self.sentences(),
+                "elements": [element.as_dict() for element in self.elements],
+                "loops": [loop.as_dict() for loop in self.loops],
+                "walls": {axis: dict(wall) for axis, wall in self.walls.items()},
+            }
+        )
+        return found
+
+
+def join_verdicts(verdicts: Iterable[Verdict], passing: str) -> Verdict:
+    """Return the verdict that holds where all do; `passing` is its reason then."""
+    every = list(verdicts)
+    failing = [verdict.reason for verdict in every if not verdict.passed]
+    if failing:
+        more = f" (and {len(failing) - 1} more)" if len(failing) > 1 else ""
+        return Verdict(False, failing[0] + more)
+    conditions = tuple(dict.fromkeys(c for verdict in every for c in verdict.conditions))
+    return Verdict(True, passing, conditions)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: _finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(inner) for inner in value]
+    return value

@@ -1,0 +1,95 @@
+"""`derate: true` on a wall: the stiffest one that the required verdict certifies, instead."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from tautwave.analysis.wall_limits import greatest_stiffness, is_passive
+from tautwave.analysis.wall_rules import quantum_force
+from tautwave.certificate.loops import pair_loop
+from tautwave.certificate.walls import sampled_wall
+from tautwave.config import Rig, Wall, local_wall, replace_wall
+from tautwave.types import CommandDelay
+
+DIGITS = 6
+"""Digits to which a derated stiffness is rounded, downwards."""
+
+BISECTIONS = 24
+
+Delays = Mapping[str, CommandDelay]
+
+
+def derate_walls(
+    rig: Rig, delays: Delays, coulomb: Mapping[str, float]
+) -> tuple[Rig, dict[str, dict[str, Any]]]:
+    """Return the rig with derated walls, and what was asked and is rendered by axis.
+
+    A wall of which no stiffness passes stays as it is, and fails.
+    """
+    walls: dict[str, dict[str, Any]] = {}
+    for axis_name in rig.axes:
+        wall = local_wall(rig, axis_name)
+        if wall is None:
+            continue
+        rendered = wall.stiffness
+        if wall.derate and rig.axes[axis_name].causality == "impedance":
+            limit = _limit(rig, axis_name, wall, delays, coulomb)
+            if 0.0 < limit < wall.stiffness:
+                rendered = _round_down(limit)
+                rig = replace_wall(rig, axis_name, wall.model_copy(update={"stiffness": rendered}))
+        walls[axis_name] = {
+            "asked_stiffness": wall.stiffness,
+            "rendered_stiffness": rendered,
+            "derate": wall.derate,
+        }
+    return rig, walls
+
+
+def _limit(
+    rig: Rig, axis_name: str, wall: Wall, delays: Delays, coulomb: Mapping[str, float]
+) -> float:
+    """Return the greatest stiffness that the required verdict allows; `wall`'s own if it passes."""
+    if rig.require == "coupled_stable":
+        return _stable_limit(rig, axis_name, wall, delays)
+    sampled = sampled_wall(rig, axis_name, wall, delays[axis_name])
+    axis = rig.axes[axis_name]
+    damping = axis.damping.lower
+    controlled = wall.passivity_control and sampled.delay == 0.0
+    limit = wall.stiffness
+    if not controlled and not is_passive(sampled, damping):
+        limit = greatest_stiffness(sampled, damping)
+    if rig.require == "passive_quantised" and axis.encoder_quantum > 0.0:
+        spare = coulomb.get(axis_name, 0.0) - quantum_force(
+            sampled._replace(stiffness=0.0), axis.encoder_quantum
+        )
+        limit = min(limit, 2.0 * spare / axis.encoder_quantum)
+    return limit
+
+
+def _stable_limit(rig: Rig, axis_name: str, wall: Wall, delays: Delays) -> float:
+    """Return the greatest stiffness below the wall's at which the pair is stable; 0: none seen."""
+    pair = axis_name.split(".")[1]
+
+    def stable(stiffness: float) -> bool:
+        changed = wall.model_copy(update={"stiffness": stiffness})
+        return pair_loop(replace_wall(rig, axis_name, changed), pair, delays).verdict.passed
+
+    if wall.passivity_control or stable(wall.stiffness):
+        return wall.stiffness
+    low, high = 1e-6 * wall.stiffness, wall.stiffness
+    if not stable(low):
+        return 0.0
+    for _ in range(BISECTIONS):
+        middle = math.sqrt(low * high)
+        if stable(middle):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _round_down(value: float) -> float:
+    step = 10.0 ** (math.floor(math.log10(value)) + 1 - DIGITS)
+    return float(f"{math.floor(value / step) * step:.{DIGITS}g}")

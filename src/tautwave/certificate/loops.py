@@ -1,0 +1,213 @@
+"""Coupled stability of a pair: the exact sampled loop with the stated hand, free and in contact.
+
+The device is what the rig believes: damping's lower bound, and both the lower bound of the mass
+and its best value. A local wall is pressed all the time (bilateral), as is what the slave meets.
+Linear regime: see `tautwave.analysis.sampled_loop`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from tautwave.analysis.admittance_loop import Outside, admittance_end
+from tautwave.analysis.loop_modes import least_damped, transfer
+from tautwave.analysis.sampled_loop import Device, LinearEnd, Site, position_end, wave_end
+from tautwave.certificate.belief import (
+    SIDES,
+    Contact,
+    StatedHand,
+    assumed,
+    delay_in_periods,
+    drive_lag,
+    stated_environment,
+    stated_hand,
+)
+from tautwave.certificate.data import LoopCase, PairLoop, Verdict
+from tautwave.config import Rig, Wall, local_wall
+from tautwave.laws.wave import filter_gain
+from tautwave.rig import pair_scale, site_params, wave_gain
+from tautwave.types import CommandDelay
+
+STABLE = 1e-9
+"""By how much |z| may exceed 1 for rounding."""
+
+LONG = 60
+"""Samples of line above which a small gain of both ends is enough to be stable."""
+
+Delays = Mapping[str, CommandDelay]
+
+
+def pair_loop(rig: Rig, name: str, delays: Delays) -> PairLoop:
+    """Return the coupled stability of one pair."""
+    hand = stated_hand(rig, name)
+    cases = tuple(_cases(rig, name, delays, hand))
+    conditions: list[str] = []
+    for side in SIDES:
+        axis_name = f"{side}.{name}"
+        conditions += assumed(rig.axes[axis_name], axis_name, inertia=True, damping=True)
+    unstable = [case for case in cases if not case.stable]
+    if unstable:
+        worst = max(unstable, key=lambda case: case.radius)
+        reason = (
+            f"pair {name}: unstable, {worst.contact}, with {hand.text}: its swing at "
+            f"{worst.frequency:.3g} Hz grows by {worst.growth:.3g} per second "
+            f"(|z| = {worst.radius:.6f}). {_remedy(rig, name, worst)}"
+        )
+        return PairLoop(name, Verdict(False, reason, margin=1.0 - worst.radius), hand.text, cases)
+    known = [case for case in cases if not math.isnan(case.radius)]
+    tail, margin = "both ends return less than arrives at every frequency", None
+    if known:
+        worst = max(known, key=lambda case: case.radius)
+        margin = 1.0 - worst.radius
+        tail = (
+            f"its least damped motion, {worst.contact}, at {worst.frequency:.3g} Hz, "
+            f"dies out at {-worst.growth:.3g} per second"
+        )
+    reason = f"pair {name}: stable with {hand.text}: {tail}."
+    return PairLoop(name, Verdict(True, reason, tuple(conditions), margin), hand.text, cases)
+
+
+def _remedy(rig: Rig, name: str, worst: LoopCase) -> str:
+    keys = rig.coupling.pairs[name]
+    if "wall" in worst.contact:
+        return "Lower the wall's stiffness, or raise the rate."
+    if rig.coupling.law == "position":
+        return "Lower the stiffness or the delay, raise the damping, or use law wave."
+    return f"Lower wave_impedance {keys.wave_impedance:g} or velocity_filter_s."
+
+
+def _cases(rig: Rig, name: str, delays: Delays, hand: StatedHand) -> Iterator[LoopCase]:
+    environment = stated_environment(rig, name)
+    walls = {side: local_wall(rig, f"{side}.{name}") for side in SIDES}
+    # A controlled wall gives less than its spring: the linear one says nothing about it.
+    walls = {s: None if w is None or w.passivity_control else w for s, w in walls.items()}
+    masters: list[tuple[Wall | None, str]] = [(None, "")]
+    masters += [(walls["master"], "the master's wall")] if walls["master"] else []
+    slaves: list[tuple[Wall | None, Contact | None, str]] = [(None, None, "")]
+    slaves += [(None, environment, environment.text)] if environment else []
+    slaves += [(walls["slave"], None, "the slave's wall")] if walls["slave"] else []
+    if environment and walls["slave"]:
+        slaves.append((walls["slave"], environment, f"the slave's wall, {environment.text}"))
+    bounds = [at for at in ("lower", "value") if rig.delay_samples <= LONG or at == "lower"]
+    for master_wall, one in masters:
+        for slave_wall, contact, two in slaves:
+            touching = " and ".join(text for text in (one, two) if text)
+            where = f"in contact with {touching}" if touching else "in free motion"
+            for bound in bounds:
+                ends = (
+                    believed_end(rig, f"master.{name}", delays, bound, _hold(hand), master_wall),
+                    believed_end(rig, f"slave.{name}", delays, bound, contact, slave_wall),
+                )
+                yield _mode(rig, ends, where, bound)
+
+
+def _hold(hand: StatedHand) -> Contact:
+    return Contact(hand.hand.stiffness, hand.hand.damping, hand.text)
+
+
+def _mode(rig: Rig, ends: tuple[LinearEnd, LinearEnd], where: str, bound: str) -> LoopCase:
+    samples = rig.delay_samples
+    if samples > LONG and rig.coupling.law == "wave" and _small_gain(ends):
+        return LoopCase(where, bound, True, math.nan, math.nan, math.nan)
+    mode = least_damped(*ends, samples, rig.period_s)
+    return LoopCase(
+        where, bound, mode.radius <= 1.0 + STABLE, mode.radius, mode.growth, mode.frequency
+    )
+
+
+def _small_gain(ends: tuple[LinearEnd, LinearEnd]) -> bool:
+    product = 1.0
+    for end in ends:
+        if np.abs(np.linalg.eigvals(end.a)).max() >= 1.0:
+            return False
+        product *= scattering_norm(end)
+    return product < 1.0
+
+
+def scattering_norm(end: LinearEnd, extra: tuple[float, ...] = ()) -> float:
+    """Return the greatest |leaving wave / arriving wave| on a grid [1]; `extra`: angles w T too."""
+    grid = [np.geomspace(1e-5, 0.1, 80), np.linspace(0.1, math.pi, 160)]
+    grid += [at * np.geomspace(0.7, 1.4, 60) for at in extra]
+    theta = np.unique(np.clip(np.concatenate(grid), 1e-6, math.pi))
+    return float(np.abs(transfer(end, np.exp(1j * theta))[0]).max())
+
+
+def believed_end(
+    rig: Rig,
+    axis_name: str,
+    delays: Delays,
+    bound: str,
+    contact: Contact | None = None,
+    wall: Wall | None = None,
+    *,
+    damping: float | None = None,
+) -> LinearEnd:
+    """Return one end of a pair as the rig believes it.
+
+    Parameters
+    ----------
+    rig : Rig
+        Any rig, simulated or not.
+    axis_name : str
+        Full name; the hand's mass is added at the master when it is held.
+    delays : mapping
+        Declared command delay of each axis.
+    bound : str
+        `lower` or `value`: which mass is taken.
+    contact : Contact, optional
+        What the axis is held by; none: free.
+    wall : Wall, optional
+        A pressed local wall.
+    damping : float, optional
+        Of the device [N m s/rad or N s/m]; its lower bound if not given.
+    """
+    side, name = axis_name.split(".")
+    axis, delay = rig.axes[axis_name], delays[axis_name]
+    params = site_params(rig, axis_name, delay)
+    scale = pair_scale(rig.coupling.pairs[name])
+    mass = stated_hand(rig, name).hand.mass if side == "master" and contact else 0.0
+    held = Contact(0.0, 0.0, "") if contact is None else contact
+    corner = rig.coupling.wave_filter_hz
+    filtered = 1.0 if corner is None else filter_gain(corner, rig.period_s)
+    if axis.inertia is None:
+        outside = Outside(held.stiffness, held.damping, mass, drive_lag(rig, axis_name) or 0.0)
+        return admittance_end(
+            outside,
+            params.port,
+            params.admittance,
+            delay_periods=delay.periods,
+            wave_gain=wave_gain(scale, side),
+            filter_gain=filtered,
+        )
+    own = axis.inertia.lower if bound == "lower" else axis.inertia.value
+    device = Device(
+        mass=own + mass,
+        damping=(axis.damping.lower if damping is None else damping) + held.damping,
+        stiffness=held.stiffness,
+        command_delay=delay_in_periods(rig, delay),
+    )
+    site = Site(
+        params.port,
+        params.gain,
+        delay.periods,
+        delay.remainder_s / rig.period_s,
+        0.0 if wall is None else wall.stiffness,
+        0.0 if wall is None else wall.damping,
+    )
+    if rig.coupling.law == "wave":
+        return wave_end(device, site, wave_gain=wave_gain(scale, side), filter_gain=filtered)
+    far = "slave" if side == "master" else "master"
+    other = site_params(rig, f"{far}.{name}", delays[f"{far}.{name}"])
+    ratio = scale.sign * scale.scale
+    back = ratio if side == "master" else 1.0 / ratio
+    return position_end(
+        device,
+        site,
+        stiffness=params.stiffness,
+        damping=params.damping,
+        sent_stiffness=other.stiffness * back,
+        sent_damping=other.damping * back,
+    )

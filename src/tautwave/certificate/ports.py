@@ -1,0 +1,251 @@
+"""Ports and couplings: what their proofs guarantee on what the rig believes.
+
+The proofs are in the docstrings of `tautwave.laws.port` and `tautwave.laws.admittance`. Beside
+them stands the norm of the wave that the port returns, computed from the laws as they are
+implemented, on the believed device: free, and with what is stated to hold it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from tautwave.certificate.belief import (
+    Contact,
+    assumed,
+    broken_delay,
+    broken_inertia,
+    drive_lag,
+    stated_contact,
+)
+from tautwave.certificate.data import Element, Verdict
+from tautwave.certificate.loops import believed_end, scattering_norm
+from tautwave.config import Rig
+from tautwave.laws.port import sensor_allowance
+from tautwave.rig import device_impedance, velocity_gain
+from tautwave.types import CommandDelay
+
+UNITY = 1e-6
+"""By how much a norm may exceed 1 for rounding and the grid."""
+
+ACCOUNT = "waves that leave rest on the port's energy account"
+STIFFEST_STEPS = 8
+REACH = 1e4
+
+Delays = Mapping[str, CommandDelay]
+
+
+def port_element(rig: Rig, axis_name: str, delays: Delays, wall_needs: float) -> Element:
+    """Return the wave port of an axis; `wall_needs` is the damping its wall takes."""
+    axis = rig.axes[axis_name]
+    if axis.causality == "admittance":
+        return _admittance(rig, axis_name, delays)
+    left = max(0.0, axis.damping.lower - wall_needs)
+    norms = _norms(rig, axis_name, delays, left)
+    passive = _passive(rig, axis_name, delays, norms)
+    unit, damper = _units(axis.kind)
+    sentences = [passive.reason]
+    if passive.passed:
+        bears = (
+            "any spring"
+            if math.isinf(norms["stiffest"])
+            else f"springs up to {norms['stiffest']:.4g} {unit}"
+        )
+        whose = "that its wall leaves it" if wall_needs > 0.0 else "of the device"
+        sentences.append(
+            f"{axis_name} port: held, it bears {bears} without help of its energy account, with "
+            f"the {left:.4g} {damper} of damping {whose}."
+        )
+    allowance = _allowance(rig, axis_name)
+    numbers: dict[str, Any] = {
+        "impedance": _impedance(rig, axis_name),
+        "inertia_lower": None if axis.inertia is None else axis.inertia.lower,
+        "damping_left": left,
+        "damping_of_wall": wall_needs,
+        "command_delay_periods": delays[axis_name].periods,
+        "command_delay_remainder_s": delays[axis_name].remainder_s,
+        "allowance_j_per_period": allowance,
+        **norms,
+    }
+    quantised = _quantised(axis_name, passive, allowance)
+    if quantised.reason != passive.reason:
+        sentences.append(quantised.reason)
+    return Element(
+        f"{axis_name} port", "port", axis_name, passive, quantised, numbers, tuple(sentences)
+    )
+
+
+def _passive(rig: Rig, axis_name: str, delays: Delays, norms: dict[str, Any]) -> Verdict:
+    axis, delay = rig.axes[axis_name], delays[axis_name]
+    assert axis.inertia is not None
+    name = f"{axis_name} port"
+    if delay.remainder_s > 0.0:
+        share = delay.remainder_s / rig.period_s
+        return Verdict(
+            False,
+            f"{name}: its commands act {delay.periods + share:.3g} periods late, and the proof is "
+            f"for whole periods; let the drive latch its commands, or choose rate_hz so that the "
+            f"delay of {delay.periods * rig.period_s + delay.remainder_s:.4g} s is a whole number",
+        )
+    for broken in (broken_inertia(rig, axis_name), broken_delay(rig, axis_name, delay)):
+        if broken is not None:
+            return Verdict(False, f"{name}: {broken}")
+    if norms["free"] > 1.0 + UNITY:
+        return Verdict(
+            False,
+            f"{name}: on a free device it returns up to {norms['free']:.4g} of a wave; take away "
+            f"velocity_filter_s, or lower wave_impedance",
+        )
+    conditions = assumed(axis, axis_name, inertia=True)
+    unit = "kg m^2" if axis.kind == "rotary" else "kg"
+    reason = (
+        f"{name}: passive by the proof in tautwave.laws.port on any free device of at least "
+        f"{axis.inertia.lower:g} {unit}, command delay {delay.periods} periods; it returns at most "
+        f"{min(norms['free'], 1.0):.6f} of a wave"
+    )
+    if norms["held"] is not None and norms["held"] > 1.0 + UNITY:
+        conditions.append(
+            f"{ACCOUNT} at {axis_name}: held by {norms['held_by']} the bare port would return "
+            f"{norms['held']:.4g} of a wave"
+        )
+    return Verdict(True, f"{reason}.", tuple(conditions), 1.0 - min(norms["free"], 1.0))
+
+
+def _norms(rig: Rig, axis_name: str, delays: Delays, left: float) -> dict[str, Any]:
+    """Return greatest returned shares: free; held as stated; and the stiffest spring at norm 1."""
+    contact = stated_contact(rig, axis_name)
+    free = max(_norm(rig, axis_name, delays, bound, None, 0.0) for bound in ("lower", "value"))
+    held = None
+    if contact is not None:
+        held = max(
+            _norm(rig, axis_name, delays, bound, contact, left) for bound in ("lower", "value")
+        )
+    return {
+        "free": free,
+        "held": held,
+        "held_by": "" if contact is None else contact.text,
+        "stiffest": _stiffest(rig, axis_name, delays, left),
+    }
+
+
+def _norm(
+    rig: Rig, axis_name: str, delays: Delays, bound: str, contact: Contact | None, damping: float
+) -> float:
+    end = believed_end(rig, axis_name, delays, bound, contact, damping=damping)
+    inertia = rig.axes[axis_name].inertia
+    extra: tuple[float, ...] = ()
+    if contact is not None and contact.stiffness > 0.0 and inertia is not None:
+        extra = (math.sqrt(contact.stiffness / inertia.lower) * rig.period_s,)
+    return scattering_norm(end, extra)
+
+
+def _stiffest(rig: Rig, axis_name: str, delays: Delays, left: float) -> float:
+    """Return the stiffest spring at which the bare port returns no more than arrives.
+
+    Without a velocity filter it is near 2 m b_d / (b T^2), m the mass's lower bound, b_d the
+    damping and b the impedance: one period of a force that the port cannot predict.
+    """
+    inertia = rig.axes[axis_name].inertia
+    if inertia is None or left == 0.0:
+        return 0.0
+    rule = 2.0 * inertia.lower * left / (_impedance(rig, axis_name) * rig.period_s**2)
+    low = 0.25 * rule if velocity_gain(rig, rig.axes[axis_name]) == 1.0 else 1e-4 * rule
+
+    def fine(stiffness: float) -> bool:
+        contact = Contact(stiffness, 0.0, "")
+        return _norm(rig, axis_name, delays, "lower", contact, left) <= 1.0 + UNITY
+
+    # Upwards, not by halving a wide range: a wave filter may hide a failure from stiffer springs.
+    if not fine(low):
+        return 0.0
+    high = 2.0 * low
+    while fine(high):
+        low, high = high, 2.0 * high
+        if high > REACH * rule:
+            return math.inf
+    for _ in range(STIFFEST_STEPS):
+        middle = 0.5 * (low + high)
+        if fine(middle):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _quantised(axis_name: str, passive: Verdict, allowance: float) -> Verdict:
+    if not passive.passed or allowance == 0.0:
+        return passive
+    return Verdict(
+        False,
+        f"{axis_name} port: encoder step and noise feign losses; its account forgives up to "
+        f"{allowance:.3g} J per period, which may come out (booked as generated)",
+        margin=-allowance,
+    )
+
+
+def _allowance(rig: Rig, axis_name: str) -> float:
+    axis = rig.axes[axis_name]
+    return sensor_allowance(
+        rig.period_s,
+        _impedance(rig, axis_name),
+        velocity_gain(rig, axis),
+        axis.encoder_quantum,
+        axis.position_noise,
+    )
+
+
+def _impedance(rig: Rig, axis_name: str) -> float:
+    side, pair = axis_name.split(".")
+    keys = rig.coupling.pairs[pair]
+    return device_impedance(keys, side, keys.wave_impedance or 1.0)
+
+
+def _admittance(rig: Rig, axis_name: str, delays: Delays) -> Element:
+    axis, delay = rig.axes[axis_name], delays[axis_name]
+    name = f"{axis_name} port"
+    unit, _ = _units(axis.kind)
+    upper, lag = axis.environment_stiffness_upper or 0.0, drive_lag(rig, axis_name)
+    contact = stated_contact(rig, axis_name)
+    allowance = _allowance(rig, axis_name)
+    numbers = {
+        "impedance": _impedance(rig, axis_name),
+        "environment_stiffness_upper": upper,
+        "drive_lag_s": lag,
+        "command_delay_periods": delay.periods,
+        "allowance_j_per_period": allowance,
+    }
+    reason = (
+        f"{name}: passive by the proof in tautwave.laws.admittance for an outside stiffness up to "
+        f"{upper:.4g} {unit}"
+    )
+    conditions = (f"the drive of {axis_name} reaches its velocity within one period",)
+    passive = Verdict(True, f"{reason}.", conditions)
+    if upper == 0.0:
+        text = f"{name}: nothing is guaranteed without environment_stiffness_upper; give it"
+        passive = Verdict(False, text)
+    elif contact is not None and contact.stiffness > upper:
+        passive = Verdict(
+            False,
+            f"{name}: {contact.text} has {contact.stiffness:.4g} {unit}, more than "
+            f"environment_stiffness_upper {upper:.4g}; raise that",
+        )
+    elif delay.remainder_s > 0.0:
+        passive = Verdict(
+            False,
+            f"{name}: its commands act a share of a period late; the proof is for whole periods",
+        )
+    elif lag is not None and lag > 0.0:
+        passive = Verdict(
+            False,
+            f"{name}: the proof needs a drive that reaches its velocity within one period of "
+            f"{1e3 * rig.period_s:.3g} ms; the simulated one has a time constant of "
+            f"{1e3 * lag:.3g} ms. Require coupled_stable, or make the drive faster",
+        )
+    quantised = _quantised(axis_name, passive, allowance)
+    sentences = (passive.reason,)
+    return Element(name, "admittance port", axis_name, passive, quantised, numbers, sentences)
+
+
+def _units(kind: str) -> tuple[str, str]:
+    return ("N m/rad", "N m s/rad") if kind == "rotary" else ("N/m", "N s/m")

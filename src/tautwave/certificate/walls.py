@@ -1,0 +1,179 @@
+"""Local walls: Colgate and Schenkel's condition on what the rig believes, or the controller's.
+
+The wall and the port of an axis act on one device. The port on a free device needs none of its
+damping; so the wall may have all of it, and what it leaves is what the port has with a hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from tautwave.analysis.sampled_wall import SampledWall
+from tautwave.analysis.wall_verdict import WallDevice, WallVerdict, assess_wall
+from tautwave.analysis.wall_words import passivity_sentence, quantum_sentence, stability_sentence
+from tautwave.certificate.belief import (
+    assumed,
+    broken_damping,
+    broken_inertia,
+    delay_in_periods,
+    stated_hand,
+)
+from tautwave.certificate.data import Element, Verdict
+from tautwave.config import Rig, Wall, local_wall
+from tautwave.types import CommandDelay
+
+FREE_FLIGHT = (
+    "no hand reverses the device within one period: the wall's controller predicts free flight"
+)
+
+
+def wall_name(rig: Rig, axis_name: str) -> str:
+    """Return how a wall is called: "slave wall", with its pair where there are several."""
+    side, pair = axis_name.split(".")
+    return f"{side} wall" if len(rig.coupling.pairs) == 1 else f"{side} wall of {pair}"
+
+
+def sampled_wall(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay) -> SampledWall:
+    """Return a wall as the loop renders it."""
+    return SampledWall(
+        stiffness=wall.stiffness,
+        damping=wall.damping,
+        period=rig.period_s,
+        delay=delay_in_periods(rig, delay),
+        filter_s=rig.axes[axis_name].velocity_filter_s,
+    )
+
+
+def wall_verdict(
+    rig: Rig,
+    axis_name: str,
+    wall: Wall,
+    delays: Mapping[str, CommandDelay],
+    coulomb: Mapping[str, float],
+) -> WallVerdict:
+    """Return the analysis of one wall on an impedance axis."""
+    axis = rig.axes[axis_name]
+    side, pair = axis_name.split(".")
+    assert axis.inertia is not None
+    device = WallDevice(
+        axis.inertia.lower,
+        axis.damping.lower,
+        coulomb.get(axis_name, 0.0),
+        axis.encoder_quantum,
+    )
+    hand = stated_hand(rig, pair).hand if side == "master" else None
+    return assess_wall(sampled_wall(rig, axis_name, wall, delays[axis_name]), device, hand)
+
+
+def wall_element(
+    rig: Rig,
+    axis_name: str,
+    delays: Mapping[str, CommandDelay],
+    coulomb: Mapping[str, float],
+    asked: float,
+) -> Element | None:
+    """Return the wall of an axis with its verdicts, None without one.
+
+    `asked` is the stiffness in the rig file, which `derate` may have lowered.
+    """
+    wall = local_wall(rig, axis_name)
+    if wall is None:
+        return None
+    name = wall_name(rig, axis_name)
+    axis = rig.axes[axis_name]
+    if axis.causality == "admittance":
+        reason = (
+            f"{name}: no theorem here covers a local wall on an admittance axis; "
+            "put it on the other side, or require coupled_stable"
+        )
+        told = Verdict(False, reason)
+        numbers = {"stiffness": wall.stiffness, "damping": wall.damping}
+        return Element(name, "wall", axis_name, told, told, numbers, (reason,))
+    found = wall_verdict(rig, axis_name, wall, delays, coulomb)
+    rotary = axis.kind == "rotary"
+    passive = _passive(rig, axis_name, wall, found, name, rotary)
+    quantum = quantum_sentence(found, name, rotary=rotary)
+    sentences = [passive.reason]
+    if asked > wall.stiffness:
+        unit = "N m/rad" if rotary else "N/m"
+        sentences.insert(
+            0,
+            f"{name}: K = {asked:.6g} {unit} is asked, and derated to {wall.stiffness:.6g}, the "
+            f"stiffest that is {rig.require.replace('_', ' ')}.",
+        )
+    sentences += [quantum, stability_sentence(found, name, rotary=rotary)]
+    return Element(
+        name,
+        "wall",
+        axis_name,
+        passive,
+        _quantised(passive, found, quantum),
+        _numbers(found, asked),
+        tuple(sentences),
+    )
+
+
+def _quantised(passive: Verdict, found: WallVerdict, sentence: str) -> Verdict:
+    if not passive.passed:
+        return passive
+    margin = found.quantised_stiffness - found.wall.stiffness
+    if found.device.quantum == 0.0:
+        return passive
+    return Verdict(found.passive_quantised, sentence, passive.conditions, margin)
+
+
+def _passive(
+    rig: Rig, axis_name: str, wall: Wall, found: WallVerdict, name: str, rotary: bool
+) -> Verdict:
+    axis = rig.axes[axis_name]
+    sentence = passivity_sentence(found, name, rotary=rotary)
+    broken = broken_damping(rig, axis_name)
+    if found.passive and broken is None:
+        conditions = tuple(assumed(axis, axis_name, damping=True))
+        return Verdict(True, sentence, conditions, found.margin)
+    if broken is not None and found.passive:
+        return Verdict(False, f"{name}: {broken}", margin=found.margin)
+    if not wall.passivity_control:
+        return Verdict(False, sentence, margin=found.margin)
+    if found.wall.delay > 0.0:
+        return Verdict(
+            False,
+            f"{sentence} Its passivity control is exact for commands that act at once only, these "
+            f"act {found.wall.delay:g} periods late.",
+            margin=found.margin,
+        )
+    broken = broken_inertia(rig, axis_name)
+    if broken is not None:
+        return Verdict(False, f"{name}: {broken}", margin=found.margin)
+    unit = "N m/rad" if rotary else "N/m"
+    assert axis.inertia is not None
+    reason = (
+        f"{name}: K = {wall.stiffness:g} {unit} gives back no more than it took, by its exact "
+        f"energy observer and controller (Hannaford and Ryu 2002), on a device of at least "
+        f"{axis.inertia.lower:g}; damping alone would allow {found.passive_stiffness:.4g}."
+    )
+    conditions = (FREE_FLIGHT, *assumed(axis, axis_name, inertia=True))
+    return Verdict(True, reason, conditions)
+
+
+def _numbers(found: WallVerdict, asked: float) -> dict[str, Any]:
+    return {
+        "asked_stiffness": asked,
+        **found.wall._asdict(),
+        "device": found.device._asdict(),
+        "needed_damping": found.leak.damping,
+        "needed_at_hz": found.leak.frequency,
+        "damping_margin": found.margin,
+        "passive_stiffness": found.passive_stiffness,
+        "prompt_stiffness": found.prompt_stiffness,
+        "blame": found.blame._asdict(),
+        "remedies": found.remedies._asdict(),
+        "hand": None if found.hand is None else found.hand._asdict(),
+        "stable_stiffness": found.stable.limit,
+        "stable_at_hz": found.stable.frequency,
+        "stable": found.coupled_stable,
+        "growth": found.decay,
+        "quantised_stiffness": found.quantised_stiffness,
+        "activity_j": found.activity,
+    }
