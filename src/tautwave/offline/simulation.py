@@ -99,7 +99,10 @@ def engine_of(name: str) -> tuple[Callable[..., int], Callable[[Job], Tables]]:
 
 def simulation_of_run(job: Job, tables: Tables, rows: int) -> Simulation:
     """Return what a run left in its tables; raise if the coupling never engaged."""
-    outcome = tables.outcomes[0]
+    outcomes = tables.outcomes
+    if isinstance(outcomes, np.ndarray):
+        outcomes = outcomes.view(np.recarray)  # its records have attributes
+    outcome = outcomes[0]
     error = error_of(job, outcome)
     if error is not None and never_began(outcome):
         raise error
