@@ -23,16 +23,21 @@ from typing import Any
 import tautwave.laws
 import tautwave.models
 from tautwave.errors import ConfigError
+from tautwave.laws import limit, port, site
+from tautwave.models import plant
 from tautwave.offline import couple, device, kernel, records, rows, side
 
 KERNEL_MODULES = (records, side, couple, device, rows, kernel)
 
 INLINED = {
-    *(side.pass_side, side.close_side, side.decide_side, side.think_side, couple.meet),
+    *(side.pass_side, side.receive_side, side.close_side, side.decide_side, side.think_side),
+    *(side.pending_effort, side.waiting_energy, couple.meet, couple.exchange_waves),
+    *(device.pass_body, device.aim_hand, device.measure_body, device.command_body),
+    *(device.body_forces, device.body_stored, plant.plant_forces, plant.plant_stored),
     *(rows.fill_pair, rows.fill_side, rows.fill_port, rows.fill_wall, rows.fill_body),
-    *(device.command_body, device.body_forces),
+    *(site.think_wave, port.port_effort, port.port_close, limit.guard_axis, limit.limit_effort),
 }
-"""Glue that stands once in a cycle and is small beside the cost of a call with a table."""
+"""What runs in every cycle, is called in a place or two, and costs little more than a call."""
 
 
 def source_modules() -> tuple[ModuleType, ...]:
@@ -47,7 +52,7 @@ def source_modules() -> tuple[ModuleType, ...]:
 def source_hash() -> str:
     """Return a short name of the sources, compiler and Python in use."""
     digest = hashlib.sha256()
-    for module in source_modules():
+    for module in (*source_modules(), sys.modules[__name__]):  # its options count as well
         digest.update(module.__name__.encode())
         digest.update(Path(str(module.__file__)).read_bytes())
     for name in ("numba", "llvmlite", "numpy"):
@@ -103,6 +108,7 @@ def compiled_kernel() -> Callable[..., int]:
     for module in source_modules():
         for function in functions_of(module):
             if function is not kernel.run_rig:
+                # Said of each, since numba hands the option down to whatever is called.
                 extending.register_jitable(forceinline=function in INLINED, **options)(function)
     directory = cache_directory()
     try:
