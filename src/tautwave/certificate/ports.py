@@ -47,16 +47,7 @@ def port_element(rig: Rig, axis_name: str, delays: Delays, wall_needs: float) ->
     unit, damper = _units(axis.kind)
     sentences = [passive.reason]
     if passive.passed:
-        bears = (
-            "any spring"
-            if math.isinf(norms["stiffest"])
-            else f"springs up to {norms['stiffest']:.4g} {unit}"
-        )
-        whose = "that its wall leaves it" if wall_needs > 0.0 else "of the device"
-        sentences.append(
-            f"{axis_name} port: held, it bears {bears} without help of its energy account, with "
-            f"the {left:.4g} {damper} of damping {whose}."
-        )
+        sentences.append(_bears(axis_name, norms["stiffest"], left, wall_needs, unit, damper))
     allowance = _allowance(rig, axis_name)
     numbers: dict[str, Any] = {
         "impedance": _impedance(rig, axis_name),
@@ -73,6 +64,21 @@ def port_element(rig: Rig, axis_name: str, delays: Delays, wall_needs: float) ->
         sentences.append(quantised.reason)
     return Element(
         f"{axis_name} port", "port", axis_name, passive, quantised, numbers, tuple(sentences)
+    )
+
+
+def _bears(
+    axis_name: str, stiffest: float, left: float, wall_needs: float, unit: str, damper: str
+) -> str:
+    """Return what may hold the axis before its port's energy account has to step in."""
+    head = f"{axis_name} port: held, "
+    whose = "that its wall leaves it" if wall_needs > 0.0 else "of the device"
+    if stiffest == 0.0:
+        return f"{head}it rests on its energy account: {left:.4g} {damper} of damping {whose}."
+    bears = "any spring" if math.isinf(stiffest) else f"springs up to {stiffest:.4g} {unit}"
+    return (
+        f"{head}it bears {bears} without help of its energy account, with the {left:.4g} {damper} "
+        f"of damping {whose}."
     )
 
 
@@ -179,7 +185,7 @@ def _quantised(axis_name: str, passive: Verdict, allowance: float) -> Verdict:
     return Verdict(
         False,
         f"{axis_name} port: encoder step and noise feign losses; its account forgives up to "
-        f"{allowance:.3g} J per period, which may come out (booked as generated)",
+        f"{allowance:.3g} J per period, which may come out (booked as generated).",
         margin=-allowance,
     )
 

@@ -34,7 +34,7 @@ def _print_schema(ctx: click.Context, param: click.Parameter, wanted: bool) -> N
     callback=_print_schema,
     help="Print the JSON Schema of a rig file, for editors, and stop.",
 )
-@out_option("Write the result into DIR/check.json as well.")
+@out_option("Write check.json and a picture, certificate.png, into DIR as well.")
 @set_option
 @click.pass_context
 def check(
@@ -50,6 +50,7 @@ def check(
     Examples:
         tautwave check configs/bench-1dof-loopback.yaml
         tautwave check rig.yaml --set coupling.delay_s=0.1 --json
+        tautwave check rig.yaml --out checked
         tautwave check --schema > rig.schema.json
     """
     from tautwave.config import load_rig
@@ -60,6 +61,8 @@ def check(
     result = session.check(loaded)
     if out is not None:
         _write(out, result.as_dict())
+        if result.certificate.get("verdicts"):
+            _draw(out, loaded)
     if as_json:
         echo_json(result.as_dict())
     else:
@@ -69,28 +72,39 @@ def check(
 
 def check_sections(name: str, result: Any) -> list[Section]:
     """Facts, plan, bus time and certificate of a `session.CheckResult`."""
-    from tautwave.cli.summary import verdict
-
-    certificate = result.certificate
     headline = f"{name}: the rig file is right"
     if result.exit_code:
         headline = f"{name}: the rig file is right, but the rig may not run"
-    verdicts = [
-        (str(key), "")
-        if not isinstance(certificate["verdicts"], Mapping)
-        else (str(key), str(certificate["verdicts"][key]))
-        for key in certificate.get("verdicts") or ()
-    ]
     return [
         Section(headline, (), (), "bold" if result.exit_code == 0 else BAD),
         Section("Facts", ("", ""), [(label, str(value)) for label, value in result.facts]),
         Section("Plan", ("element", "", "because"), list(_plan(result.plan))),
         Section("Bus time", ("bus", ">needed", ">greatest rate", ""), list(_buses(result.budget))),
-        Section(
-            "Certificate",
-            ("", ""),
-            [("passive", verdict(certificate.get("passed"))), *verdicts],
-        ),
+        *certificate_sections(result.certificate),
+    ]
+
+
+def certificate_sections(certificate: Mapping[str, Any]) -> list[Section]:
+    """The three verdicts with what they rest on, then what was found, element by element."""
+    from tautwave.cli.summary import verdict
+
+    told = certificate.get("verdicts")
+    if not isinstance(told, Mapping) or not told:
+        return [Section("Certificate", ("", ""), [("passive", verdict(certificate.get("passed")))])]
+    rows: list[tuple[str | Cell, ...]] = []
+    for name, found in told.items():
+        required = " (required)" if name == certificate.get("require") else ""
+        label = f"{str(name).replace('_', ' ')}{required}"
+        rows.append((label, verdict(found["passed"], found["state"]), found["reason"]))
+        rows.extend(("", "", Cell(f"if {condition}", NOTE)) for condition in found["conditions"])
+    elements = [
+        (sentence,) for element in certificate["elements"] for sentence in element["sentences"]
+    ]
+    loops = [(loop["verdict"]["reason"],) for loop in certificate["loops"]]
+    return [
+        Section("Certificate", ("", "", ""), rows),
+        Section("Element by element", ("",), elements),
+        Section("In the loop", ("",), loops),
     ]
 
 
@@ -111,6 +125,15 @@ def _buses(budget: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]]:
         else:
             time_s, greatest_rate_hz, arithmetic = cost
             yield bus, quantity(time_s, "s", 3), quantity(greatest_rate_hz, "Hz", 3), arithmetic
+
+
+def _draw(out: Path, rig: Any) -> None:
+    from tautwave.certificate.picture import draw_certificate
+
+    try:
+        draw_certificate(rig, out / "certificate.png")
+    except OSError as err:
+        raise ConfigError(f"{out}: certificate.png cannot be written: {err.strerror}") from err
 
 
 def _write(out: Path, result: Any) -> None:

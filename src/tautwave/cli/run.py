@@ -89,6 +89,9 @@ def run(
     show(summary_sections(loaded.name, result.summary, result.directory, result.exit_code))
     if result.exit_code:
         word, sentence = outcome(result.summary, result.exit_code)
+        if result.exit_code == 3:
+            after = result.summary.get("certificate", {}).get("after_run", {})
+            sentence = "\n".join(after.get("sentences", ())) or sentence
         click.echo(sentence or f"{loaded.name}: {word}", err=True)
     ctx.exit(result.exit_code)
 

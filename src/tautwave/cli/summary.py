@@ -95,14 +95,32 @@ def _books(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
         if key != "gross_flow" and flow:
             share = f"{ratio(abs(value) / flow)} of gross flow"
         yield label, quantity(value, "J", 3), share
-    passed = _dig(summary, "certificate", "passed")
-    yield "certificate", "", verdict(passed)
+    passed, state = (_dig(summary, "certificate", key) for key in ("passed", "state"))
+    require = str(_dig(summary, "certificate", "require") or "").replace("_", " ")
+    yield "certificate", require, verdict(passed, state)
+    for sentence in _certificate_notes(summary):
+        yield "", "", Cell(sentence, BAD if passed is False else NOTE)
 
 
-def verdict(passed: Any) -> Cell:
+def _certificate_notes(summary: Mapping[str, Any]) -> Iterator[str]:
+    """What a run did to its certificate, and what it rendered instead of what was asked."""
+    for axis, wall in (_dig(summary, "certificate", "walls") or {}).items():
+        asked, rendered = wall.get("asked_stiffness"), wall.get("rendered_stiffness")
+        if asked != rendered:
+            yield f"wall of {axis}: K = {asked:.6g} asked, {rendered:.6g} rendered"
+    if _dig(summary, "certificate", "allowed_uncertified"):
+        yield "not certified: run with --allow-uncertified"
+    if _dig(summary, "certificate", "after_run", "invalidated"):
+        yield "what this run measured breaks its certificate:"
+        yield from _dig(summary, "certificate", "after_run", "sentences") or ()
+
+
+def verdict(passed: Any, state: Any = None) -> Cell:
     """What a certificate says; one that is not evaluated is never called passed."""
     if passed is None:
         return Cell("not yet evaluated", NOTE)
+    if passed and state == "conditional":
+        return Cell("conditional", NOTE)
     return Cell("passed", GOOD) if passed else Cell("not passed", BAD)
 
 

@@ -11,11 +11,13 @@ from tautwave.errors import TautwaveError
 def main() -> int:
     """Complete `summary.json` and write the report of the directory in argv[1]."""
     from tautwave.report import write_report
+    from tautwave.report.after_run import recheck_run
     from tautwave.report.complete import complete_summary
 
     directory = Path(sys.argv[1])
     try:
         complete_summary(directory)
+        recheck_run(directory)
         write_report(directory)
     except TautwaveError as err:
         sys.stderr.write(f"{err}\n")

@@ -21,7 +21,7 @@ from tautwave.report.html import (
 )
 from tautwave.report.rundir import Run, load_run
 from tautwave.report.units import plural, quantity
-from tautwave.report.verdicts import describe_pair, outcome, verdicts
+from tautwave.report.verdicts import describe_pair, invalidated, outcome, uncertified, verdicts
 from tautwave.report.views import PairView, view_energy, view_pair
 
 if TYPE_CHECKING:
@@ -110,6 +110,12 @@ def _head(run: Run) -> Iterator[str]:
         yield banner(ended.topic.capitalize(), ended.sentences, "bad")
     else:
         yield "".join(f"<p>{escape(sentence)}</p>" for sentence in ended.sentences)
+    if uncertified(run):
+        title = "This rig was not certified, and ran with --allow-uncertified"
+        yield banner(title, uncertified(run), "bad")
+    if invalidated(run):
+        title = "What this run measured breaks its certificate"
+        yield banner(title, invalidated(run), "bad")
     if run.notes:
         yield banner("This report is incomplete", run.notes, "note")
     yield verdict_rows(verdicts(run))

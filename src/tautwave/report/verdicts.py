@@ -154,14 +154,47 @@ def _timing(run: Run) -> Verdict:
 def _certificate(run: Run) -> Verdict:
     told = block(run.summary, "certificate")
     passed = told.get("passed")
-    lines = tuple(_lines(told.get("verdicts")))
+    lines = (*_rendered(run), *_lines(told.get("verdicts")))
+    broken = invalidated(run)
+    if broken:
+        return Verdict("Certificate", "bad", (BROKEN, *broken, *lines))
     if passed is True:
-        return Verdict("Certificate", "ok", ("Passed.", *lines))
+        status = "note" if told.get("state") == "conditional" else "ok"
+        return Verdict("Certificate", status, ("Passed.", *lines))
     if passed is False:
         return Verdict("Certificate", "bad", ("Not passed.", *lines))
     return Verdict(
         "Certificate", "open", ("Not yet evaluated; this run proves no passivity.", *lines)
     )
+
+
+BROKEN = "Passed before the run, but what the run measured breaks it."
+
+
+def invalidated(run: Run) -> tuple[str, ...]:
+    """Sentences on what a run measured that breaks its own certificate; empty if nothing does."""
+    after = block(run.summary, "certificate", "after_run")
+    if not after.get("invalidated"):
+        return ()
+    return tuple(str(sentence) for sentence in after.get("sentences") or ())
+
+
+def uncertified(run: Run) -> tuple[str, ...]:
+    """Why a run had no certificate and was allowed all the same; empty for every other run."""
+    told = block(run.summary, "certificate")
+    if not told.get("allowed_uncertified"):
+        return ()
+    return tuple(str(sentence) for sentence in told.get("sentences") or ("Not certified.",))
+
+
+def _rendered(run: Run) -> list[str]:
+    """Walls that were derated: what was asked and what was rendered."""
+    lines = []
+    for axis, wall in block(run.summary, "certificate", "walls").items():
+        asked, rendered = wall.get("asked_stiffness"), wall.get("rendered_stiffness")
+        if asked != rendered:
+            lines.append(f"Wall of {axis}: K = {asked:.6g} asked, {rendered:.6g} rendered.")
+    return lines
 
 
 def _lines(told: Any) -> list[str]:
@@ -178,9 +211,15 @@ def _say(value: Any) -> str:
         return "not yet evaluated"
     if isinstance(value, bool):
         return "passed" if value else "not passed"
+    if isinstance(value, dict) and {"state", "reason"} <= value.keys():
+        return ". ".join([str(value["state"]), str(value["reason"]).rstrip("."), *_ifs(value)])
     if isinstance(value, dict):
         return ", ".join(f"{name} {_say(inner)}" for name, inner in value.items())
     return str(value)
+
+
+def _ifs(value: dict[str, Any]) -> list[str]:
+    return [f"If {condition}" for condition in value.get("conditions") or ()]
 
 
 def units_of(run: Run, pair: str) -> tuple[str, str]:

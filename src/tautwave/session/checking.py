@@ -6,16 +6,14 @@ from typing import Any, NamedTuple
 
 from tautwave.config import Rig, axis_specs
 from tautwave.contracts import Budget
-from tautwave.errors import BusBudgetError
+from tautwave.errors import BusBudgetError, NotCertifiedError
 from tautwave.registry import load_driver
 from tautwave.session.facts import admittance_facts, command_delays, hints, pair_facts
 from tautwave.session.plan import PlanItem, left_out, rig_plan
 
-NOT_EVALUATED = "not yet evaluated"
-
 
 class CheckResult(NamedTuple):
-    """What a check found. `certificate["passed"]` is None while no certificate is computed."""
+    """What a check found. `certificate` is that of `tautwave.certificate`, as plain data."""
 
     rig: str
     plan: list[PlanItem]
@@ -47,11 +45,6 @@ class CheckResult(NamedTuple):
         }
 
 
-def certificate(rig: Rig) -> dict[str, Any]:
-    """Return the passivity certificate: not evaluated, and so never passed."""
-    return {"passed": None, "verdicts": {}, "require": rig.require, "state": NOT_EVALUATED}
-
-
 def bus_budgets(rig: Rig) -> dict[str, Budget]:
     """Return the bus time of every bus, from its plugin's pure arithmetic."""
     budgets = {}
@@ -79,8 +72,10 @@ def check(rig: Rig) -> CheckResult:
     Returns
     -------
     CheckResult
-        `exit_code` is 0, or 4 when a bus is too slow.
+        `exit_code` is 0, 4 when a bus is too slow, or 3 when the required verdict fails.
     """
+    from tautwave.certificate import certify  # a live run imports this module, not the analysis
+
     delays = command_delays(rig)
     budgets = bus_budgets(rig)
     facts = [
@@ -110,8 +105,11 @@ def check(rig: Rig) -> CheckResult:
                 f"effort limit {axis.effort_limit:g}",
             )
         )
-    exit_code = BusBudgetError.exit_code if over_budget(rig, budgets) else 0
-    return CheckResult(rig.name, rig_plan(rig), facts, certificate(rig), budgets, exit_code)
+    certificate = certify(rig).as_dict()
+    exit_code = 0 if certificate["passed"] else NotCertifiedError.exit_code
+    if over_budget(rig, budgets):
+        exit_code = BusBudgetError.exit_code
+    return CheckResult(rig.name, rig_plan(rig), facts, certificate, budgets, exit_code)
 
 
 def _coupling(rig: Rig) -> str:

@@ -17,12 +17,17 @@ from typing import Any, NamedTuple
 
 from tautwave.config import Rig, resolved_yaml
 from tautwave.errors import BusBudgetError, NotCertifiedError, RecordingError, TautwaveError
-from tautwave.registry import load_driver
 from tautwave.rig import Assembly, build_rig
 from tautwave.runtime.loop import Loop, LoopResult
 from tautwave.runtime.machine import quiet_collector, realtime
 from tautwave.runtime.recorder import Recorder, RecorderStats
-from tautwave.session.checking import bus_budgets, certificate, over_budget
+from tautwave.session.certified import (
+    certificate_of,
+    certified_rig,
+    refuse_uncertified,
+    summary_block,
+)
+from tautwave.session.checking import bus_budgets, over_budget
 from tautwave.session.facts import pair_facts
 from tautwave.session.plan import left_out, rig_plan
 
@@ -76,7 +81,13 @@ def run(
         Nothing has moved: the rig is refused, or the run directory cannot be written. What goes
         wrong later is in the result, not raised.
     """
-    _refuse(rig, allow_uncertified)
+    problems = over_budget(rig, bus_budgets(rig))
+    if problems:
+        raise BusBudgetError("\n".join(problems))
+    certificate = certificate_of(rig)
+    if not allow_uncertified:
+        refuse_uncertified(rig, certificate)
+    rig = certified_rig(rig, certificate)
     directory = Path(out)
     started = datetime.now(UTC)
     assembly = build_rig(rig, clock=clock, duration_s=duration_s)
@@ -133,25 +144,12 @@ def run(
         "realtime": sentences,
         "axes": _axes(assembly, result),
         "faults": list(result.faults),
-        "certificate": certificate(rig),
+        "certificate": summary_block(certificate, allow_uncertified),
         "left_out": left_out(rig_plan(rig, clock=clock)),
         "recording": _recording(stats),
         "pairs": _pairs(rig, assembly),
     }
     return _report(directory, summary, exit_code)
-
-
-def _refuse(rig: Rig, allow_uncertified: bool) -> None:
-    """Raise if the rig may not move."""
-    problems = over_budget(rig, bus_budgets(rig))
-    if problems:
-        raise BusBudgetError("\n".join(problems))
-    hardware = [name for name, bus in rig.buses.items() if load_driver(bus.driver).hardware]
-    if hardware and rig.simulation is None and not allow_uncertified:
-        raise NotCertifiedError(
-            f"{rig.name}: bus {', '.join(hardware)} moves motors, and the certificate "
-            f"({rig.require}) is not yet evaluated; --allow-uncertified runs it all the same"
-        )
 
 
 @contextmanager
@@ -254,4 +252,7 @@ def _report(directory: Path, summary: dict[str, Any], exit_code: int) -> RunResu
         reason = child.stderr.strip().splitlines()[-1:] or ["no reason given"]
         summary["report_error"] = f"the report could not be written: {reason[0]}"
         path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    after = summary["certificate"].get("after_run", {})
+    if exit_code == 0 and after.get("invalidated"):
+        exit_code = NotCertifiedError.exit_code
     return RunResult(summary, directory, exit_code)

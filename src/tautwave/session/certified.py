@@ -1,0 +1,84 @@
+"""The certificate of a rig that is about to run, from a process of its own.
+
+The analysis stays out of the process that moves motors: it gets the certificate as data.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from typing import Any
+
+from tautwave.config import Rig, render_stiffness, resolved_yaml
+from tautwave.errors import NotCertifiedError
+
+TIMEOUT_S = 120.0
+
+
+def certificate_of(rig: Rig) -> dict[str, Any]:
+    """Return the certificate of a rig as plain data; `passed` is None where there is none."""
+    try:
+        child = subprocess.run(
+            [sys.executable, "-m", "tautwave.certificate"],
+            input=resolved_yaml(rig),
+            capture_output=True,
+            text=True,
+            timeout=TIMEOUT_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return _none(rig, f"it took more than {TIMEOUT_S:g} s")
+    if child.returncode != 0:
+        return _none(rig, (child.stderr.strip().splitlines() or ["no reason given"])[-1])
+    found: dict[str, Any] = json.loads(child.stdout)
+    return found
+
+
+def _none(rig: Rig, why: str) -> dict[str, Any]:
+    sentence = f"{rig.name}: the certificate could not be computed: {why}"
+    return {
+        "passed": None,
+        "state": "not evaluated",
+        "require": rig.require,
+        "verdicts": {},
+        "sentences": [sentence],
+        "elements": [],
+        "loops": [],
+        "walls": {},
+    }
+
+
+def certified_rig(rig: Rig, certificate: dict[str, Any]) -> Rig:
+    """Return the rig as it will run: derated walls at the stiffness that is certified."""
+    walls = certificate["walls"]
+    return render_stiffness(rig, {axis: wall["rendered_stiffness"] for axis, wall in walls.items()})
+
+
+def refuse_uncertified(rig: Rig, certificate: dict[str, Any]) -> None:
+    """Raise NotCertifiedError, with why and what to do, unless the required verdict holds."""
+    if certificate["passed"]:
+        return
+    lines = [f"{rig.name}: not certified as {rig.require.replace('_', ' ')}, which it requires:"]
+    lines += [f"  {sentence}" for sentence in certificate["sentences"]]
+    lines.append("--allow-uncertified runs it all the same.")
+    raise NotCertifiedError("\n".join(lines))
+
+
+def summary_block(certificate: dict[str, Any], allowed: bool) -> dict[str, Any]:
+    """Return what the summary of a run keeps of its certificate."""
+    kept = {
+        key: certificate[key]
+        for key in ("passed", "state", "require", "verdicts", "sentences", "walls")
+    }
+    kept["elements"] = {
+        element["name"]: {
+            "passive": element["passive"]["state"],
+            "passive_quantised": element["passive_quantised"]["state"],
+            "sentences": element["sentences"],
+        }
+        for element in certificate["elements"]
+    }
+    kept["loops"] = {loop["pair"]: loop["verdict"] for loop in certificate["loops"]}
+    kept["allowed_uncertified"] = allowed and not certificate["passed"]
+    return kept
