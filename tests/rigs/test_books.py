@@ -131,10 +131,16 @@ def test_a_minute_at_one_kilohertz_closes(samples: int, b: float) -> None:
 
 @pytest.mark.parametrize("features", [(), ALL], ids=["clean", "everything"])
 @pytest.mark.parametrize("periods", [0, 1, 2, 5])
-def test_whole_periods_of_command_delay_are_exact(periods: int, features: tuple[Tree, ...]) -> None:
+def test_whole_periods_of_command_delay_are_exact_without_gaps(
+    periods: int, features: tuple[Tree, ...]
+) -> None:
     run = run_rig(tree(MOTION, CONTACT, *features, line(7), delay(periods)))
     found = assert_closed(run)
-    assert found.uncertainty == 0.0
+    if periods == 0 or not features:
+        assert found.uncertainty == 0.0
+    else:
+        # Samples are missing while different commands act: an interval, and it holds the truth.
+        assert 0.0 < abs(found.sensing_gap) < found.uncertainty
     if not features:
         # Noise-free, the controller knows exactly what its motors did.
         assert abs(found.sensing_gap) <= EXACT * found.gross_flow

@@ -20,6 +20,15 @@ def coupler_effort(
     return stiffness * (position - far_position) + damping * (velocity - far_velocity)
 
 
+def coupler_loss(stiffness: float, work: float, before: float, after: float) -> float:
+    """Return what the coupler dissipated [J] of the `work` both devices did on it.
+
+    `before` and `after` are the errors x - x_far [rad or m] at both ends of the period; negative
+    where delay and sampling created energy.
+    """
+    return work - 0.5 * stiffness * (after - before) * (after + before)
+
+
 def coupler_stored(stiffness: float, position: float, far_position: float) -> float:
     """Return the energy K (x - x_far)**2 / 2 [J] of the spring between the present positions."""
     error = position - far_position

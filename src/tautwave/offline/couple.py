@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import MutableSequence
 
-from tautwave.laws.coupler import coupler_stored
+from tautwave.laws.coupler import coupler_loss, coupler_stored
 from tautwave.laws.wall import wall_effort
 from tautwave.laws.wave import filter_step
 from tautwave.offline.records import Body, Couple, PairParams, Side, SideParams
@@ -48,8 +48,10 @@ def start_pair(
             table[q.line + q.samples + i] = slave.position
             table[q.line + 2 * q.samples + i] = 0.0
             table[q.line + 3 * q.samples + i] = 0.0
+        c.error = 0.0
         book_spring(c, q, one, two, p1)
         c.start_stored = c.stored
+        c.dissipated = 0.0
 
 
 def arm_side(s: Side, p: SideParams, share: float) -> bool:
@@ -114,9 +116,14 @@ def exchange_states(
 
 def book_spring(c: Couple, q: PairParams, one: Side, two: Side, p1: SideParams) -> None:
     """Book the spring between the present positions, in pair units."""
-    c.absorbed = one.port_absorbed + q.weight * two.port_absorbed
+    stiffness = p1.site.stiffness
+    absorbed = one.port_absorbed + q.weight * two.port_absorbed
     far = q.to_master * (two.position - c.offset)
-    c.stored = coupler_stored(p1.site.stiffness, one.position, far)
+    error = one.position - far
+    c.stored = coupler_stored(stiffness, one.position, far)
+    c.dissipated += coupler_loss(stiffness, absorbed - c.absorbed, c.error, error)
+    c.absorbed = absorbed
+    c.error = error
 
 
 def filter_waves(

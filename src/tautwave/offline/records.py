@@ -206,6 +206,8 @@ class Couple:
     absorbed: float
     stored: float
     start_stored: float
+    dissipated: float
+    error: float
     at: int
 
 

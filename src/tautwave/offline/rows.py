@@ -98,7 +98,7 @@ def fill_pair(
         held = c.stored - c.start_stored
         out[at] = c.absorbed
         out[at + 1] = held
-        out[at + 2] = c.absorbed - held
+        out[at + 2] = c.dissipated
         at = at + 3
     at = fill_wall(out, at, one, p1)
     return fill_wall(out, at, two, p2)

@@ -83,6 +83,10 @@ def pass_side(s: Side, p: SideParams, table: MutableSequence[float]) -> None:
         s.head += 1
         if s.head == p.delay:
             s.head = 0
+        if p.late == 0.0:
+            if s.count > 0:
+                s.spread += math.fabs(total - s.acted_total)
+            s.acted_total = total
     if p.late > 0.0:
         late = p.late
         early = 1.0 - late
@@ -132,7 +136,7 @@ def close_side(s: Side, p: SideParams, position: float, outside: float) -> None:
         s.velocity = track_velocity(p.site.gain, expected, displacement, span)
         s.impulse = s.effort_sum
         energy = effort * displacement
-        if p.late > 0.0:
+        if s.spread > 0.0:
             s.uncertainty += s.spread * math.fabs(displacement)
             s.spread = 0.0
     else:
@@ -141,6 +145,7 @@ def close_side(s: Side, p: SideParams, position: float, outside: float) -> None:
         s.outside = outside
         s.velocity = displacement / span
         port = mean - wall
+        s.port = port
         energy = mean * displacement
     if p.site.has_wall:
         s.wall_velocity += p.site.gain * (displacement / span - s.wall_velocity)
@@ -272,10 +277,11 @@ def fade_side(s: Side, p: SideParams, ceiling: float) -> None:
     s.stopping = True
     total = clamp(s.total, ceiling)
     s.total = total
-    s.port = total
+    s.port = 0.0
     s.wall = 0.0
     s.command = total
     if p.impedance:
+        s.port = total
         s.command = -total
 
 

@@ -93,7 +93,7 @@ class PairRow:
                 at,
                 pair.absorbed,
                 pair.stored - pair.start_stored,
-                pair.absorbed - (pair.stored - pair.start_stored),
+                pair.dissipated,
             )
         for site, share in self._sides:
             if site.has_wall:

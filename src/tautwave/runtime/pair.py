@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
-from tautwave.laws.coupler import coupler_stored
+from tautwave.laws.coupler import coupler_loss, coupler_stored
 from tautwave.laws.wall import wall_effort
 from tautwave.laws.wave import filter_step
 from tautwave.link.memory import DelayLine
@@ -208,6 +208,8 @@ class PositionPair(Pair):
         self.absorbed = 0.0
         self.stored = 0.0
         self.start_stored = 0.0
+        self.dissipated = 0.0
+        self._error = 0.0
 
     def start(self, master: JointState, slave: JointState, offset: float | None) -> None:
         """Engage; what is on the way is the present, at rest."""
@@ -216,8 +218,11 @@ class PositionPair(Pair):
             self._positions = DelayLine(self._samples, 0.0)
             self._positions.fill(master.position, slave.position)
             self._velocities = DelayLine(self._samples, 0.0)
+        self.dissipated = 0.0
+        self._error = 0.0
         self._book()
         self.start_stored = self.stored
+        self.dissipated = 0.0
 
     def engage(self, ramp: float) -> None:
         """Think for the first time: the far side is where it is."""
@@ -235,9 +240,14 @@ class PositionPair(Pair):
 
     def _book(self) -> None:
         """Book the spring between the present positions, in pair units."""
-        self.absorbed = self.master.port_absorbed + self.weight * self.slave.port_absorbed
+        stiffness = self.master.params.stiffness
+        absorbed = self.master.port_absorbed + self.weight * self.slave.port_absorbed
         far = self._slave_to_master * (self.slave.position - self.offset)
-        self.stored = coupler_stored(self.master.params.stiffness, self.master.position, far)
+        error = self.master.position - far
+        self.stored = coupler_stored(stiffness, self.master.position, far)
+        self.dissipated += coupler_loss(stiffness, absorbed - self.absorbed, self._error, error)
+        self.absorbed = absorbed
+        self._error = error
 
     def cycle(self, master: JointState, slave: JointState, skipped: int, ramp: float) -> None:
         """Run one cycle; see `WavePair.cycle`."""

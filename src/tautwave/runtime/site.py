@@ -165,6 +165,11 @@ class SiteAxis:
                 (self._command_total, self.port_effort, self.wall_effort, self._command_wave)
             )
             total, port, wall, wave = pipe.popleft()
+            if self._late == 0.0:
+                # Without a sample in between, nobody knows in which period the device moved.
+                if self._count:
+                    self._spread += abs(total - self._acted[0])
+                self._acted = (total, port, wall)
         else:
             total = self._command_total
             port = self.port_effort
@@ -233,8 +238,8 @@ class SiteAxis:
             self.velocity = track_velocity(self._gain, expected, displacement, span)
             self.impulse = self._effort_sum
             energy = effort * displacement
-            if self._late > 0.0:
-                # Where in the period the device moved is unknown: the whole swing is possible.
+            if self._spread > 0.0:
+                # Where in the interval the device moved is unknown: the whole swing is possible.
                 self.uncertainty += self._spread * abs(displacement)
                 self._spread = 0.0
         else:
@@ -242,7 +247,7 @@ class SiteAxis:
             self.uncertainty += 0.5 * abs((outside - self.outside) * displacement)
             self.outside = outside
             self.velocity = displacement / span
-            port = mean - wall
+            port = self.port_effort = mean - wall
             energy = mean * displacement
         if self.has_wall:
             params = self._wall
@@ -330,7 +335,8 @@ class SiteAxis:
         """Bring the command to zero under a falling ceiling, without looking at the axis."""
         self.stopping = True
         total = clamp(self._command_total, ceiling)
-        self._command_total = self.port_effort = total
+        self._command_total = total
+        self.port_effort = total if self.impedance else 0.0
         self.wall_effort = 0.0
         self.command = -total if self.impedance else total
 
