@@ -18,7 +18,7 @@ from tautwave.bench.rigs import BenchRig
 
 LIMIT = 1.3
 NO_GCC = "gcc is not installed"
-STATE = ("outcomes", "sides", "bodies", "couples", "pipes", "lines")
+STATE = ("outcomes", "sides", "bodies", "couples", "table")
 """Tables that a run changes and that are put back before the next."""
 
 Kernel = Callable[..., int]
@@ -61,7 +61,8 @@ def _measure(
     rig: BenchRig, engines: Mapping[str, Kernel], rounds: int, seconds: float | None
 ) -> tuple[int, dict[str, Cost], bool]:
     """Return steps of a run, the cost of a run per engine, and whether all rows are equal."""
-    from tautwave.offline.pack import pack_rig, record_tables
+    from tautwave.offline.pack import pack_rig
+    from tautwave.offline.tables import record_tables
 
     job = pack_rig(rig.load(), seconds)
     tables = {name: record_tables(job) for name in engines}
