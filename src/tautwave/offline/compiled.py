@@ -101,13 +101,18 @@ def load_numba() -> Any:
 @functools.cache
 def compiled_kernel() -> Callable[..., int]:
     """Return `kernel.run_rig` for numba; compiled at the first call, or read from the cache."""
+    return cached(kernel.run_rig)
+
+
+def cached(entry: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function of the source modules for numba, kept in the cache once compiled."""
     numba = load_numba()
     extending = importlib.import_module("numba.extending")
     # Nothing is allocated in a run: without numba's run time no table is counted at every call.
     options: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
     for module in source_modules():
         for function in functions_of(module):
-            if function is not kernel.run_rig:
+            if function is not entry:
                 # Said of each, since numba hands the option down to whatever is called.
                 extending.register_jitable(forceinline=function in INLINED, **options)(function)
     directory = cache_directory()
@@ -119,8 +124,8 @@ def compiled_kernel() -> Callable[..., int]:
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(directory)
     try:
-        result: Callable[..., int] = numba.njit(cache=kept, nogil=True, fastmath=False, **options)(
-            kernel.run_rig
+        result: Callable[..., Any] = numba.njit(cache=kept, nogil=True, fastmath=False, **options)(
+            entry
         )
     finally:
         numba.config.CACHE_DIR = before
