@@ -90,9 +90,9 @@ def conversion_ratio(matrix: Matrix) -> float:
     A block lasts as long before and after, so its waves are as many times shorter as there are
     more of them: |C|**2 (waves in) / (waves out).
     """
-    rows, columns = matrix.shape
+    rows, columns = (int(count) for count in matrix.shape)
     size = float(np.linalg.norm(matrix, 2))
-    return size * size * columns / rows
+    return size * size * (columns / rows)
 
 
 def mean_magnitude(frequency: float, count: int, period: float) -> float:

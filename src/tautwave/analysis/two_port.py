@@ -311,7 +311,7 @@ def absolute_stability(response: Response, low: float, high: float, points: int 
 
 def _real(value: Complexes, size: float) -> Floats:
     """Return the real part, 0 where it is rounding."""
-    noise = NOISE * np.abs(value) * (1.0 + np.abs(value) / size)
+    noise = NOISE * (size + np.abs(value)) * (1.0 + np.abs(value) / size)
     return np.where(np.abs(value.real) <= noise, 0.0, value.real)
 
 
@@ -359,7 +359,7 @@ def destabilising_ends(response: Response, frequency: float, share: float = 0.5)
 
 
 def refined_minimum(
-    value: Callable[[Floats], Floats], w: Floats, basins: int = 12
+    value: Callable[[Floats], Floats], w: Floats, basins: int = 8
 ) -> tuple[float, float]:
     """Return where a function is least and its value: a grid, then the lowest basins refined."""
     values = value(w)
@@ -370,7 +370,7 @@ def refined_minimum(
     place, least = float(w[best]), float(values[best])
     for dip in dips[np.argsort(values[dips])][:basins]:
         at, grid, found = int(dip), w, values
-        for _ in range(12):
+        for _ in range(9):
             grid = np.linspace(grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)], 17)
             found = value(grid)
             at = int(np.argmin(found))

@@ -34,19 +34,26 @@ def sweep(
     Rows go into points.csv as they come. Ctrl-C leaves what was done (exit code 130), and the
     same command goes on from there. No device is touched.
 
+    A file with planes is a map: the stiffness of a wall over something else, with the passive and
+    the stable limit as predicted and as simulated.
+
     \b
     Examples:
         tautwave sweep configs/sweeps/delay-stability.yaml
+        tautwave sweep configs/sweeps/wall-kb-plane.yaml
         tautwave sweep sweep.yaml --out runs/stiffness --jobs 4
     """
     from tautwave.cli.progress import Progress
     from tautwave.cli.show import show
     from tautwave.offline.sweep_file import load_sweep
+    from tautwave.offline.sweep_map import is_map
 
+    if is_map(file):
+        draw_map(file, out, as_json=as_json)
+        return
     plan = load_sweep(file)
     name = plan.sweep.name
-    stem = re.sub(r"[^\w.-]+", "-", name).strip("-.") or "unnamed"
-    directory = out or Path("runs") / f"sweep-{stem}"
+    directory = out or default_directory(name)
 
     from tautwave.offline.sweep import run_sweep
     from tautwave.report.sweep_figure import write_sweep_figure
@@ -74,6 +81,55 @@ def sweep(
         show(sweep_sections(plan.sweep, result, picture))
     if result.interrupted:
         ctx.exit(INTERRUPTED)
+
+
+def default_directory(name: str) -> Path:
+    """Return where the results of a sweep of this name go."""
+    stem = re.sub(r"[^\w.-]+", "-", name).strip("-.") or "unnamed"
+    return Path("runs") / f"sweep-{stem}"
+
+
+def draw_map(file: Path, out: Path | None, *, as_json: bool) -> None:
+    """Compute the planes of a map file, write and draw them, and say how far they agree."""
+    from tautwave.cli.progress import Progress
+    from tautwave.cli.show import Section, show
+    from tautwave.offline.sweep_map import agreement_sentence, load_map, run_map
+    from tautwave.report.map_figure import write_map_figure
+
+    plan = load_map(file)
+    directory = out or default_directory(plan.file.name)
+    with Progress(plan.file.name) as progress:
+        result = run_map(plan, directory, progress=progress)
+        progress(1.0, "drawing")
+        picture = write_map_figure(plan, result, directory)
+    if as_json:
+        echo_json(
+            {
+                "name": plan.file.name,
+                "planes": {
+                    name: {
+                        "points": int(plane.growth.size),
+                        "mismatched": plane.mismatched,
+                        "boundaries": len(plane.edges),
+                        "disagreement": plane.disagreement,
+                    }
+                    for name, plane in result.planes.items()
+                },
+                "boundaries": str(result.boundaries),
+                "table": str(result.points),
+                "figure": str(picture),
+            }
+        )
+        return
+    told = [(f"{name}: {agreement_sentence(plane)}",) for name, plane in result.planes.items()]
+    files = [(str(path),) for path in (result.boundaries, result.points, picture)]
+    show(
+        [
+            Section(f"{plan.file.name}: {len(result.planes)} planes", (), ()),
+            Section("Agreement", ("",), told),
+            Section("Files", ("",), files),
+        ]
+    )
 
 
 def sweep_sections(sweep: Any, result: Any, picture: Path | None) -> list[Any]:

@@ -58,7 +58,7 @@ def pair_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[LinearEnd,
                 f"{axis}: predictions are for impedance axes, this one takes velocity"
             )
         believed = delays[axis]
-        device = _device(rig, axis, contact=contact and side == "slave")
+        device = true_device(rig, axis, contact=contact and side == "slave")
         site = Site(
             params[side].port,
             params[side].gain,
@@ -109,7 +109,8 @@ def _command_delays(rig: Rig) -> dict[str, CommandDelay]:
     return {axis: bus.driver.command_delay for bus in assembly.buses for axis in bus.axes}
 
 
-def _device(rig: Rig, axis: str, *, contact: bool) -> Device:
+def true_device(rig: Rig, axis: str, *, contact: bool = False) -> Device:
+    """Return what is simulated on an axis, its hand or environment included."""
     truth = axis_model(rig, axis, 1)
     plant = truth.plant
     wall = (

@@ -1,0 +1,150 @@
+"""The figure of a map: stiffness over something else; grounds are simulated, lines predicted."""
+
+from __future__ import annotations
+
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tautwave.report.canvas import (
+    INK,
+    MASTER,
+    SLAVE,
+    SOFT,
+    WALL,
+    heading,
+    legend,
+    panels,
+    plain,
+    png,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Drawing
+
+    from tautwave.analysis.stability_map import Column, StabilityPlane
+    from tautwave.offline.sweep_map import MapPlan, MapResult, Plane
+
+FILE = "map.png"
+PASSIVE, STABLE, UNSTABLE = "#CDE8DE", "#DDE9F3", "#FFFFFF"
+SHOWN = 26
+"""Markers of the simulated boundary along a panel: enough to see, few enough to see the line."""
+LINE_HEIGHT = 0.18
+
+
+def write_map_figure(plan: MapPlan, result: MapResult, out: Path) -> Path:
+    """Draw all planes into `out`/map.png."""
+    path = out / FILE
+    path.write_bytes(png(map_drawing(plan, result), dpi=1000 / 9.8))
+    return path
+
+
+def map_drawing(plan: MapPlan, result: MapResult) -> Drawing:
+    """Return the figure: a panel per plane, and in words what was found and assumed."""
+    from tautwave.offline.sweep_map import agreement_sentence
+
+    rotary = plan.rig.axes[plan.file.axis].kind == "rotary"
+    lines: list[tuple[str, str]] = []
+    for name, plane in result.planes.items():
+        text = f"{name}: {agreement_sentence(plane)}."
+        lines += [(INK, part) for part in textwrap.wrap(text, 128)]
+    for note in plan.file.notes:
+        lines += [(SOFT, part) for part in textwrap.wrap(note, 128)]
+    below = max(0.1, LINE_HEIGHT * len(lines) - 0.3)
+    count = len(result.planes)
+    drawing, axes = panels([2.9] * count + [below], plan.file.title or plan.file.name, False)
+    for panel, (name, plane) in zip(axes, result.planes.items(), strict=False):
+        _draw(panel, plan.file.planes[name], plane, plan.starts[name], rotary=rotary)
+    legend(axes[0])
+    words = axes[-1]
+    words.set_axis_off()
+    for at, (colour, text) in enumerate(lines):
+        top = 1.0 + (0.3 - LINE_HEIGHT * at) / below
+        words.text(
+            0.0, top, plain(text), transform=words.transAxes, fontsize=8.8, color=colour, va="top"
+        )
+    return drawing
+
+
+def _draw(axes: Axes, keys: Plane, plane: StabilityPlane, start: Column, *, rotary: bool) -> None:
+    from matplotlib.colors import ListedColormap
+
+    from tautwave.analysis.stability_map import GROWING
+    from tautwave.offline.sweep_map import operating_value
+
+    x = keys.factor * plane.x
+    low, high = float(plane.stiffness[0]), float(plane.stiffness[-1])
+    axes.set_xscale(keys.values.scale)
+    axes.set_yscale(keys.stiffness.scale)
+    stable = plane.growth <= GROWING
+    ground = np.where(stable, np.where(plane.stiffness[:, None] <= plane.passive, 0, 1), 2)
+    colours = ListedColormap([PASSIVE, STABLE, UNSTABLE])
+    axes.pcolormesh(
+        x, plane.stiffness, ground, cmap=colours, vmin=0, vmax=2, shading="nearest", zorder=0.4
+    )
+
+    def inside(values: Any) -> Any:
+        return np.where((values > 0.0) & np.isfinite(values), values, np.nan)
+
+    axes.plot(
+        x, inside(plane.passive), color=WALL, linewidth=1.8, label="greatest passive K,\nproved"
+    )
+    _end_line(axes, x, plane.passive, low, WALL)
+    _end_line(axes, x, plane.stable, low, MASTER)
+    axes.plot(
+        x, inside(plane.stable), color=MASTER, linewidth=1.8, label="greatest stable K,\npredicted"
+    )
+    edges = np.array([(a, b) for a, b, _ in plane.edges]).reshape(-1, 2)
+    step = max(1, len(edges) // SHOWN)
+    axes.plot(
+        keys.factor * edges[::step, 0],
+        edges[::step, 1],
+        "o",
+        color=SLAVE,
+        markerfacecolor="white",
+        markeredgewidth=1.2,
+        markersize=4.5,
+        label="simulation begins\nto grow",
+        zorder=3,
+    )
+    operating = start.wall.stiffness
+    if low <= operating <= high:
+        axes.plot(
+            [keys.factor * operating_value(start, keys)],
+            [operating],
+            "*",
+            color=INK,
+            markersize=11,
+            markeredgecolor="white",
+            label="the rig's wall",
+            zorder=4,
+            clip_on=False,
+        )
+    for colour, label in (
+        (PASSIVE, "passive, any user"),
+        (STABLE, "stable with this\nhand, not passive"),
+        (UNSTABLE, "unstable"),
+    ):
+        axes.plot([], [], "s", color=colour, markeredgecolor="#999999", markersize=9, label=label)
+    axes.set_xlim(float(x[0]), float(x[-1]))
+    axes.set_ylim(low, high)
+    if keys.values.scale == "log":
+        axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    heading(axes, plain(keys.title))
+    axes.set_xlabel(plain(keys.label))
+    axes.set_ylabel("stiffness K [N m/rad]" if rotary else "stiffness K [N/m]")
+
+
+def _end_line(axes: Axes, x: Any, limit: Any, low: float, colour: str) -> None:
+    """Let a limit fall off the panel where it ends: on a log scale 0 is far below."""
+    inside = np.flatnonzero(limit > 0.0)
+    if not len(inside):
+        return
+    for at, step in ((int(inside[-1]), 1), (int(inside[0]), -1)):
+        after = at + step
+        if 0 <= after < len(limit):
+            ends = [limit[at], 0.1 * low]
+            axes.plot([x[at], x[after]], ends, color=colour, linewidth=1.8, zorder=1.9)
