@@ -9,8 +9,10 @@ command delay of d periods, with q = 1/z and c = cot(theta/2), the port's diviso
 D = b + e - j c Kh T / 2 - (Kh - K) T q**(d+1) / (1 - q), and S = 2 b / D - 1, so |S| <= 1 if
 Re D >= b. Re(-q**(d+1) / (1 - q)) = 1/2 + sum_1^d cos(i theta) >= 1/2 - d, hence the extra damping
 e = Kh T max(0, d - 1/2) makes the port passive for every outside stiffness up to Kh. Nothing is
-claimed beyond it, and nothing at all without Kh. The device is taken to reach the commanded
-velocity within the period. The energy at this port rests on sampled efforts: it is an interval.
+claimed beyond it, and nothing at all without Kh. An outside *damper* B is not covered: its effort
+is a sample old as well, and with B of the order of b the loop is active, then unstable. The device
+is taken to reach the commanded velocity within the period. The energy at this port rests on
+sampled efforts: it is an interval.
 """
 
 from __future__ import annotations

@@ -94,8 +94,9 @@ def admittance_facts(rig: Rig, delays: dict[str, CommandDelay]) -> list[tuple[st
         else:
             ratio = upper * rig.period_s / impedance
             text = (
-                f"passive for an outside stiffness up to {upper:.4g} {unit} (K T / b = {ratio:.3g})"
-                f" if the velocity is reached within a period; nothing is claimed beyond"
+                f"passive for an outside spring up to {upper:.4g} {unit} (K T / b = {ratio:.3g})"
+                " if the velocity is reached within a period; nothing is claimed beyond, "
+                "and nothing for an outside damper"
             )
         facts.append((f"admittance port of {axis_name}", text))
     return facts
