@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from tautwave.report.envelope import trace
+from tautwave.report.loading import load_run
 from tautwave.report.rebuild import periods_us, rebuild_summary
-from tautwave.report.rundir import load_run
 from tautwave.report.scratch import spread_columns
 from tautwave.report.views import view_energy, view_pair
 from tests.report.synthetic import make_run, write_recording

@@ -12,7 +12,8 @@ from tautwave.certificate.after import Measured, recheck
 from tautwave.config import Rig, load_rig
 from tautwave.errors import TautwaveError
 from tautwave.registry import load_driver
-from tautwave.report.rundir import Run, block, load_run
+from tautwave.report.loading import load_run
+from tautwave.report.rundir import Run, block
 from tautwave.report.units import number
 
 

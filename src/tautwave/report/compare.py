@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from tautwave.report.html import badge, banner, page, picture, table, verdict_rows
+from tautwave.report.loading import load_run
 from tautwave.report.page import write_whole
-from tautwave.report.rundir import Run, block, load_run
+from tautwave.report.rundir import Run, block
 from tautwave.report.tables import Table
 from tautwave.report.units import count, microseconds, number, plural, quantity, significant
 from tautwave.report.verdicts import outcome, units_of, verdicts

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from tautwave.report.loading import load_run
 from tautwave.report.rebuild import rebuild_summary
-from tautwave.report.rundir import Run, load_run
+from tautwave.report.rundir import Run
 
 _GAINS = ("hand_work", "motor_work")
 _LOSSES = ("grip_loss", "viscous_loss", "coulomb_loss", "environment_loss")

@@ -19,7 +19,8 @@ from tautwave.report.html import (
     table,
     verdict_rows,
 )
-from tautwave.report.rundir import Run, load_run
+from tautwave.report.loading import load_run
+from tautwave.report.rundir import Run
 from tautwave.report.units import plural, quantity
 from tautwave.report.verdicts import describe_pair, invalidated, outcome, uncertified, verdicts
 from tautwave.report.views import PairView, view_energy, view_pair
