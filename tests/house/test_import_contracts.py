@@ -24,6 +24,7 @@ PLANTED = [
     ("floors", "src/tautwave/contracts.py", "import tautwave.registry"),
     ("floors", "src/tautwave/link/planted.py", "import tautwave.config"),
     ("floors", "src/tautwave/report/planted.py", "import tautwave.session"),
+    ("floors", "src/tautwave/certificate/planted.py", "import tautwave.report"),
     ("floors", "src/tautwave/stray.py", "EXHAUSTIVE = True"),
     ("pure", "src/tautwave/laws/planted.py", "import numpy"),
     ("pure", "src/tautwave/models/planted.py", "from time import monotonic_ns"),

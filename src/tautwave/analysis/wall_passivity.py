@@ -194,6 +194,8 @@ class LeakForm(NamedTuple):
                 chebyshev.chebmul(chebyshev.chebder(p), q),
                 chebyshev.chebmul(p, chebyshev.chebder(q)),
             )
+            # A denormal at the end, of a damping of 1e-323, overflows the companion matrix.
+            slope[np.abs(slope) < 1e-250 * np.abs(slope).max()] = 0.0
             slope = np.trim_zeros(slope, "b")
             if len(slope) > 1:
                 roots = chebyshev.chebroots(slope)

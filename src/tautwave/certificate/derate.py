@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from tautwave.analysis.wall_limits import greatest_stiffness, is_passive
+from tautwave.analysis.wall_limits import TIGHT, greatest_stiffness, is_passive
 from tautwave.analysis.wall_rules import quantum_force
 from tautwave.certificate.loops import pair_loop
 from tautwave.certificate.walls import sampled_wall
@@ -92,4 +92,5 @@ def _stable_limit(rig: Rig, axis_name: str, wall: Wall, delays: Delays) -> float
 
 def _round_down(value: float) -> float:
     step = 10.0 ** (math.floor(math.log10(value)) + 1 - DIGITS)
-    return float(f"{math.floor(value / step) * step:.{DIGITS}g}")
+    # 3.9999999999 is 4: the verdict itself allows for so much rounding.
+    return float(f"{math.floor(value / step * (1.0 + TIGHT)) * step:.{DIGITS}g}")

@@ -33,6 +33,9 @@ ACCOUNT = "waves that leave rest on the port's energy account"
 STIFFEST_STEPS = 8
 REACH = 1e4
 
+REACHED = 5.0
+"""Time constants after which a drive counts as having reached its velocity."""
+
 Delays = Mapping[str, CommandDelay]
 
 
@@ -241,7 +244,7 @@ def _admittance(rig: Rig, axis_name: str, delays: Delays) -> Element:
             False,
             f"{name}: its commands act a share of a period late; the proof is for whole periods",
         )
-    elif lag is not None and lag > 0.0:
+    elif lag is not None and REACHED * lag > rig.period_s:
         passive = Verdict(
             False,
             f"{name}: the proof needs a drive that reaches its velocity within one period of "

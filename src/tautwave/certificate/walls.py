@@ -60,7 +60,8 @@ def wall_verdict(
         axis.inertia.lower,
         axis.damping.lower,
         coulomb.get(axis_name, 0.0),
-        axis.encoder_quantum,
+        # An effort cut off to its step is off by up to that step, as from 2 / K of it in position.
+        axis.encoder_quantum + 2.0 * axis.effort_quantum / wall.stiffness,
     )
     hand = stated_hand(rig, pair).hand if side == "master" else None
     return assess_wall(sampled_wall(rig, axis_name, wall, delays[axis_name]), device, hand)
@@ -130,7 +131,7 @@ def _passive(
     sentence = passivity_sentence(found, name, rotary=rotary)
     broken = broken_damping(rig, axis_name)
     if found.passive and broken is None:
-        conditions = tuple(assumed(axis, axis_name, damping=True))
+        conditions = (*assumed(axis, axis_name, damping=True), *_rate_limit(rig, axis_name, wall))
         return Verdict(True, sentence, conditions, found.margin)
     if broken is not None and found.passive:
         return Verdict(False, f"{name}: {broken}", margin=found.margin)
@@ -146,6 +147,15 @@ def _passive(
     broken = broken_inertia(rig, axis_name)
     if broken is not None:
         return Verdict(False, f"{name}: {broken}", margin=found.margin)
+    limit = axis.effort_rate_limit
+    if limit is not None and limit * rig.period_s < axis.effort_limit:
+        return Verdict(
+            False,
+            f"{sentence} Its passivity control has to take the effort away at once, but "
+            f"effort_rate_limit lets it fall by {limit * rig.period_s:.4g} per period only; raise "
+            f"that to {axis.effort_limit * rig.rate_hz:.4g}.",
+            margin=found.margin,
+        )
     unit = "N m/rad" if rotary else "N/m"
     assert axis.inertia is not None
     reason = (
@@ -155,6 +165,23 @@ def _passive(
     )
     conditions = (FREE_FLIGHT, *assumed(axis, axis_name, inertia=True))
     return Verdict(True, reason, conditions)
+
+
+def _rate_limit(rig: Rig, axis_name: str, wall: Wall) -> tuple[str, ...]:
+    """Return a condition where a limit on the effort's rate may hold the wall's effort up.
+
+    A wall's effort changes by at most K v + 2 B v / T per second at the speed v.
+    """
+    axis = rig.axes[axis_name]
+    limit, speed = axis.effort_rate_limit, axis.velocity_limit
+    if limit is None:
+        return ()
+    if speed is not None:
+        gain = rig.period_s / (rig.period_s + axis.velocity_filter_s)
+        steepest = speed * (wall.stiffness + 2.0 * wall.damping * gain * rig.rate_hz)
+        if steepest <= limit:
+            return ()
+    return (f"the effort_rate_limit of {axis_name} is not reached in the wall",)
 
 
 def _numbers(found: WallVerdict, asked: float) -> dict[str, Any]:

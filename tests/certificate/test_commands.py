@@ -1,0 +1,221 @@
+"""The certificate through the command line: exit codes, refusal, banner, derate, after the run."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tautwave.certificate.after import Measured, recheck
+from tests.certificate.rigs import CONFIGS, PAIR, README_RIG, rig, wall
+
+COMMAND = [sys.executable, "-c", "from tautwave.cli import main; main(prog_name='tautwave')"]
+QUICK = ("--clock", "fake", "--duration", "1.2", "--out", "out")
+INTO_THE_WALL = (
+    "--set",
+    "simulation.hand.lever.reference.waypoints=[[0.1, 0.0], [0.7, -0.38], [3.0, -0.38]]",
+)
+OVERRUNS = ("--set", "simulation.faults={overrun_probability: 0.02, overrun_slots: 3}")
+
+
+def tautwave(*words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*COMMAND, *map(str, words)], cwd=cwd, capture_output=True, text=True, check=False
+    )
+
+
+def summary_of(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((folder / "out/summary.json").read_text())
+    return found
+
+
+# -- check ----------------------------------------------------------------------------------------
+
+
+def test_check_exits_3_when_the_required_verdict_fails(tmp_path: Path) -> None:
+    done = tautwave("check", README_RIG, "--set", wall(9.0), "--out", "told", cwd=tmp_path)
+    assert done.returncode == 3
+    assert "slave wall: K = 9 N m/rad is 2.25 x the passive limit 4" in done.stdout
+    assert "not passed" in done.stdout
+    told = json.loads((tmp_path / "told/check.json").read_text())
+    assert told["certificate"]["passed"] is False
+    assert told["exit_code"] == 3
+    assert (tmp_path / "told/certificate.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_check_follows_require(tmp_path: Path) -> None:
+    words = ("check", README_RIG, "--set", wall(4.5), "--json")
+    assert tautwave(*words, cwd=tmp_path).returncode == 3
+    done = tautwave(*words, "--set", "require=coupled_stable", cwd=tmp_path)
+    assert done.returncode == 0
+    verdicts = json.loads(done.stdout)["certificate"]["verdicts"]
+    assert verdicts["passive"]["passed"] is False
+    assert verdicts["coupled_stable"]["passed"] is True
+
+
+def test_check_of_two_axes_is_light() -> None:
+    """No SciPy (1.3 s of import alone), no matplotlib, and at most 1.5 s of CPU in all."""
+    code = (
+        "import sys, atexit, time\n"
+        "atexit.register(lambda: print('\\n', time.process_time(), *sys.modules))\n"
+        "from tautwave.cli import main; main(['check', sys.argv[1]], prog_name='tautwave')"
+    )
+    bench = str(CONFIGS / "bench-2axis-loopback.yaml")
+    words = [sys.executable, "-c", code, bench]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    seconds, *modules = done.stdout.splitlines()[-1].split()
+    roots = {name.partition(".")[0] for name in modules}
+    assert not roots & {"scipy", "numba", "matplotlib"}
+    assert float(seconds) <= 1.5
+
+
+@pytest.mark.parametrize(
+    ("name", "state"),
+    [
+        ("bench-1dof-loopback", ("passed", "passed")),
+        ("bench-1dof-2khz", ("conditional", "passed")),
+        ("bench-2axis-loopback", ("passed", "passed")),
+        ("bench-admittance-loopback", ("failed", "passed")),
+        ("bench-foam-loopback", ("passed", "passed")),
+        ("bench-stiff-wall-loopback", ("passed", "passed")),
+        ("bench-position-coupling", ("failed", "passed")),
+        ("bench-saturation-loopback", ("conditional", "passed")),
+        ("delay-stability", ("passed", "passed")),
+    ],
+)
+def test_shipped_rigs_certify_as_stated(name: str, state: tuple[str, str]) -> None:
+    from tautwave.session import check
+
+    found = check(rig(name=name))
+    assert found.exit_code == 0
+    verdicts = found.certificate["verdicts"]
+    assert (verdicts["passive"]["state"], verdicts["coupled_stable"]["state"]) == state
+
+
+def test_every_shipped_rig_is_named_here() -> None:
+    [mark] = test_shipped_rigs_certify_as_stated.pytestmark  # type: ignore[attr-defined]
+    assert {path.stem for path in CONFIGS.glob("*.yaml")} == {name for name, _ in mark.args[1]}
+
+
+# -- run ------------------------------------------------------------------------------------------
+
+
+def test_run_refuses_with_the_sentences_and_leaves_nothing(tmp_path: Path) -> None:
+    done = tautwave("run", README_RIG, *QUICK, "--set", wall(9.0), cwd=tmp_path)
+    assert done.returncode == 3
+    assert "not certified as passive, which it requires" in done.stderr
+    assert "Lower K to 4" in done.stderr
+    assert "--allow-uncertified" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_run_may_be_allowed_and_carries_a_banner(tmp_path: Path) -> None:
+    words = ("run", README_RIG, *QUICK, "--set", wall(9.0), "--allow-uncertified")
+    done = tautwave(*words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "not certified: run with --allow-uncertified" in done.stdout
+    certificate = summary_of(tmp_path)["certificate"]
+    assert certificate["passed"] is False
+    assert certificate["allowed_uncertified"] is True
+    assert certificate["after_run"]["invalidated"] is False  # there was nothing to break
+    page = (tmp_path / "out/report.html").read_text()
+    assert '<div class="banner bad"><b>This rig was not certified' in page
+    assert "2.25 x the passive limit 4" in page
+
+
+def test_a_derated_wall_is_what_runs(tmp_path: Path) -> None:
+    derated = wall(9.0, 0.0, "derate: true")
+    done = tautwave("run", README_RIG, *QUICK, *INTO_THE_WALL, "--set", derated, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "K = 9 asked, 4 rendered" in done.stdout
+    told = summary_of(tmp_path)["certificate"]
+    assert told["walls"]["slave.lever"] == {
+        "asked_stiffness": 9.0,
+        "rendered_stiffness": 4.0,
+        "derate": True,
+    }
+    assert "K = 9 asked, 4 rendered" in (tmp_path / "out/report.html").read_text()
+    from tautwave.config import load_rig
+
+    ran = load_rig(tmp_path / "out/rig.yaml").coupling.pairs["lever"].wall_slave
+    assert ran is not None
+    assert ran.stiffness == 4.0
+    again = tautwave("check", tmp_path / "out/rig.yaml", "--json", cwd=tmp_path)
+    assert again.returncode == 0
+
+
+def test_overruns_in_a_wall_break_the_certificate(tmp_path: Path) -> None:
+    done = tautwave("run", README_RIG, *QUICK, *INTO_THE_WALL, *OVERRUNS, cwd=tmp_path)
+    assert done.returncode == 3, done.stderr
+    certificate = summary_of(tmp_path)["certificate"]
+    after = certificate["after_run"]
+    assert certificate["passed"] is True
+    assert after["invalidated"] is True
+    held = after["walls"]["slave.lever"]
+    assert held["held_s"] == pytest.approx(4e-3)  # three slots skipped: one effort for four
+    assert held["needed_damping"] == pytest.approx(3.0 * 4e-3 / 2.0 + 4e-4, rel=1e-6)
+    assert "held for 4 ms" in done.stderr
+    assert "breaks its certificate" in (tmp_path / "out/report.html").read_text()
+
+
+def test_overruns_out_of_contact_break_nothing(tmp_path: Path) -> None:
+    still = "simulation.hand.lever.reference={type: hold, position: 0.0}"
+    done = tautwave("run", README_RIG, *QUICK, *OVERRUNS, "--set", still, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    summary = summary_of(tmp_path)
+    assert summary["missed_cycles"] > 10
+    assert summary["certificate"]["after_run"]["passed"] is True
+    assert summary["certificate"]["after_run"]["missed_cycles"] == summary["missed_cycles"]
+
+
+def test_the_live_process_imports_no_analysis(tmp_path: Path) -> None:
+    code = (
+        "import sys, atexit, pathlib\n"
+        "atexit.register(lambda: pathlib.Path('modules').write_text(' '.join(sys.modules)))\n"
+        "from tautwave.cli import main; main(prog_name='tautwave')"
+    )
+    words = ["run", str(README_RIG), "--clock", "fake", "--duration", "0.1", "--out", "out"]
+    subprocess.run([sys.executable, "-c", code, *words], cwd=tmp_path, check=True, env=os.environ)
+    modules = (tmp_path / "modules").read_text().split()
+    assert not [m for m in modules if m.startswith(("tautwave.analysis", "tautwave.certificate"))]
+
+
+# -- after a run, as a function -------------------------------------------------------------------
+
+
+def measured(**changes: Any) -> Measured:
+    calm = Measured(1e-3, 1e-3, True, {}, 0, {}, {})
+    return calm._replace(**changes)
+
+
+def test_a_calm_run_keeps_its_certificate() -> None:
+    held = {"slave.lever": 1e-3, "master.lever": 1e-3}
+    assert recheck(rig(), measured(held_s=held, period_s=1.001e-3))["passed"] is True
+
+
+@pytest.mark.parametrize(
+    ("changes", "passed"),
+    [
+        ({"held_s": {"slave.lever": 1.06e-3}}, True),  # 3 T / 2 + 4e-4 = 1.99e-3
+        ({"held_s": {"slave.lever": 1.07e-3}}, False),
+        ({"held_s": {"slave.lever": 1e-3}, "latched": False, "worst_period_s": 1.2e-3}, False),
+        ({"held_s": {}, "latched": False, "worst_period_s": 1.2e-3}, True),
+        ({"held_s": {"slave.lever": 1e-3}, "late": {"slave.lever": 3}}, False),
+        ({"period_s": 1.5e-3}, False),
+        ({"lost": {"slave.lever": 5}, "missed_cycles": 9}, True),
+    ],
+)
+def test_only_what_touches_the_wall_breaks_it(changes: dict[str, Any], passed: bool) -> None:
+    told = recheck(rig(), measured(**changes))
+    assert told["passed"] is passed
+    assert bool(told["sentences"]) is not passed
+
+
+def test_a_rig_that_requires_stability_is_not_broken_by_a_held_wall() -> None:
+    bench = rig("require=coupled_stable", f"{PAIR}.wall_slave.stiffness=3.0")
+    assert recheck(bench, measured(held_s={"slave.lever": 4e-3}))["passed"] is True

@@ -1,0 +1,202 @@
+"""Walls of a rig: each verdict's pass and fail, with the numbers of the closed forms."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+
+from tautwave.certificate import certify
+from tests.certificate.rigs import NO_QUANTUM, PAIR, certified, element, rig, wall
+
+LATE = "buses.arm.options={command_delay_s: 0.001}"
+T, DAMPING = 1e-3, 2e-3  # of the rig: the believed lower bound counts, not the value 3e-3
+
+
+@pytest.mark.parametrize(
+    ("changes", "limit"),
+    [
+        ((), 2.0 * DAMPING / T),
+        ((LATE,), DAMPING / (1.5 * T)),  # K T (1/2 + 1)
+        (("buses.arm.options={command_delay_s: 0.003}",), DAMPING / (3.5 * T)),
+        (("rate_hz=2000",), 4.0 * DAMPING / T),
+        (("slave.axes.lever.damping={value: 3.0e-3, lower: 1.0e-3, source: x}",), 1e-3 / (0.5 * T)),
+    ],
+)
+def test_the_greatest_passive_spring_is_that_of_theory(
+    changes: tuple[str, ...], limit: float
+) -> None:
+    for factor, passes in ((1.0 - 1e-6, True), (1.0 + 1e-6, False)):
+        found = element(certified(wall(factor * limit), *changes), "slave wall")
+        assert found.passive.passed is passes
+        assert found.numbers["passive_stiffness"] == pytest.approx(limit, rel=1e-8)
+        assert (found.passive.margin or 0.0) > 0.0 if passes else (found.passive.margin or 0) < 0
+
+
+def test_the_velocity_filter_of_the_loop_is_counted() -> None:
+    """K T / 2 + B T / (T + 2 tau)."""
+    changes = (wall(2.0, 3e-3), "slave.axes.lever.velocity_filter_s=0.002")
+    found = element(certified(*changes), "slave wall")
+    assert found.numbers["needed_damping"] == pytest.approx(1e-3 + 3e-3 / 5.0, rel=1e-9)
+    assert found.passive.passed
+    assert not element(certified(wall(2.0, 3e-3)), "slave wall").passive.passed
+
+
+def test_a_share_of_a_period_takes_more_than_the_linear_rule() -> None:
+    late = "buses.arm.options={command_delay_s: 0.0004}"
+    found = element(certified(wall(2.0), late), "slave wall")
+    linear = 2.0 * T * (0.5 + 0.4)
+    assert 1.01 * linear < found.numbers["needed_damping"] < 1.08 * linear
+
+
+def test_it_says_what_spoils_it_and_what_helps() -> None:
+    certificate = certified(wall(5.0), LATE)
+    [sentence] = certificate.sentences()
+    assert not certificate.passed
+    assert "slave wall: K = 5 N m/rad is 3.75 x the passive limit 1.33" in sentence
+    assert "one period of delay costs 3 x of it" in sentence
+    assert "Lower K to 1.33, or raise the rate to 3.76 kHz, or add 0.0055 N m s/rad" in sentence
+
+
+def test_a_linear_axis_has_linear_units_and_the_pair_in_its_name() -> None:
+    change = "coupling.pairs.slide.wall_master.stiffness=2000"
+    [sentence] = certified(change, name="bench-2axis-loopback").sentences()
+    assert sentence.startswith("master wall of slide: K = 2000 N/m is 2 x the passive limit 1000")
+
+
+def test_wall_and_port_share_the_damping() -> None:
+    certificate = certified(wall(3.0, 4e-4))
+    port = element(certificate, "slave.lever port")
+    assert port.numbers["damping_of_wall"] == pytest.approx(1.9e-3)
+    assert port.numbers["damping_left"] == pytest.approx(1e-4)
+    assert "0.0001 N m s/rad of damping that its wall leaves it" in " ".join(port.sentences)
+
+
+def test_passivity_control_stands_in_for_damping() -> None:
+    control, free = "passivity_control: true", "slave.axes.lever.effort_rate_limit="
+    limited = element(certified(wall(40.0, 0.0, control)), "slave wall").passive
+    assert not limited.passed
+    assert "effort_rate_limit lets it fall by 0.5 per period only; raise that to 1100" in (
+        limited.reason
+    )
+    certificate = certified(wall(40.0, 0.0, control), free)
+    found = element(certificate, "slave wall")
+    assert found.passive.state == "conditional"
+    assert "Hannaford and Ryu" in found.passive.reason
+    assert "at least 0.001" in found.passive.reason
+    assert certificate.verdicts["passive"].state == "conditional"
+    assert element(certificate, "slave.lever port").numbers["damping_of_wall"] == 0.0
+    late = element(certified(wall(40.0, 0.0, control), free, LATE), "slave wall")
+    assert not late.passive.passed
+    assert "at once only" in late.passive.reason
+    light = "simulation.axes.slave.lever.inertia=9.0e-4"
+    wrong = certified(wall(40.0, 0.0, control), free, light)
+    assert not element(wrong, "slave wall").passive.passed
+
+
+@pytest.mark.parametrize(
+    ("change", "state"),
+    [
+        ("effort_rate_limit=58", "passed"),  # 15 rad/s * (3 + 2 * 4e-4 / T) = 57 N m/s
+        ("effort_rate_limit=56", "conditional"),
+        ("velocity_limit=", "conditional"),
+        ("effort_rate_limit=", "passed"),
+    ],
+)
+def test_a_limit_on_the_rate_of_effort_must_not_hold_the_wall_up(change: str, state: str) -> None:
+    found = element(certified(f"slave.axes.lever.{change}"), "slave wall")
+    assert found.passive.state == state
+
+
+def test_an_encoder_step_without_friction_passes_no_wall() -> None:
+    found = element(certified(wall(1e-3)), "slave wall")
+    assert found.passive.passed
+    assert not found.passive_quantised.passed
+    assert 0.0 < found.numbers["activity_j"] < 1e-12
+    smooth = certified(*NO_QUANTUM)
+    assert element(smooth, "slave wall").passive_quantised.passed
+    assert smooth.verdicts["passive_quantised"].passed
+
+
+@pytest.mark.parametrize(("factor", "passes"), [(1.001, True), (0.999, False)])
+def test_coulomb_friction_that_is_given_covers_the_step(factor: float, passes: bool) -> None:
+    quantum, stiffness = 2.094e-5, 3.0
+    friction = {"slave.lever": factor * 0.5 * stiffness * quantum}
+    certificate = certify(rig(wall(stiffness)), coulomb=friction)
+    assert element(certificate, "slave wall").passive_quantised.passed is passes
+
+
+@pytest.mark.parametrize("source", ["assumed", "an assumption of 2024"])
+def test_an_assumed_damping_makes_it_conditional(source: str) -> None:
+    keys = f"{{value: 3.0e-3, lower: 2.0e-3, source: {source}}}"
+    verdict = certified(f"slave.axes.lever.damping={keys}").verdicts["passive"]
+    assert verdict.state == "conditional"
+    assert any("damping of slave.lever" in c and source in c for c in verdict.conditions)
+
+
+def test_a_simulation_that_contradicts_the_damping_fails() -> None:
+    certificate = certified("simulation.axes.slave.lever.damping=1.0e-3")
+    assert not certificate.passed
+    assert "simulated damping 0.001 is below damping.lower 0.002" in certificate.sentences()[0]
+
+
+def test_a_wall_on_an_admittance_axis_is_not_covered() -> None:
+    change = f"{PAIR}.wall_slave={{position: 0.2, stiffness: 1.0}}"
+    found = element(certified(change, name="bench-admittance-loopback"), "slave wall")
+    assert not found.passive.passed
+    assert "admittance axis" in found.passive.reason
+
+
+def test_json_has_all_numbers_and_no_infinity() -> None:
+    certificate = certified(wall(1.0, 0.1, "derate: true"), *NO_QUANTUM)
+    found = json.loads(json.dumps(certificate.as_dict(), allow_nan=False))
+    assert set(found["verdicts"]) == {"passive", "passive_quantised", "coupled_stable"}
+    [numbers] = [e["numbers"] for e in found["elements"] if e["name"] == "slave wall"]
+    assert {"passive_stiffness", "blame", "remedies", "stable_stiffness", "hand"} <= set(numbers)
+    assert numbers["remedies"]["rate"] is None  # no rate helps a damper above the device's
+    assert math.isfinite(numbers["needed_damping"])
+
+
+def test_an_effort_step_counts_as_an_encoder_step() -> None:
+    changes = (wall(3.0), *NO_QUANTUM, "slave.axes.lever.effort_quantum=1.0e-3")
+    for friction, passes in ((0.99e-3, False), (1.01e-3, True)):
+        certificate = certify(rig(*changes), coulomb={"slave.lever": friction})
+        assert element(certificate, "slave wall").passive_quantised.passed is passes
+
+
+# -- derate ---------------------------------------------------------------------------------------
+
+
+def test_derate_renders_the_stiffest_passive_wall() -> None:
+    certificate = certified(wall(9.0, 4e-4, "derate: true"))
+    told = certificate.walls["slave.lever"]
+    assert certificate.passed
+    assert (told["asked_stiffness"], told["rendered_stiffness"]) == (9.0, pytest.approx(3.2, 1e-5))
+    assert told["rendered_stiffness"] <= 3.2
+    sentences = element(certificate, "slave wall").sentences
+    assert "K = 9 N m/rad is asked, and derated to 3.2" in sentences[0]
+
+
+def test_derate_leaves_a_certified_wall_alone() -> None:
+    told = certified(wall(2.0, 0.0, "derate: true")).walls["slave.lever"]
+    assert told["rendered_stiffness"] == told["asked_stiffness"] == 2.0
+
+
+def test_derate_cannot_save_a_wall_with_too_much_damping() -> None:
+    certificate = certified(wall(9.0, 1.0, "derate: true"))
+    assert not certificate.passed
+    assert certificate.walls["slave.lever"]["rendered_stiffness"] == 9.0
+
+
+def test_derate_follows_the_required_verdict() -> None:
+    asked = wall(50.0, 0.0, "derate: true")
+    stable = certified(asked, "require=coupled_stable")
+    assert stable.passed
+    assert stable.walls["slave.lever"]["rendered_stiffness"] > 4.1  # more than the passive limit
+    assert not certified(asked, "require=passive_quantised").passed
+    friction = {"master.lever": 1.0, "slave.lever": 1e-5}
+    quantised = certify(rig(asked, "require=passive_quantised"), coulomb=friction)
+    rendered = quantised.walls["slave.lever"]["rendered_stiffness"]
+    assert rendered == pytest.approx(2e-5 / 2.094e-5, rel=1e-5)
+    assert element(quantised, "slave wall").passive_quantised.passed
