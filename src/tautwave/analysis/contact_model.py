@@ -26,7 +26,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tautwave.analysis.regression import Array, Estimate, Kernel, goodness, intervals, solve
+from tautwave.analysis.contact_motion import EXPONENTS, Motion, touching_share
+from tautwave.analysis.regression import (
+    Array,
+    Estimate,
+    Kernel,
+    goodness,
+    intervals,
+    solve,
+    white_noise,
+)
 
 MODELS = ("spring", "contact", "preloaded", "hunt_crossley", "mass")
 AUTOMATIC = ("spring", "contact", "preloaded", "hunt_crossley")
@@ -35,7 +44,6 @@ SURFACES = 40  # places of the surface tried before refining the best
 LEAST_FREE, LEAST_TOUCHING = 0.1, 0.015  # of the samples: less shows no free part, no contact
 LEAST_ELASTIC = 0.5  # of the force's variance due to stiffness: less is no contact worth the name
 ROUGH_ROWS = 1000
-EXPONENTS = (1.0, 1.5, 2.2)
 EXPONENT_RANGE = (1.0, 6.0)  # below 1 a surface would be infinitely stiff
 
 
@@ -69,53 +77,6 @@ class ContactFit(NamedTuple):
     columns: Array
 
 
-class Motion(NamedTuple):
-    """A recording, filtered: what every model is fitted to."""
-
-    position: Array
-    kernel: Kernel
-    rows: NDArray[np.int64]
-    target: Array
-
-    @property
-    def speed(self) -> Array:
-        """Filtered velocity of the rows."""
-        return self.kernel.apply(self.position, 1)[self.rows]
-
-    def filtered(self, values: Array, order: int = 0) -> Array:
-        """A function of the position, filtered, at the rows."""
-        return self.kernel.apply(values, order)[self.rows]
-
-
-def motion_of(
-    position: Array,
-    effort: Array,
-    period: float,
-    *,
-    cutoff_hz: float,
-    known: NDArray[np.bool_] | None = None,
-) -> Motion:
-    """Filter a recording, `position` and `effort` at even times `period` apart [s].
-
-    Raises
-    ------
-    ValueError
-        Too short for the filter.
-    """
-    kernel = Kernel(period, cutoff_hz)
-    target = kernel.apply(effort)
-    use = np.ones(len(target), dtype=bool)
-    if known is not None:
-        use = kernel.mass(~known) < 1e-3
-    rows = np.flatnonzero(use)[:: kernel.step]
-    if len(rows) < 60:
-        raise ValueError(
-            f"{len(position)} samples are too few: {len(rows)} are left after the filter"
-            f" of {kernel.cutoff_hz:.3g} Hz, and 60 are needed"
-        )
-    return Motion(position, kernel, rows, target[rows])
-
-
 def fit_contact(motion: Motion, model: str) -> ContactFit | None:
     """Fit one of `MODELS`; None where the motion has nothing of the kind (no free part, ...)."""
     if model in ("spring", "mass"):
@@ -136,37 +97,10 @@ def choose(fits: Sequence[ContactFit]) -> ContactFit:
     return chosen
 
 
-def fit_hunt_crossley(depth: Array, rate: Array, effort: Array) -> tuple[float, float, float]:
-    """Stiffness k, loss coefficient c and exponent n of `F = k y^n + c y^n dy/dt`.
-
-    For samples with exact depth [m] and rate [m/s] and no offset, unfiltered; y > 0.
-    """
-
-    def columns(n: float) -> Array:
-        power = depth**n
-        return np.stack([power, power * rate], axis=1)
-
-    def residual(n: float) -> Array:
-        part = columns(n)
-        rest: Array = effort - part @ solve(part, effort)
-        return rest
-
-    n = min(EXPONENTS, key=lambda e: float(np.sum(residual(e) ** 2)))
-    for _ in range(60):
-        here = residual(n)
-        slope = (residual(n + 1e-6) - residual(n - 1e-6)) / 2e-6
-        change = -float(slope @ here) / float(slope @ slope)
-        n += min(max(change, -0.3), 0.3)
-        if abs(change) < 1e-13 * n:
-            break
-    found = solve(columns(n), effort)
-    return float(found[0]), float(found[1]), n
-
-
 # -- the models, as columns --------------------------------------------------------------------
 
 
-def _columns(motion: Motion, model: str, theta: Sequence[float], side: int) -> Array:
+def _columns(motion: Motion, model: str, theta: Sequence[float] | Array, side: int) -> Array:
     """Columns of the coefficients; the first is the offset's."""
     one = np.ones(len(motion.rows))
     x = motion.position
@@ -186,7 +120,7 @@ def _columns(motion: Motion, model: str, theta: Sequence[float], side: int) -> A
         return np.stack(parts, axis=1)
     parts = [one, motion.filtered(depth), motion.filtered(depth, 1)]
     if model == "preloaded":
-        parts.append(motion.filtered((depth > 0.0).astype(np.float64)))
+        parts.append(motion.filtered(touching_share(side * (x - theta[0]))))
     return np.stack(parts, axis=1)
 
 
@@ -232,7 +166,7 @@ def _rough(motion: Motion, model: str) -> tuple[tuple[float, ...], int] | None:
     return None if best is None else best[1:]
 
 
-def _cost(motion: Motion, model: str, theta: Sequence[float], side: int) -> float:
+def _cost(motion: Motion, model: str, theta: Sequence[float] | Array, side: int) -> float:
     """Sum of squares with the best coefficients; infinite where the model makes no sense."""
     rest, coefficients = _rest(motion, model, theta, side)
     if model == "preloaded" and coefficients[1] * coefficients[3] < 0.0:
@@ -240,7 +174,9 @@ def _cost(motion: Motion, model: str, theta: Sequence[float], side: int) -> floa
     return float(rest @ rest)
 
 
-def _rest(motion: Motion, model: str, theta: Sequence[float], side: int) -> tuple[Array, Array]:
+def _rest(
+    motion: Motion, model: str, theta: Sequence[float] | Array, side: int
+) -> tuple[Array, Array]:
     """Residual and coefficients with surface and exponent given; normal equations, scaled."""
     columns = _columns(motion, model, theta, side)
     size = np.sqrt(np.mean(columns**2, axis=0))
@@ -256,6 +192,8 @@ def _refine(motion: Motion, model: str, start: Sequence[float], side: int) -> tu
     """Levenberg's method on surface and exponent."""
     theta = np.array(start)
     spread = float(np.ptp(motion.position))
+    if model == "preloaded":
+        return _search(motion, model, theta, side, 0.03 * spread)
     steps = np.array([1e-4 * spread, 1e-4][: len(theta)])
     cost = _cost(motion, model, theta, side)
     damping = 1e-3
@@ -279,6 +217,17 @@ def _refine(motion: Motion, model: str, start: Sequence[float], side: int) -> tu
             if damping > 1e8:
                 break
     return tuple(float(value) for value in theta)
+
+
+def _search(motion: Motion, model: str, theta: Array, side: int, step: float) -> tuple[float, ...]:
+    """Surface of a force that jumps there: not smooth, so tried on ever finer grids."""
+    for _ in range(6):
+        low, high = _bounds(motion, side)
+        places = np.clip(theta[0] + step * np.linspace(-1.0, 1.0, 9), low, high)
+        costs = [_cost(motion, model, (float(place),), side) for place in places]
+        theta = places[[int(np.argmin(costs))]]
+        step *= 0.4
+    return (float(theta[0]),)
 
 
 def _inside(motion: Motion, theta: Array, side: int) -> Array:
@@ -306,12 +255,12 @@ def _slopes(motion: Motion, model: str, theta: Array, side: int, steps: Array) -
 # -- what comes out ----------------------------------------------------------------------------
 
 
-def _finish(motion: Motion, model: str, theta: Sequence[float], side: int) -> ContactFit:
+def _finish(motion: Motion, model: str, theta: Sequence[float] | Array, side: int) -> ContactFit:
     """Intervals of everything, names and units people use."""
     depth = np.maximum(side * (motion.position - theta[0]), 0.0) if side else np.zeros(1)
     deep = float(np.quantile(depth[depth > 0.0], 0.95)) if np.any(depth > 0.0) else 1.0
 
-    def columns_at(theta: Sequence[float]) -> Array:
+    def columns_at(theta: Sequence[float] | Array) -> Array:
         columns = _columns(motion, model, theta, side)
         if model == "hunt_crossley":  # the coefficient is then dF/dy at `deep`, hardly tied to n
             columns[:, 1:] *= deep ** (1.0 - theta[1]) / theta[1]
@@ -349,7 +298,11 @@ def _finish(motion: Motion, model: str, theta: Sequence[float], side: int) -> Co
     touching = np.ones(len(motion.rows), dtype=bool)
     if side:
         touching = motion.filtered((depth > 0.0).astype(np.float64)) > 0.5
-        parameters["surface"] = told[len(found)]
+        surface = told[len(found)]
+        if model == "preloaded":  # noise moves the jump, which no derivative of the fit sees
+            noise = 0.5 * white_noise(motion.position)
+            surface = Estimate(surface.value, surface.lower - noise, surface.upper + noise)
+        parameters["surface"] = surface
     parameters["offset"] = told[0]
     return ContactFit(
         model,
@@ -360,13 +313,18 @@ def _finish(motion: Motion, model: str, theta: Sequence[float], side: int) -> Co
         _share(elastic, motion.target),
         float(np.mean(touching)),
         *goodness(motion.target, residual),
-        (motion.rows + motion.kernel.half) * motion.kernel.period,
+        _times(motion.rows, motion.kernel),
         motion.filtered(motion.position),
         motion.target,
         predicted,
         touching,
         columns,
     )
+
+
+def _times(rows: NDArray[np.int64], kernel: Kernel) -> Array:
+    """Times of filtered rows [s]."""
+    return np.asarray((rows + kernel.half) * kernel.period, dtype=np.float64)
 
 
 def _share(part: Array, whole: Array) -> float:

@@ -11,10 +11,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tautwave.analysis.regression import Array, Estimate, Kernel, goodness, intervals, solve
+from tautwave.analysis.regression import (
+    Array,
+    Estimate,
+    Kernel,
+    goodness,
+    intervals,
+    solve,
+    white_noise,
+)
 
 SIGN_NOISE = 4.0  # standard deviations a velocity has to be from zero for its sign to be known
 UNSIGNED_SHARE = 0.25  # of the kernel that may fall on samples whose sign is not known
+STUCK_SHARE = 0.02  # of the kernel that may fall on turning points where it may have stuck
 LEAST_ROWS = 60
 
 
@@ -83,26 +92,26 @@ def fit_device(
     certain = np.abs(velocity) > max(
         SIGN_NOISE * noise * sharp.noise_gain(1), 1e-3 * float(np.max(np.abs(velocity), initial=0))
     )
+    # The mean sign over the sample's period, given the velocity's noise: rounded to +-1, turning
+    # points would bias everything, friction first.
+    inner = slice(sharp.half, len(position) - sharp.half)
+    blur = np.full_like(position, math.inf)
+    blur[inner] = np.hypot(
+        period * np.abs(sharp.apply(position, 2)) / math.sqrt(12.0), noise * sharp.noise_gain(1)
+    )
+    ratio = np.clip(velocity / np.maximum(blur, 1e-300), -9.0, 9.0)
+    sign = np.tanh(0.7979 * ratio * (1.0 + 0.0447 * ratio * ratio))  # erf(ratio / sqrt 2)
     use = kernel.mass(~certain) < UNSIGNED_SHARE
     if known is not None:
         use &= kernel.mass(~known) < 1e-3
-    rows = np.flatnonzero(use)[:: kernel.step]
-    if len(rows) < LEAST_ROWS:
-        raise ValueError(
-            "the device hardly moved: in only "
-            f"{len(rows) * kernel.step * period:.2g} s was it faster than its sensor's noise"
+    signs = kernel.apply(sign)
+    rows, columns, target, found = _solve_rows(kernel, position, effort, delay, signs, use, noise)
+    stuck = _may_stick(velocity, effort, delay, found, sharp)
+    moving = use & (kernel.mass(stuck) < STUCK_SHARE)
+    if np.count_nonzero(moving) > 0.3 * np.count_nonzero(use):
+        rows, columns, target, found = _solve_rows(
+            kernel, position, effort, delay, signs, moving, noise
         )
-    columns = np.stack(
-        [
-            kernel.apply(position, 2)[rows],
-            kernel.apply(position, 1)[rows],
-            kernel.apply(np.sign(velocity))[rows],
-            np.full(len(rows), -1.0),
-        ],
-        axis=1,
-    )
-    target = kernel.apply_held(effort, delay)[rows]
-    found = _without_noise(columns, target, noise, kernel)
     residual = target - columns @ found
     inertia, damping, coulomb, bias = intervals(columns, residual, list(found))
     return DeviceFit(
@@ -113,16 +122,53 @@ def fit_device(
         *goodness(target, residual),
         noise,
         float(np.max(np.abs(columns[:, 1]))),
-        (rows + kernel.half) * period,
+        np.asarray((rows + kernel.half) * period, dtype=np.float64),
         target,
         columns @ found,
     )
 
 
-def white_noise(position: Array) -> float:
-    """Standard deviation of the white noise in a smooth motion, from fourth differences."""
-    steps = np.diff(position, 4)
-    return math.sqrt(float(np.mean(steps**2)) / 70.0) if len(steps) else 0.0
+def _solve_rows(
+    kernel: Kernel,
+    position: Array,
+    effort: Array,
+    delay: float,
+    signs: Array,
+    use: NDArray[np.bool_],
+    noise: float,
+) -> tuple[NDArray[np.int64], Array, Array, Array]:
+    """Rows, columns, target and coefficients; the rows are those marked, thinned."""
+    rows = np.flatnonzero(use)[:: kernel.step]
+    if len(rows) < LEAST_ROWS:
+        raise ValueError(
+            "the device hardly moved: in only "
+            f"{len(rows) * kernel.step * kernel.period:.2g} s was it faster than its sensor's noise"
+        )
+    columns = np.stack(
+        [
+            kernel.apply(position, 2)[rows],
+            kernel.apply(position, 1)[rows],
+            signs[rows],
+            np.full(len(rows), -1.0),
+        ],
+        axis=1,
+    )
+    target = kernel.apply_held(effort, delay)[rows]
+    return rows, columns, target, _without_noise(columns, target, noise, kernel)
+
+
+def _may_stick(
+    velocity: Array, effort: Array, delay: float, found: Array, sharp: Kernel
+) -> NDArray[np.bool_]:
+    """Turning points at which the effort was below the friction: there friction is not c."""
+    inertia, _, coulomb, bias = (float(value) for value in found)
+    if not (inertia > 0.0 and coulomb > 0.0):
+        return np.zeros(len(velocity), dtype=bool)
+    smear = 3.0 * coulomb / inertia * sharp.width * sharp.period  # of a kink in the velocity
+    reach = int(delay) + 2
+    weak = np.abs(effort + bias) < 1.2 * coulomb
+    near = np.convolve(weak, np.ones(2 * reach + 1), mode="same") > 0.5
+    return np.asarray(near & (np.abs(velocity) < smear), dtype=bool)
 
 
 def _without_noise(columns: Array, target: Array, noise: float, kernel: Kernel) -> Array:
@@ -134,5 +180,4 @@ def _without_noise(columns: Array, target: Array, noise: float, kernel: Kernel) 
     gram = columns.T @ columns
     if np.any(extra > 0.2 * np.diag(gram)):
         return plain  # so much noise that nothing can be mended; the interval says so
-    found: Array = np.linalg.solve(gram - np.diag(extra), gram @ plain)
-    return found
+    return np.asarray(np.linalg.solve(gram - np.diag(extra), gram @ plain), dtype=np.float64)

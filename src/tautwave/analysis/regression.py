@@ -132,8 +132,8 @@ def solve(columns: Array, target: Array) -> Array:
     """Least-squares coefficients, columns scaled to one size first."""
     size = np.sqrt(np.mean(columns**2, axis=0))
     size[size == 0.0] = 1.0
-    found: Array = np.linalg.lstsq(columns / size, target, rcond=1e-12)[0]
-    return found / size
+    found = np.linalg.lstsq(columns / size, target, rcond=1e-12)[0]
+    return np.asarray(found / size, dtype=np.float64)
 
 
 def intervals(
@@ -186,6 +186,12 @@ def goodness(target: Array, residual: Array) -> tuple[float, float]:
     spread = float(np.var(target))
     square = float(np.mean(residual**2))
     return math.sqrt(square), 1.0 - square / spread if spread > 0.0 else 0.0
+
+
+def white_noise(position: Array) -> float:
+    """Standard deviation of the white noise in a smooth motion, from fourth differences."""
+    steps = np.diff(position, 4)
+    return math.sqrt(float(np.mean(steps**2)) / 70.0) if len(steps) else 0.0
 
 
 class RecursiveLeastSquares:

@@ -1,0 +1,276 @@
+"""`tautwave identify`: a device from its own excitation, or what was touched from a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tautwave.cli.options import PATH, echo_json, json_option, out_option, positive, set_option
+from tautwave.errors import ConfigError
+
+RIG_SUFFIXES = (".yaml", ".yml")
+RECORDINGS = (".mcap", ".csv")
+MODELS = ("auto", "spring", "contact", "preloaded", "hunt_crossley", "mass")
+_RIG_ONLY = ("share", "reach", "duration", "clock", "overrides", "allow_uncertified")
+_RECORDING_ONLY = ("position", "effort", "time", "model", "filter_hz", "begin_s", "end_s")
+
+
+@click.command(short_help="Identify a device, or what a recording touched.")
+@click.argument("source", type=PATH, metavar="RIG|RECORDING")
+@click.option(
+    "--axis", metavar="NAME", help="Such as master.wrist; needed where there are several."
+)
+@out_option("Where it is kept; default: runs/identify-NAME-DATE-TIME. Has to be new or empty.")
+@json_option
+@click.option(
+    "--duration",
+    type=float,
+    default=12.0,
+    callback=positive,
+    metavar="S",
+    help="RIG: how long to shake the axis [s]; default 12.",
+)
+@click.option(
+    "--clock",
+    type=click.Choice(["real", "fake"]),
+    default="real",
+    show_default=True,
+    help="RIG: as for run.",
+)
+@click.option(
+    "--share",
+    type=click.FloatRange(0.0, 1.0, min_open=True),
+    default=0.3,
+    metavar="0..1",
+    help="RIG: greatest effort as a share of the axis' effort_limit; default 0.3.",
+)
+@click.option(
+    "--reach",
+    type=float,
+    callback=positive,
+    metavar="X",
+    help="RIG: how far from the start to swing [rad or m]; default: a quarter of position_range.",
+)
+@set_option
+@click.option(
+    "--allow-uncertified", is_flag=True, help="RIG: move motors of a rig that is not certified."
+)
+@click.option("--position", metavar="COLUMN", help="RECORDING: column of the position.")
+@click.option(
+    "--effort", metavar="COLUMN", help="RECORDING: column of the effort from outside, either sign."
+)
+@click.option("--time", metavar="COLUMN", help="RECORDING: column of the time [s].")
+@click.option(
+    "--model",
+    type=click.Choice(MODELS),
+    default="auto",
+    show_default=True,
+    help="RECORDING: what to fit; mass is for a hand that holds still.",
+)
+@click.option(
+    "--filter-hz",
+    type=float,
+    callback=positive,
+    metavar="HZ",
+    help="RECORDING: low-pass on force and motion alike; default 40, at most rate / 25.",
+)
+@click.option("--from", "begin_s", type=float, metavar="S", help="RECORDING: use from here.")
+@click.option("--to", "end_s", type=float, metavar="S", help="RECORDING: use up to here.")
+@click.pass_context
+def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
+    """Identify the device of an axis of RIG, or what was touched in a RECORDING.
+
+    A RIG (.yaml) is run: the coupling is off, one axis is shaken by a few sines within its limits
+    and a soft return, nothing may hold it. Out come inertia, viscous and Coulomb friction with
+    95 % intervals, as lines for the rig file. A RECORDING is a run's directory, its .mcap, or a
+    .csv: out come stiffness, damping, surface and force offset of the environment (or the hand).
+
+    \b
+    Examples:
+        tautwave identify rig.yaml --axis master.wrist
+        tautwave identify runs/first --axis slave.wrist
+        tautwave identify contact.csv --position x_m --effort force_n
+    """
+    rig = source.suffix in RIG_SUFFIXES and not source.is_dir()
+    if not rig and source.suffix not in RECORDINGS and not source.is_dir():
+        raise ConfigError(
+            f"{source}: is neither a rig (.yaml), a run's directory nor a recording (.mcap, .csv)"
+        )
+    for name in _RECORDING_ONLY if rig else _RIG_ONLY:
+        if ctx.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
+            spelled = next(p.opts[0] for p in ctx.command.params if p.name == name)
+            other, this = ("recording", "rig") if rig else ("rig", "recording")
+            raise click.UsageError(f"{spelled} is for a {other}; {source} is a {this}.")
+    if rig:
+        _device(source, options)
+    else:
+        _recording(source, options)
+
+
+def _device(source: Path, options: Mapping[str, Any]) -> None:
+    from tautwave.cli.progress import Progress
+    from tautwave.cli.run import _fresh_directory
+    from tautwave.cli.show import show
+    from tautwave.config import load_rig
+    from tautwave.report.units import axis_units
+
+    loaded = load_rig(source, options["overrides"])
+    from tautwave.session.identifying import axis_to_identify, identify_device
+
+    axis = axis_to_identify(loaded, options["axis"])
+    directory = _fresh_directory(options["out"], f"identify-{loaded.name}")
+    try:
+        with Progress(axis) as progress:
+            result = identify_device(
+                loaded,
+                axis=axis,
+                out=directory,
+                clock=options["clock"],
+                duration_s=options["duration"],
+                share=options["share"],
+                reach=options["reach"],
+                allow_uncertified=options["allow_uncertified"],
+                progress=progress,
+            )
+    finally:
+        with suppress(OSError):
+            directory.rmdir()  # works on an empty one only: a refused rig leaves nothing
+    from tautwave.report.identify_figure import device_figure, write_figure
+
+    units = axis_units(result.kind)
+    picture = write_figure(device_figure(result.fit, axis, units), directory)
+    if options["as_json"]:
+        echo_json(result.as_dict() | {"figure": str(picture)})
+    else:
+        show(device_sections(result, units, picture))
+
+
+def _recording(source: Path, options: Mapping[str, Any]) -> None:
+    from tautwave.cli.run import _fresh_directory
+    from tautwave.cli.show import show
+    from tautwave.report.identify_figure import contact_figure, write_figure
+    from tautwave.report.units import axis_units
+    from tautwave.session.recorded import identify_recording, save_result
+
+    result = identify_recording(
+        source,
+        **{name: options[name] for name in ("axis", *_RECORDING_ONLY)},
+    )
+    directory = _fresh_directory(options["out"], f"identify-{source.resolve().stem}")
+    save_result(result, directory)
+    kinds = {True: "rotary", False: "linear"}
+    rotary = result.series.rotary
+    units = ("", "") if rotary is None else axis_units(kinds[rotary])
+    picture = write_figure(
+        contact_figure(
+            result.chosen,
+            result.track_s,
+            result.track,
+            title=f"{source.name}: {result.series.effort_name}",
+            start_s=result.series.start_s,
+            units=units,
+        ),
+        directory,
+    )
+    if options["as_json"]:
+        echo_json(result.as_dict() | {"figure": str(picture)})
+    else:
+        show(contact_sections(result, units, picture))
+
+
+def _line(name: str, estimate: Any, unit: str) -> tuple[str, str, str, str]:
+    return name, f"{estimate.value:.5g}", f"{estimate.lower:.5g} to {estimate.upper:.5g}", unit
+
+
+def _head(what: str) -> tuple[str, str, str, str]:
+    return what, ">value", ">95 % interval", ""
+
+
+def device_sections(result: Any, units: tuple[str, str], picture: Path) -> list[Any]:
+    """Parameters, lines for the rig file, doubts and files of an identified device."""
+    from tautwave.cli.show import Section
+
+    place, effort = units
+    fit = result.fit
+    mass = "kg m^2" if place == "rad" else "kg"
+    rows = [
+        _line("inertia", fit.inertia, mass),
+        _line("viscous damping", fit.damping, f"{effort} s/{place}"),
+        _line("Coulomb friction", fit.coulomb, effort),
+        _line("constant effort from outside", fit.bias, effort),
+        (
+            "residual, rms",
+            f"{fit.residual_rms:.3g}",
+            f"{1 - fit.explained:.2%} of variance",
+            effort,
+        ),
+    ]
+    how = f"shaken for {result.duration_s:g} s, up to {fit.peak_velocity:.3g} {place}/s"
+    key = result.axis.replace(".", ".axes.")
+    return [
+        Section(f"{result.axis}: {how}", (), ()),
+        Section("Device", _head("parameter"), rows),
+        Section(f"For {key} in the rig file", ("",), [(t,) for t in _lines_of(result)]),
+        Section("Notes", ("",), [(note,) for note in result.notes]),
+        Section(
+            "Files", ("",), [(str(result.directory / "identification.json"),), (str(picture),)]
+        ),
+    ]
+
+
+def _lines_of(result: Any) -> list[str]:
+    return str(result.as_dict()["snippet"]).splitlines()
+
+
+def contact_sections(result: Any, units: tuple[str, str], picture: Path) -> list[Any]:
+    """Parameters of the chosen model, residuals of all, doubts and files."""
+    from tautwave.cli.show import NOTE, Section
+
+    place, effort = units
+    fit = result.chosen
+    per = f"{effort}/{place}" if place else ""
+    word = {
+        "stiffness": per if fit.name != "hunt_crossley" else f"{effort}/{place}^n" if place else "",
+        "damping": f"{effort} s/{place}" if place else "",
+        "mass": ("kg m^2" if place == "rad" else "kg") if place else "",
+        "surface": place,
+        "offset": effort,
+        "preload": effort,
+        "loss": f"s/{place}" if place else "",
+    }
+    rows = [_line(name, value, word.get(name, "")) for name, value in fit.parameters.items()]
+    if fit.name == "hunt_crossley":
+        rows.insert(0, _line("dF/dy deep in contact", fit.working_stiffness, per))
+    rows.append(
+        ("residual, rms", f"{fit.residual_rms:.3g}", f"{1 - fit.explained:.2%} of variance", effort)
+    )
+    models = [
+        (
+            other.name,
+            f"{other.working_stiffness.value:.4g}",
+            f"{other.residual_rms:.3g}",
+            f"{other.explained:.1%}",
+            "taken" if other is fit else "",
+        )
+        for other in result.fits
+    ]
+    name = fit.name.replace("_", "-")
+    written = picture.with_name("identification.json")
+    said = f"{result.series.source}: {name}, {result.series.effort_name}"
+    side = "" if not fit.side else f", in contact {fit.contact_share:.0%} of the time"
+    block = result.as_dict()["snippet"]
+    return [
+        Section(
+            (said if result.found else f"{result.series.source}: no contact is seen") + side,
+            (), (), "bold" if result.found else NOTE,
+        ),
+        Section("Fit", _head("parameter"), rows),
+        Section("Models", ("model", ">stiffness", ">residual", ">explained", ""), models),
+        Section("For simulation in a rig file", ("",), [] if block is None else [(block,)]),
+        Section("Notes", ("",), [(note,) for note in result.notes]),
+        Section("Files", ("",), [(str(written),), (str(picture),)]),
+    ]  # fmt: skip

@@ -1,0 +1,306 @@
+"""`identify RIG`: shake one axis within its limits, and fit its inertia and friction."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tautwave.analysis.device_model import DeviceFit, fit_device
+from tautwave.analysis.regression import Estimate
+from tautwave.config import Rig, resolved_yaml
+from tautwave.errors import BusBudgetError, ConfigError, RecordingError, SafetyStop, TautwaveError
+from tautwave.registry import load_driver
+from tautwave.rig import build_rig
+from tautwave.runtime.loop import Loop
+from tautwave.runtime.machine import quiet_collector
+from tautwave.runtime.recorder import Recorder
+from tautwave.session.certified import certificate_of, refuse_uncertified
+from tautwave.session.checking import bus_budgets, over_budget
+from tautwave.session.exciting import Plan, excite, plan_excitation
+from tautwave.session.running import _conditions, _interrupts
+from tautwave.types import CommandDelay
+
+CAUTION = 0.8
+"""Of the interval's lower end: what is bolted on or warms up later is not in the interval."""
+
+
+class DeviceResult(NamedTuple):
+    """An identified device: the fit, how it was shaken, where it is kept."""
+
+    axis: str
+    kind: str
+    fit: DeviceFit
+    plan: Plan
+    duration_s: float
+    notes: list[str]
+    directory: Path
+    interrupted: bool
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        fit = self.fit
+        return {
+            "kind": "device",
+            "axis": self.axis,
+            "axis_kind": self.kind,
+            "duration_s": self.duration_s,
+            "parameters": {
+                name: interval(getattr(fit, name))
+                for name in ("inertia", "damping", "coulomb", "bias")
+            },
+            "residual_rms": fit.residual_rms,
+            "explained": fit.explained,
+            "sensor_noise": fit.sensor_noise,
+            "peak_velocity": fit.peak_velocity,
+            "excitation": {
+                "greatest_effort": self.plan.effort,
+                "reach": self.plan.reach,
+                "highest_hz": self.plan.highest_hz,
+            },
+            "beliefs": beliefs(fit),
+            "snippet": device_snippet(self.axis, fit),
+            "notes": self.notes,
+            "interrupted": self.interrupted,
+            "directory": str(self.directory),
+        }
+
+
+def interval(estimate: Estimate) -> dict[str, float]:
+    """An estimate as JSON has it."""
+    return estimate._asdict()
+
+
+def beliefs(fit: DeviceFit) -> dict[str, dict[str, Any]]:
+    """Return `inertia` and `damping` as a rig file takes them."""
+    found: dict[str, dict[str, Any]] = {}
+    for name, estimate in (("inertia", fit.inertia), ("damping", fit.damping)):
+        value = _round(max(estimate.value, 0.0))
+        lower = _round(CAUTION * max(estimate.lower, 0.0), down=True)
+        found[name] = {"value": value, "lower": min(lower, value), "source": "identified"}
+    return found
+
+
+def _round(value: float, *, down: bool = False) -> float:
+    """Four significant digits."""
+    if value <= 0.0:
+        return 0.0
+    unit = 10.0 ** (math.floor(math.log10(value)) - 3)
+    count = math.floor(value / unit) if down else round(value / unit)
+    return float(f"{count * unit:.4g}")
+
+
+def device_snippet(axis: str, fit: DeviceFit) -> str:
+    """Return the lines to paste under the axis in the rig file."""
+    half = 0.5 * (fit.coulomb.upper - fit.coulomb.lower)
+    lines = [f"# {axis}; Coulomb friction {fit.coulomb.value:.3g} +- {half:.1g}"]
+    for name, belief in beliefs(fit).items():
+        value, lower = (f"{belief[key]:.4g}" for key in ("value", "lower"))
+        lines.append(f"{name}: {{value: {value}, lower: {lower}, source: identified}}")
+    return "\n".join(lines)
+
+
+def axis_to_identify(rig: Rig, name: str | None) -> str:
+    """Return the axis asked for, or the only one there is.
+
+    Raises
+    ------
+    ConfigError
+        No such axis, several to choose from, or one that cannot be shaken.
+    """
+    able = [key for key, axis in rig.axes.items() if axis.causality == "impedance"]
+    if name is None:
+        if len(able) == 1:
+            return able[0]
+        if not able:
+            raise ConfigError(f"{rig.name}: no axis takes effort, so none can be identified")
+        raise ConfigError(f"{rig.name}: choose an axis with --axis: {', '.join(able)}")
+    if name not in rig.axes:
+        raise ConfigError(f"{rig.name}: there is no axis {name!r}; there are {', '.join(rig.axes)}")
+    if name not in able:
+        raise ConfigError(
+            f"{name} is an admittance axis: it takes velocity, and its inertia does not show"
+        )
+    if rig.axes[name].position_range is None:
+        raise ConfigError(
+            f"{name} has no position_range, and is not shaken without one; add it to the rig, or "
+            f"give --set '{_key(name)}.position_range=[LOW, HIGH]'"
+        )
+    return name
+
+
+def _key(name: str) -> str:
+    side, _, axis = name.partition(".")
+    return f"{side}.axes.{axis}"
+
+
+def identify_device(
+    rig: Rig,
+    *,
+    axis: str | None = None,
+    out: Path,
+    clock: str = "real",
+    duration_s: float = 12.0,
+    share: float = 0.3,
+    reach: float | None = None,
+    allow_uncertified: bool = False,
+    progress: Callable[[float, str], None] | None = None,
+) -> DeviceResult:
+    """Shake one axis of a rig and fit inertia, viscous and Coulomb friction.
+
+    The coupling is off; all other axes are enabled and get no effort. A simulated hand lets go
+    and a simulated environment is taken away. Driver, limits, guards, ramps and the safe end are
+    those of a run.
+
+    Parameters
+    ----------
+    axis : str, optional
+        Such as `master.wrist`; needed where there are several.
+    out : Path
+        Where rig.yaml, recording.mcap and identification.json go.
+    clock : str
+        `real` or `fake`.
+    duration_s : float
+        [s].
+    share : float
+        Greatest effort as a share of the axis' limit.
+    reach : float, optional
+        How far from the start it may swing [rad or m]; a quarter of the range if not given.
+    allow_uncertified : bool
+        Move motors of a rig that has no certificate.
+
+    Raises
+    ------
+    TautwaveError
+        The rig is refused, the run ended in a fault or a stop, or the device did not move enough.
+    """
+    problems = over_budget(rig, bus_budgets(rig))
+    if problems:
+        raise BusBudgetError("\n".join(problems))
+    name = axis_to_identify(rig, axis)
+    hardware = any(load_driver(bus.driver).hardware for bus in rig.buses.values())
+    if hardware and rig.simulation is None and not allow_uncertified:
+        refuse_uncertified(rig, certificate_of(rig))
+    notes = ["The coupling was off; the other axes were enabled without effort."]
+    if rig.simulation is not None:
+        free = rig.simulation.model_copy(update={"hand": {}, "environment": {}})
+        rig = rig.model_copy(update={"simulation": free})
+        notes.append("The simulated hand let go, and the simulated environment was taken away.")
+    cycles = max(round(duration_s * rig.rate_hz), 1)
+    plan = plan_excitation(rig, name, cycles, share=share, reach=reach)
+    assembly = excite(rig, build_rig(rig, clock=clock, duration_s=duration_s), plan)
+    delays = {key: bus.driver.command_delay for bus in assembly.buses for key in bus.axes}
+    text = resolved_yaml(rig)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "rig.yaml").write_text(text, encoding="utf-8")
+    except OSError as err:
+        raise RecordingError(f"{out}: cannot be written: {err.strerror}") from err
+    recorder = Recorder(
+        out / "recording.mcap",
+        assembly.columns,
+        metadata={"version": version("tautwave"), "rig": rig.name, "clock": clock,
+                  "identifies": name},
+        attachments={"rig.yaml": text.encode()},
+        rows=rig.loop.ring_rows,
+        lossless=clock == "fake",
+        rate_hz=rig.rate_hz,
+    )  # fmt: skip
+    recorder.start()
+    loop = Loop(
+        assembly.clock, assembly.settings, assembly.buses, assembly.pairs, assembly.sources,
+        recorder, progress,
+    )  # fmt: skip
+    with _conditions(rig, clock), quiet_collector(), _interrupts(loop):
+        result = loop.run()
+    stats = recorder.close()
+    if stats.error:
+        raise RecordingError(stats.error)
+    if result.error is not None and not isinstance(result.error, KeyboardInterrupt):
+        _tell(name, result.error)
+    if progress is not None:
+        progress(1.0, "fitting")
+    seconds = (result.cycles + result.missed_cycles) * rig.period_s
+    fit = fit_recorded(out / "recording.mcap", name, rig, delays[name], plan.highest_hz)
+    notes += _doubts(fit, plan)
+    found = DeviceResult(
+        name, rig.axes[name].kind, fit, plan, seconds, notes, out, result.interrupted
+    )
+    text = json.dumps(found.as_dict(), indent=2, ensure_ascii=False)
+    (out / "identification.json").write_text(text + "\n", encoding="utf-8")
+    return found
+
+
+def _tell(name: str, error: BaseException) -> None:
+    """Raise what ended the run, with what to do about it."""
+    if isinstance(error, SafetyStop):
+        raise SafetyStop(
+            f"{error}; the axes were made safe. To identify {name}, let nothing hold or load it, "
+            "start it in the middle of its range, or give a smaller --reach or --share"
+        ) from error
+    if isinstance(error, TautwaveError):
+        raise error
+    raise TautwaveError(f"{type(error).__name__}: {error}; the axes were made safe") from error
+
+
+def fit_recorded(
+    path: Path, name: str, rig: Rig, delay: CommandDelay, highest_hz: float
+) -> DeviceFit:
+    """Fit the device of one axis to the recording of its excitation."""
+    from tautwave.report.recording import read_recording
+
+    leaves = ("position", "commanded", "valid")
+    recording = read_recording(path, ["time_s", *(f"{name}.{leaf}" for leaf in leaves)])
+    slots = np.rint(recording.time_s * rig.rate_hz).astype(np.int64)
+    slots -= slots[0]
+    valid = recording[f"{name}.valid"] > 0.5
+    every = np.arange(slots[-1] + 1)
+    known = np.zeros(len(every), dtype=bool)
+    known[slots[valid]] = True
+    if np.count_nonzero(valid) < 2:
+        raise RecordingError(f"{path}: {name} was hardly ever measured")
+    position = np.interp(every, slots[valid], recording[f"{name}.position"][valid])
+    # A command stays until the next one, over slots that were skipped too.
+    held = np.searchsorted(slots, every, side="right") - 1
+    effort = recording[f"{name}.commanded"][held]
+    try:
+        return fit_device(
+            position,
+            effort,
+            rig.period_s,
+            cutoff_hz=2.0 * highest_hz,
+            delay=delay.periods + delay.remainder_s / rig.period_s,
+            known=known,
+        )
+    except ValueError as err:
+        raise SafetyStop(
+            f"{name} was shaken with up to {np.max(np.abs(effort)):.3g} and cannot be identified: "
+            f"{err}; free it, or raise --share"
+        ) from err
+
+
+def _doubts(fit: DeviceFit, plan: Plan) -> list[str]:
+    """Sentences on what makes the numbers doubtful."""
+    notes = []
+    if fit.explained < 0.9:
+        notes.append(
+            f"Doubtful: inertia and friction explain only {fit.explained:.0%} of the effort's "
+            "variance; something else (a spring, a cable, a hand) acts on the axis."
+        )
+    if fit.inertia.lower <= 0.0:
+        notes.append("Doubtful: the inertia cannot be told from zero; shake longer or harder.")
+    if fit.damping.lower <= 0.0:
+        notes.append(
+            "The damping cannot be told from zero, so its lower bound is 0: the certificate"
+            " counts on none."
+        )
+    if fit.damping.upper < 0.0:
+        notes.append(
+            "Doubtful: negative damping; the driver acts later than the command_delay it declares."
+        )
+    return notes

@@ -1,0 +1,228 @@
+"""`identify RECORDING`: the impedance of what was touched, or of the hand."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tautwave.analysis.contact_model import (
+    AUTOMATIC,
+    LEAST_ELASTIC,
+    ContactFit,
+    choose,
+    fit_contact,
+)
+from tautwave.analysis.contact_motion import motion_of
+from tautwave.analysis.regression import Array, RecursiveLeastSquares
+from tautwave.errors import RecordingError
+from tautwave.session.recorded_columns import Series, read_series
+
+DEFAULT_FILTER_HZ = 40.0
+FORGETTING_S = 1.0
+
+
+class ContactResult(NamedTuple):
+    """What was touched: all models that were fitted, the chosen one, and the doubts.
+
+    `track` is the chosen model's stiffness as recursive least squares saw it, forgetting the past
+    within 1 s; `track_s` its times.
+    """
+
+    series: Series
+    fits: list[ContactFit]
+    chosen: ContactFit
+    filter_hz: float
+    found: bool
+    notes: list[str]
+    track_s: Array
+    track: Array
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        series = self.series
+        return {
+            "kind": "contact",
+            "source": series.source,
+            "position": series.position_name,
+            "effort": series.effort_name,
+            "axis_kind": {True: "rotary", False: "linear", None: None}[series.rotary],
+            "samples": len(series.position),
+            "rate_hz": 1.0 / series.period,
+            "filter_hz": self.filter_hz,
+            "contact_found": self.found,
+            "model": self.chosen.name,
+            "parameters": _parameters(self.chosen),
+            "working_stiffness": self.chosen.working_stiffness._asdict(),
+            "residual_rms": self.chosen.residual_rms,
+            "explained": self.chosen.explained,
+            "effort_sense": self.chosen.sense,
+            "side": {1: "above", -1: "below", 0: None}[self.chosen.side],
+            "models": {
+                fit.name: {
+                    "parameters": _parameters(fit),
+                    "working_stiffness": fit.working_stiffness._asdict(),
+                    "residual_rms": fit.residual_rms,
+                    "explained": fit.explained,
+                    "elastic_share": fit.elastic_share,
+                    "contact_share": fit.contact_share,
+                }
+                for fit in self.fits
+            },
+            "snippet": contact_snippet(self.chosen) if self.found else None,
+            "notes": self.notes,
+        }
+
+
+def _parameters(fit: ContactFit) -> dict[str, dict[str, float]]:
+    return {name: estimate._asdict() for name, estimate in fit.parameters.items()}
+
+
+def identify_recording(
+    source: Path,
+    *,
+    position: str | None = None,
+    effort: str | None = None,
+    time: str | None = None,
+    axis: str | None = None,
+    model: str = "auto",
+    filter_hz: float | None = None,
+    begin_s: float | None = None,
+    end_s: float | None = None,
+) -> ContactResult:
+    """Fit what was touched to a run directory, an MCAP recording of tautwave or a CSV file.
+
+    Parameters
+    ----------
+    position, effort, time, axis : str, optional
+        Columns and axis, where they cannot be told from the names.
+    model : str
+        One of `contact_model.MODELS`, or `auto`: the simplest whose residual no other beats by
+        a tenth.
+    filter_hz : float, optional
+        Cut-off of the filter on force and motion [Hz]; default 40, at most rate / 25.
+    begin_s, end_s : float, optional
+        Part of the recording [s on its own clock].
+
+    Raises
+    ------
+    ConfigError, RecordingError
+        Not readable, columns that cannot be told, or too short.
+    """
+    series = read_series(source, position, effort, time, axis, (begin_s, end_s))
+    cutoff = min(filter_hz or DEFAULT_FILTER_HZ, 0.04 / series.period)
+    try:
+        motion = motion_of(
+            series.position, series.effort, series.period, cutoff_hz=cutoff, known=series.known
+        )
+    except ValueError as err:
+        raise RecordingError(f"{source}: {err}") from err
+    if not np.ptp(series.position) > 0.0 or not np.ptp(series.effort) > 0.0:
+        still = series.position_name if not np.ptp(series.position) > 0.0 else series.effort_name
+        raise RecordingError(f"{source}: {still} never changes, so nothing can be identified")
+    names = AUTOMATIC if model == "auto" else (model,)
+    fits = [fit for name in names if (fit := fit_contact(motion, name)) is not None]
+    if not fits:
+        raise RecordingError(
+            f"{source}: the position keeps to a single place, so no contact can be fitted to it"
+        )
+    chosen = choose(fits)
+    found = chosen.elastic_share >= LEAST_ELASTIC and chosen.working_stiffness.lower > 0.0
+    track_s, track = _track(chosen)
+    notes = [*series.notes, *_doubts(chosen, found)]
+    return ContactResult(series, fits, chosen, cutoff, found, notes, track_s, track)
+
+
+def _track(fit: ContactFit) -> tuple[Array, Array]:
+    """Stiffness over time by recursive least squares that forgets within a second."""
+    size = np.sqrt(np.mean(fit.columns**2, axis=0))
+    step = float(np.median(np.diff(fit.time_s)))
+    kept = max(1, len(fit.time_s) // 4000)
+    recursive = RecursiveLeastSquares(
+        fit.columns.shape[1], float(np.exp(-step * kept / FORGETTING_S)), size.tolist()
+    )
+    values = [
+        recursive.update(row, float(target))[1]
+        for row, target in zip(fit.columns[::kept], fit.effort[::kept], strict=True)
+    ]
+    track = np.array(values)
+    track *= np.sign(fit.sense * (fit.side or 1))
+    return fit.time_s[::kept], np.where(track == 0.0, np.nan, track)
+
+
+def _doubts(fit: ContactFit, found: bool) -> list[str]:
+    """Sentences on the force's sign and on what makes the numbers doubtful."""
+    notes = []
+    if fit.sense > 0:
+        notes.append(
+            "The force has the sign of what the device does to its outside; stiffness is positive."
+        )
+    if not found:
+        notes.append(
+            f"No contact is seen: stiffness makes only {fit.elastic_share:.0%} of the force's"
+            " variance; what there is may be inertia or friction of the bench."
+        )
+    elif fit.explained < 0.9:
+        notes.append(
+            f"The model explains {fit.explained:.0%} of the force's variance; the rest is in the"
+            " intervals, as far as it does not repeat."
+        )
+    damping = fit.parameters.get("damping") or fit.parameters.get("loss")
+    stiffness = fit.parameters["stiffness"].value
+    if damping is not None and damping.upper < 0.0 and "damping" in fit.parameters and found:
+        notes.append(
+            f"The damping comes out negative: the force lags the motion by"
+            f" {-1e3 * damping.value / stiffness:.2g} ms (a filter in the sensor, or bending in"
+            " front of it), so nothing can be said of the damping itself."
+        )
+    elif damping is not None and damping.lower <= 0.0 and found:
+        notes.append("The damping cannot be told from zero.")
+    if fit.name in ("spring", "mass"):
+        notes.append(
+            "Nothing was ever free, so the sensor's offset and where the spring is at rest cannot"
+            " be told apart; the offset is the force at position 0."
+        )
+    if fit.name == "mass":
+        notes.append("This takes the other end (a hand's reference) to stand still.")
+    return notes
+
+
+def contact_snippet(fit: ContactFit) -> str | None:
+    """Return the block of a rig's `simulation` that this fit makes; None where there is none."""
+    value = {name: estimate.value for name, estimate in fit.parameters.items()}
+    side = "above" if fit.side > 0 else "below"
+    damping = max(value.get("damping", 0.0), 0.0)
+    if fit.name == "spring":
+        rest = -fit.sense * value["offset"] / value["stiffness"]
+        return f"{{type: spring, stiffness: {value['stiffness']:.4g}, position: {rest:.4g}}}"
+    if fit.name == "hunt_crossley":
+        return (
+            f"{{type: foam, stiffness: {value['stiffness']:.4g}, "
+            f"exponent: {value['exponent']:.4g}, loss: {max(value['loss'], 0.0):.4g}, "
+            f"position: {value['surface']:.4g}, side: {side}}}"
+        )
+    if fit.name == "mass":
+        return (
+            f"{{mass: {max(value['mass'], 0.0):.4g}, damping: {damping:.4g}, "
+            f"stiffness: {value['stiffness']:.4g}, lever_arm: 1}}"
+        )
+    surface = value["surface"]
+    surface -= fit.side * value.get("preload", 0.0) / value["stiffness"]
+    return (
+        f"{{type: wall, stiffness: {value['stiffness']:.4g}, damping: {damping:.4g}, "
+        f"position: {surface:.4g}, side: {side}}}"
+    )
+
+
+def save_result(result: ContactResult, directory: Path) -> Path:
+    """Write identification.json; return its path."""
+    path = directory / "identification.json"
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(result.as_dict(), indent=2, ensure_ascii=False)
+        path.write_text(text + "\n", encoding="utf-8")
+    except OSError as err:
+        raise RecordingError(f"{path}: cannot be written: {err.strerror}") from err
+    return path

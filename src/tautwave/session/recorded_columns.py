@@ -1,0 +1,246 @@
+"""Position and effort of a recording, from a run or a CSV file, on even times. SI units."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tautwave.analysis.regression import Array
+from tautwave.errors import ConfigError, RecordingError
+
+MOST_SAMPLES = 100_000
+"""Used of a recording; more would add minutes and no knowledge."""
+
+UNEVEN = 0.6  # of a period: a gap in time beyond it is filled in and not used
+_TIMES = ("time_s", "time", "t", "timestamp_s", "t_s")
+_EFFORTS = ("effort", "torque", "force")
+
+
+class Series(NamedTuple):
+    """Two columns of a recording on even times: position and effort, and which were measured."""
+
+    source: str
+    position_name: str
+    effort_name: str
+    rotary: bool | None
+    start_s: float
+    period: float
+    position: Array
+    effort: Array
+    known: NDArray[np.bool_]
+    notes: tuple[str, ...]
+
+
+def read_series(
+    source: Path,
+    position: str | None,
+    effort: str | None,
+    time: str | None,
+    axis: str | None,
+    part: tuple[float | None, float | None],
+) -> Series:
+    """Read position and effort of a recording onto even times.
+
+    Raises
+    ------
+    ConfigError, RecordingError
+        No such recording or column, or names from which the columns cannot be told.
+    """
+    if source.is_dir():
+        source = source / "recording.mcap"
+    if not source.is_file():
+        raise RecordingError(f"{source}: there is no such recording")
+    if source.suffix == ".csv":
+        from tautwave.motion import read_recording as read_column
+
+        if axis is not None:
+            raise ConfigError(f"{source}: a CSV file has no axes; use --position and --effort")
+        header = csv_header(source)
+        clock = time or _one(source, "time", "--time", [n for n in header if n in _TIMES], header)
+        position, effort = csv_columns(source, header, position, effort)
+        times, places = read_column(source, position, clock)
+        _, efforts = read_column(source, effort, clock)
+        valid = np.ones(len(times), dtype=bool)
+        rotary = _rotary(position, effort)
+    else:
+        from tautwave.report.recording import read_recording
+
+        clock = time or "time_s"
+        names = read_recording(source, rows=slice(0, 1))
+        position, effort = mcap_columns(source, names.columns, names.axes(), axis, position, effort)
+        flag = position.rpartition(".")[0] + ".valid"
+        wanted = [clock, position, effort, *([flag] if flag in names.columns else [])]
+        recording = read_recording(source, list(dict.fromkeys(wanted)))
+        times, places, efforts = recording[clock], recording[position], recording[effort]
+        valid = recording[flag] > 0.5 if flag in names.columns else np.ones(len(times), dtype=bool)
+        rotary = _kind_of(names.attachments, position)
+    return _even(
+        Series(str(source), position, effort, rotary, 0.0, 1.0, places, efforts, valid, ()),
+        times,
+        part,
+    )
+
+
+def _even(series: Series, times: Array, part: tuple[float | None, float | None]) -> Series:
+    """Cut out a part and lay it on even times, with gaps filled and marked."""
+    begin, end = part
+    inside = np.ones(len(times), dtype=bool)
+    if begin is not None:
+        inside &= times >= begin
+    if end is not None:
+        inside &= times <= end
+    inside &= np.isfinite(series.position) & np.isfinite(series.effort) & series.known
+    if np.count_nonzero(inside) < 3:
+        raise RecordingError(f"{series.source}: no samples between --from and --to")
+    notes = []
+    if np.count_nonzero(inside) > MOST_SAMPLES:
+        inside[np.flatnonzero(inside)[MOST_SAMPLES:]] = False
+        last = times[inside][-1]
+        notes.append(f"Only the part up to {last:.4g} s is used; --from and --to choose another.")
+    t, x, force = times[inside], series.position[inside], series.effort[inside]
+    period = float(np.median(np.diff(t)))
+    if not period > 0.0:
+        raise RecordingError(f"{series.source}: its times do not increase")
+    count = min(round((t[-1] - t[0]) / period) + 1, 4 * MOST_SAMPLES)
+    grid = t[0] + period * np.arange(count)
+    nearest = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
+    away = np.minimum(np.abs(t[nearest] - grid), np.abs(t[nearest - 1] - grid))
+    return series._replace(
+        start_s=float(t[0]),
+        period=period,
+        position=np.interp(grid, t, x),
+        effort=np.interp(grid, t, force),
+        known=away < UNEVEN * period,
+        notes=tuple(notes),
+    )
+
+
+def csv_header(path: Path) -> list[str]:
+    """Names in the first line of a CSV file."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            return [name.strip() for name in next(csv.reader(file), [])]
+    except (OSError, UnicodeDecodeError, csv.Error) as err:
+        raise RecordingError(f"{path}: the recording cannot be read: {err}") from err
+
+
+def csv_columns(
+    path: Path, header: Sequence[str], position: str | None, effort: str | None
+) -> tuple[str, str]:
+    """Columns of position and effort: those given, else those whose names say it.
+
+    Of several, the slave's position with the environment's effort; a given one decides the other.
+    """
+    places = [name for name in header if "position" in name.lower() or "angle" in name.lower()]
+    efforts = [
+        name
+        for name in header
+        if any(word in name.lower() for word in _EFFORTS) and "command" not in name.lower()
+    ]
+    hand = (effort is not None and "hand" in effort) or (
+        position is not None and "master" in position
+    )
+    return (
+        _one(path, "position", "--position", places, header, position,
+             ("master", "hand") if hand else ("slave",)),
+        _one(path, "effort", "--effort", efforts, header, effort,
+             ("hand", "master") if hand else ("environment", "slave")),
+    )  # fmt: skip
+
+
+def _one(
+    path: Path,
+    what: str,
+    option: str,
+    able: Sequence[str],
+    header: Sequence[str],
+    given: str | None = None,
+    preferred: Iterable[str] = (),
+) -> str:
+    """The column given, the only one that fits, or the only one with a preferred word."""
+    if given is not None:
+        if given not in header:
+            raise ConfigError(
+                f"{path}: there is no column {given!r}; there are {', '.join(header) or 'none'}"
+            )
+        return given
+    if len(able) == 1:
+        return able[0]
+    for word in preferred:
+        fitting = [name for name in able if word in name.lower()]
+        if len(fitting) == 1:
+            return fitting[0]
+    if able:
+        raise ConfigError(
+            f"{path}: several columns may be the {what} ({', '.join(able)}); choose with {option}"
+        )
+    raise ConfigError(
+        f"{path}: no column says that it is the {what}; name it with {option}"
+        f" (there are {', '.join(header) or 'none'})"
+    )
+
+
+def mcap_columns(
+    path: Path,
+    columns: Sequence[str],
+    axes: Sequence[str],
+    axis: str | None,
+    position: str | None,
+    effort: str | None,
+) -> tuple[str, str]:
+    """Columns of a run: of the axis given, else of the only one with a measured outside effort."""
+    for name in (position, effort):
+        if name is not None and name not in columns:
+            raise ConfigError(f"{path}: there is no column {name!r}")
+    if position is not None and effort is not None:
+        return position, effort
+    if axis is not None and axis not in axes:
+        raise ConfigError(f"{path}: there is no axis {axis!r}; there are {', '.join(axes)}")
+    outside = {}
+    for name in axes:
+        side = "environment" if name.startswith("slave.") else "hand"
+        for column in (f"{name}.measured_effort", f"true.{name}.{side}_effort"):
+            if column in columns:
+                outside[name] = column
+                break
+    if effort is not None and axis is None:
+        axis = next((name for name in axes if name in effort), None)
+    if axis is None:
+        slaves = [name for name in outside if name.startswith("slave.")]
+        able = slaves or list(outside)
+        if len(able) > 1:
+            raise ConfigError(f"{path}: choose an axis with --axis: {', '.join(outside)}")
+        if not able:
+            raise ConfigError(
+                f"{path}: no axis measured the effort from outside; give --position and --effort"
+            )
+        axis = able[0]
+    if effort is None and axis not in outside:
+        raise ConfigError(
+            f"{path}: {axis} did not measure the effort from outside; name it with --effort"
+        )
+    return position or f"{axis}.position", effort or outside[axis]
+
+
+def _rotary(*names: str) -> bool | None:
+    """Kind of the axis from units in the names, None where they say nothing."""
+    parts = {part for name in names for part in name.lower().split("_")}
+    if parts & {"rad", "nm"}:
+        return True
+    return False if parts & {"m", "n"} else None
+
+
+def _kind_of(attachments: dict[str, bytes], column: str) -> bool | None:
+    """Kind of the column's axis from the rig in the recording."""
+    try:
+        from tautwave.config import parse_rig
+
+        rig = parse_rig(attachments["rig.yaml"].decode())
+        return rig.axes[".".join(column.split(".")[-3:-1])].kind == "rotary"
+    except (KeyError, UnicodeDecodeError, ConfigError):
+        return None
