@@ -107,7 +107,8 @@ class Axis(Block):
         default=None, description="[N m/s | N/s] Greatest change of effort. Hardware: required."
     )
     velocity_limit: Positive | None = Field(
-        default=None, description="[rad/s | m/s] Above it the run stops. Hardware, admittance: required."
+        default=None,
+        description="[rad/s | m/s] Above it the run stops. Hardware, admittance: required.",
     )
     position_range: Annotated[tuple[float, float], AfterValidator(_check_range)] | None = Field(
         default=None,
