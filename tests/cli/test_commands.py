@@ -46,7 +46,7 @@ def test_version(tautwave_cli: Cli) -> None:
     [
         (["chek", "rig.yaml"], "Did you mean 'check'?"),
         (["rum"], "Did you mean 'run'?"),
-        (["zzz"], "There are run, check, sweep, report, drivers"),
+        (["zzz"], "There are run, check, sweep, identify, report, drivers"),
         (["run", "rig.yaml", "--duratoin", "1"], "--duration"),
         (["run", "rig.yaml", "--clock", "fast"], "'real', 'fake'"),
         (["run", "rig.yaml", "--duration", "nan"], "finite number above 0"),
