@@ -103,6 +103,9 @@ def test_an_admittance_port_needs_its_bound_and_a_prompt_drive() -> None:
     prompt = element(certified(f"{key}=1.0e-4", name=name), "slave.lever port")
     assert prompt.passive.state == "conditional"
     assert "reaches its velocity within one period" in prompt.passive.conditions[0]
+    damped = "simulation.environment.lever={type: wall, position: 0.1, stiffness: 1, damping: 0.1}"
+    found = element(certified(f"{key}=1.0e-4", damped, name=name), "slave.lever port")
+    assert "the proof is for a spring outside" in found.passive.reason
     bound = "slave.axes.lever.environment_stiffness_upper"
     for value, words in (("0", "nothing is guaranteed"), ("0.5", "has 1 N m/rad, more than")):
         found = element(

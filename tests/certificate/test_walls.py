@@ -70,7 +70,11 @@ def test_wall_and_port_share_the_damping() -> None:
     port = element(certificate, "slave.lever port")
     assert port.numbers["damping_of_wall"] == pytest.approx(1.9e-3)
     assert port.numbers["damping_left"] == pytest.approx(1e-4)
-    assert "0.0001 N m s/rad of damping that its wall leaves it" in " ".join(port.sentences)
+    told = " ".join(port.sentences)
+    assert "0.0001 N m s/rad of damping that its wall leaves it" in told
+    # b mu k T / (1 + 2 b mu) = 0.02 * 0.5 * 5 * 1e-3 / 1.02 = 4.9e-5 of the simulation's wall
+    assert "takes 0.0019 and its port, held by the simulation's wall, 4.9e-05" in told
+    assert "0.001949 in all" in told
 
 
 def test_passivity_control_stands_in_for_damping() -> None:

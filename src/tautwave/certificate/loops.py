@@ -168,11 +168,10 @@ def believed_end(
     axis, delay = rig.axes[axis_name], delays[axis_name]
     params = site_params(rig, axis_name, delay)
     scale = pair_scale(rig.coupling.pairs[name])
-    mass = stated_hand(rig, name).hand.mass if side == "master" and contact else 0.0
-    held = Contact(0.0, 0.0, "") if contact is None else contact
-    corner = rig.coupling.wave_filter_hz
-    filtered = 1.0 if corner is None else filter_gain(corner, rig.period_s)
+    filtered = wave_filter(rig)
     if axis.inertia is None:
+        held = Contact(0.0, 0.0, "") if contact is None else contact
+        mass = _hand_mass(rig, axis_name, contact)
         outside = Outside(held.stiffness, held.damping, mass, drive_lag(rig, axis_name) or 0.0)
         return admittance_end(
             outside,
@@ -182,21 +181,7 @@ def believed_end(
             wave_gain=wave_gain(scale, side),
             filter_gain=filtered,
         )
-    own = axis.inertia.lower if bound == "lower" else axis.inertia.value
-    device = Device(
-        mass=own + mass,
-        damping=(axis.damping.lower if damping is None else damping) + held.damping,
-        stiffness=held.stiffness,
-        command_delay=delay_in_periods(rig, delay),
-    )
-    site = Site(
-        params.port,
-        params.gain,
-        delay.periods,
-        delay.remainder_s / rig.period_s,
-        0.0 if wall is None else wall.stiffness,
-        0.0 if wall is None else wall.damping,
-    )
+    device, site = believed_parts(rig, axis_name, delays, bound, contact, wall, damping=damping)
     if rig.coupling.law == "wave":
         return wave_end(device, site, wave_gain=wave_gain(scale, side), filter_gain=filtered)
     far = "slave" if side == "master" else "master"
@@ -211,3 +196,48 @@ def believed_end(
         sent_stiffness=other.stiffness * back,
         sent_damping=other.damping * back,
     )
+
+
+def believed_parts(
+    rig: Rig,
+    axis_name: str,
+    delays: Delays,
+    bound: str,
+    contact: Contact | None = None,
+    wall: Wall | None = None,
+    *,
+    damping: float | None = None,
+) -> tuple[Device, Site]:
+    """Return device and site of an impedance axis as the rig believes them; see `believed_end`."""
+    axis, delay = rig.axes[axis_name], delays[axis_name]
+    assert axis.inertia is not None
+    params = site_params(rig, axis_name, delay)
+    own = axis.inertia.lower if bound == "lower" else axis.inertia.value
+    held = Contact(0.0, 0.0, "") if contact is None else contact
+    device = Device(
+        mass=own + _hand_mass(rig, axis_name, contact),
+        damping=(axis.damping.lower if damping is None else damping) + held.damping,
+        stiffness=held.stiffness,
+        command_delay=delay_in_periods(rig, delay),
+    )
+    site = Site(
+        params.port,
+        params.gain,
+        delay.periods,
+        delay.remainder_s / rig.period_s,
+        0.0 if wall is None else wall.stiffness,
+        0.0 if wall is None else wall.damping,
+    )
+    return device, site
+
+
+def wave_filter(rig: Rig) -> float:
+    """Return the step of the wave filter, 1 without one."""
+    corner = rig.coupling.wave_filter_hz
+    return 1.0 if corner is None else filter_gain(corner, rig.period_s)
+
+
+def _hand_mass(rig: Rig, axis_name: str, contact: Contact | None) -> float:
+    """Return the mass that rides on a master which is held."""
+    side, name = axis_name.split(".")
+    return stated_hand(rig, name).hand.mass if side == "master" and contact else 0.0

@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from tautwave.analysis.scattering import greatest_gain, port_scattering, spring_damping
 from tautwave.certificate.belief import (
     Contact,
     assumed,
@@ -20,7 +21,12 @@ from tautwave.certificate.belief import (
     stated_contact,
 )
 from tautwave.certificate.data import Element, Verdict
-from tautwave.certificate.loops import believed_end, scattering_norm
+from tautwave.certificate.loops import (
+    believed_end,
+    believed_parts,
+    scattering_norm,
+    wave_filter,
+)
 from tautwave.config import Rig
 from tautwave.laws.port import sensor_allowance
 from tautwave.rig import device_impedance, velocity_gain
@@ -51,6 +57,13 @@ def port_element(rig: Rig, axis_name: str, delays: Delays, wall_needs: float) ->
     sentences = [passive.reason]
     if passive.passed:
         sentences.append(_bears(axis_name, norms["stiffest"], left, wall_needs, unit, damper))
+        if norms["damping_held"] is not None and wall_needs > 0.0:
+            whole = wall_needs + norms["damping_held"]
+            sentences.append(
+                f"{axis_name}: of the device's {axis.damping.lower:.4g} {damper} its wall takes "
+                f"{wall_needs:.4g} and its port, held by {norms['held_by']}, "
+                f"{norms['damping_held']:.3g}: {whole:.4g} in all."
+            )
     allowance = _allowance(rig, axis_name)
     numbers: dict[str, Any] = {
         "impedance": _impedance(rig, axis_name),
@@ -122,20 +135,30 @@ def _passive(rig: Rig, axis_name: str, delays: Delays, norms: dict[str, Any]) ->
 
 
 def _norms(rig: Rig, axis_name: str, delays: Delays, left: float) -> dict[str, Any]:
-    """Return greatest returned shares: free; held as stated; and the stiffest spring at norm 1."""
+    """Return greatest returned shares, proved: free, held as stated; and the stiffest spring."""
     contact = stated_contact(rig, axis_name)
-    free = max(_norm(rig, axis_name, delays, bound, None, 0.0) for bound in ("lower", "value"))
-    held = None
+    free = max(_proved(rig, axis_name, delays, at, None, 0.0) for at in ("lower", "value"))
+    held, needed = None, None
     if contact is not None:
-        held = max(
-            _norm(rig, axis_name, delays, bound, contact, left) for bound in ("lower", "value")
-        )
+        held = max(_proved(rig, axis_name, delays, at, contact, left) for at in ("lower", "value"))
+        _, site = believed_parts(rig, axis_name, delays, "lower")
+        if site.gain == 1.0 and site.delay_periods == 0:
+            needed = spring_damping(site, contact.stiffness)
     return {
         "free": free,
         "held": held,
         "held_by": "" if contact is None else contact.text,
+        "damping_held": needed,
         "stiffest": _stiffest(rig, axis_name, delays, left),
     }
+
+
+def _proved(
+    rig: Rig, axis_name: str, delays: Delays, bound: str, contact: Contact | None, damping: float
+) -> float:
+    """Return the greatest share of a wave that an end returns, its filter included, proved."""
+    device, site = believed_parts(rig, axis_name, delays, bound, contact, damping=damping)
+    return greatest_gain(port_scattering(device, site, filter_gain=wave_filter(rig))).upper
 
 
 def _norm(
@@ -228,7 +251,10 @@ def _admittance(rig: Rig, axis_name: str, delays: Delays) -> Element:
         f"{name}: passive by the proof in tautwave.laws.admittance for an outside stiffness up to "
         f"{upper:.4g} {unit}"
     )
-    conditions = (f"the drive of {axis_name} reaches its velocity within one period",)
+    conditions = (
+        f"the drive of {axis_name} reaches its velocity within one period",
+        f"what {axis_name} touches is a spring without a damper",
+    )
     passive = Verdict(True, f"{reason}.", conditions)
     if upper == 0.0:
         text = f"{name}: nothing is guaranteed without environment_stiffness_upper; give it"
@@ -238,6 +264,12 @@ def _admittance(rig: Rig, axis_name: str, delays: Delays) -> Element:
             False,
             f"{name}: {contact.text} has {contact.stiffness:.4g} {unit}, more than "
             f"environment_stiffness_upper {upper:.4g}; raise that",
+        )
+    elif contact is not None and contact.damping > 0.0:
+        passive = Verdict(
+            False,
+            f"{name}: the proof is for a spring outside; {contact.text} has a damper. Require "
+            "coupled_stable",
         )
     elif delay.remainder_s > 0.0:
         passive = Verdict(
