@@ -1,15 +1,15 @@
 """Every error tautwave raises on purpose, and the exit code each one ends in.
 
-    TautwaveError
-    ├── ConfigError (ValueError)          2  the rig file or an argument is wrong
-    ├── NotCertifiedError                 3  the rig is not certified, or no longer
-    ├── BusBudgetError                    4  the rig is faster than its bus
-    ├── DriverError                       5  a bus or a device failed
-    │   ├── BusTimeout (TimeoutError)     5  nothing answered in time
-    │   └── DeviceFault                   5  a device reported a fault
-    ├── LinkError                         5  the other site is lost
-    ├── SafetyStop                        6  a limit or a guard ended the run
-    └── RecordingError (OSError)          2  a recording cannot be read or written
+TautwaveError
+├── ConfigError (ValueError)          2  the rig file or an argument is wrong
+├── NotCertifiedError                 3  the rig is not certified, or no longer
+├── BusBudgetError                    4  the rig is faster than its bus
+├── DriverError                       5  a bus or a device failed
+│   ├── BusTimeout (TimeoutError)     5  nothing answered in time
+│   └── DeviceFault                   5  a device reported a fault
+├── LinkError                         5  the other site is lost
+├── SafetyStop                        6  a limit or a guard ended the run
+└── RecordingError (OSError)          2  a recording cannot be read or written
 """
 
 from __future__ import annotations
