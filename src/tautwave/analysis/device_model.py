@@ -24,6 +24,7 @@ from tautwave.analysis.regression import (
 SIGN_NOISE = 4.0  # standard deviations a velocity has to be from zero for its sign to be known
 UNSIGNED_SHARE = 0.25  # of the kernel that may fall on samples whose sign is not known
 STUCK_SHARE = 0.02  # of the kernel that may fall on turning points where it may have stuck
+METHOD = 1e-3  # of a value: what is left of turning points between samples, of uneven noise
 LEAST_ROWS = 60
 
 
@@ -114,6 +115,7 @@ def fit_device(
         )
     residual = target - columns @ found
     inertia, damping, coulomb, bias = intervals(columns, residual, list(found))
+    inertia, damping, coulomb = (_widened(e) for e in (inertia, damping, coulomb))
     return DeviceFit(
         inertia,
         damping,
@@ -126,6 +128,13 @@ def fit_device(
         target,
         columns @ found,
     )
+
+
+def _widened(estimate: Estimate) -> Estimate:
+    """The interval with the method's own error, added as an independent one."""
+    value = estimate.value
+    half = math.hypot(0.5 * (estimate.upper - estimate.lower), METHOD * value)
+    return Estimate(value, value - half, value + half)
 
 
 def _solve_rows(

@@ -15,6 +15,7 @@ import numpy as np
 
 from tautwave.config import Rig
 from tautwave.contracts import Row
+from tautwave.errors import SafetyStop
 from tautwave.laws.limit import guard_axis
 from tautwave.rig import Assembly, pair_scale, site_params
 from tautwave.runtime.books import axis_columns, fill_axis
@@ -35,13 +36,15 @@ GROW_S = 1.5
 FALL_S = 0.05
 MEMORY_S = 1.0
 ENOUGH, SPEED_SHARE = 0.7, 0.5
+LEAST_ROOM, ROOM_SHARE = 0.1, 0.6
 
 
 class Plan(NamedTuple):
     """How an axis is shaken.
 
     `efforts` per slot before the gain [N m or N]; the greatest effort and the reach from the
-    start [rad or m] it keeps to, the speed [rad/s or m/s]; stiffness and damping of the return.
+    start [rad or m] it keeps to, the speed [rad/s or m/s]; stiffness and damping of the return;
+    the ends of the position range.
     """
 
     axis: str
@@ -53,6 +56,8 @@ class Plan(NamedTuple):
     damping: float
     highest_hz: float
     period: float
+    low: float
+    high: float
 
 
 def plan_excitation(
@@ -99,6 +104,8 @@ def plan_excitation(
         damping,
         highest,
         rig.period_s,
+        low,
+        high,
     )
 
 
@@ -112,12 +119,27 @@ class Excitation:
         self._recent = 0.0
         self._floor = 0.0
         self._far = False
+        self._reach = plan.reach
         self.gain = 0.0
         self.centre = 0.0
 
     def start(self, position: float) -> None:
-        """Begin, about where the device stands."""
+        """Begin, about where the device stands, with the room there is.
+
+        Raises
+        ------
+        SafetyStop
+            It stands too near an end of its range.
+        """
+        plan = self._plan
+        room = min(position - plan.low, plan.high - position)
+        if room < LEAST_ROOM * (plan.high - plan.low):
+            raise SafetyStop(
+                f"{plan.axis} stands at {position:.4g}, at the end of its range"
+                f" [{plan.low:g}, {plan.high:g}]; move it towards the middle"
+            )
         self.centre = position
+        self._reach = min(plan.reach, ROOM_SHARE * room)
 
     def pass_slots(self, count: int) -> None:
         """Let slots go by."""
@@ -129,7 +151,7 @@ class Excitation:
         Each time the device goes beyond reach or speed, the gain falls to half of what it was.
         """
         plan = self._plan
-        use = max(abs(position - self.centre) / plan.reach, abs(velocity) / plan.speed)
+        use = max(abs(position - self.centre) / self._reach, abs(velocity) / plan.speed)
         self._recent = max(use, self._recent * math.exp(-plan.period / MEMORY_S))
         if use > 1.0 and not self._far:
             self._far = True
@@ -139,8 +161,9 @@ class Excitation:
         if self._far:
             self.gain = max(self._floor, self.gain * math.exp(-plan.period / FALL_S))
         elif self._recent < ENOUGH and self._slot < self._last_growth:
-            if self.gain < 1.0:
-                self.gain = min(self.gain + plan.period / RISE_S, 1.0)
+            planned = self._reach / plan.reach
+            if self.gain < planned:
+                self.gain = min(self.gain + planned * plan.period / RISE_S, planned)
             else:
                 self.gain *= math.exp(plan.period / GROW_S)
         slot = min(self._slot, len(plan.efforts) - 1)
