@@ -7,12 +7,10 @@ import math
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tautwave.analysis.device_model import DeviceFit, fit_device
-from tautwave.analysis.regression import Estimate
 from tautwave.config import Rig, resolved_yaml
 from tautwave.errors import BusBudgetError, ConfigError, RecordingError, SafetyStop, TautwaveError
 from tautwave.registry import load_driver
@@ -25,6 +23,10 @@ from tautwave.session.checking import bus_budgets, over_budget
 from tautwave.session.exciting import Plan, excite, plan_excitation
 from tautwave.session.running import _conditions, _interrupts
 from tautwave.types import CommandDelay
+
+if TYPE_CHECKING:  # analysis is imported when the axis is safe again
+    from tautwave.analysis.device_model import DeviceFit
+    from tautwave.analysis.regression import Estimate
 
 CAUTION = 0.8
 """Of the interval's lower end: what is bolted on or warms up later is not in the interval."""
@@ -252,6 +254,7 @@ def fit_recorded(
     path: Path, name: str, rig: Rig, delay: CommandDelay, highest_hz: float
 ) -> DeviceFit:
     """Fit the device of one axis to the recording of its excitation."""
+    from tautwave.analysis.device_model import fit_device
     from tautwave.report.recording import read_recording
 
     leaves = ("position", "commanded", "valid")
