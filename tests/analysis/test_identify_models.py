@@ -124,7 +124,7 @@ TRUTHS = {
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_a_contact_is_found_within_its_interval(kind: str) -> None:
     inside = total = 0
-    for seed in range(12):
+    for seed in range(8):
         position, effort = contact_recording(kind, seed)
         fit = fit_contact(motion_of(position, effort, 5e-4, cutoff_hz=40.0), kind)
         assert fit is not None
@@ -168,7 +168,7 @@ def shaken(seed: int, coulomb: float, count: int = 8000) -> tuple[Array, Array]:
 def test_a_device_is_found_within_its_interval(coulomb: float) -> None:
     truth = {"inertia": 1.6e-3, "damping": 2e-3, "coulomb": coulomb, "bias": 0.0}
     inside = total = 0
-    for seed in range(20):
+    for seed in range(12):
         fit = fit_device(*shaken(seed, coulomb), PERIOD, cutoff_hz=30.0)
         for name, value in truth.items():
             estimate = getattr(fit, name)

@@ -32,7 +32,7 @@ def cli(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Cli:
 
 
 def found_and_true(rig: Rig, axis: str, directory: Path) -> list[tuple[str, bool, float]]:
-    result = identify_device(rig, axis=axis, out=directory, clock="fake", duration_s=8.0)
+    result = identify_device(rig, axis=axis, out=directory, clock="fake", duration_s=6.0)
     truth = simulation_of(rig, axis)
     pairs = []
     for name in ("inertia", "damping", "coulomb"):
@@ -51,12 +51,12 @@ def found_and_true(rig: Rig, axis: str, directory: Path) -> list[tuple[str, bool
 )
 def test_the_truth_of_a_simulated_rig_is_found(name: str, axis: str, tmp_path: Path) -> None:
     inside = []
-    for seed in range(3):
+    for seed in range(2):
         rig = load_rig(CONFIGS / f"{name}.yaml", [f"seed={seed}"])
         for what, held, ratio in found_and_true(rig, axis, tmp_path / str(seed)):
             inside.append(held)
             assert ratio == pytest.approx(1.0, abs=0.01 if what == "inertia" else 0.15)
-    assert sum(inside) >= 8, f"{sum(inside)} of 9"
+    assert sum(inside) >= 5, f"{sum(inside)} of 6"
 
 
 def test_it_stays_within_what_it_promised(tmp_path: Path) -> None:
