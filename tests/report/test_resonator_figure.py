@@ -1,0 +1,103 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tautwave.analysis.resonator import PERIODS_S, critical_couplings, features, table
+from tautwave.analysis.resonator_sampled import sampled_boundaries
+from tautwave.errors import RecordingError
+from tautwave.report.resonator_figure import (
+    BODE,
+    COUPLINGS,
+    LOW,
+    SCHEMES,
+    bode_figure,
+    coupling_figure,
+    draw_resonator,
+    sampled_limit,
+)
+
+PERIODS = np.array([1e-4, 1e-3])
+
+
+def lines(axes):
+    return {str(line.get_label()).replace("\n", " "): line for line in axes.lines}
+
+
+def test_both_files_appear_a_thousand_pixels_wide(tmp_path):
+    paths = draw_resonator(tmp_path / "new" / "figures", PERIODS)
+    assert [path.name for path in paths] == [BODE, COUPLINGS]
+    for path in paths:
+        with Image.open(path) as picture:
+            assert picture.format == "PNG"
+            assert picture.width == 1000
+
+
+def test_the_bode_plot_is_the_table():
+    device, controller, phase, near = bode_figure().axes
+    hz = lines(device)["hand and device G"].get_xdata()
+    assert (hz[0], hz[-1]) == pytest.approx((1.0, 1000.0))
+    rows = table(hz)
+    drawn = lines(device)["hand and device G"].get_ydata()
+    assert np.array_equal(drawn, [row.device for row in rows])
+    drawn = lines(controller)["controller K"].get_ydata()
+    assert np.array_equal(drawn, [row.controller for row in rows])
+    for axes in (phase, near):
+        got = lines(axes)
+        assert np.array_equal(got["G"].get_ydata(), [row.device_phase_deg for row in rows])
+        ideal = got["K, ideal"].get_ydata()
+        assert np.array_equal(ideal, [row.controller_phase_deg for row in rows])
+        for at, name in enumerate(("1 ms", "0.1 ms")):
+            late = got[f"K half a sample late, T = {name}"].get_ydata()
+            assert np.array_equal(late, [row.delayed_phase_deg[at] for row in rows])
+        (band,) = axes.patches
+        assert (band.get_y(), band.get_height()) == (-90.0, 180.0)
+
+
+def test_the_resonances_are_marked_where_they_are():
+    wanted = features()
+    for axes in bode_figure().axes:
+        got = lines(axes)
+        assert got["anti-resonance 299.87 Hz"].get_xdata()[0] == wanted.anti_resonance_hz
+        assert got["resonance 330.03 Hz"].get_xdata()[0] == wanted.resonance_hz
+
+
+def test_the_limits_are_those_of_the_analysis():
+    prompt, late = (lines(axes) for axes in coupling_figure(PERIODS).axes)
+    for drawn, name, share in (
+        (prompt, "half a sample of pure delay, eq. 9", 0.5),
+        (late, "one and a half samples of pure delay", 1.5),
+    ):
+        wanted = [critical_couplings(share * t)[0].gain for t in PERIODS]
+        assert np.array_equal(drawn[name].get_ydata(), wanted)
+        assert drawn["the paper's 3000 N/m"].get_ydata()[0] == 3000.0
+    for delay, drawn in enumerate((prompt, late)):
+        for scheme, (label, *_) in SCHEMES.items():
+            if (name := label.replace("\n", " ")) in drawn:
+                wanted = [
+                    sampled_boundaries(t, scheme, delay, points=80)[0].coupling for t in PERIODS
+                ]
+                np.testing.assert_allclose(drawn[name].get_ydata(), wanted, rtol=1e-9)
+    points = prompt["eq. 9: 3986 N/m, 1 ms 15059 N/m, 0.1 ms"]
+    assert points.get_xdata() == pytest.approx([1e3 * t for t in PERIODS_S])
+    assert points.get_ydata() == pytest.approx([3986.095, 15058.934], rel=1e-6)
+
+
+def test_a_limit_below_the_range_is_none_and_above_it_infinite():
+    assert sampled_limit(1.1e-3, "cordis", 0) == 0.0  # w T > 2 whatever the coupling
+    assert not sampled_boundaries(1.1e-3, "cordis", 0, low=LOW, points=20)
+    assert sampled_limit(1e-5, "foh", 0) == np.inf
+
+
+def test_a_directory_that_cannot_be_written_is_one_sentence(tmp_path):
+    taken = tmp_path / "taken"
+    taken.write_text("a file")
+    with pytest.raises(RecordingError, match="taken: cannot be written: File exists"):
+        draw_resonator(taken, PERIODS)
+    command = [sys.executable, "-m", "tautwave.report.resonator_figure", str(taken)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == f"{taken}: cannot be written: File exists\n"
+    assert taken.read_text() == "a file"
