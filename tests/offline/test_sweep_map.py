@@ -106,6 +106,56 @@ def test_the_command_draws_and_says_how_far_they_agree(tmp_path: Path) -> None:
     assert "differ at 0 of 72 points" in plain.stdout
 
 
-@pytest.mark.parametrize("name", ["wall-kb-plane.yaml", "wall-limits.yaml"])
+QUANTISED = f"""\
+name: steps
+rig: {ROOT}/configs/bench-1dof-loopback.yaml
+axis: master.lever
+planes:
+  quantum:
+    x: quantum
+    label: Q [rad]
+    wall_damping: 0
+    values: {{low: 1.0e-5, high: 0.1, points: 6}}
+    stiffness: {{low: 0.01, high: 300, points: 12}}
+"""
+
+
+def test_a_plane_over_the_encoders_step(tmp_path: Path) -> None:
+    path, out = written(tmp_path, QUANTISED), tmp_path / "out"
+    plan = load_map(path)
+    assert operating_value(plan.starts["quantum"], plan.file.planes["quantum"]) == 2.094e-5
+    run = CliRunner().invoke(main, ["sweep", str(path), "--out", str(out), "--json"])
+    assert run.exit_code == 0, run.output
+    told = json.loads(run.stdout)
+    assert told["planes"]["quantum"]["mismatched"] == 0
+    assert told["planes"]["quantum"]["boundaries"] == 6
+    assert told["planes"]["quantum"]["disagreement"] < 0.01
+    with Path(told["table"]).open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            assert row["growth_per_period"] == ""
+            assert (float(row["gain_per_cycle"]) <= 1.0) == (row["predicted_stable"] == "1")
+    with Path(told["boundaries"]).open(encoding="utf-8") as file:
+        limits = [float(row["passive"]) for row in csv.DictReader(file)]
+    assert limits[0] == pytest.approx(4.0)  # 2 b / T
+    assert limits[-1] == pytest.approx(2.0 * 1e-3 / 0.1)  # 2 c / Q
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("    wall_damping: 0\n", "", "set wall_damping: 0 here"),
+        ("wall_damping: 0", "{wall_damping: 0, delay_periods: 1}", "set delay_periods: 0 here"),
+        ("low: 1.0e-5", "low: 0", "greater than 0"),
+    ],
+)
+def test_what_the_quantised_limit_does_not_know(
+    tmp_path: Path, old: str, new: str, sentence: str
+) -> None:
+    new = new.strip("{}").replace(", ", "\n    ")
+    with pytest.raises(ConfigError, match=sentence):
+        load_map(written(tmp_path, QUANTISED.replace(old, new)))
+
+
+@pytest.mark.parametrize("name", ["wall-kb-plane.yaml", "wall-limits.yaml", "wall-quantum.yaml"])
 def test_shipped_maps_are_right(name: str) -> None:
     assert len(load_map(SWEEPS / name).file.planes) in (2, 4)

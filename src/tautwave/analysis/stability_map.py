@@ -35,13 +35,17 @@ ROUNDS = 30
 class Column(NamedTuple):
     """One column: a wall whose stiffness is varied, the device with its hand, and its x.
 
-    `own_damping` is what passivity may count on: that of the device without the hand.
+    `own_damping` is what passivity may count on: that of the device without the hand. `coulomb`
+    [N or N m] and the encoder step `quantum` [m or rad] count only in
+    `tautwave.analysis.quantised_map`.
     """
 
     x: float
     wall: SampledWall
     device: Device
     own_damping: float
+    coulomb: float = 0.0
+    quantum: float = 0.0
 
 
 class StabilityPlane(NamedTuple):
@@ -148,14 +152,15 @@ def vary(column: Column, key: str, value: float, *, keep_delay_s: bool = False) 
     column : Column
         What stays.
     key : str
-        `wall_damping`, `period_s`, `delay_periods`, `mass` or `damping` (of the device; the hand's
-        part stays).
+        `wall_damping`, `period_s`, `delay_periods`, `mass`, `damping` (of the device; the hand's
+        part stays), `coulomb` or `quantum`.
     value : float
         SI.
     keep_delay_s : bool
         With `period_s`: the delay stays as it is in seconds, else in periods.
     """
     wall, device, own = column.wall, column.device, column.own_damping
+    coulomb, quantum = column.coulomb, column.quantum
     if key == "wall_damping":
         wall = wall._replace(damping=value)
     elif key == "period_s":
@@ -171,9 +176,13 @@ def vary(column: Column, key: str, value: float, *, keep_delay_s: bool = False) 
     elif key == "damping":
         device = device._replace(damping=device.damping - own + value)
         own = value
+    elif key == "coulomb":
+        coulomb = value
+    elif key == "quantum":
+        quantum = value
     else:
         raise ConfigError(f"{key!r} cannot be varied in a plane")
-    return Column(value, wall, device, own)
+    return Column(value, wall, device, own, coulomb, quantum)
 
 
 def _within(found: StableRange, stiffness: Floats) -> Flags:

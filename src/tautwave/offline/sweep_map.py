@@ -1,13 +1,15 @@
 """Maps: a wall of a rig over its stiffness and one thing more; predicted and simulated limits.
 
 A map file is a sweep file with `planes` in place of `figure`: no run in time, but the simulator's
-own one-period map at every point, which tells growth however slow. Read and checked like a rig.
+own one-period map at every point, which tells growth however slow. Over the encoder's step or
+Coulomb friction it is an adversary's motion on the quantised wall. Read and checked like a rig.
 """
 
 from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
@@ -16,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from tautwave.analysis.quantised_map import quantised_plane
 from tautwave.analysis.sampled_loop import Device
 from tautwave.analysis.sampled_wall import SampledWall
 from tautwave.analysis.stability_map import (
@@ -28,13 +31,18 @@ from tautwave.analysis.stability_map import (
 from tautwave.config import Rig, load_rig
 from tautwave.config.document import Document, nearest, open_document, read_text
 from tautwave.config.keys.common import AxisName, Block, Name, NonNegative, Positive
+from tautwave.config.keys.rig import simulation_of
 from tautwave.config.messages import validate
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.offline.sweep_predict import true_device
 
 Floats = npt.NDArray[np.float64]
-Variable = Literal["wall_damping", "period_s", "delay_periods", "mass", "damping"]
+Variable = Literal[
+    "wall_damping", "period_s", "delay_periods", "mass", "damping", "coulomb", "quantum"
+]
 Scale = Literal["linear", "log"]
+QUANTISED = ("coulomb", "quantum")
+"""What is varied where the encoder's step counts."""
 BOUNDARIES, POINTS = "boundaries.csv", "points.csv"
 
 
@@ -57,7 +65,10 @@ class Plane(Block):
     """One plane: stiffness over something else."""
 
     title: str = Field(default="", description="Heading of the panel.")
-    x: Variable = Field(description="What is varied besides the stiffness.")
+    x: Variable = Field(
+        description="What is varied besides the stiffness. Over coulomb [N m | N] and quantum "
+        "[rad | m] the limit is that of a quantised prompt spring."
+    )
     label: str = Field(description="Label of the horizontal axis, with the unit in brackets.")
     factor: Positive = Field(default=1.0, description="Value times this is what is shown.")
     values: Range = Field(description="Of what is varied.")
@@ -141,7 +152,13 @@ def load_map(path: str | Path) -> MapPlan:
         document.report(("rig",), "a map simulates, and this rig has no simulation")
     if document.problems:
         raise ConfigError(document.sentences())
-    return MapPlan(file, rig, {name: _start(rig, file, p) for name, p in file.planes.items()})
+    starts = {name: _start(rig, file, p) for name, p in file.planes.items()}
+    for name, plane in file.planes.items():
+        if plane.x in QUANTISED:
+            _check_quantised(document, name, plane, starts[name])
+    if document.problems:
+        raise ConfigError(document.sentences())
+    return MapPlan(file, rig, starts)
 
 
 def _check(document: Document, file: MapFile) -> None:
@@ -155,8 +172,19 @@ def _check(document: Document, file: MapFile) -> None:
                 document.report((*base, "low"), "Input should be greater than 0 here")
         if plane.values.low < 0.0 and plane.x != "wall_damping":
             document.report(("planes", name, "values", "low"), "Input should not be negative")
-        elif plane.values.low == 0.0 and plane.x in ("period_s", "mass"):
+        elif plane.values.low == 0.0 and plane.x in ("period_s", "mass", "quantum"):
             document.report(("planes", name, "values", "low"), "Input should be greater than 0")
+
+
+def _check_quantised(document: Document, name: str, plane: Plane, start: Column) -> None:
+    """Report what the limit of a quantised wall does not know."""
+    place = ("planes", name, "x")
+    if start.wall.damping != 0.0:
+        document.report(place, f"over {plane.x} the wall is a spring: set wall_damping: 0 here")
+    if start.wall.delay != 0.0:
+        document.report(place, f"over {plane.x} the wall is prompt: set delay_periods: 0 here")
+    if plane.x == "coulomb" and start.quantum == 0.0:
+        document.report(place, "over coulomb the axis needs an encoder_quantum")
 
 
 def _start(rig: Rig, file: MapFile, plane: Plane) -> Column:
@@ -165,7 +193,7 @@ def _start(rig: Rig, file: MapFile, plane: Plane) -> Column:
     axis = rig.axes[file.axis]
     keys = rig.coupling.pairs[name]
     wall = keys.wall_master if side == "master" else keys.wall_slave
-    device = true_device(rig, file.axis)
+    device, truth = true_device(rig, file.axis), simulation_of(rig, file.axis)
     damping = 0.0 if wall is None else wall.damping
     delay = device.command_delay if plane.delay_periods is None else plane.delay_periods
     lag = axis.velocity_filter_s if plane.velocity_filter_s is None else plane.velocity_filter_s
@@ -180,6 +208,8 @@ def _start(rig: Rig, file: MapFile, plane: Plane) -> Column:
         ),
         Device(device.mass, device.damping, device.stiffness),
         axis.damping.lower,
+        truth.coulomb,
+        truth.encoder_quantum,
     )
 
 
@@ -191,6 +221,8 @@ def operating_value(start: Column, plane: Plane) -> float:
         "delay_periods": start.wall.delay,
         "mass": start.device.mass,
         "damping": start.own_damping,
+        "coulomb": start.coulomb,
+        "quantum": start.quantum,
     }[plane.x]
 
 
@@ -216,15 +248,19 @@ def run_map(
             if progress is not None:
                 progress((at + share) / total, name)
 
-        planes[name] = stability_plane(columns, plane.stiffness.values(), tell)
+        compute = quantised_plane if plane.x in QUANTISED else stability_plane
+        planes[name] = compute(columns, plane.stiffness.values(), tell)
     try:
         out.mkdir(parents=True, exist_ok=True)
         boundaries, points = out / BOUNDARIES, out / POINTS
         _write(boundaries, ("plane", "x", "passive", "stable", "simulated"), _limits(planes))
         _write(
             points,
-            ("plane", "x", "stiffness", "growth_per_period", "stable", "predicted_stable"),
-            _verdicts(planes),
+            (
+                *("plane", "x", "stiffness", "growth_per_period", "stable", "predicted_stable"),
+                "gain_per_cycle",
+            ),
+            _verdicts(plan, planes),
         )
     except OSError as err:
         raise RecordingError(f"{out}: the map cannot be written: {err.strerror}") from err
@@ -242,9 +278,14 @@ def _limits(planes: dict[str, StabilityPlane]) -> Rows:
     ]
 
 
-def _verdicts(planes: dict[str, StabilityPlane]) -> Rows:
+def _verdicts(plan: MapPlan, planes: dict[str, StabilityPlane]) -> Rows:
+    """Return a row per point: growth of a map, or ln of the gain of an adversary's cycle."""
+    quantised = {name: plan.file.planes[name].x in QUANTISED for name in planes}
     return [
-        (name, float(x), float(k), float(g), int(g <= GROWING), int(told))
+        (
+            *(name, float(x), float(k), "" if quantised[name] else float(g)),
+            *(int(g <= GROWING), int(told), math.exp(g) if quantised[name] else ""),
+        )
         for name, plane in planes.items()
         for column, x in enumerate(plane.x)
         for k, g, told in zip(

@@ -44,7 +44,7 @@ def write_map_figure(plan: MapPlan, result: MapResult, out: Path) -> Path:
 
 def map_drawing(plan: MapPlan, result: MapResult) -> Drawing:
     """Return the figure: a panel per plane, and in words what was found and assumed."""
-    from tautwave.offline.sweep_map import agreement_sentence
+    from tautwave.offline.sweep_map import QUANTISED, agreement_sentence
 
     rotary = plan.rig.axes[plan.file.axis].kind == "rotary"
     lines: list[tuple[str, str]] = []
@@ -58,7 +58,9 @@ def map_drawing(plan: MapPlan, result: MapResult) -> Drawing:
     drawing, axes = panels([2.9] * count + [below], plan.file.title or plan.file.name, False)
     for panel, (name, plane) in zip(axes, result.planes.items(), strict=False):
         _draw(panel, plan.file.planes[name], plane, plan.starts[name], rotary=rotary)
-    legend(axes[0])
+    kinds = [plane.x in QUANTISED for plane in plan.file.planes.values()]
+    for kind in set(kinds):
+        legend(axes[kinds.index(kind)])
     words = axes[-1]
     words.set_axis_off()
     for at, (colour, text) in enumerate(lines):
@@ -73,14 +75,17 @@ def _draw(axes: Axes, keys: Plane, plane: StabilityPlane, start: Column, *, rota
     from matplotlib.colors import ListedColormap
 
     from tautwave.analysis.stability_map import GROWING
-    from tautwave.offline.sweep_map import operating_value
+    from tautwave.offline.sweep_map import QUANTISED, operating_value
 
+    quantised = keys.x in QUANTISED
     x = keys.factor * plane.x
     low, high = float(plane.stiffness[0]), float(plane.stiffness[-1])
     axes.set_xscale(keys.values.scale)
     axes.set_yscale(keys.stiffness.scale)
     stable = plane.growth <= GROWING
     ground = np.where(stable, np.where(plane.stiffness[:, None] <= plane.passive, 0, 1), 2)
+    if quantised:
+        ground = np.where(stable, 0, 2)
     colours = ListedColormap([PASSIVE, STABLE, UNSTABLE])
     axes.pcolormesh(
         x, plane.stiffness, ground, cmap=colours, vmin=0, vmax=2, shading="nearest", zorder=0.4
@@ -89,14 +94,13 @@ def _draw(axes: Axes, keys: Plane, plane: StabilityPlane, start: Column, *, rota
     def inside(values: Any) -> Any:
         return np.where((values > 0.0) & np.isfinite(values), values, np.nan)
 
-    axes.plot(
-        x, inside(plane.passive), color=WALL, linewidth=1.8, label="greatest passive K,\nproved"
-    )
+    proved = "greatest passive K,\npredicted" if quantised else "greatest passive K,\nproved"
+    axes.plot(x, inside(plane.passive), color=WALL, linewidth=1.8, label=proved)
     _end_line(axes, x, plane.passive, low, WALL)
-    _end_line(axes, x, plane.stable, low, MASTER)
-    axes.plot(
-        x, inside(plane.stable), color=MASTER, linewidth=1.8, label="greatest stable K,\npredicted"
-    )
+    if not quantised:
+        _end_line(axes, x, plane.stable, low, MASTER)
+        told = "greatest stable K,\npredicted"
+        axes.plot(x, inside(plane.stable), color=MASTER, linewidth=1.8, label=told)
     edges = np.array([(a, b) for a, b, _ in plane.edges]).reshape(-1, 2)
     step = max(1, len(edges) // SHOWN)
     axes.plot(
@@ -107,7 +111,7 @@ def _draw(axes: Axes, keys: Plane, plane: StabilityPlane, start: Column, *, rota
         markerfacecolor="white",
         markeredgewidth=1.2,
         markersize=4.5,
-        label="simulation begins\nto grow",
+        label="simulated motion\nbegins to pay" if quantised else "simulation begins\nto grow",
         zorder=3,
     )
     operating = start.wall.stiffness
@@ -123,11 +127,14 @@ def _draw(axes: Axes, keys: Plane, plane: StabilityPlane, start: Column, *, rota
             zorder=4,
             clip_on=False,
         )
-    for colour, label in (
+    grounds = [
         (PASSIVE, "passive, any user"),
         (STABLE, "stable with this\nhand, not passive"),
         (UNSTABLE, "unstable"),
-    ):
+    ]
+    if quantised:
+        grounds = [(PASSIVE, "no motion pays"), (UNSTABLE, "a motion gains\nenergy each cycle")]
+    for colour, label in grounds:
         axes.plot([], [], "s", color=colour, markeredgecolor="#999999", markersize=9, label=label)
     axes.set_xlim(float(x[0]), float(x[-1]))
     axes.set_ylim(low, high)
