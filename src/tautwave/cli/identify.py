@@ -113,7 +113,7 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
 
 def _device(source: Path, options: Mapping[str, Any]) -> None:
     from tautwave.cli.progress import Progress
-    from tautwave.cli.run import _fresh_directory
+    from tautwave.cli.run import fresh_directory
     from tautwave.cli.show import show
     from tautwave.config import load_rig
     from tautwave.report.units import axis_units
@@ -122,7 +122,7 @@ def _device(source: Path, options: Mapping[str, Any]) -> None:
     from tautwave.session.identifying import axis_to_identify, identify_device
 
     axis = axis_to_identify(loaded, options["axis"])
-    directory = _fresh_directory(options["out"], f"identify-{loaded.name}")
+    directory = fresh_directory(options["out"], f"identify-{loaded.name}")
     try:
         with Progress(axis) as progress:
             result = identify_device(
@@ -150,7 +150,7 @@ def _device(source: Path, options: Mapping[str, Any]) -> None:
 
 
 def _recording(source: Path, options: Mapping[str, Any]) -> None:
-    from tautwave.cli.run import _fresh_directory
+    from tautwave.cli.run import fresh_directory
     from tautwave.cli.show import show
     from tautwave.report.identify_figure import contact_figure, write_figure
     from tautwave.report.units import axis_units
@@ -160,7 +160,7 @@ def _recording(source: Path, options: Mapping[str, Any]) -> None:
         source,
         **{name: options[name] for name in ("axis", *_RECORDING_ONLY)},
     )
-    directory = _fresh_directory(options["out"], f"identify-{source.resolve().stem}")
+    directory = fresh_directory(options["out"], f"identify-{source.resolve().stem}")
     save_result(result, directory)
     kinds = {True: "rotary", False: "linear"}
     rotary = result.series.rotary

@@ -66,7 +66,7 @@ def run(
     from tautwave.config import load_rig
 
     loaded = load_rig(rig, overrides)
-    directory = _fresh_directory(out, loaded.name)
+    directory = fresh_directory(out, loaded.name)
 
     from tautwave import session
 
@@ -96,7 +96,7 @@ def run(
     ctx.exit(result.exit_code)
 
 
-def _fresh_directory(out: Path | None, name: str) -> Path:
+def fresh_directory(out: Path | None, name: str) -> Path:
     """Create the run's directory; never one that already holds something."""
     if out is None:
         stem = re.sub(r"[^\w.-]+", "-", name).strip("-.") or "run"

@@ -21,7 +21,7 @@ from tautwave.runtime.recorder import Recorder
 from tautwave.session.certified import certificate_of, refuse_uncertified
 from tautwave.session.checking import bus_budgets, over_budget
 from tautwave.session.exciting import Plan, excite, plan_excitation
-from tautwave.session.running import _conditions, _interrupts
+from tautwave.session.running import interrupts, loop_conditions
 from tautwave.types import CommandDelay
 
 if TYPE_CHECKING:  # analysis is imported when the axis is safe again
@@ -218,7 +218,7 @@ def identify_device(
         assembly.clock, assembly.settings, assembly.buses, assembly.pairs, assembly.sources,
         recorder, progress,
     )  # fmt: skip
-    with _conditions(rig, clock), quiet_collector(), _interrupts(loop):
+    with loop_conditions(rig, clock), quiet_collector(), interrupts(loop):
         result = loop.run()
     stats = recorder.close()
     if stats.error:

@@ -119,7 +119,7 @@ def run(
         progress,
     )
     began = time.perf_counter()
-    with _conditions(rig, clock) as sentences, quiet_collector(), _interrupts(loop):
+    with loop_conditions(rig, clock) as sentences, quiet_collector(), interrupts(loop):
         result = loop.run()
     wall_time_s = time.perf_counter() - began
     if progress is not None:
@@ -153,7 +153,7 @@ def run(
 
 
 @contextmanager
-def _conditions(rig: Rig, clock: str) -> Iterator[list[str]]:
+def loop_conditions(rig: Rig, clock: str) -> Iterator[list[str]]:
     """Ask for real-time conditions on the real clock; a fake one needs none."""
     if clock != "real":
         yield ["fake clock: computing takes no time, so lateness and compute time are 0"]
@@ -164,7 +164,7 @@ def _conditions(rig: Rig, clock: str) -> Iterator[list[str]]:
 
 
 @contextmanager
-def _interrupts(loop: Loop) -> Iterator[None]:
+def interrupts(loop: Loop) -> Iterator[None]:
     """Let Ctrl-C and SIGTERM ask the loop to stop, inside the block."""
     if threading.current_thread() is not threading.main_thread():
         yield
