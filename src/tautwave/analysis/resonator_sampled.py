@@ -151,6 +151,24 @@ def rendered_hz(frequency_hz: float, period: float, scheme: Scheme) -> float:
     return math.asin(half) / (math.pi * period)
 
 
+def cordis_stable(period: float, mass: float, damping: float, stiffness: float) -> bool:
+    """Return whether CORDIS-ANIMA's explicit scheme can run a mass-spring-damper on its own.
+
+    With K' = k T**2 / m and Z' = r T / m its poles are the roots of
+    z**2 - (2 - K' - Z') z + (1 - Z'), inside the unit circle if and only if K' > 0, Z' > 0 and
+    K' + 2 Z' < 4 (Jury's test at z = 1, at infinity and at z = -1).
+
+    Parameters
+    ----------
+    period : float
+        T [s].
+    mass, damping, stiffness : float
+        m [kg] (> 0), r [N s/m], k [N/m].
+    """
+    stiff, loss = stiffness * period**2 / mass, damping * period / mass
+    return stiff > 0.0 and loss > 0.0 and stiff + 2.0 * loss < 4.0
+
+
 def held_oscillator(
     period: float, mass: float, damping: float, stiffness: float
 ) -> tuple[Floats, Floats, Floats]:
