@@ -107,6 +107,28 @@ def sensor_allowance(
     return 2.0 * impedance * gain * (noise * noise + 0.25 * quantum * quantum) / period
 
 
+def port_debt(p: PortParams, delay_periods: int, fastest: float, flow: float) -> float:
+    """Return what the account may owe for a while [J], besides what it forgave.
+
+    The account is exact after each period, but an effort is planned on a predicted velocity. Its
+    error e costs b T e v; it is a change of velocity, of which b T (1 + d) v**2 can come together,
+    or an effort that something outside balanced, which adds b T (1 + d) / m of that effort's work.
+
+    Parameters
+    ----------
+    p : PortParams
+        Constants.
+    delay_periods : int
+        Command delay d, a remainder counted as one.
+    fastest : float
+        Greatest measured mean velocity of a period [rad/s or m/s].
+    flow : float
+        Sum of |effort * displacement| of the axis, port and wall together [J].
+    """
+    share = p.impedance * (1.0 + delay_periods)
+    return share * (p.period * fastest * fastest + 2.0 * p.half_mobility * flow)
+
+
 def track_velocity(gain: float, predicted: float, displacement: float, span: float) -> float:
     """Correct a predicted mean velocity by the measured one: gain 1 is the plain difference."""
     return predicted + gain * (displacement / span - predicted)
