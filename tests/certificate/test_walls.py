@@ -34,6 +34,15 @@ def test_the_greatest_passive_spring_is_that_of_theory(
         assert (found.passive.margin or 0.0) > 0.0 if passes else (found.passive.margin or 0) < 0
 
 
+def test_a_wall_that_fails_is_told_against_which_hand() -> None:
+    told = "slave wall: unstable against this hand on the device: m = "
+    assert any(
+        line.startswith(told) for line in element(certified(wall(9.0)), "slave wall").sentences
+    )
+    passing = element(certified(wall(3.0)), "slave wall")
+    assert not any(line.startswith(told) for line in passing.sentences)
+
+
 def test_the_velocity_filter_of_the_loop_is_counted() -> None:
     """K T / 2 + B T / (T + 2 tau)."""
     changes = (wall(2.0, 3e-3), "slave.axes.lever.velocity_filter_s=0.002")

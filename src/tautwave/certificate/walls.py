@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from tautwave.analysis.sampled_wall import SampledWall
+from tautwave.analysis.sampled_wall import SampledWall, wall_transfer
 from tautwave.analysis.wall_verdict import WallDevice, WallVerdict, assess_wall
 from tautwave.analysis.wall_words import passivity_sentence, quantum_sentence, stability_sentence
 from tautwave.certificate.belief import (
@@ -103,6 +103,8 @@ def wall_element(
             f"{name}: K = {asked:.6g} {unit} is asked, and derated to {wall.stiffness:.6g}, the "
             f"stiffest that is {rig.require.replace('_', ' ')}.",
         )
+    if not passive.passed:
+        sentences += adversary(rig, axis_name, wall, delays[axis_name], name)
     sentences += [quantum, stability_sentence(found, name, rotary=rotary)]
     return Element(
         name,
@@ -113,6 +115,33 @@ def wall_element(
         _numbers(found, asked),
         tuple(sentences),
     )
+
+
+def adversary(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay, name: str) -> list[str]:
+    """Return a passive hand that this wall drives unstable, in a sentence; none if none is found.
+
+    The hand is one mass on a spring and a damper, found by the necessity theorem's construction
+    (`analysis.necessity`) and verified on the exact sampled loop.
+    """
+    from tautwave.analysis.necessity import User, destabilising_hand
+    from tautwave.analysis.rational import Sampled, rational
+
+    axis = rig.axes[axis_name]
+    assert axis.inertia is not None
+    sampled = sampled_wall(rig, axis_name, wall, delay)
+    law = wall_transfer(sampled)
+    found = destabilising_hand(
+        Sampled(
+            rational(list(law.numerator), list(law.denominator)),
+            sampled.period,
+            sampled.delay * sampled.period,
+        ),
+        device=User(axis.inertia.lower, axis.damping.lower),
+    )
+    if found is None:
+        return []
+    told = found.sentence(rotary=axis.kind == "rotary").partition(" is unstable against this hand")
+    return [f"{name}: unstable against this hand on the device{told[2]}."]
 
 
 def _quantised(passive: Verdict, found: WallVerdict, sentence: str) -> Verdict:
