@@ -25,6 +25,7 @@ from tautwave.analysis.wall_passivity import wall_leak
 from tautwave.analysis.wall_stability import wall_matrix, wall_mode
 from tautwave.certificate import certify
 from tautwave.certificate.ports import ACCOUNT
+from tautwave.laws.port import port_debt, port_params
 from tautwave.offline import simulate
 from tests.rigs.drawing import magnitudes
 from tests.rigs.running import Tree, rig_of, tree
@@ -203,13 +204,16 @@ def test_hundreds_of_certified_rigs(data: Tree) -> None:
         assert given_out(data, "compiled") <= ROUNDING
 
 
-@pytest.mark.xfail(strict=True, reason="the energy account does not hold a port held this stiffly")
-def test_energy_account_holds_a_port_that_reverses_within_periods() -> None:
-    """Found here: `passive` passes on condition of the account, yet the master's motor gives."""
+@pytest.mark.parametrize("duration", [0.2, 3.0])
+def test_energy_account_holds_a_port_that_reverses_within_periods(duration: float) -> None:
+    """Five samples a swing and a period of delay: every prediction is wrong, and the port lets go.
+
+    Found by the rigs above: without the bound on its debt this port gave 881 kJ in 3 s.
+    """
     data = tree(
         {
             "rate_hz": 500.0,
-            "duration_s": 0.2,
+            "duration_s": duration,
             "coupling.delay_s": 0.002,
             "coupling.pairs.a.wave_impedance": 0.7,
             "buses.hand.options": {"command_delay_s": 0.002},
@@ -233,7 +237,10 @@ def test_energy_account_holds_a_port_that_reverses_within_periods() -> None:
         }
     )
     data["master"]["axes"]["a"]["damping"] = 0.06
-    verdict = certify(rig_of(data)).verdicts["passive"]
-    if not verdict.passed:
-        return  # refused: as good as held
-    assert given_out(data, "python") <= ROUNDING
+    run = simulate(rig_of(data), engine="python")
+    port = port_params(0.002, 0.7, 1.0, matched=False, drift_time=0.05, allowance=0.0)
+    fastest = np.abs(np.diff(run["master.a.position"])).max() / 0.002
+    debt = port_debt(port, 1, float(fastest), float(run["master.a.gross_flow"][-1]))
+    period = float(np.abs(np.diff(run["master.a.port_energy"])).max())
+    generated = -float(run["a.port_master.absorbed"].min())
+    assert 0.0 < generated <= debt + 2.0 * period

@@ -9,7 +9,8 @@ port does three things instead:
    of the device's mass and every effort that is known or still under way;
 2. the leaving wave is formed from the displacement over the period in which the effort acted;
 3. an energy account stands between what came in and what leaves; a wave is never larger than
-   the account can pay, and an effort is never planned to deliver what is not there.
+   the account can pay, and an effort is never planned to deliver what is not there. A port that
+   owes more than wrong predictions can have cost (`port_debt`) lets go until it is paid.
 
 Proof of 1 and 2 for a free mass m, a believed mass m/rho with rho >= 1, and a command delay of d
 whole periods. Let q = 1/z, a = b T / (2 m), c = cot(theta/2); the held force gives the mean
@@ -30,6 +31,9 @@ from __future__ import annotations
 
 import math
 from typing import NamedTuple
+
+BANKRUPT = -1.0e300
+"""What the account of a port counts as [J] that owes more than its prediction can have cost."""
 
 
 class PortParams(NamedTuple):
@@ -144,7 +148,8 @@ def port_effort(
     p : PortParams
         Constants.
     account : float
-        Energy account after the last close [J].
+        Energy account after the last close [J]; `BANKRUPT` when it owes more than `port_debt`:
+        then the device moves otherwise than any prediction, and the port lets go.
     coast : float
         Mean velocity of the coming acting period if the port did nothing [rad/s or m/s].
     arriving : float
@@ -155,6 +160,8 @@ def port_effort(
     tuple of float
         Resisting effort [N m or N] and predicted mean velocity [rad/s or m/s].
     """
+    if account <= BANKRUPT:
+        return 0.0, coast
     effort = (p.impedance * coast - p.root * arriving) / p.divisor
     ahead = coast - p.half_mobility * effort
     given = -effort * (ahead - p.slip * effort) * p.period

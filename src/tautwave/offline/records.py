@@ -125,6 +125,7 @@ class Side:
     wall_velocity: float
     predicted: float
     account: float
+    fastest: float
     gap: float
     impulse: float
     depth: float

@@ -10,7 +10,7 @@ import math
 from collections.abc import MutableSequence
 
 from tautwave.laws.limit import clamp, guard_axis, limit_effort, stop_effort
-from tautwave.laws.port import port_close, track_velocity
+from tautwave.laws.port import BANKRUPT, port_close, port_debt, track_velocity
 from tautwave.laws.site import think_admittance, think_position, think_wave
 from tautwave.laws.wall import wall_depth, wall_loss, wall_stored
 from tautwave.offline.records import Side, SideParams
@@ -26,6 +26,7 @@ def start_side(s: Side, p: SideParams, position: float, outside: float, gap: flo
     s.wall_velocity = 0.0
     s.predicted = 0.0
     s.account = 0.0
+    s.fastest = 0.0
     s.gap = gap
     s.impulse = 0.0
     s.depth = 0.0
@@ -173,6 +174,9 @@ def close_side(s: Side, p: SideParams, position: float, outside: float) -> None:
             s.wave_sum,
             s.wave_energy,
         )
+        fastest = math.fabs(displacement) / span
+        if fastest > s.fastest:
+            s.fastest = fastest
         s.account = account
         s.gap = gap
         s.leaving = leaving / p.wave
@@ -200,6 +204,17 @@ def pending_effort(s: Side, p: SideParams, table: MutableSequence[float]) -> flo
     return pending
 
 
+def credit(s: Side, p: SideParams) -> float:
+    """Return the port's account, or that it is bankrupt."""
+    if s.account < 0.0:
+        periods = p.delay
+        if p.late > 0.0:
+            periods = periods + 1
+        if s.account < -port_debt(p.site.port, periods, s.fastest, s.gross_flow):
+            return BANKRUPT
+    return s.account
+
+
 def think_side(
     s: Side,
     p: SideParams,
@@ -224,7 +239,7 @@ def think_side(
     if p.by_wave:
         total, port, wall, wanted, ahead = think_wave(
             p.site,
-            s.account,
+            credit(s, p),
             s.contact_energy,
             s.position,
             s.velocity,

@@ -10,7 +10,7 @@ import math
 from collections import deque
 
 from tautwave.laws.limit import clamp, guard_axis, limit_effort, stop_effort
-from tautwave.laws.port import port_close, track_velocity
+from tautwave.laws.port import BANKRUPT, port_close, port_debt, track_velocity
 from tautwave.laws.site import SiteParams, think_admittance, think_position, think_wave
 from tautwave.laws.wall import wall_depth, wall_loss, wall_stored
 from tautwave.types import AxisCommand
@@ -44,7 +44,9 @@ class SiteAxis:
         "_command_total",
         "_command_wave",
         "_count",
+        "_delay_periods",
         "_effort_sum",
+        "_fastest",
         "_gain",
         "_half_mobility",
         "_half_period",
@@ -120,6 +122,7 @@ class SiteAxis:
         self.by_wave = coupled_by_wave
         self.impedance = impedance
         self._late = late_share
+        self._delay_periods = delay_periods + (1 if late_share > 0.0 else 0)
         self.has_damper = impedance and params.port.slip > 0.0
         self.ceiling = params.limit.effort if impedance else params.limit.velocity
         # Commands on their way to the motor, oldest first: total, port, wall, wave used.
@@ -136,6 +139,7 @@ class SiteAxis:
         self.wall_velocity = 0.0
         self.predicted = 0.0
         self.account = 0.0
+        self._fastest = 0.0
         self.gap = gap
         self.impulse = 0.0
         self.depth = wall_depth(self._wall, position) if self.has_wall else 0.0
@@ -270,6 +274,9 @@ class SiteAxis:
                 self._wave_sum, self._wave_energy,
             )  # fmt: skip
             self.leaving = leaving / self._wave
+            fastest = abs(displacement) / span
+            if fastest > self._fastest:
+                self._fastest = fastest
             self.port_absorbed += absorbed
             self.burnt += burnt
             self.forgiven += forgiven
@@ -303,7 +310,7 @@ class SiteAxis:
             return 0
         if self.by_wave:
             total, port, wall, self.asked, self.predicted = think_wave(
-                p, self.account, self.wall_contact_energy, self.position, self.velocity,
+                p, self._credit(), self.wall_contact_energy, self.position, self.velocity,
                 self.wall_velocity, self.impulse, pending, self.wave_in, self._command_total,
                 ceiling,
             )  # fmt: skip
@@ -330,6 +337,15 @@ class SiteAxis:
             self.command = 0.0
         self._command_total = self.port_effort = total
         self.wall_effort = 0.0
+
+    def _credit(self) -> float:
+        """Return the port's account, or that it is bankrupt."""
+        account = self.account
+        if account < 0.0:
+            periods = self._delay_periods
+            if account < -port_debt(self._port, periods, self._fastest, self.gross_flow):
+                return BANKRUPT
+        return account
 
     def fade(self, ceiling: float) -> None:
         """Bring the command to zero under a falling ceiling, without looking at the axis."""
