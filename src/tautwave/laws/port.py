@@ -36,6 +36,10 @@ BANKRUPT = -1.0e300
 """What the account of a port counts as [J] that owes more than its prediction can have cost."""
 
 
+ROUNDING = 1.0e-9
+"""Share of an arriving wave's energy that an account may miss by rounding."""
+
+
 class PortParams(NamedTuple):
     """Constants of one impedance port, in the device's own units.
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import MutableSequence
 
 from tautwave.laws.limit import clamp, guard_axis, limit_effort, stop_effort
-from tautwave.laws.port import BANKRUPT, port_close, port_debt, track_velocity
+from tautwave.laws.port import BANKRUPT, ROUNDING, port_close, port_debt, track_velocity
 from tautwave.laws.site import think_admittance, think_position, think_wave
 from tautwave.laws.wall import wall_depth, wall_loss, wall_stored
 from tautwave.offline.records import Side, SideParams
@@ -210,7 +210,9 @@ def credit(s: Side, p: SideParams) -> float:
         periods = p.delay
         if p.late > 0.0:
             periods = periods + 1
-        if s.account < -port_debt(p.site.port, periods, s.fastest, s.gross_flow):
+        debt = port_debt(p.site.port, periods, s.fastest, s.gross_flow)
+        debt += ROUNDING * p.half_period * s.wave_in * s.wave_in
+        if s.account < -debt:
             return BANKRUPT
     return s.account
 

@@ -10,7 +10,7 @@ import math
 from collections import deque
 
 from tautwave.laws.limit import clamp, guard_axis, limit_effort, stop_effort
-from tautwave.laws.port import BANKRUPT, port_close, port_debt, track_velocity
+from tautwave.laws.port import BANKRUPT, ROUNDING, port_close, port_debt, track_velocity
 from tautwave.laws.site import SiteParams, think_admittance, think_position, think_wave
 from tautwave.laws.wall import wall_depth, wall_loss, wall_stored
 from tautwave.types import AxisCommand
@@ -343,7 +343,10 @@ class SiteAxis:
         account = self.account
         if account < 0.0:
             periods = self._delay_periods
-            if account < -port_debt(self._port, periods, self._fastest, self.gross_flow):
+            debt = port_debt(self._port, periods, self._fastest, self.gross_flow)
+            # Beside a wave that just arrived, a rounding error is no debt.
+            debt += ROUNDING * self._half_period * self.wave_in * self.wave_in
+            if account < -debt:
                 return BANKRUPT
         return account
 
