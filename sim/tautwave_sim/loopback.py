@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from tautwave.contracts import AxisSpec, Budget, Clock, DriverPlugin, SimulatorPlugin
+from tautwave.contracts import AxisSpec, Budget, BusSpec, Clock, DriverPlugin, SimulatorPlugin
 from tautwave.errors import DriverError
 from tautwave.truth import AxisModel
 from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, Fault, JointState
@@ -35,7 +35,7 @@ class LoopbackSimulator:
         self.axes = [
             SimulatedAxis(spec.name, truth) for spec, truth in zip(axes, truths, strict=True)
         ]
-        self._period_ns = round(truths[0].period * 1e9)
+        self._period_ns = round(truths[0].period * 1e9) if truths else 0
         self._origin_ns: int | None = None
         self._slot = 0
         self.transport = self
@@ -66,16 +66,16 @@ class LoopbackDriver:
     def __init__(
         self,
         options: LoopbackOptions,
-        axes: Sequence[AxisSpec],
+        bus: BusSpec,
         clock: Clock,
-        transport: LoopbackSimulator,
+        transport: LoopbackSimulator | None,
     ) -> None:
-        self._world = transport
+        self._world = transport if transport is not None else LoopbackSimulator((), ())
         self._clock = clock
-        servos = [spec.causality == "admittance" for spec in axes]
-        self._targets = list(zip(transport.axes, servos, strict=True))
+        servos = [spec.causality == "admittance" for spec in bus.axes]
+        self._targets = list(zip(self._world.axes, servos, strict=False))
         self._enabled = False
-        period = transport.axes[0].period
+        period = 1.0 / bus.rate_hz
         periods = math.floor(options.command_delay_s / period + 1e-9)
         rest = options.command_delay_s - periods * period
         # Rounding leaves a rest of a whole number of periods: that is none, as in `axis`.
@@ -125,23 +125,21 @@ class LoopbackDriver:
         self.disable()
 
 
-def _make(
-    options: LoopbackOptions, axes: Sequence[AxisSpec], clock: Clock, transport: Any
-) -> LoopbackDriver:
-    return LoopbackDriver(options, axes, clock, transport)
+def _make(options: LoopbackOptions, bus: BusSpec, clock: Clock, transport: Any) -> LoopbackDriver:
+    return LoopbackDriver(options, bus, clock, transport)
 
 
 def _simulate(
-    options: LoopbackOptions, axes: Sequence[AxisSpec], physics: Sequence[Any], clock: Clock
+    options: LoopbackOptions, bus: BusSpec, physics: Sequence[Any], clock: Clock
 ) -> LoopbackSimulator:
-    return LoopbackSimulator(axes, physics)
+    return LoopbackSimulator(bus.axes, physics)
 
 
-def _budget(options: LoopbackOptions, axes: Sequence[AxisSpec], rate_hz: float) -> Budget:
+def _budget(options: LoopbackOptions, bus: BusSpec) -> Budget:
     return Budget(0.0, float("inf"), "no bus: nothing is transmitted")
 
 
-def _scan(options: LoopbackOptions) -> Sequence[str]:
+def _scan(options: Any) -> Sequence[dict[str, Any]]:
     return ()
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
@@ -13,7 +14,8 @@ class AxisSpec(NamedTuple):
 
     `name` is `master.wrist` or `slave.wrist`; `device_id` the number on the bus; `kind` is
     `rotary` or `linear`; `causality` is `impedance` (takes effort) or `admittance` (takes
-    velocity, measures effort); `effort_limit` [N m or N].
+    velocity, measures effort). Limits of the rig file: `effort_limit` [N m or N],
+    `velocity_limit` [rad/s or m/s] and `position_range` [rad or m], infinite where not given.
     """
 
     name: str
@@ -21,6 +23,38 @@ class AxisSpec(NamedTuple):
     kind: str
     causality: str
     effort_limit: float
+    velocity_limit: float = math.inf
+    position_range: tuple[float, float] = (-math.inf, math.inf)
+
+
+class BusSpec(NamedTuple):
+    """What a driver has to know of its bus: its axes, how often it is served, and what is allowed.
+
+    `rate_hz` is the rig's over the bus' divisor. `allow_unwatched`: go on with a device that has
+    no watchdog of its own; `configure`: write lasting settings into devices where they differ.
+    """
+
+    name: str
+    axes: tuple[AxisSpec, ...]
+    rate_hz: float
+    allow_unwatched: bool = False
+    configure: bool = False
+
+    @property
+    def period_ns(self) -> int:
+        """[ns] Time between two exchanges, rounded."""
+        return round(1e9 / self.rate_hz)
+
+
+class AxisFacts(NamedTuple):
+    """What the options of a bus say of an axis: steps of its sensor and of its commands, SI.
+
+    0 where there is none, or where it is not known.
+    """
+
+    encoder_quantum: float = 0.0
+    effort_quantum: float = 0.0
+    velocity_quantum: float = 0.0
 
 
 class Clock(Protocol):
@@ -31,31 +65,108 @@ class Clock(Protocol):
     def sleep_until(self, deadline_ns: int) -> None: ...
 
     def wait(self, transport: Any, deadline_ns: int) -> bool:
-        """Wait until `transport` has something to read (True) or the deadline passes (False)."""
+        """Wait until `transport` has something to read (True) or the deadline passes (False).
+
+        `transport` has a `fileno()`, or is `InMemory`.
+        """
         ...
+
+
+class InMemory(Protocol):
+    """A transport whose other end is simulated in this process: a clock runs it while it waits."""
+
+    def next_event_ns(self) -> int | None:
+        """Return when something happens next by itself [ns], None if nothing will."""
+        ...
+
+    def advance(self, to_ns: int) -> None:
+        """Let everything happen that happens up to `to_ns`."""
+        ...
+
+    def readable(self) -> bool:
+        """Return whether there is something to read now."""
+        ...
+
+
+class FramePort(Protocol):
+    """One end of a CAN bus, as a driver's transport: `InMemory`, or with a `fileno()`."""
+
+    def send(self, can_id: int, data: bytes) -> bool:
+        """Queue a data frame (11-bit id); return False when the queue is full.
+
+        Raises
+        ------
+        DriverError
+            The bus is gone, or off.
+        """
+        ...
+
+    def receive(self) -> tuple[int, bytes, int] | None:
+        """Return the oldest frame received as id, data and arrival [ns]; None if there is none."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class BytePort(Protocol):
+    """One end of a serial line or of a connection: `InMemory`, or with a `fileno()`."""
+
+    def write(self, data: bytes) -> None:
+        """Hand bytes to the line; raises `DriverError` when it is gone."""
+        ...
+
+    def read(self) -> bytes:
+        """Return all that has come, at once; raises `DriverError` when the line is gone."""
+        ...
+
+    def close(self) -> None: ...
 
 
 @runtime_checkable
 class Driver(Protocol):
-    """One bus and the axes on it. Times are ns, everything else SI."""
+    """One bus and the axes on it. Times are ns, everything else SI.
+
+    A driver may also be a `RowSource`, whose columns are then recorded, and have `notes`, a
+    sequence of sentences on what `open` found, wrote and read back, for the summary.
+    """
 
     command_delay: CommandDelay
+    """Time until a written command acts."""
 
-    def open(self) -> None: ...
+    def open(self) -> None:
+        """Torque off; verify identity, limits and watchdog. Blocks, by the clock only."""
+        ...
 
-    def enable_step(self) -> bool: ...
+    def enable_step(self) -> bool:
+        """Go one step on, without blocking; called once a period, on every bus until all are on.
 
-    def request(self) -> None: ...
+        Returns True when enabled, and then keeps the devices' watchdogs fed when called again.
+        """
+        ...
 
-    def read(self, deadline_ns: int) -> Sequence[JointState]: ...
+    def request(self) -> None:
+        """Start the exchange; never blocks."""
+        ...
 
-    def write(self, commands: Sequence[AxisCommand]) -> None: ...
+    def read(self, deadline_ns: int) -> Sequence[JointState]:
+        """Return one state per axis by the deadline, invalid where no fresh sample came."""
+        ...
 
-    def faults(self) -> Sequence[Fault]: ...
+    def write(self, commands: Sequence[AxisCommand]) -> None:
+        """Take one command per axis; it may be staged for the next request."""
+        ...
 
-    def disable(self) -> None: ...
+    def faults(self) -> Sequence[Fault]:
+        """Return what was reported since the last call, in words."""
+        ...
 
-    def close(self) -> None: ...
+    def disable(self) -> None:
+        """Safe command, then torque off; idempotent."""
+        ...
+
+    def close(self) -> None:
+        """Disable and release the bus; idempotent, never raises."""
+        ...
 
 
 class Budget(NamedTuple):
@@ -66,22 +177,31 @@ class Budget(NamedTuple):
     arithmetic: str
 
 
+def _no_facts(options: Any, bus: BusSpec) -> Sequence[AxisFacts]:
+    return [AxisFacts()] * len(bus.axes)
+
+
 class DriverPlugin(NamedTuple):
     """What a `tautwave.drivers` entry point names.
 
-    `options` is the pydantic model of the bus' `options` block; `make(options, axes, clock,
-    transport)` builds a driver and touches no device; `budget(options, axes, rate_hz)` is pure;
-    `scan(options)` finds devices. `needs` names the extra's modules; `hardware` is True when
-    motors may move, and then every limit has to be in the rig file.
+    `options` is the pydantic model of the bus' `options` block; `make(options, bus, clock,
+    transport)` builds a driver and touches no device (`transport` is None: the driver opens the
+    real one in `open`); `budget(options, bus)` is pure; `scan(scan_options)` finds devices, one
+    mapping of columns each, and `scan_options` is the pydantic model `tautwave scan` makes its
+    command-line options of. `needs` names the extra's modules; `hardware` is True when motors may
+    move, and then every limit has to be in the rig file. `facts(options, bus)`, pure, tells what
+    the options say of each axis.
     """
 
     options: type[Any]
-    make: Callable[[Any, Sequence[AxisSpec], Clock, Any], Driver]
-    budget: Callable[[Any, Sequence[AxisSpec], float], Budget]
-    scan: Callable[[Any], Sequence[str]]
+    make: Callable[[Any, BusSpec, Clock, Any], Driver]
+    budget: Callable[[Any, BusSpec], Budget]
+    scan: Callable[[Any], Sequence[Mapping[str, Any]]]
     needs: tuple[str, ...] = ()
     hardware: bool = True
     summary: str = ""
+    facts: Callable[[Any, BusSpec], Sequence[AxisFacts]] = _no_facts
+    scan_options: type[Any] | None = None
 
 
 class Simulator(Protocol):
@@ -94,12 +214,43 @@ class Simulator(Protocol):
     def close(self) -> None: ...
 
 
+class Bench(NamedTuple):
+    """Devices to simulate without a rig: a bus, and the truth of each of its axes."""
+
+    options: Any
+    bus: BusSpec
+    physics: Sequence[Any]
+
+
+def _never(options: Any) -> bool:
+    return False
+
+
 class SimulatorPlugin(NamedTuple):
-    """What a `tautwave.simulators` entry point names: `make(options, axes, physics, clock)`."""
+    """What a `tautwave.simulators` entry point names.
+
+    `make(options, bus, physics, clock)` builds the devices in this process, `physics` one
+    `AxisModel` per axis. On the real clock, where `served(options)` is True, they live in a process
+    of their own instead: `serve(options, bus, physics, announce, stopped)` runs them on the real
+    endpoint until `stopped()`, and first calls `announce` with at least `driver`, `endpoint` (a
+    word for people and scripts) and `options`, the bus options that lead a driver there.
+    `bench_options` is the pydantic model that `tautwave sim DRIVER` makes its command-line options
+    of, `bench(bench_options)` what is served then.
+    """
 
     options: type[Any]
-    make: Callable[[Any, Sequence[AxisSpec], Sequence[Any], Clock], Simulator]
+    make: Callable[[Any, BusSpec, Sequence[Any], Clock], Simulator]
     summary: str = ""
+    served: Callable[[Any], bool] = _never
+    serve: (
+        Callable[
+            [Any, BusSpec, Sequence[Any], Callable[[Mapping[str, Any]], None], Callable[[], bool]],
+            None,
+        ]
+        | None
+    ) = None
+    bench_options: type[Any] | None = None
+    bench: Callable[[Any], Bench] | None = None
 
 
 class Row(Protocol):
@@ -108,6 +259,7 @@ class Row(Protocol):
     def __setitem__(self, index: int, value: float, /) -> None: ...
 
 
+@runtime_checkable
 class RowSource(Protocol):
     """Something that owns columns of the recording and fills them once a cycle."""
 

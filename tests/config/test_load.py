@@ -11,12 +11,12 @@ from tautwave.config import (
     MinimumJerk,
     Recording,
     Rig,
-    axis_specs,
+    bus_spec,
     load_rig,
     parse_rig,
     simulation_of,
 )
-from tautwave.contracts import AxisSpec
+from tautwave.contracts import AxisSpec, BusSpec
 from tests.config.bench import BENCH, problems
 
 
@@ -143,10 +143,10 @@ def test_truth_of_an_unknown_axis() -> None:
         simulation_of(parse_rig(BENCH), "master.elbow")
 
 
-def test_axis_specs_in_the_order_of_the_file() -> None:
+def test_a_bus_knows_its_axes_in_the_order_of_the_file() -> None:
     rig = parse_rig(BENCH)
-    assert axis_specs(rig, "arm") == (AxisSpec("slave.wrist", 1, "rotary", "impedance", 1.1),)
-    assert axis_specs(rig, "none") == ()
+    axis = AxisSpec("slave.wrist", 1, "rotary", "impedance", 1.1)
+    assert bus_spec(rig, "arm") == BusSpec("arm", (axis,), rig.rate_hz)
 
 
 def test_empty_simulation_is_enough() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tautwave.clock import FakeClock
-from tautwave.contracts import AxisSpec
+from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.errors import DriverError
 from tautwave.types import SAFE_COMMAND
 from tautwave_sim.loopback import LoopbackDriver, LoopbackOptions, LoopbackSimulator, plugin
@@ -19,7 +19,8 @@ def make(*causality: str, delay_s: float = 0.0) -> DriverBench:
     world = LoopbackSimulator(
         specs, [truth(servo=kind == "admittance", delay=delay_s / 1e-3) for kind in causality]
     )
-    driver = LoopbackDriver(LoopbackOptions(command_delay_s=delay_s), specs, clock, world)
+    bus = BusSpec("bench", tuple(specs), 1000.0)
+    driver = LoopbackDriver(LoopbackOptions(command_delay_s=delay_s), bus, clock, world)
     return DriverBench(
         driver,
         clock,
@@ -54,5 +55,5 @@ def test_it_tells_a_wrong_number_of_commands() -> None:
 
 def test_the_plugin_has_no_hardware_and_no_bus_time() -> None:
     assert not plugin.hardware
-    assert plugin.budget(LoopbackOptions(), (), 1000.0).time_s == 0.0
+    assert plugin.budget(LoopbackOptions(), BusSpec("bench", (), 1000.0)).time_s == 0.0
     assert plugin.scan(LoopbackOptions()) == ()

@@ -13,8 +13,9 @@ from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
 from tautwave.link.memory import DelayLine
 from tautwave.runtime.books import PairRow
-from tautwave.runtime.loop import TIMING_COLUMNS, Loop, LoopBus, LoopPair, LoopSettings
+from tautwave.runtime.loop import TIMING_COLUMNS, Loop, LoopPair, LoopSettings
 from tautwave.runtime.pair import PairScale, WavePair
+from tautwave.runtime.sensing import LoopBus
 from tautwave.runtime.site import SiteAxis
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 from tests.rigs.running import ListSink

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from tautwave.config import Axis, Foam, Rig, SolidWall, Spring, simulation_of
 from tautwave.models.hand import PAPER_HAND, Hand, rotary_hand
-from tautwave.rig import build_rig
+from tautwave.rig import command_delays, true_delay_s
 from tautwave.types import CommandDelay
 
 LEVER_ARM = 0.075
@@ -32,8 +32,7 @@ class Contact(NamedTuple):
 
 def declared_delays(rig: Rig) -> dict[str, CommandDelay]:
     """Return the command delay that each axis' driver declares."""
-    assembly = build_rig(rig, clock="fake", duration_s=rig.period_s)
-    return {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
+    return command_delays(rig)
 
 
 def delay_in_periods(rig: Rig, delay: CommandDelay) -> float:
@@ -92,7 +91,9 @@ def drive_lag(rig: Rig, axis_name: str) -> float | None:
     return simulation_of(rig, axis_name).velocity_time_constant_s
 
 
-def assumed(axis: Axis, name: str, *, inertia: bool = False, damping: bool = False) -> list[str]:
+def assumed(
+    axis: Axis, name: str, *, inertia: bool = False, damping: bool = False, coulomb: bool = False
+) -> list[str]:
     """Return a condition for each parameter of an axis that somebody only assumed."""
     found = []
     if inertia and axis.inertia is not None and _is_assumed(axis.inertia.source):
@@ -102,6 +103,11 @@ def assumed(axis: Axis, name: str, *, inertia: bool = False, damping: bool = Fal
     if damping and axis.damping.lower > 0.0 and _is_assumed(axis.damping.source):
         found.append(
             f"the damping of {name}, at least {axis.damping.lower:g}, is {axis.damping.source}"
+        )
+    if coulomb and axis.coulomb.lower > 0.0 and _is_assumed(axis.coulomb.source):
+        found.append(
+            f"the Coulomb friction of {name}, at least {axis.coulomb.lower:g}, is "
+            f"{axis.coulomb.source}"
         )
     return found
 
@@ -138,11 +144,23 @@ def broken_damping(rig: Rig, axis_name: str) -> str | None:
     )
 
 
+def broken_coulomb(rig: Rig, axis_name: str) -> str | None:
+    """Return a sentence where a simulation contradicts `coulomb.lower`, None elsewhere."""
+    believed = rig.axes[axis_name].coulomb.lower
+    truth = believed if rig.simulation is None else simulation_of(rig, axis_name).coulomb
+    if truth >= believed:
+        return None
+    return (
+        f"{axis_name}: its simulated Coulomb friction {truth:g} is below coulomb.lower "
+        f"{believed:g}; lower that to {truth:g}"
+    )
+
+
 def broken_delay(rig: Rig, axis_name: str, delay: CommandDelay) -> str | None:
     """Return a sentence where a simulation contradicts the declared command delay."""
     if rig.simulation is None:
         return None
-    truth = simulation_of(rig, axis_name).command_delay_s
+    truth = true_delay_s(rig, axis_name, delay)
     declared = delay.periods * rig.period_s + delay.remainder_s
     if abs(truth - declared) <= 1e-6 * rig.period_s:
         return None

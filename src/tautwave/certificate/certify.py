@@ -31,14 +31,16 @@ def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certific
         A checked rig. The simulation's truth is used for two things only: the hand and the
         environment that are stated there, and to find beliefs that it contradicts.
     coulomb : mapping, optional
-        Coulomb friction that is certain, by full axis name [N m or N]; unknown counts as 0.
+        Coulomb friction that is certain, by full axis name [N m or N]; what is not given is the
+        rig's own `coulomb.lower`.
 
     Raises
     ------
     ConfigError
         A driver is not installed, or a number is out of range.
     """
-    friction = {} if coulomb is None else coulomb
+    friction = {name: axis.coulomb.lower for name, axis in rig.axes.items()}
+    friction.update(coulomb or {})
     delays = declared_delays(rig)
     rig, walls = derate_walls(rig, delays, friction)
     asked = {axis: wall["asked_stiffness"] for axis, wall in walls.items()}

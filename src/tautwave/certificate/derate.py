@@ -6,11 +6,12 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from tautwave.analysis.sampled_wall import SampledWall
 from tautwave.analysis.wall_limits import TIGHT, greatest_stiffness, is_passive
 from tautwave.analysis.wall_rules import quantum_force
 from tautwave.certificate.loops import pair_loop
 from tautwave.certificate.walls import sampled_wall
-from tautwave.config import Rig, Wall, local_wall, replace_wall
+from tautwave.config import Axis, Rig, Wall, local_wall, replace_wall
 from tautwave.types import CommandDelay
 
 DIGITS = 6
@@ -60,12 +61,25 @@ def _limit(
     limit = wall.stiffness
     if not controlled and not is_passive(sampled, damping):
         limit = greatest_stiffness(sampled, damping)
-    if rig.require == "passive_quantised" and axis.encoder_quantum > 0.0:
-        spare = coulomb.get(axis_name, 0.0) - quantum_force(
-            sampled._replace(stiffness=0.0), axis.encoder_quantum
-        )
-        limit = min(limit, 2.0 * spare / axis.encoder_quantum)
+    if rig.require == "passive_quantised":
+        friction = coulomb.get(axis_name, 0.0)
+        limit = min(limit, _quantised_limit(sampled, axis, friction))
     return limit
+
+
+def _quantised_limit(sampled: SampledWall, axis: Axis, friction: float) -> float:
+    """Return the greatest K with K Q / 2 + q + B' (Q + 2 q / K) <= c; 0 if there is none.
+
+    Q is the encoder's step, q the effort's, B' what the wall's damper makes of a step, c the
+    Coulomb friction: `walls.wall_verdict`'s condition.
+    """
+    step, cut = axis.encoder_quantum, axis.effort_quantum
+    damper = quantum_force(sampled._replace(stiffness=0.0), 1.0)
+    spare, beside = friction - cut - damper * step, 2.0 * damper * cut
+    if step == 0.0:
+        return math.inf if cut == 0.0 or spare > 0.0 else 0.0
+    root = spare * spare - 2.0 * step * beside
+    return (spare + math.sqrt(root)) / step if spare > 0.0 and root >= 0.0 else 0.0
 
 
 def _stable_limit(rig: Rig, axis_name: str, wall: Wall, delays: Delays) -> float:

@@ -14,6 +14,7 @@ from tautwave.analysis.wall_verdict import WallDevice, WallVerdict, assess_wall
 from tautwave.analysis.wall_words import passivity_sentence, quantum_sentence, stability_sentence
 from tautwave.certificate.belief import (
     assumed,
+    broken_coulomb,
     broken_damping,
     broken_inertia,
     delay_in_periods,
@@ -111,7 +112,7 @@ def wall_element(
         "wall",
         axis_name,
         passive,
-        _quantised(passive, found, quantum),
+        _quantised(rig, axis_name, passive, found, quantum),
         _numbers(found, asked),
         tuple(sentences),
     )
@@ -144,13 +145,19 @@ def adversary(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay, name: s
     return [f"{name}: unstable against this hand on the device{told[2]}."]
 
 
-def _quantised(passive: Verdict, found: WallVerdict, sentence: str) -> Verdict:
-    if not passive.passed:
+def _quantised(
+    rig: Rig, axis_name: str, passive: Verdict, found: WallVerdict, sentence: str
+) -> Verdict:
+    if not passive.passed or found.device.quantum == 0.0:
         return passive
     margin = found.quantised_stiffness - found.wall.stiffness
-    if found.device.quantum == 0.0:
-        return passive
-    return Verdict(found.passive_quantised, sentence, passive.conditions, margin)
+    if not found.passive_quantised:
+        return Verdict(False, sentence, margin=margin)
+    broken = broken_coulomb(rig, axis_name)
+    if broken is not None:
+        return Verdict(False, f"{wall_name(rig, axis_name)}: {broken}", margin=margin)
+    conditions = (*passive.conditions, *assumed(rig.axes[axis_name], axis_name, coulomb=True))
+    return Verdict(True, sentence, conditions, margin)
 
 
 def _passive(

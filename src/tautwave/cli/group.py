@@ -14,7 +14,7 @@ import click
 from tautwave import __version__
 from tautwave.errors import TautwaveError
 
-COMMANDS = ("run", "check", "sweep", "identify", "report", "drivers", "bench")
+COMMANDS = ("run", "check", "sim", "scan", "sweep", "identify", "report", "drivers", "bench")
 _PARSED = "tautwave.arguments"
 
 

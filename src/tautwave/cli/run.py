@@ -37,6 +37,11 @@ from tautwave.errors import ConfigError
     "--allow-unwatched", is_flag=True, help="Run devices without a watchdog of their own."
 )
 @click.option("--configure", is_flag=True, help="Write settings into devices where they differ.")
+@click.option(
+    "--attach",
+    is_flag=True,
+    help="Use simulated devices that `tautwave sim RIG` serves already, in another terminal.",
+)
 @click.pass_context
 def run(
     ctx: click.Context,
@@ -48,6 +53,7 @@ def run(
     allow_uncertified: bool,
     allow_unwatched: bool,
     configure: bool,
+    attach: bool,
 ) -> None:
     """Run RIG: check it, move, record, report.
 
@@ -81,6 +87,7 @@ def run(
                 allow_uncertified=allow_uncertified,
                 allow_unwatched=allow_unwatched,
                 configure=configure,
+                attach=attach,
                 progress=progress,
             )
     finally:

@@ -5,7 +5,7 @@ Imports pydantic and PyYAML, and nothing heavier.
 
 from tautwave.config.keys.coupling import Coupling, Loop, Pair, Wall
 from tautwave.config.keys.devices import Axis, Bus, Damping, Inertia, Side
-from tautwave.config.keys.rig import AxisTruth, Rig, axis_specs, simulation_of
+from tautwave.config.keys.rig import AxisTruth, Rig, bus_spec, simulation_of
 from tautwave.config.keys.simulation import (
     AxisSimulation,
     Environment,
@@ -53,7 +53,7 @@ __all__ = [
     "SolidWall",
     "Spring",
     "Wall",
-    "axis_specs",
+    "bus_spec",
     "load_rig",
     "local_wall",
     "parse_rig",

@@ -90,8 +90,15 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
     else:
         if axis.inertia is not None:
             document.report((*path, "inertia"), "not used by an admittance axis; remove it")
-        if axis.damping.value > 0.0:
-            document.report((*path, "damping"), "not used by an admittance axis; remove it")
+        for key in ("damping", "coulomb"):
+            if getattr(axis, key).value > 0.0:
+                document.report((*path, key), "not used by an admittance axis; remove it")
+        if parts.coupling is not None and parts.coupling.law == "position":
+            document.report(
+                (*path, "causality"),
+                "law position drives axes that take effort only; use law wave, or an impedance "
+                "axis",
+            )
         if axis.velocity_limit is None:
             # Its command is a velocity: without a bound the ramps have nothing to fill.
             document.report((*path, "velocity_limit"), "required key is missing (admittance axis)")

@@ -6,12 +6,13 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tautwave.config.document import Document
+from tautwave.config.document import Document, show_path
 from tautwave.config.keys.coupling import Pair
-from tautwave.config.keys.rig import Rig, simulation_of
+from tautwave.config.keys.rig import Rig, bus_spec, simulation_of
 from tautwave.config.keys.simulation import AxisSimulation, Hand, Recording, Simulation
 from tautwave.config.recordings import find_recording
-from tautwave.contracts import DriverPlugin
+from tautwave.contracts import AxisFacts, DriverPlugin
+from tautwave.errors import ConfigError
 
 
 def complete_rig(
@@ -30,6 +31,7 @@ def complete_rig(
     rig = rig.model_copy(
         update={"buses": buses, "coupling": rig.coupling.model_copy(update={"pairs": pairs})}
     )
+    rig = _complete_quanta(document, rig, plugins)
     if rig.simulation is not None:
         simulation = _complete_simulation(document, rig, rig.simulation)
         rig = rig.model_copy(update={"simulation": simulation})
@@ -42,6 +44,50 @@ def _options(plugin: DriverPlugin | None, given: dict[str, Any]) -> dict[str, An
     options = plugin.options.model_validate_json(json.dumps(given), strict=True)
     filled: dict[str, Any] = options.model_dump(mode="json", by_alias=True)
     return filled
+
+
+def _complete_quanta(document: Document, rig: Rig, plugins: dict[str, DriverPlugin | None]) -> Rig:
+    """Take the steps of sensors and commands from the options of a bus that state them.
+
+    Raises
+    ------
+    ConfigError
+        The axis says otherwise.
+    """
+    known = axis_facts(rig, plugins)
+    problems = []
+    sides = {}
+    for side in ("master", "slave"):
+        axes = {}
+        for name, axis in getattr(rig, side).axes.items():
+            facts = known.get(f"{side}.{name}", AxisFacts())._asdict()
+            facts = {key: value for key, value in facts.items() if value > 0.0}
+            for key, value in facts.items():
+                given = getattr(axis, key)
+                if given > 0.0 and abs(given - value) > 1e-3 * value:
+                    path = (side, "axes", name, key)
+                    problems.append(
+                        f"{document.where(path)}: {show_path(path)}: the options of bus "
+                        f"{axis.bus!r} make it {value:.9g} (got {given:.9g}); leave it out, or "
+                        "correct one of them"
+                    )
+            axes[name] = axis.model_copy(update=facts)
+        sides[side] = getattr(rig, side).model_copy(update={"axes": axes})
+    if problems:
+        raise ConfigError(problems)
+    return rig.model_copy(update=sides)
+
+
+def axis_facts(rig: Rig, plugins: dict[str, DriverPlugin | None]) -> dict[str, AxisFacts]:
+    """Return what the options of its bus say of each axis, by full name."""
+    known = {}
+    for name, bus in rig.buses.items():
+        plugin = plugins[name]
+        if plugin is not None:
+            spec = bus_spec(rig, name)
+            facts = plugin.facts(plugin.options.model_validate(bus.options), spec)
+            known.update({axis.name: fact for axis, fact in zip(spec.axes, facts, strict=True)})
+    return known
 
 
 def _complete_pair(pair: Pair) -> Pair:

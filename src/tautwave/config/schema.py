@@ -17,9 +17,10 @@ def rig_schema() -> dict[str, Any]:
     """
     schema = Rig.model_json_schema()
     definitions = schema["$defs"]
-    damping = definitions["Axis"]["properties"]["damping"]
-    reference = damping.pop("$ref", None) or damping.pop("allOf")[0]["$ref"]
-    damping["anyOf"] = [{"type": "number", "minimum": 0}, {"$ref": reference}]
+    for key in ("damping", "coulomb"):
+        belief = definitions["Axis"]["properties"][key]
+        reference = belief.pop("$ref", None) or belief.pop("allOf")[0]["$ref"]
+        belief["anyOf"] = [{"type": "number", "minimum": 0}, {"$ref": reference}]
     _add_drivers(definitions)
     _close_names(schema)
     return {

@@ -32,6 +32,7 @@ from tautwave.rig import (
     pair_scale,
     site_params,
     slave_offset,
+    true_delay_s,
     wave_gain,
 )
 from tautwave.runtime.loop import ARM_SHARE, ARM_TIMEOUT_S
@@ -88,7 +89,12 @@ def pack_rig(rig: Rig, duration_s: float | None = None) -> Job:
     assembly = build_rig(rig, clock="fake", duration_s=rig.period_s)
     delays = {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
     axes = tuple(delays)
-    models = [axis_model(rig, name, cycles) for name in axes]
+    models = [
+        axis_model(rig, name, cycles)._replace(
+            command_delay=true_delay_s(rig, name, delays[name]) / rig.period_s
+        )
+        for name in axes
+    ]
     if round(models[0].period * 1e9) != rig.period_ns:
         raise ConfigError(f"rate_hz: {rig.rate_hz!r} has no period in whole ns; use a rounder rate")
     faults = rig.simulation.faults

@@ -19,8 +19,7 @@ from tautwave.analysis.sampled_loop import (
 from tautwave.config import Rig, SolidWall
 from tautwave.errors import ConfigError
 from tautwave.laws.wave import filter_gain
-from tautwave.rig import axis_model, build_rig, pair_scale, site_params, wave_gain
-from tautwave.types import CommandDelay
+from tautwave.rig import axis_model, command_delays, pair_scale, site_params, wave_gain
 
 
 def pair_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[LinearEnd, LinearEnd]:
@@ -42,7 +41,7 @@ def pair_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[LinearEnd,
     """
     if rig.simulation is None:
         raise ConfigError(f"{rig.name}: a prediction needs a simulation block, the truth")
-    delays = _command_delays(rig)
+    delays = command_delays(rig)
     keys = rig.coupling.pairs[name]
     scale = pair_scale(keys)
     ratio = scale.sign * scale.scale
@@ -102,11 +101,6 @@ def pair_mode(rig: Rig, name: str, *, samples: int | None = None, contact: bool 
     master, slave = pair_ends(rig, name, contact=contact)
     delay = rig.delay_samples if samples is None else samples
     return least_damped(master, slave, delay, rig.period_s)
-
-
-def _command_delays(rig: Rig) -> dict[str, CommandDelay]:
-    assembly = build_rig(rig, clock="fake", duration_s=rig.period_s)
-    return {axis: bus.driver.command_delay for bus in assembly.buses for axis in bus.axes}
 
 
 def true_device(rig: Rig, axis: str, *, contact: bool = False) -> Device:

@@ -11,20 +11,22 @@ from contextlib import suppress
 from functools import partial
 from typing import NamedTuple, Protocol
 
-from tautwave.contracts import Clock, Driver, Row, RowSource
-from tautwave.errors import BusTimeout, DeviceFault, DriverError, SafetyStop, TautwaveError
+from tautwave.contracts import Clock, Row, RowSource
+from tautwave.errors import BusTimeout, SafetyStop, TautwaveError
 from tautwave.runtime.pair import Pair
-from tautwave.runtime.site import SiteAxis
+from tautwave.runtime.sensing import LoopBus, Sensing
 from tautwave.runtime.timing import Histogram
-from tautwave.types import SAFE_COMMAND, JointState
+from tautwave.types import SAFE_COMMAND
 
 ARM_SHARE = 0.1
 """The engage ramp begins when every effort asked for is below this share of its limit."""
 
+READ_SHARE = 0.7
+"""Of a period; what has not been measured by then is missing, so that commands still go out."""
+
 ENABLE_TIMEOUT_S = 10.0
 ARM_TIMEOUT_S = 5.0
 GUARDS = {1: "left its position range", 2: "exceeded its velocity limit", 3: "is not finite"}
-ABSENT = JointState(0.0, 0.0, 0.0, False, 0)
 TIMING_COLUMNS = ("time_s", "lateness_us", "compute_us", "skipped_slots")
 
 
@@ -37,15 +39,6 @@ class LoopSettings(NamedTuple):
     release_cycles: int
     missing_limit: int
     overrun_limit: int
-
-
-class LoopBus(NamedTuple):
-    """One driver and its axes, in the driver's order."""
-
-    name: str
-    driver: Driver
-    sites: Sequence[SiteAxis]
-    axes: Sequence[str]
 
 
 class LoopPair(NamedTuple):
@@ -126,15 +119,8 @@ class Loop:
             at += len(source.columns)
         self._sink = sink
         self._progress = progress
-        axes = sum(len(bus.axes) for bus in buses)
-        self._states: list[JointState] = [ABSENT] * axes
-        self._names = [name for bus in buses for name in bus.axes]
-        self._sites = [site for bus in buses for site in bus.sites]
-        self._missing = [0] * axes
-        self._lost = [0] * axes
-        self._late = [0] * axes
-        self._faults: list[str] = []
-        self._slot = 0
+        self._sensing = Sensing(buses, settings.period_ns, settings.missing_limit)
+        self._patience_ns = int(READ_SHARE * settings.period_ns)
         self._wake_ns = 0
         self._last_wake_ns = 0
         self._end = settings.cycles
@@ -173,9 +159,9 @@ class Loop:
         return LoopResult(
             cycles,
             missed,
-            tuple(self._lost),
-            tuple(self._late),
-            tuple(self._faults),
+            tuple(self._sensing.lost),
+            tuple(self._sensing.late),
+            tuple(self._sensing.faults),
             error if error is not None else self._error,
             self._stop_asked,
         )
@@ -185,9 +171,9 @@ class Loop:
         period = self._settings.period_ns
         deadline = self._clock.now_ns()
         limit = deadline + int(ENABLE_TIMEOUT_S * 1e9)
-        waiting = list(self._buses)
         while True:
-            waiting = [bus for bus in waiting if not bus.driver.enable_step()]
+            # Those that are on already are stepped too: their drives watch for silence.
+            waiting = [bus for bus in self._buses if not bus.driver.enable_step()]
             if not waiting:
                 return
             if self._stop_asked:
@@ -214,7 +200,7 @@ class Loop:
             self.lateness.add(now - deadline)
             self.period.add(now - self._last_wake_ns)
             self._last_wake_ns = now
-            self._cycle(slot, skipped, now - deadline, deadline + period)
+            self._cycle(slot, skipped, now - deadline, deadline + self._patience_ns)
             cycles += 1
             yield cycles, missed
             if self._leave_now:
@@ -243,13 +229,14 @@ class Loop:
 
     def _cycle(self, slot: int, skipped: int, late_ns: int, deadline_ns: int) -> None:
         """One cycle: sense, close and think, act, record."""
-        self._slot = slot
-        self._sense(deadline_ns)
+        error = self._sensing.sense(deadline_ns)
+        if error is not None and self._error is None:
+            self._begin_stop(slot, error)
         if self._armed_at < 0:
             self._engage(slot)
         else:
             ramp = self._ramp(slot)
-            states = self._states
+            states = self._sensing.states
             guard = 0
             for at in self._pairs:
                 pair = at.pair
@@ -271,61 +258,13 @@ class Loop:
         self.compute.add(spent)
         sink.commit()
 
-    def _sense(self, deadline_ns: int) -> None:
-        """Ask every bus, then read every bus; count what is missing and late."""
-        for bus in self._buses:
-            bus.driver.request()
-        states = self._states
-        missing = self._missing
-        at = 0
-        for bus in self._buses:
-            measured = bus.driver.read(deadline_ns)
-            if len(measured) != len(bus.axes):
-                raise DriverError(
-                    f"bus {bus.name!r}: {len(measured)} samples for {len(bus.axes)} axes; "
-                    "its driver has to return one per axis, valid or not"
-                )
-            for state in measured:
-                if state.valid and not self._finite(at, state):
-                    state = ABSENT
-                states[at] = state
-                if state.valid:
-                    missing[at] = 0
-                    if state.age_ns > self._settings.period_ns:
-                        self._late[at] += 1
-                else:
-                    self._lost[at] += 1
-                    missing[at] += 1
-                    if missing[at] == self._settings.missing_limit and self._error is None:
-                        error = DriverError(
-                            f"{self._names[at]} on bus {bus.name!r}: no sample in "
-                            f"{missing[at]} cycles running; check power and cable"
-                        )
-                        self._begin_stop(self._slot, error)
-                at += 1
-            for fault in bus.driver.faults():
-                self._faults.append(f"{fault.axis or bus.name}: {fault.text}")
-                if fault.fatal and self._error is None:
-                    self._begin_stop(self._slot, DeviceFault(self._faults[-1]))
-
-    def _finite(self, at: int, state: JointState) -> bool:
-        """Return False, and begin to stop, when what a driver calls valid is no number."""
-        effort = 0.0 if self._sites[at].impedance else state.effort
-        total = state.position + effort
-        if total - total == 0.0:
-            return True
-        told = f"{self._names[at]}: measured position {state.position}, effort {state.effort}"
-        error = SafetyStop(f"{told}; a sensor or its driver is broken")
-        self._begin_stop(self._slot, error)
-        return False
-
     # -- engaging and stopping --------------------------------------------------------------
 
     def _engage(self, slot: int) -> None:
         """Start the pairs at what is measured; arm the ramp once every asked effort is small."""
         if self._error is not None:
             return  # a stop has begun: nothing engages any more
-        states = self._states
+        states = self._sensing.states
         armed = True
         for at in self._pairs:
             master, slave = states[at.master_at], states[at.slave_at]

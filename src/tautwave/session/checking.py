@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from tautwave.config import Rig, axis_specs
+from tautwave.config import Rig, bus_spec
 from tautwave.contracts import Budget
 from tautwave.errors import BusBudgetError, NotCertifiedError
 from tautwave.registry import load_driver
-from tautwave.session.facts import admittance_facts, command_delays, hints, pair_facts
+from tautwave.rig import command_delays
+from tautwave.session.facts import admittance_facts, hints, pair_facts
 from tautwave.session.plan import PlanItem, left_out, rig_plan
 
 
@@ -51,7 +52,7 @@ def bus_budgets(rig: Rig) -> dict[str, Budget]:
     for name, bus in rig.buses.items():
         plugin = load_driver(bus.driver)
         options = plugin.options.model_validate(bus.options)
-        budgets[name] = plugin.budget(options, axis_specs(rig, name), rig.rate_hz / bus.divisor)
+        budgets[name] = plugin.budget(options, bus_spec(rig, name))
     return budgets
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from tautwave.config import Rig
 from tautwave.laws.admittance import greatest_stiffness
 from tautwave.laws.wave import filter_gain
-from tautwave.rig import build_rig, device_impedance, pair_scale
+from tautwave.rig import device_impedance, pair_scale
 from tautwave.types import CommandDelay
 
 
@@ -25,12 +25,6 @@ class PairFacts(NamedTuple):
     offset_per_effort: float
     power_ratio: float
     held_share: float
-
-
-def command_delays(rig: Rig) -> dict[str, CommandDelay]:
-    """Return the command delay each axis' driver declares."""
-    assembly = build_rig(rig, clock="fake", duration_s=rig.period_s)
-    return {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
 
 
 def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFacts:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from tautwave.config import Rig, resolved_yaml
 from tautwave.errors import BusBudgetError, NotCertifiedError, RecordingError, TautwaveError
-from tautwave.rig import Assembly, build_rig
+from tautwave.rig import Assembly, build_rig, served_buses
 from tautwave.runtime.loop import Loop, LoopResult
 from tautwave.runtime.machine import quiet_collector, realtime
 from tautwave.runtime.recorder import Recorder, RecorderStats
@@ -30,8 +30,19 @@ from tautwave.session.certified import (
 from tautwave.session.checking import bus_budgets, over_budget
 from tautwave.session.facts import pair_facts
 from tautwave.session.plan import left_out, rig_plan
+from tautwave.session.serving import served
 
 REPORT_TIMEOUT_S = 600.0
+
+
+class Moved(NamedTuple):
+    """What is left of a loop that has run."""
+
+    loop: Loop
+    result: LoopResult
+    stats: RecorderStats
+    sentences: list[str]
+    wall_time_s: float
 
 
 class RunResult(NamedTuple):
@@ -52,6 +63,7 @@ def run(
     allow_uncertified: bool = False,
     allow_unwatched: bool = False,
     configure: bool = False,
+    attach: bool = False,
     progress: Callable[[float, str], None] | None = None,
 ) -> RunResult:
     """Run a rig and leave a run directory behind.
@@ -72,6 +84,9 @@ def run(
         Move motors without a certificate.
     allow_unwatched, configure : bool
         Handed to drivers that have a watchdog or settings of their own.
+    attach : bool
+        Use simulated devices that are served already (`tautwave sim RIG`), instead of starting
+        them with the run.
     progress : callable, optional
         Called now and then with the share done and a word.
 
@@ -90,7 +105,6 @@ def run(
     rig = certified_rig(rig, certificate)
     directory = Path(out)
     started = datetime.now(UTC)
-    assembly = build_rig(rig, clock=clock, duration_s=duration_s)
     text = resolved_yaml(rig)
     try:
         directory.mkdir(parents=True, exist_ok=True)
@@ -99,6 +113,57 @@ def run(
         raise RecordingError(
             f"{directory}: the run's directory cannot be written: {err.strerror}"
         ) from err
+    elsewhere = served_buses(rig) if clock == "real" and not attach else ()
+    with served(rig, elsewhere) as found:
+        assembly = build_rig(
+            rig,
+            clock=clock,
+            duration_s=duration_s,
+            endpoints={bus: line.get("options", {}) for bus, line in found.items()},
+            allow_unwatched=allow_unwatched,
+            configure=configure,
+        )
+        moved = _move(rig, clock, directory, text, assembly, progress)
+    if progress is not None:
+        progress(1.0, "reporting")
+    loop, result = moved.loop, moved.result
+    outcome, exit_code = _outcome(result, assembly)
+    summary = {
+        "rig": rig.name,
+        "version": version("tautwave"),
+        "outcome": outcome,
+        "started_utc": started.isoformat(timespec="seconds"),
+        "command": command,
+        "clock": clock,
+        "duration_s": (result.cycles + result.missed_cycles) * rig.period_s,
+        "rate_hz": rig.rate_hz,
+        "cycles": result.cycles,
+        "missed_cycles": result.missed_cycles,
+        "wall_time_s": moved.wall_time_s,
+        "period_us": loop.period.summary(),
+        "lateness_us": loop.lateness.summary(),
+        "compute_us": loop.compute.summary(),
+        "realtime": moved.sentences,
+        "axes": _axes(assembly, result),
+        "faults": list(result.faults),
+        "certificate": summary_block(certificate, allow_uncertified),
+        "left_out": left_out(rig_plan(rig, clock=clock)),
+        "recording": _recording(moved.stats),
+        "buses": _buses(assembly),
+        "pairs": _pairs(rig, assembly),
+    }
+    return _report(directory, summary, exit_code)
+
+
+def _move(
+    rig: Rig,
+    clock: str,
+    directory: Path,
+    text: str,
+    assembly: Assembly,
+    progress: Callable[[float, str], None] | None,
+) -> Moved:
+    """Run the loop of a built rig with its recorder beside it."""
     recorder = Recorder(
         directory / "recording.mcap",
         assembly.columns,
@@ -122,34 +187,7 @@ def run(
     with loop_conditions(rig, clock) as sentences, quiet_collector(), interrupts(loop):
         result = loop.run()
     wall_time_s = time.perf_counter() - began
-    if progress is not None:
-        progress(1.0, "reporting")
-    stats = recorder.close()
-    outcome, exit_code = _outcome(result, assembly)
-    summary = {
-        "rig": rig.name,
-        "version": version("tautwave"),
-        "outcome": outcome,
-        "started_utc": started.isoformat(timespec="seconds"),
-        "command": command,
-        "clock": clock,
-        "duration_s": (result.cycles + result.missed_cycles) * rig.period_s,
-        "rate_hz": rig.rate_hz,
-        "cycles": result.cycles,
-        "missed_cycles": result.missed_cycles,
-        "wall_time_s": wall_time_s,
-        "period_us": loop.period.summary(),
-        "lateness_us": loop.lateness.summary(),
-        "compute_us": loop.compute.summary(),
-        "realtime": sentences,
-        "axes": _axes(assembly, result),
-        "faults": list(result.faults),
-        "certificate": summary_block(certificate, allow_uncertified),
-        "left_out": left_out(rig_plan(rig, clock=clock)),
-        "recording": _recording(stats),
-        "pairs": _pairs(rig, assembly),
-    }
-    return _report(directory, summary, exit_code)
+    return Moved(loop, result, recorder.close(), sentences, wall_time_s)
 
 
 @contextmanager
@@ -221,6 +259,16 @@ def _recording(stats: RecorderStats) -> dict[str, Any]:
         "rows_dropped": stats.rows_dropped,
         "bytes": stats.bytes,
         "error": stats.error,
+    }
+
+
+def _buses(assembly: Assembly) -> dict[str, dict[str, Any]]:
+    return {
+        bus.name: {
+            "command_delay": bus.driver.command_delay._asdict(),
+            "notes": list(getattr(bus.driver, "notes", ())),
+        }
+        for bus in assembly.buses
     }
 
 

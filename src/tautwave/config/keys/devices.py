@@ -64,7 +64,19 @@ class Damping(Belief):
     )
 
 
-def _expand_damping(value: Any) -> Any:
+class Coulomb(Belief):
+    """What is believed of a device's Coulomb friction [N m | N]."""
+
+    value: NonNegative = Field(description="[N m | N] Best estimate.")
+    lower: NonNegative = Field(
+        description="[N m | N] Safe lower bound; `passive_quantised` counts on this much."
+    )
+    source: Annotated[str, Field(min_length=1)] = Field(
+        description="Where the numbers come from: identified, data sheet, ..."
+    )
+
+
+def _expand_number(value: Any) -> Any:
     """`damping: 0.001` is short for value and lower bound alike."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return {"value": value, "lower": value, "source": "given"}
@@ -96,9 +108,14 @@ class Axis(Block):
     inertia: Inertia | None = Field(
         default=None, description="[kg m^2 | kg] Required for impedance axes, none for admittance."
     )
-    damping: Annotated[Damping, BeforeValidator(_expand_damping)] = Field(
+    damping: Annotated[Damping, BeforeValidator(_expand_number)] = Field(
         default=Damping(value=0.0, lower=0.0, source="given"),
         description="[N m s/rad | N s/m] A number, or value, lower and source.",
+    )
+    coulomb: Annotated[Coulomb, BeforeValidator(_expand_number)] = Field(
+        default=Coulomb(value=0.0, lower=0.0, source="given"),
+        description="[N m | N] Coulomb friction: a number, or value, lower and source. It alone "
+        "lets a wall pass `passive_quantised` with an encoder.",
     )
     effort_limit: Positive = Field(
         description="[N m | N] Greatest effort ever commanded (or, admittance, expected)."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
@@ -11,7 +12,7 @@ from tautwave.config.keys.common import Block, Name, Positive
 from tautwave.config.keys.coupling import Coupling, Loop
 from tautwave.config.keys.devices import Axis, Bus, Side
 from tautwave.config.keys.simulation import AxisSimulation, Simulation
-from tautwave.contracts import AxisSpec
+from tautwave.contracts import AxisSpec, BusSpec
 
 VELOCITY_TIME_CONSTANT_S = 0.002
 """[s] Velocity loop of a simulated admittance axis that does not say its own."""
@@ -129,7 +130,7 @@ def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
     return AxisTruth(
         inertia=_first(given.inertia, 0.0 if axis.inertia is None else axis.inertia.value),
         damping=_first(given.damping, axis.damping.value),
-        coulomb=_first(given.coulomb, 0.0),
+        coulomb=_first(given.coulomb, axis.coulomb.value),
         encoder_quantum=_first(given.encoder_quantum, axis.encoder_quantum),
         position_noise=_first(given.position_noise, axis.position_noise),
         effort_quantum=_first(given.effort_quantum, axis.effort_quantum),
@@ -141,12 +142,21 @@ def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
     )
 
 
-def axis_specs(rig: Rig, bus_name: str) -> tuple[AxisSpec, ...]:
-    """Return what the driver of a bus has to know of its axes, the master's first."""
-    return tuple(
-        AxisSpec(name, axis.id, axis.kind, axis.causality, axis.effort_limit)
-        for name, axis in rig.axes.items()
-        if axis.bus == bus_name
+def bus_spec(rig: Rig, bus_name: str) -> BusSpec:
+    """Return what the driver of a bus has to know of it; the master's axes come first."""
+    axes = tuple(_axis_spec(name, axis) for name, axis in rig.axes.items() if axis.bus == bus_name)
+    return BusSpec(bus_name, axes, rig.rate_hz / rig.buses[bus_name].divisor)
+
+
+def _axis_spec(name: str, axis: Axis) -> AxisSpec:
+    return AxisSpec(
+        name,
+        axis.id,
+        axis.kind,
+        axis.causality,
+        axis.effort_limit,
+        math.inf if axis.velocity_limit is None else axis.velocity_limit,
+        (-math.inf, math.inf) if axis.position_range is None else axis.position_range,
     )
 
 

@@ -1,0 +1,70 @@
+"""`tautwave scan`: what is on a bus."""
+
+from __future__ import annotations
+
+import click
+
+from tautwave.errors import ConfigError
+
+
+@click.command(
+    short_help="Find the devices on a bus.",
+    context_settings={
+        "ignore_unknown_options": True,
+        "allow_extra_args": True,
+        "help_option_names": [],
+    },
+    add_help_option=False,
+)
+@click.argument("driver", required=False)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+@click.option("-h", "--help", "wants_help", is_flag=True, help="Show this message and exit.")
+@click.pass_context
+def scan(ctx: click.Context, driver: str | None, as_json: bool, wants_help: bool) -> None:
+    """Find the devices on a bus. `tautwave scan DRIVER --help` shows the options of a driver.
+
+    Nothing is enabled and nothing is written into a device.
+
+    \b
+    Examples:
+        tautwave scan canopen --interface socketcan --channel can0
+        tautwave scan dynamixel --port /dev/ttyUSB0 --json
+    """
+    if driver is None:
+        click.echo(ctx.get_help())
+        return
+    from tautwave.cli.model_options import parse_model, print_help
+    from tautwave.cli.options import echo_json
+    from tautwave.cli.show import Section, show
+    from tautwave.registry import load_driver, missing_modules
+
+    plugin = load_driver(driver)
+    if plugin.scan_options is None:
+        raise ConfigError(f"scan: {driver} has nothing to scan")
+    if wants_help:
+        print_help(f"scan {driver}", f"Find devices: {plugin.summary}.", plugin.scan_options)
+        return
+    options = parse_model(plugin.scan_options, ctx.args, f"scan {driver}")
+    missing = missing_modules(plugin.needs)
+    if missing:
+        raise ConfigError(
+            f"scan: {driver} needs {', '.join(missing)}; pip install 'tautwave[{driver}]'"
+        )
+    found = [dict(device) for device in plugin.scan(options)]
+    if as_json:
+        echo_json(found)
+        return
+    if not found:
+        click.echo(f"scan: nothing answered on {driver}", err=True)
+        return
+    columns = tuple(dict.fromkeys(key for device in found for key in device))
+    rows = [tuple(_cell(device.get(key)) for key in columns) for device in found]
+    show([Section(f"Devices on {driver}", columns, rows)])
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, list | tuple):
+        return ", ".join(str(item) for item in value)
+    return str(value)

@@ -1,0 +1,99 @@
+"""`tautwave sim`: simulated devices on real endpoints, for this or any other software."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tautwave.cli.options import set_option
+from tautwave.errors import ConfigError
+
+
+@click.command(
+    short_help="Serve simulated devices on real endpoints.",
+    context_settings={
+        "ignore_unknown_options": True,
+        "allow_extra_args": True,
+        "help_option_names": [],
+    },
+    add_help_option=False,
+)
+@click.argument("what", metavar="RIG|DRIVER", required=False)
+@set_option
+@click.option("-h", "--help", "wants_help", is_flag=True, help="Show this message and exit.")
+@click.pass_context
+def sim(ctx: click.Context, what: str | None, overrides: tuple[str, ...], wants_help: bool) -> None:
+    """Serve the simulated devices of RIG, or of DRIVER without a rig, until interrupted.
+
+    On stdout first one line of JSON per endpoint, then nothing. `tautwave sim DRIVER --help` shows
+    the options of a driver.
+
+    \b
+    Examples:
+        tautwave sim configs/bench-canopen-vcan.yaml
+        tautwave sim canopen --nodes 1,2 --interface socketcan --channel vcan0
+        tautwave sim dynamixel --model XM430-W350 --ids 1,2
+    """
+    if what is None:
+        click.echo(ctx.get_help())
+        return
+    if _is_rig(what):
+        if wants_help:
+            click.echo(ctx.get_help())
+            return
+        if ctx.args:
+            raise ConfigError(f"sim: {ctx.args[0]!r} is not for a rig file; change it with --set")
+        _serve_rig(Path(what), overrides)
+        return
+    _serve_driver(what, ctx.args, wants_help)
+
+
+def _is_rig(what: str) -> bool:
+    return Path(what).suffix in (".yaml", ".yml") or "/" in what or Path(what).is_file()
+
+
+def _serve_driver(driver: str, arguments: list[str], wants_help: bool) -> None:
+    from tautwave.cli.model_options import parse_model, print_help
+    from tautwave.registry import load_simulator
+
+    plugin = load_simulator(driver)
+    if plugin.bench is None or plugin.bench_options is None or plugin.serve is None:
+        raise ConfigError(f"sim: {driver} has no endpoint that other software could open")
+    if wants_help:
+        print_help(f"sim {driver}", f"Serve {plugin.summary}.", plugin.bench_options)
+        return
+    bench = plugin.bench(parse_model(plugin.bench_options, arguments, f"sim {driver}"))
+
+    from tautwave.session.serving import print_line, serve
+
+    serve(driver, bench, print_line)
+
+
+def _serve_rig(path: Path, overrides: tuple[str, ...]) -> None:
+    import signal
+
+    from tautwave.config import load_rig
+    from tautwave.rig import served_buses
+    from tautwave.session.serving import bus_bench, print_line, serve, served
+
+    rig = load_rig(path, overrides)
+    buses = served_buses(rig)
+    if not buses:
+        raise ConfigError(
+            f"{path}: its simulated devices live in the run's process; there is nothing to serve"
+        )
+    if len(buses) == 1:
+        serve(
+            rig.buses[buses[0]].driver,
+            bus_bench(rig, buses[0]),
+            lambda found: print_line({"bus": buses[0], **found}),
+        )
+        return
+    with served(rig, buses) as found:
+        for line in found.values():
+            print_line(line)
+        # Blocked until here by nobody: sigwait needs them blocked, so that none is lost.
+        signals = {signal.SIGINT, signal.SIGTERM}
+        signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+        signal.sigwait(signals)

@@ -1,0 +1,153 @@
+"""Simulated devices in processes of their own, on endpoints that other software can open.
+
+`python -m tautwave.session.serving BUS < RIG.yaml` serves one bus of a rig; a run on the real clock
+starts one for each bus whose simulator lives there, and `tautwave sim RIG` likewise.
+"""
+
+from __future__ import annotations
+
+import json
+import select
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from tautwave.config import Rig, bus_spec, parse_rig, resolved_yaml
+from tautwave.contracts import Bench
+from tautwave.errors import ConfigError, DriverError, TautwaveError
+from tautwave.registry import load_simulator
+from tautwave.rig import axis_model
+
+START_TIMEOUT_S = 20.0
+
+Announce = Callable[[Mapping[str, Any]], None]
+
+
+def bus_bench(rig: Rig, bus_name: str) -> Bench:
+    """Return the devices of one bus of a rig, ready to be simulated.
+
+    Raises
+    ------
+    ConfigError
+        The rig has no such bus, or simulates nothing.
+    """
+    if bus_name not in rig.buses:
+        raise ConfigError(f"{rig.name}: there is no bus {bus_name!r}; {', '.join(rig.buses)}")
+    if rig.simulation is None:
+        raise ConfigError(
+            f"{rig.name}: there is nothing to simulate; add a simulation block to the rig file"
+        )
+    bus = rig.buses[bus_name]
+    simulator = load_simulator(bus.driver)
+    spec = bus_spec(rig, bus_name)
+    models = [axis_model(rig, axis.name, rig.cycles) for axis in spec.axes]
+    return Bench(simulator.options.model_validate(bus.options), spec, models)
+
+
+def serve(driver: str, bench: Bench, announce: Announce) -> None:
+    """Serve devices until SIGINT or SIGTERM.
+
+    Raises
+    ------
+    ConfigError
+        The simulator of this driver has no endpoint of its own.
+    DriverError
+        The endpoint cannot be opened.
+    """
+    simulator = load_simulator(driver)
+    if simulator.serve is None:
+        raise ConfigError(f"{driver}: its simulated devices live in the run's process only")
+    stops: list[int] = []
+    before = {
+        number: signal.signal(number, lambda given, _: stops.append(given))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        simulator.serve(*bench, announce, lambda: bool(stops))
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def served(rig: Rig, buses: Sequence[str]) -> Iterator[dict[str, dict[str, Any]]]:
+    """Serve the devices of these buses inside the block; give what each has announced.
+
+    Raises
+    ------
+    DriverError
+        One did not come up.
+    """
+    text = resolved_yaml(rig).encode()
+    children: dict[str, subprocess.Popen[bytes]] = {}
+    try:
+        for bus in buses:
+            command = [sys.executable, "-m", "tautwave.session.serving", bus]
+            # A session of its own: Ctrl-C ends the run first, and the run ends its devices.
+            child = children[bus] = subprocess.Popen(
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                start_new_session=True,
+            )
+            assert child.stdin is not None
+            child.stdin.write(text)
+            child.stdin.close()
+            child.stdin = None
+        yield {bus: _announced(bus, child) for bus, child in children.items()}
+    finally:
+        for child in children.values():
+            child.terminate()
+        for child in children.values():
+            _end(child)
+
+
+def _announced(bus: str, child: subprocess.Popen[bytes]) -> dict[str, Any]:
+    assert child.stdout is not None
+    ready, _, _ = select.select([child.stdout], [], [], START_TIMEOUT_S)
+    line = child.stdout.readline() if ready else b""
+    if line:
+        found: dict[str, Any] = json.loads(line)
+        return found
+    child.terminate()
+    _, errors = child.communicate()
+    reason = errors.decode(errors="replace").strip().splitlines()[-1:] or ["it said nothing"]
+    raise DriverError(f"bus {bus}: its simulated devices did not come up: {reason[0]}")
+
+
+def _end(child: subprocess.Popen[bytes]) -> None:
+    try:
+        child.communicate(timeout=5.0)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.communicate()
+
+
+def print_line(found: Mapping[str, Any]) -> None:
+    """Write one line of JSON to stdout at once, for whoever started this process."""
+    sys.stdout.write(json.dumps(dict(found)) + "\n")
+    sys.stdout.flush()
+
+
+def main() -> int:
+    """Serve the bus in argv[1] of the rig on stdin."""
+    try:
+        rig = parse_rig(sys.stdin.read())
+        bus = sys.argv[1]
+        serve(
+            rig.buses[bus].driver,
+            bus_bench(rig, bus),
+            lambda found: print_line({"bus": bus, **found}),
+        )
+    except TautwaveError as err:
+        sys.stderr.write(f"{err}\n")
+        return err.exit_code
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
