@@ -30,3 +30,8 @@ def wall(stiffness: float, damping: float = 0.0, *more: str, side: str = "slave"
 def element(certificate: Certificate, name: str) -> Element:
     [found] = [e for e in certificate.elements if e.name == name]
     return found
+
+
+def friction_of(value: float | str) -> str:
+    """Coulomb friction that is believed of the slave."""
+    return f"slave.axes.lever.coulomb={value}"

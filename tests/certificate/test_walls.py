@@ -8,7 +8,8 @@ import math
 import pytest
 
 from tautwave.certificate import certify
-from tests.certificate.rigs import NO_QUANTUM, PAIR, certified, element, rig, wall
+from tautwave.config import simulation_of
+from tests.certificate.rigs import NO_QUANTUM, PAIR, certified, element, friction_of, rig, wall
 
 LATE = "buses.arm.options={command_delay_s: 0.001}"
 T, DAMPING = 1e-3, 2e-3  # of the rig: the believed lower bound counts, not the value 3e-3
@@ -135,9 +136,34 @@ def test_an_encoder_step_without_friction_passes_no_wall() -> None:
 @pytest.mark.parametrize(("factor", "passes"), [(1.001, True), (0.999, False)])
 def test_coulomb_friction_that_is_given_covers_the_step(factor: float, passes: bool) -> None:
     quantum, stiffness = 2.094e-5, 3.0
-    friction = {"slave.lever": factor * 0.5 * stiffness * quantum}
-    certificate = certify(rig(wall(stiffness)), coulomb=friction)
-    assert element(certificate, "slave wall").passive_quantised.passed is passes
+    friction = factor * 0.5 * stiffness * quantum
+    found = element(certified(wall(stiffness), friction_of(friction)), "slave wall")
+    assert found.passive_quantised.passed is passes
+    assert ("passive with the encoder's step too" in found.passive_quantised.reason) is passes
+    given = certify(rig(wall(stiffness)), coulomb={"slave.lever": friction})
+    assert element(given, "slave wall").passive_quantised.passed is passes
+
+
+def test_the_simulation_has_the_friction_that_is_believed_and_may_break_it() -> None:
+    believed = friction_of("{value: 3.0e-3, lower: 1.0e-3, source: identified}")
+    free = "simulation.axes.slave.lever={}"
+    assert simulation_of(rig(believed, free), "slave.lever").coulomb == 3e-3
+    found = element(certified(believed, wall(3.0)), "slave wall")
+    assert found.passive_quantised.state == "passed"
+    truth = "simulation.axes.slave.lever.coulomb=0.5e-3"
+    found = element(certified(believed, truth, wall(3.0)), "slave wall")
+    assert found.passive.passed
+    assert "simulated Coulomb friction 0.0005 is below coulomb.lower 0.001" in (
+        found.passive_quantised.reason
+    )
+
+
+def test_an_assumed_friction_makes_it_conditional() -> None:
+    believed = friction_of("{value: 3.0e-3, lower: 1.0e-3, source: assumed}")
+    found = element(certified(believed, wall(3.0)), "slave wall")
+    assert found.passive.state == "passed"
+    assert found.passive_quantised.state == "conditional"
+    assert "Coulomb friction of slave.lever" in found.passive_quantised.conditions[0]
 
 
 @pytest.mark.parametrize("source", ["assumed", "an assumption of 2024"])
@@ -174,7 +200,7 @@ def test_json_has_all_numbers_and_no_infinity() -> None:
 def test_an_effort_step_counts_as_an_encoder_step() -> None:
     changes = (wall(3.0), *NO_QUANTUM, "slave.axes.lever.effort_quantum=1.0e-3")
     for friction, passes in ((0.99e-3, False), (1.01e-3, True)):
-        certificate = certify(rig(*changes), coulomb={"slave.lever": friction})
+        certificate = certified(*changes, friction_of(friction))
         assert element(certificate, "slave wall").passive_quantised.passed is passes
 
 
@@ -208,8 +234,24 @@ def test_derate_follows_the_required_verdict() -> None:
     assert stable.passed
     assert stable.walls["slave.lever"]["rendered_stiffness"] > 4.1  # more than the passive limit
     assert not certified(asked, "require=passive_quantised").passed
-    friction = {"master.lever": 1.0, "slave.lever": 1e-5}
-    quantised = certify(rig(asked, "require=passive_quantised"), coulomb=friction)
+    quantised = certified(asked, "require=passive_quantised", friction_of(1e-5))
     rendered = quantised.walls["slave.lever"]["rendered_stiffness"]
     assert rendered == pytest.approx(2e-5 / 2.094e-5, rel=1e-5)
     assert element(quantised, "slave wall").passive_quantised.passed
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-4])
+@pytest.mark.parametrize("step", [0.0, 2.094e-5])
+def test_derate_counts_the_steps_of_encoder_and_effort(step: float, damping: float) -> None:
+    changes = (
+        wall(4.0, damping, "derate: true"),
+        "require=passive_quantised",
+        f"slave.axes.lever.encoder_quantum={step}",
+        "slave.axes.lever.effort_quantum=1.0e-6",
+        friction_of(2e-5),
+    )
+    certificate = certified(*changes)
+    rendered = certificate.walls["slave.lever"]["rendered_stiffness"]
+    assert element(certificate, "slave wall").passive_quantised.passed
+    stiffer = (f"{PAIR}.wall_slave.stiffness={1.001 * rendered}", f"{PAIR}.wall_slave.derate=false")
+    assert not element(certified(*changes, *stiffer), "slave wall").passive_quantised.passed
