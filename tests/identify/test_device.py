@@ -176,6 +176,7 @@ def test_the_lines_can_be_pasted_and_check_reads_them(cli: Cli, tmp_path: Path) 
     assert loaded.inertia is not None
     assert loaded.inertia.model_dump() == belief
     assert loaded.damping.model_dump() == told["beliefs"]["damping"]
+    assert loaded.coulomb.model_dump() == told["beliefs"]["coulomb"]
     checked = cli("check", rig, "--json")
     assert checked.exit_code in (0, 3)
     assert "master.lever" in checked.stdout

@@ -79,9 +79,10 @@ def interval(estimate: Estimate) -> dict[str, float]:
 
 
 def beliefs(fit: DeviceFit) -> dict[str, dict[str, Any]]:
-    """Return `inertia` and `damping` as a rig file takes them."""
+    """Return `inertia`, `damping` and `coulomb` as a rig file takes them."""
     found: dict[str, dict[str, Any]] = {}
-    for name, estimate in (("inertia", fit.inertia), ("damping", fit.damping)):
+    for name in ("inertia", "damping", "coulomb"):
+        estimate = getattr(fit, name)
         value = _round(max(estimate.value, 0.0))
         lower = _round(CAUTION * max(estimate.lower, 0.0), down=True)
         found[name] = {"value": value, "lower": min(lower, value), "source": "identified"}
