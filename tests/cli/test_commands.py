@@ -46,7 +46,7 @@ def test_version(tautwave_cli: Cli) -> None:
     [
         (["chek", "rig.yaml"], "Did you mean 'check'?"),
         (["rum"], "Did you mean 'run'?"),
-        (["zzz"], "There are run, check, sweep, identify, report, drivers"),
+        (["zzz"], "There are run, check, sim, scan, sweep, identify, report, drivers"),
         (["run", "rig.yaml", "--duratoin", "1"], "--duration"),
         (["run", "rig.yaml", "--clock", "fast"], "'real', 'fake'"),
         (["run", "rig.yaml", "--duration", "nan"], "finite number above 0"),
@@ -78,6 +78,7 @@ def test_run_passes_everything_on(tautwave_cli: Cli, backend: Backend, tmp_path:
         "allow_uncertified": False,
         "allow_unwatched": False,
         "configure": True,
+        "attach": False,
     }
 
 
