@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import fcntl
 import gc
 import multiprocessing
 import os
 import signal
+import socket
+import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
@@ -25,13 +28,49 @@ settings.register_profile(
 settings.register_profile("explore", deadline=None, max_examples=1000, print_blob=True)
 settings.load_profile("steady")
 
+Report = pytest.TestReport | pytest.CollectReport
+
+
+# `.ci/vcan` sets it: there a skipped vcan test is a hole in the net, and fails.
+VCAN_REQUIRED = os.environ.get("TAUTWAVE_VCAN") == "required"
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    if Path("/sys/class/net/vcan0").exists():
+    if any(name == "vcan0" for _, name in socket.if_nameindex()):
         return
     for item in items:
         if item.get_closest_marker("vcan"):
-            item.add_marker(pytest.mark.skip(reason="there is no interface vcan0 on this machine"))
+            item.add_marker(pytest.mark.skip(reason="there is no interface vcan0; see .ci/vcan"))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Report, Report]:
+    return forbid_skip((yield), item.get_closest_marker("vcan") is not None)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector: pytest.Collector) -> Generator[None, Report, Report]:
+    return forbid_skip((yield), collector.path.parent.name == "vcan")
+
+
+def forbid_skip(report: Report, about_vcan: bool) -> Report:
+    """Turn a skip into a failure, whoever asked for it, where vcan is required."""
+    if VCAN_REQUIRED and about_vcan and report.skipped and not hasattr(report, "wasxfail"):
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else report.longrepr
+        report.outcome = "failed"
+        report.longrepr = f"TAUTWAVE_VCAN=required, but: {reason}"
+    return report
+
+
+@pytest.fixture(autouse=True)
+def alone_on_the_buses(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Keep the other workers of xdist off vcan0 and vcan1 while a vcan test has them."""
+    if not request.node.get_closest_marker("vcan"):
+        yield
+        return
+    with (Path(tempfile.gettempdir()) / f"tautwave-vcan-{os.getuid()}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 @pytest.fixture(autouse=True)
