@@ -177,6 +177,26 @@ class Budget(NamedTuple):
     arithmetic: str
 
 
+class CycleCost(NamedTuple):
+    """What one exchange costs the host, measured: `spent_us` [us] one per cycle.
+
+    `floor_us` are those of a bare exchange of the same bytes, taken in turn with it, where that
+    was measured; a goal is in microseconds at the median (`goal_us`) or a ratio of the medians
+    (`goal_ratio`). `why_not` says why there are no figures.
+    """
+
+    what: str
+    spent_us: Sequence[float] = ()
+    floor_us: Sequence[float] = ()
+    goal_us: float | None = None
+    goal_ratio: float | None = None
+    why_not: str = ""
+
+
+def _no_costs(cycles: int) -> Sequence[CycleCost]:
+    return ()
+
+
 def _no_facts(options: Any, bus: BusSpec) -> Sequence[AxisFacts]:
     return [AxisFacts()] * len(bus.axes)
 
@@ -190,7 +210,8 @@ class DriverPlugin(NamedTuple):
     mapping of columns each, and `scan_options` is the pydantic model `tautwave scan` makes its
     command-line options of. `needs` names the extra's modules; `hardware` is True when motors may
     move, and then every limit has to be in the rig file. `facts(options, bus)`, pure, tells what
-    the options say of each axis.
+    the options say of each axis; `measure(cycles)` takes the host's cost of that many exchanges of
+    two axes, for `tautwave bench buses`.
     """
 
     options: type[Any]
@@ -202,6 +223,7 @@ class DriverPlugin(NamedTuple):
     summary: str = ""
     facts: Callable[[Any, BusSpec], Sequence[AxisFacts]] = _no_facts
     scan_options: type[Any] | None = None
+    measure: Callable[[int], Sequence[CycleCost]] = _no_costs
 
 
 class Simulator(Protocol):

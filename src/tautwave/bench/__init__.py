@@ -7,7 +7,8 @@ enforced: a measurement has no exit code.
 
 from __future__ import annotations
 
+from tautwave.bench.buses import buses
 from tautwave.bench.result import Goal, Suite, Table
 from tautwave.bench.suites import laws, loop
 
-__all__ = ["Goal", "Suite", "Table", "laws", "loop"]
+__all__ = ["Goal", "Suite", "Table", "buses", "laws", "loop"]

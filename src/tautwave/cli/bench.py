@@ -92,6 +92,19 @@ def laws(as_json: bool) -> None:
     _print([_backend().laws(tell=_tell)], as_json)
 
 
+@bench.command(short_help="The host's cost of one exchange on each bus.")
+@click.option("--cycles", type=click.IntRange(100), default=2000, show_default=True)
+@json_option
+def buses(cycles: int, as_json: bool) -> None:
+    """Measure what one exchange of two axes costs the host, on every installed bus.
+
+    \b
+    Example:
+        tautwave bench buses --json
+    """
+    _print([_backend().buses(cycles=cycles, tell=_tell)], as_json)
+
+
 def _backend() -> Any:
     return importlib.import_module("tautwave.bench")
 
