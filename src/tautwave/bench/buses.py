@@ -24,7 +24,8 @@ def buses(*, cycles: int = 2000, tell: Callable[[str], None] = lambda _: None) -
     tell : callable
         Told what is being measured.
     """
-    tables, goals = [], []
+    tables: list[Table] = []
+    goals: list[Goal] = []
     for name in registry.driver_names():
         plugin = registry.load_driver(name)
         missing = registry.missing_modules(plugin.needs)
