@@ -16,7 +16,7 @@ FORMATS = {
     "I64": "<q",
     "U64": "<Q",
 }
-"""`struct` format of every numeric type; CANopen is little endian (CiA 301, 7.1.4). `STR` has none."""
+"""`struct` format of every numeric type, little endian (CiA 301, 7.1.4); `STR` has none."""
 
 _STRUCTS = {name: struct.Struct(text) for name, text in FORMATS.items()}
 _AXIS_STRIDE = 0x800  # the objects of axis n of a multi-axis drive lie at 6000h + n * 800h

@@ -138,4 +138,4 @@ TRANSITIONS = (
     Transition(15, State.FAULT, State.SWITCH_ON_DISABLED, FAULT_RESET),
     Transition(16, State.QUICK_STOP_ACTIVE, State.OPERATION_ENABLED, ENABLE_OPERATION),
 )
-"""Start (0) and the 16 transitions of CiA 402-2; `source` None is power-on (0) or any state (13)."""
+"""Start (0) and the 16 transitions of CiA 402-2; `source` None: power-on (0), any state (13)."""

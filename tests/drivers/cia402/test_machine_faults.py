@@ -1,0 +1,190 @@
+"""What a machine tells of drives that hang or fall, and what it does then."""
+
+from __future__ import annotations
+
+import pytest
+
+from tautwave_drivers.cia402.machine import Machine
+from tautwave_drivers.cia402.terms import Habits, Patience, Way
+from tests.drivers.cia402.bench import QUICK, Bench
+from tests.drivers.cia402.reference_drive import Drive
+
+
+def fall(bench: Bench, most: int = 3000) -> str:
+    """Run until the machine gives up; return its sentence."""
+    bench.until(lambda: bool(bench.machine.failure), most)
+    assert bench.events[-1].fatal
+    assert not bench.machine.commanding
+    assert not bench.machine.done or bench.drive.state != "enabled"
+    return bench.machine.failure
+
+
+@pytest.mark.parametrize(
+    ("drive", "parts"),
+    [
+        (Drive(boot=500), ("NOT READY", "logic supply")),
+        (Drive(slowness=900), ("SWITCH ON DISABLED", "0x0006 (shutdown)", "STO", "RPDO")),
+        (Drive(slowness=900, remote=False), ("remote, bit 9", "local control")),
+        (Drive(voltage=False), ("READY TO SWITCH ON", "0x0007", "no power voltage", "DC link")),
+        (Drive(refuses_mode=True), ("SWITCHED ON", "CST", "6061h shows no mode", "6502h")),
+        (Drive(state="fault", resets_needed=9), ("FAULT", "after 3 fault resets")),
+    ],
+)
+def test_a_hanging_drive_is_told_with_state_command_and_remedy(
+    drive: Drive, parts: tuple[str, ...]
+) -> None:
+    bench = Bench(drive)
+    bench.machine.enable(10)
+    text = fall(bench)
+    for part in ("axis (node 5)", *parts):
+        assert part in text
+    assert 0x0F not in bench.words
+    for _ in range(5):
+        assert bench.cycle() == 0x00
+
+
+def test_faults_are_left_alone_where_the_rig_says_so() -> None:
+    bench = Bench(Drive(state="fault"), Habits(fault_resets=0, patience=QUICK))
+    bench.machine.enable(10)
+    assert "faults are not to be reset" in fall(bench)
+    assert not any(word & 0x80 for word in bench.words)
+
+
+@pytest.mark.parametrize(
+    ("upset", "words"),
+    [
+        (lambda drive: drive.fail(), "FAULT REACTION ACTIVE"),
+        (lambda drive: drive.drop_power(), "power stage was dropped"),
+        (lambda drive: drive.restart(), "was reset or lost its logic supply"),
+        (lambda drive: drive.go("stop"), "quick stop of its own"),
+        (lambda drive: setattr(drive, "display", 8), "left CST cyclic synchronous torque for CSP"),
+        (lambda drive: setattr(drive, "remote", False), "no longer listens"),
+    ],
+)
+def test_falling_out_of_operation_is_fatal_and_never_repaired_unasked(upset, words) -> None:  # type: ignore[no-untyped-def]
+    bench = Bench(Drive())
+    bench.come_up()
+    bench.drive.mode_delay = 10**6  # a lost mode stays lost
+    upset(bench.drive)
+    word = bench.cycle()
+    assert not bench.machine.commanding
+    assert word in (0x00, 0x02)
+    assert bench.events[-1].fatal
+    assert words in bench.events[-1].text
+    ups = len(bench.drive.enabled_in)
+    for _ in range(200):
+        bench.cycle()
+    assert len(bench.drive.enabled_in) == ups
+    assert sum(event.fatal for event in bench.events) == 1
+    bench.drive.mode_delay, bench.drive.remote, bench.drive.resets_needed = 2, True, 1
+    bench.come_up()
+    assert bench.machine.failure == ""
+
+
+def test_the_fault_code_is_told_in_words() -> None:
+    machine = Machine("wrist", Habits(patience=QUICK))
+    machine.enable(10)
+    for now, status in enumerate([0x0240, 0x0231, 0x0233, 0x0237, 0x021F]):
+        machine.step(status, 10, now, error_code=0x8611 if status == 0x021F else 0)
+    (event,) = machine.take_events()
+    assert "0x8611: following error" in event.text
+    assert machine.take_events() == ()
+
+
+def test_silence_keeps_the_command_for_a_while_then_gives_up() -> None:
+    bench = Bench(Drive())
+    bench.come_up()
+    for _ in range(5):
+        assert bench.cycle(heard=False) == 0x0F
+    assert bench.machine.commanding
+    for _ in range(10):
+        bench.cycle(heard=False)
+    assert not bench.machine.commanding
+    assert bench.words[-1] == 0x00
+    assert [event.fatal for event in bench.events] == [True]
+    assert "no statusword for 11 cycles" in bench.events[0].text
+
+
+def test_a_machine_that_never_hears_anything_says_so_and_never_enables() -> None:
+    machine = Machine("wrist", Habits(patience=QUICK))
+    machine.enable(10)
+    words = {machine.step(None, None, now) for now in range(100)}
+    assert words == {0x00}
+    assert "TPDO" in machine.failure
+
+
+@pytest.mark.parametrize(
+    ("way", "word"), [(Way.COAST, 0x00), (Way.SHUTDOWN, 0x06), (Way.RAMP, 0x07)]
+)
+def test_a_stop_asked_in_silence_is_sent_in_silence(way: Way, word: int) -> None:
+    bench = Bench(Drive())
+    bench.come_up()
+    bench.machine.disable(way)
+    assert bench.cycle(heard=False) == word
+    assert not bench.machine.commanding
+
+
+def test_quick_stop_halt_and_change_of_mode_in_silence() -> None:
+    bench = Bench(Drive())
+    bench.come_up()
+    bench.machine.halt(True)
+    assert bench.cycle(heard=False) == 0x10F
+    bench.machine.enable(8)
+    assert bench.cycle(heard=False) == 0x07
+    bench = Bench(Drive())
+    bench.come_up()
+    bench.machine.quick_stop()
+    assert bench.cycle(heard=False) == 0x02
+
+
+def test_a_boot_up_message_ends_what_was_enabled() -> None:
+    bench = Bench(Drive())
+    bench.come_up()
+    bench.machine.restarted()
+    assert not bench.machine.commanding
+    bench.cycle()
+    assert "was reset while enabled" in bench.events[0].text
+    assert bench.words[-1] == 0x00
+
+
+def test_a_mode_shown_before_it_was_asked_for_confirms_nothing() -> None:
+    machine = Machine("wrist", Habits(patience=QUICK))
+    machine.step(0x0240, 10, 0)
+    machine.enable(10)
+    for now in range(1, 40):
+        word = machine.step(0x0233, None, now)
+        assert word & 0x0F != 0x0F
+    assert machine.step(0x0233, 10, 40) == 0x0F
+
+
+def test_a_drive_that_ignores_quick_stop_or_disable_is_told() -> None:
+    bench = Bench(Drive())
+    bench.come_up()
+    bench.drive.slowness = 10**6
+    bench.machine.quick_stop()
+    assert "ignores the quick stop" in fall(bench)
+    bench.until(lambda: len(bench.events) == 2)
+    assert "cut its power" in bench.events[1].text
+    assert bench.words[-1] == 0x00
+    for _ in range(300):
+        bench.cycle()
+    assert len(bench.events) == 2
+
+
+def test_warnings_are_told_once_and_are_not_fatal() -> None:
+    machine = Machine("wrist", Habits(patience=QUICK))
+    machine.enable(10)
+    for now, status in enumerate([0x0240, 0x0231, 0x0233, 0x1237, 0x12B7, 0x0AB7, 0x0AB7]):
+        machine.step(status, 10, now)
+    events = machine.take_events()
+    assert [event.fatal for event in events] == [False, False, False]
+    assert "warns" in events[0].text
+    assert "internal limit" in events[1].text
+    assert "bit 12" in events[2].text
+    assert machine.commanding
+
+
+def test_patience_scales_with_the_rate() -> None:
+    assert Patience.at_rate(1000.0) == Patience()
+    assert Patience.at_rate(500.0).transition == Patience().transition // 2
+    assert min(Patience.at_rate(1.0)) == 2
