@@ -273,8 +273,11 @@ class Machine:
             allowed = patience.stop
         elif state is State.QUICK_STOP_ACTIVE:
             allowed = patience.stop + patience.transition
-        if time > allowed or now - self._begun > patience.total:
-            return self._give_up(self._hang(min(time, now - self._begun)))
+        if time > allowed:
+            return self._give_up(self._hang(time))
+        whole = now - self._begun
+        if whole > patience.total:
+            return self._give_up(f"{self._hang(time)} (after {whole} cycles in all)")
         if state is State.SWITCH_ON_DISABLED:
             return self._urge(s.SHUTDOWN, s.DISABLE_VOLTAGE, time)
         if state is State.READY:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tautwave_drivers.cia402.machine import Machine
+from tautwave_drivers.cia402.states import State
 from tautwave_drivers.cia402.terms import Habits, Patience, Way
 from tests.drivers.cia402.bench import QUICK, Bench
 from tests.drivers.cia402.reference_drive import Drive
@@ -68,7 +69,7 @@ def test_falling_out_of_operation_is_fatal_and_never_repaired_unasked(upset, wor
     upset(bench.drive)
     word = bench.cycle()
     assert not bench.machine.commanding
-    assert word in (0x00, 0x02)
+    assert word == (0x02 if bench.machine.state is State.QUICK_STOP_ACTIVE else 0x00)
     assert bench.events[-1].fatal
     assert words in bench.events[-1].text
     ups = len(bench.drive.enabled_in)
@@ -188,3 +189,63 @@ def test_patience_scales_with_the_rate() -> None:
     assert Patience.at_rate(1000.0) == Patience()
     assert Patience.at_rate(500.0).transition == Patience().transition // 2
     assert min(Patience.at_rate(1.0)) == 2
+
+
+def test_a_drive_that_starts_again_has_to_show_its_mode_again() -> None:
+    machine = Machine("wrist", Habits(patience=QUICK))
+    machine.enable(10)
+    machine.step(0x0240, 10, 0)
+    machine.step(0x0200, None, 1)
+    assert machine.step(0x0233, None, 2) == 0x07
+    assert machine.step(0x0233, 10, 3) == 0x0F
+
+
+def test_waiting_for_the_mode_takes_no_time_from_the_next_step() -> None:
+    shown_late = QUICK.mode + 20  # just inside the patience for the mode
+    bench = Bench(Drive(mode_delay=shown_late, slowness=10))
+    bench.come_up()
+    assert not bench.events
+
+
+def test_a_drive_that_falls_back_again_and_again_is_given_up_in_the_end() -> None:
+    bench = Bench(Drive())
+    bench.machine.enable(10)
+    for _ in range(QUICK.total + 10):
+        if bench.drive.state == "on":
+            bench.drive.drop_power()
+        bench.cycle()
+    assert f"for {QUICK.total + 1} cycles" not in bench.machine.failure  # the state's own time
+    assert bench.machine.failure
+    assert f"after {QUICK.total + 1} cycles in all" in bench.machine.failure
+
+
+def test_each_enable_has_its_own_fault_resets() -> None:
+    bench = Bench(Drive(state="fault", resets_needed=4))
+    bench.machine.enable(10)
+    fall(bench)
+    bench.come_up()
+    assert not bench.machine.failure
+
+
+def test_a_halt_does_not_outlive_a_new_enable() -> None:
+    bench = Bench(Drive())
+    bench.machine.halt(True)
+    bench.come_up()
+    bench.machine.halt(True)
+    bench.machine.disable()
+    bench.until(lambda: bench.machine.done)
+    bench.come_up()
+    assert bench.words[-1] == 0x0F
+
+
+def test_a_second_fault_is_reset_by_an_edge_of_its_own() -> None:
+    bench = Bench(Drive(state="fault"))
+    bench.machine.enable(10)
+    bench.until(lambda: bench.drive.state == "ready")
+    bench.drive.fail()
+    bench.drive.resets_needed = 1
+    bench.until(lambda: bench.drive.state == "fault")
+    seen = len(bench.words)
+    bench.come_up()
+    assert bench.words[seen] == 0x00
+    assert [event.text[-12:] for event in bench.events] == ["reset 1 of 3", "reset 2 of 3"]

@@ -6,7 +6,7 @@ import math
 from fractions import Fraction
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tautwave.errors import ConfigError
@@ -77,6 +77,8 @@ def test_halves_go_up_as_in_quantise(quantum: float, half: int) -> None:
 
 
 @given(st.floats(), st.floats(1e-9, 1e6), st.integers(0, INT16))
+@example(math.nan, 1e-3, 1000)
+@example(-math.inf, 1e-3, 1000)
 def test_any_float_gives_a_count_within_its_limit(value: float, quantum: float, most: int) -> None:
     for direction in (1, -1):
         scale = AxisScale(1.0, quantum, quantum, direction)
@@ -96,6 +98,18 @@ def test_a_limit_in_counts_never_exceeds_the_limit(limit: float, quantum: float)
     assert 0 <= counts <= INT16
     assert counts * quantum <= limit
     assert counts == INT16 or (counts + 1) * quantum > limit
+
+
+@given(st.integers(1, INT16 - 1), st.floats(1e-6, 1e3))
+def test_a_limit_beside_a_count_is_on_the_right_side(count: int, quantum: float) -> None:
+    at = count * quantum
+    assert limit_counts(at, quantum) == count
+    assert limit_counts(math.nextafter(at, 0.0), quantum) == count - 1
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_no_number_is_no_effort(value: float) -> None:
+    assert to_counts(value, 1e-3, INT16) == 0
 
 
 def test_no_limit_is_no_effort() -> None:

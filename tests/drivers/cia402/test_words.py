@@ -165,7 +165,9 @@ def test_a_new_set_point_is_one_edge_acknowledged(before: int, after: int, busy:
     acknowledged = busy
     bits: list[int] = []
     for cycle in range(40):
+        old = busy
         bits.append(hand_over.step(0x1000 if acknowledged else 0) >> 4 & 1)
+        assert not (old and bits[-1]), "no edge before the last set-point is acknowledged"
         if busy and cycle == before:
             acknowledged, busy = False, False
         elif bits[-1] and not busy:
