@@ -25,7 +25,8 @@ class LoopbackOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
     command_delay_s: Annotated[float, Field(ge=0.0)] = 0.0
-    """Time until a command acts [s], as the driver declares it."""
+    """Time until a command acts [s], as the driver declares it; with a divisor, at least a period
+    of the bus."""
 
 
 class LoopbackSimulator:
@@ -76,8 +77,11 @@ class LoopbackDriver:
         self._targets = list(zip(self._world.axes, servos, strict=False))
         self._enabled = False
         period = 1.0 / bus.rate_hz
-        periods = math.floor(options.command_delay_s / period + 1e-9)
-        rest = options.command_delay_s - periods * period
+        delay = options.command_delay_s
+        if bus.divisor > 1:
+            delay = max(delay, period)  # written just before the next latch, which it waits for
+        periods = math.floor(delay / period + 1e-9)
+        rest = delay - periods * period
         # Rounding leaves a rest of a whole number of periods: that is none, as in `axis`.
         self.command_delay = CommandDelay(periods, rest if rest > 1e-9 * period else 0.0)
 
@@ -132,6 +136,8 @@ def _make(options: LoopbackOptions, bus: BusSpec, clock: Clock, transport: Any) 
 def _simulate(
     options: LoopbackOptions, bus: BusSpec, physics: Sequence[Any], clock: Clock
 ) -> LoopbackSimulator:
+    if bus.divisor > 1:
+        physics = [it._replace(command_delay=max(it.command_delay, 1.0)) for it in physics]
     return LoopbackSimulator(bus.axes, physics)
 
 

@@ -32,6 +32,8 @@ class BusSpec(NamedTuple):
 
     `rate_hz` is the rig's over the bus' divisor. `allow_unwatched`: go on with a device that has
     no watchdog of its own; `configure`: write lasting settings into devices where they differ.
+    With a `divisor` above 1 `read` and `write` come in the last cycle before the next request, not
+    in that of the request: what is written acts no sooner than one bus period after the sample.
     """
 
     name: str
@@ -39,6 +41,7 @@ class BusSpec(NamedTuple):
     rate_hz: float
     allow_unwatched: bool = False
     configure: bool = False
+    divisor: int = 1
 
     @property
     def period_ns(self) -> int:
@@ -131,7 +134,7 @@ class Driver(Protocol):
     """
 
     command_delay: CommandDelay
-    """Time until a written command acts."""
+    """Time from a sample until the command that answers it acts, in periods of the bus."""
 
     def open(self) -> None:
         """Torque off; verify identity, limits and watchdog. Blocks, by the clock only."""

@@ -33,7 +33,7 @@ class AxisCommand(NamedTuple):
 
 
 class CommandDelay(NamedTuple):
-    """Time until a written command acts: whole loop periods and a remainder [s] below one."""
+    """Time until a written command acts: whole bus periods and a remainder [s] below one."""
 
     periods: int
     remainder_s: float

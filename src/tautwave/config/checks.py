@@ -54,11 +54,26 @@ def _check_buses(document: Document, parts: Parts) -> None:
     for name, bus in parts.buses.items():
         if whole and name not in used:
             document.report(("buses", name), "no axis uses this bus; remove it")
-        if bus is not None and bus.divisor != 1:
-            document.report(
-                ("buses", name, "divisor"),
-                f"only 1 is supported so far: every bus is served every cycle (got {bus.divisor})",
-            )
+        if bus is not None and bus.divisor > 1:
+            _check_divisor(document, parts, name, bus.divisor)
+
+
+def _check_divisor(document: Document, parts: Parts, name: str, divisor: int) -> None:
+    path = ("buses", name, "divisor")
+    if parts.coupling is not None and parts.coupling.law == "position":
+        document.report(
+            path,
+            "law position needs both sides at one rate; use law wave, or leave this out and lower "
+            f"rate_hz (got {divisor})",
+        )
+    rate = parts.rate_hz
+    if rate is not None and divisor * round(1e9 / rate) != round(1e9 * divisor / rate):
+        # The loop's grid and the bus' would drift apart.
+        document.report(
+            path,
+            f"rate_hz: {rate!r} has no period in whole ns, so {divisor} of them are not one period "
+            "of the bus; use a rounder rate",
+        )
 
 
 def _check_ids(document: Document, parts: Parts) -> None:

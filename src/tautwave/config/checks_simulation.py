@@ -118,12 +118,14 @@ def _check_reference(document: Document, parts: Parts, path: KeyPath, reference:
                     f"times should rise: {times[index]:g} s comes after {times[index - 1]:g} s",
                 )
     elif isinstance(reference, Multisine) and parts.rate_hz is not None:
+        axis = parts.axis("master", str(path[2]))
+        bus = None if axis is None else parts.buses.get(axis.bus)
+        rate = parts.rate_hz / (1 if bus is None else bus.divisor)
         for index, (frequency, _, _) in enumerate(reference.components):
-            if frequency >= parts.rate_hz / 2.0:
+            if frequency >= rate / 2.0:
                 document.report(
                     (*path, "components", index),
-                    f"should be below half the rate, {parts.rate_hz / 2.0:g} Hz "
-                    f"(got {frequency:g})",
+                    f"should be below half the rate, {rate / 2.0:g} Hz (got {frequency:g})",
                 )
     elif isinstance(reference, Recording):
         check_recording(document, path, reference)

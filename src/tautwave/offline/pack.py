@@ -84,6 +84,12 @@ def pack_rig(rig: Rig, duration_s: float | None = None) -> Job:
         raise ConfigError(
             f"{rig.name}: there is nothing to simulate; add a simulation block to the rig file"
         )
+    slow = [name for name, bus in rig.buses.items() if bus.divisor > 1]
+    if slow:
+        raise ConfigError(
+            f"buses.{slow[0]}.divisor: the compiled simulation serves every bus every cycle; use "
+            "`tautwave run --clock fake`"
+        )
     cycles = max(round((rig.duration_s if duration_s is None else duration_s) * rig.rate_hz), 1)
     # One cycle's worth of the live rig: the drivers know their delays, the sources their columns.
     assembly = build_rig(rig, clock="fake", duration_s=rig.period_s)

@@ -35,6 +35,7 @@ _ELEMENT = {
     "port": INK,
     "line": LINE,
     "filter": FILTER,
+    "converter": FILTER,
     "wall": WALL,
     "damper": DAMPER,
     "coupler": LINE,

@@ -25,6 +25,7 @@ ELEMENT = {
     "port": "wave port, with its energy account",
     "line": "delay line",
     "filter": "wave filter",
+    "converter": "between the line's rate and a slower bus'",
     "wall": "local virtual wall",
     "damper": "matched termination",
     "coupler": "spring and damper between the devices",

@@ -90,7 +90,8 @@ def build_rig(
         for name in names:
             sites[name] = make_site(rig, name, driver.command_delay)
         order.extend(names)
-        buses.append(LoopBus(bus_name, driver, [sites[name] for name in names], names))
+        of_axes = [sites[name] for name in names]
+        buses.append(LoopBus(bus_name, driver, of_axes, names, bus.divisor))
     pairs = [make_loop_pair(rig, name, sites, order) for name in rig.coupling.pairs]
     rows: list[RowSource] = [PairRow(at.pair) for at in pairs]
     rows.extend(sources)

@@ -15,6 +15,7 @@ from tautwave.laws.wave import filter_gain
 from tautwave.link.memory import DelayLine
 from tautwave.runtime.loop import LoopPair
 from tautwave.runtime.pair import Pair, PairScale, PositionPair, WaveFilter, WavePair
+from tautwave.runtime.rates import MultiratePair, RateConverter
 from tautwave.runtime.site import SiteAxis
 from tautwave.types import CommandDelay
 
@@ -36,7 +37,8 @@ def device_impedance(keys: PairKeys, side: str, value: float) -> float:
 
 def velocity_gain(rig: Rig, axis: Axis) -> float:
     """Return the gain of the velocity tracker: 1 without a filter."""
-    return rig.period_s / (rig.period_s + axis.velocity_filter_s)
+    period = rig.period_s * rig.buses[axis.bus].divisor
+    return period / (period + axis.velocity_filter_s)
 
 
 def wall_params(keys: Wall | None) -> WallParams:
@@ -54,7 +56,7 @@ def limit_params(rig: Rig, axis: Axis) -> LimitParams:
     low, high = (-math.inf, math.inf) if axis.position_range is None else axis.position_range
     step = math.inf
     if axis.effort_rate_limit is not None:
-        step = axis.effort_rate_limit * rig.period_s
+        step = axis.effort_rate_limit * rig.period_s * rig.buses[axis.bus].divisor
     return LimitParams(
         effort=axis.effort_limit,
         effort_step=step,
@@ -72,7 +74,7 @@ def site_params(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteParams:
     side, name = axis_name.split(".")
     axis = rig.axes[axis_name]
     keys = rig.coupling.pairs[name]
-    period = rig.period_s
+    period = rig.axis_period_s(axis_name)
     gain = velocity_gain(rig, axis)
     impedance = device_impedance(keys, side, keys.wave_impedance or 1.0)
     allowance = sensor_allowance(period, impedance, gain, axis.encoder_quantum, axis.position_noise)
@@ -113,7 +115,7 @@ def make_site(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteAxis:
         wave_gain=wave_gain(pair_scale(rig.coupling.pairs[name]), side),
         coupled_by_wave=rig.coupling.law == "wave",
         impedance=rig.axes[axis_name].causality == "impedance",
-        late_share=delay.remainder_s / rig.period_s,
+        late_share=delay.remainder_s / rig.axis_period_s(axis_name),
     )
 
 
@@ -128,7 +130,11 @@ def make_pair(rig: Rig, name: str, master: SiteAxis, slave: SiteAxis) -> Pair:
     if rig.coupling.wave_filter_hz is not None:
         gain = filter_gain(rig.coupling.wave_filter_hz, rig.period_s)
         filters = (WaveFilter(gain, rig.period_s), WaveFilter(gain, rig.period_s))
-    return WavePair(name, master, slave, scale, line, filters)
+    divisors = [rig.axis_divisor(f"{side}.{name}") for side in ("master", "slave")]
+    if max(divisors) == 1:
+        return WavePair(name, master, slave, scale, line, filters)
+    one, two = (RateConverter(n, rig.period_s) if n > 1 else None for n in divisors)
+    return MultiratePair(name, master, slave, scale, line, filters, (one, two))
 
 
 def make_loop_pair(rig: Rig, name: str, sites: dict[str, SiteAxis], order: list[str]) -> LoopPair:

@@ -25,9 +25,11 @@ def true_delay_s(rig: Rig, axis_name: str, declared: CommandDelay) -> float:
     makes `declared` true by itself, and the truth says what the drive adds.
     """
     truth = simulation_of(rig, axis_name).command_delay_s
+    period = rig.axis_period_s(axis_name)
     if "command_delay_s" in rig.buses[rig.axes[axis_name].bus].options:
-        return truth
-    return truth + declared.periods * rig.period_s + declared.remainder_s
+        # With a divisor a command waits for the next exchange, whatever the drive does then.
+        return max(truth, period) if rig.axis_divisor(axis_name) > 1 else truth
+    return truth + declared.periods * period + declared.remainder_s
 
 
 def simulated_axes(rig: Rig) -> Sequence[str]:
@@ -41,6 +43,8 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
     side, name = axis_name.split(".")
     axis = rig.axes[axis_name]
     truth = simulation_of(rig, axis_name)
+    divisor = rig.axis_divisor(axis_name)
+    period = rig.axis_period_s(axis_name)
     hand = rig.simulation.hand.get(name) if side == "master" else None
     environment = rig.simulation.environment.get(name) if side == "slave" else None
     mass, grip_stiffness, grip_damping = 0.0, 0.0, 0.0
@@ -53,7 +57,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         folder = Path() if rig.source is None else rig.source.parent
         # Packed: an hour at 1 kHz is 29 MB, a list of floats would be 115 MB.
         positions = reference_positions(
-            hand.reference.model_dump(), rig.rate_hz, cycles + 1, folder
+            hand.reference.model_dump(), rig.rate_hz / divisor, cycles // divisor + 1, folder
         )
         reference = array("d", positions.tobytes())
     spring = environment if isinstance(environment, Spring) else None
@@ -73,7 +77,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
     )
     foam = None
     if isinstance(environment, Foam):
-        foam = foam_params(rig, environment, plant, truth.effort_limit)
+        foam = foam_params(period, environment, plant, truth.effort_limit)
     servo = None
     if axis.causality == "admittance":
         servo = ServoParams(
@@ -89,7 +93,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
             wall_side=plant.wall_side,
         )
     return AxisModel(
-        period=rig.period_s,
+        period=period,
         plant=plant,
         foam=foam,
         servo=servo,
@@ -100,14 +104,14 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         effort_quantum=truth.effort_quantum,
         velocity_quantum=truth.velocity_quantum,
         effort_limit=truth.effort_limit,
-        command_delay=truth.command_delay_s / rig.period_s,
+        command_delay=truth.command_delay_s / period,
         missing_probability=rig.simulation.faults.missing_probability,
         # By name, not by place: another axis in the rig shifts no stream.
         seed=(rig.seed % SEED_WORD, zlib.crc32(axis_name.encode())),
     )
 
 
-def foam_params(rig: Rig, keys: Foam, plant: PlantParams, effort: float) -> FoamParams:
+def foam_params(period: float, keys: Foam, plant: PlantParams, effort: float) -> FoamParams:
     """Return a foam with as many sub-steps as its stiffness needs at this rate.
 
     The greatest speed expected is what the effort limit reaches over a tenth of a second.
@@ -115,4 +119,4 @@ def foam_params(rig: Rig, keys: Foam, plant: PlantParams, effort: float) -> Foam
     side = 1.0 if keys.side == "above" else -1.0
     foam = FoamParams(keys.stiffness, keys.exponent, keys.loss, keys.position, side, 1)
     speed = 0.1 * effort / plant.mass
-    return foam._replace(substeps=foam_substeps(plant, foam, speed, effort, rig.period_s))
+    return foam._replace(substeps=foam_substeps(plant, foam, speed, effort, period))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from tautwave.contracts import Row
 from tautwave.runtime.pair import Pair, PositionPair, WavePair
+from tautwave.runtime.rates import MultiratePair, RateConverter
 from tautwave.runtime.site import SiteAxis
 
 
@@ -106,7 +107,7 @@ class PairRow:
                 )
 
     def _fill_waves(self, pair: WavePair, row: Row, at: int) -> int:
-        """Write ports, series dampers, filters and line."""
+        """Write ports, series dampers, converters, filters and line."""
         for site, share in self._sides:
             waiting = site.waiting_energy()
             at = fill_element(
@@ -118,6 +119,8 @@ class PairRow:
             )
             if site.has_damper:
                 at = fill_element(row, at, share * site.burnt, 0.0, share * site.burnt)
+        for _, converter in converters_of(pair):
+            at = fill_element(row, at, converter.absorbed, converter.stored, converter.dissipated)
         if pair.filters is not None:
             for wave_filter in pair.filters:
                 at = fill_element(
@@ -136,6 +139,7 @@ def elements_of(pair: Pair) -> list[str]:
             names.append(f"port_{side}")
             if site.has_damper:
                 names.append(f"damper_{side}")
+        names += [f"converter_{side}" for side, _ in converters_of(pair)]
         if pair.filters is not None:
             names += ["filter_master", "filter_slave"]
         if pair.line is not None:
@@ -146,3 +150,11 @@ def elements_of(pair: Pair) -> list[str]:
         if site.has_wall:
             names.append(f"wall_{side}")
     return names
+
+
+def converters_of(pair: WavePair) -> list[tuple[str, RateConverter]]:
+    """Return the rate converters of a pair, each with its side; none at the line's own rate."""
+    if not isinstance(pair, MultiratePair):
+        return []
+    sides = zip(("master", "slave"), pair.converters, strict=True)
+    return [(side, converter) for side, converter in sides if converter is not None]

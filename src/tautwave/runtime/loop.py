@@ -167,13 +167,19 @@ class Loop:
         )
 
     def _enable(self) -> None:
-        """Step every bus' enabling, one step a period, until all are on."""
+        """Step every bus' enabling, one step a period of the bus, until all are on."""
         period = self._settings.period_ns
+        on = [False] * len(self._buses)
+        step = 0
         deadline = self._clock.now_ns()
         limit = deadline + int(ENABLE_TIMEOUT_S * 1e9)
         while True:
             # Those that are on already are stepped too: their drives watch for silence.
-            waiting = [bus for bus in self._buses if not bus.driver.enable_step()]
+            for number, bus in enumerate(self._buses):
+                if step % bus.divisor == 0:
+                    on[number] = bus.driver.enable_step()
+            step += 1
+            waiting = [bus for bus, done in zip(self._buses, on, strict=True) if not done]
             if not waiting:
                 return
             if self._stop_asked:
@@ -229,7 +235,7 @@ class Loop:
 
     def _cycle(self, slot: int, skipped: int, late_ns: int, deadline_ns: int) -> None:
         """One cycle: sense, close and think, act, record."""
-        error = self._sensing.sense(deadline_ns)
+        error = self._sensing.sense(slot, deadline_ns)
         if error is not None and self._error is None:
             self._begin_stop(slot, error)
         if self._armed_at < 0:
@@ -245,7 +251,8 @@ class Loop:
             if guard and self._error is None:
                 self._stop_on_guard(slot)
         for bus in self._buses:
-            bus.driver.write([site.axis_command() for site in bus.sites])
+            if bus.due(slot):
+                bus.driver.write([site.axis_command() for site in bus.sites])
         sink = self._sink
         row = sink.row
         row[0] = slot * self._settings.period_ns * 1e-9
@@ -285,6 +292,7 @@ class Loop:
             self._armed_at = slot
             ramp = self._ramp(slot)
             for at in self._pairs:
+                at.pair.slot = slot
                 at.pair.engage(ramp)
         elif slot * self._settings.period_ns > ARM_TIMEOUT_S * 1e9:
             raise SafetyStop(

@@ -63,6 +63,7 @@ class Pair(ABC):
         self._sign = scale.sign
         self._force_scale = scale.force_scale
         self.guard = 0
+        self.slot = 0  # of the loop, at engagement; kept up by pairs with a slow side
 
     def mismatch(self, master_position: float, slave_position: float, offset: float) -> float:
         """Return how far the slave is from where `offset` wants it [slave's rad or m]."""

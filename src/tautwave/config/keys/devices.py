@@ -17,8 +17,10 @@ class Bus(Block):
     options: dict[str, Any] = Field(
         default_factory=dict, description="The driver's own options, checked by the driver."
     )
-    divisor: Annotated[int, Field(ge=1)] = Field(
-        default=1, description="The bus is served every n-th cycle; only 1 so far."
+    divisor: Annotated[int, Field(ge=1, le=50)] = Field(
+        default=1,
+        description="The bus is served every n-th cycle, 1 to 50; its axes are controlled at that "
+        "slower rate, and waves are converted between the two.",
     )
 
 

@@ -71,6 +71,14 @@ class Rig(Block):
         """[ns] One cycle, rounded."""
         return round(1e9 / self.rate_hz)
 
+    def axis_divisor(self, axis_name: str) -> int:
+        """Cycles between two exchanges with an axis: its bus' divisor."""
+        return self.buses[self.axes[axis_name].bus].divisor
+
+    def axis_period_s(self, axis_name: str) -> float:
+        """[s] Between two exchanges with an axis; `period_s` on a bus served every cycle."""
+        return self.period_s * self.axis_divisor(axis_name)
+
     @property
     def cycles(self) -> int:
         """Cycles of a whole run."""
@@ -145,7 +153,8 @@ def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
 def bus_spec(rig: Rig, bus_name: str) -> BusSpec:
     """Return what the driver of a bus has to know of it; the master's axes come first."""
     axes = tuple(_axis_spec(name, axis) for name, axis in rig.axes.items() if axis.bus == bus_name)
-    return BusSpec(bus_name, axes, rig.rate_hz / rig.buses[bus_name].divisor)
+    divisor = rig.buses[bus_name].divisor
+    return BusSpec(bus_name, axes, rig.rate_hz / divisor, divisor=divisor)
 
 
 def _axis_spec(name: str, axis: Axis) -> AxisSpec:
