@@ -39,7 +39,8 @@ class Machine:
     failure : str
         Why the goal was given up, else ''. The machine then disables; `enable` starts again.
     mode_wanted : int
-        What 6060h has to hold while the goal is to enable; 0 before.
+        What 6060h has to hold now, 0 for leaving it alone. It follows `enable` only once the drive
+        is without torque: nobody changes the mode of an enabled drive.
     state, controlword
         Last state seen, last word returned.
     """
@@ -49,6 +50,10 @@ class Machine:
         self.habits = habits
         self.goal = Goal.DISABLE
         self.mode_wanted = 0
+        self._mode = 0
+        self._enabling_sent = _NEVER
+        self._paused = _NEVER
+        self._urged: dict[State, int] = {}
         self.commanding = False
         self.done = False
         self.failure = ""
@@ -72,10 +77,10 @@ class Machine:
 
     def enable(self, mode: int) -> None:
         """Work towards OPERATION ENABLED in `mode`; a drive in another mode is disabled first."""
-        if self.goal is Goal.ENABLE and self.mode_wanted == mode:
+        if self.goal is Goal.ENABLE and self._mode == mode:
             return
         self._aim(Goal.ENABLE)
-        self.mode_wanted = int(mode)
+        self._mode = int(mode)
         self._halt = False
         self.failure = ""
         self._resets = 0
@@ -140,10 +145,8 @@ class Machine:
         int
             6040h, to be sent together with safe targets unless `commanding`.
         """
-        if self._begun == _NEVER:
-            self._begun = now_cycle
-        if self._heard == _NEVER:
-            self._heard = now_cycle
+        self._begun = now_cycle if self._begun == _NEVER else self._begun
+        self._heard = now_cycle if self._heard == _NEVER else self._heard
         if statusword is None:
             return self._be_silent(now_cycle)
         self._heard = now_cycle
@@ -157,14 +160,18 @@ class Machine:
             self._display = mode_display
         if self._enabled:
             self._watch(state, statusword, now_cycle)
+        if self.mode_wanted != self._mode:
+            self._choose_mode(state, now_cycle)
         self._statusword = statusword
         word = self._word(state, now_cycle)
         self._armed = word == s.ENABLE_OPERATION
-        confirmed = self._armed and state is State.OPERATION_ENABLED
+        if self._armed:
+            self._enabling_sent = now_cycle
+        confirmed = self._armed and self.done and state is State.OPERATION_ENABLED
         self._enabled = confirmed
         self.commanding = confirmed and not self._halt
         if self.commanding:
-            word |= mode_bits & control_mask(self.mode_wanted)
+            word |= mode_bits & control_mask(self._mode)
         elif confirmed:
             word |= s.HALT
         self.controlword = word
@@ -177,6 +184,7 @@ class Machine:
         self._enabled = False
         self._armed = False
         self._given_up = False
+        self._urged.clear()
         self._begun = _NEVER
         self._heard = _NEVER
         self._entered = _NEVER  # the time in this state counts from the new goal on
@@ -188,6 +196,18 @@ class Machine:
         self._reset_since = now
         if state is State.NOT_READY:
             self._display = None  # a drive that starts has forgotten its mode
+
+    def _choose_mode(self, state: State, now: int) -> None:
+        """Ask for the goal's mode as soon as the drive surely has no torque; keep its own before.
+
+        A drive may be enabled for some cycles before its statusword says so.
+        """
+        sent = self._enabling_sent
+        under_way = sent != _NEVER and now - sent <= 2 * self.habits.patience.edge
+        if state not in s.TORQUE_STATES and not under_way:
+            self.mode_wanted = self._mode
+        elif self.mode_wanted == 0 and self._display is not None:
+            self.mode_wanted = self._display
 
     def _tell(self, text: str, *, fatal: bool) -> None:
         self._events.append(Event(text, fatal))
@@ -231,8 +251,8 @@ class Machine:
             self._give_up(text, Goal.QUICK_STOP if stopping else Goal.DISABLE)
             self._enter(state, now)
             return
-        if self._display != self.mode_wanted:
-            self._give_up(mode_lost_text(self.name, self.mode_wanted, self._display))
+        if self._display != self._mode:
+            self._give_up(mode_lost_text(self.name, self._mode, self._display))
             self._enter(state, now)
             return
         risen = statusword & ~self._statusword
@@ -244,7 +264,7 @@ class Machine:
             self._tell(f"{self.name} warns: {s.status_words(statusword)}", fatal=False)
         if risen & s.INTERNAL_LIMIT:
             self._tell(f"{self.name}: an internal limit is active (bit 11)", fatal=False)
-        if fallen & s.MODE_BIT_12 and self.mode_wanted in CYCLIC_MODES:
+        if fallen & s.MODE_BIT_12 and self._mode in CYCLIC_MODES:
             self._tell(f"{self.name} no longer follows the command (bit 12)", fatal=False)
 
     def _word(self, state: State, now: int) -> int:
@@ -256,9 +276,11 @@ class Machine:
 
     def _enabling(self, state: State, now: int) -> int:
         patience = self.habits.patience
-        confirmed = self._display == self.mode_wanted
+        confirmed = self._display == self._mode == self.mode_wanted
         if state is State.OPERATION_ENABLED and self._armed and confirmed:
-            self.done = True
+            # A pause still on its way to the drive would look like a fall: it has to be over.
+            quiet = 2 * patience.edge
+            self.done = self._paused == _NEVER or now - self._paused > quiet
             return s.ENABLE_OPERATION
         self.done = False
         if state is State.FAULT:
@@ -279,24 +301,33 @@ class Machine:
         if whole > patience.total:
             return self._give_up(f"{self._hang(time)} (after {whole} cycles in all)")
         if state is State.SWITCH_ON_DISABLED:
-            return self._urge(s.SHUTDOWN, s.DISABLE_VOLTAGE, time)
+            return self._urge(s.SHUTDOWN, s.DISABLE_VOLTAGE, time, now)
         if state is State.READY:
-            return self._urge(s.SWITCH_ON, s.SHUTDOWN, time)
+            return self._urge(s.SWITCH_ON, s.SHUTDOWN, time, now)
         if state is State.SWITCHED_ON:
             if not confirmed:
                 return s.SWITCH_ON
-            return self._urge(s.ENABLE_OPERATION, s.SWITCH_ON, time)
+            return self._urge(s.ENABLE_OPERATION, s.SWITCH_ON, time, now)
         if state is State.OPERATION_ENABLED:
-            return self._urge(s.DISABLE_OPERATION, s.SHUTDOWN, time)
+            return self._urge(s.DISABLE_OPERATION, s.SHUTDOWN, time, now)
         if state is State.QUICK_STOP_ACTIVE:
             return self._leaving_quick_stop(time, confirmed)
         return s.DISABLE_VOLTAGE
 
-    def _urge(self, command: int, pause: int, time: int) -> int:
-        """Return `command`, once interrupted by `pause` for drives that need to see it change."""
+    def _urge(self, command: int, pause: int, time: int, now: int) -> int:
+        """Return `command`, interrupted by `pause` for drives that need to see it change.
+
+        Once for a state and a goal, else a slow drive would be called back each time.
+        """
         patience = self.habits.patience
-        begin = patience.transition // 4
-        return pause if begin <= time < begin + patience.edge else command
+        begun = self._urged.get(self.state, now)
+        if time < patience.transition // 4 and begun == now:
+            return command
+        self._urged[self.state] = begun
+        if now - begun >= patience.edge:
+            return command
+        self._paused = now
+        return pause
 
     def _leaving_quick_stop(self, time: int, confirmed: bool) -> int:
         """Leave QUICK STOP ACTIVE the way 605Ah wants; `confirmed` allows transition 16."""
@@ -363,7 +394,7 @@ class Machine:
             self._statusword,
             self.controlword,
             cycles,
-            mode=self.mode_wanted,
+            mode=self._mode,
             display=self._display,
             error_code=self._error_code,
         )

@@ -48,6 +48,7 @@ class Bench:
         if not machine.commanding:
             assert word & 0x70 == 0, "bits of the mode belong to a commanding machine"
         drive.cycle(word, machine.mode_wanted)
+        assert not drive.changed_with_torque, "mode changed while the drive had torque"
         return word
 
     def until(self, met: Callable[[], bool], most: int = 2000) -> int:

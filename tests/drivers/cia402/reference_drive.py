@@ -62,6 +62,7 @@ class Drive:
     remote: bool = True
     taken: set[int] = field(default_factory=set)
     enabled_in: list[int] = field(default_factory=list)
+    changed_with_torque: list[int] = field(default_factory=list)
     _time: int = 0
     _last: int = 0xFFFF
     _wish: str = ""
@@ -116,6 +117,8 @@ class Drive:
     def _take_mode(self, mode: int) -> None:
         self._mode_age = self._mode_age + 1 if mode != self.display else 0
         if self._mode_age > self.mode_delay and mode and not self.refuses_mode:
+            if mode != self.display and self.state in ("enabled", "stop"):
+                self.changed_with_torque.append(mode)
             self.display = mode
 
     def _follow(self, word: int, *, changed: bool) -> None:

@@ -5,9 +5,12 @@ What may never happen is asserted in `Bench.cycle`, at every cycle of every case
 
 from __future__ import annotations
 
+from collections import deque
+
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tautwave_drivers.cia402.machine import Machine
 from tautwave_drivers.cia402.states import State
 from tautwave_drivers.cia402.terms import Habits, Way
 from tests.drivers.cia402.bench import QUICK, Bench
@@ -144,3 +147,48 @@ def test_several_drives_come_up_together_without_waiting_for_each_other() -> Non
             bench.cycle()
         cycles += 1
     assert cycles == max(alone)
+
+
+@given(
+    drive=DRIVES,
+    there=st.integers(0, 2),
+    back=st.integers(0, 2),
+    goals=st.lists(
+        st.tuples(st.sampled_from([8, 9, 10, "off", "stop"]), st.integers(0, 70)), max_size=6
+    ),
+)
+def test_frames_on_their_way_change_nothing_about_it(
+    drive: Drive, there: int, back: int, goals: list[tuple[int | str, int]]
+) -> None:
+    """Words reach the drive `there` cycles late, its answers come `back` cycles late."""
+    machine = Machine("axis", Habits(drive.option, resume=True, patience=QUICK))
+    out = deque([(0, 0)] * there)
+    home = deque([(drive.statusword, drive.display)] * back)
+    now = 0
+
+    def run(cycles: int) -> None:
+        nonlocal now
+        for _ in range(cycles):
+            home.append((drive.statusword, drive.display))
+            out.append((machine.step(*home.popleft(), now), machine.mode_wanted))
+            drive.cycle(*out.popleft())
+            now += 1
+            assert not drive.changed_with_torque
+
+    for goal, cycles in goals:
+        if goal == "off":
+            machine.disable(Way.RAMP)
+        elif goal == "stop":
+            machine.quick_stop()
+        else:
+            machine.enable(int(goal))
+        run(cycles)
+    machine.disable()
+    run(150)
+    begun = len(drive.enabled_in)
+    drive.resets_needed = 1
+    machine.enable(10)
+    run(600)
+    assert machine.commanding, machine.failure
+    assert set(drive.enabled_in[begun:]) == {10}
+    assert not machine.failure

@@ -162,3 +162,27 @@ def test_words_of_commands() -> None:
     assert command_words(0x0002) == "0x0002 (quick stop)"
     assert command_words(0x0080) == "0x0080 (fault reset)"
     assert command_words(0x0000) == "0x0000 (disable voltage)"
+
+
+def test_python_canopen_knows_the_same_states_and_transitions() -> None:
+    their = pytest.importorskip("canopen.profiles.p402").State402
+    for word in range(0x10000):
+        named = [name for name, (mask, value) in their.SW_MASK.items() if word & mask == value]
+        state = decode(word)
+        assert named == ([] if state is State.UNKNOWN else [state.value])
+    for entry in TRANSITIONS:
+        if entry.source is not None:
+            command = their.TRANSITIONTABLE[entry.source.value, entry.target.value]
+            assert (entry.command or 0) == command
+
+
+def test_a_mode_is_not_changed_while_an_enabling_word_may_be_under_way() -> None:
+    bench = Bench(Drive())
+    bench.machine.enable(Mode.CST)
+    bench.until(lambda: bench.words[-1:] == [0x0F])
+    bench.machine.enable(Mode.CSP)  # the last statusword still says SWITCHED ON
+    for now in range(bench.now, bench.now + 2 * QUICK.edge):
+        assert bench.machine.step(0x0233, Mode.CST, now) == 0x07
+        assert bench.machine.mode_wanted == Mode.CST
+    bench.machine.step(0x0233, Mode.CST, bench.now + 2 * QUICK.edge)
+    assert bench.machine.mode_wanted == Mode.CSP
