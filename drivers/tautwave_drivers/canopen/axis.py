@@ -1,0 +1,268 @@
+"""One drive inside the cycle: its PDOs as bytes, its state machine, and what it last told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from tautwave.contracts import AxisSpec
+from tautwave.types import AxisCommand, Fault, JointState
+from tautwave_drivers.canopen.mapping import RPDO_BASE, TPDO_BASE, mapping_of
+from tautwave_drivers.canopen.options import CanopenOptions, Node, limit_permille, scale
+from tautwave_drivers.cia402 import objects as o
+from tautwave_drivers.cia402.machine import Habits, Machine, Patience
+from tautwave_drivers.cia402.modes import Mode
+from tautwave_drivers.cia402.units import INT16, INT32
+
+_floor = math.floor
+
+
+class Answer(NamedTuple):
+    """How soon a drive answers SYNC [ns]: nothing comes before `floor`, little after `ceiling`."""
+
+    floor_ns: int = 0
+    ceiling_ns: int = 1 << 62
+
+
+class Axis:
+    """One drive of the bus.
+
+    Attributes
+    ----------
+    values : list of int
+        What the next RPDO holds; the controlword is at 0, the target at 1.
+    fresh : bool
+        A TPDO that answers the last SYNC has come.
+    outstanding : int
+        SYNCs sent and not answered.
+    heard_ns : int
+        When its last heartbeat came.
+    late, short, lost : int
+        TPDOs that answered an older SYNC, had too few bytes, or did not come.
+    """
+
+    def __init__(self, spec: AxisSpec, node: Node, options: CanopenOptions, rate_hz: float) -> None:
+        self.spec = spec
+        self.node = node
+        self.label = f"{spec.name} (node {node.id})"
+        self.scale = scale(node, spec)
+        self.mapping = mapping_of(spec.causality, node.mapping)
+        self.servo = spec.causality == "admittance"
+        self.mode = Mode.CSV if self.servo else Mode.CST
+        self.rate_hz = rate_hz
+        self.fault_resets = options.fault_resets
+        self.machine = self.new_machine(None)
+        self.rpdo_id = RPDO_BASE[0] + node.id
+        self.tpdo_id = TPDO_BASE[0] + node.id
+        rpdo, tpdo = self.mapping
+        self.values = [0] * len(rpdo.entries)
+        self.pack: Callable[..., bytes] = rpdo.codec.pack
+        self._unpack = tpdo.codec.unpack_from
+        self._size = tpdo.size
+        self._mode_at = rpdo.at(o.MODE)
+        self._display_at = tpdo.at(o.MODE_DISPLAY)
+        self._torque_at = tpdo.at(o.TORQUE)
+        self.polls_mode = self._display_at < 0
+        sign = node.direction
+        self._position_step = sign * self.scale.encoder_quantum
+        # 6077h is the motor's torque; what the outside applies to the device is its reaction.
+        self._effort_step = -sign * self.scale.effort_quantum
+        self._sign = sign
+        self._quantum = self.scale.velocity_quantum if self.servo else self.scale.effort_quantum
+        self._most = INT32 if self.servo else min(INT16, limit_permille(node, spec))
+        self.answer = Answer()
+        self.errors: list[Fault] = []
+        self.reset()
+
+    def new_machine(self, quick_stop_option: int | None) -> Machine:
+        """Return a state machine at rest for this drive."""
+        habits = Habits(
+            quick_stop_option=quick_stop_option,
+            fault_resets=self.fault_resets,
+            patience=Patience.at_rate(self.rate_hz),
+        )
+        return Machine(self.label, habits)
+
+    def reset(self) -> None:
+        """Forget everything heard so far."""
+        self.values[:] = [0] * len(self.values)
+        self.told: tuple[int, ...] = ()
+        self.statusword = -1
+        self.display: int | None = None
+        self.error_code = 0
+        self.mode_bits = 0
+        self.failed = False
+        self.fresh = False
+        self.position = 0.0
+        self.effort = math.nan
+        self.sampled_ns = 0
+        self.arrived_ns = 0
+        self.outstanding = 0
+        self.heard_ns = 0
+        self.watched = False
+        self.mode_since = -1000
+        self.late = self.short = self.lost = 0
+        self._candidate: tuple[bytes, int] | None = None
+        self._steady = False
+        self.errors.clear()
+
+    # -- what came ----------------------------------------------------------------------------
+
+    def take(self, data: bytes, arrival_ns: int, sync_ns: int) -> bool:
+        """Take a TPDO; return True if the axis has become fresh by it.
+
+        A TPDO tells nothing of the SYNC it answers. One that comes sooner after the last SYNC than
+        this drive can answer is of an older one. While an older SYNC is unanswered, one that comes
+        at its usual time stands by: if another comes it was old, if none does the older is lost.
+        """
+        if len(data) < self._size:
+            self.short += 1
+            return False
+        if self.fresh:
+            self._accept(data, arrival_ns, sync_ns)  # what was taken before was an older answer
+            self.late += 1
+            return False
+        latency = arrival_ns - sync_ns
+        waiting = self.outstanding
+        if waiting > 0:
+            self.outstanding = waiting - 1
+        if latency < self.answer.floor_ns:
+            self.late += 1
+            return False
+        if waiting > 1:
+            if latency > self.answer.ceiling_ns:
+                self.late += 1
+            else:
+                self._candidate = (data, arrival_ns)
+            return False
+        self._accept(data, arrival_ns, sync_ns)
+        return True
+
+    def take_old(self, data: bytes) -> None:
+        """Take a TPDO that came after its cycle was over."""
+        if self.outstanding > 0:
+            self.outstanding -= 1
+        self.late += 1
+
+    def take_event(self, data: bytes, arrival_ns: int) -> bool:
+        """Take a TPDO where nobody sends SYNC: the newest counts; True if it is the first."""
+        if len(data) < self._size:
+            self.short += 1
+            return False
+        first = not self.fresh
+        self._accept(data, arrival_ns, arrival_ns)
+        return first
+
+    def _accept(self, data: bytes, arrival_ns: int, sampled_ns: int) -> None:
+        self.told = told = self._unpack(data)
+        self.fresh = True
+        self.sampled_ns = sampled_ns
+        self.arrived_ns = arrival_ns
+        self.position = told[1] * self._position_step
+        if self._torque_at >= 0:
+            self.effort = told[self._torque_at] * self._effort_step
+
+    # -- what follows -------------------------------------------------------------------------
+
+    def settle(self, cycle: int, sync_ns: int) -> None:
+        """Step the state machine by what this cycle brought."""
+        if not self.fresh and self._candidate is not None:
+            self._accept(*self._candidate, sync_ns)
+            self.outstanding = 0
+        self._candidate = None
+        machine = self.machine
+        if not self.fresh:
+            if self._steady:  # it was heard until the last cycle, though not stepped
+                self._step(cycle - 1)
+            self._steady = False
+            machine.step(None, None, cycle)
+            self.lost += 1
+        else:
+            told = self.told
+            word = told[0]
+            at = self._display_at
+            display = told[at] if at >= 0 else self.display
+            if word == self.statusword and display == self.display and self._steady:
+                return  # nothing has changed: neither does the controlword
+            self.statusword = word
+            self.display = display
+            self._step(cycle)
+            self._steady = machine.commanding and machine.done and not self.mode_bits
+        values = self.values
+        values[0] = machine.controlword
+        if self._mode_at >= 0:
+            values[self._mode_at] = machine.mode_wanted
+        if not machine.commanding:
+            values[1] = 0
+        self._collect_events()
+
+    def _step(self, cycle: int) -> None:
+        display = self.display if self._mode_known(cycle) else None
+        self.machine.step(self.statusword, display, cycle, self.mode_bits, self.error_code)
+
+    def _mode_known(self, cycle: int) -> bool:
+        """6061h says something only after 6060h has had time to arrive."""
+        return cycle >= self.mode_since + 2
+
+    def aim(self, mode: int, cycle: int) -> None:
+        """Work towards OPERATION ENABLED in `mode`."""
+        if self.machine.mode_wanted != mode:
+            self.mode_since = cycle
+            if self.polls_mode:
+                self.display = None
+        self.machine.enable(mode)
+        self._steady = False
+
+    def shake(self) -> None:
+        """Have the state machine look again in the next cycle, whatever it is told."""
+        self._steady = False
+
+    def _collect_events(self) -> None:
+        for event in self.machine.take_events():
+            self.errors.append(Fault(self.spec.name, event.text, event.fatal))
+
+    def fail(self, text: str, stop: str) -> None:
+        """Stop this axis: zero in the next RPDO, and out of OPERATION ENABLED."""
+        if not self.failed:
+            self.failed = True
+            self.errors.append(Fault(self.spec.name, f"{self.label}: {text}", True))
+        self.rest(stop)
+
+    def rest(self, stop: str) -> None:
+        """Have the drive stop as the rig says; commands are zero from now on."""
+        if stop == "quick_stop" and self.machine.commanding:
+            self.machine.quick_stop()
+            self.values[0] = 0x02
+        else:
+            self.machine.disable()
+            self.values[0] = 0
+        self.values[1] = 0
+        self._steady = False
+
+    def set_target(self, command: AxisCommand) -> None:
+        """Put a command into the next RPDO; zero unless the drive is ours to command."""
+        if not self.machine.commanding:
+            self.values[1] = 0
+            return
+        value = command.velocity if self.servo else command.effort
+        count = value / self._quantum
+        most = self._most
+        if -most <= count <= most:
+            self.values[1] = self._sign * _floor(count + 0.5)
+        elif count > most:
+            self.values[1] = self._sign * most
+        elif count < -most:
+            self.values[1] = -self._sign * most
+        else:
+            self.values[1] = 0  # not a number
+
+    def state(self, now_ns: int) -> JointState:
+        """Return what was measured in this cycle."""
+        return JointState(
+            self.position,
+            math.nan,
+            self.effort,
+            self.fresh and not self.failed,
+            now_ns - self.sampled_ns,
+        )

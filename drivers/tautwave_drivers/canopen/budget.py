@@ -1,0 +1,125 @@
+"""Bus time of one cycle, from worst-case stuffed frame lengths of the mapping in use.
+
+Sources: Davis, Burns, Bril and Lukkien, "Controller Area Network (CAN) schedulability analysis",
+Real-Time Systems 35, 2007 (classic frame with worst-case stuffing, interframe space included);
+ISO 11898-1:2015 for CAN FD: dynamic stuffing up to the data field, fixed stuff bits in the CRC.
+"""
+
+from __future__ import annotations
+
+from tautwave.contracts import Budget, BusSpec
+from tautwave_drivers.canopen.mapping import mapping_of
+from tautwave_drivers.canopen.options import CanopenOptions, nodes_of
+
+FD_SIZES = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
+
+
+def classic_bits(size: int) -> int:
+    """Return the worst-case bits of a classic frame with 11-bit id and `size` data bytes."""
+    return 47 + 8 * size + (33 + 8 * size) // 4
+
+
+def fd_bits(size: int) -> tuple[int, int]:
+    """Return the worst-case bits of an FD frame at the nominal and at the data bit rate."""
+    size = next(length for length in FD_SIZES if length >= size)
+    stuffed = (21 + 8 * size) // 4
+    # SOF, id, RRS, IDE, FDF, res, BRS: 17 bits, 4 stuffed; CRC delimiter, ACK, EOF, space: 13
+    crc = 17 if size <= 16 else 21
+    fixed = 6 if size <= 16 else 7
+    return 17 + 4 + 13, 5 + 8 * size + (stuffed - 4) + 4 + crc + fixed
+
+
+def frame_s(size: int, bitrate: int, data_bitrate: int | None = None) -> float:
+    """Return the worst-case time of a frame on the wire [s]."""
+    if data_bitrate is None:
+        return classic_bits(size) / bitrate
+    nominal, fast = fd_bits(size)
+    return nominal / bitrate + fast / data_bitrate
+
+
+def cycle_sizes(options: CanopenOptions, bus: BusSpec) -> tuple[list[int], list[int]]:
+    """Return the lengths [bytes] of all RPDOs and all TPDOs of a cycle, in axis order."""
+    maps = [
+        mapping_of(axis.causality, node.mapping)
+        for axis, node in zip(bus.axes, nodes_of(options, bus), strict=True)
+    ]
+    return [each.rpdo.size for each in maps], [each.tpdo.size for each in maps]
+
+
+def exchange_s(options: CanopenOptions, bus: BusSpec) -> float:
+    """Return the worst-case wire time of SYNC, all TPDOs and all RPDOs [s]."""
+    rates = options.bitrate, options.data_bitrate
+    rpdos, tpdos = cycle_sizes(options, bus)
+    first = frame_s(0, *rates) if options.sync else 0.0
+    return first + sum(frame_s(size, *rates) for size in (*tpdos, *rpdos))
+
+
+def budget(options: CanopenOptions, bus: BusSpec) -> Budget:
+    """Return the bus time of one cycle, the greatest rate that fits, and the arithmetic."""
+    bitrate, data = options.bitrate, options.data_bitrate
+    rpdos, tpdos = cycle_sizes(options, bus)
+    kind = "classic CAN" if data is None else f"CAN FD, data {data / 1e6:g} Mbit/s"
+    lines = [f"{kind}, {bitrate / 1e6:g} Mbit/s, 11-bit ids, worst-case stuffing"]
+    parts = [("SYNC", 0)] if options.sync else []
+    for axis, rpdo, tpdo in zip(bus.axes, rpdos, tpdos, strict=True):
+        parts += [(f"{axis.name} TPDO", tpdo), (f"{axis.name} RPDO", rpdo)]
+    for name, size in parts:
+        lines.append(f"{name}: {_arithmetic(size, bitrate, data)}")
+    exchange = exchange_s(options, bus)
+    lines.append(f"process data of one cycle: {_us(exchange)}")
+    beats = len(bus.axes) + 1
+    beat_share = beats * frame_s(1, bitrate, data) / (options.heartbeat_ms * 1e-3)
+    lines.append(
+        f"heartbeats: {beats} x {_us(frame_s(1, bitrate, data))} every "
+        f"{options.heartbeat_ms} ms = {beat_share:.2%} of the bus"
+    )
+    lines.append(f"EMCY and SDO: {options.reserve:.0%} of the bus kept free")
+    shares = beat_share + options.reserve
+    time_s = exchange + shares / bus.rate_hz
+    greatest = max(0.0, 1.0 - shares) / exchange
+    lines.append(
+        f"sum at {bus.rate_hz:g} Hz: {_us(time_s)} of {_us(1.0 / bus.rate_hz)} "
+        f"({time_s * bus.rate_hz:.0%}); greatest rate that fits: {greatest:.0f} Hz "
+        f"({1.0 / exchange:.0f} Hz by process data alone)"
+    )
+    lines.append(_advice(options, bus, shares))
+    return Budget(time_s, greatest, "\n".join(lines))
+
+
+def _arithmetic(size: int, bitrate: int, data_bitrate: int | None) -> str:
+    time = _us(frame_s(size, bitrate, data_bitrate))
+    if data_bitrate is None:
+        return (
+            f"{size} bytes: 47 + 8*{size} + floor((33 + 8*{size})/4) = "
+            f"{classic_bits(size)} bits = {time}"
+        )
+    nominal, fast = fd_bits(size)
+    return f"{size} bytes: {nominal} bits nominal + {fast} bits fast = {time}"
+
+
+def _advice(options: CanopenOptions, bus: BusSpec, shares: float) -> str:
+    """Say what would fit more axes, or a higher rate, with the numbers of each way."""
+    ways = []
+    room = max(0.0, 1.0 - shares)
+    if any(node.mapping == "full" for node in nodes_of(options, bus)):
+        nodes = tuple(node.model_copy(update={"mapping": "lean"}) for node in options.nodes)
+        lean = options.model_copy(update={"nodes": nodes})
+        ways.append(f"mapping: lean ({room / exchange_s(lean, bus):.0f} Hz)")
+    if options.bitrate < 1_000_000:
+        fast = options.model_copy(update={"bitrate": 1_000_000})
+        ways.append(f"bitrate 1000000 ({room / exchange_s(fast, bus):.0f} Hz)")
+    if len(bus.axes) > 1:
+        half = bus._replace(axes=bus.axes[: (len(bus.axes) + 1) // 2])
+        ids = {axis.device_id for axis in half.axes}
+        nodes = tuple(node for node in options.nodes if node.id in ids)
+        two = options.model_copy(update={"nodes": nodes})
+        ways.append(f"two buses ({room / exchange_s(two, half):.0f} Hz)")
+    if options.data_bitrate is None:
+        fd = options.model_copy(update={"data_bitrate": 5_000_000})
+        ways.append(f"CAN FD at 5 Mbit/s ({room / exchange_s(fd, bus):.0f} Hz), not spoken yet")
+    ways.append("a lower rate_hz")
+    return "more axes or a higher rate: " + ", ".join(ways)
+
+
+def _us(seconds: float) -> str:
+    return f"{seconds * 1e6:.5g} us"

@@ -1,0 +1,71 @@
+"""What a PDO holds, as data, and its bytes by one precompiled `struct`.
+
+Source: CiA 301 v4.2, 7.2.2 and 7.5.2.36: objects follow each other without gaps, little endian.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+from tautwave_drivers.cia402 import objects as o
+from tautwave_drivers.cia402.entry import FORMATS, Entry
+
+RPDO_BASE = (0x200, 0x300, 0x400, 0x500)
+TPDO_BASE = (0x180, 0x280, 0x380, 0x480)
+"""COB-IDs of PDO 1 to 4 without the node id (CiA 301, pre-defined connection set)."""
+
+
+class Layout(NamedTuple):
+    """The objects in one PDO, in order."""
+
+    entries: tuple[Entry, ...]
+
+    @property
+    def size(self) -> int:
+        """Length [bytes]."""
+        return sum(entry.bits for entry in self.entries) // 8
+
+    @property
+    def codec(self) -> struct.Struct:
+        """Packs and unpacks all objects at once."""
+        return struct.Struct("<" + "".join(FORMATS[entry.type][1:] for entry in self.entries))
+
+    def at(self, wanted: Entry) -> int:
+        """Return the place of an object, -1 where it is not mapped."""
+        return self.entries.index(wanted) if wanted in self.entries else -1
+
+    def words(self) -> str:
+        """Return the objects as a person reads them."""
+        return ", ".join(f"{entry.index:04X} {entry.name}" for entry in self.entries)
+
+
+class Mapping(NamedTuple):
+    """Cyclic PDOs of one drive: what it gets, what it sends."""
+
+    rpdo: Layout
+    tpdo: Layout
+
+
+_MAPPINGS = {
+    ("impedance", "lean"): Mapping(
+        Layout((o.CONTROLWORD, o.TARGET_TORQUE)), Layout((o.STATUSWORD, o.POSITION))
+    ),
+    ("impedance", "full"): Mapping(
+        Layout((o.CONTROLWORD, o.TARGET_TORQUE, o.MODE)),
+        Layout((o.STATUSWORD, o.POSITION, o.MODE_DISPLAY)),
+    ),
+    # An admittance axis is nothing without its measured effort, so both have 6077h.
+    ("admittance", "lean"): Mapping(
+        Layout((o.CONTROLWORD, o.TARGET_VELOCITY)), Layout((o.STATUSWORD, o.POSITION, o.TORQUE))
+    ),
+    ("admittance", "full"): Mapping(
+        Layout((o.CONTROLWORD, o.TARGET_VELOCITY, o.MODE)),
+        Layout((o.STATUSWORD, o.POSITION, o.TORQUE)),
+    ),
+}
+
+
+def mapping_of(causality: str, name: str) -> Mapping:
+    """Return the cyclic PDOs for a causality and the rig's `mapping`."""
+    return _MAPPINGS[causality, name]

@@ -1,0 +1,228 @@
+"""Options of a CANopen bus: the `options` block of a rig file, and what it says of each axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import cache
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from tautwave.contracts import AxisFacts, AxisSpec, BusSpec
+from tautwave.errors import ConfigError
+from tautwave_drivers.cia402.units import INT16, AxisScale, Transmission, axis_scale, limit_counts
+
+Positive = Annotated[float, Field(gt=0.0)]
+Byte4 = Annotated[int, Field(ge=0, le=0xFFFFFFFF)]
+NodeId = Annotated[int, Field(ge=1, le=127)]
+
+CLASSIC_RATES = (1_000_000, 800_000, 500_000, 250_000, 125_000, 50_000, 20_000, 10_000)
+
+
+class Block(BaseModel):
+    """Strict and frozen, like the rest of a rig file."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class Identity(Block):
+    """What 1018h has to hold; what is not given is not compared."""
+
+    vendor: Byte4
+    product: Byte4
+    revision: Byte4 | None = None
+    serial: Byte4 | None = None
+
+
+class Homing(Block):
+    """Home the drive before it is enabled in its own mode; speeds in the drive's units."""
+
+    method: Annotated[int, Field(ge=-128, le=127)]
+    fast: Byte4 | None = None
+    slow: Byte4 | None = None
+    acceleration: Byte4 | None = None
+    timeout_s: Positive = 8.0
+
+
+class Move(Block):
+    """Move the axis to `position` [rad or m] at `velocity` [rad/s or m/s] before enabling it."""
+
+    position: float
+    velocity: Positive
+    mode: Literal["csp", "pv"] = "csp"
+    timeout_s: Positive = 8.0
+
+
+class Node(Block):
+    """One drive: what is not on the bus but has to be known, and what has to be checked."""
+
+    id: NodeId
+    rated_torque: Positive
+    """[N m] at the motor shaft (rated force of a linear motor [N]): 1000 per mille of 6071h."""
+    counts_per_revolution: Annotated[int, Field(gt=0)]
+    """Position counts (6064h) per motor turn, after quadrature."""
+    gear_ratio: Positive = 1.0
+    """Motor turns per turn of the output."""
+    feed: Positive | None = None
+    """[m] per turn of the output; required for a linear axis."""
+    direction: Literal[1, -1] = 1
+    velocity_factor: Positive = 1.0
+    """Counts per second that one unit of 606Ch and 60FFh stands for."""
+    identity: Identity | None = None
+    eds: str | None = None
+    """EDS or DCF file; parameter values of a DCF are written first."""
+    mapping: Literal["lean", "full"] = "full"
+    homing: Homing | None = None
+    move: Move | None = None
+
+
+class CanopenOptions(Block):
+    """Options of a CANopen bus."""
+
+    interface: Annotated[str, Field(min_length=1)] = "socketcan"
+    """`virtual`, `socketcan`, `udp_multicast`, or any interface that python-can has."""
+    channel: str = "can0"
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
+    data_bitrate: Annotated[int, Field(ge=10_000, le=8_000_000)] | None = None
+    """For the budget only: what CAN FD would allow. No drive is spoken to in FD."""
+    backend: Literal["auto", "python-can", "raw"] = "auto"
+    sync: bool = True
+    """This master sends SYNC; false: TPDOs by the drive's event timer, RPDOs act on receipt."""
+    rpdo: Literal["sync", "event"] = "sync"
+    """When a command acts: at the next SYNC (one period), or on receipt (less than one)."""
+    master_id: NodeId = 127
+    heartbeat_ms: Annotated[int, Field(ge=1, le=10_000)] = 20
+    heartbeat_timeout_ms: Annotated[int, Field(ge=2, le=60_000)] = 60
+    abort_connection_option: Literal[1, 2, 3] = 2
+    """6007h: 1 fault reaction, 2 disable voltage, 3 quick stop."""
+    quick_stop_option: Annotated[int, Field(ge=-32768, le=32767)] = 2
+    stop: Literal["disable_voltage", "quick_stop"] = "disable_voltage"
+    fault_resets: Annotated[int, Field(ge=0, le=10)] = 3
+    tolerated_emergencies: tuple[Annotated[int, Field(ge=1, le=0xFFFF)], ...] = ()
+    """EMCY codes that are told but stop nothing (warnings of a manufacturer)."""
+    answer_share: Annotated[float, Field(gt=0.0, le=0.7)] = 0.6
+    """Share of a period after SYNC in which TPDOs are waited for."""
+    sdo_timeout_s: Positive = 0.3
+    reserve: Annotated[float, Field(ge=0.0, le=0.5)] = 0.05
+    """Share of the bus kept for EMCY and SDO in the budget."""
+    nodes: Annotated[tuple[Node, ...], Field(min_length=1)]
+    simulator: dict[str, Any] = Field(default_factory=dict)
+    """The simulator's own keys; a driver of hardware ignores them."""
+
+
+def transmission(node: Node, kind: str) -> Transmission:
+    """Return gear and feed as the factor group has them."""
+    ratio = Fraction(node.gear_ratio).limit_denominator(1_000_000)
+    feed = 0.0 if kind == "rotary" or node.feed is None else node.feed
+    return Transmission(ratio.numerator, ratio.denominator, feed)
+
+
+@cache
+def _scale(node: Node, kind: str) -> AxisScale:
+    way = transmission(node, kind)
+    quantum = way.travel / node.counts_per_revolution
+    return axis_scale(
+        way,
+        node.counts_per_revolution,
+        node.rated_torque,
+        velocity_quantum=quantum * node.velocity_factor,
+        direction=node.direction,
+    )
+
+
+def scale(node: Node, axis: AxisSpec) -> AxisScale:
+    """Return what one count of this node is worth at the axis."""
+    return _scale(node, axis.kind)
+
+
+def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
+    """Return the node of each axis, in the order of the axes.
+
+    Raises
+    ------
+    ConfigError
+        The block and the rig's axes do not belong together.
+    """
+    known: dict[int, Node] = {}
+    problems = []
+    for node in options.nodes:
+        if node.id in known:
+            problems.append(f"bus {bus.name}: node {node.id} is listed twice in options.nodes")
+        if node.id == options.master_id:
+            problems.append(
+                f"bus {bus.name}: node {node.id} has the id of this master; give another master_id"
+            )
+        known[node.id] = node
+    if options.data_bitrate is None and options.bitrate not in CLASSIC_RATES:
+        rates = ", ".join(str(rate) for rate in CLASSIC_RATES)
+        problems.append(f"bus {bus.name}: bitrate {options.bitrate} is none of CANopen's: {rates}")
+    if options.heartbeat_timeout_ms < 2 * options.heartbeat_ms:
+        problems.append(
+            f"bus {bus.name}: heartbeat_timeout_ms {options.heartbeat_timeout_ms} has to be at "
+            f"least twice heartbeat_ms {options.heartbeat_ms}, or one late frame stops the rig"
+        )
+    if not options.sync:
+        if options.rpdo == "sync":
+            problems.append(f"bus {bus.name}: without SYNC (sync: false) rpdo has to be event")
+        if bus.period_ns % 1_000_000:
+            problems.append(
+                f"bus {bus.name}: without SYNC drives send by an event timer in whole ms; "
+                f"{bus.rate_hz:g} Hz is not: use sync: true or another rate"
+            )
+    for axis in bus.axes:
+        found = known.get(axis.device_id)
+        if found is None:
+            listed = ", ".join(str(number) for number in sorted(known))
+            problems.append(
+                f"bus {bus.name}: {axis.name} has id {axis.device_id}, but options.nodes lists "
+                f"only {listed}; add it there, with its rated_torque and counts_per_revolution"
+            )
+        elif axis.kind == "linear" and found.feed is None:
+            problems.append(
+                f"bus {bus.name}: {axis.name} is linear, but node {found.id} has no feed; "
+                "give the way per turn of its output [m]"
+            )
+        elif axis.kind == "rotary" and found.feed is not None:
+            problems.append(
+                f"bus {bus.name}: {axis.name} is rotary, but node {found.id} has a feed; "
+                "remove it, or make the axis linear"
+            )
+        elif found.mapping == "lean" and (found.homing or found.move):
+            problems.append(
+                f"bus {bus.name}: node {found.id}: homing and move change the mode on the way, "
+                "which needs mapping: full"
+            )
+        elif axis.causality == "impedance" and not 1 <= limit_permille(found, axis) < INT16:
+            problems.append(
+                f"bus {bus.name}: {axis.name}: effort_limit {axis.effort_limit:g} is "
+                f"{axis.effort_limit / scale(found, axis).effort_quantum:.3g} per mille of rated; "
+                "6071h holds 1 to 32766: correct rated_torque, gear_ratio or effort_limit"
+            )
+    used = {axis.device_id for axis in bus.axes}
+    problems.extend(
+        f"bus {bus.name}: node {number} in options.nodes is no axis of the rig; remove it there"
+        for number in known
+        if bus.axes and number not in used
+    )
+    if problems:
+        raise ConfigError(problems)
+    return [known[axis.device_id] for axis in bus.axes]
+
+
+def limit_permille(node: Node, axis: AxisSpec) -> int:
+    """Return the rig's effort_limit as the greatest per mille that does not exceed it."""
+    return limit_counts(axis.effort_limit, scale(node, axis).effort_quantum)
+
+
+def facts(options: CanopenOptions, bus: BusSpec) -> Sequence[AxisFacts]:
+    """Return the steps of each axis' sensors and commands [SI]."""
+    return [
+        AxisFacts(one.encoder_quantum, one.effort_quantum, one.velocity_quantum)
+        if axis.causality == "admittance"
+        else AxisFacts(one.encoder_quantum, one.effort_quantum, 0.0)
+        for axis, one in (
+            (axis, scale(node, axis))
+            for axis, node in zip(bus.axes, nodes_of(options, bus), strict=True)
+        )
+    ]

@@ -1,0 +1,121 @@
+"""`tautwave scan canopen`: who is on a bus; nothing is enabled, nothing is written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from tautwave.clock import MonotonicClock
+from tautwave.contracts import Clock
+from tautwave_drivers.canopen.frames import Port, open_port
+from tautwave_drivers.canopen.health import state_words
+from tautwave_drivers.cia402 import communication as c
+from tautwave_drivers.cia402 import objects as o
+from tautwave_drivers.cia402.emergency import decode_emergency, error_words, register_words
+from tautwave_drivers.cia402.entry import Entry
+from tautwave_drivers.cia402.modes import mode_name
+from tautwave_drivers.cia402.states import decode
+
+_READ_DEVICE_TYPE = bytes.fromhex("4000100000000000")
+_BURST = 8
+_BURST_NS = 2_000_000
+
+
+class ScanOptions(BaseModel):
+    """Where to look, and for how long."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    interface: str = Field(default="socketcan", description="python-can's name of the interface")
+    channel: str = Field(default="can0", description="its channel")
+    bitrate: int = Field(default=1_000_000, description="[bit/s]")
+    backend: str = Field(default="auto", description="auto, raw or python-can")
+    listen_s: Annotated[float, Field(gt=0.0)] = Field(
+        default=1.2, description="[s] how long heartbeats are listened for"
+    )
+    timeout_s: Annotated[float, Field(gt=0.0)] = Field(
+        default=0.1, description="[s] how long an object is waited for"
+    )
+
+
+def scan(options: ScanOptions) -> Sequence[Mapping[str, Any]]:
+    """Return one row per node that answers or is heard."""
+    clock = MonotonicClock()
+    port = open_port(options, clock)
+    try:
+        return look(port, clock, options)
+    finally:
+        port.close()
+
+
+def look(port: Port, clock: Clock, options: ScanOptions) -> Sequence[Mapping[str, Any]]:
+    """Ask every id for its device type, listen, then read what those that are there tell."""
+    from tautwave_drivers.canopen.network import PolledNetwork
+
+    answered: set[int] = set()
+    states: dict[int, int] = {}
+    emergencies: dict[int, int] = {}
+
+    def hear(can_id: int, data: bytes, arrival_ns: int) -> None:
+        node, service = can_id & 0x7F, can_id & ~0x7F
+        if service == 0x580:
+            answered.add(node)
+        elif service == 0x700 and data:
+            states[node] = data[0] & 0x7F
+        elif service == 0x80 and node:
+            told = decode_emergency(data)
+            if told is not None:
+                emergencies[node] = told.code
+
+    net = PolledNetwork(port, clock, hear, options.timeout_s)
+    end = clock.now_ns() + round(options.listen_s * 1e9)
+    for node in range(1, 128):
+        net.send_message(0x600 + node, _READ_DEVICE_TYPE)
+        if node % _BURST == 0:  # a queue holds ten frames or so
+            until = clock.now_ns() + _BURST_NS
+            while net.pump(until):
+                pass
+    net.listen(end)
+    return [
+        _row(net, node, states.get(node), emergencies.get(node), node in answered)
+        for node in sorted(answered | set(states))
+    ]
+
+
+def _row(
+    net: Any, node: int, state: int | None, emergency: int | None, answers: bool
+) -> dict[str, Any]:
+    row: dict[str, Any] = {"node": node, "nmt": state_words(state)}
+    if not answers:
+        return {**row, "device": "heard, but answers no SDO"}
+    drive = net.remote(node, f"node {node}")
+
+    def value(entry: Entry) -> Any:
+        try:
+            return drive.read(entry)
+        except Exception:  # noqa: BLE001  a scan shows what there is
+            return None
+
+    def hexed(entry: Entry) -> str | None:
+        found = value(entry)
+        return f"0x{found:X}" if isinstance(found, int) else None
+
+    row["device"] = value(c.DEVICE_NAME)
+    row["vendor"], row["product"] = hexed(c.VENDOR_ID), hexed(c.PRODUCT_CODE)
+    row["revision"], row["serial"] = hexed(c.REVISION), hexed(c.SERIAL_NUMBER)
+    word, mode = value(o.STATUSWORD), value(o.MODE_DISPLAY)
+    row["state"] = decode(word).value if isinstance(word, int) else None
+    row["mode"] = mode_name(mode) if isinstance(mode, int) else None
+    code = value(o.ERROR_CODE)
+    register = value(c.ERROR_REGISTER)
+    errors = []
+    if isinstance(code, int) and code:
+        errors.append(error_words(code))
+    if isinstance(register, int) and register:
+        errors.append(f"register: {register_words(register)}")
+    if emergency:
+        errors.append(f"EMCY {error_words(emergency)}")
+    row["errors"] = "; ".join(dict.fromkeys(errors)) or "none"
+    return row

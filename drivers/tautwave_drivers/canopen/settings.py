@@ -1,0 +1,258 @@
+"""Objects that a drive has to hold before it is enabled: written, read back, and told."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from tautwave.contracts import BusSpec
+from tautwave.errors import DeviceFault
+from tautwave_drivers.canopen.axis import Axis
+from tautwave_drivers.canopen.network import AbortError, RemoteDrive
+from tautwave_drivers.canopen.options import CanopenOptions
+from tautwave_drivers.cia402 import communication as c
+from tautwave_drivers.cia402 import objects as o
+from tautwave_drivers.cia402.entry import Entry
+from tautwave_drivers.cia402.modes import Mode, mode_name, supported_words, supports
+from tautwave_drivers.cia402.reactions import acts_on_loss, reaction_words
+from tautwave_drivers.cia402.units import MICRO, MILLI
+
+CIA_402 = 0x0192
+_SYNC_PRODUCER = 1 << 30
+
+
+class Outcome(NamedTuple):
+    """What became of a setting: what the drive holds now (None: no such object), and a sentence."""
+
+    value: int | None
+    text: str
+
+
+def settle(drive: RemoteDrive, entry: Entry, wanted: int) -> Outcome:
+    """Have an object hold `wanted`; what the drive holds instead, and why, if it refuses."""
+    before = drive.find(entry)
+    if before is None:
+        return Outcome(None, f"{drive.name} has no {entry.address} {entry.name}")
+    what = f"{drive.name}: {entry.address} {entry.name}"
+    unit = f" {entry.unit}" if entry.unit and entry.unit != "bits" else ""
+    if before == wanted:
+        return Outcome(wanted, f"{what} = {wanted}{unit}, found so")
+    try:
+        drive.write(entry, wanted)
+    except AbortError as err:
+        return Outcome(before, f"{what} stays {before}{unit}: {err}")
+    after = drive.number(entry)
+    if after != wanted:
+        return Outcome(after, f"{what} is {after}{unit} after {wanted} was written")
+    return Outcome(wanted, f"{what} = {wanted}{unit} (was {before}), read back")
+
+
+def require(drive: RemoteDrive, entry: Entry, wanted: int, remedy: str) -> Outcome:
+    """As `settle`, but a drive that has the object has to hold what is wanted.
+
+    Raises
+    ------
+    DeviceFault
+        It holds something else.
+    """
+    found = settle(drive, entry, wanted)
+    if found.value is not None and found.value != wanted:
+        raise DeviceFault(f"{found.text}; {remedy}")
+    return found
+
+
+def check_identity(drive: RemoteDrive, axis: Axis) -> list[str]:
+    """Compare 1000h, 1018h and 6502h with the rig; return what the drive is.
+
+    Raises
+    ------
+    DeviceFault
+        It is another device, no drive, or has not the mode the axis needs.
+    """
+    kind = drive.number(c.DEVICE_TYPE)
+    if kind & 0xFFFF != CIA_402:
+        raise DeviceFault(
+            f"{drive.name} is no CiA 402 drive: 1000:00 device type is 0x{kind:08X}, its low word "
+            "would be 0192; check the node id"
+        )
+    entries = {
+        "vendor": c.VENDOR_ID,
+        "product": c.PRODUCT_CODE,
+        "revision": c.REVISION,
+        "serial": c.SERIAL_NUMBER,
+    }
+    found = {name: drive.find(entry) for name, entry in entries.items()}
+    wanted = axis.node.identity
+    for name, entry in entries.items():
+        value = None if wanted is None else getattr(wanted, name)
+        if value is not None and found[name] != value:
+            shown = "nothing" if found[name] is None else f"0x{found[name]:X}"
+            raise DeviceFault(
+                f"{drive.name} is another device: {entry.address} {entry.name} is {shown}, the "
+                f"rig says 0x{value:X}; check the node id, or correct identity in the rig"
+            )
+    words = ", ".join(f"{name} 0x{value:X}" for name, value in found.items() if value is not None)
+    checked = "not compared: the rig gives no identity" if wanted is None else "as the rig says"
+    notes = [f"{drive.name}: {words or 'no 1018h'} ({checked})"]
+    modes = drive.find(o.SUPPORTED_MODES)
+    needed = [axis.mode]
+    if axis.node.homing is not None:
+        needed.append(Mode.HM)
+    if axis.node.move is not None:
+        needed.append(Mode.CSP if axis.node.move.mode == "csp" else Mode.PV)
+    if modes is None:
+        return [*notes, f"{drive.name} has no 6502:00: its modes show when it is enabled"]
+    for mode in needed:
+        if not supports(modes, mode):
+            way = "admittance" if axis.servo else "impedance"
+            raise DeviceFault(
+                f"{drive.name} has no {mode_name(mode)}, which an {way} axis needs; 6502:00 "
+                f"(0x{modes:X}) names: {supported_words(modes)}"
+            )
+    return [*notes, f"{drive.name}: modes {supported_words(modes)}"]
+
+
+def check_scale(drive: RemoteDrive, axis: Axis) -> list[str]:
+    """Compare rated torque and encoder with the rig, as far as the drive tells them.
+
+    Raises
+    ------
+    DeviceFault
+        A torque or a position would be read in a wrong scale.
+    """
+    notes = []
+    rated = drive.find(o.RATED_TORQUE)
+    said = axis.node.rated_torque
+    if rated is None:
+        notes.append(f"{drive.name} has no 6076:00: rated torque {said:g} N m is the rig's word")
+    elif not any(
+        math.isclose(rated * unit, said, rel_tol=0.0, abs_tol=_step(unit, said))
+        for unit in (MILLI, MICRO)
+    ):
+        raise DeviceFault(
+            f"{drive.name}: rated torque 6076:00 is {rated} (mN m, or uN m on some drives), the "
+            f"rig says {said:g} N m; correct rated_torque, since every torque is scaled by it"
+        )
+    else:
+        notes.append(f"{drive.name}: 6076:00 rated torque {rated} is the rig's {said:g} N m")
+    increments, turns = drive.find(o.ENCODER_INCREMENTS), drive.find(o.ENCODER_REVOLUTIONS)
+    if increments and turns:
+        counts = axis.node.counts_per_revolution
+        if increments != counts * turns:
+            raise DeviceFault(
+                f"{drive.name}: 608F says {increments} increments in {turns} motor turns, the rig "
+                f"{counts} in one; correct counts_per_revolution"
+            )
+        notes.append(f"{drive.name}: 608F has the rig's {counts} counts per motor turn")
+    return notes
+
+
+def _step(unit: float, said: float) -> float:
+    return max(0.5 * unit, 1e-3 * said)
+
+
+def set_period(drive: RemoteDrive, bus: BusSpec) -> list[str]:
+    """Set the interpolation period 60C2h, and 1006h where it is in use, to the rig's period.
+
+    Raises
+    ------
+    DeviceFault
+        The drive keeps another period.
+    """
+    wanted = o.interpolation_period(bus.period_ns)
+    if wanted is None:
+        raise DeviceFault(
+            f"{drive.name}: {bus.period_ns / 1e3:g} us cannot be written as 60C2h (1 to 255 times "
+            "a power of ten); choose another rate_hz, such as 1000, 500 or 250"
+        )
+    held = drive.find(o.INTERPOLATION_TIME), drive.find(o.INTERPOLATION_INDEX)
+    if None not in held and held[0] * 10.0 ** held[1] * 1e9 == bus.period_ns:  # type: ignore[operator]
+        notes = [f"{drive.name}: 60C2 = {held[0]} x 10**{held[1]} s, found so"]
+    else:
+        remedy = "the drive must interpolate at the period of SYNC: use a rate_hz that it takes"
+        found = [
+            require(drive, entry, value, remedy)
+            for entry, value in zip(
+                (o.INTERPOLATION_INDEX, o.INTERPOLATION_TIME), reversed(wanted), strict=True
+            )
+        ]
+        notes = [each.text for each in found]
+    period = drive.find(c.SYNC_PERIOD)
+    if period:
+        notes.append(settle(drive, c.SYNC_PERIOD, bus.period_ns // 1000).text)
+    return notes
+
+
+def check_sync(drive: RemoteDrive, options: CanopenOptions) -> list[str]:
+    """Make sure that SYNC is 80h and that this drive does not send it too."""
+    found = drive.find(c.SYNC_COB_ID)
+    if found is None or found & (_SYNC_PRODUCER | 0x7FF) == 0x80:
+        return []
+    return [require(drive, c.SYNC_COB_ID, 0x80, "two masters would send SYNC").text]
+
+
+def limit_torque(drive: RemoteDrive, axis: Axis) -> list[str]:
+    """Lower 6072h to the rig's effort_limit; refuse a drive that gives less.
+
+    Raises
+    ------
+    DeviceFault
+        The drive would cut off torque below the rig's limit.
+    """
+    if axis.servo:
+        return []
+    step = axis.scale.effort_quantum
+    wanted = min(0xFFFF, math.ceil(axis.spec.effort_limit / step - 1e-9))
+    held = drive.find(o.MAX_TORQUE)
+    if held is None:
+        return [f"{drive.name} has no 6072:00: only this program limits its torque"]
+    if held < wanted:
+        raise DeviceFault(
+            f"{drive.name}: 6072:00 max torque {held} per mille is {held * step:.4g}, below the "
+            f"rig's effort_limit {axis.spec.effort_limit:g}; lower effort_limit, or raise 6072h "
+            "with the drive's tool if motor and mechanics allow it"
+        )
+    return [settle(drive, o.MAX_TORQUE, wanted).text]
+
+
+def set_watchdogs(
+    drive: RemoteDrive, axis: Axis, options: CanopenOptions, *, allow_unwatched: bool
+) -> list[str]:
+    """Have the drive watch this master, and stop by itself when it falls silent.
+
+    Raises
+    ------
+    DeviceFault
+        Nothing in it would; `--allow-unwatched` goes on.
+    """
+    produced = settle(drive, c.PRODUCER_HEARTBEAT, options.heartbeat_ms)
+    axis.watched = bool(produced.value)
+    consumer = options.master_id << 16 | options.heartbeat_timeout_ms
+    heartbeat = settle(drive, c.CONSUMER_HEARTBEAT, consumer)
+    deadline = settle(drive, c.rpdo(1).timer, options.heartbeat_timeout_ms)
+    reaction = settle(drive, o.ABORT_CONNECTION, options.abort_connection_option)
+    quick = settle(drive, o.QUICK_STOP_OPTION, options.quick_stop_option)
+    axis.machine = axis.new_machine(quick.value)
+    notes = [each.text for each in (produced, heartbeat, deadline, reaction, quick)]
+    for entry, found in ((o.ABORT_CONNECTION, reaction), (o.QUICK_STOP_OPTION, quick)):
+        if found.value is not None:
+            notes.append(f"{drive.name}: {reaction_words(entry.index, found.value)}")
+    watches = heartbeat.value == consumer or bool(deadline.value)
+    acts = reaction.value is not None and acts_on_loss(reaction.value)
+    if watches and acts and axis.watched:
+        return notes
+    lacking = []
+    if not watches:
+        lacking.append(f"{heartbeat.text}; {deadline.text}")
+    if not acts:
+        lacking.append(reaction.text)
+    if not axis.watched:
+        lacking.append(produced.text)
+    text = "; ".join(lacking)
+    if not allow_unwatched:
+        raise DeviceFault(
+            f"{drive.name} would go on with its last command when this program falls silent: "
+            f"{text}; use a drive or firmware that has it, or --allow-unwatched with a hand on "
+            "the emergency stop"
+        )
+    return [*notes, f"UNWATCHED: {drive.name} goes on when this program falls silent: {text}"]
