@@ -1,8 +1,9 @@
 """A half-duplex serial line, bytes at their baud rate, with the adapter at the host's end.
 
-Ten bits a byte (8N1). The line knows nothing of protocols: what stands on it is a `Listener`, told
-of what the host sends when its first byte leaves, and answers through `SerialLine.answer`. Whoever
-sends while another still does garbles both; whoever only waits to answer gives up.
+Ten bits a byte (8N1) unless told otherwise. The line knows nothing of protocols: what stands on it
+is a `Listener`, told of what the host sends when its first byte leaves, and answers through
+`SerialLine.answer`. Whoever sends while another still does garbles both; whoever only waits to
+answer gives up.
 """
 
 from __future__ import annotations
@@ -22,21 +23,24 @@ USB_PACKET = 62
 GARBLE = 0x5A
 
 
-def wire_ns(count: int, baud: int) -> int:
-    """Return how long `count` bytes are on the wire [ns], rounded up."""
-    return -(-count * BITS_PER_BYTE * 1_000_000_000 // baud)
+def wire_ns(count: int, baud: int, bits: int = BITS_PER_BYTE) -> int:
+    """Return how long `count` bytes of `bits` bits are on the wire [ns], rounded up."""
+    return -(-count * bits * 1_000_000_000 // baud)
 
 
 class Transmission:
     """Bytes on the wire: `data` from `start_ns` to `end_ns` at `baud`."""
 
-    __slots__ = ("_clean", "baud", "cancelled", "data", "end_ns", "late_ns", "start_ns")
+    __slots__ = ("_clean", "baud", "bits", "cancelled", "data", "end_ns", "late_ns", "start_ns")
 
-    def __init__(self, data: bytes, start_ns: int, baud: int, late_ns: int = 0) -> None:
+    def __init__(
+        self, data: bytes, start_ns: int, baud: int, late_ns: int = 0, bits: int = BITS_PER_BYTE
+    ) -> None:
         self.data = bytearray(data)
         self.start_ns = start_ns
-        self.end_ns = start_ns + wire_ns(len(data), baud)
+        self.end_ns = start_ns + wire_ns(len(data), baud, bits)
         self.baud = baud
+        self.bits = bits
         self.late_ns = late_ns
         self.cancelled = False
         self._clean = len(data)
@@ -48,11 +52,11 @@ class Transmission:
 
     def end_of_byte_ns(self, index: int) -> int:
         """Return when byte `index` has arrived [ns]."""
-        return self.start_ns + wire_ns(index + 1, self.baud)
+        return self.start_ns + wire_ns(index + 1, self.baud, self.bits)
 
     def garble_from(self, time_ns: int) -> None:
         """Spoil every byte that is on the wire at `time_ns` or later."""
-        first = max((time_ns - self.start_ns) * self.baud // (BITS_PER_BYTE * 10**9), 0)
+        first = max((time_ns - self.start_ns) * self.baud // (self.bits * 10**9), 0)
         for index in range(first, self._clean):
             self.data[index] ^= GARBLE
         self._clean = min(self._clean, first)
@@ -76,10 +80,13 @@ class SerialLine:
     latency_ns : int
         Latency timer of the adapter [ns]: what has arrived is handed over at its ticks, or when 62
         bytes have come. 0: each transmission is handed over when its last byte has arrived.
+    bits : int
+        Bits of a byte on the wire: start, data, parity and stop; 11 for 8E1 or 8N2.
     """
 
-    def __init__(self, baud: int, latency_ns: int = 0) -> None:
+    def __init__(self, baud: int, latency_ns: int = 0, bits: int = BITS_PER_BYTE) -> None:
         self.baud = baud
+        self.bits = bits
         self.latency_ns = latency_ns
         self.listener: Listener | None = None
         self.plugged = True
@@ -122,7 +129,7 @@ class SerialLine:
         start_ns = now_ns
         if self._host is not None:
             start_ns = max(start_ns, self._host.end_ns)
-        sent = Transmission(data, start_ns, self.baud)
+        sent = Transmission(data, start_ns, self.baud, bits=self.bits)
         for answer in self._answers:
             if answer.start_ns >= start_ns:
                 answer.cancelled = True
@@ -161,7 +168,7 @@ class SerialLine:
 
         The one transmission returned may still be `cancelled` before it begins.
         """
-        sent = Transmission(data, at_ns, baud, late_ns)
+        sent = Transmission(data, at_ns, baud, late_ns, self.bits)
         others = self._answers if self._host is None else [self._host, *self._answers]
         for other in others:
             if other.start_ns < sent.end_ns and other.end_ns > at_ns and not other.cancelled:
@@ -189,7 +196,7 @@ class SerialLine:
         self._at_arrival(sent, done, len(sent.data), sent.end_ns)
 
     def _arrived(self, sent: Transmission, time_ns: int) -> int:
-        count = (time_ns - sent.start_ns) * sent.baud // (BITS_PER_BYTE * 1_000_000_000)
+        count = (time_ns - sent.start_ns) * sent.baud // (sent.bits * 1_000_000_000)
         return min(int(count), len(sent.data))
 
     def _at_arrival(self, sent: Transmission, first: int, last: int, time_ns: int) -> None:
