@@ -11,8 +11,9 @@ from tautwave.types import AxisCommand, Fault, JointState
 from tautwave_drivers.canopen.mapping import RPDO_BASE, TPDO_BASE, mapping_of
 from tautwave_drivers.canopen.options import CanopenOptions, Node, limit_permille, scale
 from tautwave_drivers.cia402 import objects as o
-from tautwave_drivers.cia402.machine import Habits, Machine, Patience
+from tautwave_drivers.cia402.machine import Machine
 from tautwave_drivers.cia402.modes import Mode
+from tautwave_drivers.cia402.terms import Habits, Patience
 from tautwave_drivers.cia402.units import INT16, INT32
 
 _floor = math.floor
@@ -101,7 +102,8 @@ class Axis:
         self.outstanding = 0
         self.heard_ns = 0
         self.watched = False
-        self.mode_since = -1000
+        self.mode_since = 0
+        self._mode_sent = 0
         self.late = self.short = self.lost = 0
         self._candidate: tuple[bytes, int] | None = None
         self._steady = False
@@ -191,8 +193,13 @@ class Axis:
             self._steady = machine.commanding and machine.done and not self.mode_bits
         values = self.values
         values[0] = machine.controlword
+        if machine.mode_wanted != self._mode_sent:
+            self._mode_sent = machine.mode_wanted
+            self.mode_since = cycle
+            if self.polls_mode:
+                self.display = None
         if self._mode_at >= 0:
-            values[self._mode_at] = machine.mode_wanted
+            values[self._mode_at] = machine.mode_wanted or self.mode  # set-up wrote this one
         if not machine.commanding:
             values[1] = 0
         self._collect_events()
@@ -205,12 +212,8 @@ class Axis:
         """6061h says something only after 6060h has had time to arrive."""
         return cycle >= self.mode_since + 2
 
-    def aim(self, mode: int, cycle: int) -> None:
+    def aim(self, mode: int) -> None:
         """Work towards OPERATION ENABLED in `mode`."""
-        if self.machine.mode_wanted != mode:
-            self.mode_since = cycle
-            if self.polls_mode:
-                self.display = None
         self.machine.enable(mode)
         self._steady = False
 

@@ -19,6 +19,7 @@ ERROR_FRAME = 0x20000000
 _OTHER = 0xC0000000  # extended (EFF) and remote (RTR) frames are nobody's here
 _FRAME = struct.Struct("<IB3x8s")  # struct can_frame
 _BUFFER = 16
+_CAN_RAW_ERR_FILTER = 2  # <linux/can/raw.h>
 _ERROR_MASK = 0x1FFFFFFF
 _SO_MEMINFO, _WMEM_ALLOC = 55, 2  # <asm-generic/socket.h>, <linux/sock_diag.h>
 _SEND_BUFFER = 8192
@@ -87,7 +88,7 @@ class RawPort:
                 "interface of python-can"
             ) from err
         try:
-            can.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_ERR_FILTER, _ERROR_MASK)
+            can.setsockopt(socket.SOL_CAN_RAW, _CAN_RAW_ERR_FILTER, _ERROR_MASK)
             can.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
             can.bind((channel,))
         except OSError as err:

@@ -15,7 +15,7 @@ from typing import Any
 
 import canopen
 from canopen.objectdictionary import ODVariable, datatypes
-from canopen.sdo import SdoAbortedError, SdoCommunicationError
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from tautwave.contracts import Clock
 from tautwave.errors import BusTimeout, DeviceFault, DriverError
@@ -127,7 +127,7 @@ class PolledNetwork(canopen.Network):
 
 def built_in_dictionary() -> canopen.ObjectDictionary:
     """Return the objects of CiA 301 and CiA 402 that a set-up needs, for drives without an EDS."""
-    dictionary = canopen.ObjectDictionary()
+    dictionary = canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
     for entry in (*communication.COMMUNICATION, *objects.DRIVE):
         variable = ODVariable(entry.name, entry.index, entry.sub)
         variable.data_type = _TYPES[entry.type]

@@ -53,7 +53,7 @@ class StartUp:
         axis.mode_bits = 0
         self.second_pdo = None
         if not self._phases:
-            axis.aim(axis.mode, cycle)
+            axis.aim(axis.mode)
             return
         if self._begun is None:
             self._begun = cycle
@@ -70,7 +70,7 @@ class StartUp:
     def _home(self, cycle: int) -> bool:
         axis, keys = self._axis, self._axis.node.homing
         assert keys is not None
-        axis.aim(Mode.HM, cycle)
+        axis.aim(Mode.HM)
         if axis.machine.commanding and axis.statusword >= 0:
             axis.mode_bits = self._homing.step(axis.statusword)
             axis.shake()
@@ -84,7 +84,7 @@ class StartUp:
         axis, keys = self._axis, self._axis.node.move
         assert keys is not None
         cyclic = keys.mode == "csp"
-        axis.aim(Mode.CSP if cyclic else Mode.PV, cycle)
+        axis.aim(Mode.CSP if cyclic else Mode.PV)
         self._expired(cycle, keys.timeout_s, f"moving to {keys.position:g}")
         if len(axis.told) < 2:
             return False
