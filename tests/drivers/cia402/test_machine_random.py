@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -49,7 +50,7 @@ def test_comes_up_whatever_happens_on_the_way(
         if bench.machine.commanding:
             break
         if what == "silent":
-            silent = 8
+            silent = 3  # three in a row are still within the patience
         elif what:
             getattr(drive, what)()
             if what == "fail":
@@ -147,6 +148,21 @@ def test_several_drives_come_up_together_without_waiting_for_each_other() -> Non
             bench.cycle()
         cycles += 1
     assert cycles == max(alone)
+
+
+@pytest.mark.parametrize("slowness", range(6, 18))
+def test_a_pause_on_its_way_to_a_slow_drive_is_no_fall(slowness: int) -> None:
+    drive = Drive(slowness=slowness)
+    machine = Machine("axis", Habits(patience=QUICK))
+    machine.enable(10)
+    out = deque([(0, 0)] * 3)
+    home = deque([(drive.statusword, drive.display)] * 4)
+    for now in range(400):
+        home.append((drive.statusword, drive.display))
+        out.append((machine.step(*home.popleft(), now), machine.mode_wanted))
+        drive.cycle(*out.popleft())
+    assert machine.commanding
+    assert not machine.take_events()
 
 
 @given(

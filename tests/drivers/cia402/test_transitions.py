@@ -87,6 +87,8 @@ def test_quick_stop_is_left_the_way_the_option_code_allows(
 def test_a_drive_found_enabled_is_taken_out_before_it_is_used() -> None:
     bench = Bench(Drive(state="enabled", display=10))
     bench.machine.enable(10)
+    bench.cycle()
+    assert bench.machine.mode_wanted == 10, "an enabled drive is asked for the mode it is in"
     bench.until(lambda: bench.machine.commanding)
     assert bench.drive.taken == {5, 4}
     assert not bench.events
