@@ -87,8 +87,9 @@ def serve_line(
         the same when the line is unplugged and plugged in again.
     """
     clock = clock if clock is not None else MonotonicClock()
-    pty: Pty | None = _opened(link)
-    announce(str(link) if link is not None else pty.path)
+    first = _opened(link)
+    pty: Pty | None = first
+    announce(str(link) if link is not None else first.path)
     try:
         while not stopped():
             now_ns = clock.now_ns()

@@ -1,0 +1,377 @@
+"""One servo: what it does with an instruction, and what time does to it.
+
+Time is the bus' [ns]. The servo does not know when its answers are on the wire: `ServoBus` does.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from tautwave.truth import AxisModel
+from tautwave_sim.axis import SimulatedAxis
+from tautwave_sim.dynamixel import packets as p2
+from tautwave_sim.dynamixel import packets1 as p1
+from tautwave_sim.dynamixel.items import Item, Model
+from tautwave_sim.dynamixel.memory import GOALS, WATCHDOG_TRIPPED, Memory
+from tautwave_sim.dynamixel.motor import OVERHEAT_BIT, OVERLOAD_BIT, VOLTAGE_BIT, Joint, Motor
+
+WATCHDOG_UNIT_NS = 20_000_000
+DELAY_UNIT_NS = 2_000
+TICK_NS = 1_000_000
+CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
+
+# Protocol 1.0 has no register for them: bits of every status packet.
+FIRST_BITS = {
+    OVERLOAD_BIT: p1.OVERLOAD_BIT,
+    OVERHEAT_BIT: p1.OVERHEATING_BIT,
+    VOLTAGE_BIT: p1.VOLTAGE_BIT,
+}
+FIRST_ERRORS = {
+    p2.INSTRUCTION_ERROR: p1.INSTRUCTION_BIT,
+    p2.CRC_ERROR: p1.CHECKSUM_BIT,
+    p2.LIMIT_ERROR: p1.ANGLE_BIT,
+    p2.RANGE_ERROR: p1.RANGE_BIT,
+    p2.LENGTH_ERROR: p1.RANGE_BIT,
+    p2.ACCESS_ERROR: p1.RANGE_BIT,
+    p2.RESULT_FAIL: p1.INSTRUCTION_BIT,
+}
+
+
+class Reply(NamedTuple):
+    """What a servo has to say: error field and parameters."""
+
+    error: int
+    params: bytes = b""
+
+
+class Sample(NamedTuple):
+    """What the servo has measured at one slot."""
+
+    slot: int
+    counts: int
+    valid: bool
+
+
+class Servo:
+    """A servo with its memory, motor and axis.
+
+    Parameters
+    ----------
+    model : Model
+        What it is.
+    memory : Memory
+        Its registers.
+    axis : SimulatedAxis
+        What it moves.
+    truth : AxisModel
+        Of that axis.
+    joint : Joint
+        Counts and SI of that axis.
+    reboot_ns : int
+        How long it is deaf after a reboot [ns].
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        memory: Memory,
+        axis: SimulatedAxis,
+        truth: AxisModel,
+        joint: Joint,
+        reboot_ns: int = 200_000_000,
+    ) -> None:
+        self.model = model
+        self.memory = memory
+        self.axis = axis
+        self.joint = self._mounted = joint
+        self.motor = Motor(model, memory, axis, truth, joint)
+        self.errors = 0
+        self.present = True
+        self.slot = 0
+        self._reboot_ns = reboot_ns
+        self._deaf_until_ns = 0
+        self._born_ns = 0
+        self._heard_ns = 0
+        self._shut_down = False
+        self._sample = Sample(-1, 0, True)
+        self._turns = 0
+        self._bauds = dict(model.bauds)
+        self._update_settings()
+
+    # ------------------------------------------------------------------------------ settings
+
+    def _update_settings(self) -> None:
+        memory = self.memory
+        self.device_id = memory.peek("ID")
+        self.baud = self._bauds.get(memory.peek("Baud Rate"), 57_600)
+        self.delay_ns = memory.peek("Return Delay Time") * DELAY_UNIT_NS
+        self.level = memory.peek("Status Return Level")
+        self.second_id = 255
+        self.protocol = self.model.protocol
+        if memory.has("Secondary(Shadow) ID"):
+            self.second_id = memory.peek("Secondary(Shadow) ID")
+            if self.model.bauds[-1][0] == 7 and memory.peek("Protocol Type") == 1:
+                self.protocol = 1.0
+        self._update_joint()
+        self._watchdog_ns = 0
+        if memory.has("Bus Watchdog") and not memory.tripped:
+            self._watchdog_ns = memory.peek("Bus Watchdog") * WATCHDOG_UNIT_NS
+
+    def _update_joint(self) -> None:
+        """Shift and turn the counts as Homing Offset(20), Drive Mode(10) and Clear ask."""
+        memory, joint = self.memory, self._mounted
+        if memory.has("Homing Offset"):
+            zero = joint.zero + memory.peek("Homing Offset") + self._turns * self.model.counts
+            turn = -1 if memory.peek("Drive Mode") & 1 else 1
+            joint = joint._replace(zero=zero, direction=turn * joint.direction)
+        if joint != self.joint:
+            self.joint = self.motor.joint = joint
+            self._sample = Sample(-1, 0, True)
+
+    @property
+    def torque_on(self) -> bool:
+        """Whether its motor is on."""
+        return self.motor.torque_on
+
+    def hears(self, baud: int, now_ns: int) -> bool:
+        """Return whether it hears what is sent at this baud rate."""
+        return self.present and baud == self.baud and now_ns >= self._deaf_until_ns
+
+    # ----------------------------------------------------------------------------- time
+
+    def pass_slot(self, time_ns: int) -> None:
+        """Move by one slot that begins at `time_ns`."""
+        self._watch(time_ns)
+        self.motor.command()
+        self.axis.pass_slot()
+        self.slot += 1
+        self._raise(self.motor.passed())
+
+    def _watch(self, time_ns: int) -> None:
+        if not self._watchdog_ns or not self.torque_on:
+            return
+        if time_ns - self._heard_ns > self._watchdog_ns:
+            self.memory.poke("Bus Watchdog", WATCHDOG_TRIPPED)
+            self._watchdog_ns = 0
+            self.motor.clear_goals()
+
+    def _raise(self, bits: int) -> None:
+        new = bits & ~self.errors
+        if not new:
+            return
+        self.errors |= new
+        self.memory.poke("Hardware Error Status", self.errors)
+        if self.errors & self.memory.peek("Shutdown") or self.model.protocol < 2.0:
+            self._shut_down = True
+            self.memory.poke("Torque Enable", 0)
+            self.motor.configure()
+
+    def fail(self, bit: int) -> None:
+        """Have the servo detect a hardware error: a bit of Hardware Error Status."""
+        self._raise(1 << bit)
+
+    def reboot(self, now_ns: int) -> None:
+        """Begin anew: the RAM at its defaults, errors gone, torque off, deaf for a while."""
+        self.errors = 0
+        self._shut_down = False
+        self.memory.restart()
+        self.motor.configure()
+        self._update_settings()
+        self._born_ns = now_ns
+        self._deaf_until_ns = now_ns + self._reboot_ns
+
+    # ----------------------------------------------------------------------- instructions
+
+    def listen(self, now_ns: int) -> None:
+        """Take notice that an instruction was addressed to it: feeds the bus watchdog."""
+        self._watch(now_ns)
+        self._heard_ns = now_ns
+
+    def alert(self, error: int) -> int:
+        """Return the error field of a status packet that reports `error`."""
+        if self.protocol < 2.0:
+            field = FIRST_ERRORS.get(error, 0)
+            for bit, first in FIRST_BITS.items():
+                field |= first if self.errors >> bit & 1 else 0
+            return field
+        return error | (p2.ALERT if self.errors else 0)
+
+    def frame(self, device_id: int, reply: Reply) -> bytes:
+        """Return the status packet of a reply in this servo's protocol."""
+        if self.protocol < 2.0:
+            return p1.status(device_id, self.alert(reply.error), reply.params)
+        return p2.status(device_id, self.alert(reply.error), reply.params)
+
+    def ping(self) -> Reply:
+        """Answer a ping."""
+        if self.protocol < 2.0:
+            return Reply(0)
+        return Reply(0, self.model.number.to_bytes(2, "little") + bytes((self.firmware,)))
+
+    @property
+    def firmware(self) -> int:
+        """Its firmware version."""
+        return self.memory.peek("Firmware Version")
+
+    def read(self, address: int, length: int, now_ns: int) -> Reply | None:
+        """Answer a read; None where no fresh sample came, and the servo keeps silent."""
+        if not self._refresh(now_ns):
+            return None
+        data = self.memory.read(address, length)
+        return Reply(p2.ACCESS_ERROR) if data is None else Reply(0, data)
+
+    def write(self, address: int, data: bytes, now_ns: int) -> Reply:
+        """Write registers, all or none."""
+        error, items = self.memory.items_of(address, data)
+        if (
+            not error
+            and self._shut_down
+            and any(item.name == "Torque Enable" and value for item, value in items)
+        ):
+            error = p2.RESULT_FAIL  # only a reboot brings the torque back
+        if error:
+            return Reply(error)
+        self._apply(items, now_ns)
+        return Reply(0)
+
+    def _apply(self, items: list[tuple[Item, int]], now_ns: int) -> None:
+        memory = self.memory
+        settings = False
+        for item, value in items:
+            before = memory.peek(item.name)
+            memory.poke(item.name, value)
+            if item.name in GOALS or item.name == "Moving Speed":
+                self.motor.goal_written(item.name, value)
+                continue
+            settings = True
+            if item.name == "Operating Mode" and value != before:
+                self._mode_defaults()
+            if item.name == "Torque Enable" and self.model.protocol >= 2.0:
+                self._heard_ns = now_ns
+        if settings:
+            self._update_settings()
+            self.motor.configure()
+
+    def _mode_defaults(self) -> None:
+        """Do what the e-manual notes under Operating Mode(11): gains, profile and goals anew."""
+        memory = self.memory
+        for item in self.model.items:
+            if item.name.endswith("Gain") or item.name.startswith("Profile "):
+                memory.poke(item.name, item.initial)
+        memory.poke("Goal PWM", memory.peek("PWM Limit"))
+        if memory.has("Goal Current"):
+            memory.poke("Goal Current", memory.peek("Current Limit"))
+
+    def execute(self, instruction: int, params: bytes, now_ns: int) -> Reply | None:
+        """Do what an instruction to this servo alone asks; sync and bulk are the bus' business.
+
+        None: it keeps silent.
+        """
+        if instruction == p2.PING:
+            return self.ping()
+        if instruction == p2.READ:
+            return self._read_packet(params, now_ns)
+        if instruction in (p2.WRITE, p2.REG_WRITE):
+            return self._write_packet(instruction, params, now_ns)
+        if instruction == p2.ACTION:
+            return self._action(now_ns)
+        if instruction == p2.FACTORY_RESET:
+            return Reply(p2.RESULT_FAIL)  # a simulated servo keeps what its rig file says
+        if self.protocol >= 2.0 and instruction == p2.REBOOT:
+            self.reboot(now_ns)
+            return Reply(0)
+        if self.protocol >= 2.0 and instruction == p2.CLEAR:
+            return self._clear(params)
+        return Reply(p2.INSTRUCTION_ERROR)
+
+    def _read_packet(self, params: bytes, now_ns: int) -> Reply | None:
+        wide = 2 if self.protocol >= 2.0 else 1
+        if len(params) != 2 * wide:
+            return Reply(p2.LENGTH_ERROR)
+        address = int.from_bytes(params[:wide], "little")
+        return self.read(address, int.from_bytes(params[wide:], "little"), now_ns)
+
+    def _write_packet(self, instruction: int, params: bytes, now_ns: int) -> Reply:
+        wide = 2 if self.protocol >= 2.0 else 1
+        if len(params) <= wide:
+            return Reply(p2.LENGTH_ERROR)
+        address = int.from_bytes(params[:wide], "little")
+        if instruction == p2.WRITE:
+            return self.write(address, params[wide:], now_ns)
+        error, _ = self.memory.items_of(address, params[wide:])
+        if not error:
+            self.memory.registered = (address, params[wide:])
+            self.memory.poke("Registered Instruction", 1)
+        return Reply(error)
+
+    def _action(self, now_ns: int) -> Reply:
+        if self.memory.registered is None:
+            return Reply(p2.INSTRUCTION_ERROR)
+        address, data = self.memory.registered
+        self.memory.registered = None
+        self.memory.poke("Registered Instruction", 0)
+        return self.write(address, data, now_ns)
+
+    def _clear(self, params: bytes) -> Reply:
+        if params != CLEAR_TURNS:
+            return Reply(p2.RANGE_ERROR)
+        if self._moving():
+            return Reply(p2.RESULT_FAIL)
+        self._turns -= self.motor.position_counts() // self.model.counts
+        self._update_settings()
+        return Reply(0)
+
+    # ------------------------------------------------------------------------- measuring
+
+    def _moving(self) -> bool:
+        speed = abs(self.axis.physics.v) / self.joint.velocity
+        limit = self.memory.peek("Moving Threshold") if self.memory.has("Moving Threshold") else 3
+        return speed > limit
+
+    def _measure(self) -> Sample:
+        # Once per slot: two reads in one slot see one sample, and draw one number of its noise.
+        if self._sample.slot != self.slot:
+            state = self.axis.measure()
+            counts = self.joint.to_counts(state.position)
+            self._sample = Sample(self.slot, counts, state.valid)
+        return self._sample
+
+    def _refresh(self, now_ns: int) -> bool:
+        """Bring the registers of present values up to this slot; False: there is no sample."""
+        sample = self._measure()
+        motor, memory, joint = self.motor, self.memory, self.joint
+        if self.model.protocol < 2.0:
+            self._refresh_first(sample)
+            return sample.valid
+        memory.poke("Present Position", sample.counts)
+        speed = joint.direction * motor.axis.physics.v / joint.velocity
+        memory.poke("Present Velocity", round(speed))
+        memory.poke("Present Current", motor.current_counts)
+        memory.poke("Present Load", motor.current_counts)
+        memory.poke("Present PWM", motor.duty())
+        memory.poke("Position Trajectory", joint.to_counts(motor.trajectory))
+        memory.poke("Velocity Trajectory", round(motor.trajectory_velocity / joint.velocity))
+        memory.poke("Present Temperature", round(motor.temperature_c))
+        memory.poke("Present Input Voltage", round(motor.voltage * 10.0))
+        memory.poke("Realtime Tick", (now_ns - self._born_ns) // TICK_NS % 32_768)
+        memory.poke("Moving", int(self._moving()))
+        arrived = abs(motor.target - motor.axis.physics.x) <= 2.0 * joint.position
+        memory.poke("Moving Status", int(arrived))
+        return sample.valid
+
+    def _refresh_first(self, sample: Sample) -> None:
+        motor, memory, joint = self.motor, self.memory, self.joint
+        memory.poke("Present Position", max(0, min(self.model.counts, sample.counts)))
+        memory.poke(
+            "Present Speed", _sided(joint.direction * motor.axis.physics.v / joint.velocity)
+        )
+        memory.poke("Present Load", _sided(motor.current_counts))
+        memory.poke("Present Temperature", round(motor.temperature_c))
+        memory.poke("Present Input Voltage", round(motor.voltage * 10.0))
+        memory.poke("Moving", int(self._moving()))
+
+
+def _sided(value: float) -> int:
+    """Return a size of ten bits with the direction in bit 10."""
+    size = min(1023, round(abs(value)))
+    return size | 0x400 if value < 0 and size else size

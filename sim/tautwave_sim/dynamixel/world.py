@@ -1,0 +1,254 @@
+"""The servos of a bus, built from its options: in this process, or served on a pseudo-terminal."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from tautwave.clock import MonotonicClock
+from tautwave.contracts import AxisSpec, Bench, BusSpec, Clock
+from tautwave.errors import ConfigError
+from tautwave.models.plant_params import PlantParams
+from tautwave.truth import AxisModel
+from tautwave_sim.axis import SimulatedAxis
+from tautwave_sim.dynamixel.bus import ServoBus
+from tautwave_sim.dynamixel.faults import FaultPlan
+from tautwave_sim.dynamixel.items import Model
+from tautwave_sim.dynamixel.memory import Memory
+from tautwave_sim.dynamixel.models import find_model
+from tautwave_sim.dynamixel.motor import LOAD_UNIT, REV_PER_MIN, Heat, Joint
+from tautwave_sim.dynamixel.options import (
+    BenchOptions,
+    DynamixelOptions,
+    FaultOptions,
+    ServoOptions,
+    ServoQuirks,
+    SimulatorOptions,
+)
+from tautwave_sim.dynamixel.servo import Servo
+from tautwave_sim.wire.pty import serve_line
+from tautwave_sim.wire.serial import MemoryPort, SerialLine
+
+DELAY_UNIT_S = 2e-6
+BENCH_PERIOD_S = 1e-3
+
+
+class ServoWorld:
+    """The simulated servos of one bus, and the host's end of their line.
+
+    Parameters
+    ----------
+    options : DynamixelOptions
+        Of the bus.
+    bus : BusSpec
+        Its axes.
+    truths : sequence of AxisModel
+        What is true of each.
+    clock : Clock
+        Of the host.
+    free : bool
+        Move from the beginning on; else from the first exchange that finds the torque on.
+    """
+
+    def __init__(
+        self,
+        options: DynamixelOptions,
+        bus: BusSpec,
+        truths: Sequence[AxisModel],
+        clock: Clock,
+        free: bool = False,
+    ) -> None:
+        self.axes = [
+            SimulatedAxis(spec.name, one) for spec, one in zip(bus.axes, truths, strict=True)
+        ]
+        self.line = SerialLine(options.baud, round((options.usb_latency_s or 0.0) * 1e9))
+        self.servos = [
+            _servo(options, spec, axis, truth)
+            for spec, axis, truth in zip(bus.axes, self.axes, truths, strict=True)
+        ]
+        faults = options.simulator.faults
+        events = [one.event() for one in faults.events]
+        seed = (faults.seed, zlib.crc32(bus.name.encode()))
+        self.bus = ServoBus(
+            self.line,
+            self.servos,
+            FaultPlan(seed, faults.chances(), events),
+            events,
+            round(truths[0].period * 1e9) if truths else 1_000_000,
+            round(faults.late_s * 1e9),
+            free,
+        )
+        self.transport = MemoryPort(self.line, clock, f"bus {bus.name}")
+        self.bus.start(clock.now_ns())
+
+    def advance(self, to_ns: int) -> None:
+        """Let everything happen that happens up to `to_ns`."""
+        self.line.advance(to_ns)
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+def _servo(
+    options: DynamixelOptions, spec: AxisSpec, axis: SimulatedAxis, truth: AxisModel
+) -> Servo:
+    given = next((one for one in options.servos if one.id == spec.device_id), None)
+    if given is None:
+        raise ConfigError(
+            f"{spec.name}: there is no servo with id {spec.device_id}; add it to options.servos"
+        )
+    quirks = options.simulator.servos.get(given.id, ServoQuirks())
+    model = find_model(quirks.model or given.model, quirks.firmware)
+    registers = _registers(options, given, model, spec) | quirks.registers
+    if quirks.firmware is not None:
+        registers.setdefault("Firmware Version", quirks.firmware)
+    joint = _joint(given, model)
+    memory = Memory(model, registers)
+    servo = Servo(model, memory, axis, truth, joint, round(quirks.reboot_s * 1e9))
+    motor = servo.motor
+    motor.heat = Heat(rise_k=quirks.rise_k, time_s=quirks.heating_s)
+    motor.temperature_c = motor.heat.ambient_c
+    if quirks.temperature_c is not None:
+        motor.temperature_c = quirks.temperature_c
+    if quirks.voltage is not None:
+        motor.voltage = quirks.voltage
+    motor.overload_share = quirks.overload_share
+    motor.overload_s = quirks.overload_s
+    return servo
+
+
+def _registers(
+    options: DynamixelOptions, given: ServoOptions, model: Model, spec: AxisSpec
+) -> dict[str, int]:
+    """Return what somebody has set before: id and baud rate, and what the rig wants."""
+    registers = {"ID": given.id}
+    for code, baud in model.bauds:
+        if abs(baud - options.baud) < 0.03 * options.baud:
+            registers["Baud Rate"] = code
+    if "Baud Rate" not in registers:
+        fits = ", ".join(str(baud) for _, baud in model.bauds)
+        raise ConfigError(f"{spec.name}: a {model.name} has no {options.baud} baud; it has {fits}")
+    if options.simulator.factory:
+        return registers
+    registers["Return Delay Time"] = round(options.return_delay_s / DELAY_UNIT_S)
+    if model.protocol >= 2.0:
+        current = any(item.name == "Goal Current" for item in model.items)
+        impedance = spec.causality == "impedance" and current
+        registers["Operating Mode"] = 0 if impedance else 1
+        if given.current_limit is not None and current:
+            registers["Current Limit"] = round(given.current_limit / model.current_unit_a)
+    return registers
+
+
+def _joint(given: ServoOptions, model: Model) -> Joint:
+    gear = given.gear_ratio
+    constant = given.torque_constant or model.torque_constant
+    if model.current_unit_a:
+        effort = model.current_unit_a * constant
+    else:
+        effort = LOAD_UNIT * model.stall_torque
+    return Joint(
+        position=model.turn_rad / model.counts / gear,
+        velocity=model.velocity_unit_rpm * REV_PER_MIN / gear,
+        effort=effort * gear,
+        direction=given.direction,
+        zero=model.centre_counts if given.zero_counts is None else given.zero_counts,
+    )
+
+
+def simulate(
+    options: DynamixelOptions, bus: BusSpec, physics: Sequence[Any], clock: Clock
+) -> ServoWorld:
+    """Return the servos of a bus in this process."""
+    return ServoWorld(options, bus, physics, clock)
+
+
+def is_served(options: DynamixelOptions) -> bool:
+    """Return whether they live in a process of their own on the real clock."""
+    return options.port == "sim"
+
+
+def serve(
+    options: DynamixelOptions,
+    bus: BusSpec,
+    physics: Sequence[Any],
+    announce: Callable[[Mapping[str, Any]], None],
+    stopped: Callable[[], bool],
+) -> None:
+    """Serve the servos of a bus on a pseudo-terminal until `stopped()`."""
+    clock = MonotonicClock()
+    world = ServoWorld(options, bus, physics, clock, free=options.port != "sim")
+
+    def tell(path: str) -> None:
+        announce(
+            {
+                "driver": "dynamixel",
+                "endpoint": path,
+                "models": {servo.device_id: servo.model.name for servo in world.servos},
+                "options": {"port": path},
+            }
+        )
+
+    link = options.simulator.link
+    serve_line(world.line, tell, stopped, None if link is None else Path(link), clock)
+
+
+def bench(options: BenchOptions) -> Bench:
+    """Return servos without a rig: factory settings but for id and baud rate, no hand, no wall."""
+    try:
+        model = find_model(options.model)
+    except ValueError as err:
+        raise ConfigError(f"sim dynamixel: {err}") from err
+    faults = FaultOptions.model_validate({"seed": options.seed, **options.faults})
+    delay = {"Return Delay Time": options.return_delay_us // 2}
+    quirks = {one: ServoQuirks(registers=delay) for one in options.ids}
+    bus = DynamixelOptions(
+        port="bench",
+        servos=[ServoOptions(id=one, model=model.name) for one in options.ids],
+        baud=options.baud,
+        protocol=model.protocol,
+        usb_latency_s=options.usb_latency_s,
+        simulator=SimulatorOptions(factory=True, faults=faults, servos=quirks, link=options.link),
+    )
+    axes = tuple(
+        AxisSpec(f"servo.{one}", one, "rotary", "impedance", model.stall_torque)
+        for one in options.ids
+    )
+    truths = [_free_axis(model, one) for one in options.ids]
+    return Bench(bus, BusSpec("bench", axes, 1.0 / BENCH_PERIOD_S), truths)
+
+
+def _free_axis(model: Model, device_id: int) -> AxisModel:
+    """Return a servo whose horn carries nothing: inertia and friction guessed from its size."""
+    fastest = model.no_load_speed_rpm * REV_PER_MIN
+    plant = PlantParams(
+        mass=0.002 * model.stall_torque,
+        viscous=0.05 * model.stall_torque / fastest,
+        coulomb=0.02 * model.stall_torque,
+        grip_stiffness=0.0,
+        grip_damping=0.0,
+        spring_stiffness=0.0,
+        spring_position=0.0,
+        wall_stiffness=0.0,
+        wall_damping=0.0,
+        wall_position=0.0,
+        wall_side=1.0,
+    )
+    return AxisModel(
+        period=BENCH_PERIOD_S,
+        plant=plant,
+        foam=None,
+        servo=None,
+        reference=(),
+        start_position=0.0,
+        encoder_quantum=0.0,
+        position_noise=0.0,
+        effort_quantum=0.0,
+        velocity_quantum=0.0,
+        effort_limit=model.stall_torque,
+        command_delay=0.0,
+        missing_probability=0.0,
+        seed=(device_id,),
+    )
