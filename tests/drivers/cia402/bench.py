@@ -11,7 +11,7 @@ from tests.drivers.cia402.reference_drive import Drive
 
 QUICK = Patience(
     transition=60,
-    not_ready=80,
+    not_ready=300,
     mode=60,
     stop=40,
     fault_reset=10,
