@@ -1,0 +1,242 @@
+"""What is checked and set before torque: the right servo, healthy, in the right mode, watched.
+
+Lasting registers (EEPROM) are compared, and written only where `configure` allows it; they wear
+out and survive the run. Everything else is RAM and is set on every start. Sources: e-manual, X
+series, "Operating Mode(11)", "Return Delay Time(9)", "Status Return Level(68)", "Bus Watchdog(98)".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from tautwave.contracts import BusSpec
+from tautwave.errors import DeviceFault, DriverError
+from tautwave_drivers.dynamixel import registers as reg
+from tautwave_drivers.dynamixel.line import Line
+from tautwave_drivers.dynamixel.models import CAVEAT, model_name
+from tautwave_drivers.dynamixel.options import DynamixelOptions, Servo
+from tautwave_drivers.dynamixel.registers import Register
+from tautwave_drivers.dynamixel.units import Scale
+from tautwave_drivers.dynamixel.words import hardware_words, status_words
+
+REVERSED = 0x01
+TORQUE_BY_GOAL = 0x08
+"""Bits of Drive Mode(10): turns the other way; a goal alone switches torque on."""
+
+
+class Limits(NamedTuple):
+    """Greatest goals a servo takes without an error [counts]."""
+
+    current: int
+    velocity: int
+
+
+class Bringup:
+    """Brings the servos of one bus to where torque may be switched on.
+
+    Parameters
+    ----------
+    line : Line
+        How they are spoken to.
+    options : DynamixelOptions
+        The bus' options.
+    bus : BusSpec
+        What is allowed.
+    """
+
+    def __init__(self, line: Line, options: DynamixelOptions, bus: BusSpec) -> None:
+        self._line = line
+        self._options = options
+        self._bus = bus
+        self._changes: list[str] = []
+        self.notes: list[str] = []
+
+    def run(self, servos: Sequence[Servo], scales: Sequence[Scale]) -> list[Limits]:
+        """Check and set all servos; return the greatest goal of each.
+
+        Raises
+        ------
+        DeviceFault
+            A servo reports a hardware error.
+        DriverError
+            A servo is missing, is another one, or would have to be configured.
+        """
+        for servo in servos:
+            self._identify(servo)
+        for servo in servos:
+            self._put(servo, reg.TORQUE_ENABLE, 0)
+        for servo in servos:
+            self._lasting(servo)
+        if self._changes:
+            raise DriverError(
+                f"bus {self._bus.name}: lasting settings differ: {'; '.join(self._changes)}; "
+                "run once with --configure to write them into the servos"
+            )
+        return [self._prepare(*pair) for pair in zip(servos, scales, strict=True)]
+
+    # -- one servo ------------------------------------------------------------------------
+
+    def _identify(self, servo: Servo) -> None:
+        where = self._where(servo)
+        found = self._line.ping(servo.options.id)
+        if found is None:
+            raise DriverError(
+                f"{where}: no answer at {self._options.baud} baud; check its power and cable, and "
+                f"find its id and baud rate with: tautwave scan dynamixel --port "
+                f"{self._options.port}"
+            )
+        # Below level 2 it would not answer what follows.
+        self._line.write(servo.options.id, reg.STATUS_RETURN_LEVEL.address, b"\x02")
+        number = reg.MODEL_NUMBER.decode(found.data)
+        firmware = found.data[2]
+        if number != servo.model.number:
+            raise DriverError(
+                f"{where}: is a {model_name(number)} (model number {number}), the rig says "
+                f"{servo.model.name}; correct options.servos, or exchange the servo"
+            )
+        error = self._get(servo, reg.HARDWARE_ERROR)
+        if error:
+            raise DeviceFault(
+                f"{where}: {hardware_words(error, self._get(servo, reg.SHUTDOWN))}; remove the "
+                "cause, then switch the servo's power off and on"
+            )
+        watched = servo.model.always_watched or firmware >= reg.WATCHDOG_FIRMWARE
+        if not watched and not self._bus.allow_unwatched:
+            raise DriverError(
+                f"{where}: firmware {firmware} has no bus watchdog (from "
+                f"{reg.WATCHDOG_FIRMWARE} on), so it would go on when the host stops; update it, "
+                "or run with --allow-unwatched"
+            )
+        volts = 0.1 * self._get(servo, reg.PRESENT_VOLTAGE)
+        degrees = self._get(servo, reg.PRESENT_TEMPERATURE)
+        self.notes.append(
+            f"{where}: {servo.model.name}, firmware {firmware}, {volts:.1f} V, {degrees} degC"
+            + ("" if watched else ", without a bus watchdog")
+        )
+        if not watched:
+            return
+        if self._get(servo, reg.BUS_WATCHDOG) == reg.WATCHDOG_TRIPPED:
+            self.notes.append(f"{where}: its bus watchdog had tripped; armed again")
+        # Off while nobody feeds it; a tripped one locks the goals until 0 is written.
+        self._put(servo, reg.BUS_WATCHDOG, 0)
+
+    def _lasting(self, servo: Servo) -> None:
+        """Compare the EEPROM with what the rig needs; write it where that is allowed."""
+        delay = round(self._options.return_delay_s / reg.RETURN_DELAY_UNIT_S)
+        mode = reg.CURRENT_MODE if servo.impedance else reg.VELOCITY_MODE
+        self._keep(servo, reg.OPERATING_MODE, mode)
+        self._keep(servo, reg.RETURN_DELAY, delay)
+        given = servo.options.current_limit
+        if given is not None and servo.model.current_unit > 0.0:
+            self._keep(servo, reg.CURRENT_LIMIT, round(given / servo.model.current_unit))
+        drive_mode = self._get(servo, reg.DRIVE_MODE)
+        if drive_mode & TORQUE_BY_GOAL:
+            self._keep(servo, reg.DRIVE_MODE, drive_mode & ~TORQUE_BY_GOAL)
+        if drive_mode & REVERSED:
+            self.notes.append(
+                f"{self._where(servo)}: drive mode is reversed in the servo; options.direction "
+                "comes on top of that"
+            )
+
+    def _keep(self, servo: Servo, register: Register, wanted: int) -> None:
+        found = self._get(servo, register)
+        if found == wanted:
+            return
+        change = (
+            f"{self._where(servo)}: {register.name}({register.address}) "
+            f"{_shown(register, found)} -> {_shown(register, wanted)}"
+        )
+        if not self._bus.configure:
+            self._changes.append(change)
+            return
+        self._put(servo, register, wanted)
+        self.notes.append(f"{change} written")
+
+    def _prepare(self, servo: Servo, scale: Scale) -> Limits:
+        """Set the RAM; return the greatest goals."""
+        self._put(servo, reg.STATUS_RETURN_LEVEL, 2)
+        if servo.impedance:
+            limits = self._current_limit(servo, scale)
+            self._put(servo, reg.GOAL_CURRENT, 0)
+        else:
+            limits = self._velocity_limit(servo, scale)
+            self._put(servo, reg.PROFILE_ACCELERATION, 0)
+            self._put(servo, reg.GOAL_VELOCITY, 0)
+        if servo.options.torque_constant is None:
+            self.notes.append(
+                f"{self._where(servo)}: torque constant {servo.torque_constant:.3g} N m/A is "
+                f"{CAVEAT} ({servo.model.page})"
+            )
+        return limits
+
+    def arm(self, servo: Servo) -> None:
+        """Write the bus watchdog and read it back; it counts once torque is on."""
+        units = max(1, math.ceil(self._options.watchdog_s / reg.WATCHDOG_UNIT_S - 1e-9))
+        self._put(servo, reg.BUS_WATCHDOG, units)
+
+    def _current_limit(self, servo: Servo, scale: Scale) -> Limits:
+        limit = self._get(servo, reg.CURRENT_LIMIT)
+        # The loop commands whole counts, never beyond its limit.
+        need = math.floor(servo.axis.effort_limit / scale.effort + 1e-9)
+        if need > limit:
+            unit, most = servo.model.current_unit, limit * scale.effort
+            raise DriverError(
+                f"{self._where(servo)}: effort_limit {servo.axis.effort_limit:g} needs "
+                f"{need * unit:.3g} A, but its current limit(38) is {limit * unit:.3g} A; lower "
+                f"effort_limit to {most:.3g}, or give the servo current_limit: {need * unit:.5g}"
+            )
+        return Limits(limit, 0)
+
+    def _velocity_limit(self, servo: Servo, scale: Scale) -> Limits:
+        limit = self._get(servo, reg.VELOCITY_LIMIT)
+        if servo.axis.velocity_limit > (limit + 0.5) * scale.velocity:
+            raise DriverError(
+                f"{self._where(servo)}: velocity_limit {servo.axis.velocity_limit:g} is beyond "
+                f"its velocity limit(44), {limit} = {limit * scale.velocity:.4g}; lower "
+                "velocity_limit, or raise the servo's with the vendor's wizard"
+            )
+        return Limits(0, limit)
+
+    # -- registers --------------------------------------------------------------------------
+
+    def _get(self, servo: Servo, register: Register) -> int:
+        answer = self._line.read(servo.options.id, register.address, register.size)
+        if answer is None:
+            raise DriverError(f"{self._where(servo)}: no answer when reading {register.name}")
+        if answer.number or len(answer.data) < register.size:
+            raise DriverError(
+                f"{self._where(servo)}: {register.name}({register.address}) cannot be read: "
+                f"{status_words(answer.error)}"
+            )
+        return register.decode(answer.data)
+
+    def _put(self, servo: Servo, register: Register, value: int) -> None:
+        """Write a register and read it back."""
+        device_id = servo.options.id
+        data = register.encode(value)
+        # No answer is no failure yet: a status return level below 2 answers no write.
+        answer = self._line.write(device_id, register.address, data)
+        if answer is not None and answer.number:
+            raise DriverError(
+                f"{self._where(servo)}: {register.name}({register.address}) does not take "
+                f"{value}: {status_words(answer.error)}"
+            )
+        found = self._get(servo, register)
+        if found != value:
+            raise DriverError(
+                f"{self._where(servo)}: {register.name}({register.address}) reads {found} after "
+                f"{value} was written; is another program on the line?"
+            )
+
+    def _where(self, servo: Servo) -> str:
+        return f"{servo.axis.name} (bus {self._bus.name}, servo {servo.options.id})"
+
+
+def _shown(register: Register, value: int) -> str:
+    if register is reg.OPERATING_MODE:
+        return f"{value} ({reg.MODES.get(value, 'unknown')})"
+    if register is reg.RETURN_DELAY:
+        return f"{value} ({value * 2} us)"
+    return str(value)

@@ -1,0 +1,154 @@
+"""Bus time of one cycle: bytes at the baud rate, return delays, the adapter's latency timer.
+
+8 data bits, start and stop bit: 10 bits a byte. Per cycle: sync write of the goals, sync read, one
+status packet per servo (or one for all, fast). Packet lengths: e-manual, "DYNAMIXEL Protocol 2.0".
+Not counted: the servos' own turn-around, some tens of us each.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from tautwave.contracts import Budget, BusSpec
+from tautwave_drivers.dynamixel.options import DynamixelOptions, match_servos
+
+BITS_PER_BYTE = 10
+
+READ_SHARE = 0.7
+"""Of a period: what has not come by then, the loop counts as missing. The rest is for thinking."""
+
+BLOCK = 10
+"""Bytes read of each servo: current, velocity, position."""
+
+STATUS_BLOCK = 12
+"""The same with hardware error and watchdog."""
+
+
+class Traffic(NamedTuple):
+    """What one cycle puts on the line: servos by what they are told, bytes read of each, how."""
+
+    impedance: int
+    admittance: int
+    size: int = BLOCK
+    fast: bool = False
+
+    @property
+    def servos(self) -> int:
+        """How many are asked."""
+        return self.impedance + self.admittance
+
+    @property
+    def sent(self) -> int:
+        """Bytes from the host: sync writes of 2- and 4-byte goals, one sync read."""
+        count = 14 + self.servos
+        for servos, goal in ((self.impedance, 2), (self.admittance, 4)):
+            if servos:
+                count += 14 + servos * (1 + goal)
+        return count
+
+    @property
+    def answered(self) -> int:
+        """Bytes from the servos."""
+        if self.fast:
+            return 8 + self.servos * (self.size + 4)
+        return self.servos * (11 + self.size)
+
+    @property
+    def delays(self) -> int:
+        """How often a return delay passes."""
+        return 1 if self.fast else self.servos
+
+    def time_s(self, baud: int, return_delay_s: float, latency_s: float) -> float:
+        """Return the time from the first byte sent to the last byte handed to the host [s]."""
+        wire = (self.sent + self.answered) * BITS_PER_BYTE / baud
+        return wire + self.delays * return_delay_s + latency_s
+
+
+def traffic_of(options: DynamixelOptions, bus: BusSpec) -> Traffic:
+    """Return what one cycle of a bus puts on the line."""
+    impedance = sum(axis.causality == "impedance" for axis in bus.axes)
+    size = STATUS_BLOCK if options.status_block else BLOCK
+    return Traffic(impedance, len(bus.axes) - impedance, size, options.read == "fast_sync")
+
+
+def budget(options: DynamixelOptions, bus: BusSpec) -> Budget:
+    """Return the bus time of one cycle, and what would shorten it where it does not fit.
+
+    Raises
+    ------
+    ConfigError
+        The axes do not go with the servos.
+    """
+    match_servos(options, bus)
+    traffic = traffic_of(options, bus)
+    exchange = _exchange_s(options, traffic)
+    needed = exchange / READ_SHARE
+    lines = [_arithmetic(options, traffic, exchange)]
+    lines.append(
+        f"answers have to be in by {READ_SHARE:.0%} of the period: "
+        f"{exchange * 1e3:.3f} ms / {READ_SHARE:g} = {needed * 1e3:.3f} ms, at most "
+        f"{1.0 / needed:.0f} Hz"
+    )
+    if needed > 1.0 / bus.rate_hz:
+        lines.extend(_remedies(options, bus, traffic))
+    return Budget(needed, 1.0 / needed, "; ".join(lines))
+
+
+def _exchange_s(options: DynamixelOptions, traffic: Traffic) -> float:
+    return traffic.time_s(options.baud, options.return_delay_s, options.latency_s)
+
+
+def _arithmetic(options: DynamixelOptions, traffic: Traffic, exchange: float) -> str:
+    count = traffic.sent + traffic.answered
+    wire = count * BITS_PER_BYTE / options.baud
+    text = (
+        f"{traffic.servos} servos: {traffic.sent} bytes out, {traffic.answered} back, "
+        f"{count} x {BITS_PER_BYTE} bits at {options.baud} baud = {wire * 1e3:.3f} ms"
+    )
+    if options.return_delay_s > 0.0:
+        text += f" + {traffic.delays} x {options.return_delay_s * 1e3:.3f} ms return delay"
+    if options.latency_s > 0.0:
+        text += f" + {options.latency_s * 1e3:g} ms USB latency timer"
+    return f"{text} = {exchange * 1e3:.3f} ms"
+
+
+def _remedies(options: DynamixelOptions, bus: BusSpec, traffic: Traffic) -> list[str]:
+    """Return what each single change would bring, in Hz, and the rate that needs none."""
+
+    def rate(changed: DynamixelOptions, load: Traffic) -> str:
+        return f"{READ_SHARE / _exchange_s(changed, load):.0f} Hz"
+
+    told = []
+    fastest = min((s.model.fastest_baud for s in match_servos(options, bus)), default=4_000_000)
+    fastest = min(fastest, 4_000_000)
+    if options.baud < fastest:
+        changed = options.model_copy(update={"baud": fastest})
+        told.append(f"baud: {fastest} gives {rate(changed, traffic)}")
+    if options.return_delay_s > 0.0:
+        changed = options.model_copy(update={"return_delay_s": 0.0})
+        told.append(f"return_delay_s: 0 gives {rate(changed, traffic)}")
+    if options.latency_s > 0.001:
+        changed = options.model_copy(update={"usb_latency_s": 0.001})
+        told.append(f"a USB latency timer of 1 ms gives {rate(changed, traffic)}")
+    if options.latency_s > 0.0:
+        changed = options.model_copy(update={"usb_latency_s": 0.0})
+        told.append(f"a real UART instead of USB gives {rate(changed, traffic)}")
+    if not traffic.fast and traffic.servos > 1:
+        told.append(f"read: fast_sync gives {rate(options, traffic._replace(fast=True))}")
+    if options.status_block:
+        told.append(f"status_block: false gives {rate(options, traffic._replace(size=BLOCK))}")
+    if traffic.servos > 1:
+        fewer = (
+            traffic._replace(impedance=traffic.impedance - 1)
+            if traffic.impedance
+            else traffic._replace(admittance=traffic.admittance - 1)
+        )
+        told.append(f"one axis less on this bus gives {rate(options, fewer)}")
+    nth = 2
+    while nth * READ_SHARE / bus.rate_hz < _exchange_s(options, traffic):
+        nth += 1
+    told.append(
+        f"reading every {nth}. cycle is the same as rate_hz: {bus.rate_hz / nth:g}, since a "
+        "command waits for its sample"
+    )
+    return ["remedies, each alone: " + ", ".join(told)]

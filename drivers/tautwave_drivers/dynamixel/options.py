@@ -1,0 +1,174 @@
+"""Options of a Dynamixel bus, and what they have to say of each axis of the rig."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+from tautwave.contracts import AxisSpec, BusSpec
+from tautwave.errors import ConfigError
+from tautwave_drivers.dynamixel.models import MODELS, Model
+
+STRICT = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+Positive = Annotated[float, Field(gt=0.0)]
+
+
+def _known(version: float) -> float:
+    if version not in (1.0, 2.0):
+        raise PydanticCustomError("protocol", "should be 2.0 or 1.0")
+    return version
+
+
+Protocol = Annotated[float, AfterValidator(_known)]
+
+USB_LATENCY_S = 0.001
+"""Latency timer of a USB adapter as it should be set; FTDI's default is 0.016."""
+
+
+class ServoOptions(BaseModel):
+    """One servo on the line."""
+
+    model_config = STRICT
+
+    id: Annotated[int, Field(ge=0, le=252)]
+    model: str
+    """Name of the model, e.g. XM430-W350; checked against the servo."""
+    torque_constant: Positive | None = None
+    """[N m/A] At the horn; the stall slope of the model (+-20 %) if not given."""
+    gear_ratio: Positive = 1.0
+    """Of what is mounted on the horn: turns of the horn per turn of the axis; for a linear axis
+    [rad/m]."""
+    direction: Literal[1, -1] = 1
+    """-1: the axis counts against the servo."""
+    zero_counts: int = 2048
+    """Position of the servo at the axis' zero [pulse]."""
+    current_limit: Positive | None = None
+    """[A] Current Limit(38) that the servo shall have; if not given, the one it has is only
+    checked."""
+
+
+class DynamixelOptions(BaseModel):
+    """Options of a Dynamixel bus."""
+
+    model_config = STRICT
+
+    port: str
+    """A serial device, or `sim`: simulated servos, served by the run."""
+    servos: Annotated[list[ServoOptions], Field(min_length=1)]
+    """Everything that is on the line and used."""
+    baud: Annotated[int, Field(ge=9600, le=10_500_000)] = 1_000_000
+    protocol: Protocol = 2.0
+    read: Literal["sync", "fast_sync"] = "sync"
+    """How the servos are read: one packet each, or one for all (newer firmware)."""
+    status_block: bool = False
+    """Read hardware error and watchdog of every servo in every cycle too, through the indirect
+    addresses; without it they are read when a servo raises its alert bit."""
+    usb_latency_s: Annotated[float, Field(ge=0.0, le=0.1)] | None = None
+    """[s] Latency timer of the USB adapter; 0: a real UART. Not given: 0.001 for /dev/ttyUSB*
+    and /dev/ttyACM*, 0 else."""
+    return_delay_s: Annotated[float, Field(ge=0.0, le=508e-6)] = 0.0
+    """[s] Return Delay Time(9) that the servos shall have, in steps of 2 us."""
+    watchdog_s: Annotated[float, Field(ge=0.02, le=2.54)] = 0.1
+    """[s] Bus Watchdog(98): a servo that hears nothing for that long stops."""
+    transport: Literal["own", "sdk"] = "own"
+    """Who speaks before the loop: this package, or dynamixel-sdk. The loop's bytes are always
+    our own."""
+    simulator: dict[str, Any] = {}
+    """For the simulated servos only."""
+
+    @property
+    def latency_s(self) -> float:
+        """[s] Latency timer of the adapter."""
+        if self.usb_latency_s is not None:
+            return self.usb_latency_s
+        return USB_LATENCY_S if self.port.startswith(("/dev/ttyUSB", "/dev/ttyACM")) else 0.0
+
+
+class Servo(NamedTuple):
+    """One axis of the rig with the servo that moves it."""
+
+    axis: AxisSpec
+    options: ServoOptions
+    model: Model
+
+    @property
+    def impedance(self) -> bool:
+        """Whether it takes effort."""
+        return self.axis.causality == "impedance"
+
+    @property
+    def torque_constant(self) -> float:
+        """[N m/A] At the horn."""
+        given = self.options.torque_constant
+        return self.model.torque_constant if given is None else given
+
+
+def match_servos(options: DynamixelOptions, bus: BusSpec) -> list[Servo]:
+    """Return the servo of each axis, in the bus' order.
+
+    Raises
+    ------
+    ConfigError
+        An axis has no servo, a model is unknown or cannot do what the axis asks; all at once.
+    """
+    by_id: dict[int, ServoOptions] = {}
+    problems = []
+    for servo in options.servos:
+        if servo.id in by_id:
+            problems.append(f"bus {bus.name}: servo id {servo.id} is listed twice")
+        by_id[servo.id] = servo
+    found = []
+    for axis in bus.axes:
+        one = by_id.get(axis.device_id)
+        if one is None:
+            listed = ", ".join(map(str, sorted(by_id)))
+            problems.append(
+                f"bus {bus.name}: {axis.name} has id {axis.device_id}, but options.servos lists "
+                f"{listed}; add the servo or correct the id"
+            )
+            continue
+        model = MODELS.get(one.model)
+        if model is None:
+            problems.append(_unknown(bus, one))
+            continue
+        refusal = _refusal(bus, options, axis, one, model)
+        if refusal:
+            problems.append(refusal)
+        found.append(Servo(axis, one, model))
+    if problems:
+        raise ConfigError(problems)
+    return found
+
+
+def _unknown(bus: BusSpec, servo: ServoOptions) -> str:
+    from difflib import get_close_matches
+
+    close = get_close_matches(servo.model.upper(), MODELS, n=1)
+    hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(MODELS)}"
+    return f"bus {bus.name}: servo {servo.id}: unknown model {servo.model!r}; {hint}"
+
+
+def _refusal(
+    bus: BusSpec, options: DynamixelOptions, axis: AxisSpec, servo: ServoOptions, model: Model
+) -> str:
+    where = f"bus {bus.name}: {axis.name}: "
+    if options.protocol < 1.5:
+        return where + (
+            "protocol 1.0 servos have neither torque control nor a bus watchdog, so no axis runs "
+            "on them; `tautwave scan dynamixel` reads their position and load; update an MX servo "
+            "to firmware with protocol 2.0"
+        )
+    if axis.causality == "impedance" and model.current_unit == 0.0:
+        return where + (
+            f"a {model.name} has no current control, so it cannot take effort; make the axis "
+            "causality: admittance, or use an XL330, XC330, XM, XH, XD or XW servo"
+        )
+    known = servo.torque_constant or model.torque_constant
+    if known == 0.0:
+        return where + f"the stall torque of a {model.name} is not known; give torque_constant"
+    if options.baud > model.fastest_baud:
+        return where + f"a {model.name} goes up to {model.fastest_baud} baud (got {options.baud})"
+    return ""

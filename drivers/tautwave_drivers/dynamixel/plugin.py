@@ -1,0 +1,55 @@
+"""What the entry point names; importing it needs no vendor library."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from tautwave.contracts import AxisFacts, BusSpec, Clock, CycleCost, DriverPlugin
+from tautwave_drivers.dynamixel.budget import budget
+from tautwave_drivers.dynamixel.driver import DynamixelDriver
+from tautwave_drivers.dynamixel.indirect import check_one_family
+from tautwave_drivers.dynamixel.options import DynamixelOptions, match_servos
+from tautwave_drivers.dynamixel.scan import ScanOptions, scan
+from tautwave_drivers.dynamixel.units import scale_of
+
+
+def _make(options: DynamixelOptions, bus: BusSpec, clock: Clock, transport: Any) -> DynamixelDriver:
+    return DynamixelDriver(options, bus, clock, transport)
+
+
+def _facts(options: DynamixelOptions, bus: BusSpec) -> Sequence[AxisFacts]:
+    servos = match_servos(options, bus)
+    if options.status_block:
+        check_one_family(servos)
+    facts = []
+    for servo in servos:
+        scale = scale_of(servo)
+        velocity = 0.0 if servo.impedance else scale.velocity
+        facts.append(AxisFacts(scale.position, scale.effort, velocity))
+    return facts
+
+
+def _scan(options: ScanOptions) -> Sequence[Mapping[str, Any]]:
+    return scan(options)
+
+
+def _measure(cycles: int) -> Sequence[CycleCost]:
+    from tautwave_drivers.dynamixel.measure import measure
+
+    return measure(cycles)
+
+
+plugin = DriverPlugin(
+    options=DynamixelOptions,
+    make=_make,
+    budget=budget,
+    scan=_scan,
+    # Speaks for itself; dynamixel-sdk only where `transport: sdk` asks for it.
+    needs=(),
+    hardware=True,
+    summary="Dynamixel X servos (protocol 2.0) on a serial line",
+    facts=_facts,
+    scan_options=ScanOptions,
+    measure=_measure,
+)

@@ -1,0 +1,115 @@
+"""A serial device as a `BytePort`: raw, exclusive, never blocking, any baud rate.
+
+Linux: `termios2` with BOTHER (ioctl_tty(2), asm-generic/termbits.h) takes every rate, 4.5 Mbaud
+included. A pseudo-terminal takes any rate and ignores it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import os
+import struct
+import termios
+
+from tautwave.errors import DriverError
+
+TCGETS2 = 0x802C542A
+TCSETS2 = 0x402C542B
+BOTHER = 0o010000
+CBAUD = 0o010017
+_TERMIOS2 = struct.Struct("4IB19s2I")  # iflag oflag cflag lflag line cc ispeed ospeed
+
+_GONE = {errno.EIO, errno.ENODEV, errno.ENXIO, errno.EBADF}
+
+
+class SerialPort:
+    """An open serial device.
+
+    Parameters
+    ----------
+    path : str
+        The device, e.g. /dev/ttyUSB0.
+    baud : int
+        Baud rate.
+
+    Raises
+    ------
+    DriverError
+        It is not there, not permitted, in use, or no terminal.
+    """
+
+    def __init__(self, path: str, baud: int) -> None:
+        self.path = path
+        try:
+            self._fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        except OSError as err:
+            raise DriverError(_no_port(path, err)) from err
+        try:
+            fcntl.ioctl(self._fd, termios.TIOCEXCL)
+            self.set_baud(baud)
+        except OSError as err:
+            os.close(self._fd)
+            raise DriverError(
+                f"{path}: is not a serial device that takes {baud} baud: {err}"
+            ) from err
+
+    def fileno(self) -> int:
+        """Return the file descriptor, for `Clock.wait`."""
+        return self._fd
+
+    def set_baud(self, baud: int) -> None:
+        """Make the line raw, 8 data bits, no parity, at `baud`; drop what has come."""
+        packed = fcntl.ioctl(self._fd, TCGETS2, bytes(_TERMIOS2.size))
+        line, given = _TERMIOS2.unpack(packed)[4:6]
+        cc = bytearray(given)
+        # A read without data has to say so (EAGAIN), and not look like a closed line.
+        cc[termios.VMIN], cc[termios.VTIME] = 1, 0
+        cflag = termios.CS8 | termios.CREAD | termios.CLOCAL | BOTHER
+        packed = _TERMIOS2.pack(0, 0, cflag, 0, line, bytes(cc), baud, baud)
+        fcntl.ioctl(self._fd, TCSETS2, packed)
+        termios.tcflush(self._fd, termios.TCIOFLUSH)
+
+    def write(self, data: bytes) -> None:
+        """Hand bytes to the line; what its buffer has no room for is dropped."""
+        try:
+            os.write(self._fd, data)
+        except BlockingIOError:
+            pass
+        except OSError as err:
+            raise DriverError(self._lost(err)) from err
+
+    def read(self) -> bytes:
+        """Return all that has come, at once."""
+        try:
+            data = os.read(self._fd, 4096)
+        except BlockingIOError:
+            return b""
+        except OSError as err:
+            raise DriverError(self._lost(err)) from err
+        if not data:
+            raise DriverError(f"{self.path}: unplugged, or its other end closed; plug it in again")
+        return data
+
+    def close(self) -> None:
+        """Release the device; idempotent."""
+        fd, self._fd = self._fd, -1
+        if fd >= 0:
+            with contextlib.suppress(OSError):
+                os.close(fd)
+
+    def _lost(self, err: OSError) -> str:
+        if err.errno in _GONE:
+            return f"{self.path}: the adapter is gone ({err.strerror}); plug it in and run again"
+        return f"{self.path}: {err.strerror}"
+
+
+def _no_port(path: str, err: OSError) -> str:
+    if err.errno == errno.ENOENT:
+        return f"{path}: there is no such device; plug the adapter in, or correct options.port"
+    if err.errno == errno.EACCES:
+        return f"{path}: not permitted; add yourself to its group: sudo usermod -aG dialout $USER"
+    if err.errno == errno.EBUSY:
+        return f"{path}: another program has it open; close that first"
+    return f"{path}: cannot be opened: {err.strerror}"

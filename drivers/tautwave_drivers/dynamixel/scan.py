@@ -1,0 +1,156 @@
+"""`tautwave scan dynamixel`: every servo on a line, at every baud rate, in both protocols."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any
+
+from pydantic import BaseModel, Field
+
+from tautwave.clock import MonotonicClock
+from tautwave.contracts import BytePort, Clock
+from tautwave_drivers.dynamixel import packet
+from tautwave_drivers.dynamixel import registers as reg
+from tautwave_drivers.dynamixel.line import FirstLine, OwnLine
+from tautwave_drivers.dynamixel.models import model_name
+from tautwave_drivers.dynamixel.options import STRICT, Protocol
+from tautwave_drivers.dynamixel.port import SerialPort
+from tautwave_drivers.dynamixel.words import first_words, hardware_words
+
+LATENCY_S = 0.017
+"""An adapter nobody has set hands bytes on every 16 ms."""
+
+TURN_S = 0.003
+"""Time every id has to answer a broadcast ping in, as dynamixel-sdk counts it."""
+
+
+class ScanOptions(BaseModel):
+    """Options of `tautwave scan dynamixel`."""
+
+    model_config = STRICT
+
+    port: str = Field(description="Serial device, e.g. /dev/ttyUSB0.")
+    baud: Annotated[int, Field(ge=9600)] | None = Field(
+        default=None, description="Only this baud rate; else all of the X series."
+    )
+    protocol: Protocol | None = Field(
+        default=None, description="Only protocol 2.0 or 1.0; else both."
+    )
+    ids: list[Annotated[int, Field(ge=0, le=252)]] = Field(
+        default=[], description="Only these ids, e.g. 1,2,3; else all. Faster in protocol 1.0."
+    )
+
+
+def scan(options: ScanOptions) -> Sequence[dict[str, Any]]:
+    """Return every servo found: baud, protocol, id, model, firmware, supply and errors.
+
+    Raises
+    ------
+    DriverError
+        The device cannot be opened, or is gone.
+    """
+    clock = MonotonicClock()
+    bauds = [options.baud] if options.baud else list(reg.BAUDS.values())
+    found: list[dict[str, Any]] = []
+    port = SerialPort(options.port, bauds[0])
+    try:
+        for baud in bauds:
+            try:
+                port.set_baud(baud)
+            except OSError:
+                continue  # the adapter does not know this rate
+            found.extend(_at_baud(port, clock, baud, options))
+    finally:
+        port.close()
+    return found
+
+
+def _at_baud(
+    port: BytePort, clock: Clock, baud: int, options: ScanOptions
+) -> Iterator[dict[str, Any]]:
+    if options.protocol != 1.0:
+        line = OwnLine(port, clock, baud, LATENCY_S)
+        seen = set()
+        for device_id, number, firmware in _second(port, clock, baud, line, options.ids):
+            if device_id in seen:
+                continue
+            seen.add(device_id)
+            yield _row(line, baud, device_id, number, firmware)
+    if options.protocol != 2.0:
+        first = FirstLine(port, clock, baud, LATENCY_S, 0.003)
+        for device_id in options.ids or range(253):
+            row = _first(first, baud, device_id)
+            if row is not None:
+                yield row
+
+
+def _second(
+    port: BytePort, clock: Clock, baud: int, line: OwnLine, ids: Sequence[int]
+) -> list[tuple[int, int, int]]:
+    """Return id, model number and firmware of all that answer a ping."""
+    found = []
+    if ids:
+        for device_id in ids:
+            answer = line.ping(device_id)
+            if answer is not None and not answer.number:
+                number = reg.MODEL_NUMBER.decode(answer.data)
+                found.append((device_id, number, answer.data[2]))
+        return found
+    port.read()
+    port.write(packet.build(packet.BROADCAST, packet.PING))
+    window_ns = round(1e9 * (253 * TURN_S + LATENCY_S + 24 * 10.0 / baud))
+    until = clock.now_ns() + window_ns
+    buffer = bytearray()
+    while clock.wait(port, until):
+        buffer += port.read()
+        while (one := packet.take_packet(buffer)) is not None:
+            if one.instruction == packet.STATUS and len(one.data) >= 3:
+                number = reg.MODEL_NUMBER.decode(one.data)
+                found.append((one.device_id, number, one.data[2]))
+                until = clock.now_ns() + window_ns
+    return found
+
+
+def _row(line: OwnLine, baud: int, device_id: int, number: int, firmware: int) -> dict[str, Any]:
+    row: dict[str, Any] = {
+        "id": device_id,
+        "model": model_name(number),
+        "model_number": number,
+        "firmware": firmware,
+        "protocol": 2.0,
+        "baud": baud,
+    }
+    mode = line.read(device_id, reg.OPERATING_MODE.address, 1)
+    if mode is not None and mode.data:
+        row["mode"] = reg.MODES.get(mode.data[0], str(mode.data[0]))
+    supply = line.read(device_id, reg.PRESENT_VOLTAGE.address, 3)
+    if supply is not None and len(supply.data) == 3:
+        row["voltage"] = round(0.1 * reg.PRESENT_VOLTAGE.decode(supply.data), 1)
+        row["temperature_degc"] = supply.data[2]
+    error = line.read(device_id, reg.HARDWARE_ERROR.address, 1)
+    row["errors"] = "not told"
+    if error is not None and error.data:
+        row["errors"] = hardware_words(error.data[0]) if error.data[0] else ""
+    return row
+
+
+def _first(line: FirstLine, baud: int, device_id: int) -> dict[str, Any] | None:
+    found = line.ping(device_id)
+    if found is None:
+        return None
+    identity = line.read(device_id, 0, 3)
+    row: dict[str, Any] = {"id": device_id, "model": "not told", "protocol": 1.0, "baud": baud}
+    if identity is not None:
+        number = reg.FIRST_MODEL_NUMBER.decode(identity.data)
+        row.update(model=model_name(number, 1.0), model_number=number, firmware=identity.data[2])
+    present = line.read(device_id, reg.FIRST_PRESENT.address, 8)
+    if present is not None:
+        data = present.data
+        load = int.from_bytes(data[4:6], "little")
+        row["position_counts"] = int.from_bytes(data[0:2], "little")
+        # Bit 10 is the direction; 0.1 % of the greatest torque.
+        row["load_percent"] = round((-0.1 if load & 0x400 else 0.1) * (load & 0x3FF), 1)
+        row["voltage"] = round(0.1 * data[6], 1)
+        row["temperature_degc"] = data[7]
+    row["errors"] = first_words(found.error) if found.error else ""
+    return row
