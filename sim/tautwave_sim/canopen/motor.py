@@ -1,0 +1,132 @@
+"""The motor of a drive: counts and per mille in front, the physics of a simulated axis behind.
+
+Scales: CiA 402-2 v3.0 (6064h, 606Ch in increments, 6071h and 6077h in 1/1000 of 6076h). Effort is
+taken through gear and feed without loss.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from tautwave.truth import AxisModel
+from tautwave_sim.axis import SimulatedAxis
+from tautwave_sim.canopen.options import NodeKeys
+
+_SAME = 1e-9
+
+
+class MotorScale(NamedTuple):
+    """What one count is worth at the axis [SI], and -1 where the drive counts against it."""
+
+    position: float
+    velocity: float
+    effort: float
+    direction: int
+
+
+def motor_scale(node: NodeKeys, kind: str, truth: AxisModel) -> MotorScale:
+    """Return the scale of a drive on a `rotary` or `linear` axis.
+
+    Where the truth names the same step but for the last digits, it is the truth's: the simulated
+    encoder has exactly one count per step then.
+    """
+    travel = math.tau if kind == "rotary" or node.feed is None else node.feed
+    position = travel / (node.counts_per_revolution * node.gear_ratio)
+    effort = node.rated_torque / 1000.0 * node.gear_ratio * (math.tau / travel)
+    position = _agreed(position, truth.encoder_quantum)
+    effort = _agreed(effort, truth.effort_quantum)
+    velocity = _agreed(position * node.velocity_factor, truth.velocity_quantum)
+    return MotorScale(position, velocity, effort, node.direction)
+
+
+def _agreed(own: float, truth: float) -> float:
+    return truth if math.fabs(truth - own) <= _SAME * own else own
+
+
+class Motor:
+    """One simulated axis as its drive sees it.
+
+    It is held still until `free` is set. Commands are for the slot that begins.
+    """
+
+    def __init__(self, name: str, truth: AxisModel, scale: MotorScale) -> None:
+        self.axis = SimulatedAxis(name, truth)
+        self.scale = scale
+        self.servo = truth.servo is not None
+        self.period = truth.period
+        self.mass = truth.plant.mass
+        self.viscous = truth.plant.viscous
+        self.lag = truth.servo.time_constant if truth.servo is not None else 0.0
+        self.free = False
+        self.origin_counts = 0
+        """What homing has set position 0 to [counts]."""
+        self.torque_counts = 0
+        """What acts on an impedance axis."""
+        self.velocity_told = 0.0
+        self.valid = True
+        """Whether this slot's sample is there to be sent."""
+        self._measured: float | None = None
+        self._effort = 0.0
+
+    def pass_slot(self) -> None:
+        """Move by one slot, if nobody holds it."""
+        if self.free:
+            self.axis.pass_slot()
+            self._measured = None
+
+    def measure(self) -> float:
+        """Take what encoder and force say at this slot, once per slot; return the position."""
+        if not self.free:
+            return self.axis.physics.x  # nobody looks yet: no random number is spent
+        if self._measured is None:
+            state = self.axis.measure()
+            self._measured, self.valid = state.position, state.valid
+            self._effort = state.effort if self.servo else 0.0
+        return self._measured
+
+    @property
+    def position_counts(self) -> int:
+        """6064h."""
+        counts = math.floor(self.measure() / self.scale.position + 0.5)
+        return self.scale.direction * counts - self.origin_counts
+
+    @property
+    def velocity_counts(self) -> int:
+        """606Ch."""
+        speed = self.axis.physics.v if self.free else 0.0
+        return self.scale.direction * math.floor(speed / self.scale.velocity + 0.5)
+
+    @property
+    def actual_torque_counts(self) -> int:
+        """6077h: the motor's torque; of a servo what it holds against hand and environment."""
+        if not self.servo:
+            return self.torque_counts
+        self.measure()
+        return -self.scale.direction * math.floor(self._effort / self.scale.effort + 0.5)
+
+    def velocity(self) -> float:
+        """Return the speed [rad/s or m/s], as a fine encoder would tell it."""
+        return self.axis.physics.v if self.free else 0.0
+
+    def position(self) -> float:
+        """Return the position [rad or m], as a fine encoder would tell it."""
+        return self.axis.physics.x
+
+    def drive_torque(self, counts: int) -> None:
+        """Let per mille of the rated torque act."""
+        self.torque_counts = counts
+        self.axis.command(self.scale.direction * counts * self.scale.effort)
+
+    def drive_velocity(self, velocity: float) -> None:
+        """Let a servo follow a velocity [rad/s or m/s]."""
+        self.velocity_told = velocity
+        self.axis.command(velocity)
+
+    def position_of(self, counts: int) -> float:
+        """Return the position [rad or m] of counts in 607Ah."""
+        return self.scale.direction * (counts + self.origin_counts) * self.scale.position
+
+    def velocity_of(self, counts: int) -> float:
+        """Return the velocity [rad/s or m/s] of counts in 60FFh."""
+        return self.scale.direction * counts * self.scale.velocity

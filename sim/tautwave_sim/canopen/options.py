@@ -1,0 +1,119 @@
+"""Options of simulated drives: what they need of a CANopen bus' block, and what is theirs."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from tautwave_sim.wire.can_faults import CanFaults
+
+Positive = Annotated[float, Field(gt=0.0)]
+AtSeconds = Annotated[float, Field(ge=0.0)]
+NodeId = Annotated[int, Field(ge=1, le=127)]
+
+
+class _Keys(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class _Shared(BaseModel):
+    """The driver's model of the same block is the strict one; here only what is needed is read."""
+
+    model_config = ConfigDict(extra="ignore", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class Quirks(_Keys):
+    """How one drive misbehaves. Times are [s] after the drives began to move."""
+
+    transition_ms: Annotated[int, Field(ge=0)] = 0
+    """Each change of state takes so long."""
+    mode_switch_ms: Annotated[int, Field(ge=0)] = 0
+    """A change of mode takes so long."""
+    refuses_modes: tuple[int, ...] = ()
+    """Modes in 6502h that it does not go into all the same."""
+    lacks_modes: tuple[int, ...] = ()
+    """Modes that are missing in 6502h."""
+    fault_resets: Annotated[int, Field(ge=1)] = 1
+    """So many edges of fault reset it takes."""
+    starts_in_fault: bool = False
+    heartbeat_lost_at_s: AtSeconds | None = None
+    """From then on it sends no heartbeat."""
+    silent_at_s: AtSeconds | None = None
+    """From then on it sends and hears nothing, as without supply."""
+    resets_at_s: AtSeconds | None = None
+    """It resets itself then."""
+    voltage_off_at_s: AtSeconds | None = None
+    """Its power stage loses its voltage then (STO): no torque, back to switch on disabled."""
+    fault_at_s: AtSeconds | None = None
+    """It has a fault then, with the code `fault_code`."""
+    fault_code: Annotated[int, Field(ge=1, le=0xFFFF)] = 0x2310
+    mode_lost_at_s: AtSeconds | None = None
+    """It drops out of its mode then: 6061h shows 0 and no set-point is followed."""
+    emergency_at_s: AtSeconds | None = None
+    """It sends an EMCY then, with `fault_code`, but goes on."""
+    rpdo_timer: Literal["yes", "no_subindex", "no_object"] = "yes"
+    """Whether 1400h:05 and its like exist, as deadline timers; without them a drive answers
+    06090011h, some 06020000h."""
+    heartbeat_consumer: bool = True
+    """Whether 1016h exists."""
+    abort_option: bool = True
+    """Whether 6007h exists."""
+    quick_stop_option: bool = True
+    """Whether 605Ah can be written."""
+    interpolation_period: bool = True
+    """Whether 60C2h exists."""
+    least_heartbeat_ms: Annotated[int, Field(ge=0)] = 0
+    """Less is refused in 1016h (06090032h)."""
+    ignores_heartbeat_consumer: bool = False
+    """A write to 1016h is confirmed and has no effect."""
+    identity: Annotated[int, Field(ge=0, le=0xFFFFFFFF)] | None = None
+    """Another product code than the rig's."""
+    boot_ms: Annotated[int, Field(ge=0)] = 20
+    """From a reset to its boot-up message."""
+
+
+class SimulatorKeys(_Keys):
+    """The `simulator` block in a CANopen bus' options."""
+
+    faults: CanFaults = CanFaults()
+    nodes: dict[int, Quirks] = Field(default_factory=dict)
+    """By node id; a drive not listed behaves."""
+    free: bool = False
+    """Time goes on without SYNC from the first enabling on, in slots of the bus' period."""
+    queue: Annotated[int, Field(ge=1)] = 10
+    """Frames that the master's queue holds (txqueuelen)."""
+
+
+class IdentityKeys(_Shared):
+    """What 1018h holds."""
+
+    vendor: int = 0
+    product: int = 0
+    revision: int | None = None
+    serial: int | None = None
+
+
+class NodeKeys(_Shared):
+    """One drive and its motor."""
+
+    id: NodeId
+    rated_torque: Positive
+    counts_per_revolution: Annotated[int, Field(gt=0)]
+    gear_ratio: Positive = 1.0
+    feed: Positive | None = None
+    direction: Literal[1, -1] = 1
+    velocity_factor: Positive = 1.0
+    identity: IdentityKeys | None = None
+
+
+class SimulatedCanopenOptions(_Shared):
+    """Options of a CANopen bus, as far as its simulated drives need them."""
+
+    interface: str = "socketcan"
+    channel: str = "can0"
+    bitrate: Annotated[int, Field(gt=0)] = 1_000_000
+    data_bitrate: Annotated[int, Field(gt=0)] | None = None
+    sync: bool = True
+    nodes: tuple[NodeKeys, ...]
+    simulator: SimulatorKeys = SimulatorKeys()

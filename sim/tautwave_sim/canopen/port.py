@@ -1,0 +1,156 @@
+"""The master's end of simulated drives: in memory, or through a real virtual bus of python-can."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+from tautwave.contracts import Clock
+from tautwave.errors import DriverError
+from tautwave_sim.canopen.world import DriveBus
+
+INBOX = 10_000
+"""Frames that wait for a master that does not read; the oldest are dropped then."""
+
+Received = tuple[int, bytes, int]
+
+
+class MasterPort:
+    """The master's end of a simulated bus: a `FramePort` that is `InMemory`.
+
+    Parameters
+    ----------
+    world : DriveBus
+        The bus.
+    clock : Clock
+        Time of the master.
+    depth : int
+        Frames its queue holds.
+    """
+
+    def __init__(self, world: DriveBus, clock: Clock, depth: int) -> None:
+        self._world = world
+        self._clock = clock
+        self._depth = depth
+        self._inbox: deque[Received] = deque(maxlen=INBOX)
+        self._port = world.medium.port(self._take, depth, recovers=False)
+
+    def _take(self, now_ns: int, can_id: int, data: bytes) -> None:
+        self._inbox.append((can_id, data, now_ns))
+
+    @property
+    def error_state(self) -> str:
+        """`active`, `passive` or `off`, as the controller's error counter has it."""
+        self._world.trouble(self._port)
+        return self._port.error_state
+
+    def send(self, can_id: int, data: bytes) -> bool:
+        """Queue a frame; return False when the queue is full.
+
+        Raises
+        ------
+        DriverError
+            The bus is gone, or off.
+        """
+        world = self._world
+        world.advance(self._clock.now_ns())
+        ails = world.trouble(self._port)
+        if ails == "bus_down":
+            raise DriverError("the CAN interface is gone or down; look at the cable and `ip link`")
+        if ails == "bus_off":
+            raise DriverError(
+                "the CAN controller is bus-off: its frames were destroyed again and again; look "
+                "at bitrate, termination and cable"
+            )
+        if world.plan.refuses(world.elapsed_ns(world.medium.now_ns)):
+            return False
+        return self._transmit(can_id, data)
+
+    def _transmit(self, can_id: int, data: bytes) -> bool:
+        return self._port.send(can_id, data)
+
+    def receive(self) -> Received | None:
+        """Return the oldest frame received as id, data and arrival [ns]; None if there is none."""
+        return self._inbox.popleft() if self.readable() else None
+
+    def readable(self) -> bool:
+        """Return whether a frame waits."""
+        return bool(self._inbox)
+
+    def next_event_ns(self) -> int | None:
+        """Return when something happens on the bus by itself."""
+        return self._world.next_event_ns()
+
+    def advance(self, to_ns: int) -> None:
+        """Let the bus go on to `to_ns`."""
+        self._world.trouble(self._port)
+        self._world.advance(to_ns)
+
+    def close(self) -> None:
+        """Forget what has come."""
+        self._inbox.clear()
+
+
+class VirtualPort(MasterPort):
+    """As `MasterPort`, with python-can's virtual bus between master and drives.
+
+    Whoever else joins the channel in this process sees every frame and may send its own.
+
+    Parameters
+    ----------
+    world, clock, depth
+        As for `MasterPort`.
+    channel : str
+        Of the virtual bus.
+    """
+
+    def __init__(self, world: DriveBus, clock: Clock, depth: int, channel: str) -> None:
+        super().__init__(world, clock, depth)
+        import can
+
+        self._message = can.Message
+        self._mine: Any = can.Bus(interface="virtual", channel=channel)
+        self._theirs: Any = can.Bus(interface="virtual", channel=channel)
+
+    def _take(self, now_ns: int, can_id: int, data: bytes) -> None:
+        self._theirs.send(self._frame(can_id, data))
+
+    def _frame(self, can_id: int, data: bytes) -> Any:
+        return self._message(arbitration_id=can_id, data=data, is_extended_id=False)
+
+    def _transmit(self, can_id: int, data: bytes) -> bool:
+        if len(self._port.queue) >= self._depth:
+            return False
+        self._mine.send(self._frame(can_id, data))
+        self._pull()
+        return True
+
+    def _pull(self) -> None:
+        while (message := self._theirs.recv(0.0)) is not None:
+            if is_data_frame(message):
+                self._port.send(message.arbitration_id, bytes(message.data))
+
+    def advance(self, to_ns: int) -> None:
+        """Hand over what was sent, and let the bus go on to `to_ns`."""
+        super().advance(to_ns)
+        self._pull()
+
+    def readable(self) -> bool:
+        """Return whether a frame waits."""
+        while (message := self._mine.recv(0.0)) is not None:
+            if is_data_frame(message):
+                frame = (message.arbitration_id, bytes(message.data), self._clock.now_ns())
+                self._inbox.append(frame)
+        return bool(self._inbox)
+
+    def shut(self) -> None:
+        """Leave the virtual bus."""
+        self._mine.shutdown()
+        self._theirs.shutdown()
+
+
+def is_data_frame(message: Any) -> bool:
+    """Return whether a frame of python-can is a classic data frame with an 11-bit identifier."""
+    return not (
+        message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd
+    )

@@ -1,0 +1,231 @@
+"""Simulated drives on one CAN bus: its wire, the nodes on it, and the slots their motors move on.
+
+The slots are those of the bus' period. A SYNC latches: at its arrival all axes move to the slot
+nearest to it, are measured there, and what was received before it acts from that slot on. The
+slots begin with the first SYNC after every operational drive has told that it is enabled; until
+then somebody holds the axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from tautwave.contracts import BusSpec
+from tautwave.errors import ConfigError
+from tautwave.truth import AxisModel
+from tautwave_sim.axis import SimulatedAxis
+from tautwave_sim.canopen.device import Device, Nmt
+from tautwave_sim.canopen.motor import Motor, motor_scale
+from tautwave_sim.canopen.options import NodeKeys, Quirks, SimulatedCanopenOptions
+from tautwave_sim.canopen.states import State
+from tautwave_sim.wire.can import CanTiming
+from tautwave_sim.wire.can_faults import CanFaultPlan
+from tautwave_sim.wire.can_medium import CanMedium, MediumPort
+
+
+class DriveBus:
+    """A CAN bus with drives on it.
+
+    Parameters
+    ----------
+    options : SimulatedCanopenOptions
+        The bus and its nodes.
+    bus : BusSpec
+        Axes and rate.
+    truths : sequence of AxisModel
+        One per axis.
+    now_ns : int
+        When everything is switched on.
+    """
+
+    def __init__(
+        self,
+        options: SimulatedCanopenOptions,
+        bus: BusSpec,
+        truths: Sequence[AxisModel],
+        now_ns: int,
+    ) -> None:
+        self._period_ns = bus.period_ns
+        self._free = options.simulator.free or not options.sync
+        self._origin_ns: int | None = None
+        self._slot = 0
+        seed = truths[0].seed[:1] if truths else ()
+        self.plan = CanFaultPlan(options.simulator.faults, seed)
+        timing = CanTiming(options.bitrate, options.data_bitrate)
+        self.medium = CanMedium(timing, now_ns, self.plan, self.elapsed_ns)
+        self.devices: list[Device] = []
+        self.axes: list[SimulatedAxis] = []
+        self._motors: list[Motor] = []
+        self._ports: list[MediumPort] = []
+        self._due: list[tuple[int, int, Callable[[int], None]]] = []
+        known = {node.id: node for node in options.nodes}
+        for spec, truth in zip(bus.axes, truths, strict=True):
+            if spec.device_id not in known:
+                raise ConfigError(
+                    f"bus {bus.name}: {spec.name} has id {spec.device_id}, which options.nodes "
+                    "does not list; add it there"
+                )
+            motor = Motor(spec.name, truth, motor_scale(known[spec.device_id], spec.kind, truth))
+            quirks = options.simulator.nodes.get(spec.device_id, Quirks())
+            self._attach(known[spec.device_id], motor, quirks, now_ns)
+
+    def _attach(self, node: NodeKeys, motor: Motor, quirks: Quirks, now_ns: int) -> None:
+        at = len(self.devices)
+        port = self.medium.port(lambda t_ns, can_id, data: self._hear(at, t_ns, can_id, data))
+        device = Device(node, quirks, motor, port.send)
+        self._ports.append(port)
+        self.devices.append(device)
+        self._motors.append(motor)
+        self.axes.append(motor.axis)
+        device.power_on(now_ns)
+        self._due += [
+            (round(at_s * 1e9), at, action)
+            for at_s, action in _misfortunes(device, quirks)
+            if at_s is not None
+        ]
+        self._due.sort(key=lambda due: due[:2])
+
+    def elapsed_ns(self, t_ns: int) -> int | None:
+        """Return the time since the drives began to move [ns], None before."""
+        return None if self._origin_ns is None else t_ns - self._origin_ns
+
+    def trouble(self, port: MediumPort) -> str:
+        """Return what ails the master's `port` now: '', `queue_full`, `bus_off` or `bus_down`."""
+        if self.plan.idle:
+            return "bus_off" if port.off else ""
+        ails = self.plan.port(self.elapsed_ns(self.medium.now_ns))
+        self.medium.down = ails == "bus_down"
+        if ails == "bus_off" and not port.off:
+            port.leave(self.medium.now_ns)
+        return "bus_off" if port.off and ails != "bus_down" else ails
+
+    # -- events ---------------------------------------------------------------------------
+
+    def next_event_ns(self) -> int | None:
+        """Return when something happens next by itself."""
+        times = [self.medium.next_event_ns(), self._tick_ns()]
+        times += [device.next_event_ns() for device in self.devices]
+        if self._due and self._origin_ns is not None:
+            times.append(self._origin_ns + self._due[0][0])
+        return min((time for time in times if time is not None), default=None)
+
+    def _tick_ns(self) -> int | None:
+        if self._origin_ns is None:
+            return None
+        if self._free or any(device.drive.braking for device in self.devices):
+            return self._origin_ns + (self._slot + 1) * self._period_ns
+        return None
+
+    def advance(self, to_ns: int) -> None:
+        """Let everything happen that happens up to `to_ns`, in its order."""
+        while True:
+            at_ns = self.next_event_ns()
+            if at_ns is None or at_ns > to_ns:
+                break
+            self._step(at_ns)
+        self.medium.advance(to_ns)
+
+    def _step(self, at_ns: int) -> None:
+        due = self.medium.next_event_ns()
+        if due is not None and due <= at_ns:
+            self.medium.step(due)
+            self._begin_if_free(at_ns)
+            return
+        self.medium.now_ns = max(self.medium.now_ns, at_ns)
+        while self._due and self._origin_ns is not None:
+            if self._origin_ns + self._due[0][0] > at_ns:
+                break
+            _, _, action = self._due.pop(0)
+            action(at_ns)
+        tick_ns = self._tick_ns()
+        if tick_ns is not None and tick_ns <= at_ns and self._origin_ns is not None:
+            self._pass_to((at_ns - self._origin_ns) // self._period_ns)
+        for device in self.devices:
+            device.run(at_ns)
+        self._begin_if_free(at_ns)
+
+    # -- slots ----------------------------------------------------------------------------
+
+    def _begin_if_free(self, now_ns: int) -> None:
+        if self._free and self._origin_ns is None and self._some_enabled():
+            self._begin(now_ns)
+
+    def _some_enabled(self) -> bool:
+        return any(device.drive.machine.state is State.ENABLED for device in self.devices)
+
+    def _begin(self, now_ns: int) -> None:
+        self._origin_ns = now_ns
+        self._slot = 0
+        self._begin_slot()
+
+    def _begin_slot(self) -> None:
+        for device, motor in zip(self.devices, self._motors, strict=True):
+            if device.drive.machine.state is State.ENABLED:
+                motor.free = True
+            device.drive.begin_slot(self._slot)
+
+    def _pass_to(self, slot: int) -> None:
+        while self._slot < slot:
+            for motor in self._motors:
+                motor.pass_slot()
+            self._slot += 1
+            self._begin_slot()
+
+    def _latch(self, now_ns: int) -> None:
+        """Bring all axes to the slot of a SYNC."""
+        if self._origin_ns is not None:
+            since = now_ns - self._origin_ns
+            self._pass_to((since + self._period_ns // 2) // self._period_ns)
+            return
+        working = [device for device in self.devices if device.nmt is Nmt.OPERATIONAL]
+        if working and all(device.drive.told_enabled for device in working):
+            self._begin(now_ns)
+
+    def _hear(self, at: int, now_ns: int, can_id: int, data: bytes) -> None:
+        device = self.devices[at]
+        if not device.hears_sync(can_id):
+            device.receive(now_ns, can_id, data)
+            return
+        self._latch(now_ns)
+        device.sync(now_ns)
+        if self._origin_ns is not None:
+            device.drive.begin_slot(self._slot)
+        device.answer_sync()
+
+
+def _misfortunes(
+    device: Device, quirks: Quirks
+) -> list[tuple[float | None, Callable[[int], None]]]:
+    """Return what befalls a device, and when [s]."""
+
+    def stop_beating(now_ns: int) -> None:
+        device.beats = False
+
+    def fall_silent(now_ns: int) -> None:
+        device.silent = True
+        device.drive.lose_voltage()
+
+    def reset(now_ns: int) -> None:
+        device.power_on(now_ns, quirks.boot_ms * 1_000_000)
+
+    def lose_voltage(now_ns: int) -> None:
+        device.drive.lose_voltage()
+
+    def fail(now_ns: int) -> None:
+        device.drive.fail(quirks.fault_code)
+
+    def lose_mode(now_ns: int) -> None:
+        device.drive.lose_mode()
+
+    def warn(now_ns: int) -> None:
+        device.emergency(quirks.fault_code, 0x01)
+
+    return [
+        (quirks.heartbeat_lost_at_s, stop_beating),
+        (quirks.silent_at_s, fall_silent),
+        (quirks.resets_at_s, reset),
+        (quirks.voltage_off_at_s, lose_voltage),
+        (quirks.fault_at_s, fail),
+        (quirks.mode_lost_at_s, lose_mode),
+        (quirks.emergency_at_s, warn),
+    ]
