@@ -168,6 +168,7 @@ class CanopenDriver:
     def _catch_up(self, port: Port) -> None:
         """Take in everything that has arrived, as answers to the last SYNC."""
         try:
+            self._clock.wait(port, self._now())  # runs a simulated bus up to now
             while (frame := port.receive()) is not None:
                 self._take(*frame)
         except DriverError as err:

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import canopen
-from canopen.objectdictionary import ODVariable, datatypes
+from canopen.objectdictionary import ODRecord, ODVariable, datatypes
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from tautwave.contracts import Clock
@@ -128,18 +128,18 @@ class PolledNetwork(canopen.Network):
 def built_in_dictionary() -> canopen.ObjectDictionary:
     """Return the objects of CiA 301 and CiA 402 that a set-up needs, for drives without an EDS."""
     dictionary = canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
-    for entry in (*communication.COMMUNICATION, *objects.DRIVE):
+    entries = (*communication.COMMUNICATION, *objects.DRIVE)
+    grouped = {entry.index for entry in entries if entry.sub}
+    for entry in entries:
         variable = ODVariable(entry.name, entry.index, entry.sub)
         variable.data_type = _TYPES[entry.type]
-        if entry.sub == 0:
+        if entry.index not in grouped:
             dictionary.add_object(variable)
             continue
         if entry.index not in dictionary:
-            dictionary.add_object(
-                canopen.objectdictionary.ODRecord(f"{entry.index:04X}", entry.index)
-            )
+            dictionary.add_object(ODRecord(f"{entry.index:04X}", entry.index))
         record = dictionary[entry.index]
-        if not isinstance(record, ODVariable):
+        if isinstance(record, ODRecord):
             record.add_member(variable)
     return dictionary
 

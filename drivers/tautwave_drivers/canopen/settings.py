@@ -34,17 +34,26 @@ def settle(drive: RemoteDrive, entry: Entry, wanted: int) -> Outcome:
     if before is None:
         return Outcome(None, f"{drive.name} has no {entry.address} {entry.name}")
     what = f"{drive.name}: {entry.address} {entry.name}"
-    unit = f" {entry.unit}" if entry.unit and entry.unit != "bits" else ""
     if before == wanted:
-        return Outcome(wanted, f"{what} = {wanted}{unit}, found so")
+        return Outcome(wanted, f"{what} = {_shown(entry, wanted)}, found so")
     try:
         drive.write(entry, wanted)
     except AbortError as err:
-        return Outcome(before, f"{what} stays {before}{unit}: {err}")
+        return Outcome(before, f"{what} stays {_shown(entry, before)}: {err}")
     after = drive.number(entry)
     if after != wanted:
-        return Outcome(after, f"{what} is {after}{unit} after {wanted} was written")
-    return Outcome(wanted, f"{what} = {wanted}{unit} (was {before}), read back")
+        told = f"{_shown(entry, after)} after {_shown(entry, wanted)} was written"
+        return Outcome(after, f"{what} is {told}")
+    told = f"{_shown(entry, wanted)} (was {_shown(entry, before)})"
+    return Outcome(wanted, f"{what} = {told}, read back")
+
+
+def _shown(entry: Entry, value: int) -> str:
+    """Return a value as a person reads it."""
+    if entry == c.CONSUMER_HEARTBEAT:
+        return f"node {value >> 16} within {value & 0xFFFF} ms" if value else "nobody"
+    unit = "" if entry.unit == "bits" else entry.unit.replace("rated/1000", "per mille")
+    return f"{value} {unit}".strip()
 
 
 def require(drive: RemoteDrive, entry: Entry, wanted: int, remedy: str) -> Outcome:
