@@ -10,8 +10,10 @@ from tautwave.certificate.data import Certificate, Element, join_verdicts
 from tautwave.certificate.derate import derate_walls
 from tautwave.certificate.loops import pair_loop
 from tautwave.certificate.ports import port_element
+from tautwave.certificate.rates import converter_element
 from tautwave.certificate.walls import wall_element
 from tautwave.config import Rig, local_wall
+from tautwave.rig import at_axis_rate
 from tautwave.types import CommandDelay
 
 PASSES = {
@@ -65,11 +67,15 @@ def _elements(
     for pair in rig.coupling.pairs:
         for side in ("master", "slave"):
             axis_name = f"{side}.{pair}"
-            wall = wall_element(rig, axis_name, delays, coulomb, asked.get(axis_name, 0.0))
+            own = at_axis_rate(rig, axis_name)
+            wall = wall_element(own, axis_name, delays, coulomb, asked.get(axis_name, 0.0))
             if wall is not None:
                 yield wall
             if rig.coupling.law == "wave":
-                yield port_element(rig, axis_name, delays, _damping_of(rig, axis_name, wall))
+                yield port_element(own, axis_name, delays, _damping_of(rig, axis_name, wall))
+            converter = converter_element(rig, axis_name, delays)
+            if converter is not None:
+                yield converter
         yield from between(rig, pair, delays)
 
 

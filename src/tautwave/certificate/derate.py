@@ -12,6 +12,7 @@ from tautwave.analysis.wall_rules import quantum_force
 from tautwave.certificate.loops import pair_loop
 from tautwave.certificate.walls import sampled_wall
 from tautwave.config import Axis, Rig, Wall, local_wall, replace_wall
+from tautwave.rig import at_axis_rate
 from tautwave.types import CommandDelay
 
 DIGITS = 6
@@ -54,7 +55,7 @@ def _limit(
     """Return the greatest stiffness that the required verdict allows; `wall`'s own if it passes."""
     if rig.require == "coupled_stable":
         return _stable_limit(rig, axis_name, wall, delays)
-    sampled = sampled_wall(rig, axis_name, wall, delays[axis_name])
+    sampled = sampled_wall(at_axis_rate(rig, axis_name), axis_name, wall, delays[axis_name])
     axis = rig.axes[axis_name]
     damping = axis.damping.lower
     controlled = wall.passivity_control and sampled.delay == 0.0

@@ -14,6 +14,7 @@ import numpy as np
 
 from tautwave.analysis.admittance_loop import Outside, admittance_end
 from tautwave.analysis.loop_modes import least_damped, transfer
+from tautwave.analysis.multirate import RatedEnd, least_damped_rated
 from tautwave.analysis.sampled_loop import Device, LinearEnd, Site, position_end, wave_end
 from tautwave.certificate.belief import (
     SIDES,
@@ -28,7 +29,7 @@ from tautwave.certificate.belief import (
 from tautwave.certificate.data import LoopCase, PairLoop, Verdict
 from tautwave.config import Rig, Wall, local_wall
 from tautwave.laws.wave import filter_gain
-from tautwave.rig import pair_scale, site_params, wave_gain
+from tautwave.rig import at_axis_rate, pair_scale, site_params, wave_gain
 from tautwave.types import CommandDelay
 
 STABLE = 1e-9
@@ -97,22 +98,35 @@ def _cases(rig: Rig, name: str, delays: Delays, hand: StatedHand) -> Iterator[Lo
             touching = " and ".join(text for text in (one, two) if text)
             where = f"in contact with {touching}" if touching else "in free motion"
             for bound in bounds:
-                ends = (
-                    believed_end(rig, f"master.{name}", delays, bound, _hold(hand), master_wall),
-                    believed_end(rig, f"slave.{name}", delays, bound, contact, slave_wall),
+                ends = tuple(
+                    believed_end(at_axis_rate(rig, axis), axis, delays, bound, held, wall)
+                    for axis, held, wall in (
+                        (f"master.{name}", _hold(hand), master_wall),
+                        (f"slave.{name}", contact, slave_wall),
+                    )
                 )
-                yield _mode(rig, ends, where, bound)
+                yield _mode(rig, name, (ends[0], ends[1]), where, bound)
 
 
 def _hold(hand: StatedHand) -> Contact:
     return Contact(hand.hand.stiffness, hand.hand.damping, hand.text)
 
 
-def _mode(rig: Rig, ends: tuple[LinearEnd, LinearEnd], where: str, bound: str) -> LoopCase:
+def _mode(
+    rig: Rig, name: str, ends: tuple[LinearEnd, LinearEnd], where: str, bound: str
+) -> LoopCase:
     samples = rig.delay_samples
+    divisors = [rig.axis_divisor(f"{side}.{name}") for side in SIDES]
     if samples > LONG and rig.coupling.law == "wave" and _small_gain(ends):
         return LoopCase(where, bound, True, math.nan, math.nan, math.nan)
-    mode = least_damped(*ends, samples, rig.period_s)
+    if max(divisors) > 1:
+        one, two = (
+            RatedEnd(end, n, 1.0 if n == 1 else wave_filter(rig))
+            for end, n in zip(ends, divisors, strict=True)
+        )
+        mode = least_damped_rated(one, two, samples, rig.period_s)
+    else:
+        mode = least_damped(*ends, samples, rig.period_s)
     return LoopCase(
         where, bound, mode.radius <= 1.0 + STABLE, mode.radius, mode.growth, mode.frequency
     )

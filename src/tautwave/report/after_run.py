@@ -13,7 +13,7 @@ from tautwave.config import Rig, load_rig
 from tautwave.errors import TautwaveError
 from tautwave.registry import load_driver
 from tautwave.report.loading import load_run
-from tautwave.report.rundir import Run, block
+from tautwave.report.rundir import Run, block, served_rows
 from tautwave.report.units import number
 
 
@@ -59,14 +59,17 @@ def measured_of(run: Run, rig: Rig) -> Measured:
 def held_wall(run: Run, axis: str) -> float:
     """Return the greatest number of slots over which one effort of an axis' wall was held.
 
-    A skipped slot and a lost sample both leave the command as it is. 0: the wall never pushed.
+    A skipped slot and a lost sample both leave the command as it is; on a bus with a divisor it
+    changes in every n-th slot only. 0: the wall never pushed.
     """
     names = ("skipped_slots", f"{axis}.wall_effort", f"{axis}.valid")
     columns = run.read(*names)
     if len(columns) < len(names):
         return 0.0
     skipped, effort, valid = (columns[name] for name in names)
-    slots = np.cumsum(1.0 + np.nan_to_num(skipped))
+    served = served_rows(run, axis)
+    slots = np.cumsum(1.0 + np.nan_to_num(skipped))[served]
+    effort, valid = effort[served], valid[served]
     fresh = np.flatnonzero(valid > 0.5)
     pushed = effort[fresh][:-1] != 0.0
     spans = np.diff(slots[fresh])[pushed]

@@ -15,7 +15,7 @@ import numpy as np
 
 from tautwave.report.loading import load_run
 from tautwave.report.rebuild import rebuild_summary
-from tautwave.report.rundir import Run
+from tautwave.report.rundir import Run, served_rows
 
 _GAINS = ("hand_work", "motor_work")
 _LOSSES = ("grip_loss", "viscous_loss", "coulomb_loss", "environment_loss")
@@ -78,6 +78,10 @@ def plant_energy(run: Run, ratios: dict[str, float]) -> dict[str, float]:
                 continue
             found = True
             residual += abs(weight * balance)
+            # Between its slots the truth of a slow axis is ahead of what the controller knows.
+            served = served_rows(run, axis)
+            sent = sent[served] if len(sent[served]) else sent
+            motor = motor[served] if len(motor[served]) else motor
             believed = float(sent[-1] - sent[0])
             gap[axis] = believed + weight * float(motor[-1] - motor[0])
     told = {"uncertainty": uncertainty}

@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 
 from tautwave.report.envelope import Floats
-from tautwave.report.rundir import SIDES, Run, delay_of, kind_of, offset_per_effort
+from tautwave.report.rundir import (
+    SIDES,
+    Run,
+    delay_of,
+    kind_of,
+    offset_per_effort,
+    served_rows,
+)
 
 _PERCENTILES = {"p50": 50.0, "p99": 99.0, "p999": 99.9}
 
@@ -177,5 +184,6 @@ def _element(run: Run, pair: str, element: str, balance: Balance) -> dict[str, f
 def _axes(run: Run) -> dict[str, Any]:
     lost: dict[str, Any] = {}
     for column, valid in run.each(c for c in run.columns if c.endswith(".valid")):
-        lost[column.removesuffix(".valid")] = {"lost": int(np.sum(valid == 0.0))}
+        axis = column.removesuffix(".valid")
+        lost[axis] = {"lost": int(np.sum(valid[served_rows(run, axis)] == 0.0))}
     return lost

@@ -8,6 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import numpy.typing as npt
+
 from tautwave.report.envelope import Floats
 from tautwave.report.scratch import Scratch
 from tautwave.report.units import number
@@ -123,6 +126,21 @@ def kind_of(run: Run, pair: str) -> str:
 def axis_kind(run: Run, side: str, pair: str) -> str:
     """`rotary` or `linear` of one axis; the pair's kind where the rig file does not say."""
     return str(block(run.rig, side, "axes", pair).get("kind") or kind_of(run, pair))
+
+
+def served_rows(run: Run, axis: str) -> slice | npt.NDArray[np.bool_]:
+    """Rows in which an axis' bus was read: all, or with a divisor those of its slots.
+
+    `axis` is the full name; to index a column with.
+    """
+    side, _, name = axis.partition(".")
+    bus = str(block(run.rig, side, "axes", name).get("bus"))
+    divisor = int(number(block(run.rig, "buses", bus).get("divisor")) or 1)
+    skipped = run.read("skipped_slots").get("skipped_slots") if divisor > 1 else None
+    if skipped is None:
+        return slice(None)
+    slots = np.cumsum(1.0 + np.nan_to_num(skipped)) - 1.0
+    return np.asarray(slots % divisor == divisor - 1)
 
 
 def delay_of(run: Run, pair: str) -> float:

@@ -154,7 +154,7 @@ def _timing(run: Run) -> Verdict:
 def _certificate(run: Run) -> Verdict:
     told = block(run.summary, "certificate")
     passed = told.get("passed")
-    lines = (*_rendered(run), *_lines(told.get("verdicts")))
+    lines = (*_rendered(run), *_slow(run), *_lines(told.get("verdicts")))
     broken = invalidated(run)
     if broken:
         return Verdict("Certificate", "bad", (BROKEN, *broken, *lines))
@@ -195,6 +195,18 @@ def _rendered(run: Run) -> list[str]:
         if asked != rendered:
             lines.append(f"Wall of {axis}: K = {asked:.6g} asked, {rendered:.6g} rendered.")
     return lines
+
+
+def _slow(run: Run) -> list[str]:
+    """What buses with a divisor cost, as the certificate said."""
+    told = block(run.summary, "certificate").get("elements")
+    return [
+        str(element["sentences"][-1])
+        for element in (told if isinstance(told, list) else [])
+        if isinstance(element, dict)
+        and element.get("kind") == "converter"
+        and element.get("sentences")
+    ]
 
 
 def _lines(told: Any) -> list[str]:

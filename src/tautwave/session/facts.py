@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 from tautwave.config import Rig
 from tautwave.laws.admittance import greatest_stiffness
-from tautwave.laws.wave import filter_gain
-from tautwave.rig import device_impedance, pair_scale
+from tautwave.rig import device_impedance, held_share, one_way_delay, pair_scale
 from tautwave.types import CommandDelay
 
 
@@ -28,21 +27,9 @@ class PairFacts(NamedTuple):
 
 
 def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFacts:
-    """Return what follows for one pair.
-
-    A wave that left for a period is on the line `delay_s`, was closed one period late and acts
-    one command delay later; a wave filter adds (1-a)/a periods.
-    """
+    """Return what follows for one pair; see `tautwave.rig.one_way_delay`."""
     keys = rig.coupling.pairs[name]
-    period = rig.period_s
-    mean = 0.0
-    for side in ("master", "slave"):
-        delay = delays[f"{side}.{name}"]
-        mean += 0.5 * (delay.periods * period + delay.remainder_s)
-    tau = rig.delay_samples * period + period + mean
-    if rig.coupling.law == "wave" and rig.coupling.wave_filter_hz is not None:
-        gain = filter_gain(rig.coupling.wave_filter_hz, period)
-        tau += (1.0 - gain) / gain * period
+    tau = one_way_delay(rig, name, delays)
     offset = 0.0
     share = 1.0
     if keys.wave_impedance is not None:
@@ -56,18 +43,6 @@ def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFact
     return PairFacts(tau, offset, pair_scale(keys).power, share)
 
 
-def held_share(rig: Rig, axis_name: str, delay: CommandDelay) -> float:
-    """Return effort given per effort of the wave when held still; see `PairFacts`."""
-    side, name = axis_name.split(".")
-    axis = rig.axes[axis_name]
-    keys = rig.coupling.pairs[name]
-    if axis.inertia is None or keys.wave_impedance is None:
-        return 1.0
-    impedance = device_impedance(keys, side, keys.wave_impedance)
-    ratio = impedance * rig.period_s * (1.0 + delay.periods) / axis.inertia.lower
-    return 1.0 / (1.0 + ratio)
-
-
 def admittance_facts(rig: Rig, delays: dict[str, CommandDelay]) -> list[tuple[str, str]]:
     """Return one sentence per admittance axis on how stiff its outside may be."""
     facts = []
@@ -77,16 +52,17 @@ def admittance_facts(rig: Rig, delays: dict[str, CommandDelay]) -> list[tuple[st
         side, name = axis_name.split(".")
         keys = rig.coupling.pairs[name]
         impedance = device_impedance(keys, side, keys.wave_impedance or 0.0)
-        limit = greatest_stiffness(rig.period_s, impedance, delays[axis_name].periods)
+        period = rig.axis_period_s(axis_name)
+        limit = greatest_stiffness(period, impedance, delays[axis_name].periods)
         unit = "N m/rad" if axis.kind == "rotary" else "N/m"
         upper = axis.environment_stiffness_upper
         if upper is None or upper == 0.0:
             text = (
                 f"no guarantee: give environment_stiffness_upper; matched, it is stable up to "
-                f"{limit:.4g} {unit} (K T / b < {limit * rig.period_s / impedance:.3g})"
+                f"{limit:.4g} {unit} (K T / b < {limit * period / impedance:.3g})"
             )
         else:
-            ratio = upper * rig.period_s / impedance
+            ratio = upper * period / impedance
             text = (
                 f"passive for an outside spring up to {upper:.4g} {unit} (K T / b = {ratio:.3g})"
                 " if the velocity is reached within a period; nothing is claimed beyond, "

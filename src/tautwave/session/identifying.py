@@ -185,6 +185,12 @@ def identify_device(
     problems = over_budget(rig, bus_budgets(rig))
     if problems:
         raise BusBudgetError("\n".join(problems))
+    for bus_name, bus in rig.buses.items():
+        if bus.divisor > 1:
+            raise ConfigError(
+                f"buses.{bus_name}.divisor: identify serves every bus in every cycle; run it with "
+                f"--set buses.{bus_name}.divisor=1 --set rate_hz={rig.rate_hz / bus.divisor:g}"
+            )
     name = axis_to_identify(rig, axis)
     hardware = any(load_driver(bus.driver).hardware for bus in rig.buses.values())
     if hardware and rig.simulation is None and not allow_uncertified:

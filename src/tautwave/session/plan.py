@@ -68,6 +68,11 @@ def _pair(rig: Rig, name: str, keys: PairKeys) -> Iterator[PlanItem]:
     if rig.coupling.law == "wave":
         for side, matched in (("master", keys.matched_master), ("slave", keys.matched_slave)):
             yield _item(f"matching damper of {side}.{name}", matched, "matched end")
+        for side in ("master", "slave"):
+            divisor = rig.axis_divisor(f"{side}.{name}")
+            what = f"its bus is served every {divisor} cycles"
+            same = "its bus is served every cycle"
+            yield _item(f"rate converter of {side}.{name}", divisor > 1, what, same)
     for side, wall in (("master", keys.wall_master), ("slave", keys.wall_slave)):
         yield _item(f"wall of {side}.{name}", wall is not None, _wall(wall))
         if wall is not None:

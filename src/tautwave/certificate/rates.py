@@ -1,0 +1,101 @@
+"""A slow bus in the certificate: its converters are passive, and what it costs is said."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from tautwave.analysis.wall_limits import greatest_stiffness
+from tautwave.certificate.data import Element, Verdict
+from tautwave.certificate.walls import sampled_wall
+from tautwave.config import Rig, Wall, local_wall
+from tautwave.rig import (
+    at_axis_rate,
+    at_full_rate,
+    command_delays,
+    device_impedance,
+    held_share,
+    one_way_delay,
+)
+from tautwave.types import CommandDelay
+
+Delays = Mapping[str, CommandDelay]
+
+PLAIN = Wall(position=0.0, stiffness=1.0)
+"""Stands for a wall where an axis has none: a spring."""
+
+
+def converter_element(rig: Rig, axis_name: str, delays: Delays) -> Element | None:
+    """Return the rate converter of an axis and what its slow bus costs; None on a fast bus."""
+    divisor = rig.axis_divisor(axis_name)
+    if divisor == 1:
+        return None
+    name = f"rate converter of {axis_name}"
+    numbers = slow_costs(rig, axis_name, delays)
+    reason = (
+        f"{name}: means of {divisor} waves lose what is not constant over them, a wave held for "
+        f"{divisor} slots keeps its energy, and both keep the wave integral (Cauchy and Schwarz)."
+    )
+    told = Verdict(True, reason)
+    sentences = (reason, _cost(rig, axis_name, divisor, numbers))
+    return Element(name, "converter", axis_name, told, told, numbers, sentences)
+
+
+def slow_costs(rig: Rig, axis_name: str, delays: Delays) -> dict[str, Any]:
+    """Return what an axis could do at its rate and, in a tuple beside it, at the rig's rate.
+
+    delay_s: one-way delay of its pair [s], all in; wall_stiffness: the stiffest passive local wall
+    on it, None without device damping or on an admittance axis; rigid_stiffness: what the master
+    feels of a rigid environment behind the line, held still: b / tau times the share of its port.
+    """
+    pair = axis_name.partition(".")[2]
+    full = at_full_rate(rig)
+    prompt = command_delays(full)
+    keys = rig.coupling.pairs[pair]
+    impedance = device_impedance(keys, "master", keys.wave_impedance or 1.0)
+    taus = one_way_delay(rig, pair, delays), one_way_delay(full, pair, prompt)
+    master = f"master.{pair}"
+    shares = held_share(rig, master, delays[master]), held_share(full, master, prompt[master])
+    walls = None
+    axis = rig.axes[axis_name]
+    if axis.causality == "impedance" and axis.damping.lower > 0.0:
+        wall = local_wall(rig, axis_name) or PLAIN
+        walls = tuple(
+            greatest_stiffness(sampled_wall(seen, axis_name, wall, delay), axis.damping.lower)
+            for seen, delay in (
+                (at_axis_rate(rig, axis_name), delays[axis_name]),
+                (full, prompt[axis_name]),
+            )
+        )
+    return {
+        "divisor": rig.axis_divisor(axis_name),
+        "rate_hz": 1.0 / rig.axis_period_s(axis_name),
+        "delay_s": taus,
+        "wall_stiffness": walls,
+        "rigid_stiffness": tuple(
+            share * impedance / tau for share, tau in zip(shares, taus, strict=True)
+        ),
+    }
+
+
+def _cost(rig: Rig, axis_name: str, divisor: int, numbers: Mapping[str, Any]) -> str:
+    pair = axis_name.partition(".")[2]
+    slow, fast = numbers["delay_s"]
+    rigid, rigid_fast = numbers["rigid_stiffness"]
+    text = (
+        f"{axis_name} is served every {divisor} cycles, at {numbers['rate_hz']:.4g} Hz. That costs "
+        f"stiffness: at {rig.rate_hz:.4g} Hz, in brackets, it would be less delayed. One-way delay "
+        f"{1e3 * slow:.4g} ms ({1e3 * fast:.4g}); a rigid environment feels like {rigid:.4g} "
+        f"{_unit(rig, f'master.{pair}')} at the master ({rigid_fast:.4g})"
+    )
+    if numbers["wall_stiffness"] is None:
+        return f"{text}."
+    wall, wall_fast = numbers["wall_stiffness"]
+    return (
+        f"{text}; the stiffest passive wall on {axis_name} has {wall:.4g} "
+        f"{_unit(rig, axis_name)} ({wall_fast:.4g})."
+    )
+
+
+def _unit(rig: Rig, axis_name: str) -> str:
+    return "N m/rad" if rig.axes[axis_name].kind == "rotary" else "N/m"

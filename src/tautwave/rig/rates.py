@@ -1,0 +1,88 @@
+"""What a slow bus makes of a rig: the same axis seen at its own rate, and delays in all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from tautwave.config import Rig
+from tautwave.laws.wave import filter_gain
+from tautwave.rig.controller import device_impedance
+from tautwave.types import CommandDelay
+
+
+def at_axis_rate(rig: Rig, axis_name: str) -> Rig:
+    """Return a rig whose every cycle is an exchange with this axis; the rig itself on a fast bus.
+
+    The wave filter runs at the line's rate and is left out; a simulated command waits for the next
+    exchange, as on the slow bus. Only this axis is to be looked at in it.
+    """
+    divisor = rig.axis_divisor(axis_name)
+    if divisor == 1:
+        return rig
+    period = rig.axis_period_s(axis_name)
+    bus_name = rig.axes[axis_name].bus
+    bus = rig.buses[bus_name]
+    options: dict[str, Any] = dict(bus.options)
+    simulation = rig.simulation
+    if "command_delay_s" in options:
+        options["command_delay_s"] = max(float(options["command_delay_s"]), period)
+        given = None if simulation is None else simulation.axes.get(axis_name)
+        if simulation is not None and given is not None and given.command_delay_s is not None:
+            later = given.model_copy(update={"command_delay_s": max(given.command_delay_s, period)})
+            simulation = simulation.model_copy(
+                update={"axes": {**simulation.axes, axis_name: later}}
+            )
+    slow = bus.model_copy(update={"divisor": 1, "options": options})
+    return rig.model_copy(
+        update={
+            "rate_hz": rig.rate_hz / divisor,
+            "buses": {**rig.buses, bus_name: slow},
+            "simulation": simulation,
+            "coupling": rig.coupling.model_copy(update={"wave_filter_hz": None}),
+        }
+    )
+
+
+def at_full_rate(rig: Rig) -> Rig:
+    """Return the rig with every bus served in every cycle."""
+    buses = {name: bus.model_copy(update={"divisor": 1}) for name, bus in rig.buses.items()}
+    return rig.model_copy(update={"buses": buses})
+
+
+def one_way_delay(rig: Rig, name: str, delays: Mapping[str, CommandDelay]) -> float:
+    """Return the mean one-way delay tau [s] of a pair as it acts, all samples counted.
+
+    A wave that left for a period is on the line `delay_s`, was closed one period late and acts
+    one command delay later; a wave filter adds (1-a)/a periods T. On a bus with divisor n that
+    period is n T, and the sample waits n - 1 periods T for its slot; the command delay is in
+    periods of the bus. The converters themselves delay no integral.
+    """
+    period = rig.period_s
+    mean = 0.0
+    for side in ("master", "slave"):
+        axis_name = f"{side}.{name}"
+        delay, divisor = delays[axis_name], rig.axis_divisor(axis_name)
+        mean += 0.5 * (delay.periods * rig.axis_period_s(axis_name) + delay.remainder_s)
+        mean += (divisor - 1) * period
+    tau = rig.delay_samples * period + period + mean
+    if rig.coupling.law == "wave" and rig.coupling.wave_filter_hz is not None:
+        gain = filter_gain(rig.coupling.wave_filter_hz, period)
+        tau += (1.0 - gain) / gain * period
+    return tau
+
+
+def held_share(rig: Rig, axis_name: str, delay: CommandDelay) -> float:
+    """Return effort given per effort of the wave when held still: 1 / (1 + b T (1 + d) / m).
+
+    The port's prediction takes the effort it gives itself for a motion; m is the inertia's lower
+    bound, d the command delay in periods T of the axis.
+    """
+    side, name = axis_name.split(".")
+    axis = rig.axes[axis_name]
+    keys = rig.coupling.pairs[name]
+    if axis.inertia is None or keys.wave_impedance is None:
+        return 1.0
+    impedance = device_impedance(keys, side, keys.wave_impedance)
+    ratio = impedance * rig.axis_period_s(axis_name) * (1.0 + delay.periods) / axis.inertia.lower
+    return 1.0 / (1.0 + ratio)
