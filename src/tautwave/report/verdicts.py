@@ -199,14 +199,12 @@ def _rendered(run: Run) -> list[str]:
 
 def _slow(run: Run) -> list[str]:
     """What buses with a divisor cost, as the certificate said."""
-    told = block(run.summary, "certificate").get("elements")
-    return [
-        str(element["sentences"][-1])
-        for element in (told if isinstance(told, list) else [])
-        if isinstance(element, dict)
-        and element.get("kind") == "converter"
-        and element.get("sentences")
-    ]
+    lines = []
+    for name, element in block(run.summary, "certificate", "elements").items():
+        sentences = element.get("sentences") if isinstance(element, dict) else None
+        if name.startswith("rate converter") and isinstance(sentences, list) and sentences:
+            lines.append(str(sentences[-1]))
+    return lines
 
 
 def _lines(told: Any) -> list[str]:
