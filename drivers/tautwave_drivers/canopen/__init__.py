@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tautwave.contracts import BusSpec, Clock, Driver, DriverPlugin
+from tautwave.contracts import BusSpec, Clock, CycleCost, Driver, DriverPlugin
 from tautwave_drivers.canopen.budget import budget
 from tautwave_drivers.canopen.driver import CanopenDriver
 from tautwave_drivers.canopen.options import CanopenOptions, facts
@@ -20,6 +20,12 @@ def _scan(options: ScanOptions) -> Sequence[Mapping[str, Any]]:
     return scan(options)
 
 
+def _measure(cycles: int) -> Sequence[CycleCost]:
+    from tautwave_drivers.canopen.measure import measure
+
+    return measure(cycles)
+
+
 plugin = DriverPlugin(
     options=CanopenOptions,
     make=_make,
@@ -30,6 +36,7 @@ plugin = DriverPlugin(
     summary="CiA 402 drives on CAN (SocketCAN, python-can)",
     facts=facts,
     scan_options=ScanOptions,
+    measure=_measure,
 )
 
 __all__ = ["CanopenDriver", "CanopenOptions", "ScanOptions", "plugin"]

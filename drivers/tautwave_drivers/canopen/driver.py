@@ -8,6 +8,7 @@ after it was written, with event-driven ones on receipt.
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,7 @@ from tautwave.errors import BusTimeout, DeviceFault, DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.canopen.axis import Axis
 from tautwave_drivers.canopen.budget import exchange_s
-from tautwave_drivers.canopen.frames import Port, open_port
+from tautwave_drivers.canopen.frames import Port, RawPort, open_port
 from tautwave_drivers.canopen.health import OPERATIONAL, Health
 from tautwave_drivers.canopen.options import CanopenOptions, nodes_of
 from tautwave_drivers.canopen.startup import StartUp
@@ -45,8 +46,9 @@ class CanopenDriver:
         Axes and rate.
     clock : Clock
         All waiting goes through it.
-    transport : FramePort or None
-        The simulated bus; None to open the real one in `open`.
+    transport : FramePort, socket or None
+        The simulated bus, or a datagram socket that carries `struct can_frame`; None to open the
+        real one in `open`.
 
     Raises
     ------
@@ -59,7 +61,7 @@ class CanopenDriver:
         self._bus = bus
         self._clock = clock
         self._now = clock.now_ns
-        self._transport: Port | None = transport
+        self._transport: Port | socket.socket | None = transport
         self._port: Port | None = None
         self._net: PolledNetwork | None = None
         self._period_ns = bus.period_ns
@@ -110,7 +112,7 @@ class CanopenDriver:
         if self._port is not None:
             self.close()
         self._reset()
-        self._port = self._transport or open_port(self._options, self._clock)
+        self._port = self._connect()
         try:
             self._net, self.notes = bring_up(
                 self._options, self._bus, self._axes, self._health, self._port, self._clock
@@ -123,6 +125,21 @@ class CanopenDriver:
             axis.heard_ns = now
             axis.errors.clear()
         self._sync_ns = now - self._period_ns
+
+    def _connect(self) -> Port:
+        if isinstance(self._transport, socket.socket):  # frames of SocketCAN on any datagram socket
+            return RawPort(self._transport.dup(), self._clock, self._bus.name)
+        return self._transport or open_port(self._options, self._clock)
+
+    def attach(self, port: Port) -> None:
+        """Take a port whose drives are set up already, or are none: measurements, tests."""
+        self._reset()
+        self._port = port
+        self._sync_ns = self._now() - self._period_ns
+
+    def detach(self) -> None:
+        """Close the port and leave its drives as they are."""
+        self._release()
 
     def _reset(self) -> None:
         self._health.reset()
