@@ -119,6 +119,10 @@ OLD_330_FIRMWARE = 52
 """Before this firmware the data of the 330 begin at 224 (dynamixel-sdk, xl330_m288.model)."""
 
 
+DEFAULT_GAINS = (1920, 100, 0, 0, 800)
+"""Velocity I and P, position D, I and P."""
+
+
 class Figures(NamedTuple):
     """What tells one model of a family from the others: numbers of its page."""
 
@@ -130,7 +134,7 @@ class Figures(NamedTuple):
     voltage: float  # [V] recommended, of the stall figures
     current_limit: int  # counts; 0: no current control
     velocity_limit: int  # counts
-    gains: tuple[int, int, int, int, int] = (1920, 100, 0, 0, 800)  # velocity I P, position D I P
+    gains: tuple[int, int, int, int, int] = DEFAULT_GAINS
     current_unit_a: float = 2.69e-3
     voltage_limits: tuple[int, int] = (95, 160)  # 0.1 V
     temperature_limit: int = 80  # degC
@@ -138,151 +142,65 @@ class Figures(NamedTuple):
     pwm_slope: int = 140
 
 
-# One line a model, each from docs/en/dxl/x/<name in lower case>.
+HIGH_GAINS = (1920, 100, 0, 0, 900)
+SMALL_T = (1200, 40, 0, 0, 900)
+V24 = (110, 300)
+XL5 = (31, 70)
+
+# One line a model, each from docs/en/dxl/x/<name in lower case>. Not read: the tables of XC430-W240,
+# 2XL430-W250, 2XC430-W250 and XW540-T140 (as their sisters, velocity limit by no-load speed).
+# fmt: off
 SERIES_430 = (
-    Figures("XH430-W350", 1000, 3.4, 1.3, 30.0, 12.0, 648, 130, (1920, 100, 0, 0, 900)),
-    Figures("XH430-W210", 1010, 2.5, 1.3, 50.0, 12.0, 648, 210, (1920, 100, 0, 0, 900)),
+    Figures("XH430-W350", 1000, 3.4, 1.3, 30.0, 12.0, 648, 130, HIGH_GAINS),
+    Figures("XD430-T350", 1001, 3.4, 1.3, 30.0, 12.0, 648, 130, HIGH_GAINS),
+    Figures("XH430-W210", 1010, 2.5, 1.3, 50.0, 12.0, 648, 210, HIGH_GAINS),
+    Figures("XD430-T210", 1011, 2.5, 1.3, 50.0, 12.0, 648, 210, HIGH_GAINS),
     Figures("XM430-W350", 1020, 4.1, 2.3, 46.0, 12.0, 1193, 200),
     Figures("XM430-W210", 1030, 3.0, 2.3, 77.0, 12.0, 1193, 330),
-    Figures(
-        "XH430-V350",
-        1040,
-        3.3,
-        0.7,
-        31.0,
-        24.0,
-        689,
-        135,
-        current_unit_a=1.34e-3,
-        voltage_limits=(110, 300),
-    ),
-    Figures(
-        "XH430-V210",
-        1050,
-        2.6,
-        0.7,
-        52.0,
-        24.0,
-        689,
-        230,
-        current_unit_a=1.34e-3,
-        voltage_limits=(110, 300),
-    ),
+    Figures("XH430-V350", 1040, 3.3, 0.7, 31.0, 24.0, 689, 135, DEFAULT_GAINS, 1.34e-3, V24),
+    Figures("XH430-V210", 1050, 2.6, 0.7, 52.0, 24.0, 689, 230, DEFAULT_GAINS, 1.34e-3, V24),
 )
 SERIES_430_LOAD = (
-    Figures(
-        "XL430-W250",
-        1060,
-        1.4,
-        1.3,
-        57.0,
-        11.1,
-        0,
-        265,
-        (1000, 100, 4000, 0, 640),
-        0.0,
-        (60, 140),
-        72,
-    ),
+    Figures("XL430-W250", 1060, 1.4, 1.3, 57.0, 11.1, 0, 265,
+            (1000, 100, 4000, 0, 640), 0.0, (60, 140), 72),
+    Figures("2XL430-W250", 1090, 1.4, 1.3, 57.0, 11.1, 0, 250,
+            (1000, 100, 4000, 0, 640), 0.0, (60, 140), 72),
+    Figures("XC430-W150", 1070, 1.6, 1.4, 106.0, 12.0, 0, 460,
+            (1920, 100, 0, 0, 460), 0.0, (60, 160)),
+    Figures("XC430-W240", 1080, 1.9, 1.4, 70.0, 12.0, 0, 306,
+            (1920, 100, 0, 0, 460), 0.0, (60, 160)),
+    Figures("2XC430-W250", 1160, 1.8, 1.4, 64.0, 12.0, 0, 280,
+            (1920, 100, 0, 0, 460), 0.0, (60, 160)),
 )
 SERIES_540 = (
     Figures("XH540-W270", 1100, 9.9, 4.9, 39.0, 12.0, 2047, 167),
+    Figures("XD540-T270", 1101, 9.9, 4.9, 39.0, 12.0, 2047, 167),
     Figures("XH540-W150", 1110, 7.1, 4.9, 70.0, 12.0, 2047, 300),
+    Figures("XD540-T150", 1111, 7.1, 4.9, 70.0, 12.0, 2047, 300),
     Figures("XM540-W270", 1120, 10.6, 4.4, 30.0, 12.0, 2047, 128),
     Figures("XM540-W150", 1130, 7.3, 4.4, 53.0, 12.0, 2047, 230),
-    Figures("XH540-V270", 1140, 9.2, 2.4, 34.0, 24.0, 1188, 128, voltage_limits=(110, 300)),
-    Figures("XH540-V150", 1150, 6.4, 2.4, 60.0, 24.0, 1188, 230, voltage_limits=(110, 300)),
+    Figures("XH540-V270", 1140, 9.2, 2.4, 34.0, 24.0, 1188, 128, voltage_limits=V24),
+    Figures("XH540-V150", 1150, 6.4, 2.4, 60.0, 24.0, 1188, 230, voltage_limits=V24),
+)
+SERIES_XW = (  # no LED
+    Figures("XW540-T260", 1170, 9.5, 4.9, 40.0, 12.0, 2047, 167),
+    Figures("XW540-T140", 1180, 6.9, 4.9, 72.0, 12.0, 2047, 300),
 )
 SERIES_330 = (
-    Figures(
-        "XL330-M077",
-        1190,
-        0.215,
-        1.47,
-        383.0,
-        5.0,
-        1750,
-        1620,
-        (400, 40, 0, 400, 400),
-        1e-3,
-        (31, 70),
-        70,
-        53,
-    ),
-    Figures(
-        "XL330-M288",
-        1200,
-        0.52,
-        1.47,
-        103.0,
-        5.0,
-        1750,
-        445,
-        (1600, 180, 0, 0, 400),
-        1e-3,
-        (31, 70),
-        70,
-        53,
-    ),
-    Figures(
-        "XC330-T181",
-        1210,
-        0.76,
-        0.80,
-        104.0,
-        11.1,
-        910,
-        510,
-        (1200, 40, 0, 0, 900),
-        1e-3,
-        (55, 140),
-        70,
-        pwm_slope=255,
-    ),
-    Figures(
-        "XC330-T288",
-        1220,
-        0.92,
-        0.80,
-        65.0,
-        11.1,
-        910,
-        320,
-        (1200, 40, 0, 0, 900),
-        1e-3,
-        (55, 140),
-        70,
-        pwm_slope=255,
-    ),
-    Figures(
-        "XC330-M181",
-        1230,
-        0.60,
-        1.80,
-        129.0,
-        5.0,
-        2352,
-        545,
-        (1400, 100, 500, 0, 1200),
-        1e-3,
-        (31, 70),
-        70,
-    ),
-    Figures(
-        "XC330-M288",
-        1240,
-        0.93,
-        1.80,
-        81.0,
-        5.0,
-        2352,
-        350,
-        (1600, 50, 500, 0, 1100),
-        1e-3,
-        (31, 70),
-        70,
-    ),
+    Figures("XL330-M077", 1190, 0.215, 1.47, 383.0, 5.0, 1750, 1620,
+            (400, 40, 0, 400, 400), 1e-3, XL5, 70, 53),
+    Figures("XL330-M288", 1200, 0.52, 1.47, 103.0, 5.0, 1750, 445,
+            (1600, 180, 0, 0, 400), 1e-3, XL5, 70, 53),
+    Figures("XC330-T181", 1210, 0.76, 0.80, 104.0, 11.1, 910, 510,
+            SMALL_T, 1e-3, (55, 140), 70, pwm_slope=255),
+    Figures("XC330-T288", 1220, 0.92, 0.80, 65.0, 11.1, 910, 320,
+            SMALL_T, 1e-3, (55, 140), 70, pwm_slope=255),
+    Figures("XC330-M181", 1230, 0.60, 1.80, 129.0, 5.0, 2352, 545,
+            (1400, 100, 500, 0, 1200), 1e-3, XL5, 70),
+    Figures("XC330-M288", 1240, 0.93, 1.80, 81.0, 5.0, 2352, 350,
+            (1600, 50, 500, 0, 1100), 1e-3, XL5, 70),
 )
+# fmt: on
 
 GAINS = (
     "Velocity I Gain",
@@ -329,10 +247,13 @@ def _model(figures: Figures, extra: tuple[Item, ...], small: bool, firmware: int
     top = max(block.data + block.length for block in indirect) - 1
     changes = _changes(figures, small)
     changes["Firmware Version"] = {"initial": firmware}
+    missing: tuple[str, ...] = () if figures.current_limit else CURRENT_NAMES
+    if figures in SERIES_XW:
+        missing = ("LED",)
     items = [
         item._replace(**changes.get(item.name, {}))
         for item in (*EEPROM_ITEMS, *RAM_ITEMS, *extra)
-        if figures.current_limit or item.name not in CURRENT_NAMES
+        if item.name not in missing
     ]
     first = 1
     for block in indirect:
@@ -368,5 +289,6 @@ def x_series(firmware_430: int = 48, firmware_330: int = 53) -> tuple[Model, ...
         *(_model(one, (), small=False, firmware=firmware_430) for one in SERIES_430),
         *(_model(one, (LOAD_ITEM,), False, firmware_430) for one in SERIES_430_LOAD),
         *(_model(one, PORT_ITEMS, False, firmware_430) for one in SERIES_540),
+        *(_model(one, (), False, firmware_430) for one in SERIES_XW),
         *(_model(one, small, True, firmware_330) for one in SERIES_330),
     )
