@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
+from tautwave.analysis.sampled_loop import wave_end
 from tautwave.analysis.scattering import greatest_gain, port_scattering, spring_damping
 from tautwave.certificate.belief import (
     Contact,
@@ -22,14 +23,13 @@ from tautwave.certificate.belief import (
 )
 from tautwave.certificate.data import Element, Verdict
 from tautwave.certificate.loops import (
-    believed_end,
     believed_parts,
     scattering_norm,
     wave_filter,
 )
 from tautwave.config import Rig
-from tautwave.laws.port import sensor_allowance
-from tautwave.rig import device_impedance, velocity_gain
+from tautwave.laws.port import port_debt, sensor_allowance
+from tautwave.rig import device_impedance, site_params, velocity_gain
 from tautwave.types import CommandDelay
 
 UNITY = 1e-6
@@ -37,7 +37,7 @@ UNITY = 1e-6
 
 ACCOUNT = "waves that leave rest on the port's energy account"
 STIFFEST_STEPS = 8
-REACH = 1e4
+STRIDE = 1.6
 
 REACHED = 5.0
 """Time constants after which a drive counts as having reached its velocity."""
@@ -73,6 +73,7 @@ def port_element(rig: Rig, axis_name: str, delays: Delays, wall_needs: float) ->
         "command_delay_periods": delays[axis_name].periods,
         "command_delay_remainder_s": delays[axis_name].remainder_s,
         "allowance_j_per_period": allowance,
+        **debt_rates(rig, axis_name, delays)._asdict(),
         **norms,
     }
     quantised = _quantised(axis_name, passive, allowance)
@@ -83,6 +84,25 @@ def port_element(rig: Rig, axis_name: str, delays: Delays, wall_needs: float) ->
     )
 
 
+class DebtRates(NamedTuple):
+    """What the account of a port may owe for a while, `laws.port.port_debt`, as the rig is.
+
+    debt_per_speed_squared [kg or kg m^2]: times the square of the greatest speed, in J;
+    debt_per_flow [1]: and times the energy that went to and fro.
+    """
+
+    debt_per_speed_squared: float
+    debt_per_flow: float
+
+
+def debt_rates(rig: Rig, axis_name: str, delays: Delays) -> DebtRates:
+    """Return what the account of an impedance axis' port may owe."""
+    delay = delays[axis_name]
+    port = site_params(rig, axis_name, delay).port
+    periods = delay.periods + (1 if delay.remainder_s > 0.0 else 0)
+    return DebtRates(port_debt(port, periods, 1.0, 0.0), port_debt(port, periods, 0.0, 1.0))
+
+
 def _bears(
     axis_name: str, stiffest: float, left: float, wall_needs: float, unit: str, damper: str
 ) -> str:
@@ -91,10 +111,9 @@ def _bears(
     whose = "that its wall leaves it" if wall_needs > 0.0 else "of the device"
     if stiffest == 0.0:
         return f"{head}it rests on its energy account: {left:.4g} {damper} of damping {whose}."
-    bears = "any spring" if math.isinf(stiffest) else f"springs up to {stiffest:.4g} {unit}"
     return (
-        f"{head}it bears {bears} without help of its energy account, with the {left:.4g} {damper} "
-        f"of damping {whose}."
+        f"{head}it bears springs up to {stiffest:.4g} {unit} without help of its energy account, "
+        f"with the {left:.4g} {damper} of damping {whose}."
     )
 
 
@@ -119,19 +138,36 @@ def _passive(rig: Rig, axis_name: str, delays: Delays, norms: dict[str, Any]) ->
             f"{name}: on a free device it returns up to {norms['free']:.4g} of a wave; take away "
             f"velocity_filter_s, or lower wave_impedance",
         )
-    conditions = assumed(axis, axis_name, inertia=True)
     unit = "kg m^2" if axis.kind == "rotary" else "kg"
     reason = (
         f"{name}: passive by the proof in tautwave.laws.port on any free device of at least "
         f"{axis.inertia.lower:g} {unit}, command delay {delay.periods} periods; it returns at most "
         f"{min(norms['free'], 1.0):.6f} of a wave"
     )
+    margin = 1.0 - min(norms["free"], 1.0)
+    conditions = assumed(axis, axis_name, inertia=True)
     if norms["held"] is not None and norms["held"] > 1.0 + UNITY:
-        conditions.append(
-            f"{ACCOUNT} at {axis_name}: held by {norms['held_by']} the bare port would return "
-            f"{norms['held']:.4g} of a wave"
+        would = (
+            f"held by {norms['held_by']} the bare port would return {norms['held']:.4g} of a wave"
         )
-    return Verdict(True, f"{reason}.", tuple(conditions), 1.0 - min(norms["free"], 1.0))
+        rates = debt_rates(rig, axis_name, delays)
+        kinetic = 2.0 * rates.debt_per_flow
+        owes = f"its energy account may owe {100.0 * kinetic:.3g} % of the energy with which the "
+        owes += f"device moves at its fastest ({rates.debt_per_speed_squared:.3g} v^2 J)"
+        if kinetic >= 1.0:
+            pair = rig.coupling.pairs[axis_name.split(".")[1]]
+            most = 0.99 * (pair.wave_impedance or 0.0) / kinetic
+            return Verdict(
+                False,
+                f"{name}: {would}, and {owes}; lower wave_impedance to {most:.3g}, "
+                "or raise the rate",
+                margin=1.0 - kinetic,
+            )
+        conditions.append(
+            f"{ACCOUNT} at {axis_name}: {would}; {owes} and {100.0 * rates.debt_per_flow:.3g} % of "
+            "what flows to and fro, then the port lets go"
+        )
+    return Verdict(True, f"{reason}.", tuple(conditions), margin)
 
 
 def _norms(rig: Rig, axis_name: str, delays: Delays, left: float) -> dict[str, Any]:
@@ -161,48 +197,47 @@ def _proved(
     return greatest_gain(port_scattering(device, site, filter_gain=wave_filter(rig))).upper
 
 
-def _norm(
-    rig: Rig, axis_name: str, delays: Delays, bound: str, contact: Contact | None, damping: float
-) -> float:
-    end = believed_end(rig, axis_name, delays, bound, contact, damping=damping)
-    inertia = rig.axes[axis_name].inertia
-    extra: tuple[float, ...] = ()
-    if contact is not None and contact.stiffness > 0.0 and inertia is not None:
-        extra = (math.sqrt(contact.stiffness / inertia.lower) * rig.period_s,)
-    return scattering_norm(end, extra)
-
-
 def _stiffest(rig: Rig, axis_name: str, delays: Delays, left: float) -> float:
     """Return the stiffest spring at which the bare port returns no more than arrives.
 
     Without a velocity filter it is near 2 m b_d / (b T^2), m the mass's lower bound, b_d the
-    damping and b the impedance: one period of a force that the port cannot predict.
+    damping and b the impedance: one period of a force that the port cannot predict. Nothing is
+    said of springs on which that mass swings faster than half the rate.
     """
-    inertia = rig.axes[axis_name].inertia
-    if inertia is None or left == 0.0:
+    if left == 0.0:
         return 0.0
-    rule = 2.0 * inertia.lower * left / (_impedance(rig, axis_name) * rig.period_s**2)
-    low = 0.25 * rule if velocity_gain(rig, rig.axes[axis_name]) == 1.0 else 1e-4 * rule
+    device, site = believed_parts(rig, axis_name, delays, "lower", damping=left)
+    period, filtered = rig.period_s, wave_filter(rig)
+    rule = 2.0 * device.mass * left / (_impedance(rig, axis_name) * period**2)
+    top = device.mass * (math.pi / period) ** 2
+    low = min((0.1 if site.gain == 1.0 else 1e-4) * rule, 1e-3 * top)
 
     def fine(stiffness: float) -> bool:
-        contact = Contact(stiffness, 0.0, "")
-        return _norm(rig, axis_name, delays, "lower", contact, left) <= 1.0 + UNITY
+        held = device._replace(stiffness=stiffness)
+        swing = math.sqrt(stiffness / device.mass) * period
+        end = wave_end(held, site, filter_gain=filtered)
+        return scattering_norm(end, (swing,)) <= 1.0 + UNITY
 
     # Upwards, not by halving a wide range: a wave filter may hide a failure from stiffer springs.
     if not fine(low):
         return 0.0
-    high = 2.0 * low
+    high = low
     while fine(high):
-        low, high = high, 2.0 * high
-        if high > REACH * rule:
-            return math.inf
+        if high == top:
+            break
+        low, high = high, min(STRIDE * high, top)
+    else:
+        for _ in range(STIFFEST_STEPS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if fine(middle) else (low, middle)
+        high = low
+    # What the grid says is proved for the spring that is told.
     for _ in range(STIFFEST_STEPS):
-        middle = 0.5 * (low + high)
-        if fine(middle):
-            low = middle
-        else:
-            high = middle
-    return low
+        held = device._replace(stiffness=high)
+        if greatest_gain(port_scattering(held, site, filter_gain=filtered)).upper <= 1.0 + UNITY:
+            return high
+        high *= 0.5
+    return 0.0
 
 
 def _quantised(axis_name: str, passive: Verdict, allowance: float) -> Verdict:
