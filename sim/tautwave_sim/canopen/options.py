@@ -10,6 +10,8 @@ from tautwave_sim.wire.can_faults import CanFaults
 
 Positive = Annotated[float, Field(gt=0.0)]
 AtSeconds = Annotated[float, Field(ge=0.0)]
+Listed = Field(strict=False)
+"""A rig file is read as JSON: it has lists for tuples and text for the keys of a mapping."""
 NodeId = Annotated[int, Field(ge=1, le=127)]
 
 
@@ -30,9 +32,9 @@ class Quirks(_Keys):
     """Each change of state takes so long."""
     mode_switch_ms: Annotated[int, Field(ge=0)] = 0
     """A change of mode takes so long."""
-    refuses_modes: tuple[int, ...] = ()
+    refuses_modes: Annotated[tuple[int, ...], Listed] = ()
     """Modes in 6502h that it does not go into all the same."""
-    lacks_modes: tuple[int, ...] = ()
+    lacks_modes: Annotated[tuple[int, ...], Listed] = ()
     """Modes that are missing in 6502h."""
     fault_resets: Annotated[int, Field(ge=1)] = 1
     """So many edges of fault reset it takes."""
@@ -77,7 +79,7 @@ class SimulatorKeys(_Keys):
     """The `simulator` block in a CANopen bus' options."""
 
     faults: CanFaults = CanFaults()
-    nodes: dict[int, Quirks] = Field(default_factory=dict)
+    nodes: dict[Annotated[int, Listed], Quirks] = Field(default_factory=dict)
     """By node id; a drive not listed behaves."""
     free: bool = False
     """Time goes on without SYNC from the first enabling on, in slots of the bus' period."""
@@ -115,5 +117,5 @@ class SimulatedCanopenOptions(_Shared):
     bitrate: Annotated[int, Field(gt=0)] = 1_000_000
     data_bitrate: Annotated[int, Field(gt=0)] | None = None
     sync: bool = True
-    nodes: tuple[NodeKeys, ...]
+    nodes: Annotated[tuple[NodeKeys, ...], Listed]
     simulator: SimulatorKeys = SimulatorKeys()

@@ -66,7 +66,7 @@ class CanFaults(_Keys):
     """Per frame sent by the master."""
     delay_s: Annotated[float, Field(gt=0.0)] = 1e-3
     """[s] How late a delayed frame arrives."""
-    events: tuple[FaultEvent, ...] = ()
+    events: Annotated[tuple[FaultEvent, ...], Field(strict=False)] = ()
 
 
 class Fate(NamedTuple):
