@@ -129,7 +129,8 @@ class Pdo:
         self._check_may_map()
         if self._objects.number(self._map, 0) != 0:
             raise SdoAbort(COUNT_FIRST)
-        self._part(word)
+        if word:  # 0 empties an entry
+            self._part(word)
 
     def _check_may_map(self) -> None:
         if self.valid or not self._configurable():
