@@ -99,14 +99,17 @@ class CanopenOptions(Block):
     quick_stop_option: Annotated[int, Field(ge=-32768, le=32767)] = 2
     stop: Literal["disable_voltage", "quick_stop"] = "disable_voltage"
     fault_resets: Annotated[int, Field(ge=0, le=10)] = 3
-    tolerated_emergencies: tuple[Annotated[int, Field(ge=1, le=0xFFFF)], ...] = ()
+    # A tuple, so that options are hashable and nobody changes them; a rig file has lists.
+    tolerated_emergencies: Annotated[
+        tuple[Annotated[int, Field(ge=1, le=0xFFFF)], ...], Field(strict=False)
+    ] = ()
     """EMCY codes that are told but stop nothing (warnings of a manufacturer)."""
     answer_share: Annotated[float, Field(gt=0.0, le=0.7)] = 0.6
     """Share of a period after SYNC in which TPDOs are waited for."""
     sdo_timeout_s: Positive = 0.3
     reserve: Annotated[float, Field(ge=0.0, le=0.5)] = 0.05
     """Share of the bus kept for EMCY and SDO in the budget."""
-    nodes: Annotated[tuple[Node, ...], Field(min_length=1)]
+    nodes: Annotated[tuple[Node, ...], Field(min_length=1, strict=False)]
     simulator: dict[str, Any] = Field(default_factory=dict)
     """The simulator's own keys; a driver of hardware ignores them."""
 
