@@ -155,7 +155,7 @@ class Master:
         ]
 
 
-class SdoRefusal(Exception):  # noqa: N818
+class SdoRefusal(Exception):
     def __init__(self, code: int) -> None:
         super().__init__(f"{code:08X}")
         self.code = code
