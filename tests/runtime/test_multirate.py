@@ -1,0 +1,372 @@
+"""Slow buses in the loop: which slot does what, what overruns cost, and the pair in between."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tautwave.errors import DriverError
+from tautwave.laws.port import port_params
+from tautwave.laws.wave import filter_gain
+from tautwave.link.memory import DelayLine
+from tautwave.runtime.books import PairRow
+from tautwave.runtime.loop import TIMING_COLUMNS, Loop, LoopPair, LoopSettings
+from tautwave.runtime.pair import PairScale, WaveFilter, WavePair
+from tautwave.runtime.rates import MultiratePair, RateConverter
+from tautwave.runtime.sensing import LoopBus, Sensing
+from tautwave.runtime.site import SiteAxis
+from tautwave.types import CommandDelay, Fault, JointState
+from tests.rigs.running import ListSink
+from tests.runtime.parts import PERIOD_NS, ScriptedDriver, T, site, state
+
+SCALE = PairScale(2.0, 0.7, -1.0, 1.4)
+ONE = PairScale(1.0, 1.0, 1.0, 1.0)
+
+
+def slow_site(divisor: int, delay: int = 0, gain: float = 1.0) -> SiteAxis:
+    """Return a site whose period is `divisor` times that of the line."""
+    port = port_params(divisor * T, 10.0, 0.5, False, 0.05, 0.0)
+    params = site().params._replace(port=port)
+    return SiteAxis(params, delay_periods=delay, wave_gain=gain)
+
+
+def multirate(
+    divisors: tuple[int, int],
+    *,
+    line: int = 3,
+    filtered: bool = False,
+    scale: PairScale = ONE,
+    delay: int = 1,
+    always: bool = False,
+) -> MultiratePair:
+    """Return a pair; `always` puts converters even where they have nothing to convert."""
+    gains = (1.0, scale.sign * math.sqrt(scale.power))
+    sites = [
+        slow_site(n, delay if n > 1 else 0, gain) for n, gain in zip(divisors, gains, strict=True)
+    ]
+    filters = None
+    if filtered:
+        gain = filter_gain(80.0, T)
+        filters = (WaveFilter(gain, T), WaveFilter(gain, T))
+    one, two = (RateConverter(n, T) if n > 1 or always else None for n in divisors)
+    return MultiratePair(
+        "a", *sites, scale, DelayLine(line, T) if line else None, filters, (one, two)
+    )
+
+
+# -- the pair ------------------------------------------------------------------------------------
+
+script = st.lists(
+    st.tuples(st.floats(-0.01, 0.01), st.floats(-0.01, 0.01), st.booleans(), st.booleans(),
+              st.sampled_from([0, 0, 0, 0, 1, 2, 13])),
+    min_size=2, max_size=80,
+)  # fmt: skip
+ratios = st.one_of(st.just(1), st.integers(2, 6), st.integers(1, 50))
+
+
+def elements(pair: MultiratePair) -> dict[str, tuple[float, float, float]]:
+    """Return absorbed, stored and dissipated energy of every element, from its books' columns."""
+    source = PairRow(pair)
+    row = [0.0] * len(source.columns)
+    source.fill(row, 0)
+    values = dict(zip(source.columns, row, strict=True))
+    return {
+        name: tuple(values[f"a.{name}.{part}"] for part in ("absorbed", "stored", "dissipated"))
+        for name in source.elements
+    }
+
+
+def motors(pair: MultiratePair) -> tuple[float, float]:
+    """Return what both motors took out of their devices [J, pair], and the flow it is part of."""
+    one, two = pair.master, pair.slave
+    return (
+        one.port_energy + pair.weight * two.port_energy,
+        one.gross_flow + pair.weight * two.gross_flow,
+    )
+
+
+@given(
+    script, ratios, ratios, st.integers(0, 49), st.sampled_from([0, 1, 4]), st.booleans(),
+    st.booleans(), st.integers(1, 2),
+)  # fmt: skip
+def test_no_ratio_phase_loss_or_motion_opens_the_books(
+    moves: list[tuple[float, float, bool, bool, int]],
+    first: int,
+    second: int,
+    phase: int,
+    line: int,
+    filtered: bool,
+    scaled: bool,
+    delay: int,
+) -> None:
+    """Positions, losses and skipped slots at random: no device moves like this, all the better."""
+    pair = multirate(
+        (first, second), line=line, filtered=filtered, scale=SCALE if scaled else ONE, delay=delay
+    )
+    pair.start(state(), state(), None)
+    pair.slot = phase
+    pair.engage(1.0)
+    lost = {"converter_master": 0.0, "converter_slave": 0.0}
+    waves = 0.0
+    for one, two, one_valid, two_valid, skipped in moves:
+        pair.cycle(state(one, valid=one_valid), state(two, valid=two_valid), skipped, 1.0)
+        told = elements(pair)
+        taken, flow = motors(pair)
+        waves += sum(T * (s.leaving**2 + s.arrived**2) for s in (pair.master, pair.slave))
+        scale = flow + 60.0 * waves + 1e-300
+        for name, (absorbed, stored, dissipated) in told.items():
+            assert absorbed == pytest.approx(stored + dissipated, abs=1e-12 * scale), name
+            if name in lost:
+                # Passive at every moment: it holds what it has, and never loses less than before.
+                assert stored >= 0.0
+                assert absorbed >= -1e-13 * scale
+                assert dissipated >= lost[name]
+                lost[name] = dissipated
+        total = sum(stored + dissipated for _, stored, dissipated in told.values())
+        assert taken == pytest.approx(total, abs=1e-11 * scale)
+
+
+@given(script, st.integers(2, 50), st.sampled_from([0, 3]), st.booleans())
+def test_the_wave_integral_is_exact_across_the_converter(
+    moves: list[tuple[float, float, bool, bool, int]], divisor: int, line: int, filtered: bool
+) -> None:
+    """What the slow side sent and got, times its period, is what the line got and sent."""
+    pair = multirate((1, divisor), line=line, filtered=filtered)
+    converter = pair.converters[1]
+    assert converter is not None
+    sums = dict.fromkeys(("load", "give", "take", "over"), 0.0)
+    size = [0.0]
+    load, give, take, hand_over = (
+        converter.load, converter.give, converter.take, converter.hand_over
+    )  # fmt: skip
+
+    def count(name: str, wave: float, periods: int) -> float:
+        sums[name] += periods * wave
+        size[0] += abs(wave) * periods
+        return wave
+
+    class Spy:
+        def __init__(self) -> None:
+            self.divisor = divisor
+
+        def load(self, wave: float) -> None:
+            load(count("load", wave, divisor))
+
+        def give(self) -> float:
+            return count("give", give(), 1)
+
+        def take(self, wave: float) -> None:
+            take(count("take", wave, 1))
+
+        def hand_over(self) -> float:
+            return count("over", hand_over(), divisor)
+
+    pair.start(state(), state(), None)
+    pair.engage(1.0)
+    pair.converters = (None, Spy())  # type: ignore[assignment]
+    for one, two, one_valid, two_valid, skipped in moves:
+        pair.cycle(state(one, valid=one_valid), state(two, valid=two_valid), skipped, 1.0)
+    under_way = converter._left * converter._held
+    assert sums["load"] - sums["give"] == pytest.approx(under_way, abs=1e-12 * size[0] + 1e-300)
+    block = converter._count * converter._mean
+    assert sums["take"] - sums["over"] == pytest.approx(block, abs=1e-12 * size[0] + 1e-300)
+
+
+@given(script, st.sampled_from([0, 1, 4]), st.booleans(), st.booleans())
+def test_a_ratio_of_one_changes_no_bit(
+    moves: list[tuple[float, float, bool, bool, int]], line: int, filtered: bool, always: bool
+) -> None:
+    turned = multirate((1, 1), line=line, filtered=filtered, always=always)
+    if always and filtered:
+        # A held wave passes its filter in skipped slots, too; with ratio 1 it is none.
+        moves = [(*move[:4], 0) for move in moves]
+    filters = None
+    if filtered:
+        gain = filter_gain(80.0, T)
+        filters = (WaveFilter(gain, T), WaveFilter(gain, T))
+    plain = WavePair("a", site(), site(), ONE, DelayLine(line, T) if line else None, filters)
+    for pair in (plain, turned):
+        pair.start(state(), state(), None)
+        pair.engage(1.0)
+    if always:
+        for at in (turned.master, turned.slave):
+            at.think(0.0, 0.0, math.inf)  # a slow side waits with its first thought
+    for one, two, one_valid, two_valid, skipped in moves:
+        for pair in (plain, turned):
+            pair.cycle(state(one, valid=one_valid), state(two, valid=two_valid), skipped, 1.0)
+        for a, b in ((plain.master, turned.master), (plain.slave, turned.slave)):
+            for name in ("command", "leaving", "account", "gap", "port_energy", "arrived"):
+                assert getattr(a, name) == getattr(b, name), name
+
+
+@given(script, st.integers(2, 50), st.sampled_from([0, 4]))
+def test_master_and_slave_may_change_places(
+    moves: list[tuple[float, float, bool, bool, int]], divisor: int, line: int
+) -> None:
+    plain, turned = multirate((1, divisor), line=line), multirate((divisor, 1), line=line)
+    for pair in (plain, turned):
+        pair.start(state(), state(), None)
+        pair.engage(1.0)
+    for one, two, one_valid, two_valid, skipped in moves:
+        first, second = state(one, valid=one_valid), state(two, valid=two_valid)
+        plain.cycle(first, second, skipped, 1.0)
+        turned.cycle(second, first, skipped, 1.0)
+        for a, b in ((plain.master, turned.slave), (plain.slave, turned.master)):
+            for name in ("command", "leaving", "account", "gap", "port_energy"):
+                assert getattr(a, name) == getattr(b, name), name
+
+
+# -- the schedule --------------------------------------------------------------------------------
+
+
+class Slots:
+    """A fast and a slow bus in a loop; what was called, in which slot."""
+
+    def __init__(
+        self,
+        divisor: int,
+        cycles: int,
+        *,
+        away: dict[int, int] | None = None,
+        slow: dict[str, object] | None = None,
+        missing_limit: int = 100,
+        ages: Callable[[int], int] = lambda exchange: 0,
+    ) -> None:
+        self.now = -1
+        self.calls: list[tuple[int, str]] = []
+        self.asked: list[float] = []
+        rig = self
+        away = away or {}
+
+        class Noting(ScriptedDriver):
+            def _call(self, method: str) -> int:
+                if method in ("request", "read", "write"):
+                    rig.calls.append((rig.now, method))
+                return super()._call(method)
+
+            def read(self, deadline_ns: int) -> list[JointState]:
+                rig.asked.append(deadline_ns)
+                age = ages(self.cycle)
+                return [it._replace(age_ns=age) for it in super().read(deadline_ns)]
+
+        class Ticking(ScriptedDriver):
+            def request(self) -> None:
+                rig.now = round(clock.now_ns() / PERIOD_NS)
+                super().request()
+
+        from tautwave.clock import FakeClock
+
+        clock = FakeClock(oversleep=lambda at: PERIOD_NS * away.get(round(at / PERIOD_NS), 0))
+        self.fast = Ticking("fast")
+        self.slow = Noting("slow", **(slow or {}))  # type: ignore[arg-type]
+        self.slow.command_delay = CommandDelay(1, 0.0)
+        self.pair = multirate((1, divisor))
+        source = PairRow(self.pair)
+        self.columns = [*TIMING_COLUMNS, *source.columns]
+        self.sink = ListSink(len(self.columns))
+        self.loop = Loop(
+            clock,
+            LoopSettings(PERIOD_NS, cycles, 0, 5, missing_limit, 100),
+            [
+                LoopBus("fast", self.fast, [self.pair.master], ["master.a"]),
+                LoopBus("slow", self.slow, [self.pair.slave], ["slave.a"], divisor),
+            ],
+            [LoopPair(self.pair, 0, 1, None, math.inf)],
+            [source],
+            self.sink,
+        )
+        self.result = self.loop.run()
+        self.calls = [call for call in self.calls if call[0] >= 0]
+
+    def slots(self, method: str) -> list[int]:
+        return [slot for slot, called in self.calls if called == method]
+
+
+@pytest.mark.parametrize("divisor", [2, 3, 10, 50])
+def test_a_slow_bus_is_asked_first_and_read_last(divisor: int) -> None:
+    run = Slots(divisor, 4 * divisor)
+    assert run.result.error is None
+    assert run.slots("request") == [0, divisor, 2 * divisor, 3 * divisor]
+    last = [divisor - 1, 2 * divisor - 1, 3 * divisor - 1, 4 * divisor - 1]
+    assert run.slots("read") == last
+    assert run.slots("write")[:-1] == last  # and the safe command after the run
+    assert run.asked == [slot * PERIOD_NS + int(0.7 * PERIOD_NS) for slot in last]
+    assert run.fast.counts["read"] == 4 * divisor
+    assert run.result.lost == (0, 0)
+
+
+def test_a_skipped_answer_is_thrown_away_and_the_next_exchange_is_on_time() -> None:
+    """Slot 5, the last of exchange 1 (n = 3), goes by unseen: read and write make room first."""
+    run = Slots(3, 12, away={5: 1})
+    assert (6, "request") in run.calls
+    at = run.calls.index((6, "request"))
+    assert run.calls[at - 2 : at] == [(6, "read"), (6, "write")]
+    assert run.asked[1] == 0  # whoever waits for it does so no longer
+    assert run.slots("request") == [0, 3, 6, 9]
+    assert run.slots("read") == [2, 6, 8, 11]
+    # Nobody's sample is missing; the loop was away, and that is counted.
+    assert run.result.lost == (0, 0)
+    assert run.result.missed_cycles == 1
+
+
+def test_a_request_is_late_up_to_half_a_period_of_the_bus() -> None:
+    """n = 10: begun in slot 14 at the latest, as drives round; in 15 it would be the next one's."""
+    assert Slots(10, 40, away={10: 4}).slots("request") == [0, 14, 20, 30]
+    run = Slots(10, 40, away={10: 5})
+    assert run.slots("request") == [0, 20, 30]
+    assert run.slots("read") == [9, 29, 39]
+    assert run.slots("write")[:-1] == [9, 19, 29, 39]
+    assert run.result.lost == (0, 0)
+    invalid = run.columns.index("slave.a.valid")
+    assert [row[invalid] for row in run.sink.rows][14] == 0.0  # told in the row of slot 19
+
+
+def test_a_whole_exchange_may_go_by() -> None:
+    run = Slots(4, 24, away={7: 6})  # away from slot 7 to slot 12
+    assert run.slots("request") == [0, 4, 13, 16, 20]
+    assert run.slots("read") == [3, 13, 15, 19, 23]
+    assert run.calls[run.calls.index((13, "request")) - 1] == (13, "write")
+
+
+def test_missing_and_late_count_exchanges_of_the_bus() -> None:
+    n = 5
+    run = Slots(n, 200, slow={"valid": lambda axis, k: k < 3}, missing_limit=4)
+    assert isinstance(run.result.error, DriverError)
+    assert "slave.a on bus 'slow': no sample in 4 exchanges running" in str(run.result.error)
+    assert run.result.cycles == 7 * n + 5  # exchanges 3 to 6 were missed; then the release ramp
+    late = Slots(n, 50, ages=lambda k: n * PERIOD_NS + (1 if k >= 8 else 0))
+    assert late.result.late == (0, 2)
+
+
+def test_faults_of_a_slow_bus_end_the_run_when_it_is_read() -> None:
+    run = Slots(4, 40, slow={"faults": {2: Fault("slave.a", "too hot", True)}})
+    assert "too hot" in str(run.result.error)
+    assert run.slots("read")[2] == 11
+
+
+def test_enabling_steps_a_slow_bus_at_its_own_period() -> None:
+    run = Slots(10, 10, slow={"enable_steps": 3})
+    assert run.slow.counts["enable_step"] == 3
+    assert run.fast.counts["enable_step"] == 21  # every cycle of 20, while the slow one is not on
+
+
+def test_a_slow_side_engages_with_its_first_sample() -> None:
+    run = Slots(10, 40, slow={"positions": lambda axis, k: 0.25})
+    position = [row[run.columns.index("slave.a.position")] for row in run.sink.rows]
+    assert position[8] == 0.0
+    assert position[9:] == [0.25] * 31
+    assert run.pair.slot == 39
+
+
+def test_sensing_without_slow_buses_asks_all_before_it_reads_any() -> None:
+    log: list[tuple[str, str]] = []
+    drivers = [ScriptedDriver(name, log=log) for name in ("one", "two")]
+    buses = [LoopBus(it.name, it, [site()], [f"{it.name}.a"]) for it in drivers]
+    Sensing(buses, PERIOD_NS, 3).sense(7, 0)
+    assert [call for call in log if call[1] != "faults"] == [
+        ("one", "request"), ("two", "request"), ("one", "read"), ("two", "read"),
+    ]  # fmt: skip
