@@ -57,6 +57,10 @@ class DriveBus:
         self.axes: list[SimulatedAxis] = []
         self._motors: list[Motor] = []
         self._ports: list[MediumPort] = []
+        self._stale: set[int] = set()
+        self._events: list[int | None] = []
+        self._braking: list[bool] = []
+        self._next_ns: int | None = None
         self._due: list[tuple[int, int, Callable[[int], None]]] = []
         known = {node.id: node for node in options.nodes}
         for spec, truth in zip(bus.axes, truths, strict=True):
@@ -78,6 +82,9 @@ class DriveBus:
         self._motors.append(motor)
         self.axes.append(motor.axis)
         device.power_on(now_ns)
+        self._stale.add(at)
+        self._events.append(None)
+        self._braking.append(False)
         self._due += [
             (round(at_s * 1e9), at, action)
             for at_s, action in _misfortunes(device, quirks)
@@ -103,18 +110,23 @@ class DriveBus:
 
     def next_event_ns(self) -> int | None:
         """Return when something happens next by itself."""
-        times = [self.medium.next_event_ns(), self._tick_ns()]
-        times += [device.next_event_ns() for device in self.devices]
+        if self._stale:
+            for at in self._stale:
+                device = self.devices[at]
+                self._events[at] = device.next_event_ns()
+                self._braking[at] = device.drive.braking
+            self._stale.clear()
+            known = [time for time in self._events if time is not None]
+            self._next_ns = min(known, default=None)
+        times = [self.medium.next_event_ns(), self._tick_ns(), self._next_ns]
         if self._due and self._origin_ns is not None:
             times.append(self._origin_ns + self._due[0][0])
         return min((time for time in times if time is not None), default=None)
 
     def _tick_ns(self) -> int | None:
-        if self._origin_ns is None:
+        if self._origin_ns is None or not (self._free or any(self._braking)):
             return None
-        if self._free or any(device.drive.braking for device in self.devices):
-            return self._origin_ns + (self._slot + 1) * self._period_ns
-        return None
+        return self._origin_ns + (self._slot + 1) * self._period_ns
 
     def advance(self, to_ns: int) -> None:
         """Let everything happen that happens up to `to_ns`, in its order."""
@@ -132,6 +144,7 @@ class DriveBus:
             self._begin_if_free(at_ns)
             return
         self.medium.now_ns = max(self.medium.now_ns, at_ns)
+        self._stale.update(range(len(self.devices)))
         while self._due and self._origin_ns is not None:
             if self._origin_ns + self._due[0][0] > at_ns:
                 break
@@ -183,6 +196,7 @@ class DriveBus:
 
     def _hear(self, at: int, now_ns: int, can_id: int, data: bytes) -> None:
         device = self.devices[at]
+        self._stale.add(at)
         if not device.hears_sync(can_id):
             device.receive(now_ns, can_id, data)
             return
