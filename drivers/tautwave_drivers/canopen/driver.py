@@ -400,6 +400,7 @@ class CanopenDriver:
     def _run_out(self, port: Port, until_ns: int) -> None:
         """Cycle with zero commands until every drive has stopped."""
         axes = self._axes
+        least = self._cycle + (1 if self._sync else 2)  # without SYNC a word may be taken up later
         while not self._health.lost:
             for axis in axes:
                 axis.values[1] = 0
@@ -420,7 +421,7 @@ class CanopenDriver:
                 axis.machine.done and axis.machine.state is not State.QUICK_STOP_ACTIVE
                 for axis in axes
             )
-            if stopped or self._now() >= until_ns:
+            if (stopped and self._cycle >= least) or self._now() >= until_ns:
                 return
 
     def close(self) -> None:

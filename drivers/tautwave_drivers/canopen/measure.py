@@ -194,7 +194,5 @@ def measure(cycles: int) -> Sequence[CycleCost]:
         other.close()
     return [
         CycleCost("cycle, raw socket (datagram pair)", raw[0], raw[1], goal_us=RAW_GOAL_US),
-        CycleCost(
-            "cycle, python-can virtual bus", virtual[0], virtual[1], goal_us=VIRTUAL_GOAL_US
-        ),
+        CycleCost("cycle, python-can virtual bus", virtual[0], virtual[1], goal_us=VIRTUAL_GOAL_US),
     ]
