@@ -74,6 +74,21 @@ def test_a_velocity_filter_with_something_stiff_rests_on_the_account() -> None:
     assert "energy account" in verdict.conditions[0]
 
 
+def test_a_port_that_may_owe_more_than_the_device_has_is_refused() -> None:
+    """2 b T (1 + d) / m of the device's kinetic energy; conditional below 1, with the share."""
+    steel = "simulation.environment.lever={type: wall, position: 0.15, stiffness: 5.0e+3}"
+    for impedance, state, words in (
+        (0.4, "conditional", "may owe 80 % of the energy with which the device moves"),
+        (0.6, "failed", "1.2 times the energy with which the device moves at its fastest"),
+    ):
+        found = certified(*BARE, steel, f"{PAIR}.wave_impedance={impedance}")
+        port = element(found, "slave.lever port")
+        assert port.passive.state == state
+        assert words in (*port.passive.conditions, port.passive.reason)[0]
+        assert port.numbers["debt_per_flow"] == pytest.approx(impedance)  # T / m is 1
+    assert "lower wave_impedance to 0.495" in port.passive.reason
+
+
 def test_matched_ends_filters_scaling_and_the_line_are_passive() -> None:
     changes = ("matched_slave=true", "matched_master=true", "force_scale=3.0")
     certificate = certified(*(f"{PAIR}.{change}" for change in changes))
@@ -181,6 +196,14 @@ def test_a_wall_too_stiff_is_unstable_and_said_to_be() -> None:
     assert "Lower the wall's stiffness" in sentence
     walls = [case for case in certificate.loops[0].cases if "slave's wall" in case.contact]
     assert any(not case.stable and case.radius > 1.0 for case in walls)
+
+
+def test_an_unstable_contact_with_the_environment_is_no_fault_of_a_local_wall() -> None:
+    steel = "simulation.environment.lever={type: wall, position: 0.15, stiffness: 5.0e+3}"
+    changes = (*BARE, steel, f"{PAIR}.wave_impedance=5", "require=coupled_stable")
+    [sentence] = certified(*changes).sentences()
+    assert "in contact with the simulation's wall" in sentence
+    assert "Lower wave_impedance 5" in sentence
 
 
 def test_the_hand_is_the_simulations_else_the_seeds() -> None:

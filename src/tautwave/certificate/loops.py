@@ -73,7 +73,7 @@ def pair_loop(rig: Rig, name: str, delays: Delays) -> PairLoop:
 
 def _remedy(rig: Rig, name: str, worst: LoopCase) -> str:
     keys = rig.coupling.pairs[name]
-    if "wall" in worst.contact:
+    if any(f"the {side}'s wall" in worst.contact for side in SIDES):
         return "Lower the wall's stiffness, or raise the rate."
     if rig.coupling.law == "position":
         return "Lower the stiffness or the delay, raise the damping, or use law wave."

@@ -1,0 +1,100 @@
+"""Whole rigs that are certified, against passive users who are made to undo them.
+
+Walls never give more than their device's damper took. A port whose users' springs are within what
+the certificate says it bears gives nothing; any other owes at most what the certificate says its
+account may, to the last percent. Walls of 1.3 times their limit break this: else it could not fail.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+
+from tautwave.certificate import certify
+from tautwave.certificate.ports import ACCOUNT
+from tests.certificate.adversaries import (
+    HONEST,
+    Account,
+    Mischief,
+    borne,
+    draw_rig,
+    settle,
+    with_users,
+)
+from tests.rigs.running import rig_of
+
+ROUNDING = 1e-9
+DRAW = (Phase.explicit, Phase.generate)  # to shrink a whole rig takes a minute
+CALM = settings(
+    deadline=None, suppress_health_check=list(HealthCheck), derandomize=True, phases=DRAW
+)
+SEEDS = st.integers(0, 2**40)
+
+
+class Met(NamedTuple):
+    """One whole rig with its users: what came out, and whether nothing at all may."""
+
+    account: Account
+    nothing: bool
+
+
+def meet(seed: int, cycles: int, mischief: Mischief = HONEST) -> list[Met]:
+    """Simulate a rig with each of its users; empty if it is not certified.
+
+    With mischief, the rig that runs is not the one that was certified.
+    """
+    honest, users = draw_rig(seed, cycles)
+    certificate = certify(rig_of(with_users(honest, users[0])))
+    verdict = certificate.verdicts["passive"]
+    if not verdict.passed:
+        return []
+    plain = not any(ACCOUNT in text for text in verdict.conditions)
+    data, users = draw_rig(seed, cycles, mischief)
+    found = []
+    for at, user in enumerate(users):
+        account = settle(rig_of(with_users(data, user)), certificate)
+        found.append(Met(account, borne(certificate, user) or (plain and at == 0)))
+    return found
+
+
+def hold_rig(seed: int, cycles: int) -> None:
+    for met in meet(seed, cycles):
+        assert met.account.wall <= ROUNDING
+        assert met.account.port <= ROUNDING
+        assert not met.nothing or met.account.given <= ROUNDING
+
+
+@settings(CALM, max_examples=16)
+@given(SEEDS)
+def test_no_user_draws_more_from_a_certified_rig_than_its_verdict_says(seed: int) -> None:
+    hold_rig(seed, 400)
+
+
+@pytest.mark.slow
+@settings(CALM, max_examples=180)
+@given(SEEDS)
+def test_thousands_of_certified_rigs(seed: int) -> None:
+    hold_rig(seed, 400)
+
+
+@pytest.mark.slow
+@settings(CALM, max_examples=80)
+@given(SEEDS)
+def test_nothing_more_comes_with_time(seed: int) -> None:
+    hold_rig(seed, 20_000)
+
+
+def test_walls_beyond_their_limit_give_more_than_their_dampers_take() -> None:
+    """And what an account may owe is no idle bound: some owe nearly all of it."""
+    broken, used = [], []
+    for seed in range(24):
+        met = meet(seed, 400, Mischief(wall=1.3))
+        if any(m.account.wall > -np.inf for m in met):
+            broken.append(any(m.account.wall > ROUNDING for m in met))
+        used += [m.account.used for m in met]
+    assert np.mean(broken) > 0.2
+    assert max(used) > 0.95
