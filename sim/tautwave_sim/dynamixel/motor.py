@@ -149,9 +149,15 @@ class Motor:
             self._goals()
 
     def clear_goals(self) -> None:
-        """Stop: what a tripped bus watchdog does."""
-        for name in ("Goal PWM", "Goal Current", "Goal Velocity"):
-            self.memory.poke(name, 0)
+        """Stop: what a tripped bus watchdog does.
+
+        The PWM and the current that hold a position stay: without them it would coast.
+        """
+        self.memory.poke("Goal Velocity", 0)
+        if self.mode == PWM:
+            self.memory.poke("Goal PWM", 0)
+        if self.mode != CURRENT_POSITION:
+            self.memory.poke("Goal Current", 0)
         self.memory.poke("Goal Position", self.position_counts())
         self._goals()
         self.trajectory = self.target = self.axis.physics.x
@@ -207,16 +213,19 @@ class Motor:
             self.current_counts = 0
         elif self._admittance:
             reference, rate = self.axis.hand()
-            outside = sum(self.axis.physics.forces(reference, rate))
-            self.current_counts = -self.joint.direction * math.floor(
-                outside / self.joint.effort + 0.5
-            )
+            self.feel(sum(self.axis.physics.forces(reference, rate)))
         elif self.mode == CURRENT:
             self.current_counts = self.goal_current
         else:
             self.current_counts = self.joint.direction * math.floor(
                 self.commanded / self.joint.effort + 0.5
             )
+
+    def feel(self, outside: float) -> None:
+        """Take the current that holds an effort from outside; only an admittance axis does."""
+        if self._admittance and self.torque_on and math.isfinite(outside):
+            counts = math.floor(outside / self.joint.effort + 0.5)
+            self.current_counts = -self.joint.direction * counts
 
     def _velocity_wanted(self) -> float:
         if self.mode == VELOCITY or self.mode in (CURRENT, PWM):

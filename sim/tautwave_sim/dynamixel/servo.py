@@ -333,6 +333,7 @@ class Servo:
         if self._sample.slot != self.slot:
             state = self.axis.measure()
             counts = self.joint.to_counts(state.position)
+            self.motor.feel(state.effort)
             self._sample = Sample(self.slot, counts, state.valid)
         return self._sample
 

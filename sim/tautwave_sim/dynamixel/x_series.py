@@ -147,7 +147,7 @@ SMALL_T = (1200, 40, 0, 0, 900)
 V24 = (110, 300)
 XL5 = (31, 70)
 
-# One line a model, each from docs/en/dxl/x/<name in lower case>. Not read: the tables of XC430-W240,
+# One line a model, from docs/en/dxl/x/<name in lower case>. Not read: the tables of XC430-W240,
 # 2XL430-W250, 2XC430-W250 and XW540-T140 (as their sisters, velocity limit by no-load speed).
 # fmt: off
 SERIES_430 = (

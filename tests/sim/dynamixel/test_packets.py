@@ -11,7 +11,9 @@ from tautwave_sim.dynamixel import packets1 as p1
 from tests.sim.dynamixel.line import Host
 
 PARSERS = [p2, p1]
-NASTY = st.lists(st.sampled_from([b"\xff", b"\xfd", b"\x00", b"\xff\xff\xfd", b"\x01"]), max_size=20)
+NASTY = st.lists(
+    st.sampled_from([b"\xff", b"\xfd", b"\x00", b"\xff\xff\xfd", b"\x01"]), max_size=20
+)
 BYTES = st.one_of(st.binary(max_size=60), NASTY.map(b"".join))
 
 
@@ -80,7 +82,11 @@ def test_every_16_bit_current_survives_both_ways() -> None:
     """All values, next to bytes that make FF FF FD with them on either side."""
     for value in range(-32768, 32768):
         raw = value.to_bytes(2, "little", signed=True)
-        for body in (b"\x83\x66\x00\x02\x00\xff" + raw, raw + b"\xfd\xff\xff", b"\xff" + raw + b"\xfd"):
+        for body in (
+            b"\x83\x66\x00\x02\x00\xff" + raw,
+            raw + b"\xfd\xff\xff",
+            b"\xff" + raw + b"\xfd",
+        ):
             if not body.count(b"\xff\xff\xfd"):
                 continue
             stuffed = p2.stuff(body)
