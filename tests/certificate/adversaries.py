@@ -101,7 +101,9 @@ class Mischief(NamedTuple):
 HONEST = Mischief()
 
 
-def draw_rig(seed: int, cycles: int, mischief: Mischief = HONEST) -> tuple[Tree, list[Tree]]:
+def draw_rig(
+    seed: int, cycles: int, mischief: Mischief = HONEST, count: int = 8
+) -> tuple[Tree, list[Tree]]:
     """Return a wave rig with walls that are passive, some just so, and truths of several users."""
     draw = Draw(seed)
     rate = draw.among(500.0, 1000.0, 4000.0)
@@ -125,7 +127,7 @@ def draw_rig(seed: int, cycles: int, mischief: Mischief = HONEST) -> tuple[Tree,
         scales = {"position_scale": draw.magnitude(0.2, 5.0), "force_scale": draw.magnitude(0.2, 5)}
         data["coupling"]["pairs"]["a"].update(scales)
     ends = {side: _draw_end(draw, data, side, bus, mischief) for side, bus in SIDES}
-    users = [_truth(draw, data, ends) for _ in range(8)]
+    users = [_truth(draw, data, ends) for _ in range(count)]
     return data, users
 
 

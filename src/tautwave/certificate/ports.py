@@ -152,9 +152,9 @@ def _passive(rig: Rig, axis_name: str, delays: Delays, norms: dict[str, Any]) ->
         )
         rates = debt_rates(rig, axis_name, delays)
         kinetic = 2.0 * rates.debt_per_flow
-        share = f"{100.0 * kinetic:.3g} % of" if kinetic < 1.0 else f"{kinetic:.3g} times"
+        part = f"{100.0 * kinetic:.3g} % of" if kinetic < 1.0 else f"{kinetic:.3g} times"
         owes = (
-            f"its energy account may owe {share} the energy with which the device moves at its "
+            f"its energy account may owe {part} the energy with which the device moves at its "
             f"fastest ({rates.debt_per_speed_squared:.3g} v^2 J)"
         )
         if kinetic >= 1.0:
