@@ -187,6 +187,8 @@ def _move(
     with loop_conditions(rig, clock) as sentences, quiet_collector(), interrupts(loop):
         result = loop.run()
     wall_time_s = time.perf_counter() - began
+    for simulator in assembly.simulators:
+        simulator.close()
     return Moved(loop, result, recorder.close(), sentences, wall_time_s)
 
 
