@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import IntEnum
+from fractions import Fraction
 
 from tautwave_sim.canopen.dictionary import (
     NOT_STORED,
@@ -82,6 +83,24 @@ class Device:
         self.rpdos = [Rpdo(self.objects, 0x1400 + n, configurable) for n in range(PDOS)]
         self.tpdos = [Tpdo(self.objects, 0x1800 + n, configurable) for n in range(PDOS)]
         self._wire(node)
+        self._scale(node)
+        self.objects.restore()
+
+    def _scale(self, node: NodeKeys) -> None:
+        """Show in the factor group what the motor is built from (CiA 402-2, 6076h to 6092h)."""
+        gear = Fraction(node.gear_ratio).limit_denominator(1_000_000)
+        milli = node.rated_torque * 1e3
+        # mN m by the standard; where that is too coarse uN m, as an EPOS4 has it
+        rated = round(milli) if abs(milli - round(milli)) < 1e-6 else round(1e3 * milli)
+        turn = round(node.counts_per_revolution * node.gear_ratio)
+        for index, sub, value in (
+            (0x6076, 0, rated),
+            (0x608F, 1, node.counts_per_revolution),
+            (0x6091, 1, gear.numerator),
+            (0x6091, 2, gear.denominator),
+            (0x6092, 1, turn),
+        ):
+            self.objects.add(index, sub, Entry("U32", "rw", value))
 
     def _wire(self, node: NodeKeys) -> None:
         objects = self.objects
