@@ -1,0 +1,145 @@
+"""All drives of a bus, and the slots in which their motors move.
+
+A drive begins to move with the first request that finds it on and writes a command: that is slot 0,
+a sample is taken in it, and the command acts from it on. From then on the slot of a request is the
+nearest whole number of periods since that first one, so that each drive may be asked at a phase of
+its own; the first request in a new slot, to whichever drive, has all of them pass it and sample at
+the same time. A request counts with its first byte.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tautwave.contracts import BusSpec
+from tautwave.errors import ConfigError
+from tautwave.truth import AxisModel
+from tautwave_sim.modbus.drive import Drive
+from tautwave_sim.modbus.faults import Fate, FaultPlan
+from tautwave_sim.modbus.options import Quirks, SimulatedModbusOptions
+from tautwave_sim.modbus.protocol import READS, Request, answer, exception, parse
+from tautwave_sim.modbus.registers import Refusal
+
+BROADCAST = 0
+
+
+class DriveBus:
+    """The drives by unit, one per axis.
+
+    Parameters
+    ----------
+    options : SimulatedModbusOptions
+        Of the bus.
+    bus : BusSpec
+        Its axes.
+    truths : sequence of AxisModel
+        One per axis.
+    """
+
+    def __init__(
+        self, options: SimulatedModbusOptions, bus: BusSpec, truths: Sequence[AxisModel]
+    ) -> None:
+        self.plan = FaultPlan(options.simulator.faults)
+        devices = {device.unit: device for device in options.devices}
+        unknown = sorted(set(options.simulator.devices) - set(devices))
+        if unknown:
+            raise ConfigError(
+                f"{bus.name}: simulator.devices names unit {unknown[0]}, not a device"
+            )
+        self.drives: dict[int, Drive] = {}
+        for spec, truth in zip(bus.axes, truths, strict=True):
+            if spec.device_id not in devices:
+                raise ConfigError(
+                    f"{bus.name}: axis {spec.name} is unit {spec.device_id}, which is not among "
+                    "the bus' devices; add it to options.devices"
+                )
+            quirks = options.simulator.devices.get(spec.device_id, Quirks())
+            self.drives[spec.device_id] = Drive(
+                devices[spec.device_id], quirks, spec.name, spec.kind, truth
+            )
+        self._period_ns = round(truths[0].period * 1e9) if truths else bus.period_ns
+        turnaround_s = options.turnaround_s or 0.0
+        self._answer_ns = {
+            unit: round(
+                1e9 * _first(options.simulator.devices.get(unit, Quirks()).answer_s, turnaround_s)
+            )
+            for unit in self.drives
+        }
+        self._slot = 0
+        self._began_ns: int | None = None
+
+    def answer_ns(self, unit: int) -> int:
+        """Return how long a drive takes from the end of a request to its answer [ns]."""
+        return self._answer_ns[unit]
+
+    def elapsed_ns(self, now_ns: int) -> int | None:
+        """Return the time since the drives began to move; None before."""
+        return None if self._began_ns is None else now_ns - self._began_ns
+
+    def latch(self, unit: int, pdu: bytes, now_ns: int) -> None:
+        """Take note of a request's first byte: a slot may have begun."""
+        drive = self.drives.get(unit)
+        if drive is None:
+            return
+        request = self._parsed(drive, pdu)
+        drive.settle(now_ns)
+        if drive.origin_ns is not None:
+            since = now_ns - drive.origin_ns
+            self._pass(drive.base + (since + self._period_ns // 2) // self._period_ns, now_ns)
+        elif drive.on and request is not None and drive.told_by(request):
+            drive.origin_ns, drive.base = now_ns, self._slot
+            drive.motor.free = True
+            drive.latch()
+            if self._began_ns is None:
+                self._began_ns = now_ns
+
+    def _parsed(self, drive: Drive, pdu: bytes) -> Request | None:
+        try:
+            return parse(pdu, drive.functions)
+        except Refusal:
+            return None
+
+    def _pass(self, slot: int, now_ns: int) -> None:
+        moving = [drive for drive in self.drives.values() if drive.origin_ns is not None]
+        if slot <= self._slot:
+            return
+        for number in range(self._slot, slot):
+            for drive in moving:
+                assert drive.origin_ns is not None
+                # What happens in the second half of a slot is told apart from the next slot on.
+                middle_ns = drive.origin_ns + (2 * (number - drive.base) + 1) * self._period_ns // 2
+                drive.settle(min(middle_ns, now_ns))
+                drive.motor.pass_slot()
+        self._slot = slot
+        for drive in moving:
+            drive.latch()
+
+    def handle(self, unit: int, pdu: bytes, now_ns: int) -> tuple[bytes | None, Fate]:
+        """Take a whole request; return the response, None where there is none, and its fate."""
+        elapsed_ns = self.elapsed_ns(now_ns)
+        fate = self.plan.request(unit, elapsed_ns)
+        if fate.lost:
+            return None, fate
+        if unit == BROADCAST:
+            for drive in self.drives.values():
+                drive.hear(now_ns)
+                request = self._parsed(drive, pdu)
+                if request is not None and request.function not in READS:
+                    answer(drive, pdu)
+            return None, fate
+        found = self.drives.get(unit)
+        if found is None:
+            return None, fate
+        found.hear(now_ns)
+        for kind, code in self.plan.drive_events(unit, elapsed_ns):
+            found.befall(kind, code)
+        if fate.code is not None:
+            return exception(pdu, fate.code), fate
+        response = answer(found, pdu)
+        request = self._parsed(found, pdu)
+        missing = not found.motor.valid and request is not None and found.shows_position(request)
+        return None if missing or fate.unanswered else response, fate
+
+
+def _first(value: float | None, otherwise: float) -> float:
+    return otherwise if value is None else value

@@ -1,0 +1,65 @@
+"""The motor of a drive: counts in front, the physics of a simulated axis behind."""
+
+from __future__ import annotations
+
+from tautwave.truth import AxisModel
+from tautwave_sim.axis import SimulatedAxis
+from tautwave_sim.modbus.units import Scale, to_counts
+
+
+class Motor:
+    """One simulated axis as its drive sees it, sample by sample.
+
+    Until `free` is set somebody holds it where it is. What is told acts from the present slot on.
+    """
+
+    def __init__(self, name: str, truth: AxisModel, scale: Scale) -> None:
+        self.axis = SimulatedAxis(name, truth)
+        self.scale = scale
+        self.servo = truth.servo is not None
+        self.free = False
+        self.valid = True
+        """Whether the sample of this slot is there to be sent."""
+        self.position_counts = 0
+        self.velocity_counts = 0
+        self.torque_counts = 0
+        """The motor's own; of a servo what it holds against hand and environment."""
+        self.told = 0
+        """What it is told [counts]: torque, or velocity of a servo."""
+        self._position = self.axis.physics.x
+        self._look(self._position, 0.0, 0.0)
+
+    def pass_slot(self) -> None:
+        """Move by one slot, if nobody holds it."""
+        if self.free:
+            self.axis.pass_slot()
+
+    def latch(self) -> None:
+        """Take a sample; once a slot, as it costs random numbers."""
+        if not self.free:
+            return
+        state = self.axis.measure()
+        self.valid = state.valid
+        self._position = state.position
+        self._look(state.position, self.axis.physics.v, state.effort if self.servo else 0.0)
+
+    def _look(self, position: float, velocity: float, effort: float) -> None:
+        scale = self.scale
+        self.position_counts = scale.direction * to_counts(position, scale.position)
+        self.velocity_counts = scale.direction * to_counts(velocity, scale.velocity)
+        if self.servo:
+            self.torque_counts = -scale.direction * to_counts(effort, scale.effort)
+        else:
+            self.torque_counts = self.told
+
+    def tell(self, counts: int) -> None:
+        """Follow a torque, or as a servo a velocity [counts]."""
+        self.told = counts
+        quantum = self.scale.velocity if self.servo else self.scale.effort
+        self.axis.command(self.scale.direction * counts * quantum)
+
+    def approach(self, counts: int) -> None:
+        """Follow a position as a servo [counts]: be there one slot on, but for its lag."""
+        target = self.scale.direction * counts * self.scale.position
+        self.axis.command((target - self._position) / self.axis.period)
+        self.told = 0
