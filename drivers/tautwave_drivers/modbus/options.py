@@ -1,0 +1,340 @@
+"""Options of a Modbus bus, and what they have to say of each axis of the rig."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from tautwave.contracts import AxisFacts, AxisSpec, BusSpec
+from tautwave.errors import ConfigError
+from tautwave_drivers.cia402.units import INT16, INT32, limit_counts
+from tautwave_drivers.modbus.profile import Profile, Register, load_profile
+from tautwave_drivers.modbus.registers import bounds
+
+Positive = Annotated[float, Field(gt=0.0)]
+Seconds = Annotated[float, Field(ge=0.0)]
+TCP = "tcp://"
+PORT = 502
+
+
+class Block(BaseModel):
+    """Strict and frozen, like the rest of a rig file."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class DeviceOptions(Block):
+    """One drive."""
+
+    unit: Annotated[int, Field(ge=1, le=247)]
+    """Unit id (RTU address); the `id` of the axis."""
+    profile: str = "generic"
+    """generic, dsy-rs, cia402, or the path of a profile's YAML file."""
+    endpoint: str | None = None
+    """tcp://HOST:PORT of a drive with a connection of its own; the bus' endpoint if not given."""
+    rated_torque: Positive | None = None
+    """[N m] At the motor's shaft; compared with the drive's where it tells it."""
+    counts_per_revolution: Positive | None = None
+    """Position counts per turn of the motor; the profile's if not given."""
+    gear_ratio: Positive = 1.0
+    """Turns of the motor per turn of the output."""
+    feed: Positive | None = None
+    """[m] per turn of the output; required for a linear axis."""
+    direction: Literal[1, -1] = 1
+    """-1: the axis counts against the drive."""
+    function_codes: tuple[Literal[3, 4, 6, 16, 23], ...] | None = None
+    """Those this drive accepts, where they are not the profile's."""
+
+
+class ModbusOptions(Block):
+    """Options of a Modbus bus."""
+
+    link: Literal["tcp", "rtu"] = "tcp"
+    endpoint: str = "sim"
+    """tcp://HOST:PORT, a serial device, or `sim`: simulated drives."""
+    baud: Annotated[int, Field(ge=300, le=10_000_000)] = 115_200
+    parity: Literal["N", "E", "O"] = "N"
+    stop_bits: Annotated[int, Field(ge=1, le=2)] = 1
+    turnaround_s: Seconds | None = None
+    """[s] From the end of a request until the drive answers; for TCP with everything on the way.
+    Not given: 0 on a serial line, where the silence it needs is counted apart, 1 ms on TCP."""
+    gap_s: Positive | None = None
+    """[s] Silence between frames on a serial line; 3.5 characters, 1.75 ms above 19200 baud, if
+    not given."""
+    usb_latency_s: Annotated[float, Field(ge=0.0, le=0.1)] | None = None
+    """[s] Latency timer of the USB adapter; not given: 0.001 for /dev/ttyUSB* and /dev/ttyACM*."""
+    late_s: Positive = 0.02
+    """[s] Longest time a drive ever takes to answer. After a request without an answer, a serial
+    line is left alone for so long, since a late answer could not be told from the next one's."""
+    comm_timeout_s: Positive = 0.1
+    """[s] Silence after which a drive shall stop by itself, where it can."""
+    reconnect: Literal["stop", "reconnect"] = "stop"
+    """When the link is lost: end the run, or try again while the loop counts missing samples."""
+    silence_s: Positive = 0.25
+    """[s] Without any answer, after which a link counts as dead although nobody closed it."""
+    connect_timeout_s: Positive = 2.0
+    devices: Annotated[tuple[DeviceOptions, ...], Field(min_length=1)]
+    simulator: dict[str, Any] = Field(default_factory=dict)
+    """For simulated drives only."""
+
+    @property
+    def bits(self) -> int:
+        """Bits of a character: start, eight of data, parity, stop."""
+        return 9 + (self.parity != "N") + self.stop_bits
+
+    @property
+    def gap(self) -> float:
+        """[s] Silence between frames (MODBUS over Serial Line V1.02, 2.5.1.1)."""
+        if self.gap_s is not None:
+            return self.gap_s
+        return 1.75e-3 if self.baud > 19200 else 3.5 * self.bits / self.baud
+
+    @property
+    def turnaround(self) -> float:
+        """[s] What a drive takes to answer."""
+        if self.turnaround_s is not None:
+            return self.turnaround_s
+        return 0.0 if self.link == "rtu" else 1e-3
+
+    @property
+    def latency_s(self) -> float:
+        """[s] Latency timer of a USB adapter."""
+        if self.usb_latency_s is not None:
+            return self.usb_latency_s
+        return 1e-3 if self.endpoint.startswith(("/dev/ttyUSB", "/dev/ttyACM")) else 0.0
+
+
+class Scale(NamedTuple):
+    """What one count is worth at the axis in SI; `direction` is -1 where the drive counts back.
+
+    `position` [rad or m], `velocity` and `velocity_command` [rad/s or m/s], `effort` and
+    `effort_command` [N m or N]; 0 where the drive has no such register.
+    """
+
+    position: float
+    velocity: float
+    velocity_command: float
+    effort: float
+    effort_command: float
+    direction: int
+
+
+class Device(NamedTuple):
+    """One axis of the rig with the drive that moves it.
+
+    `functions` are those it accepts; `command` its register for torque or velocity, `quantum` and
+    `most` what a count of it is worth and how many the rig allows.
+    """
+
+    axis: AxisSpec
+    options: DeviceOptions
+    profile: Profile
+    scale: Scale
+    functions: tuple[int, ...]
+    endpoint: str
+    command: Register
+    quantum: float
+    most: int
+
+    @property
+    def impedance(self) -> bool:
+        """Whether it takes torque."""
+        return self.axis.causality == "impedance"
+
+    @property
+    def unit(self) -> int:
+        """Unit id."""
+        return self.options.unit
+
+    @property
+    def label(self) -> str:
+        """How people know it."""
+        return f"{self.axis.name} (unit {self.unit})"
+
+
+def scale_of(axis: AxisSpec, options: DeviceOptions, profile: Profile) -> Scale:
+    """Return what a drive's counts are worth; torque passes the gear without loss.
+
+    Raises
+    ------
+    ConfigError
+        Something that has to be known of the drive is not given.
+    """
+    counts = options.counts_per_revolution or profile.counts_per_revolution
+    rated = options.rated_torque
+    problems = []
+    if counts is None:
+        problems.append("counts_per_revolution has to be given; its profile does not know it")
+    used = [profile.register_of("effort"), profile.register_of("command_effort")]
+    if rated is None and any(one is not None and one.unit == "rated" for one in used):
+        problems.append("rated_torque [N m] has to be given: the drive counts in shares of it")
+    if axis.kind == "linear" and options.feed is None:
+        problems.append("feed [m per turn of the output] has to be given, since the axis is linear")
+    if axis.kind == "rotary" and options.feed is not None:
+        problems.append("feed is for linear axes; remove it, or make the axis linear")
+    if problems:
+        raise ConfigError(problems)
+    assert counts is not None
+    travel = math.tau if options.feed is None else options.feed
+    position = travel / (counts * options.gear_ratio)
+
+    def velocity(register: Register | None) -> float:
+        if register is None:
+            return 0.0
+        if register.unit == "rpm":
+            return register.scale / 60.0 * travel / options.gear_ratio
+        return register.scale * position
+
+    def effort(register: Register | None) -> float:
+        if register is None:
+            return 0.0
+        of_motor = register.scale if register.unit == "N m" else (rated or 0.0) * register.scale
+        return of_motor * options.gear_ratio * (math.tau / travel)
+
+    return Scale(
+        position,
+        velocity(profile.register_of("velocity")),
+        velocity(profile.register_of("command_velocity")),
+        effort(profile.register_of("effort")),
+        effort(profile.register_of("command_effort")),
+        options.direction,
+    )
+
+
+def match_devices(options: ModbusOptions, bus: BusSpec) -> list[Device]:
+    """Return the drive of each axis, in the bus' order.
+
+    Raises
+    ------
+    ConfigError
+        Options and axes do not belong together, or a drive cannot do what its axis asks; all
+        problems at once.
+    """
+    problems = _link_problems(options, bus)
+    by_unit: dict[tuple[str, int], DeviceOptions] = {}
+    by_id: dict[int, DeviceOptions] = {}
+    for one in options.devices:
+        key = (one.endpoint or "", one.unit)
+        if key in by_unit or one.unit in by_id:
+            problems.append(f"bus {bus.name}: unit {one.unit} is listed twice in options.devices")
+        by_unit[key] = by_id[one.unit] = one
+    found = []
+    for axis in bus.axes:
+        where = f"bus {bus.name}: {axis.name}: "
+        device = by_id.get(axis.device_id)
+        if device is None:
+            listed = ", ".join(str(unit) for unit in sorted(by_id))
+            problems.append(
+                f"{where}has id {axis.device_id}, but options.devices lists units {listed}; add "
+                "it there, or correct the id"
+            )
+            continue
+        try:
+            found.append(_matched(options, axis, device))
+        except ConfigError as err:
+            problems += [f"{where}{problem}" for problem in err.problems]
+    if problems:
+        raise ConfigError(problems)
+    return found
+
+
+def _link_problems(options: ModbusOptions, bus: BusSpec) -> list[str]:
+    endpoints = [one.endpoint for one in options.devices if one.endpoint is not None]
+    problems = []
+    if options.link == "rtu":
+        if endpoints:
+            problems.append("endpoint of a device is for TCP; on a serial line all share the bus'")
+        if options.endpoint.startswith(TCP):
+            problems.append(f"endpoint {options.endpoint} is no serial device; use link: tcp")
+    else:
+        for one in {options.endpoint, *endpoints} - {"sim"}:
+            try:
+                host_port(one)
+            except ConfigError as err:
+                problems += err.problems
+    return [f"bus {bus.name}: {problem}" for problem in problems]
+
+
+def host_port(endpoint: str) -> tuple[str, int]:
+    """Return host and port of tcp://HOST:PORT; the port may be left out.
+
+    Raises
+    ------
+    ConfigError
+        It is none.
+    """
+    host, colon, port = endpoint.removeprefix(TCP).rpartition(":")
+    if not colon:
+        host, port = port, str(PORT)
+    if not endpoint.startswith(TCP) or not host or not port.isdigit() or int(port) > 0xFFFF:
+        raise ConfigError(f"endpoint {endpoint} should be tcp://HOST:PORT, e.g. tcp://10.0.0.7:502")
+    return host.strip("[]"), int(port)
+
+
+def _matched(options: ModbusOptions, axis: AxisSpec, device: DeviceOptions) -> Device:
+    profile = load_profile(device.profile)
+    register = _command(axis, profile)
+    scale = scale_of(axis, device, profile)
+    functions = device.function_codes or tuple(profile.functions)
+    if not {3, 4, 23} & set(functions) or not {6, 16, 23} & set(functions):
+        raise ConfigError(f"function_codes {list(functions)} have to read and to write")
+    if register.words == 2 and not {16, 23} & set(functions):
+        raise ConfigError("a command of 32 bits needs function code 16 or 23")
+    low, high = bounds(register.type)
+    room = min(high, -low - 1) if low < 0 else 0
+    if room < 1:
+        raise ConfigError(f"profile {profile.family}: its command register has no sign")
+    impedance = axis.causality == "impedance"
+    quantum = scale.effort_command if impedance else scale.velocity_command
+    limit = axis.effort_limit if impedance else axis.velocity_limit
+    most = min(limit_counts(limit, quantum, INT32 if room > INT16 else INT16), room)
+    if most < 1:
+        what = "effort_limit" if impedance else "velocity_limit"
+        raise ConfigError(
+            f"{what} {limit:g} is less than one count of its command ({quantum:.4g}); raise it, "
+            "or correct rated_torque and gear_ratio"
+        )
+    endpoint = device.endpoint or options.endpoint
+    if options.link == "rtu":
+        endpoint = options.endpoint
+    return Device(axis, device, profile, scale, functions, endpoint, register, quantum, most)
+
+
+def _command(axis: AxisSpec, profile: Profile) -> Register:
+    """Return the register that the axis commands; refuse what is no port."""
+    effort = profile.register_of("command_effort")
+    velocity = profile.register_of("command_velocity")
+    if effort is None and velocity is None:
+        raise ConfigError(
+            f"profile {profile.family} takes positions only: a stiff position servo is neither an "
+            "impedance nor an admittance port, so it cannot be coupled; use a drive that takes "
+            "torque, or velocity with measured torque"
+        )
+    if axis.causality == "impedance":
+        if effort is None:
+            raise ConfigError(
+                f"profile {profile.family} takes no torque; make the axis causality: admittance"
+            )
+        return effort
+    if velocity is None:
+        raise ConfigError(
+            f"profile {profile.family} takes no velocity; make the axis causality: impedance"
+        )
+    if profile.register_of("effort") is None:
+        raise ConfigError(
+            f"profile {profile.family} does not measure torque or current, which an admittance "
+            "port needs; make the axis causality: impedance, or add a register with role effort"
+        )
+    return velocity
+
+
+def facts(options: ModbusOptions, bus: BusSpec) -> list[AxisFacts]:
+    """Return the steps of each axis' sensors and commands [SI]."""
+    return [
+        AxisFacts(one.scale.position, one.quantum, 0.0)
+        if one.impedance
+        else AxisFacts(one.scale.position, one.scale.effort, one.quantum)
+        for one in match_devices(options, bus)
+    ]

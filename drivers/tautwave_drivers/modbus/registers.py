@@ -1,0 +1,92 @@
+"""Values of a drive as Modbus carries them: 16-bit words, two of them for 32 bits, in either order.
+
+Source: MODBUS Application Protocol Specification V1.1b3, 4.2 (big-endian words); the order of the
+two words of a 32-bit value is the drive's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+KINDS = {"u16": (1, False), "i16": (1, True), "u32": (2, False), "i32": (2, True)}
+"""Words and sign of each type."""
+
+
+def bounds(kind: str) -> tuple[int, int]:
+    """Return the least and the greatest value of a type."""
+    words, signed = KINDS[kind]
+    bits = 16 * words
+    return (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
+
+
+def to_words(value: int, kind: str, low_first: bool = False) -> tuple[int, ...]:
+    """Return the words of a value; one beyond its type is held at its end."""
+    low, high = bounds(kind)
+    raw = min(max(value, low), high)
+    if KINDS[kind][0] == 1:
+        return (raw & 0xFFFF,)
+    pair = (raw >> 16 & 0xFFFF, raw & 0xFFFF)
+    return pair[::-1] if low_first else pair
+
+
+def from_words(words: Sequence[int], kind: str, low_first: bool = False) -> int:
+    """Return the value of as many words as its type has."""
+    count, signed = KINDS[kind]
+    if count == 1:
+        raw, sign = words[0], 0x8000
+    else:
+        high, low = (words[1], words[0]) if low_first else (words[0], words[1])
+        raw, sign = high << 16 | low, 0x80000000
+    return raw - 2 * sign if signed and raw & sign else raw
+
+
+class Place(NamedTuple):
+    """Where a value is in the words of an answer: `at` the first of them, on from the block's."""
+
+    at: int
+    kind: str
+    low_first: bool
+
+    def decode(self, words: Sequence[int]) -> int:
+        """Return the value among the words of its block."""
+        return from_words(words[self.at : self.at + KINDS[self.kind][0]], self.kind, self.low_first)
+
+
+class Block(NamedTuple):
+    """Adjacent registers that are read at once."""
+
+    address: int
+    count: int
+    names: tuple[str, ...]
+
+
+def blocks_of(
+    wanted: Sequence[tuple[str, int, int]], readable: frozenset[int], gaps: bool, bridge: int
+) -> list[Block]:
+    """Return the fewest blocks that hold all wanted registers.
+
+    Parameters
+    ----------
+    wanted : sequence of (name, address, words)
+        What is to be read.
+    readable : frozenset of int
+        Addresses that the drive is known to answer for.
+    gaps : bool
+        Whether it answers for any address between.
+    bridge : int
+        Most words read for nothing to save a request.
+    """
+    blocks: list[Block] = []
+    for name, address, words in sorted(wanted, key=lambda one: one[1]):
+        end = address + words
+        if blocks:
+            last = blocks[-1]
+            between = range(last.address + last.count, address)
+            known = gaps or all(one in readable for one in between)
+            if known and len(between) <= bridge and end - last.address <= 125:
+                count = max(last.count, end - last.address)
+                blocks[-1] = Block(last.address, count, (*last.names, name))
+                continue
+        blocks.append(Block(address, words, (name,)))
+    return blocks
