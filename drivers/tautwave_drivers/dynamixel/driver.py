@@ -21,15 +21,15 @@ from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.dynamixel import packet
 from tautwave_drivers.dynamixel import registers as reg
 from tautwave_drivers.dynamixel.bringup import Bringup, Limits
-from tautwave_drivers.dynamixel.budget import STATUS_BLOCK
 from tautwave_drivers.dynamixel.enabling import Enabling
-from tautwave_drivers.dynamixel.exchange import Exchange, Goals
+from tautwave_drivers.dynamixel.exchange import Exchange, Goals, Timing
 from tautwave_drivers.dynamixel.ftdi import set_latency_timer
 from tautwave_drivers.dynamixel.indirect import map_status_block
 from tautwave_drivers.dynamixel.line import Line, OwnLine
-from tautwave_drivers.dynamixel.options import DynamixelOptions, match_servos
+from tautwave_drivers.dynamixel.options import DynamixelOptions, Servo, match_servos
 from tautwave_drivers.dynamixel.port import SerialPort
-from tautwave_drivers.dynamixel.units import CURRENT_RANGE, scale_of
+from tautwave_drivers.dynamixel.units import CURRENT_RANGE, Scale, scale_of
+from tautwave_drivers.dynamixel.usual import FIELDS, STATUS_FIELDS
 from tautwave_drivers.dynamixel.watching import Watch
 
 NAN = float("nan")
@@ -69,12 +69,14 @@ class DynamixelDriver:
         self._given = transport
         self._servos = match_servos(options, bus)
         self._scales = [scale_of(servo) for servo in self._servos]
+        self._units = [_units(*pair) for pair in zip(self._servos, self._scales, strict=True)]
         self._ids = [servo.options.id for servo in self._servos]
         self._limits = [Limits(0, 0)] * len(self._servos)
         self._port: BytePort | None = None
         self._enabling: Enabling | None = None
         self._on = False
         self._sent_ns = 0
+        self._watchdog_ns = round(options.watchdog_s * 1e9)
         self._gone = ""
         self._faults: list[Fault] = []
         self.notes: list[str] = []
@@ -130,15 +132,11 @@ class DynamixelDriver:
             port,
             self._clock,
             self._ids,
-            reg.PRESENT.address if not status else self._servos[0].model.indirect_data,
-            reg.PRESENT.size if not status else STATUS_BLOCK,
+            self._servos[0].model.indirect_data if status else reg.PRESENT.address,
+            STATUS_FIELDS if status else FIELDS,
+            Timing(options.baud, options.return_delay_s, options.latency_s),
             fast=options.read == "fast_sync",
-            baud=options.baud,
-            return_delay_s=options.return_delay_s,
-            latency_s=options.latency_s,
         )
-        self._goals: list[Goals] = []
-        self._staged: list[tuple[Goals, int]] = []
         groups = {
             True: (reg.GOAL_CURRENT, [s.options.id for s in self._servos if s.impedance]),
             False: (reg.GOAL_VELOCITY, [s.options.id for s in self._servos if not s.impedance]),
@@ -146,9 +144,14 @@ class DynamixelDriver:
         made = {kind: Goals(register, ids) for kind, (register, ids) in groups.items() if ids}
         self._goals = list(made.values())
         places = {True: 0, False: 0}
-        for servo in self._servos:
-            self._staged.append((made[servo.impedance], places[servo.impedance]))
-            places[servo.impedance] += 1
+        self._staged = []
+        for servo, scale, limits in zip(self._servos, self._scales, self._limits, strict=True):
+            kind = servo.impedance
+            counts, limit = scale.velocity_counts, limits.velocity
+            if kind:
+                counts, limit = scale.current_counts, limits.current
+            self._staged.append((made[kind], places[kind], counts, limit))
+            places[kind] += 1
         self._watch = Watch(self._line, self._clock, self._servos, self._bus, options)
 
     def attach(self, port: BytePort) -> None:
@@ -157,7 +160,7 @@ class DynamixelDriver:
         self._limits = [Limits(CURRENT_RANGE, CURRENT_RANGE)] * len(self._servos)
         self._port = port
         self._build(port)
-        self._watch.began(self._clock.now_ns())
+        self._sent_ns = self._clock.now_ns()
         self._on = True
 
     def detach(self) -> None:
@@ -171,14 +174,15 @@ class DynamixelDriver:
         """Read once as every cycle will: old firmware knows no fast sync read."""
         exchange = self._exchange
         for _ in range(3):
-            exchange.send()
-            until = self._clock.now_ns() + round(1e9 * (self._options.latency_s + 0.03))
+            now = self._clock.now_ns()
+            exchange.send(b"", now)
+            until = now + round(1e9 * (self._options.latency_s + 0.03))
             if not exchange.collect(until):
                 return
         silent = [
             f"{servo.axis.name} (servo {servo.options.id})"
-            for servo, data in zip(self._servos, exchange.data, strict=True)
-            if data is None
+            for servo, values in zip(self._servos, exchange.values, strict=True)
+            if values is None
         ]
         remedy = "check its cable, and that no id is used twice"
         if self._options.read == "fast_sync":
@@ -206,7 +210,6 @@ class DynamixelDriver:
             return False
         self._on = self._enabling.step()
         self._sent_ns = now
-        self._watch.began(now)
         return self._on
 
     # -- every cycle ----------------------------------------------------------------------
@@ -216,16 +219,17 @@ class DynamixelDriver:
         if self._port is None or self._gone:
             return
         try:
+            now, before = self._clock.now_ns(), self._sent_ns
             if not self._on:
-                self._exchange.send()
+                self._exchange.send(b"", now)
                 return
-            now = self._clock.now_ns()
-            self._watch.sends(now)
             self._sent_ns = now
+            if now - before > self._watchdog_ns:
+                self._watch.silence(now - before)
             if self._watch.urgent:
                 self._port.write(self._packed_goals())
             else:
-                self._exchange.send(self._packed_goals())
+                self._exchange.send(self._packed_goals(), now)
         except DriverError as err:
             self._lose(err)
 
@@ -233,39 +237,39 @@ class DynamixelDriver:
         """Return what the servos measured; who has not answered by the deadline is not valid."""
         if self._port is None or self._gone:
             return [MISSING] * len(self._servos)
-        exchange, watch = self._exchange, self._watch
+        watch = self._watch
         try:
             if self._on and watch.urgent:
                 watch.ask(deadline_ns, self._faults)
                 return [MISSING] * len(self._servos)
-            exchange.collect(deadline_ns)
-            states = [
-                self._state(index, data) if data is not None else MISSING
-                for index, data in enumerate(exchange.data)
-            ]
-            if self._on and (watch.waiting or any(exchange.errors)):
-                watch.alerts(exchange.errors)
+            self._exchange.collect(deadline_ns)
+            states = []
+            alert = 0
+            for (position, velocity, effort, zero), values in zip(
+                self._units, self._exchange.values, strict=True
+            ):
+                if values is None:
+                    states.append(MISSING)
+                    continue
+                alert |= values[0]
+                states.append(
+                    JointState(
+                        (values[3] - zero) * position,
+                        values[2] * velocity,
+                        values[1] * effort,
+                        True,
+                        0,
+                    )
+                )
+            if self._on and (alert or watch.waiting or self._exchange.refusals):
+                watch.alerts(self._exchange.values, self._exchange.refusals)
                 watch.ask(deadline_ns, self._faults)
+            if self._options.status_block:
+                watch.status(self._exchange.values, self._faults)
         except DriverError as err:
             self._lose(err)
             return [MISSING] * len(self._servos)
         return states
-
-    def _state(self, index: int, data: bytes) -> JointState:
-        scale = self._scales[index]
-        current = int.from_bytes(data[0:2], "little", signed=True)
-        velocity = int.from_bytes(data[2:6], "little", signed=True)
-        position = int.from_bytes(data[6:10], "little", signed=True)
-        if len(data) > reg.PRESENT.size:
-            self._watch.status(index, data[10], data[11], self._faults)
-        direction = scale.direction
-        return JointState(
-            direction * (position - scale.zero_counts) * scale.position,
-            direction * velocity * scale.velocity,
-            NAN if self._servos[index].impedance else scale.outside_effort(current),
-            True,
-            0,
-        )
 
     def write(self, commands: Sequence[AxisCommand]) -> None:
         """Stage one command per axis for the next request; ignored while not enabled."""
@@ -276,13 +280,8 @@ class DynamixelDriver:
             )
         if not self._on:
             return
-        for index, command in enumerate(commands):
-            goals, place = self._staged[index]
-            scale, limits = self._scales[index], self._limits[index]
-            if self._servos[index].impedance:
-                goals.put(place, scale.current_counts(command.effort, limits.current))
-            else:
-                goals.put(place, scale.velocity_counts(command.velocity, limits.velocity))
+        for (goals, place, counts, limit), command in zip(self._staged, commands, strict=True):
+            goals.put(place, counts(command, limit))
 
     def faults(self) -> Sequence[Fault]:
         """Return what servos and line have reported since the last call."""
@@ -326,7 +325,7 @@ class DynamixelDriver:
         return goals[0].packet() if len(goals) == 1 else b"".join(g.packet() for g in goals)
 
     def _zero_goals(self) -> None:
-        for goals, place in self._staged:
+        for goals, place, _, _ in self._staged:
             goals.put(place, 0)
 
     def _torque(self, on: int) -> bytes:
@@ -337,3 +336,10 @@ class DynamixelDriver:
         """Note that the line is gone, once; the loop ends the run in its passive way."""
         self._gone = str(err)
         self._faults.append(Fault("", self._gone, fatal=True))
+
+
+def _units(servo: Servo, scale: Scale) -> tuple[float, float, float, int]:
+    """Return position, velocity and measured effort of one count, and the count at zero."""
+    sign = scale.direction
+    effort = NAN if servo.impedance else -sign * scale.effort
+    return sign * scale.position, sign * scale.velocity, effort, scale.zero_counts

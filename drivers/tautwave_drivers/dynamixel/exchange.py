@@ -12,15 +12,25 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from tautwave.contracts import BytePort, Clock
 from tautwave_drivers.dynamixel import packet
 from tautwave_drivers.dynamixel.budget import BITS_PER_BYTE
 from tautwave_drivers.dynamixel.fast import FastStatus
 from tautwave_drivers.dynamixel.registers import Register
+from tautwave_drivers.dynamixel.usual import Usual, Values
 
 SLACK_NS = 100_000
 """Beyond its wire time, for a servo that was missing before: turn-around and host."""
+
+
+class Timing(NamedTuple):
+    """Baud rate; time of a servo before it answers, of the adapter before it hands bytes on [s]."""
+
+    baud: int
+    return_delay_s: float
+    latency_s: float
 
 
 class Goals:
@@ -64,8 +74,8 @@ class Goals:
 class Exchange:
     """Sends the question of every cycle and sorts the answers.
 
-    After `collect`, `data[i]` holds what servo i sent, None where nothing right came, and
-    `errors[i]` its error byte.
+    After `collect`, `values[i]` holds what servo i sent, None where nothing right came; `refusals`
+    the error bytes of those that answered without data, by index.
 
     Parameters
     ----------
@@ -75,12 +85,14 @@ class Exchange:
         What waits.
     ids : sequence of int
         The servos, in the order of the axes.
-    address, size : int
-        The block read of each.
+    address : int
+        Where the block read of each begins.
+    fields : str
+        What it holds, as `struct` names it.
+    timing : Timing
+        What time things take.
     fast : bool
-        One answer for all instead of one each.
-    byte_s, return_delay_s, latency_s : float
-        Time of a byte, of a servo before it answers, of the adapter before it hands bytes on [s].
+        One answer for all (fast sync read) instead of one each.
     """
 
     def __init__(
@@ -89,38 +101,38 @@ class Exchange:
         clock: Clock,
         ids: Sequence[int],
         address: int,
-        size: int,
+        fields: str,
+        timing: Timing,
         *,
         fast: bool,
-        baud: int,
-        return_delay_s: float,
-        latency_s: float,
     ) -> None:
         self._port = port
         self._clock = clock
         self._ids = tuple(ids)
         self._index = {one: index for index, one in enumerate(ids)}
         self._address = address
-        self._size = size
+        self._layout = struct.Struct("<B" + fields)
+        self._size = size = self._layout.size - 1
         # Data of all FF FF FD would grow by a third.
         self._longest = size + size // 3 + 4
         self._fast = FastStatus(len(ids), size) if fast else None
-        answers = len(ids) * (11 + size) if not fast else 8 + len(ids) * (size + 4)
-        delays = len(ids) if not fast else 1
-        answer_s = answers * BITS_PER_BYTE / baud + delays * return_delay_s + latency_s
-        self._answer_ns = round(answer_s * 1e9) + SLACK_NS
-        self._byte_ns = round(BITS_PER_BYTE * 1e9 / baud)
+        self._usual = Usual(ids, fields, fast=fast)
+        delays = 1 if fast else len(ids)
+        answer_s = delays * timing.return_delay_s + timing.latency_s
+        self._byte_ns = round(BITS_PER_BYTE * 1e9 / timing.baud)
+        self._answer_ns = self._usual.size * self._byte_ns + round(answer_s * 1e9) + SLACK_NS
         self._buffer = bytearray()
         self._present = [True] * len(ids)
         self._order = self._ids
         self._questions: dict[tuple[int, ...], bytes] = {}
         self._question = self._ask(self._order)
         self._due_ns = 0
+        self._complete = False
         self.stale = 0
-        self.data: list[bytes | None] = [None] * len(ids)
-        self.errors = [0] * len(ids)
+        self.values: list[Values | None] = [None] * len(ids)
+        self.refusals: dict[int, int] = {}
 
-    def send(self, goals: bytes = b"") -> None:
+    def send(self, goals: bytes, now_ns: int) -> None:
         """Drop what has come, then send the goals and the question.
 
         Raises
@@ -128,12 +140,13 @@ class Exchange:
         DriverError
             The line is gone.
         """
-        left = self._port.read()
-        self.stale += len(left) + len(self._buffer)
-        self._buffer.clear()
-        message = goals + self._question if goals else self._question
+        if not self._complete:
+            # After a complete answer nothing can be on its way.
+            self.stale += len(self._port.read()) + len(self._buffer)
+            self._buffer.clear()
+        message = goals + self._question
         self._port.write(message)
-        self._due_ns = self._clock.now_ns() + len(message) * self._byte_ns + self._answer_ns
+        self._due_ns = now_ns + len(message) * self._byte_ns + self._answer_ns
 
     def collect(self, deadline_ns: int) -> int:
         """Take the answers in as they come; return how many servos are missing.
@@ -143,66 +156,73 @@ class Exchange:
         DriverError
             The line is gone.
         """
-        port, clock, buffer, present = self._port, self._clock, self._buffer, self._present
-        count = len(self._ids)
-        self.data = [None] * count
-        self.errors = [0] * count
+        if self._complete and self._clock.wait(self._port, deadline_ns):
+            chunk = self._port.read()
+            usual = self._usual.take(chunk)
+            if usual is not None:
+                self.values = usual  # type: ignore[assignment]  # nobody writes into it
+                return 0
+            self._buffer += chunk
+        return self._collect_carefully(deadline_ns)
+
+    def _collect_carefully(self, deadline_ns: int) -> int:
+        """Take the answers in byte by byte, whatever is between them."""
+        port, clock, buffer = self._port, self._clock, self._buffer
+        left = len(self._ids)
+        self.values = [None] * left
+        self.refusals.clear()
         if self._fast is not None:
             self._fast.restart()
         take = self._take if self._fast is None else self._take_fast
-        left = count
+        limit = deadline_ns
         while True:
-            chunk = port.read()
-            if chunk:
-                buffer += chunk
-                left, last = take(left)
-                if left == 0 or last:
-                    break
-            limit = deadline_ns
+            buffer += port.read()
+            left, last = take(left)
+            if left == 0 or last:
+                break
+            # Who was missing last time is not waited for longer than its answer takes.
             if self._due_ns < limit and not self._awaited():
                 limit = self._due_ns
             if not clock.wait(port, limit):
                 break
-        if left or not all(present):
-            self._reorder()
+        self._reorder()
+        self._complete = left == 0 and self._order == self._ids and not buffer
         return left
 
     def _take(self, left: int) -> tuple[int, bool]:
         """Sort the status packets that are whole; return how many lack, and if the last came."""
         last = False
         while (found := packet.take_packet(self._buffer, self._longest)) is not None:
-            index = self._index.get(found[0])
-            params = found[2]
-            if index is None or found[1] != packet.STATUS or not params:
+            index = self._index.get(found.device_id)
+            if index is None or found.instruction != packet.STATUS or not found.params:
                 continue
-            if len(params) == self._size + 1:
-                if self.data[index] is None:
-                    left -= 1
-                self.data[index] = params[1:]
-            self.errors[index] = params[0]
-            last = found[0] == self._order[-1]
+            if len(found.params) == self._size + 1:
+                left -= self.values[index] is None
+                self.values[index] = self._layout.unpack(found.params)
+            else:
+                self.refusals[index] = found.error
+            last = found.device_id == self._order[-1]
         return left, last
 
     def _take_fast(self, left: int) -> tuple[int, bool]:
         assert self._fast is not None
         for device_id, error, data in self._fast.take(self._buffer):
             index = self._index.get(device_id)
-            if index is not None and self.data[index] is None:
-                left -= 1
-                self.data[index] = data
-                self.errors[index] = error
+            if index is not None:
+                left -= self.values[index] is None
+                self.values[index] = self._layout.unpack(bytes((error,)) + data)
+        if left == 0:
+            self._buffer.clear()
         return left, False
 
     def _awaited(self) -> bool:
         """Return whether a servo that answered last time has not answered yet."""
-        for data, present in zip(self.data, self._present, strict=True):
-            if present and data is None:
-                return True
-        return False
+        pairs = zip(self.values, self._present, strict=True)
+        return any(present and values is None for values, present in pairs)
 
     def _reorder(self) -> None:
         """Ask those last that did not answer."""
-        self._present = [data is not None for data in self.data]
+        self._present = [values is not None for values in self.values]
         pairs = list(zip(self._ids, self._present, strict=True))
         here = [one for one, present in pairs if present]
         order = tuple(here + [one for one, present in pairs if not present])

@@ -8,6 +8,7 @@ and read back with nothing made of them. They take turns in short chunks in one 
 from __future__ import annotations
 
 import contextlib
+import gc
 import importlib
 import os
 import select
@@ -82,6 +83,8 @@ def _in_turn(
     question, answer = _bytes(fast)
     with _responder(len(question), answer) as (path, port):
         cycle, release = make(path, fast)
+        gc.collect()
+        gc.disable()  # as in the loop
         try:
             for _ in range(CHUNK):
                 cycle()
@@ -89,6 +92,7 @@ def _in_turn(
                 _timed(cycle, spent)
                 _timed(lambda: _bare(port, question, len(answer)), floor)
         finally:
+            gc.enable()
             release()
     return spent[:cycles], floor[:cycles]
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from tautwave.types import AxisCommand
 from tautwave_drivers.dynamixel.models import COUNTS_PER_TURN, LOAD_UNIT, VELOCITY_UNIT
 from tautwave_drivers.dynamixel.options import Servo
 
@@ -26,25 +27,13 @@ class Scale(NamedTuple):
     direction: int
     zero_counts: int
 
-    def position_si(self, counts: int) -> float:
-        """Return the position of the axis."""
-        return self.direction * (counts - self.zero_counts) * self.position
-
-    def velocity_si(self, counts: int) -> float:
-        """Return the velocity of the axis."""
-        return self.direction * counts * self.velocity
-
-    def outside_effort(self, counts: int) -> float:
-        """Return the effort from outside that the motor holds with this current."""
-        return -self.direction * counts * self.effort
-
-    def current_counts(self, effort: float, limit: int = CURRENT_RANGE) -> int:
+    def current_counts(self, command: AxisCommand, limit: int = CURRENT_RANGE) -> int:
         """Return the goal current nearest to an effort, at most `limit`; 0 for NaN."""
-        return self.direction * _nearest(effort, self.effort, limit)
+        return self.direction * _nearest(command.effort / self.effort, limit)
 
-    def velocity_counts(self, velocity: float, limit: int = 2**31 - 1) -> int:
-        """Return the goal velocity nearest to a velocity, at most `limit`."""
-        return self.direction * _nearest(velocity, self.velocity, limit)
+    def velocity_counts(self, command: AxisCommand, limit: int = 2**31 - 1) -> int:
+        """Return the goal velocity nearest to a velocity, at most `limit`; 0 for NaN."""
+        return self.direction * _nearest(command.velocity / self.velocity, limit)
 
 
 def scale_of(servo: Servo) -> Scale:
@@ -63,12 +52,9 @@ def scale_of(servo: Servo) -> Scale:
     )
 
 
-def _nearest(value: float, unit: float, limit: int) -> int:
-    count = value / unit
+def _nearest(count: float, limit: int) -> int:
+    if -limit <= count <= limit:
+        return math.floor(count + 0.5)
     if count != count:
         return 0
-    if count >= limit:
-        return limit
-    if count <= -limit:
-        return -limit
-    return math.floor(count + 0.5)
+    return limit if count > 0.0 else -limit

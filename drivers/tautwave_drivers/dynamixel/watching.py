@@ -8,15 +8,15 @@ asks this instead of the samples.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from tautwave.contracts import BusSpec, Clock
 from tautwave.types import Fault
-from tautwave_drivers.dynamixel import packet
 from tautwave_drivers.dynamixel import registers as reg
 from tautwave_drivers.dynamixel.line import OwnLine
 from tautwave_drivers.dynamixel.options import DynamixelOptions, Servo
 from tautwave_drivers.dynamixel.registers import Register
+from tautwave_drivers.dynamixel.usual import Values
 from tautwave_drivers.dynamixel.words import hardware_words, status_words
 
 PATIENT_CYCLES = 2
@@ -42,7 +42,6 @@ class Watch:
         self._servos = servos
         self._bus = bus
         self._status_block = options.status_block
-        self._watchdog_ns = round(options.watchdog_s * 1e9)
         answer_s = options.return_delay_s + options.latency_s
         # The shutdown byte is read along: error status and what the servo did about it.
         self._ask_ns = line.read_ns(8) + round(answer_s * 1e9) + 50_000
@@ -50,7 +49,6 @@ class Watch:
         self._told: set[tuple[int, Register]] = set()
         self._put_off = 0
         self._tries = 0
-        self._last_ns = 0
         self._gap_ns = 0
 
     @property
@@ -63,25 +61,18 @@ class Watch:
         """Whether there was no time to ask it in the last cycles."""
         return self._put_off > PATIENT_CYCLES and bool(self._questions)
 
-    def began(self, now_ns: int) -> None:
-        """Note the first packet of a run."""
-        self._last_ns = now_ns
-
-    def sends(self, now_ns: int) -> None:
-        """Note that a packet goes out: after too long a silence the watchdogs have tripped."""
-        gap = now_ns - self._last_ns
-        self._last_ns = now_ns
-        if gap > self._watchdog_ns and not self._status_block:
-            self._gap_ns = gap
+    def silence(self, gap_ns: int) -> None:
+        """Note that no packet went out for longer than the watchdogs wait."""
+        self._gap_ns = gap_ns
+        if not self._status_block:
             for index in range(len(self._servos)):
                 self._want(index, reg.BUS_WATCHDOG)
 
-    def alerts(self, errors: Sequence[int]) -> None:
-        """Note which servos have their alert bit set."""
-        if self._status_block:
-            return
-        for index, error in enumerate(errors):
-            if error & packet.ALERT:
+    def alerts(self, values: Sequence[Values | None], refusals: Mapping[int, int]) -> None:
+        """Note which servos have their alert bit set, or answer without data."""
+        for index, one in enumerate(values):
+            error = refusals.get(index, 0) if one is None else one[0]
+            if error and (one is None or not self._status_block):
                 self._want(index, reg.HARDWARE_ERROR)
 
     def ask(self, deadline_ns: int, faults: list[Fault]) -> None:
@@ -110,12 +101,16 @@ class Watch:
             self._questions.popleft()
             self._tries = self._put_off = 0
 
-    def status(self, index: int, error: int, watchdog: int, faults: list[Fault]) -> None:
-        """Take the status bytes that came with a sample."""
-        if error and self._once(index, reg.HARDWARE_ERROR):
-            self._hardware(index, error, faults)
-        if watchdog == 0xFF and self._once(index, reg.BUS_WATCHDOG):
-            self._watchdog(index, reg.WATCHDOG_TRIPPED, faults)
+    def status(self, values: Sequence[Values | None], faults: list[Fault]) -> None:
+        """Take the status bytes that came with the samples."""
+        for index, one in enumerate(values):
+            if one is None:
+                continue
+            *_, error, watchdog = one
+            if error and self._once(index, reg.HARDWARE_ERROR):
+                self._hardware(index, error, faults)
+            if watchdog == reg.WATCHDOG_TRIPPED and self._once(index, reg.BUS_WATCHDOG):
+                self._watchdog(index, watchdog, faults)
 
     def _want(self, index: int, register: Register) -> None:
         if self._once(index, register):
