@@ -78,7 +78,7 @@ class Usual:
             return [fields[row + 1 : row + keep] for row in self._rows]
         if fields[:1] != self._heads or fields[2 :: self._stride] != self._fast_ids:
             return None
-        return [(fields[row], *fields[row + 2 : row + keep + 1]) for row in self._rows]
+        return [(fields[row], *fields[row + 2 : row + keep]) for row in self._rows]
 
 
 def _head(device_id: int, length: int) -> bytes:

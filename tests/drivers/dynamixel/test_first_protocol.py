@@ -1,0 +1,65 @@
+"""Protocol 1.0 byte for byte: e-manual, "DYNAMIXEL Protocol 1.0" (docs/en/dxl/protocol1)."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tautwave_drivers.dynamixel import packet1
+from tautwave_drivers.dynamixel.words import first_words
+
+INSTRUCTIONS = {
+    "write": (packet1.build(1, 3, bytes((12, 100, 170))), "FFFF 01 05 03 0C64AA DC"),
+    "ping": (packet1.build(1, packet1.PING), "FFFF 01 02 01 FB"),
+    "read": (packet1.read_packet(1, 43, 1), "FFFF 01 04 02 2B01 CC"),
+    "write id": (packet1.write_packet(0xFE, 3, b"\x01"), "FFFF FE 04 03 0301 F6"),
+    "reg write": (packet1.build(1, 4, b"\x1e\xf4\x01"), "FFFF 01 05 04 1EF401 E2"),
+    "action": (packet1.build(0xFE, 5), "FFFF FE 02 05 FA"),
+    "factory reset": (packet1.build(0, 6), "FFFF 00 02 06 F7"),
+    "sync write": (
+        packet1.sync_write_packet(
+            0x1E, 4, [(0, bytes.fromhex("10005001")), (1, bytes.fromhex("20026003"))]
+        ),
+        "FFFF FE 0E 83 1E04 00 10005001 01 20026003 67",
+    ),
+    "bulk read": (
+        packet1.build(0xFE, 0x92, bytes.fromhex("00 02011E 020224")),
+        "FFFF FE 09 92 00 02011E 020224 1D",
+    ),
+}
+STATUS = {
+    "ping": ("FFFF 01 02 00 FC", 1, 0, ""),
+    "read": ("FFFF 01 03 00 20 DB", 1, 0, "20"),
+    "error": ("FFFF 01 02 24 D8", 1, 0x24, ""),
+    "bulk read 1": ("FFFF 01 04 00 0080 7A", 1, 0, "0080"),
+    "bulk read 2": ("FFFF 02 04 00 0080 79", 2, 0, "0080"),
+}
+
+
+@pytest.mark.parametrize("name", INSTRUCTIONS)
+def test_instructions_are_those_of_the_e_manual(name: str) -> None:
+    built, printed = INSTRUCTIONS[name]
+    assert built == bytes.fromhex(printed)
+
+
+@pytest.mark.parametrize("name", STATUS)
+def test_status_packets_of_the_e_manual_are_read(name: str) -> None:
+    printed, device_id, error, data = STATUS[name]
+    found = packet1.take_packet(bytearray(bytes.fromhex(printed)))
+    assert found is not None
+    assert (found.device_id, found.error, found.data) == (device_id, error, bytes.fromhex(data))
+
+
+def test_the_errors_of_the_manuals_example_are_told() -> None:
+    assert first_words(0x24) == "overheated and overloaded for too long"
+
+
+@given(st.binary(max_size=60), st.binary(min_size=1, max_size=12))
+def test_bytes_never_raise_and_a_packet_comes_through(noise: bytes, params: bytes) -> None:
+    built = packet1.build(7, 0, params)
+    buffer = bytearray(noise + bytes(300) + built)
+    found = []
+    while (one := packet1.take_packet(buffer)) is not None:
+        found.append((one.device_id, one.params))
+    assert (7, b"\0" + params) in found
