@@ -71,7 +71,7 @@ class CanopenDriver:
         ]
         self._by_tpdo = {axis.tpdo_id: axis for axis in self._axes}
         self._rpdos = [(axis, axis.rpdo_id) for axis in self._axes]
-        self._health = Health(options, self._axes)
+        self._health = Health(options, self._axes, bus.period_ns)
         self._startups = [StartUp(axis, options, bus.period_ns) for axis in self._axes]
         self._sync = options.sync
         self._patience_ns = int(options.answer_share * bus.period_ns)

@@ -16,8 +16,8 @@ from tautwave_drivers.cia402.emergency import decode_emergency
 
 BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 127
 NODE_STATES = {0: "boot-up", 4: "stopped", 5: "operational", 127: "pre-operational"}
-DEAD_CYCLES = 5
-"""Cycles with a full queue and nothing received after which a bus is called dead."""
+DEAD_CYCLES, DEAD_BEATS = 5, 1.5
+"""A full queue with nothing received for so many cycles and heartbeats is that of a dead bus."""
 
 
 def state_words(state: int | None) -> str:
@@ -38,10 +38,12 @@ class Health:
         Why the bus is of no more use, else ''.
     """
 
-    def __init__(self, options: CanopenOptions, axes: Sequence[Axis]) -> None:
+    def __init__(self, options: CanopenOptions, axes: Sequence[Axis], period_ns: int) -> None:
         self._options = options
         self._axes = {axis.node.id: axis for axis in axes}
         self._timeout_ns = options.heartbeat_timeout_ms * 1_000_000
+        beats = DEAD_BEATS * options.heartbeat_ms * 1e6 / period_ns
+        self._dead_cycles = max(DEAD_CYCLES, round(beats))
         self.reset()
 
     def reset(self) -> None:
@@ -156,7 +158,7 @@ class Health:
         Congested: others are heard, so the bus works and the queue will drain. Dead: nothing is.
         """
         self.full_cycles += 1
-        if self.received == self._received_then and self.full_cycles > DEAD_CYCLES:
+        if self.received == self._received_then and self.full_cycles > self._dead_cycles:
             self.lose(
                 f"CAN: dead bus: the transmit queue is full for {self.full_cycles} cycles and "
                 "nothing is received; look at cable, termination, power and bit rate"

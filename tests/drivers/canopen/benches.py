@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from copy import deepcopy
 from typing import Any, NamedTuple
 
@@ -26,7 +27,24 @@ class Rig(NamedTuple):
     clock: FakeClock
     world: Any
     bus: BusSpec
-    sent: list[tuple[int, int, bytes]]
+    port: Logged
+
+    @property
+    def sent(self) -> list[tuple[int, int, bytes]]:
+        return self.port.sent
+
+    def commands(self, axis: int, since: int = 0) -> list[tuple[int, ...]]:
+        """Controlword and target of the RPDOs sent to an axis, from a place in `sent` on."""
+        number = self.bus.axes[axis].device_id
+        kind = "<Hh" if self.bus.axes[axis].causality == "impedance" else "<Hi"
+        return [
+            struct.unpack_from(kind, data)
+            for _, can_id, data in self.sent[since:]
+            if can_id == 0x200 + number
+        ]
+
+    def devices(self) -> Any:
+        return self.world.world.devices
 
     def open_and_enable(self) -> None:
         self.driver.open()
@@ -87,6 +105,17 @@ class Logged:
     def __init__(self, port: Any, clock: FakeClock) -> None:
         self._port, self._clock = port, clock
         self.sent: list[tuple[int, int, bytes]] = []
+        self.injected: list[tuple[int, bytes]] = []
+
+    def readable(self) -> bool:
+        return bool(self.injected) or bool(self._port.readable())
+
+    def receive(self) -> tuple[int, bytes, int] | None:
+        if self.injected:
+            can_id, data = self.injected.pop(0)
+            return can_id, data, self._clock.now_ns()
+        frame: tuple[int, bytes, int] | None = self._port.receive()
+        return frame
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._port, name)
@@ -125,7 +154,7 @@ def make(
     port = Logged(world.transport, clock)
     driver = plugin.make(parsed, bus, clock, port)
     assert isinstance(driver, CanopenDriver)
-    return Rig(driver, clock, world, bus, port.sent)
+    return Rig(driver, clock, world, bus, port)
 
 
 def contract_bench(rig: Rig, causality: tuple[str, ...]) -> DriverBench:

@@ -1,0 +1,105 @@
+"""What is wrong with an options block, and the steps that follow from a right one."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from tautwave.clock import FakeClock
+from tautwave.contracts import AxisSpec
+from tautwave.errors import ConfigError, DriverError
+from tautwave.types import SAFE_COMMAND, CommandDelay
+from tautwave_drivers.canopen import plugin
+from tautwave_drivers.canopen.options import facts, nodes_of
+from tests.drivers.canopen.benches import block, bus_of, driver_options, make, node
+
+
+@pytest.mark.parametrize(
+    ("options", "changes", "sentence"),
+    [
+        (block(node(1), node(1)), {}, "node 1 is listed twice"),
+        (block(node(7)), {"device_id": 3}, "has id 3, but options.nodes lists only 7"),
+        (block(node(127)), {}, "has the id of this master"),
+        (block(node(1)), {"kind": "linear"}, "is linear, but node 1 has no feed"),
+        (block(node(1, feed=0.01)), {}, "is rotary, but node 1 has a feed"),
+        (block(node(1), bitrate=123_456), {}, "bitrate 123456 is none of CANopen's"),
+        (block(node(1), heartbeat_timeout_ms=30), {}, "at least twice heartbeat_ms"),
+        (block(node(1), sync=False), {}, "rpdo has to be event"),
+        (block(node(1, rated_torque=1e-6)), {}, "6071h holds 1 to 32766"),
+        (block(node(1, mapping="lean", homing={"method": 35})), {}, "mapping: full"),
+    ],
+)
+def test_a_block_that_does_not_fit_its_axes_is_refused(
+    options: dict[str, Any], changes: dict[str, Any], sentence: str
+) -> None:
+    bus = bus_of(options, ("impedance",) * len(options["nodes"]))
+    axes = tuple(axis._replace(**changes) for axis in bus.axes)
+    with pytest.raises(ConfigError, match=sentence.replace("(", "[(]")):
+        nodes_of(driver_options(options), bus._replace(axes=axes))
+
+
+def test_a_node_without_an_axis_is_refused() -> None:
+    options = block(node(1), node(2))
+    bus = bus_of(options, ("impedance", "impedance"))
+    with pytest.raises(ConfigError, match="node 2 in options.nodes is no axis"):
+        nodes_of(driver_options(options), bus._replace(axes=bus.axes[:1]))
+
+
+def test_an_event_timer_needs_whole_milliseconds() -> None:
+    options = block(node(1), sync=False, rpdo="event")
+    with pytest.raises(ConfigError, match="whole ms"):
+        nodes_of(driver_options(options), bus_of(options, ("impedance",), 400.0))
+
+
+@pytest.mark.parametrize("wrong", [{"id": 0}, {"gear_ratio": -1.0}, {"direction": 0}, {"gear": 2}])
+def test_a_wrong_key_or_value_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ValidationError):
+        driver_options(block(node(1) | wrong))
+
+
+def test_steps_of_a_geared_rotary_axis() -> None:
+    options = block(node(1, gear_ratio=5.2, direction=-1, velocity_factor=10.0))
+    spec = bus_of(options, ("admittance",))
+    fact = facts(driver_options(options), spec)[0]
+    assert fact.encoder_quantum == pytest.approx(math.tau / (4096 * 5.2))
+    assert fact.velocity_quantum == pytest.approx(10.0 * fact.encoder_quantum)
+    assert fact.effort_quantum == pytest.approx(0.5e-3 * 5.2)
+
+
+def test_steps_of_a_spindle() -> None:
+    options = block(node(1, feed=0.005, gear_ratio=2.0))
+    bus = bus_of(options, ("impedance",))
+    bus = bus._replace(axes=(AxisSpec("master.z", 1, "linear", "impedance", 100.0),))
+    fact = facts(driver_options(options), bus)[0]
+    assert fact.encoder_quantum == pytest.approx(0.005 / (4096 * 2.0))
+    # power: torque times motor angle is force times way
+    assert fact.effort_quantum == pytest.approx(0.5e-3 * math.tau * 2.0 / 0.005)
+
+
+def test_the_command_delay_is_one_period_by_sync_and_the_wire_by_event() -> None:
+    assert make(block(node(1)), ("impedance",)).driver.command_delay == CommandDelay(1, 0.0)
+    delay = make(block(node(1), rpdo="event"), ("impedance",)).driver.command_delay
+    assert delay.periods == 0
+    assert delay.remainder_s == pytest.approx((55 + 125 + 105) * 1e-6)
+
+
+def test_make_touches_nothing_and_a_wrong_number_of_commands_is_told() -> None:
+    options = block(node(1), interface="no-such-interface")
+    bus = bus_of(options, ("impedance",))
+    driver = plugin.make(driver_options(options), bus, FakeClock(), None)
+    with pytest.raises(DriverError, match="2 commands for 1 axes"):
+        driver.write([SAFE_COMMAND] * 2)
+    with pytest.raises(DriverError, match="cannot open no-such-interface"):
+        driver.open()
+    driver.close()
+
+
+def test_fd_is_for_the_budget_only() -> None:
+    rig = make(block(node(1)), ("impedance",))
+    options = driver_options(block(node(1), data_bitrate=5_000_000))
+    driver = plugin.make(options, rig.bus, rig.clock, rig.world.transport)
+    with pytest.raises(DriverError, match="data_bitrate is for `tautwave check` only"):
+        driver.open()
