@@ -202,11 +202,11 @@ class ServoBus:
         for servo in able:
             own, level, delay_ns = servo.device_id, servo.level, servo.delay_ns
             # Framed by what it was when asked: id, baud rate and protocol may be what is written.
-            baud = servo.baud
+            spoken = (servo.baud, servo.protocol)
             reply = servo.execute(packet.instruction, packet.params, now_ns)
             if reply is None or packet.device_id != own or not _wanted(packet.instruction, level):
                 continue
-            self._answer(servo, own, reply, now_ns + delay_ns, baud)
+            self._answer(servo, own, reply, now_ns + delay_ns, spoken)
 
     def _ping_all(self, able: list[Servo], now_ns: int) -> None:
         at_ns = now_ns
@@ -214,13 +214,18 @@ class ServoBus:
             at_ns = self._answer(servo, servo.device_id, servo.ping(), at_ns + servo.delay_ns)
 
     def _answer(
-        self, servo: Servo, device_id: int, reply: Reply, at_ns: int, baud: int | None = None
+        self,
+        servo: Servo,
+        device_id: int,
+        reply: Reply,
+        at_ns: int,
+        spoken: tuple[int, float] | None = None,
     ) -> int:
         """Send a status packet; return when the line is free again if nothing goes wrong."""
-        baud = servo.baud if baud is None else baud
+        baud, protocol = spoken or (servo.baud, servo.protocol)
         kind = self._plan.answer(device_id, self._time_s(at_ns))
         shown = (device_id + 1) % 253 if kind == "wrong_id" else device_id
-        whole = servo.frame(shown, reply)
+        whole = servo.frame(shown, reply, protocol)
         data = self._plan.spoil(kind, whole)
         if data:
             self._line.answer(data, at_ns, baud, self._late_ns if kind == "late" else 0)

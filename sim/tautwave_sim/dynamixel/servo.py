@@ -187,20 +187,19 @@ class Servo:
         self._watch(now_ns)
         self._heard_ns = now_ns
 
-    def alert(self, error: int) -> int:
+    def alert(self, error: int, protocol: float = 2.0) -> int:
         """Return the error field of a status packet that reports `error`."""
-        if self.protocol < 2.0:
+        if protocol < 2.0:
             field = FIRST_ERRORS.get(error, 0)
             for bit, first in FIRST_BITS.items():
                 field |= first if self.errors >> bit & 1 else 0
             return field
         return error | (p2.ALERT if self.errors else 0)
 
-    def frame(self, device_id: int, reply: Reply) -> bytes:
-        """Return the status packet of a reply in this servo's protocol."""
-        if self.protocol < 2.0:
-            return p1.status(device_id, self.alert(reply.error), reply.params)
-        return p2.status(device_id, self.alert(reply.error), reply.params)
+    def frame(self, device_id: int, reply: Reply, protocol: float) -> bytes:
+        """Return the status packet of a reply."""
+        codec = p1 if protocol < 2.0 else p2
+        return codec.status(device_id, self.alert(reply.error, protocol), reply.params)
 
     def ping(self) -> Reply:
         """Answer a ping."""

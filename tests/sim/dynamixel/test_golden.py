@@ -128,7 +128,7 @@ def test_fast_bulk_read_example() -> None:
     ).hex(" ")
     host = Host((3, 7, 4), "XC330-T288", counts=(166, 2079, 1023))
     body = hexa("0x9A 0x03 0x84 0x00 0x04 0x00 0x07 0x7C 0x00 0x02 0x00 0x04 0x92 0x00 0x01 0x00")
-    # The page prints the checksum of the fast sync example here, 0x20 0xF2, which is not this one's.
+    # The page prints 0x20 0xF2 here, which is the checksum of its fast sync example.
     answer = host.talk(p2.frame(p2.BROADCAST, body))
     assert answer[:14] == whole[:14]
     assert len(answer) == len(whole)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
@@ -76,7 +77,7 @@ def test_it_is_back_drivable() -> None:
 
 
 def test_direction_gear_and_zero_turn_and_scale() -> None:
-    host = on(0, servos=[dict(id=1, model="XM430-W350", direction=-1, gear_ratio=2.0)])
+    host = on(0, servos=[{"id": 1, "model": "XM430-W350", "direction": -1, "gear_ratio": 2.0}])
     host.write(1, "Goal Current", 20)
     host.pass_time(0.05)
     joint = host.servos[0].joint
@@ -119,7 +120,7 @@ def test_a_profile_limits_velocity_and_acceleration() -> None:
     fastest = 50 * 0.229 * math.tau / 60.0
     steepest = 10 * 214.577 * math.tau / 3600.0
     assert max(speeds) == pytest.approx(fastest, rel=1e-6)
-    rises = [after - before for before, after in zip(speeds, speeds[1:], strict=False)]
+    rises = [after - before for before, after in itertools.pairwise(speeds)]
     assert max(map(abs, rises)) <= steepest * 0.04 + 1e-9
     assert host.read(1, "Velocity Trajectory") == 0
     assert host.read(1, "Position Trajectory") == 4000

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -46,7 +48,7 @@ def test_a_packet_is_found_behind_anything(codec: object, garbage: bytes, cuts: 
         good = p2.frame(7, b"\x02\x84\x00\x04\x00")
         stream, found = garbage + good, []
         edges = sorted({0, len(stream), *(cut for cut in cuts if cut < len(stream))})
-        for first, last in zip(edges, edges[1:], strict=False):
+        for first, last in itertools.pairwise(edges):
             found += parser.feed(stream[first:last])
     assert [one.device_id for one, _ in found if one.intact][-1:] == [7]
 
