@@ -48,10 +48,7 @@ class Drive:
         self.bank.gaps_read_zero = quirks.gaps_read_zero
         self._quirks = quirks
         self._prime(device)
-        role = self.table.roles["rated_torque"]
-        rated = self.bank.values[role] * self.table.scale["rated_torque"]
-        if device.rated_torque is not None:
-            rated = device.rated_torque
+        rated = self._rated(device)
         scale = drive_scale(device, self.table, rated, kind, truth)
         self.motor = Motor(name, truth, scale)
         self._first = dict(self.bank.values)
@@ -77,9 +74,17 @@ class Drive:
         if quirks.starts_in_fault:
             self.machine.fail(self.fault_code(None))
 
+    def _rated(self, device: DeviceKeys) -> float:
+        name = self.table.roles.get("rated_torque")
+        if device.rated_torque is not None:
+            return device.rated_torque
+        if name is None or not self.bank.values[name]:
+            return 1.0
+        return self.bank.values[name] * float(self.table.scale["rated_torque"])
+
     def _prime(self, device: DeviceKeys) -> None:
         roles, scale = self.table.roles, self.table.scale
-        if device.rated_torque is not None:
+        if device.rated_torque is not None and "rated_torque" in roles:
             counts = round(device.rated_torque / scale["rated_torque"])
             self.bank.store(roles["rated_torque"], counts)
         if device.counts_per_revolution is not None and "counts" in roles:
@@ -190,8 +195,8 @@ class Drive:
         self._follow()
 
     def _stores(self) -> bool:
-        role = self.table.roles.get("eeprom")
-        return role is not None and bool(self.bank.values[role])
+        name = self.table.roles.get("eeprom")
+        return name is None or self.bank.values[name] != self.table.eeprom_off
 
     # ----------------------------------------------------------------------------- motor
 
@@ -211,7 +216,10 @@ class Drive:
 
     def _command(self) -> tuple[int, str]:
         roles, values = self.table.roles, self.bank.values
-        how = self.table.modes.get(values[roles["mode"]], "")
+        if "mode" in roles:
+            how = self.table.modes.get(values[roles["mode"]], "")
+        else:
+            how = "effort" if "command_effort" in roles else "velocity"
         name = roles.get(f"command_{how}")
         self.limited = False
         if name is None:

@@ -159,6 +159,25 @@ class DsyMachine(PlainMachine):
         return True
 
 
+class StepsMachine(PlainMachine):
+    """What a third party's profile says: on while the values of its enable sequence hold."""
+
+    def __init__(self, bank: RegisterBank, table: Table, quirks: Quirks) -> None:
+        assert table.sequences is not None
+        self._sequences = table.sequences
+        super().__init__(bank, table, quirks)
+
+    def wants(self) -> bool:
+        """Return whether all that enabling writes is there."""
+        values = self._bank.values
+        return all(values[name] == value for name, value in self._sequences.on.items())
+
+    def asked_to_reset(self, fresh: set[str]) -> bool:
+        """Return whether the write that resets was just made."""
+        values = self._bank.values
+        return any(name in fresh and values[name] == to for name, to in self._sequences.resets)
+
+
 class Cia402Machine:
     """The state machine of CiA 402, told by 6040h; stops are at once."""
 
@@ -170,8 +189,9 @@ class Cia402Machine:
         self._modes = table.modes
         self._refuses = quirks.refuses_to_enable
         self._machine = StateMachine(round(quirks.enable_s * 1e9), quirks.resets)
-        bank.readers["statusword"] = self.status
-        bank.readers["mode_display"] = self.mode
+        self._roles = table.roles
+        bank.readers[table.roles["status"]] = self.status
+        bank.readers[table.roles["mode_display"]] = self.mode
 
     @property
     def state(self) -> str:
@@ -187,27 +207,31 @@ class Cia402Machine:
 
     def mode(self) -> int:
         """Return 6061h."""
-        mode = self._bank.values["mode"]
+        mode = self._bank.values[self._roles["mode"]]
         return mode if mode in self._modes else 0
 
     def told(self, fresh: set[str], now_ns: int) -> None:
         """Take a controlword."""
-        if "controlword" not in fresh:
+        if self._roles["control"] not in fresh:
             return
-        word = self._bank.values["controlword"]
+        word = self._bank.values[self._roles["control"]]
         if self._refuses and word & 0x8F == 0x0F:
             word &= ~0x08
         before = self.state
         self._machine.control(word, now_ns)
         self._stand()
         if before == "fault" and self.state != "fault":
-            self._bank.store("error_code", 0)
+            self._note(0)
 
     def fail(self, code: int) -> None:
         """Go into fault (transitions 13 and 14)."""
         if self.state != "fault":
             self._machine.fault(0)
-            self._bank.store("error_code", code)
+            self._note(code)
+
+    def _note(self, code: int) -> None:
+        if "fault" in self._roles:
+            self._bank.store(self._roles["fault"], code)
 
     def next_ns(self) -> int | None:
         """Return when a slow transition is over [ns]."""
@@ -229,4 +253,6 @@ def make_machine(bank: RegisterBank, table: Table, quirks: Quirks) -> Machine:
         return Cia402Machine(bank, table, quirks)
     if table.family == "dsy-rs":
         return DsyMachine(bank, table, quirks)
+    if table.sequences is not None:
+        return StepsMachine(bank, table, quirks)
     return GenericMachine(bank, table, quirks)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import yaml
@@ -15,13 +16,22 @@ from tautwave_sim.modbus.registers import Register, bounds
 FAMILIES = ("generic", "dsy-rs", "cia402")
 
 
+class Sequences(NamedTuple):
+    """Which values of which registers switch a drive on, and which writes reset its fault."""
+
+    on: Mapping[str, int]
+    resets: tuple[tuple[str, int], ...] = ()
+
+
 class Table(NamedTuple):
     """One family.
 
     `roles` names the register of each purpose (position, command_effort, ...), `modes` what each
     value of the mode register does, `states` what the status register shows, `faults` the codes of
     the fault register, `scale` what a count of a role is worth: for velocity a unit (rpm, decirpm,
-    counts, for counts/s), for effort a share of rated torque, for the rest SI.
+    counts, for counts/s; a number is turns a second), for effort a share of rated torque (or
+    `effort_nm` in N m), for the rest SI. `eeprom_off` keeps writes out of the EEPROM, in the
+    register of that role.
     """
 
     family: str
@@ -34,6 +44,9 @@ class Table(NamedTuple):
     scale: Mapping[str, Any]
     counts_per_revolution: int
     limit_bit: int = 0
+    eeprom_off: int = 0
+    sequences: Sequences | None = None
+    """Of a drive that is told by a third party's profile."""
 
 
 def make_register(name: str, keys: Mapping[str, Any], low_first: bool) -> Register:
@@ -62,9 +75,14 @@ def load_table(family: str) -> Table:
     ConfigError
         There is none.
     """
+    if Path(family).suffix in (".yaml", ".yml"):
+        from tautwave_sim.modbus.foreign import load_profile
+
+        return load_profile(Path(family))
     if family not in FAMILIES:
         raise ConfigError(
-            f"modbus: no simulated drives of profile {family!r}; there are {', '.join(FAMILIES)}"
+            f"modbus: no simulated drives of profile {family!r}; there are {', '.join(FAMILIES)}, "
+            "and the path of a profile's .yaml file"
         )
     text = files("tautwave_sim.modbus").joinpath(f"tables/{family}.yaml").read_text("utf-8")
     keys = yaml.safe_load(text)

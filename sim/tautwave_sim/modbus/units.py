@@ -39,8 +39,8 @@ def drive_scale(
     else:
         turns = _TURNS_PER_SECOND[unit] if isinstance(unit, str) else float(unit)
         velocity = turns * travel / device.gear_ratio
-    share = float(table.scale["effort"])
-    effort = rated_torque * share * device.gear_ratio * (math.tau / travel)
+    step = table.scale.get("effort_nm", rated_torque * float(table.scale["effort"]))
+    effort = float(step) * device.gear_ratio * (math.tau / travel)
     return Scale(
         _agreed(position, truth.encoder_quantum),
         _agreed(velocity, truth.velocity_quantum),
