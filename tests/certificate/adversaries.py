@@ -224,12 +224,14 @@ def with_users(data: Tree, users: Tree) -> Tree:
 class Account(NamedTuple):
     """What the motors gave, as shares of all the energy that went through them.
 
-    given: more than they and the devices' dampers took, at most. wall: a wall more than the
-    damper of its device took. port: a port more than the certificate says that its account may
-    owe. used: greatest part of that which a port did owe [1].
+    given: more than they and the devices' dampers took, at most. beyond: more of it than all that
+    the verdicts allow, encoder steps included. wall: a wall more than the damper of its device
+    took. port: a port more than the certificate says that its account may owe. used: greatest part
+    of that which a port did owe [1].
     """
 
     given: float
+    beyond: float
     wall: float
     port: float
     used: float
@@ -243,6 +245,7 @@ def settle(rig: Rig, certificate: Certificate) -> Account:
     run = simulate(rig)
     power = pair_scale(rig.coupling.pairs["a"]).power
     given: Any = 0.0
+    bound: Any = 0.0
     flow, wall, port, used = 0.0, -math.inf, -math.inf, 0.0
     for side, weight in (("master", 1.0), ("slave", 1.0 / power)):
         work, lost = (
@@ -257,11 +260,13 @@ def settle(rig: Rig, certificate: Certificate) -> Account:
         if _has(run, f"damper_{side}"):
             owed = owed - _gain(run, f"a.damper_{side}.absorbed")
         may = _allowed(run, side, weight, rig.period_s, certificate)
+        bound = bound + may + weight * _feigned(certificate, side, len(run))
         port = max(port, float(np.max(owed - may)))
         used = max(used, float(np.max(owed / np.maximum(may, 1e-300))))
     if flow == 0.0:
-        return Account(0.0, 0.0, 0.0, 0.0)
-    return Account(float(np.max(given)) / flow, wall / flow, port / flow, used)
+        return Account(0.0, 0.0, 0.0, 0.0, 0.0)
+    beyond = float(np.max(given - bound)) / flow
+    return Account(float(np.max(given)) / flow, beyond, wall / flow, port / flow, used)
 
 
 def _has(run: Simulation, element: str) -> bool:
@@ -286,6 +291,16 @@ def _allowed(
     debt = debt + numbers["debt_per_flow"] * run[f"{side}.a.gross_flow"]
     late = 1 + numbers["command_delay_periods"]
     out: Array = debt + late * np.maximum.accumulate(energy)
+    return out
+
+
+def _feigned(certificate: Certificate, side: str, rows: int) -> Array:
+    """Return what encoder steps let out, row by row [J]: of the port, and of a wall."""
+    periods = np.arange(float(rows))
+    out: Array = port_numbers(certificate, side)["allowance_j_per_period"] * periods
+    for element in certificate.elements:
+        if element.kind == "wall" and element.axis == f"{side}.a":
+            out = out + element.numbers["activity_j"] * (0.5 * periods + 1.0)
     return out
 
 
