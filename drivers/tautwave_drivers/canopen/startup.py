@@ -13,6 +13,8 @@ from tautwave_drivers.cia402.modes import Mode
 _TARGET = struct.Struct("<i")
 _GAIN_PER_S = 5.0
 _NEAR_COUNTS = 3
+_STAY_S = 0.1
+"""So long an axis has to be near its goal: it may pass it with some speed first."""
 
 
 class StartUp:
@@ -38,14 +40,16 @@ class StartUp:
         self._homing = HomingSteps()
         self._begun: int | None = None
         self._goal_counts = 0.0
+        self._stayed = 0
         self.second_pdo: tuple[int, bytes] | None = None
         self.failure = ""
 
     @property
     def done(self) -> bool:
         """Whether the drive is enabled in the rig's mode."""
-        axis = self._axis
-        return not self._phases and axis.machine.commanding
+        machine = self._axis.machine
+        own = machine.mode_wanted == self._axis.mode
+        return not self._phases and own and machine.commanding
 
     def step(self, cycle: int) -> None:
         """Set the goal of this cycle."""
@@ -94,7 +98,10 @@ class StartUp:
         fastest = keys.velocity / axis.scale.encoder_quantum  # counts/s
         if not axis.machine.commanding:
             self._goal_counts = float(here)
-        arrived = axis.machine.commanding and abs(left) <= _NEAR_COUNTS
+        near = max(_NEAR_COUNTS, fastest * self._period_s)
+        inside = axis.machine.commanding and abs(left) <= near
+        self._stayed = self._stayed + 1 if inside else 0
+        arrived = self._stayed * self._period_s >= _STAY_S
         if cyclic:
             way = there - self._goal_counts
             stride = fastest * self._period_s if axis.machine.commanding else 0.0

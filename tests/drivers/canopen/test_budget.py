@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -29,7 +31,7 @@ def bench(
     specs = tuple(
         AxisSpec(f"master.a{at}", at + 1, "rotary", causality, 1.0, 10.0) for at in range(axes)
     )
-    return CanopenOptions(nodes=nodes, **more), BusSpec("can", specs, 500.0)  # type: ignore[arg-type]
+    return CanopenOptions(nodes=nodes, **more), BusSpec("can", specs, 500.0)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +110,7 @@ def test_the_arithmetic_is_shown_and_adds_up() -> None:
 @pytest.mark.parametrize("axes", [1, 3, 6])
 @pytest.mark.parametrize("sync", [True, False])
 def test_at_the_greatest_rate_the_cycle_just_fits(axes: int, sync: bool) -> None:
-    more = {} if sync else {"sync": False, "rpdo": "event"}
+    more: dict[str, Any] = {} if sync else {"sync": False, "rpdo": "event"}
     options, bus = bench(axes, "impedance", "full", **more)
     greatest = budget(options, bus).greatest_rate_hz
     if sync:

@@ -42,7 +42,7 @@ def started(options: dict[str, Any]) -> Rig:
 
 
 def until_fatal(rig: Rig, cycles: int = CYCLES) -> tuple[list[Fault], int]:
-    """Run until a fatal fault; return all faults, and the place in the log at that cycle's start."""
+    """Run until a fatal fault; return all faults, and where in the log that cycle began."""
     told: list[Fault] = []
     for _ in range(cycles):
         at = len(rig.sent)
@@ -177,7 +177,7 @@ def test_a_seeded_storm_never_raises_and_repeats_itself(kind: str) -> None:
     assert str(one) == str(other)
     lost = sum(not state.valid for row in one[0] for state in row)
     if kind == "lost":
-        assert 0 < lost
+        assert lost > 0
 
 
 def test_bring_up_survives_lost_frames() -> None:

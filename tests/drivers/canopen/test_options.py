@@ -44,7 +44,7 @@ def test_a_block_that_does_not_fit_its_axes_is_refused(
 def test_a_node_without_an_axis_is_refused() -> None:
     options = block(node(1), node(2))
     bus = bus_of(options, ("impedance", "impedance"))
-    with pytest.raises(ConfigError, match="node 2 in options.nodes is no axis"):
+    with pytest.raises(ConfigError, match=r"node 2 in options\.nodes is no axis"):
         nodes_of(driver_options(options), bus._replace(axes=bus.axes[:1]))
 
 

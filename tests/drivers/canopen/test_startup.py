@@ -1,0 +1,231 @@
+"""Refusals before anything is enabled, and the way to the start: homing, moving, enabling."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tautwave.errors import BusTimeout, DeviceFault, DriverError
+from tests.drivers.canopen.benches import Rig, block, make, node
+
+NMT_OPERATIONAL, NMT_PRE_OPERATIONAL = 5, 127
+
+
+def quirky(quirks: dict[str, Any], *, first: dict[str, Any] | None = None, **more: Any) -> Rig:
+    bus = {key: more.pop(key) for key in ("allow_unwatched", "configure") if key in more}
+    options = block(node(1, **(first or {})), simulator={"nodes": {"1": quirks}}, **more)
+    return make(options, ("impedance",), mass=0.1, **bus)
+
+
+def refused(rig: Rig, error: type[DriverError] = DeviceFault) -> str:
+    with pytest.raises(error) as told:
+        rig.driver.open()
+    rig.driver.close()
+    for device in rig.devices():
+        assert device.drive.motor.torque_counts == 0
+    return str(told.value)
+
+
+IDENTITY = {"vendor": 0xFB, "product": 0x10}
+
+
+@pytest.mark.parametrize(
+    ("quirks", "first", "words"),
+    [
+        (
+            {"identity": 0x99},
+            {"identity": IDENTITY},
+            "is another device: 1018:02 product code is 0x99, the rig says 0x10",
+        ),
+        ({"lacks_modes": [10]}, {}, "has no CST cyclic synchronous torque, which an impedance"),
+        ({"lacks_modes": [6]}, {"homing": {"method": 35}}, "has no HM homing"),
+        (
+            {"heartbeat_consumer": False, "rpdo_timer": "no_subindex"},
+            {},
+            "would go on with its last command when this program falls silent: .* has no 1016:01 "
+            "consumer heartbeat; .* has no 1400:05 deadline timer; use a drive",
+        ),
+        ({"abort_option": False}, {}, "has no 6007:00 abort connection option.*--allow-unwatched"),
+        (
+            {"least_heartbeat_ms": 100, "rpdo_timer": "no_object"},
+            {},
+            "1016:01 consumer heartbeat stays nobody: .*0x06090032: value too low",
+        ),
+        (
+            {"ignores_heartbeat_consumer": True, "rpdo_timer": "no_object"},
+            {},
+            "1016:01 consumer heartbeat is",
+        ),
+    ],
+)
+def test_a_drive_that_cannot_do_it_is_named_with_object_and_remedy(
+    quirks: dict[str, Any], first: dict[str, Any], words: str
+) -> None:
+    import re
+
+    sentence = refused(quirky(quirks, first=first))
+    assert sentence.startswith("master.a1 (node 1)")
+    assert re.search(words, sentence), sentence
+
+
+def test_one_watchdog_is_enough() -> None:
+    for quirks in ({"heartbeat_consumer": False}, {"rpdo_timer": "no_object"}):
+        rig = quirky(quirks)
+        rig.open_and_enable()
+        rig.driver.close()
+
+
+def test_an_unwatched_drive_is_allowed_and_loud() -> None:
+    rig = quirky({"abort_option": False}, allow_unwatched=True)
+    rig.open_and_enable()
+    assert any(note.startswith("UNWATCHED: master.a1 (node 1)") for note in rig.driver.notes)
+    rig.driver.close()
+
+
+@pytest.mark.parametrize(
+    ("first", "objects", "words"),
+    [
+        ({}, {(0x6076, 0): 700}, "rated torque 6076:00 is 700 .*the rig says 0.5 N m"),
+        ({}, {(0x608F, 1): 1024}, "608F says 1024 increments in 1 motor turns, the rig 4096"),
+        ({}, {(0x6072, 0): 500}, "6072:00 max torque 500 per mille is 0.25, below .*effort_limit"),
+    ],
+)
+def test_scales_and_limits_are_compared_with_the_rig(
+    first: dict[str, Any], objects: dict[tuple[int, int], int], words: str
+) -> None:
+    import re
+
+    rig = quirky({}, first=first)
+    for (index, sub), value in objects.items():
+        rig.devices()[0].objects.set(index, sub, value)
+    sentence = refused(rig)
+    assert re.search(words, sentence), sentence
+
+
+def test_a_node_that_is_not_there_is_named_with_its_bus() -> None:
+    rig = quirky({})
+    rig.devices()[0].silent = True
+    assert "master.a1 (node 1) does not answer (read 1000:00" in refused(rig, BusTimeout)
+
+
+def test_60c2_is_set_to_the_period_of_the_rig() -> None:
+    rig = make(block(node(1)), ("impedance",), rate_hz=400.0)
+    rig.driver.open()
+    objects = rig.devices()[0].objects
+    assert (objects.number(0x60C2, 1), objects.number(0x60C2, 2)) == (25, -4)
+    rig.driver.close()
+
+
+def test_a_period_that_60c2_cannot_hold_is_refused() -> None:
+    rig = make(block(node(1)), ("impedance",), rate_hz=1024.0)
+    assert "cannot be written as 60C2h" in refused(rig)
+
+
+def test_everything_written_is_read_back_and_told() -> None:
+    rig = quirky({}, first={"identity": {"vendor": 0, "product": 0}})
+    rig.driver.open()
+    notes = "\n".join(rig.driver.notes)
+    for words in (
+        "(as the rig says)",
+        "1017:00 producer heartbeat = 20 ms (was 0 ms), read back",
+        "1016:01 consumer heartbeat = node 127 within 60 ms (was nobody), read back",
+        "1400:05 deadline timer = 60 ms (was 0 ms), read back",
+        "6007:00 abort connection option = 2 (was 1), read back",
+        "6072:00 max torque = 2000 per mille (was 3000 per mille), read back",
+        "TPDO1 0x181 on every SYNC: 6041 statusword, 6064 position actual value, 6061",
+        "RPDO1 0x201 on every SYNC: 6040 controlword, 6071 target torque, 6060",
+        "torque off, SWITCH ON DISABLED",
+    ):
+        assert words in notes
+    assert rig.devices()[0].nmt == NMT_OPERATIONAL
+    rig.driver.close()
+    assert rig.devices()[0].nmt == NMT_PRE_OPERATIONAL
+    assert rig.devices()[0].objects.number(0x1016, 1) == 0  # disarmed: nobody feeds it now
+
+
+def test_lasting_settings_are_stored_only_when_asked_for() -> None:
+    for configure in (False, True):
+        rig = quirky({}, configure=configure)
+        rig.driver.open()
+        stored = any("settings stored (1010:01)" in note for note in rig.driver.notes)
+        assert stored == configure
+        written = [
+            data for _, can_id, data in rig.sent if can_id == 0x601 and data[1:3] == b"\x10\x10"
+        ]
+        assert bool(written) == configure
+        rig.driver.close()
+
+
+@pytest.mark.parametrize(
+    "quirks",
+    [
+        {"starts_in_fault": True},
+        {"starts_in_fault": True, "fault_resets": 2},
+        {"transition_ms": 20},
+        {"mode_switch_ms": 30},
+    ],
+    ids=["fault", "two resets", "slow", "slow mode"],
+)
+@pytest.mark.parametrize("mapping", ["lean", "full"])
+def test_difficult_drives_are_enabled_all_the_same(quirks: dict[str, Any], mapping: str) -> None:
+    rig = quirky(quirks, first={"mapping": mapping})
+    rig.open_and_enable()
+    rows, told = rig.run(20, 0.05)
+    assert all(state.valid for state in rows[-1])
+    assert not any(fault.fatal for fault in told)
+    rig.driver.close()
+
+
+def test_a_drive_that_refuses_its_mode_is_told_while_enabling() -> None:
+    rig = quirky({"refuses_modes": [10]})
+    rig.driver.open()
+    with pytest.raises(DeviceFault, match="CST cyclic synchronous torque is asked for in 6060h"):
+        rig.enable(5000)
+    rig.driver.close()
+
+
+def test_a_drive_left_enabled_by_somebody_is_switched_off_before_anything_is_written() -> None:
+    rig = quirky({})
+    rig.open_and_enable()
+    rig.run(10, 0.05)
+    assert rig.devices()[0].drive.motor.torque_counts != 0
+    again = rig.driver
+    again.detach()  # the program died; a new one comes before the watchdog
+    rig.driver.open()
+    assert rig.devices()[0].drive.motor.torque_counts == 0
+    writes = [
+        data[1:3] for _, can_id, data in rig.sent if can_id == 0x601 and data[0] & 0xF0 == 0x20
+    ]
+    assert b"\x40\x60" in writes
+    rig.driver.close()
+
+
+def test_homing_and_moving_to_the_start_come_first() -> None:
+    for mode in ("csp", "pv"):
+        first = {
+            "homing": {"method": 35},
+            "move": {"position": 0.05, "velocity": 0.5, "mode": mode},
+        }
+        rig = quirky({}, first=first)
+        rig.driver.open()
+        rig.enable(5000)
+        rig.cycle()
+        rows, _ = rig.run(3)
+        assert rows[0][0].position == pytest.approx(0.05, abs=0.01), mode
+        assert rig.devices()[0].drive.mode == 10
+        rig.driver.close()
+
+
+def test_a_move_that_takes_too_long_is_told() -> None:
+    move = {"position": 100.0, "velocity": 0.1, "timeout_s": 0.2}
+    rig = quirky({}, first={"move": move})
+    rig.driver.open()
+    with pytest.raises(BusTimeout, match=r"moving to 100 took more than 0\.2 s"):
+        rig.enable(3000)
+    rig.driver.close()
+
+
+def test_homing_by_a_method_that_the_drive_has_not_is_refused() -> None:
+    sentence = refused(quirky({}, first={"homing": {"method": 17}}))
+    assert "6098:00 homing method" in sentence
