@@ -28,6 +28,8 @@ GENERIC, COMMUNICATION = 0x01, 0x10
 HISTORY = 8
 NEVER_SAVED = (0x1003, 0x6040, 0x6060, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60FF)
 MS = 1_000_000
+_WRITTEN = (0x60, 0x20, 0x30)
+"""Responses to a download, or to a segment of one."""
 
 
 class Nmt(IntEnum):
@@ -264,6 +266,7 @@ class Device:
         answer = self._sdo.answer(data)
         if answer is None:
             return
+        self.drive.changed = self.drive.changed or answer[0] in _WRITTEN
         if answer[1:4] == b"\x41\x60\x00" and answer[0] & 0xE0 == 0x40:
             self._note_told()
         self._send(0x580 + self.id, answer)
@@ -274,6 +277,7 @@ class Device:
             return
         if rpdo.receive(self._now_ns, data):
             rpdo.act()
+            self.drive.changed = True
 
     def sync(self, now_ns: int) -> None:
         """Take a SYNC: what has come acts, and what is measured is sent."""

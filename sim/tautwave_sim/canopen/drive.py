@@ -48,6 +48,8 @@ class Drive:
         self.control = Control(objects, motor)
         self.mode = 0
         self.voltage = True
+        self.changed = False
+        """Whether something was told or done that the motor has not felt yet."""
         self.told_enabled = False
         """Whether the master has been told, since power-on, that it is enabled."""
         self._quirks = quirks
@@ -88,7 +90,7 @@ class Drive:
         self._homed = self._homing_failed = self._mode_lost = False
         self._acknowledged = self._was_on = False
         self.told_enabled = False
-        self.control.rest()
+        self.changed = True
         if self._quirks.starts_in_fault:
             self.fail(self._quirks.fault_code)
 
@@ -97,7 +99,9 @@ class Drive:
     def at(self, now_ns: int) -> None:
         """Note the time, and let pass what it brings."""
         self._now_ns = now_ns
+        was = self.machine.state
         self.machine.run(now_ns)
+        self.changed = self.changed or self.machine.state is not was
         if self._next_mode is not None and now_ns >= self._next_mode[0]:
             self._enter(self._next_mode[1])
 
@@ -151,6 +155,7 @@ class Drive:
     def _enter(self, mode: int) -> None:
         self._next_mode = None
         self.mode = mode
+        self.changed = True
         self._homed = self._homing_failed = False
         self.control.take_over()
 
@@ -203,11 +208,10 @@ class Drive:
         self._settle()
 
     def _settle(self) -> None:
-        """End what waits for a motor that nobody moves or that has no torque any more."""
+        """End what waits for a motor that nobody moves."""
+        self.changed = True
         if self.machine.braking and not self.motor.free:
             self.machine.stood()
-        if self.machine.state not in POWERED:
-            self.control.rest()
 
     # -- slot by slot ---------------------------------------------------------------------
 
@@ -220,18 +224,21 @@ class Drive:
         """Command the motor for the slot that begins; may be called again for the same slot."""
         machine, control = self.machine, self.control
         self._settle()
+        self.changed = False
         on = machine.state in POWERED
         if on and not self._was_on:
             control.take_over()
         self._was_on = on
         if not on:
+            control.rest()
             return
         if machine.braking:
             quick = machine.braking == "quick"
             if control.brake(slot, self.objects.number(0x6085 if quick else 0x6084)):
                 machine.stood()
-                self._settle()
                 self._was_on = machine.state in POWERED
+                if not self._was_on:
+                    control.rest()
         elif machine.state is State.ENABLED:
             control.run(slot, self.mode, halt=bool(self._word & HALT))
             self._watch_following()

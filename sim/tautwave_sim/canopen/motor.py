@@ -44,14 +44,54 @@ def _agreed(own: float, truth: float) -> float:
     return truth if math.fabs(truth - own) <= _SAME * own else own
 
 
+class DriveAxis(SimulatedAxis):
+    """A simulated axis whose command may also change within a slot, as asynchronous PDOs do it."""
+
+    def __init__(self, name: str, truth: AxisModel) -> None:
+        super().__init__(name, truth)
+        self._changes: list[tuple[float, float]] = []
+
+    def change(self, value: float, share: float) -> None:
+        """Take a command that acts from this share of the running slot on."""
+        if share <= 0.0:
+            self._changes.clear()
+            self.command(value)
+            return
+        before = self._command
+        self.command(value)
+        self._changes.append((min(share, 1.0), self._command))
+        self._command = before
+
+    def pass_slot(self) -> None:
+        """Move by one slot."""
+        if not self._changes:
+            super().pass_slot()
+            return
+        if self._pipe or self._late > 0.0:  # a drive that is slow itself takes it up in the next
+            super().pass_slot()
+        else:
+            reference, rate = self._hand
+            begun, period = 0.0, self.period
+            for share, value in (*self._changes, (1.0, self._changes[-1][1])):
+                if share > begun:
+                    before = reference + rate * begun * period
+                    self.physics.step(self._command, before, rate, (share - begun) * period)
+                    begun = share
+                self._command = value
+            self._slot += 1
+            self._hand = self._hand_at(self._slot)
+        self._command = self._changes[-1][1]
+        self._changes.clear()
+
+
 class Motor:
     """One simulated axis as its drive sees it.
 
-    It is held still until `free` is set. Commands are for the slot that begins.
+    It is held still until `free` is set. Commands act from `share` of the running slot on.
     """
 
     def __init__(self, name: str, truth: AxisModel, scale: MotorScale) -> None:
-        self.axis = SimulatedAxis(name, truth)
+        self.axis = DriveAxis(name, truth)
         self.scale = scale
         self.servo = truth.servo is not None
         self.period = truth.period
@@ -59,6 +99,7 @@ class Motor:
         self.viscous = truth.plant.viscous
         self.lag = truth.servo.time_constant if truth.servo is not None else 0.0
         self.free = False
+        self.share = 0.0
         self.origin_counts = 0
         """What homing has set position 0 to [counts]."""
         self.torque_counts = 0
@@ -71,6 +112,7 @@ class Motor:
 
     def pass_slot(self) -> None:
         """Move by one slot, if nobody holds it."""
+        self.share = 0.0
         if self.free:
             self.axis.pass_slot()
             self._measured = None
@@ -116,12 +158,12 @@ class Motor:
     def drive_torque(self, counts: int) -> None:
         """Let per mille of the rated torque act."""
         self.torque_counts = counts
-        self.axis.command(self.scale.direction * counts * self.scale.effort)
+        self.axis.change(self.scale.direction * counts * self.scale.effort, self.share)
 
     def drive_velocity(self, velocity: float) -> None:
         """Let a servo follow a velocity [rad/s or m/s]."""
         self.velocity_told = velocity
-        self.axis.command(velocity)
+        self.axis.change(velocity, self.share)
 
     def position_of(self, counts: int) -> float:
         """Return the position [rad or m] of counts in 607Ah."""

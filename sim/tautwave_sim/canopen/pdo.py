@@ -17,12 +17,14 @@ from tautwave_sim.canopen.dictionary import (
     Entry,
     ObjectDictionary,
     SdoAbort,
+    Value,
 )
 from tautwave_sim.canopen.objects import INVALID, MAPPED
 
 EXTENDED = 0x20000000
 LAST_CYCLIC = 240
 EVENT = (254, 255)
+CONTROLWORD = 0x6040
 MEASURED = (0x6062, 0x6064, 0x606C, 0x6074, 0x6077, 0x6078, 0x60F4)
 
 Part = tuple[int, int, Entry]
@@ -166,13 +168,22 @@ class Rpdo(Pdo):
         if data is None:
             return
         at = 0
+        word = None
         for index, sub, entry in self.parts:
             value = entry.decode(data[at : at + entry.size])
             at += entry.size
-            try:
-                self._objects.write(index, sub, entry, value)
-            except SdoAbort:
-                continue
+            if index == CONTROLWORD:
+                word = (index, sub, entry, value)
+            else:
+                self._write(index, sub, entry, value)
+        if word is not None:  # last: it may be about the targets beside it
+            self._write(*word)
+
+    def _write(self, index: int, sub: int, entry: Entry, value: Value) -> None:
+        try:
+            self._objects.write(index, sub, entry, value)
+        except SdoAbort:
+            return
 
 
 class Tpdo(Pdo):

@@ -1,9 +1,10 @@
 """Simulated drives on one CAN bus: its wire, the nodes on it, and the slots their motors move on.
 
 The slots are those of the bus' period. A SYNC latches: at its arrival all axes move to the slot
-nearest to it, are measured there, and what was received before it acts from that slot on. The
-slots begin with the first SYNC after every operational drive has told that it is enabled; until
-then somebody holds the axes.
+nearest to it, are measured there, and what was received before it acts from that slot on. What
+does not wait for SYNC (an asynchronous RPDO, an SDO, a watchdog) acts within the slot. The slots
+begin with the first SYNC after every operational drive has told that it is enabled; until then
+somebody holds the axes. Without SYNC they begin when a drive is enabled.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ class DriveBus:
         now_ns: int,
     ) -> None:
         self._period_ns = bus.period_ns
+        self._sync = options.sync
         self._free = options.simulator.free or not options.sync
         self._origin_ns: int | None = None
         self._slot = 0
@@ -153,8 +155,9 @@ class DriveBus:
         tick_ns = self._tick_ns()
         if tick_ns is not None and tick_ns <= at_ns and self._origin_ns is not None:
             self._pass_to((at_ns - self._origin_ns) // self._period_ns)
-        for device in self.devices:
+        for at, device in enumerate(self.devices):
             device.run(at_ns)
+            self._act(at, at_ns)
         self._begin_if_free(at_ns)
 
     # -- slots ----------------------------------------------------------------------------
@@ -164,7 +167,12 @@ class DriveBus:
             self._begin(now_ns)
 
     def _some_enabled(self) -> bool:
-        return any(device.drive.machine.state is State.ENABLED for device in self.devices)
+        """Return whether a drive is enabled, and has said so where it sends by its own timer."""
+        return any(
+            device.drive.machine.state is State.ENABLED
+            and (self._sync or device.drive.told_enabled)
+            for device in self.devices
+        )
 
     def _begin(self, now_ns: int) -> None:
         self._origin_ns = now_ns
@@ -194,15 +202,27 @@ class DriveBus:
         if working and all(device.drive.told_enabled for device in working):
             self._begin(now_ns)
 
+    def _act(self, at: int, now_ns: int) -> None:
+        """Let what a device was told or did between two latches act from now on."""
+        drive = self.devices[at].drive
+        if not drive.changed or self._origin_ns is None:
+            return
+        since = now_ns - self._origin_ns
+        self._pass_to(since // self._period_ns)
+        self._motors[at].share = (since - self._slot * self._period_ns) / self._period_ns
+        drive.begin_slot(self._slot)
+
     def _hear(self, at: int, now_ns: int, can_id: int, data: bytes) -> None:
         device = self.devices[at]
         self._stale.add(at)
         if not device.hears_sync(can_id):
             device.receive(now_ns, can_id, data)
+            self._act(at, now_ns)
             return
         self._latch(now_ns)
         device.sync(now_ns)
         if self._origin_ns is not None:
+            self._motors[at].share = 0.0
             device.drive.begin_slot(self._slot)
         device.answer_sync()
 
