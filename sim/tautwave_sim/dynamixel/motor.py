@@ -111,6 +111,8 @@ class Motor:
         self.torque_on = on
         self.mode = mode
         self._goals()
+        if not on:
+            self.command()
 
     def _goals(self) -> None:
         memory, joint = self.memory, self.joint
@@ -147,6 +149,8 @@ class Motor:
             self.goal_velocity = self.joint.direction * self.joint.velocity * value
         else:
             self._goals()
+        if self.mode in (CURRENT, VELOCITY) and (self._admittance or self.mode == CURRENT):
+            self.command()  # known at once; it acts from the next slot on
 
     def clear_goals(self) -> None:
         """Stop: what a tripped bus watchdog does.
