@@ -169,6 +169,8 @@ def set_period(drive: RemoteDrive, bus: BusSpec) -> list[str]:
         The drive keeps another period.
     """
     wanted = o.interpolation_period(bus.period_ns)
+    if bus.period_ns % 1_000_000 == 0 and bus.period_ns <= 255_000_000:
+        wanted = bus.period_ns // 1_000_000, -3  # some drives know no other unit than ms
     if wanted is None:
         raise DeviceFault(
             f"{drive.name}: {bus.period_ns / 1e3:g} us cannot be written as 60C2h (1 to 255 times "
