@@ -9,6 +9,7 @@ from typing import NamedTuple
 from tautwave_sim.dynamixel import packets as p2
 from tautwave_sim.dynamixel import packets1 as p1
 from tautwave_sim.dynamixel.faults import HARDWARE_KINDS, MOMENT_KINDS, Event, FaultPlan
+from tautwave_sim.dynamixel.instructions import execute
 from tautwave_sim.dynamixel.packets import BROADCAST, Packet
 from tautwave_sim.dynamixel.servo import Reply, Servo
 from tautwave_sim.wire.serial import SerialLine, Transmission, wire_ns
@@ -203,7 +204,7 @@ class ServoBus:
             own, level, delay_ns = servo.device_id, servo.level, servo.delay_ns
             # Framed by what it was when asked: id, baud rate and protocol may be what is written.
             spoken = (servo.baud, servo.protocol)
-            reply = servo.execute(packet.instruction, packet.params, now_ns)
+            reply = execute(servo, packet.instruction, packet.params, now_ns)
             if reply is None or packet.device_id != own or not _wanted(packet.instruction, level):
                 continue
             self._answer(servo, own, reply, now_ns + delay_ns, spoken)

@@ -1,4 +1,4 @@
-"""One servo: what it does with an instruction, and what time does to it.
+"""One servo: its registers, what it measures, and what time does to it.
 
 Time is the bus' [ns]. The servo does not know when its answers are on the wire: `ServoBus` does.
 """
@@ -18,7 +18,6 @@ from tautwave_sim.dynamixel.motor import OVERHEAT_BIT, OVERLOAD_BIT, VOLTAGE_BIT
 WATCHDOG_UNIT_NS = 20_000_000
 DELAY_UNIT_NS = 2_000
 TICK_NS = 1_000_000
-CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
 
 # Protocol 1.0 has no register for them: bits of every status packet.
 FIRST_BITS = {
@@ -50,6 +49,10 @@ class Sample(NamedTuple):
     slot: int
     counts: int
     valid: bool
+    effort: float
+
+
+NO_SAMPLE = Sample(-1, 0, True, 0.0)
 
 
 class Servo:
@@ -93,7 +96,7 @@ class Servo:
         self._born_ns = 0
         self._heard_ns = 0
         self._shut_down = False
-        self._sample = Sample(-1, 0, True)
+        self._sample = NO_SAMPLE
         self._turns = 0
         self._bauds = dict(model.bauds)
         self._update_settings()
@@ -126,7 +129,7 @@ class Servo:
             joint = joint._replace(zero=zero, direction=turn * joint.direction)
         if joint != self.joint:
             self.joint = self.motor.joint = joint
-            self._sample = Sample(-1, 0, True)
+            self._sample = NO_SAMPLE
 
     @property
     def torque_on(self) -> bool:
@@ -180,7 +183,7 @@ class Servo:
         self._born_ns = now_ns
         self._deaf_until_ns = now_ns + self._reboot_ns
 
-    # ----------------------------------------------------------------------- instructions
+    # ------------------------------------------------------------------ asked by the host
 
     def listen(self, now_ns: int) -> None:
         """Take notice that an instruction was addressed to it: feeds the bus watchdog."""
@@ -198,8 +201,8 @@ class Servo:
 
     def frame(self, device_id: int, reply: Reply, protocol: float) -> bytes:
         """Return the status packet of a reply."""
-        codec = p1 if protocol < 2.0 else p2
-        return codec.status(device_id, self.alert(reply.error, protocol), reply.params)
+        status = p1.status if protocol < 2.0 else p2.status
+        return status(device_id, self.alert(reply.error, protocol), reply.params)
 
     def ping(self) -> Reply:
         """Answer a ping."""
@@ -261,64 +264,13 @@ class Servo:
         if memory.has("Goal Current"):
             memory.poke("Goal Current", memory.peek("Current Limit"))
 
-    def execute(self, instruction: int, params: bytes, now_ns: int) -> Reply | None:
-        """Do what an instruction to this servo alone asks; sync and bulk are the bus' business.
-
-        None: it keeps silent.
-        """
-        if instruction == p2.PING:
-            return self.ping()
-        if instruction == p2.READ:
-            return self._read_packet(params, now_ns)
-        if instruction in (p2.WRITE, p2.REG_WRITE):
-            return self._write_packet(instruction, params, now_ns)
-        if instruction == p2.ACTION:
-            return self._action(now_ns)
-        if instruction == p2.FACTORY_RESET:
-            return Reply(p2.RESULT_FAIL)  # a simulated servo keeps what its rig file says
-        if self.protocol >= 2.0 and instruction == p2.REBOOT:
-            self.reboot(now_ns)
-            return Reply(0)
-        if self.protocol >= 2.0 and instruction == p2.CLEAR:
-            return self._clear(params)
-        return Reply(p2.INSTRUCTION_ERROR)
-
-    def _read_packet(self, params: bytes, now_ns: int) -> Reply | None:
-        wide = 2 if self.protocol >= 2.0 else 1
-        if len(params) != 2 * wide:
-            return Reply(p2.LENGTH_ERROR)
-        address = int.from_bytes(params[:wide], "little")
-        return self.read(address, int.from_bytes(params[wide:], "little"), now_ns)
-
-    def _write_packet(self, instruction: int, params: bytes, now_ns: int) -> Reply:
-        wide = 2 if self.protocol >= 2.0 else 1
-        if len(params) <= wide:
-            return Reply(p2.LENGTH_ERROR)
-        address = int.from_bytes(params[:wide], "little")
-        if instruction == p2.WRITE:
-            return self.write(address, params[wide:], now_ns)
-        error, _ = self.memory.items_of(address, params[wide:])
-        if not error:
-            self.memory.registered = (address, params[wide:])
-            self.memory.poke("Registered Instruction", 1)
-        return Reply(error)
-
-    def _action(self, now_ns: int) -> Reply:
-        if self.memory.registered is None:
-            return Reply(p2.INSTRUCTION_ERROR)
-        address, data = self.memory.registered
-        self.memory.registered = None
-        self.memory.poke("Registered Instruction", 0)
-        return self.write(address, data, now_ns)
-
-    def _clear(self, params: bytes) -> Reply:
-        if params != CLEAR_TURNS:
-            return Reply(p2.RANGE_ERROR)
+    def clear_turns(self) -> bool:
+        """Take whole turns away from the position; False: it moves, and keeps them."""
         if self._moving():
-            return Reply(p2.RESULT_FAIL)
+            return False
         self._turns -= self.motor.position_counts() // self.model.counts
         self._update_settings()
-        return Reply(0)
+        return True
 
     # ------------------------------------------------------------------------- measuring
 
@@ -332,13 +284,13 @@ class Servo:
         if self._sample.slot != self.slot:
             state = self.axis.measure()
             counts = self.joint.to_counts(state.position)
-            self.motor.feel(state.effort)
-            self._sample = Sample(self.slot, counts, state.valid)
+            self._sample = Sample(self.slot, counts, state.valid, state.effort)
         return self._sample
 
     def _refresh(self, now_ns: int) -> bool:
         """Bring the registers of present values up to this slot; False: there is no sample."""
         sample = self._measure()
+        self.motor.feel(sample.effort)  # not once per slot: the torque may have come on since
         motor, memory, joint = self.motor, self.memory, self.joint
         if self.model.protocol < 2.0:
             self._refresh_first(sample)

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from tautwave.clock import MonotonicClock
 from tautwave.contracts import AxisSpec, Bench, BusSpec, Clock
 from tautwave.errors import ConfigError
@@ -201,7 +203,10 @@ def bench(options: BenchOptions) -> Bench:
         model = find_model(options.model)
     except ValueError as err:
         raise ConfigError(f"sim dynamixel: {err}") from err
-    faults = FaultOptions.model_validate({"seed": options.seed, **options.faults})
+    try:
+        faults = FaultOptions.model_validate({"seed": options.seed, **options.faults})
+    except ValidationError as err:
+        raise ConfigError([_sentence(problem) for problem in err.errors()]) from err
     delay = {"Return Delay Time": options.return_delay_us // 2}
     quirks = {one: ServoQuirks(registers=delay) for one in options.ids}
     bus = DynamixelOptions(
@@ -218,6 +223,11 @@ def bench(options: BenchOptions) -> Bench:
     )
     truths = [_free_axis(model, one) for one in options.ids]
     return Bench(bus, BusSpec("bench", axes, 1.0 / BENCH_PERIOD_S), truths)
+
+
+def _sentence(problem: Any) -> str:
+    where = ".".join(str(part) for part in problem["loc"])
+    return f"sim dynamixel: --faults: {where}: {problem['msg']} (got {problem['input']!r})"
 
 
 def _free_axis(model: Model, device_id: int) -> AxisModel:

@@ -43,8 +43,8 @@ class Host:
         starts = [(at - 2048) * STEP for at in counts] or [0.0] * len(ids)
         made = [
             truth(
-                servo=causality == "admittance",
                 **{"mass": 0.01, "seed": (one,), **(truths or {})},
+                servo=causality == "admittance",
             )._replace(start_position=start)
             for one, start in zip(ids, starts, strict=True)
         ]

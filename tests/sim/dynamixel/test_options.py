@@ -96,5 +96,7 @@ def test_a_bench_has_free_servos() -> None:
     assert [axis.device_id for axis in made.bus.axes] == [3, 4]
     assert made.options.simulator.faults.lost == 0.5
     assert made.options.simulator.factory
+    with pytest.raises(ConfigError, match=r"--faults: lost: .*less than or equal to 1 \(got 2\)"):
+        bench(BenchOptions(faults={"lost": 2}))
     with pytest.raises(ConfigError, match="did you mean XL330-M288"):
         bench(BenchOptions(model="XL330-M28"))

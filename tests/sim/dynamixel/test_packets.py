@@ -53,6 +53,14 @@ def test_a_packet_is_found_behind_anything(codec: object, garbage: bytes, cuts: 
     assert [one.device_id for one, _ in found if one.intact][-1:] == [7]
 
 
+@pytest.mark.parametrize("missing", [1, 2, 3, 5, 9])
+def test_a_packet_cut_short_is_no_checksum_error(missing: int) -> None:
+    """The next header may stand where its checksum should have been."""
+    good = p2.frame(1, b"\x01")
+    found = p2.Parser().feed(p2.frame(1, b"\x02\x84\x00\x04\x00")[:-missing] + good)
+    assert [one for one, _ in found] == [p2.Packet(1, p2.PING, b"", True)]
+
+
 @given(garbage=BYTES)
 def test_the_end_of_a_packet_is_where_its_last_byte_is(garbage: bytes) -> None:
     good = p2.frame(7, b"\x01")

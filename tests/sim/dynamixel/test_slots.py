@@ -105,6 +105,41 @@ def test_rows_are_those_of_a_loopback_one_period_late() -> None:
     assert run(configured(), 500) == loopback(500)
 
 
+@pytest.mark.parametrize("model", ["XM430-W350", "XL430-W250"])
+def test_admittance_rows_are_those_of_a_loopback_too(model: str) -> None:
+    """Position and the effort from outside, by velocity commands: exact to the bit."""
+    host = Host((1,), model, free=False, causality="admittance", simulator={"factory": False})
+    joint = host.servos[0].joint
+    quanta = {"effort_quantum": joint.effort, "velocity_quantum": joint.velocity}
+    given = {**TRUTH, **quanta}
+    host = Host(
+        (1,), model, free=False, causality="admittance", simulator={"factory": False}, truths=given
+    )
+    assert host.write(1, "Torque Enable", 1) == 0
+    begin = host.clock.now_ns() + MS
+    rows, staged = [], b""
+    for k in range(300):
+        host.clock.sleep_until(begin + k * MS)
+        body = bytes((p2.SYNC_READ, *words(126), *words(10), 1))
+        host.send(staged + p2.frame(p2.BROADCAST, body))
+        answer = host.hear(2 * MS // 3)
+        effort = -int.from_bytes(answer[9:11], "little", signed=True) * joint.effort
+        position = (int.from_bytes(answer[15:19], "little", signed=True) - 2048) * STEP
+        rows.append((position, effort, host.axes[0].physics.x))
+        wanted = math.floor((0.5 * effort + 0.3) / joint.velocity + 0.5)
+        head = bytes((p2.SYNC_WRITE, *words(104), *words(4), 1))
+        staged = p2.frame(p2.BROADCAST, head + wanted.to_bytes(4, "little", signed=True))
+    axis = SimulatedAxis("servo.1", truth(**{**given, "servo": True, "seed": (1,), "delay": 1.0}))  # type: ignore[arg-type]
+    others = []
+    for k in range(300):
+        if k:
+            axis.pass_slot()
+        state = axis.measure()
+        others.append((state.position, state.effort, axis.physics.x))
+        axis.command(0.5 * state.effort + 0.3)
+    assert rows == others
+
+
 def test_a_host_late_by_a_third_of_a_period_moves_no_row() -> None:
     assert run(configured(), 200, late=range(0, 200, 7)) == loopback(200)
 
