@@ -83,8 +83,8 @@ def _cost(rig: Rig, axis_name: str, divisor: int, numbers: Mapping[str, Any]) ->
     slow, fast = numbers["delay_s"]
     rigid, rigid_fast = numbers["rigid_stiffness"]
     text = (
-        f"{axis_name} is served every {divisor} cycles, at {numbers['rate_hz']:.4g} Hz. That costs "
-        f"stiffness: at {rig.rate_hz:.4g} Hz, in brackets, it would be less delayed. One-way delay "
+        f"{axis_name} is served every {divisor} cycles, at {numbers['rate_hz']:.4g} Hz. What that "
+        f"costs, with what it would be at {rig.rate_hz:.4g} Hz in brackets: one-way delay "
         f"{1e3 * slow:.4g} ms ({1e3 * fast:.4g}); a rigid environment feels like {rigid:.4g} "
         f"{_unit(rig, f'master.{pair}')} at the master ({rigid_fast:.4g})"
     )

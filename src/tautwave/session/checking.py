@@ -80,7 +80,7 @@ def check(rig: Rig) -> CheckResult:
     delays = command_delays(rig)
     budgets = bus_budgets(rig)
     facts = [
-        ("rate", f"{rig.rate_hz:g} Hz, {rig.cycles} cycles in {rig.duration_s:g} s"),
+        ("rate", _rate(rig)),
         ("coupling", _coupling(rig)),
     ]
     for name in rig.coupling.pairs:
@@ -111,6 +111,14 @@ def check(rig: Rig) -> CheckResult:
     if over_budget(rig, budgets):
         exit_code = BusBudgetError.exit_code
     return CheckResult(rig.name, rig_plan(rig), facts, certificate, budgets, exit_code)
+
+
+def _rate(rig: Rig) -> str:
+    told = f"{rig.rate_hz:g} Hz, {rig.cycles} cycles in {rig.duration_s:g} s"
+    for name, bus in rig.buses.items():
+        if bus.divisor > 1:
+            told += f"; bus {name} every {bus.divisor} cycles, {rig.rate_hz / bus.divisor:g} Hz"
+    return told
 
 
 def _coupling(rig: Rig) -> str:
