@@ -82,11 +82,11 @@ class DriveBus:
         if drive is None:
             return
         request = self._parsed(drive, pdu)
-        drive.settle(now_ns)
         if drive.origin_ns is not None:
             since = now_ns - drive.origin_ns
             self._pass(drive.base + (since + self._period_ns // 2) // self._period_ns, now_ns)
-        elif drive.on and request is not None and drive.told_by(request):
+        drive.settle(now_ns)
+        if drive.origin_ns is None and drive.on and request is not None and drive.told_by(request):
             drive.origin_ns, drive.base = now_ns, self._slot
             drive.motor.free = True
             drive.latch()
@@ -105,11 +105,11 @@ class DriveBus:
             return
         for number in range(self._slot, slot):
             for drive in moving:
-                assert drive.origin_ns is not None
-                # What happens in the second half of a slot is told apart from the next slot on.
-                middle_ns = drive.origin_ns + (2 * (number - drive.base) + 1) * self._period_ns // 2
-                drive.settle(min(middle_ns, now_ns))
-                drive.motor.pass_slot()
+                if drive.origin_ns is not None:
+                    # What happens in the second half of a slot counts from the next one on.
+                    halves = 2 * (number - drive.base) + 1
+                    drive.settle(min(drive.origin_ns + halves * self._period_ns // 2, now_ns))
+                    drive.pass_slot()
         self._slot = slot
         for drive in moving:
             drive.latch()

@@ -70,6 +70,8 @@ class Drive:
         self._heard_ns = 0
         self._busy_ns = 0
         self._was_on = False
+        self._positioning = False
+        self._goal = 0
         self.limited = False
         if quirks.starts_in_fault:
             self.machine.fail(self.fault_code(None))
@@ -207,9 +209,11 @@ class Drive:
             self.origin_ns = None  # held until the first exchange that finds it on
         self._was_on = on
         counts, how = self._command() if on else (0, "")
-        if how == "position" and self.motor.servo:
-            self.motor.approach(counts)
-        elif how == ("velocity" if self.motor.servo else "effort"):
+        self._positioning = how == "position" and self.motor.servo
+        self._goal = counts
+        if self._positioning:
+            return
+        if how == ("velocity" if self.motor.servo else "effort"):
             self.motor.tell(counts)
         else:
             self.motor.tell(0)
@@ -244,6 +248,12 @@ class Drive:
             held = max(held, sign * values[roles[low]])
         self.limited = self.limited or held != counts
         return held
+
+    def pass_slot(self) -> None:
+        """Have the motor move by one slot."""
+        if self._positioning:
+            self.motor.approach(self._goal)
+        self.motor.pass_slot()
 
     def latch(self) -> None:
         """Take the sample of a slot; what a limit says may have changed with it."""

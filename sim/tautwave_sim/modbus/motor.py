@@ -6,6 +6,9 @@ from tautwave.truth import AxisModel
 from tautwave_sim.axis import SimulatedAxis
 from tautwave_sim.modbus.units import Scale, to_counts
 
+LOOP = 0.2
+"""Share of its distance that a servo in position mode goes in a slot."""
+
 
 class Motor:
     """One simulated axis as its drive sees it, sample by sample.
@@ -26,8 +29,7 @@ class Motor:
         """The motor's own; of a servo what it holds against hand and environment."""
         self.told = 0
         """What it is told [counts]: torque, or velocity of a servo."""
-        self._position = self.axis.physics.x
-        self._look(self._position, 0.0, 0.0)
+        self._look(self.axis.physics.x, 0.0, 0.0)
 
     def pass_slot(self) -> None:
         """Move by one slot, if nobody holds it."""
@@ -40,7 +42,6 @@ class Motor:
             return
         state = self.axis.measure()
         self.valid = state.valid
-        self._position = state.position
         self._look(state.position, self.axis.physics.v, state.effort if self.servo else 0.0)
 
     def _look(self, position: float, velocity: float, effort: float) -> None:
@@ -59,7 +60,7 @@ class Motor:
         self.axis.command(self.scale.direction * counts * quantum)
 
     def approach(self, counts: int) -> None:
-        """Follow a position as a servo [counts]: be there one slot on, but for its lag."""
+        """Go towards a position as a servo [counts], for one slot."""
         target = self.scale.direction * counts * self.scale.position
-        self.axis.command((target - self._position) / self.axis.period)
+        self.axis.command(LOOP * (target - self.axis.physics.x) / self.axis.period)
         self.told = 0

@@ -28,7 +28,9 @@ def write_one(address: int, word: int) -> bytes:
 
 def write_many(address: int, *words: int) -> bytes:
     count = len(words)
-    return struct.pack(f">BHHB{count}H", 16, address, count, 2 * count, *(w & 0xFFFF for w in words))
+    return struct.pack(
+        f">BHHB{count}H", 16, address, count, 2 * count, *(w & 0xFFFF for w in words)
+    )
 
 
 def read_write(read_address: int, read_count: int, address: int, *words: int) -> bytes:
@@ -74,7 +76,7 @@ class Bench:
             "devices": [{"unit": unit, "profile": profile, **(device or {})} for unit in units],
             "simulator": {
                 "faults": faults or {},
-                "devices": {unit: quirks for unit in units} if quirks else {},
+                "devices": dict.fromkeys(units, quirks) if quirks else {},
             },
             **options,
         }
@@ -91,17 +93,18 @@ class Bench:
         self.port = made.port("" if link == "rtu" else ENDPOINT)
         self.transaction = 0
         self.silent_ns = 1_750_000
+        self.patience_ns = 50_000_000
         self.sent_ns = 0
 
     def drive(self, unit: int = 1) -> Any:
         return self.simulator.bus.drives[unit]
 
-    def bytes_back(self, frame: bytes, patience_ns: int = 50_000_000) -> bytes:
+    def bytes_back(self, frame: bytes) -> bytes:
         """Send bytes; return all that comes until the line has been quiet."""
         self.sent_ns = self.clock.now_ns()
         self.port.write(frame)
         got = b""
-        until = self.clock.now_ns() + patience_ns
+        until = self.clock.now_ns() + self.patience_ns
         while self.clock.wait(self.port, until):
             got += self.port.read()
             until = self.clock.now_ns() + self.silent_ns
@@ -114,8 +117,10 @@ class Bench:
             return None if found is None or found[0] != unit else found[1]
         self.transaction = self.transaction % 0xFFFF + 1
         got = self.bytes_back(tcp_frame(self.transaction, unit, pdu))
+        if len(got) < 8:
+            return None
         head = self.transaction.to_bytes(2, "big") + b"\0\0" + (len(got) - 6).to_bytes(2, "big")
-        return got[7:] if len(got) > 7 and got[:7] == head + bytes([unit]) else None
+        return got[7:] if got[:7] == head + bytes([unit]) else None
 
     def wait(self, seconds: float) -> None:
         self.clock.wait(self.port, self.clock.now_ns() + round(seconds * 1e9))
