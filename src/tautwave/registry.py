@@ -8,7 +8,8 @@ A third party adds a bus with one line in its `pyproject.toml`:
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from typing import Any, NamedTuple
@@ -72,7 +73,12 @@ def missing_modules(needs: Iterable[str]) -> tuple[str, ...]:
 
 
 def _find(group: str) -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=group)}
+    return _found(entry_points, group)
+
+
+@lru_cache(maxsize=8)  # every call reads the metadata of all that is installed: 5 ms
+def _found(look_up: Callable[..., Iterable[EntryPoint]], group: str) -> dict[str, EntryPoint]:
+    return {point.name: point for point in look_up(group=group)}
 
 
 def _load(group: str, name: str, kind: type[Any]) -> Any:
