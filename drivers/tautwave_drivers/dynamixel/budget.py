@@ -109,7 +109,9 @@ def _arithmetic(options: DynamixelOptions, traffic: Traffic, exchange: float) ->
         text += f" + {traffic.delays} x {options.return_delay_s * 1e3:.3f} ms return delay"
     if options.latency_s > 0.0:
         text += f" + {options.latency_s * 1e3:g} ms USB latency timer"
-    return f"{text} = {exchange * 1e3:.3f} ms"
+    if options.return_delay_s > 0.0 or options.latency_s > 0.0:
+        text += f" = {exchange * 1e3:.3f} ms"
+    return text
 
 
 def _remedies(options: DynamixelOptions, bus: BusSpec, traffic: Traffic) -> list[str]:

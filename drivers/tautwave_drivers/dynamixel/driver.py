@@ -178,6 +178,12 @@ class DynamixelDriver:
             exchange.send(b"", now)
             until = now + round(1e9 * (self._options.latency_s + 0.03))
             if not exchange.collect(until):
+                exchange.on_wire = exchange.keeps_wire_time(self._clock.now_ns())
+                if not exchange.on_wire:
+                    self.notes.append(
+                        f"bus {self._bus.name}: answers come sooner than {self._options.baud} baud "
+                        "allow, so this is no real line; a late answer cannot be told by its time"
+                    )
                 return
         silent = [
             f"{servo.axis.name} (servo {servo.options.id})"

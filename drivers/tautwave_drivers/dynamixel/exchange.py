@@ -4,8 +4,12 @@ What dynamixel-sdk's group classes do not do: every servo's answer counts by its
 costs no other; its error byte is kept; what is sent is stuffed; the host waits in the kernel.
 
 Servos answer in the order asked, and some wait for the one before them. So who did not answer last
-time is asked last: it can hold nobody up, and is waited for only as long as its answer takes on the
-wire. Nothing read before a request is believed to belong to it.
+time is asked last, where it can hold nobody up. A late answer may be the host's fault and is waited
+for until the deadline; who has missed `ABSENT` cycles running is gone and is waited for only as
+long as its answer takes on the wire, but for every `AGAIN`th time.
+
+An answer has no number, so one that comes a cycle late could pass for the next. No byte that comes
+before the question itself is through the wire belongs to its answer: such bytes are dropped.
 """
 
 from __future__ import annotations
@@ -22,7 +26,10 @@ from tautwave_drivers.dynamixel.registers import Register
 from tautwave_drivers.dynamixel.usual import Usual, Values
 
 SLACK_NS = 100_000
-"""Beyond its wire time, for a servo that was missing before: turn-around and host."""
+"""Beyond its wire time, for a servo that is gone: turn-around and host."""
+
+ABSENT = 3
+AGAIN = 8
 
 
 class Timing(NamedTuple):
@@ -74,8 +81,10 @@ class Goals:
 class Exchange:
     """Sends the question of every cycle and sorts the answers.
 
-    After `collect`, `values[i]` holds what servo i sent, None where nothing right came; `refusals`
-    the error bytes of those that answered without data, by index.
+    After `collect`, `values[i]` holds what servo i sent, None where nothing right came;
+    `refusals` the error bytes of those that answered without data, by index. With `on_wire` set,
+    bytes that come sooner than the wire allows are dropped; without, only what came before the
+    question.
 
     Parameters
     ----------
@@ -122,12 +131,14 @@ class Exchange:
         self._byte_ns = round(BITS_PER_BYTE * 1e9 / timing.baud)
         self._answer_ns = self._usual.size * self._byte_ns + round(answer_s * 1e9) + SLACK_NS
         self._buffer = bytearray()
-        self._present = [True] * len(ids)
+        self._missed = [0] * len(ids)
         self._order = self._ids
         self._questions: dict[tuple[int, ...], bytes] = {}
         self._question = self._ask(self._order)
         self._due_ns = 0
+        self._earliest_ns = 0
         self._complete = False
+        self.on_wire = False
         self.stale = 0
         self.values: list[Values | None] = [None] * len(ids)
         self.refusals: dict[int, int] = {}
@@ -141,12 +152,18 @@ class Exchange:
             The line is gone.
         """
         if not self._complete:
-            # After a complete answer nothing can be on its way.
             self.stale += len(self._port.read()) + len(self._buffer)
             self._buffer.clear()
         message = goals + self._question
         self._port.write(message)
-        self._due_ns = now_ns + len(message) * self._byte_ns + self._answer_ns
+        asked_ns = now_ns + len(message) * self._byte_ns
+        self._due_ns = asked_ns + self._answer_ns
+        self._earliest_ns = asked_ns if self.on_wire else now_ns
+
+    def keeps_wire_time(self, now_ns: int) -> bool:
+        """Return whether a whole answer that has just come took as long as on a wire."""
+        margin_ns = SLACK_NS + self._usual.size * self._byte_ns // 10
+        return now_ns >= self._due_ns - margin_ns
 
     def collect(self, deadline_ns: int) -> int:
         """Take the answers in as they come; return how many servos are missing.
@@ -158,11 +175,14 @@ class Exchange:
         """
         if self._complete and self._clock.wait(self._port, deadline_ns):
             chunk = self._port.read()
-            usual = self._usual.take(chunk)
-            if usual is not None:
-                self.values = usual  # type: ignore[assignment]  # nobody writes into it
-                return 0
-            self._buffer += chunk
+            if self._clock.now_ns() >= self._earliest_ns:
+                usual = self._usual.take(chunk)
+                if usual is not None:
+                    self.values = usual  # type: ignore[assignment]  # nobody writes into it
+                    return 0
+                self._buffer += chunk
+            else:
+                self.stale += len(chunk)
         return self._collect_carefully(deadline_ns)
 
     def _collect_carefully(self, deadline_ns: int) -> int:
@@ -176,11 +196,14 @@ class Exchange:
         take = self._take if self._fast is None else self._take_fast
         limit = deadline_ns
         while True:
-            buffer += port.read()
-            left, last = take(left)
-            if left == 0 or last:
-                break
-            # Who was missing last time is not waited for longer than its answer takes.
+            chunk = port.read()
+            if chunk and clock.now_ns() < self._earliest_ns:
+                self.stale += len(chunk)
+            else:
+                buffer += chunk
+                left, last = take(left)
+                if left == 0 or last:
+                    break
             if self._due_ns < limit and not self._awaited():
                 limit = self._due_ns
             if not clock.wait(port, limit):
@@ -216,16 +239,20 @@ class Exchange:
         return left, False
 
     def _awaited(self) -> bool:
-        """Return whether a servo that answered last time has not answered yet."""
-        pairs = zip(self.values, self._present, strict=True)
-        return any(present and values is None for values, present in pairs)
+        """Return whether a servo that is not gone has not answered yet."""
+        for values, missed in zip(self.values, self._missed, strict=True):
+            if values is None and (missed < ABSENT or missed % AGAIN == 0):
+                return True
+        return False
 
     def _reorder(self) -> None:
         """Ask those last that did not answer."""
-        self._present = [values is not None for values in self.values]
-        pairs = list(zip(self._ids, self._present, strict=True))
-        here = [one for one, present in pairs if present]
-        order = tuple(here + [one for one, present in pairs if not present])
+        here: list[int] = []
+        gone: list[int] = []
+        for index, values in enumerate(self.values):
+            self._missed[index] = 0 if values is not None else self._missed[index] + 1
+            (gone if values is None else here).append(self._ids[index])
+        order = (*here, *gone)
         if order != self._order:
             self._order = order
             self._question = self._ask(order)

@@ -20,6 +20,7 @@ from tautwave.contracts import Bench
 from tautwave.errors import ConfigError, DriverError, TautwaveError
 from tautwave.registry import load_simulator
 from tautwave.rig import axis_model
+from tautwave.runtime.machine import realtime
 
 START_TIMEOUT_S = 20.0
 
@@ -138,11 +139,10 @@ def main() -> int:
     try:
         rig = parse_rig(sys.stdin.read())
         bus = sys.argv[1]
-        serve(
-            rig.buses[bus].driver,
-            bus_bench(rig, bus),
-            lambda found: print_line({"bus": bus, **found}),
-        )
+        bench = bus_bench(rig, bus)
+        # A device answers in its own time, whatever else this machine does; the loop goes first.
+        with realtime(max(0, rig.loop.fifo_priority - 1), None, lock_memory=False):
+            serve(rig.buses[bus].driver, bench, lambda found: print_line({"bus": bus, **found}))
     except TautwaveError as err:
         sys.stderr.write(f"{err}\n")
         return err.exit_code
