@@ -125,7 +125,8 @@ class Servo:
         memory, joint = self.memory, self._mounted
         if memory.has("Homing Offset"):
             zero = joint.zero + memory.peek("Homing Offset") + self._turns * self.model.counts
-            turn = -1 if memory.peek("Drive Mode") & 1 else 1
+            reverse = memory.has("Drive Mode") and memory.peek("Drive Mode") & 1
+            turn = -1 if reverse else 1
             joint = joint._replace(zero=zero, direction=turn * joint.direction)
         if joint != self.joint:
             self.joint = self.motor.joint = joint

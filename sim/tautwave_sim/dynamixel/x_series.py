@@ -123,6 +123,10 @@ DEFAULT_GAINS = (1920, 100, 0, 0, 800)
 """Velocity I and P, position D, I and P."""
 
 
+FIRST_WATCHDOG = 38
+"""First firmware of the 430 and 540 with Bus Watchdog(98) and Drive Mode(10); all 330 have them."""
+
+
 class Figures(NamedTuple):
     """What tells one model of a family from the others: numbers of its page."""
 
@@ -250,6 +254,8 @@ def _model(figures: Figures, extra: tuple[Item, ...], small: bool, firmware: int
     missing: tuple[str, ...] = () if figures.current_limit else CURRENT_NAMES
     if figures in SERIES_XW:
         missing = ("LED",)
+    if firmware < FIRST_WATCHDOG and not small:
+        missing += ("Bus Watchdog", "Drive Mode")
     items = [
         item._replace(**changes.get(item.name, {}))
         for item in (*EEPROM_ITEMS, *RAM_ITEMS, *extra)

@@ -6,6 +6,7 @@ import contextlib
 import fcntl
 import os
 import struct
+import termios
 import tty
 from collections.abc import Callable
 from pathlib import Path
@@ -49,6 +50,10 @@ class Pty:
         settings = bytearray(TERMIOS2)
         fcntl.ioctl(self._master, TCGETS2, settings)
         return int(struct.unpack_from("=II", settings, SPEEDS_AT)[1])
+
+    def share(self) -> None:
+        """Let others open `path` again: the slave held here would keep TIOCEXCL for ever."""
+        fcntl.ioctl(self._slave, termios.TIOCNXCL)
 
     def read(self) -> bytes:
         """Return what was written to `path`; nothing if there is nothing."""
@@ -108,6 +113,7 @@ def serve_line(
                 continue
             if line.readable():
                 pty.write(line.take())
+            pty.share()
             if clock.wait(pty, deadline_ns):
                 line.baud = pty.baud()
                 line.host_write(pty.read(), clock.now_ns())

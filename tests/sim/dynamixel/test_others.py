@@ -6,10 +6,13 @@ runs in real time: nothing here asserts how fast, only that the wire is not too 
 
 from __future__ import annotations
 
+import fcntl
 import json
 import math
+import os
 import subprocess
 import sys
+import termios
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -29,6 +32,7 @@ from dynamixel_sdk import (
     PortHandler,
 )
 
+TIOCGEXCL = 0x80045440  # asm-generic/ioctls.h
 COMMAND = [sys.executable, "-c", "from tautwave.cli import main; main()", "sim", "dynamixel"]
 
 
@@ -148,6 +152,16 @@ def test_the_baud_rate_is_heard(device: str) -> None:
         assert packets.ping(port, 1)[1] == COMM_RX_TIMEOUT
     with sdk(device) as (port, packets):
         assert patient(lambda: packets.ping(port, 1))[1] == COMM_SUCCESS
+
+
+def test_an_exclusive_client_locks_nobody_out_for_ever(device: str) -> None:
+    """The simulator holds the device open too, so that closing it would not undo TIOCEXCL."""
+    fd = os.open(device, os.O_RDWR | os.O_NOCTTY)
+    try:
+        fcntl.ioctl(fd, termios.TIOCEXCL)
+        until(lambda: fcntl.ioctl(fd, TIOCGEXCL, bytes(4)) == bytes(4))
+    finally:
+        os.close(fd)
 
 
 def test_the_wire_is_not_faster_than_its_baud_rate() -> None:

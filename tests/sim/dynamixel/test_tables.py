@@ -124,6 +124,15 @@ def test_a_model_unknown_is_named_with_its_nearest() -> None:
         find_model("xm430-w35")
 
 
+def test_firmware_before_38_has_no_watchdog() -> None:
+    host = Host((1,), simulator={"servos": {1: {"firmware": 37}}})
+    assert host.error(1, WRITE, 98, 0, 5) == 7
+    assert "Bus Watchdog" not in host.servos[0].memory.items
+    assert host.write(1, "Torque Enable", 1) == 0
+    host.pass_time(0.1)
+    assert host.read(1, "Torque Enable") == 1
+
+
 def test_firmware_is_what_was_asked_for() -> None:
     host = Host((1,), simulator={"servos": {1: {"firmware": 41}}})
     assert host.servos[0].firmware == 41
