@@ -185,7 +185,8 @@ class Bringup:
             raise DriverError(
                 f"{self._where(servo)}: effort_limit {servo.axis.effort_limit:g} needs "
                 f"{need * unit:.3g} A, but its current limit(38) is {limit * unit:.3g} A; lower "
-                f"effort_limit to {most:.3g}, or give the servo current_limit: {need * unit:.5g}"
+                f"effort_limit to {most:.3g}, or set current_limit: {need * unit:.5g} in "
+                "options.servos"
             )
         return Limits(limit, 0)
 

@@ -27,7 +27,8 @@ CAVEAT = "the stall slope, +-20 %"
 class Model(NamedTuple):
     """One model. `current_unit` [A] is 0 where current is neither measured nor controlled.
 
-    `stall_torque` [N m], `stall_current` [A]; 0 where the e-manual states none.
+    `stall_torque` [N m] and `stall_current` [A] at the recommended voltage; `current_range` is the
+    greatest Current Limit(38) [counts].
     """
 
     name: str
@@ -35,6 +36,7 @@ class Model(NamedTuple):
     current_unit: float
     stall_torque: float
     stall_current: float
+    current_range: int = 0
     fastest_baud: int = 4_500_000
     indirect_data: int = 224
     protocol: float = 2.0
@@ -55,40 +57,40 @@ class Model(NamedTuple):
         return self.protocol > 1.5 and "330" in self.name
 
 
-def _small(name: str, number: int, torque: float, current: float) -> Model:
-    return Model(name, number, 1e-3, torque, current, fastest_baud=4_000_000, indirect_data=208)
+def _small(name: str, number: int, torque: float, current: float, most: int) -> Model:
+    return Model(name, number, 1e-3, torque, current, most, 4_000_000, indirect_data=208)
 
 
 _X = (
-    _small("XL330-M077", 1190, 0.215, 1.47),
-    _small("XL330-M288", 1200, 0.52, 1.47),
-    _small("XC330-T181", 1210, 0.76, 0.80),
-    _small("XC330-T288", 1220, 0.92, 0.80),
-    _small("XC330-M181", 1230, 0.60, 1.80),
-    _small("XC330-M288", 1240, 0.93, 1.80),
+    _small("XL330-M077", 1190, 0.215, 1.47, 1750),
+    _small("XL330-M288", 1200, 0.52, 1.47, 1750),
+    _small("XC330-T181", 1210, 0.76, 0.80, 910),
+    _small("XC330-T288", 1220, 0.92, 0.80, 910),
+    _small("XC330-M181", 1230, 0.60, 1.80, 2352),
+    _small("XC330-M288", 1240, 0.93, 1.80, 2352),
     Model("XL430-W250", 1060, 0.0, 1.4, 1.3),
     Model("2XL430-W250", 1090, 0.0, 1.4, 1.3),
     Model("XC430-W150", 1070, 0.0, 1.6, 1.4),
     Model("XC430-W240", 1080, 0.0, 1.9, 1.4),
     Model("2XC430-W250", 1160, 0.0, 1.8, 1.4),
-    Model("XM430-W350", 1020, 2.69e-3, 4.1, 2.3),
-    Model("XM430-W210", 1030, 2.69e-3, 3.0, 2.3),
-    Model("XH430-W350", 1000, 2.69e-3, 3.4, 1.3),
-    Model("XH430-W210", 1010, 2.69e-3, 2.5, 1.3),
-    Model("XD430-T350", 1001, 2.69e-3, 3.4, 1.3),
-    Model("XD430-T210", 1011, 2.69e-3, 2.5, 1.3),
-    Model("XH430-V350", 1040, 1.34e-3, 3.3, 0.7),
-    Model("XH430-V210", 1050, 1.34e-3, 2.6, 0.7),
-    Model("XM540-W270", 1120, 2.69e-3, 10.6, 4.4),
-    Model("XM540-W150", 1130, 2.69e-3, 7.3, 4.4),
-    Model("XH540-W270", 1100, 2.69e-3, 9.9, 4.9),
-    Model("XH540-W150", 1110, 2.69e-3, 7.1, 4.9),
-    Model("XD540-T270", 1101, 2.69e-3, 9.9, 4.9),
-    Model("XD540-T150", 1111, 2.69e-3, 7.1, 4.9),
-    Model("XH540-V270", 1140, 2.69e-3, 9.2, 2.4),
-    Model("XH540-V150", 1150, 2.69e-3, 6.4, 2.4),
-    Model("XW540-T260", 1170, 2.69e-3, 9.5, 4.9),
-    Model("XW540-T140", 1180, 2.69e-3, 6.9, 4.9),
+    Model("XM430-W350", 1020, 2.69e-3, 4.1, 2.3, 1193),
+    Model("XM430-W210", 1030, 2.69e-3, 3.0, 2.3, 1193),
+    Model("XH430-W350", 1000, 2.69e-3, 3.4, 1.3, 648),
+    Model("XH430-W210", 1010, 2.69e-3, 2.5, 1.3, 648),
+    Model("XD430-T350", 1001, 2.69e-3, 3.4, 1.3, 648),
+    Model("XD430-T210", 1011, 2.69e-3, 2.5, 1.3, 648),
+    Model("XH430-V350", 1040, 1.34e-3, 3.3, 0.7, 689),
+    Model("XH430-V210", 1050, 1.34e-3, 2.6, 0.7, 689),
+    Model("XM540-W270", 1120, 2.69e-3, 10.6, 4.4, 2047),
+    Model("XM540-W150", 1130, 2.69e-3, 7.3, 4.4, 2047),
+    Model("XH540-W270", 1100, 2.69e-3, 9.9, 4.9, 2047),
+    Model("XH540-W150", 1110, 2.69e-3, 7.1, 4.9, 2047),
+    Model("XD540-T270", 1101, 2.69e-3, 9.9, 4.9, 2047),
+    Model("XD540-T150", 1111, 2.69e-3, 7.1, 4.9, 2047),
+    Model("XH540-V270", 1140, 2.69e-3, 9.2, 2.4, 2047),
+    Model("XH540-V150", 1150, 2.69e-3, 6.4, 2.4, 2047),
+    Model("XW540-T260", 1170, 2.69e-3, 9.5, 4.9, 2047),
+    Model("XW540-T140", 1180, 2.69e-3, 6.9, 4.9, 2047),
 )
 
 MODELS = {model.name: model for model in _X}

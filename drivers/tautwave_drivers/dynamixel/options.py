@@ -169,6 +169,18 @@ def _refusal(
     known = servo.torque_constant or model.torque_constant
     if known == 0.0:
         return where + f"the stall torque of a {model.name} is not known; give torque_constant"
+    unit = model.current_unit
+    most = model.current_range * unit * known * servo.gear_ratio
+    if axis.causality == "impedance" and axis.effort_limit >= most + unit * known:
+        return where + (
+            f"effort_limit {axis.effort_limit:g} is beyond a {model.name}, whose greatest current "
+            f"limit {model.current_range * unit:.3g} A gives {most:.3g}; lower effort_limit"
+        )
+    if servo.current_limit is not None and servo.current_limit > (model.current_range + 0.5) * unit:
+        return where + (
+            f"current_limit {servo.current_limit:g} is beyond the {model.current_range * unit:.3g} "
+            f"A of a {model.name}"
+        )
     if options.baud > model.fastest_baud:
         return where + f"a {model.name} goes up to {model.fastest_baud} baud (got {options.baud})"
     return ""
