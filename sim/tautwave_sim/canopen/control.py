@@ -108,6 +108,11 @@ class Control:
             return math.inf
         return abs(self._motor.velocity_of(acceleration)) * self._motor.period
 
+    def _halt_step(self) -> float:
+        """Return the change of speed in one slot of a halt (605Dh)."""
+        quick = self._objects.number(0x605D) == 2
+        return self._step(self._objects.number(0x6085 if quick else 0x6084))
+
     def _torque(self, before: Setpoint, mode: int, halt: bool) -> None:
         number = self._objects.number
         wanted = float(number(0x6071))
@@ -128,14 +133,14 @@ class Control:
         else:
             target = 0.0 if halt else motor.velocity_of(number(0x60FF))
             faster = abs(target) > abs(before.velocity) and target * before.velocity >= 0.0
-            step = self._step(number(0x6083 if faster else 0x6084))
+            step = self._halt_step() if halt else self._step(number(0x6083 if faster else 0x6084))
             velocity = _towards(before.velocity, target, step)
         self._follow_speed(before, velocity)
 
     def _position(self, before: Setpoint, mode: int, halt: bool) -> None:
         number, motor = self._objects.number, self._motor
         if halt:
-            velocity = _towards(before.velocity, 0.0, self._step(number(0x6084)))
+            velocity = _towards(before.velocity, 0.0, self._halt_step())
             position = before.position + velocity * motor.period
         elif mode == CSP:
             position = motor.position_of(number(0x607A) + number(0x60B0))

@@ -12,11 +12,19 @@ from tautwave_sim.canopen.world import DriveBus
 INBOX = 10_000
 """Frames that wait for a master that does not read; the oldest are dropped then."""
 
+ERROR_FRAME = 0x20000000
+CONTROLLER, BUS_OFF = 0x04, 0x40
+"""Classes of error frames, in their identifier (CAN_ERR_CRTL, CAN_ERR_BUSOFF)."""
+TX_PASSIVE, ACTIVE = 0x20, 0x40
+"""What byte 1 tells of the controller; byte 6 has its transmit errors (<linux/can/error.h>)."""
+
 Received = tuple[int, bytes, int]
 
 
 class MasterPort:
     """The master's end of a simulated bus: a `FramePort` that is `InMemory`.
+
+    A change of its controller's state is told by an error frame, as Linux does it.
 
     Parameters
     ----------
@@ -34,6 +42,7 @@ class MasterPort:
         self._depth = depth
         self._inbox: deque[Received] = deque(maxlen=INBOX)
         self._port = world.medium.port(self._take, depth, recovers=False)
+        self._told = "active"
 
     def _take(self, now_ns: int, can_id: int, data: bytes) -> None:
         self._inbox.append((can_id, data, now_ns))
@@ -43,6 +52,17 @@ class MasterPort:
         """`active`, `passive` or `off`, as the controller's error counter has it."""
         self._world.trouble(self._port)
         return self._port.error_state
+
+    def _tell_errors(self) -> None:
+        state = self._port.error_state
+        if state == self._told:
+            return
+        self._told = state
+        kind = BUS_OFF if state == "off" else CONTROLLER
+        status = {"off": 0, "passive": TX_PASSIVE, "active": ACTIVE}[state]
+        count = min(self._port.errors, 0xFF)
+        data = bytes([0, status, 0, 0, 0, 0, count, 0])
+        self._inbox.append((ERROR_FRAME | kind, data, self._world.medium.now_ns))
 
     def send(self, can_id: int, data: bytes) -> bool:
         """Queue a frame; return False when the queue is full.
@@ -85,6 +105,7 @@ class MasterPort:
         """Let the bus go on to `to_ns`."""
         self._world.trouble(self._port)
         self._world.advance(to_ns)
+        self._tell_errors()
 
     def close(self) -> None:
         """Forget what has come."""

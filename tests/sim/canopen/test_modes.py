@@ -151,6 +151,25 @@ def test_quick_stop_brakes_by_its_ramp_in_a_torque_mode_too(option: int) -> None
     assert node.device().drive.motor.torque_counts == 0
 
 
+@pytest.mark.parametrize("mode", [PV, PP])
+@pytest.mark.parametrize(("option", "step"), [(1, 1000), (2, 20_000)])
+def test_halt_brakes_as_605d_says(mode: int, option: int, step: int) -> None:
+    node = node_in(mode, SPEED_MAP if mode == PV else POSITION_MAP, mass=0.005)
+    for index, value in ((0x6084, 1000), (0x6085, 20_000), (0x6081, 2000)):
+        node.write(1, index, 0, value, 4)
+    node.write(1, 0x605D, 0, option, 2)
+    target = 2000 if mode == PV else 1_000_000
+    run(node, target, 1, 0x1F)
+    run(node, target, 300)
+    before = node.device().drive.control.demand.velocity / STEP
+    assert before == pytest.approx(2000)
+    run(node, target, 10, 0x10F)
+    assert node.device().drive.control.demand.velocity / STEP == pytest.approx(2000 - step / 100)
+    run(node, target, 3000 if option == 1 else 200, 0x10F)
+    assert node.device().drive.control.demand.velocity == 0.0
+    assert abs(node.device().drive.motor.velocity()) < 3 * STEP
+
+
 def test_without_power_an_axis_moves_freely() -> None:
     node = node_in(CST)
     for _ in range(100):

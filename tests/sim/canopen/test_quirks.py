@@ -272,6 +272,8 @@ def test_a_disturbed_bus_makes_the_master_passive_and_then_off() -> None:
         node.port.send(0x80, b"")
         node.wait()
     assert list(dict.fromkeys(states)) == ["active", "passive", "off"]
+    told = [(i, data[1], data[6]) for i, data, _ in node.heard if i >= 0x20000000]
+    assert told == [(0x20000004, 0x20, 128), (0x20000040, 0, 255)]  # <linux/can/error.h>
     with pytest.raises(DriverError, match="bus-off"):
         node.port.send(0x80, b"")
 
