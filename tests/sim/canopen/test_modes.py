@@ -201,6 +201,17 @@ def test_an_axis_stands_until_it_is_enabled_and_slot_0_is_the_sync_after_it_told
         assert axis.hand()[0] == reference[slot]
 
 
+def test_all_wait_for_the_slowest_drive() -> None:
+    node = Master((1, 2), quirks={"transition_ms": 5}, reference=[0.1] * 99, grip=(50.0, 0.1))
+    node.bring_up()
+    while node.state(1) != "ENABLED":
+        node.torque(500)
+        assert [axis.physics.x for axis in node.world.axes] == [0.0, 0.0]
+    for _ in range(3):
+        node.torque(0)
+    assert all(axis.physics.x > 0.0 for axis in node.world.axes)
+
+
 def test_a_lost_sync_lets_the_old_command_act_and_time_go_on() -> None:
     node = node_in(CST)
     node.torque(100)
@@ -208,6 +219,15 @@ def test_a_lost_sync_lets_the_old_command_act_and_time_go_on() -> None:
     node.torque(0)
     motor = node.device().drive.motor
     assert motor.velocity() == pytest.approx(0.1 * RATED / MASS * 8e-3)
+
+
+@pytest.mark.parametrize(("early_us", "slots"), [(0, 6), (300, 6), (-300, 6), (600, 5), (-600, 7)])
+def test_a_sync_latches_the_slot_it_is_nearest_to(early_us: int, slots: int) -> None:
+    node = node_in(CST, reference=[0.001 * slot for slot in range(100)], grip=(1.0, 0.0))
+    node.torque(0)  # slot 1: slot 0 was the last SYNC of the bring-up
+    node.wait(4_000_000 - 1000 * early_us)
+    node.torque(0)
+    assert node.world.axes[0].hand()[0] == pytest.approx(0.001 * slots)
 
 
 def test_a_mode_that_does_not_exist_is_refused() -> None:

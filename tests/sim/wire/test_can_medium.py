@@ -133,6 +133,8 @@ def test_the_nth_frame_is_lost() -> None:
 def test_a_lost_sync_is_a_lost_sync_only() -> None:
     assert arrivals(one("sync_lost", nth=2), can_id=0x80)[1] == [0, 2, 3]
     assert arrivals(one("sync_lost", nth=2))[1] == [0, 1, 2, 3]
+    assert arrivals({"sync_lost": 1.0}, can_id=0x80)[1] == []
+    assert arrivals({"sync_lost": 1.0})[1] == [0, 1, 2, 3]
 
 
 def test_the_first_frame_from_a_time_on_is_lost() -> None:
