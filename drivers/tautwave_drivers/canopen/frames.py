@@ -196,8 +196,3 @@ def error_words(can_id: int, data: bytes) -> tuple[str, bool]:
     if can_id & _RESTARTED:
         words.append("controller restarted")
     return "; ".join(words) or f"error frame 0x{can_id & _ERROR_MASK:08X}", False
-
-
-def is_passive(can_id: int, data: bytes) -> bool:
-    """Tell whether an error frame says error-passive."""
-    return bool(can_id & _CONTROLLER_BIT and len(data) > 1 and data[1] & _PASSIVE)

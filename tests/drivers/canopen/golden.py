@@ -38,17 +38,27 @@ MAP_RPDO1 = (
     "601#2F00160002000000",
     "601#2300140101020000",  # 1400:01 valid: [ICP] with RPDO 1 of node 1
 )
-SET_UP = (
-    "601#2B40600000000000",  # 6040:00 disable voltage
-    "601#2B726000D0070000",  # 6072:00 2000 per mille
-    "601#2B17100014000000",  # 1017:00 heartbeat every 20 ms
-    "601#231610013C007F00",  # 1016:01 node 127 within 60 ms
-    "601#2B0014053C000000",  # 1400:05 60 ms
-    "601#2B07600002000000",  # 6007:00 disable voltage when the bus is lost
-    *MAP_TPDO1,
-    *MAP_RPDO1,
-    "601#2F6060000A000000",  # 6060:00 cyclic synchronous torque
-)
+
+
+def set_up(timeout_ms: int = 60, period_ms: int | None = None) -> tuple[str, ...]:
+    """Return the writes of a set-up; `period_ms` where 60C2h does not hold the period yet."""
+    time = timeout_ms.to_bytes(2, "little").hex().upper()
+    period = () if period_ms is None else (f"601#2FC26001{period_ms:02X}000000",)
+    return (
+        "601#2B40600000000000",  # 6040:00 disable voltage
+        *period,  # 60C2:01 interpolation time in units of 60C2:02, ms
+        "601#2B726000D0070000",  # 6072:00 2000 per mille
+        "601#2B17100014000000",  # 1017:00 heartbeat every 20 ms
+        f"601#23161001{time}7F00",  # 1016:01 node 127 within the time
+        f"601#2B001405{time}0000",  # 1400:05 the same time
+        "601#2B07600002000000",  # 6007:00 disable voltage when the bus is lost
+        *MAP_TPDO1,
+        *MAP_RPDO1,
+        "601#2F6060000A000000",  # 6060:00 cyclic synchronous torque
+    )
+
+
+SET_UP = set_up()
 SAVE = "601#2310100173617665"  # [ZA]
 READ_IDENTITY = "601#4018100100000000"
 
