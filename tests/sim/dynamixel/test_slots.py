@@ -32,6 +32,7 @@ class Cycle:
         self.ids = ids
         self.code = code
         self.staged: dict[int, int] = {}
+        self.apart = False
 
     def request(self) -> None:
         sent = b""
@@ -41,6 +42,9 @@ class Cycle:
                 body += bytes((one,)) + (counts & 0xFFFF).to_bytes(2, "little")
             sent = p2.frame(p2.BROADCAST, body)
         body = bytes((self.code, *words(132), *words(4), *self.ids))
+        if self.apart and sent:
+            self.host.send(sent)
+            sent = b""
         self.host.send(sent + p2.frame(p2.BROADCAST, body))
 
     def read(self) -> dict[int, int]:
@@ -144,13 +148,15 @@ def test_a_host_late_by_a_third_of_a_period_moves_no_row() -> None:
     assert run(configured(), 200, late=range(0, 200, 7)) == loopback(200)
 
 
-def test_wire_time_of_many_bytes_before_the_read_moves_no_row() -> None:
+@pytest.mark.parametrize("apart", [False, True])
+def test_wire_time_of_many_bytes_before_the_read_moves_no_row(apart: bool) -> None:
     """The latch belongs to the exchange's first byte, however long its packets take."""
     host = configured()
     cycle = Cycle(host, (1, 2))
     cycle.enable()
+    cycle.apart = apart
     for k in range(3):
-        cycle.staged = dict.fromkeys(range(1, 40), 5)  # 1.4 ms of wire at 1 Mbaud
+        cycle.staged = dict.fromkeys(range(1, 40), 5) if k else {}  # 1.4 ms of wire at 1 Mbaud
         cycle.request()
         host.clock.sleep_until(host.clock.now_ns() + 4 * MS)
         host.port.read()
