@@ -25,9 +25,9 @@ import tautwave.models
 from tautwave.errors import ConfigError
 from tautwave.laws import limit, port, site
 from tautwave.models import plant
-from tautwave.offline import couple, device, kernel, records, rows, side
+from tautwave.offline import couple, device, kernel, rates, records, rows, side
 
-KERNEL_MODULES = (records, side, couple, device, rows, kernel)
+KERNEL_MODULES = (records, side, couple, rates, device, rows, kernel)
 
 INLINED = {
     *(side.pass_side, side.receive_side, side.close_side, side.decide_side, side.think_side),

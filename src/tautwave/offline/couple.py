@@ -130,17 +130,27 @@ def filter_waves(
     c: Couple, q: PairParams, from_master: float, from_slave: float
 ) -> tuple[float, float]:
     """Low-pass both leaving waves and book them."""
-    u, stored, lost = filter_step(q.filter_gain, q.period, c.filter_master, from_master)
+    return filter_from_master(c, q, from_master), filter_from_slave(c, q, from_slave)
+
+
+def filter_from_master(c: Couple, q: PairParams, wave: float) -> float:
+    """Low-pass the wave that leaves the master and book it."""
+    u, stored, lost = filter_step(q.filter_gain, q.period, c.filter_master, wave)
     c.filter_master = u
     c.filter_master_stored = stored
     c.filter_master_dissipated += lost
-    c.filter_master_absorbed += q.half_period * (from_master * from_master - u * u)
-    w, held, gone = filter_step(q.filter_gain, q.period, c.filter_slave, from_slave)
-    c.filter_slave = w
-    c.filter_slave_stored = held
-    c.filter_slave_dissipated += gone
-    c.filter_slave_absorbed += q.half_period * (from_slave * from_slave - w * w)
-    return u, w
+    c.filter_master_absorbed += q.half_period * (wave * wave - u * u)
+    return u
+
+
+def filter_from_slave(c: Couple, q: PairParams, wave: float) -> float:
+    """Low-pass the wave that leaves the slave and book it."""
+    u, stored, lost = filter_step(q.filter_gain, q.period, c.filter_slave, wave)
+    c.filter_slave = u
+    c.filter_slave_stored = stored
+    c.filter_slave_dissipated += lost
+    c.filter_slave_absorbed += q.half_period * (wave * wave - u * u)
+    return u
 
 
 def skip_slot(

@@ -11,6 +11,7 @@ from collections.abc import MutableSequence, Sequence
 
 from tautwave.offline.couple import arm_side, meet, mismatch, skip_slot, start_pair
 from tautwave.offline.device import aim_hand, command_body, measure_body, pass_body
+from tautwave.offline.rates import is_due, pass_rated
 from tautwave.offline.records import (
     BROKEN,
     FINISHED,
@@ -75,6 +76,27 @@ def lose(r: RunParams, o: Outcome, sides: Sequence[Side], b: Body, slot: int, wh
     s.missing += 1
     if s.missing == r.missing_limit and o.kind == FINISHED:
         begin_stop(r, o, sides, slot, MISSING, which, s.missing)
+
+
+def ask_body(b: Body, d: DeviceParams, n: int, slot: int, table: MutableSequence[float]) -> bool:
+    """Serve a device on a bus of divisor `n`; return whether a sample is to be read now."""
+    exchange = slot // n
+    phase = slot % n
+    if b.asked >= 0 and b.asked < exchange:
+        b.reads += 1  # drained: nobody looks at it
+        b.asked = -1
+        b.valid = False
+    if b.asked < 0 and (phase == 0 or 2 * (phase + 1) <= n):
+        while b.slot < exchange:
+            pass_body(b, d, table)
+        b.asked = exchange
+    if phase < n - 1:
+        return False
+    if b.asked < 0:
+        b.valid = False
+        return False
+    b.asked = -1
+    return True
 
 
 def engage(
@@ -162,6 +184,8 @@ def run_rig(
     for i in range(r.axes):
         start_side(sides[i], params[i], 0.0, math.nan, 0.0)
         aim_hand(bodies[i], devices[i], table)
+        asking = bodies[i]
+        asking.asked = -1
     at = 0
     slot = 0
     cycle = 0
@@ -171,12 +195,16 @@ def run_rig(
         for i in range(r.axes):
             b = bodies[i]
             d = devices[i]
-            while b.slot < slot:
+            n = params[i].divisor
+            if n > 1 and not ask_body(b, d, n, slot, table):
+                continue
+            while n == 1 and b.slot < slot:
                 pass_body(b, d, table)
             noise = 0.0
             if d.position_noise > 0.0:
-                noise = table[d.noise + cycle]
-            measure_body(b, d, noise, d.loses and flags[d.missing + cycle])
+                noise = table[d.noise + b.reads]
+            measure_body(b, d, noise, d.loses and flags[d.missing + b.reads])
+            b.reads += 1
             total = b.position
             if d.kind == SERVO:
                 total = total + b.effort
@@ -194,17 +222,35 @@ def run_rig(
                         one = sides[q.master]
                         two = sides[q.slave]
                         p1 = params[q.master]
-                        skip_slot(couples[k], q, one, two, p1, params[q.slave], table)
+                        if not q.rated:
+                            skip_slot(couples[k], q, one, two, p1, params[q.slave], table)
                 for i in range(r.axes):
-                    pass_side(sides[i], params[i], table)
+                    if not params[i].rated:
+                        pass_side(sides[i], params[i], table)
             for i in range(r.axes):
                 s = sides[i]
                 b = bodies[i]
+                if params[i].rated:
+                    continue
                 if b.valid:
                     close_side(s, params[i], b.position, b.effort)
                 else:
                     s.valid = False
                     s.leaving = 0.0
+            for k in range(r.pairs):
+                q = pairs[k]
+                one = sides[q.master]
+                two = sides[q.slave]
+                p1 = params[q.master]
+                p2 = params[q.slave]
+                if q.rated:
+                    for passed in range(skipped + 1):
+                        seen = passed == skipped
+                        at_slot = slot - skipped + passed
+                        master = bodies[q.master]
+                        slave = bodies[q.slave]
+                        c = couples[k]
+                        pass_rated(c, q, one, two, p1, p2, master, slave, table, at_slot, seen)
         elif not engage(r, o, params, sides, bodies, pairs, couples, table, slot):
             return cycle
         # exchange and think
@@ -215,12 +261,16 @@ def run_rig(
                 one = sides[q.master]
                 two = sides[q.slave]
                 p1 = params[q.master]
-                meet(couples[k], q, one, two, p1, params[q.slave], table, fresh)
+                if fresh or not q.rated:
+                    meet(couples[k], q, one, two, p1, params[q.slave], table, fresh)
             ramp = ramp_share(r, o, slot)
             guarded = False
             for i in range(r.axes):
                 s = sides[i]
-                s.guard = decide_side(s, params[i], table, bodies[i].valid, ramp)
+                s.guard = 0
+                # A slow side thinks when it is served next.
+                if params[i].divisor == 1 or (is_due(params[i], slot) and not fresh):
+                    s.guard = decide_side(s, params[i], table, bodies[i].valid, ramp)
                 if s.guard != 0:
                     guarded = True
             if guarded and not fresh and o.kind == FINISHED:
@@ -238,7 +288,8 @@ def run_rig(
             p1 = params[q.master]
             at = fill_pair(out, at, couples[k], q, one, two, p1, params[q.slave], table)
         for i in range(r.axes):
-            command_body(bodies[i], devices[i], sides[i].command)
+            if is_due(params[i], slot):
+                command_body(bodies[i], devices[i], sides[i].command)
             at = fill_body(out, at, bodies[i], devices[i])
         # sleep
         slot = slot + 1

@@ -30,9 +30,10 @@ def error_of(job: Job, outcome: Any) -> TautwaveError | None:
     if kind == FINISHED:
         return None
     if kind == MISSING:
+        each = "cycles" if job.sides[which].divisor == 1 else "exchanges"
         return DriverError(
             f"{job.axes[which]} on bus {job.buses[which]!r}: no sample in "
-            f"{code} cycles running; check power and cable"
+            f"{code} {each} running; check power and cable"
         )
     if kind == OVERRUN:
         return SafetyStop(

@@ -84,12 +84,6 @@ def pack_rig(rig: Rig, duration_s: float | None = None) -> Job:
         raise ConfigError(
             f"{rig.name}: there is nothing to simulate; add a simulation block to the rig file"
         )
-    slow = [name for name, bus in rig.buses.items() if bus.divisor > 1]
-    if slow:
-        raise ConfigError(
-            f"buses.{slow[0]}.divisor: the compiled simulation serves every bus every cycle; use "
-            "`tautwave run --clock fake`"
-        )
     cycles = max(round((rig.duration_s if duration_s is None else duration_s) * rig.rate_hz), 1)
     # One cycle's worth of the live rig: the drivers know their delays, the sources their columns.
     assembly = build_rig(rig, clock="fake", duration_s=rig.period_s)
@@ -97,11 +91,11 @@ def pack_rig(rig: Rig, duration_s: float | None = None) -> Job:
     axes = tuple(delays)
     models = [
         axis_model(rig, name, cycles)._replace(
-            command_delay=true_delay_s(rig, name, delays[name]) / rig.period_s
+            command_delay=true_delay_s(rig, name, delays[name]) / rig.axis_period_s(name)
         )
         for name in axes
     ]
-    if round(models[0].period * 1e9) != rig.period_ns:
+    if round(models[0].period * 1e9) != rig.period_ns * rig.axis_divisor(axes[0]):
         raise ConfigError(f"rate_hz: {rig.rate_hz!r} has no period in whole ns; use a rounder rate")
     faults = rig.simulation.faults
     floats = Pieces(np.float64)
@@ -183,14 +177,22 @@ def pack_side(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> SideP
         site=site,
         wave=wave_gain(scale, side),
         half_period=0.5 * site.port.period,
-        late=delay.remainder_s / rig.period_s,
+        late=delay.remainder_s / rig.axis_period_s(axis_name),
         ceiling=site.limit.effort if impedance else site.limit.velocity,
         weight=1.0 if side == "master" else 1.0 / scale.power,
         delay=delay.periods,
         pipe=pipe,
         by_wave=rig.coupling.law == "wave",
         impedance=impedance,
+        divisor=rig.axis_divisor(axis_name),
+        rated=is_rated(rig, name),
+        line_half=0.5 * rig.period_s,
     )
+
+
+def is_rated(rig: Rig, name: str) -> bool:
+    """Return whether a side of a pair is slow."""
+    return max(rig.axis_divisor(f"{side}.{name}") for side in ("master", "slave")) > 1
 
 
 def pack_device(model: AxisModel, floats: Pieces, flags: Pieces, cycles: int) -> DeviceParams:
@@ -237,6 +239,7 @@ def pack_pair(rig: Rig, name: str, axes: Sequence[str], line: int) -> PairParams
         slave=axes.index(f"slave.{name}"),
         by_wave=rig.coupling.law == "wave",
         filtered=corner is not None and rig.coupling.law == "wave",
+        rated=is_rated(rig, name),
         at_engage=offset is None,
         ratio=scale.sign * scale.scale,
         sign=scale.sign,

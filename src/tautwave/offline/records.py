@@ -51,7 +51,8 @@ class SideParams(NamedTuple):
     """One axis of the controller; see `runtime.site.SiteAxis`.
 
     `delay` commands wait in the pipe table from index `pipe` on, four floats each. `weight` turns
-    the device's energy into the pair's.
+    the device's energy into the pair's. `divisor`: cycles from one exchange to the next, and
+    `rated`: one of its pair has more than one; `line_half` is half a period of the line.
     """
 
     site: SiteParams
@@ -64,6 +65,9 @@ class SideParams(NamedTuple):
     pipe: int
     by_wave: bool
     impedance: bool
+    divisor: int
+    rated: bool
+    line_half: float
 
 
 class DeviceParams(NamedTuple):
@@ -95,12 +99,16 @@ class DeviceParams(NamedTuple):
 
 
 class PairParams(NamedTuple):
-    """One pair; see `runtime.pair`. `line` is the first index of its four rings in the table."""
+    """One pair; see `runtime.pair`. `line` is the first index of its four rings in the table.
+
+    `rated`: one side is slow; see `runtime.rates`.
+    """
 
     master: int
     slave: int
     by_wave: bool
     filtered: bool
+    rated: bool
     at_engage: bool
     ratio: float
     sign: float
@@ -117,7 +125,10 @@ class PairParams(NamedTuple):
 
 
 class Side:
-    """State of one axis of the controller; the names are those of `SiteAxis`."""
+    """State of one axis of the controller; the names are those of `SiteAxis`.
+
+    From `held` to `block` it is that of its rate converter.
+    """
 
     position: float
     outside: float
@@ -159,6 +170,12 @@ class Side:
     wall_absorbed: float
     wall_dissipated: float
     contact_energy: float
+    held: float
+    block_mean: float
+    rate_absorbed: float
+    rate_dissipated: float
+    left: int
+    block: int
     count: int
     head: int
     missing: int
@@ -168,7 +185,10 @@ class Side:
 
 
 class Body:
-    """State of one simulated device, and what it reports in this cycle."""
+    """State of one simulated device, and what it reports in this cycle.
+
+    `reads`: samples so far; `asked`: the exchange that a slow bus has to answer, -1 for none.
+    """
 
     x: float
     v: float
@@ -188,6 +208,8 @@ class Body:
     mode: int
     head: int
     slot: int
+    reads: int
+    asked: int
     valid: bool
 
 

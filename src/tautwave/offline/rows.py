@@ -6,6 +6,7 @@ from collections.abc import MutableSequence
 
 from tautwave.laws.wall import wall_stored
 from tautwave.offline.device import body_forces, body_stored
+from tautwave.offline.rates import stored_rate
 from tautwave.offline.records import Body, Couple, DeviceParams, PairParams, Side, SideParams
 from tautwave.offline.side import waiting_energy
 
@@ -50,6 +51,16 @@ def fill_port(out: MutableSequence[float], at: int, s: Side, p: SideParams, wait
     return at
 
 
+def fill_rate(out: MutableSequence[float], at: int, s: Side, p: SideParams) -> int:
+    """Write the account of a rate converter, if there is one."""
+    if p.divisor == 1:
+        return at
+    out[at] = s.rate_absorbed
+    out[at + 1] = stored_rate(s, p)
+    out[at + 2] = s.rate_dissipated
+    return at + 3
+
+
 def fill_wall(out: MutableSequence[float], at: int, s: Side, p: SideParams) -> int:
     """Write the account of a local wall, if there is one."""
     if not p.site.has_wall:
@@ -81,6 +92,8 @@ def fill_pair(
     if q.by_wave:
         at = fill_port(out, at, one, p1, waiting_energy(one, p1, table))
         at = fill_port(out, at, two, p2, waiting_energy(two, p2, table))
+        at = fill_rate(out, at, one, p1)
+        at = fill_rate(out, at, two, p2)
         if q.filtered:
             out[at] = c.filter_master_absorbed
             out[at + 1] = c.filter_master_stored

@@ -63,6 +63,12 @@ def start_side(s: Side, p: SideParams, position: float, outside: float, gap: flo
     s.wall_absorbed = 0.0
     s.wall_dissipated = 0.0
     s.contact_energy = 0.0
+    s.held = 0.0
+    s.block_mean = 0.0
+    s.rate_absorbed = 0.0
+    s.rate_dissipated = 0.0
+    s.left = 0
+    s.block = 0
 
 
 def pass_side(s: Side, p: SideParams, table: MutableSequence[float]) -> None:

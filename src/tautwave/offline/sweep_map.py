@@ -202,7 +202,7 @@ def _start(rig: Rig, file: MapFile, plane: Plane) -> Column:
         SampledWall(
             0.0 if wall is None else wall.stiffness,
             damping if plane.wall_damping is None else plane.wall_damping,
-            rig.period_s,
+            rig.axis_period_s(file.axis),
             delay,
             lag,
         ),

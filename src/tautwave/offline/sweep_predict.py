@@ -7,6 +7,12 @@ Coulomb friction are left out, so this is motion in free space or at a spring, s
 from __future__ import annotations
 
 from tautwave.analysis.loop_modes import Mode, least_damped
+from tautwave.analysis.multirate import (
+    RatedEnd,
+    common_slots,
+    least_damped_rated,
+    period_matrix,
+)
 from tautwave.analysis.sampled_loop import (
     Device,
     LinearEnd,
@@ -62,18 +68,13 @@ def pair_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[LinearEnd,
             params[side].port,
             params[side].gain,
             believed.periods,
-            believed.remainder_s / rig.period_s,
+            believed.remainder_s / rig.axis_period_s(axis),
         )
         if rig.coupling.law == "wave":
-            corner = rig.coupling.wave_filter_hz
-            ends.append(
-                wave_end(
-                    device,
-                    site,
-                    wave_gain=wave_gain(scale, side),
-                    filter_gain=1.0 if corner is None else filter_gain(corner, rig.period_s),
-                )
-            )
+            # A slow side's filter runs at the line's rate, outside of its end.
+            filtered = wave_filter(rig) if rig.axis_divisor(axis) == 1 else 1.0
+            gain = wave_gain(scale, side)
+            ends.append(wave_end(device, site, wave_gain=gain, filter_gain=filtered))
         else:
             ends.append(
                 position_end(
@@ -88,9 +89,32 @@ def pair_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[LinearEnd,
     return ends[0], ends[1]
 
 
+def rated_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[RatedEnd, RatedEnd]:
+    """Return both ends of a pair with their rates; see `pair_ends`."""
+    ends = pair_ends(rig, name, contact=contact)
+    divisors = [rig.axis_divisor(f"{side}.{name}") for side in ("master", "slave")]
+    one, two = (
+        RatedEnd(end, n, 1.0 if n == 1 else wave_filter(rig))
+        for end, n in zip(ends, divisors, strict=True)
+    )
+    return one, two
+
+
+def wave_filter(rig: Rig) -> float:
+    """Return the step of the wave filter, 1 without one."""
+    corner = rig.coupling.wave_filter_hz
+    return 1.0 if corner is None else filter_gain(corner, rig.period_s)
+
+
 def pair_matrix(rig: Rig, name: str, *, contact: bool = False) -> Matrix:
-    """Return the closed-loop state matrix of one pair, shape (n, n); see `pair_ends`."""
-    return close_loop(*pair_ends(rig, name, contact=contact), rig.delay_samples)
+    """Return the closed-loop state matrix of one pair, shape (n, n); see `pair_ends`.
+
+    It is that of a cycle or, with a slow bus, of all cycles until both sides are in step again.
+    """
+    one, two = rated_ends(rig, name, contact=contact)
+    if common_slots(one, two) > 1:
+        return period_matrix(one, two, rig.delay_samples)
+    return close_loop(one.end, two.end, rig.delay_samples)
 
 
 def pair_mode(rig: Rig, name: str, *, samples: int | None = None, contact: bool = False) -> Mode:
@@ -98,9 +122,11 @@ def pair_mode(rig: Rig, name: str, *, samples: int | None = None, contact: bool 
 
     `samples` replaces the rig's own delay (one way, in samples).
     """
-    master, slave = pair_ends(rig, name, contact=contact)
+    one, two = rated_ends(rig, name, contact=contact)
     delay = rig.delay_samples if samples is None else samples
-    return least_damped(master, slave, delay, rig.period_s)
+    if common_slots(one, two) > 1:
+        return least_damped_rated(one, two, delay, rig.period_s)
+    return least_damped(one.end, two.end, delay, rig.period_s)
 
 
 def true_device(rig: Rig, axis: str, *, contact: bool = False) -> Device:
@@ -118,5 +144,6 @@ def true_device(rig: Rig, axis: str, *, contact: bool = False) -> Device:
         stiffness=plant.grip_stiffness
         + plant.spring_stiffness
         + (plant.wall_stiffness if wall else 0.0),
-        command_delay=truth.command_delay,
+        # On a slow bus a command waits for the next exchange.
+        command_delay=max(truth.command_delay, 1.0 if rig.axis_divisor(axis) > 1 else 0.0),
     )
