@@ -124,6 +124,8 @@ class SimulatorKeys(_Keys):
     """Who serves TCP in a process of its own; faults of the line are in `own` only."""
     silent_s: Seconds | None = None
     """[s] Silence that ends an RTU frame, instead of the standard's."""
+    strict: bool = False
+    """Whether a drive on RTU needs that silence after its own answer too."""
     latency_s: Seconds = 0.0
     """[s] Latency timer of the serial adapter."""
 
@@ -173,6 +175,9 @@ class ModbusBenchOptions(BaseModel):
     parity: Literal["N", "E", "O"] = Field("N", description="of the RTU line")
     stop_bits: int = Field(1, ge=1, le=2, description="of the RTU line")
     turnaround_s: float = Field(0.0, ge=0.0, description="time a drive takes to answer [s]")
+    silent_s: float | None = Field(
+        None, ge=0.0, description="silence that ends an RTU frame [s], if not the standard's"
+    )
     causality: Literal["impedance", "admittance"] = Field(
         "impedance", description="torque drives, or velocity drives with measured torque"
     )

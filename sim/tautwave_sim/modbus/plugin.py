@@ -57,7 +57,7 @@ def _bench(options: ModbusBenchOptions) -> Bench:
         stop_bits=options.stop_bits,
         turnaround_s=options.turnaround_s,
         devices=tuple(DeviceKeys(unit=unit, profile=options.profile) for unit in options.units),
-        simulator=SimulatorKeys(server=options.server),
+        simulator=SimulatorKeys(server=options.server, silent_s=options.silent_s),
     )
     axes = tuple(
         AxisSpec(f"unit{unit}", unit, "rotary", options.causality, EFFORT_MOST)

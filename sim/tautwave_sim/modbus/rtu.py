@@ -1,8 +1,10 @@
 """All drives on one RTU line: frames by their silences, one answer at a time.
 
 A frame ends with 3.5 characters of silence; what follows sooner, be it the master's or a drive's,
-belongs to the same frame, which then is none and is dropped. Drives listen at their own baud rate.
-Source: MODBUS over Serial Line V1.02, 2.5.1.1.
+belongs to the same frame, which then is none and is dropped. A drive does not hear itself: to the
+one that answered last a request may follow at once, unless it is `strict` about its silence. The
+guide's states are; FreeMODBUS is not, and masters such as pymodbus and mbpoll count on that. Drives
+listen at their own baud rate. Source: MODBUS over Serial Line V1.02, 2.5.1.1.
 """
 
 from __future__ import annotations
@@ -34,7 +36,10 @@ class RtuStation:
         silent_s = options.simulator.silent_s
         standard_ns = silent_ns(options.baud, options.bits)
         self.silent_ns = standard_ns if silent_s is None else round(silent_s * 1e9)
+        self._strict = options.simulator.strict
         self._parts: list[Transmission] = []
+        self._speaker: tuple[Transmission, int] | None = None
+        """The last answer, and whose it was."""
         self._end_ns = -self.silent_ns
         self.dropped = 0
         """Frames that were none."""
@@ -43,7 +48,7 @@ class RtuStation:
     def hear(self, sent: Transmission) -> None:
         """Take notice of what the host sends; called when its first byte leaves."""
         self._fail_link(sent.start_ns)
-        if sent.start_ns - self._end_ns >= self.silent_ns:
+        if sent.start_ns - self._end_ns >= self.silent_ns or self._follows(sent):
             self._parts.clear()
         self._parts.append(sent)
         self._end_ns = max(self._end_ns, sent.end_ns)
@@ -53,6 +58,13 @@ class RtuStation:
             if found is not None:
                 self._bus.latch(*found, sent.start_ns)
         self._line.call_at(end_ns + self.silent_ns, lambda: self._over(end_ns))
+
+    def _follows(self, sent: Transmission) -> bool:
+        """Return whether this is for the drive that has just said the last word."""
+        if self._strict or self._speaker is None or not sent.data:
+            return False
+        answer, unit = self._speaker
+        return self._parts == [answer] and sent.start_ns >= answer.end_ns and sent.data[0] == unit
 
     def _over(self, end_ns: int) -> None:
         """Take a frame for whole, if nothing came in the silence."""
@@ -79,11 +91,12 @@ class RtuStation:
             return
         at_ns = now_ns + self._bus.answer_ns(unit)
         answer = self._line.answer(frame, at_ns, self._baud, fate.late_ns)
-        self._line.call_at(at_ns, lambda: self._speak(answer))
+        self._line.call_at(at_ns, lambda: self._speak(answer, unit))
 
-    def _speak(self, answer: Transmission) -> None:
+    def _speak(self, answer: Transmission, unit: int) -> None:
         """Note that a drive speaks: what follows too soon runs into its answer."""
         if not answer.cancelled:
+            self._speaker = (answer, unit)
             self._parts.append(answer)
             self._end_ns = max(self._end_ns, answer.end_ns)
 

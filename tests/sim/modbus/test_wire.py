@@ -116,13 +116,26 @@ def test_two_frames_without_a_silence_are_none() -> None:
     assert send(bench, (GOOD, 0.001), (GOOD, QUIET)) == b""
 
 
-def test_a_request_on_the_heels_of_an_answer_is_lost() -> None:
-    for silence, answered in ((0.0017, 1), (0.0018, 2)):
-        bench = Bench("rtu")
-        bench.port.write(GOOD)
-        assert bench.clock.wait(bench.port, 10**9)
-        bench.until(bench.clock.now_ns() + round(silence * 1e9))
-        assert (bench.port.read() + send(bench, (GOOD, QUIET))) == ANSWER * answered
+@pytest.mark.parametrize(
+    ("strict", "unit", "silence", "answered"),
+    [
+        (False, 1, 0.0, True),
+        (True, 1, 0.0017, False),
+        (True, 1, 0.0018, True),
+        (False, 2, 0.0017, False),
+        (False, 2, 0.0018, True),
+    ],
+)
+def test_a_request_on_the_heels_of_an_answer(
+    strict: bool, unit: int, silence: float, answered: bool
+) -> None:
+    bench = Bench("rtu", units=(1, 2), simulator={"strict": strict})
+    bench.port.write(GOOD)
+    assert bench.clock.wait(bench.port, 10**9)
+    assert bench.port.read() == ANSWER
+    bench.until(bench.clock.now_ns() + round(silence * 1e9))
+    got = send(bench, (rtu_frame(unit, read(0)), QUIET))
+    assert got == (rtu_frame(unit, ANSWER[1:-2]) if answered else b"")
 
 
 def test_a_drive_does_not_understand_another_baud_rate() -> None:
