@@ -40,10 +40,13 @@ class Control:
         Targets and limits.
     motor : Motor
         What is moved.
+    torque_step : int
+        Per mille that the drive's current loop resolves.
     """
 
-    def __init__(self, objects: ObjectDictionary, motor: Motor) -> None:
+    def __init__(self, objects: ObjectDictionary, motor: Motor, torque_step: int = 1) -> None:
         self._objects = objects
+        self._torque_step = torque_step
         self._motor = motor
         self._now = Setpoint(motor.position(), 0.0, 0.0, 0.0)
         self._before = self._now
@@ -202,7 +205,8 @@ class Control:
         greatest = self._objects.number(0x6072)
         self.limited = abs(wanted) > greatest
         held = min(max(wanted, -greatest), greatest)
-        self._motor.drive_torque(math.floor(held + 0.5))
+        step = self._torque_step
+        self._motor.drive_torque(math.floor(held / step + 0.5) * step)
 
 
 def _towards(value: float, target: float, step: float) -> float:

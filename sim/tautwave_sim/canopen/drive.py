@@ -45,7 +45,7 @@ class Drive:
         self.objects = objects
         self.motor = motor
         self.machine = StateMachine(round(quirks.transition_ms * 1e6), quirks.fault_resets)
-        self.control = Control(objects, motor)
+        self.control = Control(objects, motor, quirks.torque_step_permille)
         self.mode = 0
         self.voltage = True
         self.changed = False

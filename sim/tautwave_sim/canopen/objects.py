@@ -44,9 +44,8 @@ COMMUNICATION = (
     (0x1018, 4, Entry(_U32, "ro", 0)),
     (0x1019, 0, Entry(_U8, "rw", 0)),
     (0x1029, 0, Entry(_U8, "ro", 1)),
-    (0x1029, 1, Entry(_U8, "rw", 1, high=2)),
+    (0x1029, 1, Entry(_U8, "rw", 0, high=2)),
 )
-"""1029h:01 is 1 here (stay): what a lost connection does to the motor is 6007h's business."""
 
 DRIVE = (
     (0x6007, 0, Entry(_I16, "rw", 1, low=0, high=3)),

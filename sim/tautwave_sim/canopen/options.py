@@ -39,6 +39,8 @@ class Quirks(_Keys):
     fault_resets: Annotated[int, Field(ge=1)] = 1
     """So many edges of fault reset it takes."""
     starts_in_fault: bool = False
+    torque_step_permille: Annotated[int, Field(ge=1)] = 1
+    """Its torque is a multiple of that, to the nearest."""
     heartbeat_lost_at_s: AtSeconds | None = None
     """From then on it sends no heartbeat."""
     silent_at_s: AtSeconds | None = None

@@ -80,6 +80,7 @@ class Gateway:
 
     def run(self, now_ns: int) -> None:
         """Take what has come and let the wire go on to `now_ns`."""
+        self._world.trouble(self._port)  # of the plan's port faults, what breaks the wire
         self._world.advance(now_ns)
         try:
             while (message := self._bus.recv(0.0)) is not None:

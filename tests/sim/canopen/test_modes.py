@@ -212,6 +212,18 @@ def test_all_wait_for_the_slowest_drive() -> None:
     assert all(axis.physics.x > 0.0 for axis in node.world.axes)
 
 
+def test_looking_before_it_moves_spends_no_random_number() -> None:
+    def told(looks: int) -> list[dict[int, bytes]]:
+        node = Master((1,), noise=1e-2)
+        node.wait()
+        for _ in range(looks):
+            assert node.read(1, 0x6064) == 0
+        node.bring_up()
+        return [node.torque(0) for _ in range(5)]
+
+    assert told(0) == told(3)
+
+
 def test_a_lost_sync_lets_the_old_command_act_and_time_go_on() -> None:
     node = node_in(CST)
     node.torque(100)

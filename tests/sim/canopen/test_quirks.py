@@ -71,6 +71,16 @@ def test_a_fault_that_takes_two_resets() -> None:
         assert node.state() == state
 
 
+def test_a_coarse_torque() -> None:
+    node = moving(quirks={"torque_step_permille": 8})
+    acting = []
+    for counts in (3, 4, 100, -3, -5, -100):
+        node.torque(counts)
+        acting.append(node.device().drive.motor.torque_counts)
+    assert acting == [0, 8, 104, 0, -8, -96]
+    assert node.device(2).drive.motor.torque_counts == -100
+
+
 def test_heartbeats_end() -> None:
     node = Master((1, 2), quirks={"heartbeat_lost_at_s": 0.05})
     node.wait()
