@@ -103,6 +103,13 @@ def test_a_host_that_interrupts_garbles_the_answer_and_itself() -> None:
     assert split(host.talk(READ))[0][4] == 1
 
 
+def test_an_answer_into_what_the_host_still_sends_garbles_both() -> None:
+    host = Host((1,), simulator={"factory": False})
+    heard = host.talk(PING + READ)
+    assert len(heard) == 14
+    assert p2.HEADER not in heard
+
+
 def test_a_host_that_speaks_before_the_answer_begins_gets_none() -> None:
     host = Host((1,), simulator={"servos": {1: {"registers": {"Return Delay Time": 250}}}})
     host.send(PING)
@@ -126,9 +133,15 @@ def test_half_a_packet_is_given_up_after_silence() -> None:
     host.send(PING[:6])
     host.pass_time(0.05)
     assert host.talk(PING[6:])[:5] == p2.HEADER + b"\x01"
-    host.send(p2.HEADER + b"\x01\xff\x03")
-    host.pass_time(0.2)
+    host.send(PING[:6])
+    host.pass_time(0.15)
+    assert host.talk(PING[6:]) == b""
+    host.pass_time(0.15)
     assert host.talk(PING)[:5] == p2.HEADER + b"\x01"
+    old = Host((1,), "AX-12A")
+    old.send(b"\xff\xff\x01\xf0")  # 240 bytes to come, which never do
+    old.pass_time(0.15)
+    assert old.ask1(1, p2.PING) == b"\xff\xff\x01\x02\x00\xfc"
 
 
 # ------------------------------------------------------------------------------- adapter
