@@ -104,6 +104,35 @@ def test_every_16_bit_current_survives_both_ways() -> None:
             assert len(stuffed) > len(body)
 
 
+def test_every_32_bit_value_with_ff_ff_fd_survives_both_ways() -> None:
+    around = (b"", b"\xff", b"\xff\xff", b"\xfd", b"\xfd\xff\xff")
+    for byte in range(256):
+        for raw in (b"\xff\xff\xfd" + bytes((byte,)), bytes((byte,)) + b"\xff\xff\xfd"):
+            for before in around:
+                for behind in around:
+                    body = b"\x83" + before + raw + behind
+                    [(packet, _)] = p2.Parser().feed(p2.frame(1, body))
+                    assert packet == p2.Packet(1, 0x83, body[1:], True)
+
+
+@pytest.mark.parametrize("velocity", [-3, -515])  # FD FF FF FF and FD FD FF FF behind the current
+def test_every_current_survives_the_wire_both_ways(velocity: int) -> None:
+    """Goal Current -1 in front of a velocity that begins with FD is FF FF FD on the wire."""
+    host = Host((1,), "XL330-M288", simulator={"factory": False})
+    head = bytes((p2.SYNC_WRITE, 102, 0, 6, 0, 1))
+    tail = velocity.to_bytes(4, "little", signed=True)
+    stuffed = 0
+    for current in [*range(-445, 446), -1750, 1750]:
+        data = current.to_bytes(2, "little", signed=True) + tail
+        if velocity < -445:
+            host.servos[0].memory.poke("Velocity Limit", 2047)
+        host.talk(p2.frame(p2.BROADCAST, head + data), wait_ns=600_000)
+        answer = host.talk(p2.frame(1, bytes((p2.READ, 102, 0, 6, 0))), wait_ns=900_000)
+        stuffed += len(answer) > 17
+        assert p2.unstuff(answer[7:-2])[2:] == data
+    assert stuffed == 1
+
+
 @given(
     st.sampled_from([b"\xff\xff\xfd", b"\xff\xff\xfd\xfd", b"\xfd\xff\xff", b"\xff\xff\xff\xfd"]),
     st.binary(min_size=1, max_size=1),
