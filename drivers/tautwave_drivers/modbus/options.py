@@ -36,6 +36,8 @@ class DeviceOptions(Block):
     """tcp://HOST:PORT of a drive with a connection of its own; the bus' endpoint if not given."""
     rated_torque: Positive | None = None
     """[N m] At the motor's shaft; compared with the drive's where it tells it."""
+    torque_constant: Positive | None = None
+    """[N m/A] Of the motor, where the drive measures or takes current."""
     counts_per_revolution: Positive | None = None
     """Position counts per turn of the motor; the profile's if not given."""
     gear_ratio: Positive = 1.0
@@ -44,7 +46,7 @@ class DeviceOptions(Block):
     """[m] per turn of the output; required for a linear axis."""
     direction: Literal[1, -1] = 1
     """-1: the axis counts against the drive."""
-    function_codes: tuple[Literal[3, 4, 6, 16, 23], ...] | None = None
+    function_codes: list[Literal[3, 4, 6, 16, 23]] | None = None
     """Those this drive accepts, where they are not the profile's."""
 
 
@@ -75,7 +77,7 @@ class ModbusOptions(Block):
     silence_s: Positive = 0.25
     """[s] Without any answer, after which a link counts as dead although nobody closed it."""
     connect_timeout_s: Positive = 2.0
-    devices: Annotated[tuple[DeviceOptions, ...], Field(min_length=1)]
+    devices: Annotated[list[DeviceOptions], Field(min_length=1)]
     simulator: dict[str, Any] = Field(default_factory=dict)
     """For simulated drives only."""
 
@@ -170,6 +172,9 @@ def scale_of(axis: AxisSpec, options: DeviceOptions, profile: Profile) -> Scale:
     used = [profile.register_of("effort"), profile.register_of("command_effort")]
     if rated is None and any(one is not None and one.unit == "rated" for one in used):
         problems.append("rated_torque [N m] has to be given: the drive counts in shares of it")
+    constant = options.torque_constant
+    if constant is None and any(one is not None and one.unit == "A" for one in used):
+        problems.append("torque_constant [N m/A] has to be given: the drive counts in amperes")
     if axis.kind == "linear" and options.feed is None:
         problems.append("feed [m per turn of the output] has to be given, since the axis is linear")
     if axis.kind == "rotary" and options.feed is not None:
@@ -190,7 +195,8 @@ def scale_of(axis: AxisSpec, options: DeviceOptions, profile: Profile) -> Scale:
     def effort(register: Register | None) -> float:
         if register is None:
             return 0.0
-        of_motor = register.scale if register.unit == "N m" else (rated or 0.0) * register.scale
+        per_unit = {"N m": 1.0, "A": constant, "rated": rated}.get(register.unit)
+        of_motor = (per_unit or 0.0) * register.scale
         return of_motor * options.gear_ratio * (math.tau / travel)
 
     return Scale(
@@ -277,11 +283,14 @@ def _matched(options: ModbusOptions, axis: AxisSpec, device: DeviceOptions) -> D
     profile = load_profile(device.profile)
     register = _command(axis, profile)
     scale = scale_of(axis, device, profile)
-    functions = device.function_codes or tuple(profile.functions)
-    if not {3, 4, 23} & set(functions) or not {6, 16, 23} & set(functions):
-        raise ConfigError(f"function_codes {list(functions)} have to read and to write")
-    if register.words == 2 and not {16, 23} & set(functions):
-        raise ConfigError("a command of 32 bits needs function code 16 or 23")
+    functions = tuple(device.function_codes or profile.functions)
+    if not {3, 4} & set(functions) or not {6, 16} & set(functions):
+        raise ConfigError(
+            f"function_codes {list(functions)}: it takes one that reads (3, 4) and one that writes "
+            "(6, 16)"
+        )
+    if register.words == 2 and 16 not in functions:
+        raise ConfigError("a command of 32 bits needs function code 16")
     low, high = bounds(register.type)
     room = min(high, -low - 1) if low < 0 else 0
     if room < 1:

@@ -128,8 +128,6 @@ class Limits(Keys):
 
     effort: tuple[str, ...] = ()
     velocity: tuple[str, ...] = ()
-    position_low: str | None = None
-    position_high: str | None = None
 
 
 class Profile(Keys):
@@ -182,25 +180,42 @@ class Profile(Keys):
     @model_validator(mode="after")
     def _whole(self) -> Profile:
         problems = list(self._unknown_names())
-        for role in ("position", "status"):
-            if role not in self.roles:
-                problems.append(f"roles: {role} is missing; every drive has to tell it")
-        for kind in ("effort", "velocity"):
-            if f"command_{kind}" in self.roles and kind not in self.modes and "mode" in self.roles:
-                problems.append(f"modes: {kind} is missing, but roles has command_{kind}")
+        problems += [
+            f"roles: {role} is missing; every drive has to tell it"
+            for role in ("position", "status")
+            if role not in self.roles
+        ]
+        problems += self._without_mode()
         if self.machine == "cia402":
             lacking = {"control", "mode", "mode_display"} - set(self.roles)
             if lacking:
                 problems.append(f"roles: {', '.join(sorted(lacking))} missing for machine: cia402")
         elif not self.enable or not self.disable or self.states is None:
             problems.append("enable, disable and states are required, unless machine is cia402")
-        if not {3, 4, 23} & set(self.functions):
-            problems.append("functions: there is none that reads (3, 4 or 23)")
-        if not {6, 16, 23} & set(self.functions):
-            problems.append("functions: there is none that writes (6, 16 or 23)")
+        if not {3, 4} & set(self.functions) or not {6, 16} & set(self.functions):
+            problems.append(
+                "functions: it takes one that reads (3 or 4) and one that writes (6, 16)"
+            )
         if problems:
             raise ValueError("; ".join(problems))
         return self
+
+    def _without_mode(self) -> list[str]:
+        problems = []
+        for kind in ("effort", "velocity"):
+            register = self.register_of(
+                "command_effort" if kind == "effort" else "command_velocity"
+            )
+            if register is None:
+                continue
+            if kind not in self.modes and "mode" in self.roles:
+                problems.append(f"modes: {kind} is missing, but roles has command_{kind}")
+            if register.lasting and self.eeprom_off is None:
+                problems.append(
+                    f"roles: command_{kind} is a lasting register, and there is no eeprom_off: "
+                    "each cycle would wear the drive's EEPROM"
+                )
+        return problems
 
     def _unknown_names(self) -> list[str]:
         named = [(f"roles.{role}", name) for role, name in self.roles.items()]
@@ -212,9 +227,7 @@ class Profile(Keys):
             part = getattr(self, key)
             if part is not None:
                 named.append((key, part.register_name))
-        limits = self.limits
-        named += [("limits", one) for one in (*limits.effort, *limits.velocity)]
-        named += [("limits", one) for one in (limits.position_low, limits.position_high) if one]
+        named += [("limits", one) for one in (*self.limits.effort, *self.limits.velocity)]
         named += [("told", one) for one in self.told]
         return [
             f"{where}: there is no register {name!r}"

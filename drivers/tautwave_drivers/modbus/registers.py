@@ -57,7 +57,7 @@ class Block(NamedTuple):
     """Adjacent registers that are read at once."""
 
     address: int
-    count: int
+    words: int
     names: tuple[str, ...]
 
 
@@ -82,11 +82,11 @@ def blocks_of(
         end = address + words
         if blocks:
             last = blocks[-1]
-            between = range(last.address + last.count, address)
+            between = range(last.address + last.words, address)
             known = gaps or all(one in readable for one in between)
             if known and len(between) <= bridge and end - last.address <= 125:
-                count = max(last.count, end - last.address)
-                blocks[-1] = Block(last.address, count, (*last.names, name))
+                words = max(last.words, end - last.address)
+                blocks[-1] = Block(last.address, words, (*last.names, name))
                 continue
         blocks.append(Block(address, words, (name,)))
     return blocks

@@ -1,0 +1,280 @@
+"""What is asked and set before enabling, drive by drive, waiting for each answer.
+
+Nothing is written before the drive is known to be of its family; nothing that lasts is written
+without --configure, unless the drive keeps it out of its EEPROM.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from tautwave.contracts import BusSpec, Clock
+from tautwave.errors import BusTimeout, DeviceFault, DriverError
+from tautwave_drivers.modbus import frames
+from tautwave_drivers.modbus.asking import Asker
+from tautwave_drivers.modbus.options import ModbusOptions
+from tautwave_drivers.modbus.profile import Register, Setting, Step
+from tautwave_drivers.modbus.sequence import Steps, refusal
+from tautwave_drivers.modbus.station import Station
+
+PERIODS = 3
+"""Bus periods that a comm-loss timeout has to allow at least."""
+
+
+class Bringup:
+    """Brings one drive to where it may be enabled.
+
+    Parameters
+    ----------
+    station : Station
+        The drive.
+    asker : Asker
+        How it is spoken to.
+    options : ModbusOptions
+        The bus' options.
+    bus : BusSpec
+        What is allowed.
+    clock : Clock
+        What waits.
+    """
+
+    def __init__(
+        self, station: Station, asker: Asker, options: ModbusOptions, bus: BusSpec, clock: Clock
+    ) -> None:
+        self._station = station
+        self._device = station.device
+        self._profile = station.device.profile
+        self._asker = asker
+        self._options = options
+        self._bus = bus
+        self._clock = clock
+        self._where = f"{station.label} on bus {bus.name}"
+        self._volatile = False
+        self._changes: list[str] = []
+        self.notes: list[str] = []
+
+    def run(self) -> None:
+        """Check and set everything; the drive is without torque all the time.
+
+        Raises
+        ------
+        DeviceFault
+            It has a fault that a reset does not clear, or refuses.
+        DriverError
+            It does not answer, is another one, or would have to be configured.
+        """
+        self._identify()
+        profile = self._profile
+        if profile.eeprom_off is not None:
+            self._put(profile.eeprom_off.register_name, profile.eeprom_off.value)
+            self._volatile = True
+            self.notes.append(f"{self._where}: what is written stays out of its EEPROM")
+        self._switch_off()
+        for setting in profile.expected:
+            self._expect(setting)
+        self._set_up()
+        if self._changes:
+            raise DriverError(
+                f"{self._where}: lasting settings differ: {'; '.join(self._changes)}; run once "
+                "with --configure to write them into the drive"
+            )
+        self._watchdog()
+        self._put_zero()
+        self.notes += [f"{self._where}: {caveat}" for caveat in profile.caveats]
+
+    # -- what it is ------------------------------------------------------------------------
+
+    def _identify(self) -> None:
+        profile, device = self._profile, self._device
+        if profile.identity is not None:
+            name, wanted = profile.identity.register_name, profile.identity.value
+            found = self._get(name)
+            if wanted is not None and found != wanted:
+                raise DriverError(
+                    f"{self._where}: {name} reads {found:#x}, a {profile.family} drive has "
+                    f"{wanted:#x}; correct its profile, or the unit id"
+                )
+        told = [f"{words} {self._get(name)}" for name, words in profile.told.items()]
+        self.notes.append(f"{self._where}: {profile.family}" + "".join(f", {one}" for one in told))
+        rated = profile.register_of("rated_torque")
+        if rated is not None and device.options.rated_torque is not None:
+            drive = self._get(profile.roles["rated_torque"]) * rated.scale
+            if abs(drive - device.options.rated_torque) > 1.001 * rated.scale:
+                raise DriverError(
+                    f"{self._where}: its rated torque is {drive:g} N m, the rig says "
+                    f"{device.options.rated_torque:g}; correct rated_torque"
+                )
+        if profile.register_of("counts") is not None:
+            counts = self._get(profile.roles["counts"])
+            wanted_counts = device.options.counts_per_revolution or profile.counts_per_revolution
+            if counts != wanted_counts:
+                raise DriverError(
+                    f"{self._where}: it counts {counts} per revolution, the rig has "
+                    f"{wanted_counts:g}; correct counts_per_revolution"
+                )
+
+    def _switch_off(self) -> None:
+        """Have it let go, whatever it was doing, and clear a fault once."""
+        machine = self._station.machine
+        if machine is not None:
+            machine.reset()
+            machine.disable()
+            self._asker.walk(self._station, machine, 2.0)
+            machine.reset()
+            return
+        profile = self._profile
+        self._walk("prepare", (*profile.prepare, *profile.disable))
+        status = self._get(profile.roles["status"])
+        states = profile.states
+        assert states is not None
+        if not states.fault.fits(status):
+            return
+        code = self._get(profile.roles["fault"]) if "fault" in profile.roles else None
+        words = self._station.fault_words(code)
+        if not profile.fault_reset:
+            raise DeviceFault(f"{self._where}: has a fault: {words}; clear it at the drive")
+        try:
+            self._walk("fault reset", profile.fault_reset)
+        except BusTimeout as err:
+            raise DeviceFault(
+                f"{self._where}: has a fault that a reset does not clear: {words}"
+            ) from err
+        self.notes.append(f"{self._where}: had a fault, now reset: {words}")
+
+    def _walk(self, what: str, steps: Sequence[Step]) -> None:
+        station = self._station
+        walk = Steps(station.label, what, station.speech, steps, self._clock)
+        self._asker.walk(station, walk, sum(step.timeout_s for step in steps) + 1.0)
+
+    # -- what it is told -------------------------------------------------------------------
+
+    def _set_up(self) -> None:
+        profile, device = self._profile, self._device
+        mode = profile.roles.get("mode")
+        if mode is not None and profile.machine == "steps":
+            wanted = profile.modes["effort" if device.impedance else "velocity"]
+            self._keep(mode, wanted, "the mode that the axis needs")
+        extra = profile.settings_effort if device.impedance else profile.settings_velocity
+        for setting in (*profile.settings, *extra):
+            self._keep(setting.register_name, setting.value, setting.why, setting.mask)
+        for name in profile.limits.effort:
+            self._limit(name, device.axis.effort_limit)
+        if not device.impedance:
+            for name in profile.limits.velocity:
+                self._limit(name, device.axis.velocity_limit)
+
+    def _limit(self, name: str, limit: float) -> None:
+        """Have the drive keep the rig's limit too; rounded up, so that it never clips first."""
+        register = self._profile.registers[name]
+        quantum = self._quantum(register)
+        if not math.isfinite(limit) or quantum <= 0.0:
+            return
+        self._keep(name, math.ceil(limit / quantum * (1.0 - 1e-9)), "the rig's limit")
+
+    def _quantum(self, register: Register) -> float:
+        scale, profile = self._device.scale, self._profile
+        for role, step in (
+            ("effort", scale.effort),
+            ("command_effort", scale.effort_command),
+            ("velocity", scale.velocity),
+            ("command_velocity", scale.velocity_command),
+        ):
+            like = profile.register_of(role)  # type: ignore[arg-type]  # all four are roles
+            if like is not None and like.unit == register.unit:
+                return step * register.scale / like.scale
+        return 0.0
+
+    def _keep(self, name: str, wanted: int, why: str, mask: int = 0xFFFFFFFF) -> None:
+        """Set a register where it differs; a lasting one only if that is allowed."""
+        found = self._get(name)
+        if found & mask == wanted & mask:
+            return
+        wanted = found & ~mask & 0xFFFFFFFF | wanted & mask if mask != 0xFFFFFFFF else wanted
+        change = f"{name} {found} -> {wanted}" + (f" ({why})" if why else "")
+        lasting = self._profile.registers[name].lasting and not self._volatile
+        if lasting and not self._bus.configure:
+            self._changes.append(change)
+            return
+        self._put(name, wanted)
+        self.notes.append(f"{self._where}: {change} written and read back")
+
+    def _expect(self, setting: Setting) -> None:
+        found = self._get(setting.register_name)
+        if found & setting.mask != setting.value & setting.mask:
+            raise DriverError(
+                f"{self._where}: {setting.register_name} is {found}, but has to be "
+                f"{setting.value}: {setting.why}; set it with the vendor's program"
+            )
+
+    def _watchdog(self) -> None:
+        """Try the comm-loss timeout and have it armed when the drive is enabled."""
+        comm_loss = self._profile.comm_loss
+        if comm_loss is None:
+            text = (
+                f"{self._where}: has no comm-loss timeout: when cable, host or program fails it "
+                "goes on with its last command"
+            )
+            if not self._bus.allow_unwatched:
+                raise DriverError(
+                    f"{text}; put a hardware emergency stop within reach and run with "
+                    "--allow-unwatched"
+                )
+            self.notes.append(f"NOT WATCHED: {text}")
+            return
+        seconds = self._options.comm_timeout_s
+        least = PERIODS / self._bus.rate_hz
+        if seconds < least:
+            raise DriverError(
+                f"{self._where}: comm_timeout_s {seconds:g} is less than {PERIODS} periods of the "
+                f"bus; make it at least {least:g}"
+            )
+        name = comm_loss.register_name
+        register = self._profile.registers[name]
+        units = math.ceil(seconds / register.scale - 1e-9)
+        if register.lasting and not self._volatile:
+            self._keep(name, units, "comm-loss timeout")
+            if self._changes:
+                raise DriverError(
+                    f"{self._where}: lasting settings differ: {self._changes[0]}; run once with "
+                    "--configure to write it into the drive"
+                )
+        else:
+            self._put(name, units)
+            self._put(name, comm_loss.off)  # nobody speaks to it while others are brought up
+            self._station.arming = (
+                Step(write=name, value=units),
+                Step(wait=name, value=units, timeout_s=0.5),
+            )
+        self.notes.append(
+            f"{self._where}: after {units * register.scale:g} s without a request "
+            f"{comm_loss.reaction} (written and read back)"
+        )
+
+    def _put_zero(self) -> None:
+        roles = self._profile.roles
+        self._put(roles["command_effort" if self._device.impedance else "command_velocity"], 0)
+
+    # -- registers --------------------------------------------------------------------------
+
+    def _get(self, name: str) -> int:
+        speech = self._station.speech
+        pdu = self._asker.ask(self._station, speech.read(name))
+        if pdu[0] & frames.REFUSED:
+            raise DriverError(f"{self._where}: {name} cannot be read: {refusal(pdu)}")
+        return speech.decode(name, pdu)
+
+    def _put(self, name: str, value: int) -> None:
+        """Write a register and read it back."""
+        speech = self._station.speech
+        pdu = self._asker.ask(self._station, speech.write(name, value))
+        if pdu[0] & frames.REFUSED:
+            raise DriverError(f"{self._where}: {name} does not take {value}: {refusal(pdu)}")
+        if "r" not in self._profile.registers[name].access:
+            return
+        found = self._get(name)
+        if found != value:
+            raise DriverError(
+                f"{self._where}: {name} reads {found} after {value} was written; is another "
+                "master on the line?"
+            )

@@ -1,0 +1,204 @@
+"""The bytes of requests and answers: the one module that knows pymodbus (alike in 3.12 to 3.16).
+
+Its PDUs make the requests, its framers what stands around them, and the CRC; the parts of a TCP
+answer are its socket framer's. What an answer has to look like follows from the request, so that
+nothing else is ever taken for it.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from pymodbus.framer import FramerRTU, FramerSocket
+
+
+class _Vendor(NamedTuple):
+    """What is used of pymodbus; it is imported with the first frame, not with this module."""
+
+    socket: FramerSocket
+    rtu: FramerRTU
+    crc: Callable[[bytes], int]
+    registers: Any
+    identification: Any
+
+
+@cache
+def _vendor() -> _Vendor:
+    from pymodbus.framer import FramerRTU, FramerSocket
+    from pymodbus.pdu import DecodePDU, mei_message, register_message
+
+    decoder = DecodePDU(False)
+    return _Vendor(
+        FramerSocket(decoder),
+        FramerRTU(decoder),
+        FramerRTU.compute_CRC,
+        register_message,
+        mei_message,
+    )
+
+
+REFUSED = 0x80
+MBAP = 7
+IDENTIFY = 0x2B
+
+
+class Question:
+    """One request, and what its answer has to look like.
+
+    Parameters
+    ----------
+    pdu : bytes
+        The request.
+    head : bytes
+        What the PDU of a right answer begins with.
+    size : int
+        Bytes of that PDU; 0 where the answer says so itself.
+    words_at : int
+        Where the words that it writes begin, so that they can be changed.
+    """
+
+    __slots__ = ("function", "head", "pdu", "size", "words_at")
+
+    def __init__(self, pdu: bytes, head: bytes, size: int, words_at: int = 0) -> None:
+        self.pdu = bytearray(pdu)
+        self.function = pdu[0]
+        self.head = head
+        self.size = size
+        self.words_at = words_at
+
+    def put(self, words: Sequence[int]) -> None:
+        """Change the words that it writes."""
+        struct.pack_into(f">{len(words)}H", self.pdu, self.words_at, *words)
+        if self.function == 6:
+            self.head = bytes(self.pdu)
+
+    def fits(self, pdu: bytes) -> bool:
+        """Return whether a PDU is the answer to this, an exception or not."""
+        if len(pdu) == 2 and pdu[0] == self.function | REFUSED:
+            return True
+        return pdu.startswith(self.head) and (self.size == 0 or len(pdu) == self.size)
+
+
+def read(function: int, address: int, count: int) -> Question:
+    """Return a question for registers: function code 3 (holding) or 4 (input)."""
+    pdus = _vendor().registers
+    kind = pdus.ReadHoldingRegistersRequest if function == 3 else pdus.ReadInputRegistersRequest
+    pdu = bytes((function,)) + kind(address=address, count=count).encode()
+    return Question(pdu, bytes((function, 2 * count)), 2 + 2 * count)
+
+
+def write(address: int, words: Sequence[int]) -> Question:
+    """Return a write of several registers: function code 16."""
+    kind = _vendor().registers.WriteMultipleRegistersRequest
+    pdu = b"\x10" + kind(address=address, registers=list(words)).encode()
+    return Question(pdu, pdu[:5], 5, 6)
+
+
+def write_one(address: int, word: int) -> Question:
+    """Return a write of one register: function code 6, answered by its echo."""
+    kind = _vendor().registers.WriteSingleRegisterRequest
+    pdu = b"\x06" + kind(address=address, registers=[word]).encode()
+    return Question(pdu, pdu, 5, 3)
+
+
+def read_write(address: int, count: int, to: int, words: Sequence[int]) -> Question:
+    """Return a write at `to` and a read of `count` registers in one: function code 23."""
+    request = _vendor().registers.ReadWriteMultipleRegistersRequest(
+        read_address=address, read_count=count, write_address=to, write_registers=list(words)
+    )
+    return Question(b"\x17" + request.encode(), bytes((23, 2 * count)), 2 + 2 * count, 10)
+
+
+def identify() -> Question:
+    """Return the question for a device's identification: function code 43/14, basic objects."""
+    request = _vendor().identification.ReadDeviceInformationRequest(read_code=1, object_id=0)
+    return Question(bytes((IDENTIFY,)) + request.encode(), bytes((IDENTIFY, 0x0E)), 0)
+
+
+def identity_of(pdu: bytes) -> dict[int, str]:
+    """Return the objects of an identification: 0 vendor, 1 product, 2 revision. Never raises."""
+    answer = _vendor().identification.ReadDeviceInformationResponse()
+    try:
+        answer.decode(pdu[1:])
+    except Exception:  # noqa: BLE001  whatever it makes of bytes that are none
+        return {}
+    return {
+        number: bytes(value).decode("ascii", "replace").strip("\0 ")
+        for number, value in answer.information.items()
+        if isinstance(value, bytes | bytearray)
+    }
+
+
+def words_of(pdu: bytes) -> tuple[int, ...]:
+    """Return the registers in the answer to a read (3, 4, 23)."""
+    count = (len(pdu) - 2) // 2
+    return struct.unpack_from(f">{count}H", pdu, 2)
+
+
+def tcp_frame(transaction: int, unit: int, pdu: bytes | bytearray) -> bytes:
+    """Return MBAP header and PDU (MODBUS Messaging on TCP/IP V1.0b, 3.1.3)."""
+    return _vendor().socket.encode(bytes(pdu), unit, transaction)
+
+
+def take_tcp(buffer: bytearray) -> tuple[int, int, bytes] | None:
+    """Take transaction, unit and PDU of the first whole frame out of a stream; None if none is.
+
+    Where bytes cannot be a header, there is no way to find the next one: all are dropped.
+    """
+    if len(buffer) < MBAP + 1:
+        return None
+    if buffer[2] or buffer[3] or buffer[4] or not 3 <= buffer[5] <= 254:
+        buffer.clear()
+        return None
+    end = 6 + buffer[5]
+    if len(buffer) < end:
+        return None
+    _, unit, transaction, pdu = _vendor().socket.decode(bytes(buffer[:end]))
+    del buffer[:end]
+    return transaction, unit, pdu
+
+
+def rtu_frame(unit: int, pdu: bytes | bytearray) -> bytes:
+    """Return address, PDU and CRC (MODBUS over Serial Line V1.02, 2.5.1)."""
+    return _vendor().rtu.encode(bytes(pdu), unit, 0)
+
+
+def take_rtu(data: bytes | bytearray, unit: int, question: Question) -> bytes | None:
+    """Return the PDU in `data` that answers a question; None while there is none.
+
+    Noise around it is skipped: address, function, length and CRC have to be right together.
+    """
+    function = question.function
+    start = data.find(unit)
+    while 0 <= start <= len(data) - 5:
+        told = data[start + 1]
+        size = 0
+        if told == function:
+            size = question.size or _told_size(data, start + 1)
+        elif told == function | REFUSED:
+            size = 2
+        end = start + 1 + size
+        if size and end + 2 <= len(data):
+            crc = _vendor().crc(bytes(data[start:end]))
+            if data[end] == crc >> 8 and data[end + 1] == crc & 0xFF:
+                pdu = bytes(data[start + 1 : end])
+                if question.fits(pdu):
+                    return pdu
+        start = data.find(unit, start + 1)
+    return None
+
+
+def _told_size(data: bytes | bytearray, start: int) -> int:
+    """Return the length of an identification's PDU; 0 while it is not known."""
+    at = start + 7
+    if at > len(data):
+        return 0
+    for _ in range(data[start + 6]):
+        if at + 2 > len(data):
+            return 0
+        at += 2 + data[at + 1]
+    return at - start

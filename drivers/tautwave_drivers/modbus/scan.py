@@ -1,0 +1,214 @@
+"""`tautwave scan modbus`: which units answer on a line or at hosts, and what they seem to be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from tautwave.errors import ConfigError, DriverError
+
+if TYPE_CHECKING:
+    from tautwave.contracts import Clock
+    from tautwave_drivers.modbus.asking import Link
+    from tautwave_drivers.modbus.profile import Profile
+
+NOBODY = 11
+"""What a gateway answers for a unit that is not there."""
+
+
+class ScanOptions(BaseModel):
+    """Options of `tautwave scan modbus`."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    endpoint: list[str] = Field(
+        description="tcp://HOST:PORT, several with commas, or a serial device, e.g. /dev/ttyUSB0."
+    )
+    units: str = Field(
+        default="", description="Units to ask, e.g. 1-16 or 1,2,9; all of 1-247 on a serial line."
+    )
+    baud: Annotated[int, Field(ge=300)] = Field(default=115_200, description="Of a serial line.")
+    parity: Literal["N", "E", "O"] = Field(default="N", description="Of a serial line.")
+    stop_bits: Annotated[int, Field(ge=1, le=2)] = Field(default=1, description="Of a serial line.")
+    timeout_s: Annotated[float, Field(gt=0.0)] = Field(
+        default=0.05, description="For an answer of one unit [s]."
+    )
+    profiles: list[str] = Field(
+        default=[], description="Files of profiles to try besides those that are shipped."
+    )
+
+
+def units_of(text: str, serial: bool) -> list[int]:
+    """Return the units that a text names.
+
+    Raises
+    ------
+    ConfigError
+        It names none, or one beyond 1 to 247.
+    """
+    if not text:
+        return list(range(1, 248)) if serial else list(range(1, 17))
+    found: list[int] = []
+    for part in text.split(","):
+        first, dash, last = part.partition("-")
+        if not first.strip().isdigit() or (dash and not last.strip().isdigit()):
+            raise ConfigError(f"scan modbus: --units {text!r} should be like 1-16 or 1,2,9")
+        found += range(int(first), int(last or first) + 1)
+    if not found or not all(1 <= unit <= 247 for unit in found):
+        raise ConfigError(f"scan modbus: --units {text!r}: unit ids are 1 to 247")
+    return found
+
+
+def scan(options: ScanOptions) -> Sequence[dict[str, Any]]:
+    """Return every unit that answers: endpoint, profile or identity, state and fault.
+
+    Nothing is written.
+
+    Raises
+    ------
+    ConfigError
+        An option makes no sense.
+    DriverError
+        A line cannot be opened, or no host can be reached.
+    """
+    from tautwave.clock import MonotonicClock
+    from tautwave_drivers.modbus.profile import SHIPPED, load_profile
+
+    clock = MonotonicClock()
+    profiles = [load_profile(name) for name in (*options.profiles, *SHIPPED)]
+    found: list[dict[str, Any]] = []
+    failed = []
+    for endpoint in options.endpoint:
+        units = units_of(options.units, not endpoint.startswith("tcp://"))
+        try:
+            link = _open(endpoint, options, clock)
+        except DriverError as err:
+            failed.append(str(err))
+            continue
+        try:
+            for unit in units:
+                found += _at_unit(link, clock, options, endpoint, unit, profiles)
+        finally:
+            link.close()
+    if failed and len(failed) == len(options.endpoint):
+        raise DriverError("; ".join(failed))
+    return found
+
+
+def _open(endpoint: str, options: ScanOptions, clock: Clock) -> Link:
+    from tautwave_drivers.modbus.options import DeviceOptions, ModbusOptions
+    from tautwave_drivers.modbus.ports import SerialPort, TcpPort
+    from tautwave_drivers.modbus.transaction_rtu import RtuLink
+    from tautwave_drivers.modbus.transaction_tcp import TcpLink
+
+    if not endpoint.startswith("tcp://"):
+        line = ModbusOptions(
+            link="rtu",
+            endpoint=endpoint,
+            baud=options.baud,
+            parity=options.parity,
+            stop_bits=options.stop_bits,
+            late_s=options.timeout_s,
+            devices=[DeviceOptions(unit=1)],
+        )
+        serial = RtuLink(lambda: SerialPort(endpoint, line), clock, line)
+        serial.connect()
+        return serial
+    link = TcpLink(lambda: TcpPort(endpoint), clock, 3600.0)
+    until = clock.now_ns() + 2_000_000_000
+    while not link.connect():
+        if clock.now_ns() > until:
+            link.close()
+            raise DriverError(f"{endpoint}: nothing answers there")
+        clock.sleep_until(clock.now_ns() + 1_000_000)
+    return link
+
+
+class _Unit:
+    """One unit that may be there."""
+
+    def __init__(self, link: Link, clock: Clock, unit: int, timeout_s: float) -> None:
+        self._link = link
+        self._clock = clock
+        self._unit = unit
+        self._timeout_ns = round(1e9 * timeout_s)
+
+    def ask(self, question: Any) -> bytes:
+        """Return the answer, b'' if there is none."""
+        from tautwave_drivers.modbus.asking import ask_once
+
+        limit = self._clock.now_ns() + self._timeout_ns
+        return ask_once(self._link, self._clock, self._unit, question, limit)
+
+    def value(self, profile: Profile, name: str) -> int | None:
+        """Return the value of a register, None where it refuses."""
+        from tautwave_drivers.modbus.frames import REFUSED
+        from tautwave_drivers.modbus.sequence import Speech
+
+        speech = Speech(profile, profile.functions)
+        pdu = self.ask(speech.read(name))
+        return None if not pdu or pdu[0] & REFUSED else speech.decode(name, pdu)
+
+
+def _at_unit(
+    link: Link,
+    clock: Clock,
+    options: ScanOptions,
+    endpoint: str,
+    unit: int,
+    profiles: Sequence[Profile],
+) -> Iterator[dict[str, Any]]:
+    from tautwave_drivers.modbus import frames
+
+    one = _Unit(link, clock, unit, options.timeout_s)
+    first = one.ask(frames.read(3, 0, 1))
+    if not first or (first[0] & frames.REFUSED and first[1] in (10, NOBODY)):
+        return
+    row: dict[str, Any] = {"endpoint": endpoint, "unit": unit}
+    told = one.ask(frames.identify())
+    if told and not told[0] & frames.REFUSED:
+        row["identity"] = ", ".join(frames.identity_of(told).values())
+    for profile in profiles:
+        if _seems(one, profile):
+            row["profile"] = profile.family
+            _state(one, profile, row)
+            break
+    yield row
+
+
+def _seems(one: _Unit, profile: Profile) -> bool:
+    """Return whether a unit has every register of a profile that says what it is and does."""
+    if profile.identity is not None:
+        found = one.value(profile, profile.identity.register_name)
+        if found is None or profile.identity.value not in (None, found):
+            return False
+    names = {profile.roles["status"], profile.roles["position"], *profile.told}
+    return all(one.value(profile, name) is not None for name in sorted(names))
+
+
+def _state(one: _Unit, profile: Profile, row: dict[str, Any]) -> None:
+    status = one.value(profile, profile.roles["status"]) or 0
+    if profile.machine == "cia402":
+        from tautwave_drivers.cia402.states import status_words
+
+        row["state"] = status_words(status)
+    elif profile.states is not None:
+        states = profile.states
+        row["state"] = (
+            "fault"
+            if states.fault.fits(status)
+            else "enabled"
+            if states.enabled.fits(status)
+            else f"off ({status:#x})"
+        )
+    row["position_counts"] = one.value(profile, profile.roles["position"])
+    name = profile.roles.get("fault")
+    code = one.value(profile, name) if name is not None else None
+    if code:
+        row["fault"] = profile.faults.get(code, f"code {code:#x}")
+        if profile.machine == "cia402":
+            from tautwave_drivers.cia402.emergency import error_words
+
+            row["fault"] = error_words(code)

@@ -1,0 +1,300 @@
+"""One drive inside the cycle: what it is asked and told, what that means, how it is enabled."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from tautwave.contracts import Clock
+from tautwave.types import AxisCommand, Fault, JointState
+from tautwave_drivers.modbus import frames
+from tautwave_drivers.modbus.budget import BRIDGE
+from tautwave_drivers.modbus.errand import Errand
+from tautwave_drivers.modbus.frames import Question
+from tautwave_drivers.modbus.machine402 import Drive402
+from tautwave_drivers.modbus.options import Device
+from tautwave_drivers.modbus.profile import Step
+from tautwave_drivers.modbus.registers import Block, Place, blocks_of, to_words
+from tautwave_drivers.modbus.sequence import Speech, Steps, Walk, refusal
+
+NAN = math.nan
+MISSING = JointState(0.0, NAN, NAN, False, 0)
+REFUSALS = 3
+"""Commands refused in a row that end the run."""
+
+
+class Plan:
+    """What a cycle asks of one drive: blocks that are read, and the command's place.
+
+    Parameters
+    ----------
+    device : Device
+        The drive.
+    speech : Speech
+        Its function codes.
+    """
+
+    def __init__(self, device: Device, speech: Speech) -> None:
+        profile = device.profile
+        roles = ["position", "status"] + ([] if device.impedance else ["effort"])
+        wanted = []
+        for role in roles:
+            name = profile.roles[role]  # type: ignore[index]  # all three are roles
+            register = profile.registers[name]
+            wanted.append((name, register.address, register.words))
+        blocks = blocks_of(wanted, profile.readable, profile.gaps == "readable", BRIDGE)
+        # The block with the position first: function code 23 reads it with the command.
+        first = next(one for one in blocks if profile.roles["position"] in one.names)
+        self.blocks: list[Block] = [first, *(one for one in blocks if one is not first)]
+        self.reads = [frames.read(speech.reading, one.address, one.words) for one in self.blocks]
+        self._profile = profile
+        address, zero = device.command.address, (0,) * device.command.words
+        self.both: Question | None = None
+        if speech.both:
+            self.both = frames.read_write(first.address, first.words, address, zero)
+            self.command = self.both
+            self.questions = [self.both, *self.reads[1:]]
+        else:
+            several = speech.several
+            self.command = frames.write(address, zero) if several else frames.write_one(address, 0)
+            self.questions = [self.command, *self.reads]
+        self.skip = 0 if speech.both else 1
+        """Answers before that with the position."""
+        self.position = self._place("position")
+        self.status = self._place("status")
+        self.effort = None if device.impedance else self._place("effort")
+
+    def _place(self, role: str) -> tuple[int, Place]:
+        """Return the block of a role and its place there."""
+        name = self._profile.roles[role]  # type: ignore[index]
+        register = self._profile.registers[name]
+        for number, block in enumerate(self.blocks):
+            if name in block.names:
+                low_first = self._profile.low_first(register)
+                return number, Place(register.address - block.address, register.type, low_first)
+        raise AssertionError(name)
+
+
+class Station:
+    """One drive.
+
+    Parameters
+    ----------
+    device : Device
+        Its options and profile.
+    rate_hz : float
+        Exchanges a second.
+    clock : Clock
+        Time.
+    """
+
+    def __init__(self, device: Device, rate_hz: float, clock: Clock) -> None:
+        self.device = device
+        self.label = device.label
+        self.errand = Errand(device.unit)
+        self.speech = Speech(device.profile, device.functions)
+        self.plan = Plan(device, self.speech)
+        self._clock = clock
+        self._low_first = device.profile.low_first(device.command)
+        self._kind = device.command.type
+        self._short = device.command.words == 1
+        sign = device.scale.direction
+        self._position_step = sign * device.scale.position
+        # The drive measures its motor; what the world does to the axis is the opposite.
+        self._effort_step = -sign * device.scale.effort
+        self.machine: Drive402 | None = None
+        if device.profile.machine == "cia402":
+            mode = device.profile.modes["effort" if device.impedance else "velocity"]
+            self.machine = Drive402(self.label, self.speech, mode, rate_hz, clock)
+        self.arming: tuple[Step, ...] = ()
+        """Steps that switch its comm-loss watchdog on."""
+        self.walk: Walk | None = None
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything heard so far; the command is the safe one."""
+        self.on = False
+        self.failed = False
+        self.resumed = False
+        self.walk = None
+        self.faults: list[Fault] = []
+        self._refused = 0
+        self._code_wanted = False
+        self._extra: list[Question] = []
+        self._orders: list[tuple[str, int]] = []
+        self._told: set[str] = set()
+        if self.machine is not None:
+            self.machine.reset()
+        self.stage(0)
+
+    # -- enabling -----------------------------------------------------------------------------
+
+    def begin_enabling(self) -> None:
+        """Set out to be enabled."""
+        if self.machine is not None:
+            self.machine.enable()
+            self.walk = self.machine
+            return
+        steps = (*self.arming, *self.device.profile.enable)
+        self.walk = Steps(self.label, "enable", self.speech, steps, self._clock)
+
+    def enabling(self) -> bool:
+        """Take what the last errand brought; return whether it is enabled. Raises on failure."""
+        if self.on or self.walk is None:
+            return self.on
+        self.walk.take(self.errand.answers if self.errand.whole else ())
+        self.on = self.walk.done
+        if self.machine is not None:
+            self._collect_events()
+        return self.on
+
+    # -- the cycle ----------------------------------------------------------------------------
+
+    def stage(self, counts: int) -> None:
+        """Have the next exchange command this."""
+        if self._short:
+            self.plan.command.put((counts & 0xFFFF,))
+        else:
+            self.plan.command.put(to_words(counts, self._kind, self._low_first))
+
+    def command(self, command: AxisCommand) -> None:
+        """Stage a command; zero where it is no number, or the drive is not ours."""
+        device = self.device
+        value = command.effort if device.impedance else command.velocity
+        count = value / device.quantum
+        most = device.most
+        if not self.on or self.failed:
+            whole = 0
+        elif -most <= count <= most:
+            whole = math.floor(count + 0.5)
+        elif count > most:
+            whole = most
+        else:
+            whole = -most if count < -most else 0
+        self.stage(whole * device.scale.direction)
+
+    def exchange(self) -> Sequence[Question]:
+        """Return what this cycle asks: command, state, and what a fault makes worth asking."""
+        machine = self.machine
+        if not self.on:
+            return self.plan.reads
+        if machine is None and not self._code_wanted:
+            return self.plan.questions
+        questions = list(self.plan.questions)
+        self._orders = machine.orders() if machine is not None else []
+        if self._orders:
+            questions += [self.speech.write(name, value) for name, value in self._orders]
+        if self._code_wanted:
+            questions.append(self.speech.read(self.device.profile.roles["fault"]))
+        return questions
+
+    def settle(self, now_ns: int) -> JointState:
+        """Return what the exchange measured; not valid where a sample did not come."""
+        errand, plan = self.errand, self.plan
+        answers = errand.answers
+        skip = plan.skip if self.on else 0
+        blocks = len(plan.blocks)
+        if len(answers) < skip + blocks:
+            if self.machine is not None and self.on:
+                self.machine.step(None, None)
+                self._collect_events()
+            return MISSING
+        if skip and answers[0][0] & frames.REFUSED:
+            self._refuse(answers[0])
+        words: list[Sequence[int]] = []
+        for pdu in answers[skip : skip + blocks]:
+            if pdu[0] & frames.REFUSED:
+                self._refuse(pdu)
+                return MISSING
+            words.append(frames.words_of(pdu))
+        if not skip or not answers[0][0] & frames.REFUSED:
+            self._refused = 0
+        number, place = plan.position
+        position = place.decode(words[number]) * self._position_step
+        effort = NAN
+        if plan.effort is not None:
+            number, place = plan.effort
+            effort = place.decode(words[number]) * self._effort_step
+        if self.on:
+            number, place = plan.status
+            self._watch(place.decode(words[number]), answers[skip + blocks :])
+        return JointState(position, NAN, effort, True, now_ns - errand.asked_ns[skip])
+
+    def _watch(self, status: int, more: Sequence[bytes]) -> None:
+        """Take the status and what was asked besides."""
+        code: int | None = None
+        if self._code_wanted and len(more) == len(self._orders) + 1:
+            self._code_wanted = False
+            code = 0 if refusal(more[-1]) else self.speech.decode(self._fault_name, more[-1])
+        if self.machine is not None:
+            self._watch_machine(self.machine, status, code, more)
+        elif not self.failed:
+            self._watch_status(status, code)
+
+    @property
+    def _fault_name(self) -> str:
+        return self.device.profile.roles.get("fault", "")
+
+    def _watch_machine(
+        self, machine: Drive402, status: int, code: int | None, more: Sequence[bytes]
+    ) -> None:
+        for (name, value), pdu in zip(self._orders, more, strict=False):
+            if not refusal(pdu):
+                machine.ordered(name, value)
+        self._orders = []
+        if machine.in_fault(status) and code is None and self._fault_name and not self.failed:
+            self._code_wanted = True  # the machine is told when the code is known
+            return
+        machine.step(status, None, code or 0)
+        self._collect_events()
+        if not machine.machine.commanding:
+            self.stage(0)
+
+    def _collect_events(self) -> None:
+        assert self.machine is not None
+        for event in self.machine.take_events():
+            self.failed = self.failed or event.fatal
+            self.faults.append(Fault(self.device.axis.name, event.text, event.fatal))
+
+    def _watch_status(self, status: int, code: int | None) -> None:
+        states = self.device.profile.states
+        assert states is not None
+        limited = states.limit is not None and states.limit.fits(status)
+        if states.fault.fits(status):
+            if code is None and self._fault_name:
+                self._code_wanted = True
+                return
+            self.fail(f"has a fault: {self.fault_words(code)}")
+        elif not states.enabled.fits(status) and not limited:
+            again = " since the connection came back" if self.resumed else ""
+            self.fail(f"has switched itself off{again} (status {status:#x}); run again")
+        if limited:
+            self.tell(f"one of its limits is active, or it warns (status {status:#x})")
+
+    def fault_words(self, code: int | None) -> str:
+        """Return a fault's code in words."""
+        if code is None:
+            return "this drive does not tell which; look at its display"
+        told = self.device.profile.faults.get(code, "no table knows this code; look at its manual")
+        return f"{told} (code {code:#x})"
+
+    def _refuse(self, pdu: bytes) -> None:
+        self._refused += 1
+        text = f"{self.label}: {refusal(pdu)}"
+        if self._refused >= REFUSALS and not self.failed:
+            self.fail(f"{refusal(pdu)}, {self._refused} times in a row")
+        else:
+            self.tell(text.removeprefix(f"{self.label}: "))
+
+    def tell(self, text: str) -> None:
+        """Note something that stops nothing, once."""
+        if text not in self._told:
+            self._told.add(text)
+            self.faults.append(Fault(self.device.axis.name, f"{self.label}: {text}", False))
+
+    def fail(self, text: str) -> None:
+        """Note why this axis is of no more use, once; its command is the safe one from now on."""
+        if not self.failed:
+            self.failed = True
+            self.stage(0)
+            self.faults.append(Fault(self.device.axis.name, f"{self.label} {text}", True))
