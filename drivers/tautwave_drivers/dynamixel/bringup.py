@@ -51,6 +51,7 @@ class Bringup:
         self._options = options
         self._bus = bus
         self._changes: list[str] = []
+        self._unwatched: set[int] = set()
         self.notes: list[str] = []
 
     def run(self, servos: Sequence[Servo], scales: Sequence[Scale]) -> list[Limits]:
@@ -116,6 +117,7 @@ class Bringup:
             + ("" if watched else ", without a bus watchdog")
         )
         if not watched:
+            self._unwatched.add(servo.options.id)
             return
         if self._get(servo, reg.BUS_WATCHDOG) == reg.WATCHDOG_TRIPPED:
             self.notes.append(f"{where}: its bus watchdog had tripped; armed again")
@@ -131,6 +133,8 @@ class Bringup:
         given = servo.options.current_limit
         if given is not None and servo.model.current_unit > 0.0:
             self._keep(servo, reg.CURRENT_LIMIT, round(given / servo.model.current_unit))
+        if servo.options.id in self._unwatched:
+            return  # firmware that old has no drive mode either
         drive_mode = self._get(servo, reg.DRIVE_MODE)
         if drive_mode & TORQUE_BY_GOAL:
             self._keep(servo, reg.DRIVE_MODE, drive_mode & ~TORQUE_BY_GOAL)
@@ -173,6 +177,8 @@ class Bringup:
 
     def arm(self, servo: Servo) -> None:
         """Write the bus watchdog and read it back; it counts once torque is on."""
+        if servo.options.id in self._unwatched:
+            return
         units = max(1, math.ceil(self._options.watchdog_s / reg.WATCHDOG_UNIT_S - 1e-9))
         self._put(servo, reg.BUS_WATCHDOG, units)
 

@@ -3,10 +3,10 @@
 What dynamixel-sdk's group classes do not do: every servo's answer counts by itself, a missing one
 costs no other; its error byte is kept; what is sent is stuffed; the host waits in the kernel.
 
-Servos answer in the order asked, and some wait for the one before them. So who did not answer last
-time is asked last, where it can hold nobody up. A late answer may be the host's fault and is waited
-for until the deadline; who has missed `ABSENT` cycles running is gone and is waited for only as
-long as its answer takes on the wire, but for every `AGAIN`th time.
+Servos answer in the order asked, and some wait for the one before them (in a fast read all do). So
+who did not answer last time is asked last, where it can hold nobody up. A late answer may be the
+host's fault and is waited for until the deadline; who has missed `ABSENT` cycles running is gone:
+it is waited for only as long as its answer takes on the wire, but for every `AGAIN`th time.
 
 An answer has no number, so one that comes a cycle late could pass for the next. No byte that comes
 before the question itself is through the wire belongs to its answer: such bytes are dropped.
@@ -246,13 +246,19 @@ class Exchange:
         return False
 
     def _reorder(self) -> None:
-        """Ask those last that did not answer."""
+        """Ask those last that did not answer, and the first of them behind the others.
+
+        It is the one that may have silenced those who wait for it; each of them gets its turn.
+        """
         here: list[int] = []
-        gone: list[int] = []
-        for index, values in enumerate(self.values):
-            self._missed[index] = 0 if values is not None else self._missed[index] + 1
-            (gone if values is None else here).append(self._ids[index])
-        order = (*here, *gone)
+        silent: list[int] = []
+        for one in self._order:
+            index = self._index[one]
+            answered = self.values[index] is not None
+            self._missed[index] = 0 if answered else self._missed[index] + 1
+            (here if answered else silent).append(one)
+        here.sort(key=self._index.__getitem__)
+        order = (*here, *silent[1:], *silent[:1])
         if order != self._order:
             self._order = order
             self._question = self._ask(order)

@@ -1,0 +1,189 @@
+"""Before torque: the right servo, healthy, in its mode, watched; EEPROM only where allowed."""
+
+from __future__ import annotations
+
+import pytest
+
+from tautwave.errors import ConfigError, DeviceFault, DriverError
+from tests.drivers.dynamixel.parts import Bench, bench, servo, spec
+
+EEPROM_END = 64
+
+
+def eeprom(made: Bench) -> list[bytes]:
+    return [one.memory.read(0, EEPROM_END) or b"" for one in made.world.servos]
+
+
+def factory(**more: object) -> dict[str, object]:
+    return {"simulator": {"factory": True, **more}}
+
+
+def opened(made: Bench) -> Bench:
+    made.driver.open()
+    return made
+
+
+def test_what_was_found_and_set_is_told() -> None:
+    made = opened(bench(spec(1), spec(2)))
+    notes = made.driver.notes
+    assert any("XM430-W350, firmware 48, 12.0 V, 25 degC" in note for note in notes)
+    assert any("1.78 N m/A is the stall slope, +-20 %" in note for note in notes)
+
+
+def test_torque_is_off_and_everything_is_set_after_open() -> None:
+    made = opened(bench(spec(1), spec(2, "admittance"), watchdog_s=0.25))
+    assert [made.peek(index, "Torque Enable") for index in (0, 1)] == [0, 0]
+    assert [made.peek(index, "Operating Mode") for index in (0, 1)] == [0, 1]
+    assert [made.peek(index, "Bus Watchdog") for index in (0, 1)] == [13, 13]  # up to 20 ms more
+    assert made.peek(0, "Goal Current") == 0
+    assert made.peek(1, "Goal Velocity") == 0
+
+
+def test_torque_that_was_left_on_is_switched_off() -> None:
+    made = bench(spec(1))
+    made.poke(0, "Torque Enable", 1)
+    opened(made)
+    assert made.peek(0, "Torque Enable") == 0
+
+
+def test_the_goal_is_zero_before_torque_comes_on() -> None:
+    made = bench(spec(1))
+    opened(made)
+    made.poke(0, "Goal Current", 300)  # as after a change of mode
+    made.enable()
+    assert made.peek(0, "Goal Current") == 0
+    assert made.world.servos[0].torque_on
+
+
+def test_eeprom_is_not_touched_and_the_refusal_says_what_would_change() -> None:
+    made = bench(spec(1), spec(2, "admittance"), **factory())
+    before = eeprom(made)
+    with pytest.raises(DriverError, match="--configure") as caught:
+        made.driver.open()
+    assert eeprom(made) == before
+    told = str(caught.value)
+    assert "operating mode(11) 3 (position) -> 0 (current)" in told
+    assert "operating mode(11) 3 (position) -> 1 (velocity)" in told
+    assert told.count("return delay time(9) 250 (500 us) -> 0 (0 us)") == 2
+
+
+def test_configure_writes_what_differs_and_tells() -> None:
+    given = [servo(1, current_limit=1.345)]
+    made = bench(spec(1), servos=given, bus={"configure": True}, **factory())
+    before = eeprom(made)[0]
+    opened(made)
+    after = eeprom(made)[0]
+    changed = [at for at in range(EEPROM_END) if before[at] != after[at]]
+    assert changed == [9, 11, 38, 39]
+    assert made.peek(0, "Current Limit") == 500
+    assert sum("written" in note for note in made.driver.notes) == 3
+    # Nothing is left to write the next time.
+    made.driver.close()
+    made.driver.open()
+    assert not any("written" in note for note in made.driver.notes)
+
+
+def test_another_model_is_refused() -> None:
+    made = bench(spec(1), simulator={"servos": {1: {"model": "XM430-W210"}}})
+    with pytest.raises(DriverError, match=r"is a XM430-W210 .*the rig says XM430-W350"):
+        made.driver.open()
+
+
+def test_a_silent_servo_is_named_with_the_way_to_find_it() -> None:
+    made = bench(spec(1), spec(2))
+    made.world.servos[1].present = False
+    with pytest.raises(DriverError, match=r"servo 2\): no answer at 4000000 baud.*tautwave scan"):
+        made.driver.open()
+
+
+def test_a_servo_that_answers_only_pings_is_made_to_answer() -> None:
+    made = bench(spec(1))
+    made.poke(0, "Status Return Level", 0)
+    opened(made)
+    assert made.peek(0, "Status Return Level") == 2
+
+
+def test_a_hardware_error_is_told_in_words() -> None:
+    made = bench(spec(1))
+    made.world.servos[0].fail(5)
+    with pytest.raises(DeviceFault, match="overloaded for too long; it has switched its torque"):
+        made.driver.open()
+
+
+def test_an_effort_limit_beyond_the_current_limit_is_refused_in_numbers() -> None:
+    quirk = {"servos": {1: {"registers": {"Current Limit": 100}}}}
+    made = bench(spec(1, effort=0.6), simulator=quirk)
+    with pytest.raises(DriverError, match=r"needs 0.336 A.*is 0.269 A; lower effort_limit to 0.48"):
+        made.driver.open()
+
+
+def test_a_velocity_limit_beyond_the_servos_is_refused() -> None:
+    made = bench(spec(1, "admittance", velocity=10.0))
+    with pytest.raises(DriverError, match=r"velocity limit\(44\)"):
+        made.driver.open()
+
+
+def test_firmware_without_a_watchdog_needs_to_be_allowed() -> None:
+    quirk = {"servos": {1: {"firmware": 37}}}
+    made = bench(spec(1), simulator=quirk)
+    with pytest.raises(DriverError, match=r"no bus watchdog.*--allow-unwatched"):
+        made.driver.open()
+    allowed = bench(spec(1), simulator=quirk, bus={"allow_unwatched": True})
+    allowed.enable()
+    assert any("without a bus watchdog" in note for note in allowed.driver.notes)
+
+
+def test_a_tripped_watchdog_is_armed_again() -> None:
+    made = bench(spec(1))
+    made.enable()
+    made.clock.sleep_until(made.clock.now_ns() + 500_000_000)
+    made.cycle(0.0)
+    assert any("watchdog tripped" in fault.text for fault in made.driver.faults())
+    made.driver.close()
+    made.poke(0, "Bus Watchdog", -1)
+    made.enable()
+    assert any("had tripped; armed again" in note for note in made.driver.notes)
+    assert made.peek(0, "Bus Watchdog") == 5
+
+
+def test_torque_that_a_goal_would_switch_on_is_configured_away() -> None:
+    quirk = {"servos": {1: {"registers": {"Drive Mode": 9}}}}
+    given = {"servos": [servo(1, "XL330-M288")], "simulator": quirk}
+    with pytest.raises(DriverError, match=r"drive mode\(10\) 9 -> 1"):
+        bench(spec(1, effort=0.2), **given).driver.open()
+    made = opened(bench(spec(1, effort=0.2), bus={"configure": True}, **given))
+    assert any("reversed in the servo" in note for note in made.driver.notes)
+
+
+def test_too_old_a_firmware_for_a_fast_read_is_told() -> None:
+    quirk = {"servos": {1: {"firmware": 40}}}
+    made = bench(spec(1), simulator=quirk, read="fast_sync")
+    with pytest.raises(DriverError, match="use read: sync"):
+        made.driver.open()
+
+
+def test_sim_without_a_simulation_is_told() -> None:
+    made = bench(spec(1))
+    made.driver._given = None
+    with pytest.raises(DriverError, match="add a simulation block"):
+        made.driver.open()
+
+
+def test_the_vendors_library_does_the_same() -> None:
+    own = bench(spec(1), bus={"configure": True}, **factory())
+    sdk = bench(spec(1), bus={"configure": True}, transport="sdk", **factory())
+    for made in (own, sdk):
+        made.enable()
+        for _ in range(3):
+            made.cycle(0.2)
+    assert own.driver.notes == sdk.driver.notes
+    assert eeprom(own) == eeprom(sdk)
+    assert own.world.axes[0].physics.v == sdk.world.axes[0].physics.v != 0.0
+
+
+def test_without_the_vendors_library_own_packets_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "dynamixel_sdk", None)
+    made = bench(spec(1), transport="sdk")
+    with pytest.raises(ConfigError, match=r"tautwave\[dynamixel\]"):
+        made.driver.open()
+    opened(bench(spec(1)))

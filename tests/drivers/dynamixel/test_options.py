@@ -1,0 +1,100 @@
+"""What a rig file may not ask of Dynamixel servos, and how it is told."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from tautwave.errors import ConfigError
+from tautwave_drivers.dynamixel.options import DynamixelOptions, match_servos
+from tautwave_drivers.dynamixel.plugin import plugin
+from tests.drivers.dynamixel.parts import block, bus_of, options_of, servo, spec
+
+
+def refused(*servos: dict[str, Any], axes: Any = None, **more: Any) -> str:
+    with pytest.raises(ConfigError) as caught:
+        match_servos(options_of(*servos, **more), bus_of(*(axes or [spec(1)])))
+    return str(caught.value)
+
+
+def test_an_axis_without_a_servo() -> None:
+    told = refused(servo(2), servo(3))
+    assert "master.a1 has id 1, but options.servos lists 2, 3" in told
+
+
+def test_an_unknown_model_is_told_with_the_nearest() -> None:
+    assert "did you mean 'XM430-W350'?" in refused(servo(1, "xm430w350"))
+    assert "known: XL330-M077" in refused(servo(1, "SG90"))
+
+
+def test_a_servo_without_current_control_takes_no_effort() -> None:
+    told = refused(servo(1, "XL430-W250"))
+    assert "a XL430-W250 has no current control, so it cannot take effort" in told
+    assert "causality: admittance" in told
+    match_servos(options_of(servo(1, "XL430-W250")), bus_of(spec(1, "admittance")))
+
+
+def test_protocol_1_runs_no_axis() -> None:
+    assert "protocol 1.0 servos have neither torque control" in refused(servo(1), protocol=1.0)
+
+
+def test_an_effort_no_such_servo_gives() -> None:
+    told = refused(servo(1, "XL330-M288"))
+    assert "effort_limit 1 is beyond a XL330-M288" in told
+    assert "1.75 A gives 0.619" in told
+
+
+def test_a_current_limit_beyond_the_model() -> None:
+    told = refused(servo(1, current_limit=4.0))
+    assert "current_limit 4 is beyond the 3.21 A" in told
+
+
+def test_a_baud_rate_beyond_the_model() -> None:
+    axes = [spec(1, effort=0.1)]
+    assert "goes up to 4000000 baud" in refused(servo(1, "XL330-M288"), axes=axes, baud=4_500_000)
+
+
+def test_ids_twice_and_many_mistakes_at_once() -> None:
+    told = refused(servo(1), servo(1, "X"), axes=[spec(1), spec(9)])
+    assert "servo id 1 is listed twice" in told
+    assert "unknown model 'X'" in told
+    assert "master.a9 has id 9" in told
+
+
+def test_status_blocks_of_two_families_are_refused() -> None:
+    options = options_of(servo(1), servo(2, "XL330-M288"), status_block=True)
+    bus = bus_of(spec(1), spec(2, effort=0.1))
+    with pytest.raises(ConfigError, match="different addresses"):
+        plugin.facts(options, bus)
+    plugin.facts(options_of(servo(1), servo(2), status_block=True), bus_of(spec(1), spec(2)))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"speed": 3}, {"port": 5}, {"baud": 100}, {"baud": "fast"}, {"protocol": 3.0},
+        {"read": "bulk"}, {"servos": []}, {"return_delay_s": 1e-3}, {"watchdog_s": 3.0},
+        {"usb_latency_s": -1.0}, {"servos": [{"id": 1}]}, {"servos": [servo(1, direction=2)]},
+        {"servos": [servo(253)]}, {"servos": [servo(1, gear_ratio=0.0)]},
+        {"servos": [servo(1, colour="red")]},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_wrong_options_do_not_pass(change: dict[str, Any]) -> None:
+    with pytest.raises(ValidationError):
+        DynamixelOptions.model_validate({**block(servo(1)), **change})
+
+
+def test_the_simulators_block_is_none_of_the_drivers_business() -> None:
+    options_of(servo(1), simulator={"anything": [1, {"goes": True}]})
+
+
+def test_the_facts_are_the_servos_steps() -> None:
+    bus = bus_of(spec(1), spec(2, "admittance"))
+    one, two = plugin.facts(options_of(servo(1), servo(2, gear_ratio=2.0)), bus)
+    assert one.encoder_quantum == 2.0 * two.encoder_quantum
+    assert two.effort_quantum == 2.0 * one.effort_quantum
+    assert one.velocity_quantum == 0.0
+    assert two.velocity_quantum == pytest.approx(0.02398 / 2.0, rel=1e-3)

@@ -1,0 +1,189 @@
+"""Real file descriptors: a pty as the line, pulled out and put back; the latency timer in sysfs."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+from tautwave.clock import MonotonicClock
+from tautwave.errors import DriverError
+from tautwave_drivers.dynamixel.driver import DynamixelDriver
+from tautwave_drivers.dynamixel.ftdi import set_latency_timer
+from tautwave_drivers.dynamixel.plugin import plugin
+from tautwave_drivers.dynamixel.port import SerialPort
+from tautwave_drivers.dynamixel.scan import ScanOptions, scan
+from tests.drivers.dynamixel.parts import bus_of, options_of, servo, spec
+
+MAIN = "from tautwave.cli import main; main(prog_name='tautwave')"
+PERIOD_NS = 20_000_000
+TIOCGEXCL = 0x80045440  # asm-generic/ioctls.h
+
+
+@contextmanager
+def served(*words: str) -> Iterator[str]:
+    """Simulated servos on a pty, as other people's software meets them."""
+    command = [sys.executable, "-c", MAIN, "sim", "dynamixel", *words]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        assert child.stdout is not None
+        yield json.loads(child.stdout.readline())["endpoint"]
+    finally:
+        child.send_signal(signal.SIGTERM)
+        child.communicate(timeout=20)
+
+
+@pytest.fixture
+def line() -> Iterator[tuple[int, str]]:
+    master, slave = os.openpty()
+    path = os.ttyname(slave)
+    os.close(slave)
+    try:
+        yield master, path
+    finally:
+        with suppress(OSError):
+            os.close(master)
+
+
+def test_bytes_go_through_as_they_are(line: tuple[int, str]) -> None:
+    master, path = line
+    port = SerialPort(path, 1_000_000)
+    every = bytes(range(256))
+    port.write(every)
+    assert os.read(master, 1000) == every
+    assert port.read() == b""
+    os.write(master, every)
+    assert MonotonicClock().wait(port, MonotonicClock().now_ns() + 10**9)
+    assert port.read() == every
+    for baud in (9600, 4_500_000):
+        port.set_baud(baud)
+    port.close()
+    port.close()
+
+
+def test_a_port_is_ours_alone(line: tuple[int, str]) -> None:
+    port = SerialPort(line[1], 57_600)
+    exclusive = fcntl.ioctl(port.fileno(), TIOCGEXCL, bytes(4))
+    assert int.from_bytes(exclusive, sys.byteorder) == 1
+    port.close()
+
+
+def test_a_closed_other_end_is_told(line: tuple[int, str]) -> None:
+    master, path = line
+    port = SerialPort(path, 57_600)
+    os.close(master)
+    with pytest.raises(DriverError, match=r"gone|unplugged"):
+        port.read()
+    with pytest.raises(DriverError, match="gone"):
+        port.write(b"x")
+    port.close()
+
+
+def test_devices_that_are_none() -> None:
+    with pytest.raises(DriverError, match="there is no such device"):
+        SerialPort("/dev/ttyNONE", 57_600)
+    with pytest.raises(DriverError, match="is not a serial device"):
+        SerialPort("/dev/null", 57_600)
+
+
+def driver_on(path: str) -> DynamixelDriver:
+    options = options_of(servo(1), servo(2), baud=1_000_000).model_copy(update={"port": path})
+    bus = bus_of(spec(1), spec(2), configure=True)._replace(rate_hz=50.0)
+    made = plugin.make(options, bus, MonotonicClock(), None)
+    assert isinstance(made, DynamixelDriver)
+    return made
+
+
+def run(driver: DynamixelDriver, cycles: int) -> int:
+    """Enable and run some cycles; return how many samples of both servos came."""
+    clock = MonotonicClock()
+    driver.open()
+    for _ in range(200):
+        if driver.enable_step():
+            break
+        clock.sleep_until(clock.now_ns() + 5_000_000)
+    whole = 0
+    for _ in range(cycles):
+        began = clock.now_ns()
+        driver.request()
+        whole += all(state.valid for state in driver.read(began + 15_000_000))
+        clock.sleep_until(began + PERIOD_NS)
+    return whole
+
+
+def test_pulled_out_in_a_run_and_put_back() -> None:
+    """The served simulator ends, which is what an adapter that is pulled out looks like."""
+    with served("--ids", "1,2") as path:
+        driver = driver_on(path)
+        assert run(driver, 10) >= 5
+    for _ in range(3):
+        driver.request()
+        assert not any(state.valid for state in driver.read(0))
+    [fault] = driver.faults()
+    assert fault.fatal
+    assert path in fault.text
+    assert "run again" in fault.text
+    driver.disable()
+    driver.close()
+    with served("--ids", "1,2") as path:
+        again = driver_on(path)
+        assert run(again, 10) >= 5
+        again.close()
+
+
+def test_a_scan_finds_them_at_their_baud_rate() -> None:
+    with served("--ids", "1,42", "--model", "XL330-M288", "--baud", "57600") as path:
+        found = scan(ScanOptions(port=path, protocol=2.0, baud=57_600))
+        assert scan(ScanOptions(port=path, protocol=2.0, baud=1_000_000)) == []
+    assert [one["id"] for one in found] == [1, 42]
+    for one in found:
+        assert one["model"] == "XL330-M288"
+        assert (one["firmware"], one["baud"], one["protocol"]) == (53, 57_600, 2.0)
+        assert one["voltage"] == 5.0
+        assert one["errors"] == ""
+
+
+def test_a_scan_reads_position_and_load_in_protocol_1() -> None:
+    with served("--ids", "3", "--model", "AX-12A") as path:
+        found = scan(ScanOptions(port=path, protocol=1.0, baud=1_000_000, ids=[2, 3]))
+    [one] = found
+    assert (one["id"], one["model"], one["protocol"]) == (3, "AX-12A", 1.0)
+    assert 0 <= one["position_counts"] <= 1023
+    assert one["load_percent"] == 0.0
+
+
+def test_the_latency_timer_is_set_or_its_remedy_told(tmp_path: Path) -> None:
+    folder = tmp_path / "ttyUSB7"
+    folder.mkdir()
+    timer = folder / "latency_timer"
+    timer.write_text("16\n")
+    told = set_latency_timer("/dev/ttyUSB7", 0.001, tmp_path)
+    assert timer.read_text() == "1\n"
+    assert told == "/dev/ttyUSB7: USB latency timer set from 16 to 1 ms"
+    assert set_latency_timer("/dev/ttyUSB7", 0.001, tmp_path).endswith("latency timer 1 ms")
+    assert set_latency_timer("/dev/ttyAMA0", 0.001, tmp_path) == ""
+
+
+def test_a_latency_timer_that_may_not_be_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "ttyUSB7"
+    folder.mkdir()
+    timer = folder / "latency_timer"
+    timer.write_text("16\n")
+
+    def refuse(*_: object, **__: object) -> int:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "write_text", refuse)
+    told = set_latency_timer("/dev/ttyUSB7", 0.001, tmp_path)
+    assert "warning: USB latency timer 16 ms" in told
+    assert f"echo 1 | sudo tee {timer}" in told

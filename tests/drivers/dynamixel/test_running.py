@@ -1,0 +1,232 @@
+"""While running: missing servos, noise, alerts in words, watchdogs, an unplugged adapter."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tautwave.types import JointState
+from tests.drivers.dynamixel.parts import PERIOD_NS, Bench, bench, servo, spec
+
+READS = pytest.mark.parametrize("read", ["sync", "fast_sync"])
+
+
+def valid(states: list[JointState]) -> list[bool]:
+    return [state.valid for state in states]
+
+
+def three(**more: Any) -> Bench:
+    made = bench(spec(1), spec(2), spec(3), **more)
+    made.enable()
+    for _ in range(3):
+        assert valid(made.cycle(0.3, 0.3, 0.3)) == [True] * 3
+    return made
+
+
+@READS
+@pytest.mark.parametrize("gone", [0, 1, 2])
+def test_a_removed_servo_costs_the_others_nothing_but_one_cycle(read: str, gone: int) -> None:
+    made = three(read=read)
+    made.world.servos[gone].present = False
+    others = [index for index in range(3) if index != gone]
+    lost = 0
+    for _ in range(30):
+        before = made.world.servos[others[0]].slot
+        states = made.cycle(0.3, 0.3, 0.3)
+        assert not states[gone].valid
+        for index in others:
+            if not states[index].valid:
+                lost += 1
+                continue
+            # This very slot's sample, not an old one.
+            assert made.world.servos[others[0]].slot == before + 1
+            quantum = made.driver._scales[index].position
+            true = made.world.axes[index].physics.x
+            assert abs(states[index].position - true) <= 0.5 * quantum + 1e-12
+    assert lost <= 2  # of 60: one cycle at most, and for fast reads that of all behind
+    made.world.servos[gone].present = True
+    recovered = [valid(made.cycle(0.3, 0.3, 0.3))[gone] for _ in range(10)]
+    assert recovered[-1]
+
+
+def test_a_servo_that_is_gone_is_not_waited_for_until_the_deadline() -> None:
+    made = three()
+    made.world.servos[2].present = False
+    spent = []
+    for _ in range(12):
+        began = made.clock.now_ns()
+        made.driver.request()
+        made.driver.read(began + 700_000)
+        spent.append(made.clock.now_ns() - began)
+        made.clock.sleep_until(began + PERIOD_NS)
+    whole_ns = (23 + 17 + 3 * 21) * 10_000_000_000 // 4_000_000 // 1000 * 1000
+    assert spent[0] == 700_000
+    assert min(spent) <= whole_ns + 110_000 < 700_000
+    assert sum(one < 700_000 for one in spent) >= 7
+
+
+def test_everybody_gone_leaves_invalid_samples_and_no_fault() -> None:
+    made = three()
+    for one in made.world.servos:
+        one.present = False
+    for _ in range(10):
+        assert valid(made.cycle(0.3, 0.3, 0.3)) == [False] * 3
+    assert not made.driver.faults()
+
+
+FAULTS = {
+    "lost": 0.1, "truncated": 0.1, "corrupted": 0.1, "wrong_id": 0.05, "extra_bytes": 0.1,
+    "deaf": 0.05,
+}  # fmt: skip
+
+
+@READS
+@pytest.mark.parametrize("kind", [*FAULTS, "all"])
+def test_bad_bytes_cost_samples_but_never_a_wrong_one(read: str, kind: str) -> None:
+    chances = FAULTS if kind == "all" else {kind: 0.3}
+    made = bench(spec(1), spec(2), read=read)
+    made.enable()
+    made.world.bus._plan._chances = dict(chances)
+    bad = 0
+    for count in range(200):
+        effort = 0.2 if count % 60 < 30 else -0.2
+        states = made.cycle(effort, effort)
+        for index, state in enumerate(states):
+            bad += not state.valid
+            if state.valid:
+                # Where the servo is now, or was one slot ago under a late command; never elsewhere.
+                true = made.world.axes[index].physics.x
+                quantum = made.driver._scales[index].position
+                assert abs(state.position - true) <= 0.51 * quantum, (count, index, state, true)
+    assert bad < 400
+    assert bad > 0 or kind == "extra_bytes"
+
+
+@pytest.mark.parametrize("status_block", [False, True])
+@READS
+@pytest.mark.parametrize(
+    ("bit", "words"),
+    [
+        (0, "input voltage outside its limits"),
+        (2, "overheated"),
+        (3, "motor encoder failed"),
+        (4, "electrical shock"),
+        (5, "overloaded for too long"),
+    ],
+)
+def test_an_alert_is_told_in_words_with_its_axis(
+    bit: int, words: str, read: str, status_block: bool
+) -> None:
+    made = bench(spec(1), spec(2), read=read, status_block=status_block)
+    made.enable()
+    made.cycle(0.1, 0.1)
+    made.world.servos[1].fail(bit)
+    faults = []
+    for _ in range(4):
+        states = made.cycle(0.1, 0.1)
+        assert states[0].valid
+        faults += made.driver.faults()
+    [fault] = faults
+    assert fault.fatal
+    assert fault.axis == "master.a2"
+    assert words in fault.text
+
+
+def test_an_alert_is_read_even_when_no_cycle_has_time_for_it() -> None:
+    # 41 bytes and 250 us of return delay: the deadline comes right behind the answer.
+    made = bench(spec(1), baud=1_000_000, return_delay_s=150e-6)
+    made.enable()
+    made.cycle(0.1)
+    made.world.servos[0].fail(2)
+    faults, samples = [], []
+    for _ in range(8):
+        samples += valid(made.cycle(0.1))
+        faults += made.driver.faults()
+    [fault] = faults
+    assert "overheated" in fault.text
+    assert samples.count(False) == 1  # the one cycle that was given up for it
+    assert samples[-1]
+
+
+@pytest.mark.parametrize("status_block", [False, True])
+def test_a_tripped_watchdog_is_told_and_ends_the_run(status_block: bool) -> None:
+    made = bench(spec(1), status_block=status_block)
+    made.enable()
+    for _ in range(3):
+        made.cycle(0.2)
+    assert not made.driver.faults()
+    made.clock.sleep_until(made.clock.now_ns() + 200_000_000)
+    made.cycle(0.2)
+    [fault] = made.driver.faults()
+    assert "its bus watchdog tripped" in fault.text
+    assert fault.fatal
+    assert made.peek(0, "Goal Current") == 0
+
+
+def test_a_silence_that_trips_nothing_is_no_fault() -> None:
+    made = bench(spec(1))
+    made.enable()
+    made.world.servos[0]._watchdog_ns = 10**12
+    for _ in range(3):
+        made.clock.sleep_until(made.clock.now_ns() + 150_000_000)
+        made.cycle(0.2)
+        assert not made.driver.faults()
+
+
+def test_the_watchdog_is_fed_while_other_buses_are_still_enabling() -> None:
+    made = bench(spec(1))
+    made.enable()
+    for _ in range(500):
+        assert made.driver.enable_step()
+        made.clock.sleep_until(made.clock.now_ns() + PERIOD_NS)
+    assert made.peek(0, "Bus Watchdog") == 5
+    assert made.world.servos[0].torque_on
+    assert made.world.bus._slot == 0  # feeding is no exchange
+
+
+def test_the_command_acts_from_the_next_request_on() -> None:
+    made = bench(spec(1))
+    made.enable()
+    made.cycle(0.5)
+    assert made.peek(0, "Goal Current") == 0
+    made.cycle(0.5)
+    assert made.peek(0, "Goal Current") == round(0.5 / made.driver._scales[0].effort)
+
+
+@pytest.mark.parametrize("transport", ["own", "sdk"])
+def test_unplugged_in_memory_is_one_fatal_fault_and_close_is_quiet(transport: str) -> None:
+    made = bench(spec(1), spec(2), transport=transport)
+    made.enable()
+    made.cycle(0.1, 0.1)
+    made.world.line.unplug()
+    for _ in range(3):
+        assert valid(made.cycle(0.1, 0.1)) == [False, False]
+    [fault] = made.driver.faults()
+    assert fault.fatal
+    assert "unplugged" in fault.text
+    made.driver.close()
+    made.world.line.plugged = True
+    made.enable()
+    assert valid(made.cycle(0.1, 0.1)) == [True, True]
+
+
+def test_efforts_beyond_the_current_limit_are_cut_there() -> None:
+    quirk = {"servos": {1: {"registers": {"Current Limit": 230}}}}
+    made = bench(spec(1, effort=1.0), simulator=quirk)
+    made.enable()
+    for wanted, told in ((5.0, 230), (-5.0, -230), (float("nan"), 0)):
+        made.cycle(wanted)
+        made.cycle(wanted)
+        assert made.peek(0, "Goal Current") == told
+
+
+def test_an_admittance_axis_measures_what_pushes_it() -> None:
+    given = [servo(1, "XM430-W350", direction=-1)]
+    made = bench(spec(1, "admittance"), servos=given)
+    made.enable()
+    made.world.axes[0].physics.forces = lambda *_: (0.2, 0.1)  # from outside
+    made.cycle(0.0)
+    [state] = made.cycle(0.0)
+    assert state.effort == pytest.approx(0.3, abs=5e-3)
+    assert made.peek(0, "Present Current") > 0  # against the axis' sense, the motor holds it
