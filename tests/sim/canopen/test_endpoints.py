@@ -22,7 +22,8 @@ from tautwave.registry import load_simulator
 from tautwave_sim.canopen.bench import CanopenBench, bench
 from tautwave_sim.canopen.options import SimulatedCanopenOptions
 from tautwave_sim.canopen.plugin import CanopenSimulator, simulator
-from tautwave_sim.canopen.served import serve
+from tautwave_sim.canopen.served import Gateway, serve
+from tautwave_sim.canopen.world import DriveBus
 from tests.sim.truths import truth
 
 can = pytest.importorskip("can")
@@ -72,6 +73,31 @@ def test_keys_of_the_driver_are_let_through_and_own_ones_checked() -> None:
     assert given.nodes[0].id == 1
     with pytest.raises(ValueError, match="quirk"):
         options(simulator={"quirks": {}})
+
+
+class Echoing:
+    """An interface that returns what is sent on it, as udp_multicast does."""
+
+    def __init__(self) -> None:
+        self.frames: list[Any] = []
+
+    def send(self, message: Any) -> None:
+        self.frames.append(message)
+
+    def recv(self, timeout: float) -> Any:
+        return self.frames.pop(0) if self.frames else None
+
+
+def test_own_frames_that_come_back_are_not_on_the_wire_again() -> None:
+    world = DriveBus(options(), spec(1), [truth()], 0)
+    seen: list[int] = []
+    world.medium.listeners.append(lambda _, can_id, __: seen.append(can_id))
+    interface = Echoing()
+    gateway = Gateway(world, interface)
+    interface.send(frame(0x601, "4000100000000000"))
+    for now_us in range(0, 3000, 100):
+        gateway.run(now_us * 1000)
+    assert seen == [0x701, 0x601, 0x581]
 
 
 def test_an_interface_that_is_not_there_is_told_with_a_way_out() -> None:

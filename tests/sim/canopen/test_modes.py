@@ -82,6 +82,14 @@ def test_speed_is_reached_and_kept(mode: int, servo: bool) -> None:
     assert abs(node.read(1, 0x606C, signed=True)) <= 20
 
 
+def test_the_velocity_offset_is_added_in_the_cyclic_mode_only() -> None:
+    for mode, speed in ((CSV, 2500), (PV, 2000)):
+        node = node_in(mode, SPEED_MAP, servo=True)
+        node.write(1, 0x60B1, 0, 500, 4)
+        run(node, 2000, 300)
+        assert node.read(1, 0x606C, signed=True) == pytest.approx(speed, abs=2)
+
+
 def test_profile_velocity_ramps() -> None:
     node = node_in(PV, SPEED_MAP)
     node.write(1, 0x6083, 0, 20_000, 4)
