@@ -130,7 +130,9 @@ class Driver(Protocol):
     """One bus and the axes on it. Times are ns, everything else SI.
 
     A driver may also be a `RowSource`, whose columns are then recorded, and have `notes`, a
-    sequence of sentences on what `open` found, wrote and read back, for the summary.
+    sequence of sentences on what `open` found, wrote and read back, for the summary. `poll()`, if
+    it has one, is called in every cycle between `request` and `read` on a bus with a divisor, to
+    go on with an exchange of several questions; it never blocks.
     """
 
     command_delay: CommandDelay

@@ -1,7 +1,8 @@
 """The loop's first step: ask the buses, read the buses, count what is missing, late or broken.
 
 A bus with divisor n is asked in slots j n and read in slots j n + n - 1, so that an exchange may
-take n - 1 slots and the loop never waits for it. A request up to half a bus period late still
+take n - 1 slots and the loop never waits for it; its driver's `poll`, if it has one, is called in the
+slots between, for an exchange of several questions. A request up to half a bus period late still
 belongs to its slot, as drives round; later, the exchange is left out. An answer that nobody
 fetched in its slot is thrown away: its pair has booked a missing sample by then.
 """
@@ -53,6 +54,7 @@ class Sensing:
         self._missing_limit = missing_limit
         self._missing = [0] * axes
         self._asked = [-1] * len(buses)  # exchange that a slow bus still has to answer
+        self._polls = [getattr(bus.driver, "poll", None) for bus in buses]
         self._error: TautwaveError | None = None
         self.states: list[JointState] = [ABSENT] * axes
         self.lost = [0] * axes
@@ -67,6 +69,9 @@ class Sensing:
                 bus.driver.request()
             else:
                 self._ask(number, bus, slot)
+                poll = self._polls[number]
+                if poll is not None and self._asked[number] >= 0:
+                    poll()
         at = 0
         for number, bus in enumerate(self._buses):
             if bus.divisor > 1:
