@@ -26,6 +26,16 @@ checksum covers all bytes before it; it is never stuffed, as the e-manual says.
 **Before.** Unless `simulator.factory` is set, servos come as the bus options and axes want them:
 baud rate, return delay, current limit, current mode for impedance and velocity mode for admittance
 axes. Goal Current begins at Current Limit, as on real servos: set it before torque on.
+
+Assumed
+-------
+Where the e-manual is silent: a servo refuses Torque Enable after a shutdown with Result Fail; an
+error that Shutdown(63) leaves out still sets Hardware Error Status and the alert bit; a wrong
+checksum is answered at status return level 2 only; a change of id, baud rate or protocol is
+answered the old way; a reboot takes 0.2 s; only instructions to a servo, or to all, feed its
+watchdog. A read may cross addresses that hold nothing. Velocity and position are small loops of
+our own, not ROBOTIS' PID. Factory reset is refused with Result Fail, Control Table Backup (0x20)
+is unknown.
 """
 
 from __future__ import annotations

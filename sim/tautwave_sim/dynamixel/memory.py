@@ -28,11 +28,6 @@ class Memory:
         Whose table it is.
     initial : mapping
         Values by item name that differ from the model's, as if written before.
-
-    Raises
-    ------
-    ConfigError
-        Not here: unknown names are found by the options.
     """
 
     def __init__(self, model: Model, initial: Mapping[str, int]) -> None:
