@@ -16,7 +16,7 @@ from tautwave.errors import ConfigError
 from tautwave.truth import AxisModel
 from tautwave_sim.modbus.drive import Drive
 from tautwave_sim.modbus.faults import Fate, FaultPlan
-from tautwave_sim.modbus.options import Quirks, SimulatedModbusOptions
+from tautwave_sim.modbus.options import LINK_FAULTS, Quirks, SimulatedModbusOptions
 from tautwave_sim.modbus.protocol import READS, Request, answer, exception, parse
 from tautwave_sim.modbus.registers import Refusal
 
@@ -46,6 +46,12 @@ class DriveBus:
             raise ConfigError(
                 f"{bus.name}: simulator.devices names unit {unknown[0]}, not a device"
             )
+        for event in options.simulator.faults.events:
+            if event.kind in LINK_FAULTS and (event.kind == "unplugged") != (options.link == "rtu"):
+                raise ConfigError(
+                    f"{bus.name}: simulator.faults: {event.kind} is nothing that happens to "
+                    f"{options.link}; rtu can be unplugged, tcp reset, refused, half_open or gone"
+                )
         self.drives: dict[int, Drive] = {}
         for spec, truth in zip(bus.axes, truths, strict=True):
             if spec.device_id not in devices:

@@ -11,11 +11,11 @@ from typing import Any
 
 from tautwave.clock import MonotonicClock
 from tautwave.contracts import BusSpec
-from tautwave.errors import DriverError
+from tautwave.errors import ConfigError, DriverError
 from tautwave.truth import AxisModel
 from tautwave_sim.modbus.bus import DriveBus
 from tautwave_sim.modbus.options import SimulatedModbusOptions
-from tautwave_sim.modbus.simulator import endpoint_units, make_line
+from tautwave_sim.modbus.simulator import make_line
 from tautwave_sim.modbus.tcp import Session, TcpSide
 from tautwave_sim.wire.pty import serve_line
 
@@ -37,9 +37,17 @@ def serve_bus(
 
     Raises
     ------
+    ConfigError
+        A device names an endpoint of its own; there is one server for all.
     DriverError
         The endpoint cannot be opened.
     """
+    for device in options.devices:
+        if device.endpoint is not None:
+            raise ConfigError(
+                f"{bus.name}: unit {device.unit}: simulated drives are served on one endpoint; "
+                "leave the device's own out"
+            )
     drives = DriveBus(options, bus, truths)
     units = sorted(drives.drives)
     about = {"driver": "modbus", "units": units, "profile": options.devices[0].profile}
@@ -57,9 +65,7 @@ def serve_bus(
 
         serve_pymodbus(drives, _address(options), _announcer(announce, about), stopped)
         return
-    # One server for all: where devices name endpoints of their own, this is every one of them.
-    behind = tuple(unit for found in endpoint_units(options).values() for unit in found)
-    side = TcpSide(drives, behind, wire=False)
+    side = TcpSide(drives, tuple(units), wire=False)
     server = TcpServer(side, _address(options))
     try:
         _announcer(announce, about)(server.port)

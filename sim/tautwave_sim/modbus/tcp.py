@@ -152,8 +152,7 @@ class TcpSide:
         response, fate = self._bus.handle(unit, request.pdu, now_ns)
         if fate.link is not None:
             self.fail(fate.link, now_ns)
-            return
-        if response is None:
+        if response is None or session.broken or session.deaf:
             return
         begin_ns = max(now_ns, self._free_ns[unit])  # one task serves a drive's requests
         self._free_ns[unit] = done_ns = begin_ns + self._bus.answer_ns(unit)

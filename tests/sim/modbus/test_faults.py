@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tautwave.errors import DriverError
+from tautwave.errors import ConfigError, DriverError
 from tautwave_sim.modbus.framing import open_rtu, rtu_frame, tcp_frame
 from tautwave_sim.modbus.options import LINK_FAULTS, REQUEST_FAULTS
 from tests.sim.modbus.masters import ENDPOINT, Bench, read, read_write, write_one
@@ -215,8 +215,11 @@ def test_an_adapter_is_unplugged_and_plugged_in_again() -> None:
     assert bench.ask(read(0)) == IDENTITY
 
 
-def test_every_fault_of_a_link_is_tried_here() -> None:
-    assert set(LINK_FAULTS) == {"reset", "refused", "half_open", "gone", "unplugged"}
+@pytest.mark.parametrize("kind", LINK_FAULTS)
+def test_a_fault_of_the_other_link_is_a_mistake(kind: str) -> None:
+    link = "tcp" if kind == "unplugged" else "rtu"
+    with pytest.raises(ConfigError, match=f"{kind} is nothing that happens to {link}"):
+        Bench(link, faults={"events": [{"kind": kind}]})
 
 
 ALL = dict.fromkeys(REQUEST_FAULTS, 0.1)
