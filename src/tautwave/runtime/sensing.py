@@ -1,9 +1,9 @@
 """The loop's first step: ask the buses, read the buses, count what is missing, late or broken.
 
 A bus with divisor n is asked in slots j n and read in slots j n + n - 1, so that an exchange may
-take n - 1 slots and the loop never waits for it; its driver's `poll`, if it has one, is called in the
-slots between, for an exchange of several questions. A request up to half a bus period late still
-belongs to its slot, as drives round; later, the exchange is left out. An answer that nobody
+take n - 1 slots and the loop never waits for it; its driver's `poll`, if it has one, is called in
+the slots between, for an exchange of several questions. A request up to half a bus period late
+still belongs to its slot, as drives round; later, the exchange is left out. An answer that nobody
 fetched in its slot is thrown away: its pair has booked a missing sample by then.
 """
 
