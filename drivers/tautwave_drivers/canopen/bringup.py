@@ -39,6 +39,7 @@ TORQUE_OFF_S = 1.0
 START_S = 1.0
 PROBES = 5
 PROBE_S = 0.05
+LEAST_SPREAD_NS = 30_000
 _OWN = (0x6040, 0x6060, 0x6071, 0x607A, 0x60FF)
 """Objects that no DCF may write: commands, and what this program sets itself."""
 
@@ -242,7 +243,8 @@ def _measure_answers(
                 f"{axis.label} answers SYNC after {best * 1e-3:.0f} us at best; only "
                 f"{patience_ns * 1e-3:.0f} us of a period are waited for: lower rate_hz"
             )
-        axis.answer = Answer(best // 2, 2 * usual + 100_000)
+        spread = max(LEAST_SPREAD_NS, taken[-1] - best)
+        axis.answer = Answer(best // 2, usual - spread, usual + spread)
         notes.append(
             f"{axis.label}: answers SYNC after {best * 1e-3:.0f} us at best, "
             f"{usual * 1e-3:.0f} us usually ({len(taken)} of {PROBES} probes)"

@@ -8,6 +8,7 @@ after it was written, with event-driven ones on receipt.
 
 from __future__ import annotations
 
+import math
 import socket
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -17,22 +18,16 @@ from tautwave.errors import BusTimeout, DeviceFault, DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.canopen.axis import Axis
 from tautwave_drivers.canopen.budget import exchange_s
+from tautwave_drivers.canopen.exchange import Exchange
 from tautwave_drivers.canopen.frames import Port, RawPort, open_port
-from tautwave_drivers.canopen.health import OPERATIONAL, Health
+from tautwave_drivers.canopen.health import Health
 from tautwave_drivers.canopen.options import CanopenOptions, nodes_of
 from tautwave_drivers.canopen.startup import StartUp
-from tautwave_drivers.cia402.states import State
 
 if TYPE_CHECKING:
     from tautwave_drivers.canopen.network import PolledNetwork
 
-SYNC_ID = 0x80
-HEARTBEAT_ID = 0x700
-NO_DATA = b""
-MODE_POLL_S = 0.1
 STOP_LIMIT_S = {"disable_voltage": 0.25, "quick_stop": 1.0}
-_OPERATIONAL_BEAT = bytes((OPERATIONAL,))
-_READ_MODE_DISPLAY = bytes.fromhex("4061600000000000")  # SDO upload of 6061h (CiA 301, 7.2.4.3.5)
 
 
 class CanopenDriver:
@@ -62,28 +57,20 @@ class CanopenDriver:
         self._clock = clock
         self._now = clock.now_ns
         self._transport: Port | socket.socket | None = transport
-        self._port: Port | None = None
+        self._exchange: Exchange | None = None
         self._net: PolledNetwork | None = None
         self._period_ns = bus.period_ns
         self._axes = [
             Axis(spec, node, options, bus.rate_hz)
             for spec, node in zip(bus.axes, nodes_of(options, bus), strict=True)
         ]
-        self._by_tpdo = {axis.tpdo_id: axis for axis in self._axes}
         self._rpdos = [(axis, axis.rpdo_id) for axis in self._axes]
         self._health = Health(options, self._axes, bus.period_ns)
         self._startups = [StartUp(axis, options, bus.period_ns) for axis in self._axes]
         self._sync = options.sync
         self._patience_ns = int(options.answer_share * bus.period_ns)
-        self._beat_id = HEARTBEAT_ID + options.master_id
-        self._beat_every = max(1, options.heartbeat_ms * 1_000_000 // bus.period_ns)
-        self._poll_every = max(len(self._axes), round(MODE_POLL_S * bus.rate_hz) // 4)
-        self._cycle = 0
-        self._sync_ns = 0
         self._synced = False
-        self._missing = 0
         self._enabled = False
-        self._quiet = True  # no SYNC went out in this cycle
         self.notes: list[str] = []
         self.columns = [f"{axis.spec.name}.answer_us" for axis in self._axes]
         if options.sync and options.rpdo == "sync":
@@ -109,13 +96,13 @@ class CanopenDriver:
                 f"bus {self._bus.name}: data_bitrate is for `tautwave check` only, drives are "
                 "spoken to in classic CAN; remove it to run"
             )
-        if self._port is not None:
+        if self._exchange is not None:
             self.close()
-        self._reset()
-        self._port = self._connect()
+        port = self._connect()
+        self.attach(port)
         try:
             self._net, self.notes = bring_up(
-                self._options, self._bus, self._axes, self._health, self._port, self._clock
+                self._options, self._bus, self._axes, self._health, port, self._clock
             )
         except BaseException:
             self._release()
@@ -124,7 +111,6 @@ class CanopenDriver:
         for axis in self._axes:
             axis.heard_ns = now
             axis.errors.clear()
-        self._sync_ns = now - self._period_ns
 
     def _connect(self) -> Port:
         if isinstance(self._transport, socket.socket):  # frames of SocketCAN on any datagram socket
@@ -134,8 +120,9 @@ class CanopenDriver:
     def attach(self, port: Port) -> None:
         """Take a port whose drives are set up already, or are none: measurements, tests."""
         self._reset()
-        self._port = port
-        self._sync_ns = self._now() - self._period_ns
+        self._exchange = Exchange(
+            port, self._clock, self._axes, self._health, self._options, self._bus
+        )
 
     def detach(self) -> None:
         """Close the port and leave its drives as they are."""
@@ -146,7 +133,6 @@ class CanopenDriver:
         for axis, startup in zip(self._axes, self._startups, strict=True):
             axis.reset()
             startup.reset()
-        self._cycle = 0
         self._enabled = False
         self._synced = False
         self.notes = []
@@ -161,35 +147,25 @@ class CanopenDriver:
         DriverError
             The bus is lost, or the driver is not open.
         """
-        port = self._port
-        if port is None:
+        exchange = self._exchange
+        if exchange is None:
             raise DriverError(f"bus {self._bus.name}: enabled before it was opened")
         self._health.running = True
-        self._catch_up(port)
+        exchange.catch_up()
         for axis, startup in zip(self._axes, self._startups, strict=True):
-            startup.step(self._cycle)
-            axis.settle(self._cycle, self._sync_ns)
+            startup.step(exchange.cycle)
+            axis.settle(exchange.cycle, exchange.sync_ns)
         self._raise_failures()
         done = all(startup.done for startup in self._startups)
         self._enabled = self._enabled or done
         for axis, startup in zip(self._axes, self._startups, strict=True):
-            self._send(axis.rpdo_id, axis.pack(*axis.values))
+            exchange.send(axis.rpdo_id, axis.pack(*axis.values))
             if startup.second_pdo is not None:
-                self._send(*startup.second_pdo)
-        for axis in self._axes:
+                exchange.send(*startup.second_pdo)
             axis.fresh = False
-        self._begin(port)
+        exchange.begin()
         self._synced = True
         return done
-
-    def _catch_up(self, port: Port) -> None:
-        """Take in everything that has arrived, as answers to the last SYNC."""
-        try:
-            self._clock.wait(port, self._now())  # runs a simulated bus up to now
-            while (frame := port.receive()) is not None:
-                self._take(*frame)
-        except DriverError as err:
-            self._health.lose(str(err))
 
     def _raise_failures(self) -> None:
         told = [fault for axis in self._axes for fault in axis.errors]
@@ -206,138 +182,34 @@ class CanopenDriver:
 
     def request(self) -> None:
         """Put aside what is left of the last cycle, then send SYNC."""
-        port = self._port
-        if port is None:
+        exchange = self._exchange
+        if exchange is None:
             return
         if self._synced:
             self._synced = False
-            if self._now() - self._sync_ns < self._period_ns // 2:
+            if self._now() - exchange.sync_ns < self._period_ns // 2:
                 return  # enabling has sent the SYNC of this cycle
-        axes = self._axes
-        try:
-            while (frame := port.receive()) is not None:
-                axis = self._by_tpdo.get(frame[0])
-                self._health.received += 1
-                if axis is None:
-                    self._health.take(*frame)
-                elif self._sync:
-                    axis.take_old(frame[1])
-                else:
-                    axis.take_event(frame[1], frame[2])
-        except DriverError as err:
-            self._health.lose(str(err))
-        if self._sync:
-            for axis in axes:
-                axis.fresh = False
-        self._begin(port)
-
-    def _begin(self, port: Port) -> None:
-        """Begin a cycle: SYNC, and now and then a heartbeat and a question for the mode."""
-        self._cycle += 1
-        health = self._health
-        self._missing = 0
-        if health.lost:
-            return
-        if health.full_cycles and not self._rearm(port):
-            self._sync_ns = self._now()
-            return
-        if self._sync:
-            # Before, not after: an answer is matched to it by time.
-            self._sync_ns = self._now()
-            if self._send(SYNC_ID, NO_DATA):
-                for axis in self._axes:
-                    axis.outstanding += 1
-                self._missing = len(self._axes)
-        else:
-            self._sync_ns = self._now()
-            self._missing = sum(not axis.fresh for axis in self._axes)
-        cycle = self._cycle
-        if cycle % self._beat_every == 0:
-            self._send(self._beat_id, _OPERATIONAL_BEAT)
-        if cycle % 4 == 0:
-            self._ask_modes(cycle)
-
-    def _ask_modes(self, cycle: int) -> None:
-        """Ask one drive for its mode where no PDO tells: often until it is known, then seldom."""
-        for at, axis in enumerate(self._axes):
-            if axis.polls_mode and cycle >= axis.mode_since + 2:
-                unknown = axis.display != axis.machine.mode_wanted
-                if unknown or (cycle // 4) % self._poll_every == at:
-                    self._send(0x600 + axis.node.id, _READ_MODE_DISPLAY)
-
-    def _rearm(self, port: Port) -> bool:
-        """Return whether a full queue has drained; then zero goes out before anything acts."""
-        if not self._health.may_send(port):
-            return False
-        for axis, can_id in self._rpdos:
-            axis.values[1] = 0
-            if not self._send(can_id, axis.pack(*axis.values)):
-                return False
-        self._health.rearmed()
-        return True
-
-    def _send(self, can_id: int, data: bytes) -> bool:
-        port = self._port
-        if port is None or self._health.lost:
-            return False
-        try:
-            if port.send(can_id, data):
-                return True
-        except DriverError as err:
-            self._health.lose(str(err))
-            return False
-        self._health.refused()
-        return False
+        exchange.put_aside()
+        exchange.begin()
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Match TPDOs until all are in or the patience is over; step the state machines."""
-        port = self._port
+        exchange = self._exchange
         axes = self._axes
-        if port is not None:
-            if self._missing:
-                patience = self._sync_ns + self._patience_ns
-                try:
-                    self._collect(port, deadline_ns if deadline_ns < patience else patience)
-                except DriverError as err:
-                    self._health.lose(str(err))
+        if exchange is None:
             now = self._now()
-            if not self._health.lost:
-                self._health.watch(now)
-                cycle, sync_ns = self._cycle, self._sync_ns
-                for axis in axes:
-                    axis.settle(cycle, sync_ns)
-        else:
-            now = self._now()
+            return [axis.state(now) for axis in axes]
+        sync_ns = exchange.sync_ns
+        if exchange.missing:
+            patience_ns = sync_ns + self._patience_ns
+            exchange.collect(deadline_ns if deadline_ns < patience_ns else patience_ns)
+        now = self._now()
+        if not self._health.lost:
+            self._health.watch(now)
+            cycle = exchange.cycle
+            for axis in axes:
+                axis.settle(cycle, sync_ns)
         return [axis.state(now) for axis in axes]
-
-    def _collect(self, port: Port, patience_ns: int) -> None:
-        receive = port.receive
-        by_tpdo = self._by_tpdo
-        while self._missing:
-            frame = receive()
-            if frame is None:
-                if not self._clock.wait(port, patience_ns):
-                    return
-                continue
-            can_id, data, arrival_ns = frame
-            axis = by_tpdo.get(can_id)
-            if axis is None or not self._sync:
-                self._take(can_id, data, arrival_ns)
-            else:
-                self._health.received += 1
-                if axis.take(data, arrival_ns, self._sync_ns):
-                    self._missing -= 1
-
-    def _take(self, can_id: int, data: bytes, arrival_ns: int) -> None:
-        self._health.received += 1
-        axis = self._by_tpdo.get(can_id)
-        if axis is None:
-            self._health.take(can_id, data, arrival_ns)
-        elif self._sync:
-            if axis.take(data, arrival_ns, self._sync_ns):
-                self._missing -= 1
-        elif axis.take_event(data, arrival_ns):
-            self._missing -= 1
 
     def write(self, commands: Sequence[AxisCommand]) -> None:
         """Send one RPDO per axis at once; ignored until all drives are enabled.
@@ -352,12 +224,12 @@ class CanopenDriver:
                 f"bus {self._bus.name}: {len(commands)} commands for {len(self._rpdos)} axes; "
                 "write one command per axis, in the order of the rig file"
             )
-        health = self._health
-        if not self._enabled or health.full_cycles:
+        exchange = self._exchange
+        if exchange is None or not self._enabled or self._health.full_cycles:
             return
         for (axis, can_id), command in zip(self._rpdos, commands, strict=True):
             axis.set_target(command)
-            self._send(can_id, axis.pack(*axis.values))
+            exchange.send(can_id, axis.pack(*axis.values))
         if not self._sync:
             for axis in self._axes:
                 axis.fresh = False
@@ -376,57 +248,30 @@ class CanopenDriver:
 
     def fill(self, row: Row, at: int) -> None:
         """Record how long after SYNC each answer came [us]; NaN where none did."""
+        begun_ns = 0 if self._exchange is None else self._exchange.sync_ns
         for axis in self._axes:
-            delay = axis.arrived_ns - self._sync_ns
-            row[at] = delay * 1e-3 if axis.fresh else float("nan")
+            row[at] = (axis.arrived_ns - begun_ns) * 1e-3 if axis.fresh else math.nan
             at += 1
 
     # -- the end ------------------------------------------------------------------------------
 
     def disable(self) -> None:
         """Zero commands, then stop as the rig says, until the drives confirm or time is up."""
-        port = self._port
+        exchange = self._exchange
         self._enabled = False
-        if port is None or self._net is None:
+        if exchange is None or self._net is None:
             return
         health = self._health
         health.full_cycles = 0
         for way in dict.fromkeys((self._options.stop, "disable_voltage")):
             for axis in self._axes:
                 axis.rest(way)
-            self._run_out(port, self._now() + round(STOP_LIMIT_S[way] * 1e9))
+            exchange.run_out(self._now() + round(STOP_LIMIT_S[way] * 1e9))
         health.running = False
-
-    def _run_out(self, port: Port, until_ns: int) -> None:
-        """Cycle with zero commands until every drive has stopped."""
-        axes = self._axes
-        least = self._cycle + (1 if self._sync else 2)  # without SYNC a word may be taken up later
-        while not self._health.lost:
-            for axis in axes:
-                axis.values[1] = 0
-                axis.fresh = False
-                self._send(axis.rpdo_id, axis.pack(*axis.values))
-            self._begin(port)
-            end = self._now() + self._period_ns
-            try:
-                self._collect(port, end)
-                while self._now() < end and self._clock.wait(port, end):
-                    while (frame := port.receive()) is not None:
-                        self._take(*frame)
-            except DriverError as err:
-                self._health.lose(str(err))
-            for axis in axes:
-                axis.settle(self._cycle, self._sync_ns)
-            stopped = all(
-                axis.machine.done and axis.machine.state is not State.QUICK_STOP_ACTIVE
-                for axis in axes
-            )
-            if (stopped and self._cycle >= least) or self._now() >= until_ns:
-                return
 
     def close(self) -> None:
         """Disable, disarm the drives' watchdogs, NMT pre-operational, release; never raises."""
-        if self._port is None:
+        if self._exchange is None:
             return
         try:
             self.disable()
@@ -439,10 +284,10 @@ class CanopenDriver:
         self._release()
 
     def _release(self) -> None:
-        port, self._port, self._net = self._port, None, None
+        exchange, self._exchange, self._net = self._exchange, None, None
         self._enabled = False
-        if port is not None and port is not self._transport:
+        if exchange is not None and exchange.port is not self._transport:
             try:
-                port.close()
+                exchange.port.close()
             except Exception as err:  # noqa: BLE001  whatever a vendor's driver raises
                 self._health.tell(f"closing: {err}")

@@ -17,7 +17,8 @@ from tautwave.clock import MonotonicClock
 from tautwave.contracts import AxisSpec, BusSpec, Clock, CycleCost
 from tautwave.errors import DriverError
 from tautwave.types import AxisCommand
-from tautwave_drivers.canopen.driver import SYNC_ID, CanopenDriver
+from tautwave_drivers.canopen.driver import CanopenDriver
+from tautwave_drivers.canopen.exchange import SYNC_ID
 from tautwave_drivers.canopen.frames import RawPort
 from tautwave_drivers.canopen.mapping import RPDO_BASE, TPDO_BASE
 from tautwave_drivers.canopen.options import CanopenOptions, Node

@@ -1,0 +1,214 @@
+"""One cycle on the bus: SYNC, heartbeat and RPDOs out, TPDOs matched to the SYNC they answer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tautwave.contracts import BusSpec, Clock
+from tautwave.errors import DriverError
+from tautwave_drivers.canopen.axis import Axis
+from tautwave_drivers.canopen.frames import Port
+from tautwave_drivers.canopen.health import OPERATIONAL, Health
+from tautwave_drivers.canopen.options import CanopenOptions
+from tautwave_drivers.cia402.states import State
+
+SYNC_ID = 0x80
+HEARTBEAT_ID = 0x700
+NO_DATA = b""
+MODE_POLL_S = 0.1
+QUIET_EVERY = 10
+"""Cycles from one cycle without SYNC to the next, at least."""
+_BEAT = bytes((OPERATIONAL,))
+_READ_MODE_DISPLAY = bytes.fromhex("4061600000000000")  # SDO upload of 6061h (CiA 301, 7.2.4.3.5)
+
+
+class Exchange:
+    """Frames of one bus from `open` to `close`; whatever the port raises ends in `health.lost`.
+
+    Attributes
+    ----------
+    cycle : int
+        Exchanges begun.
+    sync_ns : int
+        When the last one began.
+    """
+
+    def __init__(
+        self,
+        port: Port,
+        clock: Clock,
+        axes: Sequence[Axis],
+        health: Health,
+        options: CanopenOptions,
+        bus: BusSpec,
+    ) -> None:
+        self.port = port
+        self._clock = clock
+        self._now = clock.now_ns
+        self._axes = axes
+        self._by_tpdo = {axis.tpdo_id: axis for axis in axes}
+        self._health = health
+        self._sync = options.sync
+        self._period_ns = bus.period_ns
+        self._beat_id = HEARTBEAT_ID + options.master_id
+        self._beat_every = max(1, options.heartbeat_ms * 1_000_000 // bus.period_ns)
+        self._poll_every = max(len(axes), round(MODE_POLL_S * bus.rate_hz) // 4)
+        self.cycle = 0
+        self.sync_ns = self._now() - bus.period_ns
+        self.missing = 0
+        self._quiet = False
+        self._quiet_from = 0
+
+    def send(self, can_id: int, data: bytes) -> bool:
+        """Send a frame; False where it did not go out."""
+        if self._health.lost:
+            return False
+        try:
+            if self.port.send(can_id, data):
+                return True
+        except DriverError as err:
+            self._health.lose(str(err))
+            return False
+        self._health.refused()
+        return False
+
+    def put_aside(self) -> None:
+        """Take what is left of the last cycle: it answers no SYNC to come."""
+        port, by_tpdo, health = self.port, self._by_tpdo, self._health
+        try:
+            if self._quiet:
+                self._clock.wait(port, self._now())  # runs a simulated bus up to now
+            while (frame := port.receive()) is not None:
+                health.received += 1
+                axis = by_tpdo.get(frame[0])
+                if axis is None:
+                    health.take(*frame)
+                elif self._sync:
+                    axis.take_old(quiet=self._quiet)
+                else:
+                    axis.take_event(frame[1], frame[2])
+        except DriverError as err:
+            health.lose(str(err))
+        if self._sync:
+            for axis in self._axes:
+                axis.fresh = False
+
+    def begin(self) -> None:
+        """Begin a cycle: SYNC, and now and then a heartbeat and a question for the mode."""
+        self.cycle = cycle = self.cycle + 1
+        health = self._health
+        self.missing = 0
+        self.sync_ns = self._now()  # before SYNC is sent: answers are matched to it by time
+        if health.lost or (health.full_cycles and not self._rearm()):
+            return
+        if not self._sync:
+            self.missing = sum(not axis.fresh for axis in self._axes)
+        elif not self._stay_quiet() and self.send(SYNC_ID, NO_DATA):
+            for axis in self._axes:
+                axis.outstanding += 1
+            self.missing = len(self._axes)
+        if cycle % self._beat_every == 0:
+            self.send(self._beat_id, _BEAT)
+        if cycle % 4 == 0:
+            self._ask_modes(cycle)
+
+    def _stay_quiet(self) -> bool:
+        """Leave one SYNC out where nobody knows which one is being answered.
+
+        What comes all the same answers an older one; if nothing comes, the older answers are lost.
+        """
+        if self._quiet:
+            for axis in self._axes:
+                axis.resolve()
+        wanted = self.cycle >= self._quiet_from and any(axis.doubtful for axis in self._axes)
+        if wanted:
+            self._quiet_from = self.cycle + QUIET_EVERY
+        self._quiet = wanted
+        return wanted
+
+    def _ask_modes(self, cycle: int) -> None:
+        """Ask one drive for its mode where no PDO tells: often until it is known, then seldom."""
+        for at, axis in enumerate(self._axes):
+            if axis.polls_mode and cycle >= axis.mode_since + 2:
+                unknown = axis.display != axis.machine.mode_wanted
+                if unknown or (cycle // 4) % self._poll_every == at:
+                    self.send(0x600 + axis.node.id, _READ_MODE_DISPLAY)
+
+    def _rearm(self) -> bool:
+        """Return whether a full queue has drained; then zero goes out before anything acts."""
+        if not self._health.may_send(self.port):
+            return False
+        for axis in self._axes:
+            axis.values[1] = 0
+            if not self.send(axis.rpdo_id, axis.pack(*axis.values)):
+                return False
+        self._health.rearmed()
+        return True
+
+    def catch_up(self) -> None:
+        """Take in everything that has arrived, without waiting, as answers to the last SYNC."""
+        try:
+            self._clock.wait(self.port, self._now())  # runs a simulated bus up to now
+            while (frame := self.port.receive()) is not None:
+                self._take(*frame)
+        except DriverError as err:
+            self._health.lose(str(err))
+
+    def collect(self, patience_ns: int) -> None:
+        """Take TPDOs until those of all axes are in, or the patience is over."""
+        receive = self.port.receive
+        by_tpdo = self._by_tpdo
+        health = self._health
+        sync_ns = self.sync_ns
+        try:
+            while self.missing:
+                frame = receive()
+                if frame is None:
+                    if not self._clock.wait(self.port, patience_ns):
+                        return
+                    continue
+                can_id, data, arrival_ns = frame
+                axis = by_tpdo.get(can_id)
+                if axis is None or not self._sync:
+                    self._take(can_id, data, arrival_ns)
+                else:
+                    health.received += 1
+                    if axis.take(data, arrival_ns, sync_ns):
+                        self.missing -= 1
+        except DriverError as err:
+            health.lose(str(err))
+
+    def _take(self, can_id: int, data: bytes, arrival_ns: int) -> None:
+        self._health.received += 1
+        axis = self._by_tpdo.get(can_id)
+        if axis is None:
+            self._health.take(can_id, data, arrival_ns)
+        elif self._sync:
+            if axis.take(data, arrival_ns, self.sync_ns):
+                self.missing -= 1
+        elif axis.take_event(data, arrival_ns):
+            self.missing -= 1
+
+    def run_out(self, until_ns: int) -> None:
+        """Cycle with zero commands until every drive has stopped, or the time is over."""
+        axes = self._axes
+        least = self.cycle + (1 if self._sync else 2)  # without SYNC a word may be taken up later
+        while not self._health.lost:
+            for axis in axes:
+                axis.values[1] = 0
+                axis.fresh = axis.doubtful = False
+                self.send(axis.rpdo_id, axis.pack(*axis.values))
+            self.begin()
+            end = self._now() + self._period_ns
+            self.collect(end)
+            while not self._health.lost and self._now() < end:
+                if self._clock.wait(self.port, end):
+                    self.catch_up()
+            for axis in axes:
+                axis.settle(self.cycle, self.sync_ns)
+            stopped = all(
+                axis.machine.done and axis.machine.state is not State.QUICK_STOP_ACTIVE
+                for axis in axes
+            )
+            if (stopped and self.cycle >= least) or self._now() >= until_ns:
+                return
