@@ -88,7 +88,7 @@ class ModbusFaults(_Keys):
     late_s: Positive = 0.02
     """[s] How late a late answer comes."""
     exception_code: Annotated[int, Field(ge=1, le=255)] = 6
-    events: tuple[FaultEvent, ...] = ()
+    events: Annotated[tuple[FaultEvent, ...], Field(strict=False)] = ()
 
 
 class Quirks(_Keys):
@@ -141,7 +141,7 @@ class DeviceKeys(_Shared):
     gear_ratio: Positive = 1.0
     feed: Positive | None = None
     direction: Literal[1, -1] = 1
-    function_codes: tuple[int, ...] | None = None
+    function_codes: Annotated[tuple[int, ...] | None, Field(strict=False)] = None
 
 
 class SimulatedModbusOptions(_Shared):
@@ -153,7 +153,7 @@ class SimulatedModbusOptions(_Shared):
     parity: Literal["N", "E", "O"] = "N"
     stop_bits: Annotated[int, Field(ge=1, le=2)] = 1
     turnaround_s: Seconds | None = None
-    devices: tuple[DeviceKeys, ...]
+    devices: Annotated[tuple[DeviceKeys, ...], Field(strict=False)]  # a list, where it was dumped
     simulator: SimulatorKeys = SimulatorKeys()
 
     @property
