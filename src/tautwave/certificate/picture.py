@@ -21,6 +21,7 @@ from tautwave.certificate.derate import derate_walls
 from tautwave.certificate.loops import believed_end
 from tautwave.certificate.walls import wall_name, wall_verdict
 from tautwave.config import Rig, local_wall
+from tautwave.rig import at_axis_rate
 from tautwave.types import CommandDelay
 
 if TYPE_CHECKING:
@@ -47,7 +48,8 @@ def draw_certificate(rig: Rig, path: Path) -> None:
     for axis_name, axis in rig.axes.items():
         wall = local_wall(rig, axis_name)
         if wall is not None and axis.causality == "impedance":
-            rows.append((axis_name, wall_verdict(rig, axis_name, wall, delays, {})))
+            own = at_axis_rate(rig, axis_name)
+            rows.append((axis_name, wall_verdict(own, axis_name, wall, delays, {})))
     waves = rig.coupling.law == "wave"
     count = max(1, len(rows) + waves)
     figure = Figure(figsize=(WIDTH, ROW * count + 0.5), layout="constrained")
@@ -117,7 +119,6 @@ def _plane(panel: Axes, found: WallVerdict, units: tuple[str, str], asked: float
 
 def _ports(panel: Axes, rig: Rig, side: str, delays: Mapping[str, CommandDelay]) -> None:
     theta = np.concatenate([np.geomspace(1e-4, 0.1, 150), np.linspace(0.1, math.pi, 250)])
-    hertz = theta / (2.0 * math.pi * rig.period_s)
     panel.axhspan(0.0, 1.0, color=GOOD, alpha=0.12)
     panel.axhline(1.0, color=GOOD, linewidth=1.2)
     highest = 1.0
@@ -128,7 +129,9 @@ def _ports(panel: Axes, rig: Rig, side: str, delays: Mapping[str, CommandDelay])
         if contact is not None:
             cases.append(("held as stated", contact, "--"))
         for label, held, style in cases:
-            end = believed_end(rig, axis_name, delays, "lower", held)
+            own = at_axis_rate(rig, axis_name)
+            end = believed_end(own, axis_name, delays, "lower", held)
+            hertz = theta / (2.0 * math.pi * own.period_s)
             share = np.abs(transfer(end, np.exp(1j * theta))[0])
             highest = max(highest, float(share.max()))
             panel.semilogx(hertz, share, style, label=f"{name}, {label}", linewidth=1.2)
