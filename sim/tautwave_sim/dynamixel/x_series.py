@@ -153,8 +153,8 @@ XL5 = (31, 70)
 
 # One line a model, from docs/en/dxl/x/<name in lower case>. Not read: the tables of XC430-W240,
 # 2XL430-W250, 2XC430-W250 and XW540-T140 (as their sisters, velocity limit by no-load speed).
-# Velocity limits of XH430-W210, -V350 and -V210 are those of newer firmware (the pages read were old
-# ones, as 360, 285 and 380); XH540-V270's current limit is its sister's newer one (page read: 2047).
+# Velocity limits of XH430-W210, -V350 and -V210 are of newer firmware, from memory (old pages: 360,
+# 285, 380); XH540-V270's current limit is its sister's newer one (its page, an old one: 2047).
 # fmt: off
 SERIES_430 = (
     Figures("XH430-W350", 1000, 3.4, 1.3, 30.0, 12.0, 648, 130, HIGH_GAINS),
