@@ -8,7 +8,8 @@ from __future__ import annotations
 import socket
 import struct
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from typing import Protocol
 
 import can
@@ -19,7 +20,7 @@ from tautwave.errors import DriverError
 from tautwave.types import AxisCommand
 from tautwave_drivers.canopen.driver import CanopenDriver
 from tautwave_drivers.canopen.exchange import SYNC_ID
-from tautwave_drivers.canopen.frames import RawPort
+from tautwave_drivers.canopen.frames import Port, RawPort
 from tautwave_drivers.canopen.mapping import RPDO_BASE, TPDO_BASE
 from tautwave_drivers.canopen.options import CanopenOptions, Node
 from tautwave_drivers.canopen.python_can import polled
@@ -27,12 +28,16 @@ from tautwave_drivers.cia402.states import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON
 
 NODES = (1, 2)
 RAW_GOAL_US, VIRTUAL_GOAL_US = 25.0, 60.0
-WARM_UP = 200
+IN_TURN = 200
 CHANNEL = "tautwave-bench"
 _FRAME = struct.Struct("<IB3x8s")
 _TPDO = struct.Struct("<Hib")
 _STATES = {SHUTDOWN: 0x0231, SWITCH_ON: 0x0233, ENABLE_OPERATION: 0x1237}
 _FAR_NS = 1_000_000_000
+
+
+Cycle = Callable[[], int]
+"""One cycle; returns the time it took [ns]."""
 
 
 class End(Protocol):
@@ -72,8 +77,8 @@ class SocketEnd:
 class BusEnd:
     """A python-can bus."""
 
-    def __init__(self) -> None:
-        self.bus = can.Bus(interface="virtual", channel=CHANNEL)
+    def __init__(self, channel: str) -> None:
+        self.bus = can.Bus(interface="virtual", channel=channel)
 
     def put(self, can_id: int, data: bytes) -> None:
         """Send a frame."""
@@ -111,8 +116,8 @@ class StandIns:
                 self._words[can_id - RPDO_BASE[0]] = _STATES.get(word & 0x8F, 0x0250)
 
 
-def driver_times(driver: CanopenDriver, clock: Clock, end: End, cycles: int) -> list[float]:
-    """Return the time of request, read and write of each cycle [us]; all answers are there."""
+def driver_cycle(driver: CanopenDriver, clock: Clock, end: End) -> Cycle:
+    """Return the work of a cycle: request, read and write, all answers there; returns its time."""
     drives = StandIns(end)
     for _ in range(100):
         if driver.enable_step():
@@ -122,78 +127,86 @@ def driver_times(driver: CanopenDriver, clock: Clock, end: End, cycles: int) -> 
         raise DriverError("bench: the stand-in drives were not enabled")
     tick = time.perf_counter_ns
     commands = [AxisCommand(0.01, 0.0)] * len(NODES)
-    spent = []
-    for _ in range(cycles + WARM_UP):
+
+    def cycle() -> int:
         first = tick()
         driver.request()
-        time_ns = tick() - first
+        spent = tick() - first
         drives.work()
         first = tick()
         states = driver.read(clock.now_ns() + _FAR_NS)
         driver.write(commands)
-        time_ns += tick() - first
+        spent += tick() - first
         drives.work()
         if not all(state.valid for state in states):
             raise DriverError(f"bench: an answer is missing: {list(driver.faults())}")
-        spent.append(time_ns * 1e-3)
-    return spent[WARM_UP:]
+        return spent
+
+    return cycle
 
 
-def bare_times(master: End, end: End, cycles: int) -> list[float]:
-    """Return the time of the same five frames without a driver [us]."""
+def bare_cycle(master: End, end: End) -> Cycle:
+    """Return the work of the same five frames without a driver; returns its time."""
     drives = StandIns(end)
     tick = time.perf_counter_ns
     command = bytes(5)
-    spent = []
-    for _ in range(cycles + WARM_UP):
+
+    def cycle() -> int:
         first = tick()
         master.put(SYNC_ID, b"")
-        time_ns = tick() - first
+        spent = tick() - first
         drives.work()
         first = tick()
         for _ in NODES:
             master.take()
         for node in NODES:
             master.put(RPDO_BASE[0] + node, command)
-        time_ns += tick() - first
+        spent += tick() - first
         drives.work()
-        spent.append(time_ns * 1e-3)
-    return spent[WARM_UP:]
+        return spent
+
+    return cycle
 
 
-def _driver(clock: Clock, transport: object) -> CanopenDriver:
+def in_turn(cycles: int, one: Cycle, other: Cycle) -> tuple[list[float], list[float]]:
+    """Return the times [us] of both, taken in turn."""
+    taken: tuple[list[float], list[float]] = ([], [])
+    for at in range(-(-cycles // IN_TURN) + 1):
+        for cycle, times in zip((one, other), taken, strict=True):
+            spent = [cycle() * 1e-3 for _ in range(IN_TURN)]
+            if at:  # the first turn warms up
+                times += spent
+    return taken[0][:cycles], taken[1][:cycles]
+
+
+def _driver(clock: Clock, port: Port) -> CanopenDriver:
     axes = tuple(AxisSpec(f"bench.{node}", node, "rotary", "impedance", 1.0) for node in NODES)
     nodes = tuple(Node(id=node, rated_torque=0.5, counts_per_revolution=4096) for node in NODES)
     options = CanopenOptions(interface="virtual", channel=CHANNEL, nodes=nodes)
-    return CanopenDriver(options, BusSpec("bench", axes, 1000.0), clock, transport)
+    driver = CanopenDriver(options, BusSpec("bench", axes, 1000.0), clock, None)
+    driver.attach(port)
+    return driver
 
 
 def measure(cycles: int) -> Sequence[CycleCost]:
     """Return what a cycle of two axes costs on a raw socket and on python-can's virtual bus."""
     clock = MonotonicClock()
-    raw: list[list[float]] = []
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
-    end = SocketEnd(theirs)
-    driver = _driver(clock, None)
-    driver.attach(RawPort(ours, clock, "bench"))
-    try:
-        raw.append(driver_times(driver, clock, end, cycles))
-        raw.append(bare_times(SocketEnd(ours), end, cycles))
-    finally:
-        driver.detach()
-        end.close()
-        ours.close()
-    virtual: list[list[float]] = []
-    master, other = BusEnd(), BusEnd()
-    driver = _driver(clock, None)
-    driver.attach(polled(master.bus, clock, "bench"))
-    try:
-        virtual.append(driver_times(driver, clock, other, cycles))
-        virtual.append(bare_times(master, other, cycles))
-    finally:
-        driver.detach()
-        other.close()
+    with ExitStack() as stack:
+        pairs = [socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM) for _ in range(2)]
+        ends = [(SocketEnd(ours), SocketEnd(theirs)) for ours, theirs in pairs]
+        for end in (end for both in ends for end in both):
+            stack.callback(end.close)
+        driver = _driver(clock, RawPort(pairs[0][0], clock, "bench"))
+        raw = in_turn(cycles, driver_cycle(driver, clock, ends[0][1]), bare_cycle(*ends[1]))
+    with ExitStack() as stack:
+        buses = [BusEnd(f"{CHANNEL}-{at // 2}") for at in range(4)]
+        for bus in buses:
+            stack.callback(bus.close)
+        driver = _driver(clock, polled(buses[0].bus, clock, "bench"))
+        virtual = in_turn(
+            cycles, driver_cycle(driver, clock, buses[1]), bare_cycle(buses[2], buses[3])
+        )
     return [
-        CycleCost("cycle, raw socket (datagram pair)", raw[0], raw[1], goal_us=RAW_GOAL_US),
-        CycleCost("cycle, python-can virtual bus", virtual[0], virtual[1], goal_us=VIRTUAL_GOAL_US),
+        CycleCost("cycle, raw socket (datagram pair)", *raw, goal_us=RAW_GOAL_US),
+        CycleCost("cycle, python-can virtual bus", *virtual, goal_us=VIRTUAL_GOAL_US),
     ]
