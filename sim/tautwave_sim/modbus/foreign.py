@@ -90,7 +90,9 @@ def _effort(one: Mapping[str, Any]) -> dict[str, float]:
         return {"effort": scale}
     if one.get("unit") == "N m":
         return {"effort_nm": scale}
-    raise ValueError(f"effort in {one.get('unit')!r}; rated and N m can be simulated")
+    if one.get("unit") == "A":
+        return {"effort_a": scale}
+    raise ValueError(f"effort in {one.get('unit')!r}; rated, N m and A can be simulated")
 
 
 def _velocity(one: Mapping[str, Any]) -> str | float:

@@ -137,6 +137,7 @@ class DeviceKeys(_Shared):
     profile: str = "generic"
     endpoint: str | None = None
     rated_torque: Positive | None = None
+    torque_constant: Positive | None = None
     counts_per_revolution: Positive | None = None
     gear_ratio: Positive = 1.0
     feed: Positive | None = None

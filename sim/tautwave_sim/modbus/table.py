@@ -30,8 +30,8 @@ class Table(NamedTuple):
     value of the mode register does, `states` what the status register shows, `faults` the codes of
     the fault register, `scale` what a count of a role is worth: for velocity a unit (rpm, decirpm,
     counts, for counts/s; a number is turns a second), for effort a share of rated torque (or
-    `effort_nm` in N m), for the rest SI. `eeprom_off` keeps writes out of the EEPROM, in the
-    register of that role.
+    `effort_nm` in N m, `effort_a` in A), for the rest SI. `eeprom_off`, in the register of that
+    role, keeps writes out of the EEPROM.
     """
 
     family: str

@@ -40,6 +40,8 @@ def drive_scale(
         turns = _TURNS_PER_SECOND[unit] if isinstance(unit, str) else float(unit)
         velocity = turns * travel / device.gear_ratio
     step = table.scale.get("effort_nm", rated_torque * float(table.scale["effort"]))
+    if "effort_a" in table.scale:
+        step = table.scale["effort_a"] * (device.torque_constant or 1.0)
     effort = float(step) * device.gear_ratio * (math.tau / travel)
     return Scale(
         _agreed(position, truth.encoder_quantum),

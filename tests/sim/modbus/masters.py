@@ -80,7 +80,7 @@ class Bench:
             },
             **options,
         }
-        self.options = simulator.options.model_validate(tupled(block))
+        self.options = simulator.options.model_validate(block)
         axes = tuple(AxisSpec(f"slave.{unit}", unit, "rotary", causality, 10.0) for unit in units)
         bus = BusSpec("modbus", axes, 1.0 / PERIOD)
         if truths is None:
@@ -139,12 +139,3 @@ class Bench:
         """Write the value of a register over the line."""
         one = self.drive(unit).bank.registers[name]
         return self.ask(write_many(one.address, *one.encode(value)), unit)
-
-
-def tupled(value: Any) -> Any:
-    """Return options as the models take them in strict mode: tuples for lists."""
-    if isinstance(value, dict):
-        return {key: tupled(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return tuple(tupled(item) for item in value)
-    return value

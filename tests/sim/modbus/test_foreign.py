@@ -114,17 +114,27 @@ def test_velocity_in_rpm(profile: str) -> None:
     assert bench.drive().motor.axis.physics.v == pytest.approx(6.283185307)
 
 
+def test_torque_in_amperes(tmp_path: Path) -> None:
+    path = tmp_path / "amperes.yaml"
+    path.write_text(PROFILE.replace("unit: N m", "unit: A"))
+    bench = Bench("tcp", str(path), device={"torque_constant": 0.2, "gear_ratio": 3.0})
+    bench.set("mode", 2)
+    bench.set("start", 1)
+    bench.set("torque", 50)
+    assert bench.drive().motor.axis._command == pytest.approx(0.5 * 0.2 * 3.0)
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ("unit: N m", "effort in 'A'; rated and N m can be simulated"),
-        ("unit: rpm", "velocity in 1.0 'A'"),
+        ("unit: N m", "effort in 'V'; rated, N m and A can be simulated"),
+        ("unit: rpm", "velocity in 1.0 'V'"),
         ("registers:", "KeyError"),
     ],
 )
 def test_what_cannot_be_simulated_is_named(tmp_path: Path, wrong: str, said: str) -> None:
     path = tmp_path / "wrong.yaml"
-    path.write_text(PROFILE.replace(wrong, "unit: A" if "unit" in wrong else "lists:"))
+    path.write_text(PROFILE.replace(wrong, "unit: V" if "unit" in wrong else "lists:"))
     with pytest.raises(ConfigError, match=r"wrong\.yaml: cannot be simulated") as caught:
         Bench("tcp", str(path))
     assert said in str(caught.value)

@@ -18,7 +18,7 @@ from tautwave_sim.modbus.bus import DriveBus
 from tautwave_sim.modbus.framing import tcp_frame
 from tautwave_sim.modbus.serving import TcpServer, serve_bus
 from tautwave_sim.modbus.tcp import TcpSide
-from tests.sim.modbus.masters import read, read_write, tupled, write_one
+from tests.sim.modbus.masters import read, read_write, write_one
 from tests.sim.truths import PERIOD, truth
 
 Script = Iterator[None]
@@ -27,7 +27,7 @@ IDENTITY = bytes.fromhex("03 02 5457")
 
 def options(**more: Any) -> Any:
     block = {"link": "tcp", "endpoint": "sim", "devices": [{"unit": 1}], **more}
-    return simulator.options.model_validate(tupled(block))
+    return simulator.options.model_validate(block)
 
 
 SPEC = BusSpec("modbus", (AxisSpec("slave.x", 1, "rotary", "impedance", 10.0),), 1.0 / PERIOD)
