@@ -49,7 +49,7 @@ def test_belief_is_a_lower_bound_of_the_truth(rig: Rig) -> None:
 
 
 def test_the_truth_is_not_the_belief(rig: Rig) -> None:
-    assert any(
+    assert rig.simulation is None or any(
         axis.inertia is not None and simulation_of(rig, name).inertia != axis.inertia.value
         for name, axis in rig.axes.items()
     )
