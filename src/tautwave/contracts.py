@@ -8,6 +8,9 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 
+READ_SHARE = 0.8
+"""Of a loop period: what has not come by then is missing, so that commands still go out."""
+
 
 class AxisSpec(NamedTuple):
     """What a driver has to know of one of its axes.
@@ -154,7 +157,10 @@ class Driver(Protocol):
         ...
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:
-        """Return one state per axis by the deadline, invalid where no fresh sample came."""
+        """Return one state per axis by the deadline, invalid where no fresh sample came.
+
+        At once, if the deadline has passed: an answer that came too late is thrown away so.
+        """
         ...
 
     def write(self, commands: Sequence[AxisCommand]) -> None:

@@ -11,8 +11,8 @@ what is lost is a sum of squares, and nothing is invented. Both keep the integra
 position drifts; the mean is the only linear conversion of single blocks that does, since
 n T s = T sum u_i for all u leaves no choice. Picking every n-th wave keeps neither.
 
-Theory 3.6 asks for a factor 1/sqrt(n) where a sample is repeated. That is for samples worth T
-each; a slow wave is worth n T already, and with the factor the integral would be lost.
+A repeated sample often gets a factor 1/sqrt(n). That is for samples worth T each; a slow wave is
+worth n T already, and with the factor the integral would be lost.
 
 Sources: Cauchy & Schwarz; Welford, Technometrics 4(3), 1962 (the running sum of squares).
 """
