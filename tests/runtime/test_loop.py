@@ -7,9 +7,9 @@ import math
 
 import pytest
 
+from tautwave.contracts import READ_SHARE
 from tautwave.errors import BusTimeout, DeviceFault, DriverError, SafetyStop
 from tautwave.laws.wall import WallParams
-from tautwave.runtime.loop import READ_SHARE
 from tautwave.types import SAFE_COMMAND, Fault
 from tests.runtime.parts import PERIOD_NS, WIDE, Bench, site
 

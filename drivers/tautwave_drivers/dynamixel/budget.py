@@ -9,13 +9,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from tautwave.contracts import Budget, BusSpec
+from tautwave.contracts import READ_SHARE, Budget, BusSpec
 from tautwave_drivers.dynamixel.options import DynamixelOptions, match_servos
 
 BITS_PER_BYTE = 10
-
-READ_SHARE = 0.7
-"""Of a period: what has not come by then, the loop counts as missing. The rest is for thinking."""
 
 BLOCK = 10
 """Bytes read of each servo: current, velocity, position."""

@@ -12,12 +12,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from tautwave.contracts import Budget, BusSpec
+from tautwave.contracts import READ_SHARE, Budget, BusSpec
 from tautwave_drivers.modbus.options import Device, ModbusOptions, match_devices
 from tautwave_drivers.modbus.registers import blocks_of
-
-READ_SHARE = 0.7
-"""Of a cycle: what has not come by then, the loop counts as missing. The rest is for thinking."""
 
 BRIDGE = 16
 """Words read for nothing to save a request of their own: some 20 characters and two silences."""

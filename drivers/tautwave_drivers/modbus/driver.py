@@ -12,11 +12,10 @@ import statistics
 from collections.abc import Sequence
 from typing import Any
 
-from tautwave.contracts import BusSpec, Clock, Row
+from tautwave.contracts import READ_SHARE, BusSpec, Clock, Row
 from tautwave.errors import BusBudgetError, BusTimeout, DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.modbus.asking import Asker, Link, wait_on
-from tautwave_drivers.modbus.budget import READ_SHARE
 from tautwave_drivers.modbus.errand import Opener
 from tautwave_drivers.modbus.options import ModbusOptions, match_devices
 from tautwave_drivers.modbus.ports import SerialPort, TcpPort, Together, Watched
@@ -293,6 +292,7 @@ class ModbusDriver:
             if link.busy:
                 link.pump()
                 link.abandon()
+            link.watch()
             if link.lost and not self._revive(number, link, stations):
                 continue
             for station in stations:

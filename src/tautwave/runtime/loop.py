@@ -11,7 +11,7 @@ from contextlib import suppress
 from functools import partial
 from typing import NamedTuple, Protocol
 
-from tautwave.contracts import Clock, Row, RowSource
+from tautwave.contracts import READ_SHARE, Clock, Row, RowSource
 from tautwave.errors import BusTimeout, SafetyStop, TautwaveError
 from tautwave.runtime.pair import Pair
 from tautwave.runtime.sensing import LoopBus, Sensing
@@ -20,9 +20,6 @@ from tautwave.types import SAFE_COMMAND
 
 ARM_SHARE = 0.1
 """The engage ramp begins when every effort asked for is below this share of its limit."""
-
-READ_SHARE = 0.7
-"""Of a period; what has not been measured by then is missing, so that commands still go out."""
 
 ENABLE_TIMEOUT_S = 10.0
 ARM_TIMEOUT_S = 5.0

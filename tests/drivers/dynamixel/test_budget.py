@@ -82,15 +82,15 @@ def test_every_remedy_is_told_in_hz() -> None:
 def test_a_remedy_keeps_its_promise() -> None:
     axes = (spec(1), spec(2))
     slow = options_of(servo(1), servo(2), baud=1_000_000)
-    told = budget(slow, BusSpec("hand", axes, 1000.0)).arithmetic
+    told = budget(slow, BusSpec("hand", axes, 2000.0)).arithmetic
     promised = float(told.split("baud: 4000000 gives ")[1].split(" Hz")[0])
     fast = options_of(servo(1), servo(2), baud=4_000_000)
-    cost = budget(fast, BusSpec("hand", axes, 1000.0))
+    cost = budget(fast, BusSpec("hand", axes, 2000.0))
     assert cost.greatest_rate_hz == pytest.approx(promised, abs=0.51)
     assert "remedies" not in cost.arithmetic
     nth = int(told.split("reading every ")[1].split(".")[0])
-    assert budget(slow, BusSpec("hand", axes, 1000.0 / nth)).time_s <= nth / 1000.0
-    assert budget(slow, BusSpec("hand", axes, 1000.0 / (nth - 1))).time_s > (nth - 1) / 1000.0
+    assert budget(slow, BusSpec("hand", axes, 2000.0 / nth)).time_s <= nth / 2000.0
+    assert budget(slow, BusSpec("hand", axes, 2000.0 / (nth - 1))).time_s > (nth - 1) / 2000.0
 
 
 def test_usb_is_assumed_where_the_port_says_so() -> None:
@@ -103,7 +103,7 @@ def test_usb_is_assumed_where_the_port_says_so() -> None:
 
 def test_over_budget_ends_in_4() -> None:
     path = Path(__file__).parents[3] / "configs" / "bench-dynamixel-sim.yaml"
-    words = ["check", str(path), "--set", "rate_hz=1000", "--set", "coupling.delay_s=0.01"]
+    words = ["check", str(path), "--set", "rate_hz=2000", "--set", "coupling.delay_s=0.01"]
     done = CliRunner().invoke(main, words)
     assert done.exit_code == 4, done.output
     assert "remedies" in done.output
