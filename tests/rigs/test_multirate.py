@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -9,9 +11,11 @@ from hypothesis import strategies as st
 
 from tautwave.analysis.conversion import hold_matrix, pick_matrix
 from tautwave.certificate import certify
+from tautwave.errors import ConfigError
 from tautwave.laws.port import port_debt
 from tautwave.rig import Assembly
 from tautwave.runtime import rates
+from tautwave.session.identifying import identify_device
 from tests.rigs.drawing import rigs
 from tests.rigs.running import Run, Tree, books, forgiven, rig_of, run_rig, tree
 from tests.rigs.test_books import (
@@ -202,3 +206,9 @@ def test_picking_instead_of_averaging_fails_the_same_books(
     run = run_rig(tree(MOTION, CONTACT, line(7), slow(1, 10), {"duration_s": 3.0}))
     with pytest.raises(AssertionError):
         assert_passive(run)
+
+
+def test_identify_refuses_a_slow_bus_in_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"buses\.arm\.divisor: .* --set rate_hz=500"):
+        identify_device(rig_of(tree(slow(1, 2))), axis="slave.a", out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
