@@ -129,12 +129,14 @@ class Exchange:
         delays = 1 if fast else len(ids)
         answer_s = delays * timing.return_delay_s + timing.latency_s
         self._byte_ns = round(BITS_PER_BYTE * 1e9 / timing.baud)
-        self._answer_ns = self._usual.size * self._byte_ns + round(answer_s * 1e9) + SLACK_NS
+        self._wire_ns = self._usual.size * self._byte_ns
+        self._answer_ns = self._wire_ns + round(answer_s * 1e9) + SLACK_NS
         self._buffer = bytearray()
         self._missed = [0] * len(ids)
         self._order = self._ids
         self._questions: dict[tuple[int, ...], bytes] = {}
         self._question = self._ask(self._order)
+        self._asked_ns = 0
         self._due_ns = 0
         self._earliest_ns = 0
         self._complete = False
@@ -156,14 +158,14 @@ class Exchange:
             self._buffer.clear()
         message = goals + self._question
         self._port.write(message)
-        asked_ns = now_ns + len(message) * self._byte_ns
-        self._due_ns = asked_ns + self._answer_ns
-        self._earliest_ns = asked_ns if self.on_wire else now_ns
+        self._asked_ns = now_ns + len(message) * self._byte_ns
+        self._due_ns = self._asked_ns + self._answer_ns
+        self._earliest_ns = self._asked_ns if self.on_wire else now_ns
 
     def keeps_wire_time(self, now_ns: int) -> bool:
         """Return whether a whole answer that has just come took as long as on a wire."""
-        margin_ns = SLACK_NS + self._usual.size * self._byte_ns // 10
-        return now_ns >= self._due_ns - margin_ns
+        margin_ns = self._wire_ns // 10
+        return now_ns >= self._asked_ns + self._wire_ns - margin_ns
 
     def collect(self, deadline_ns: int) -> int:
         """Take the answers in as they come; return how many servos are missing.

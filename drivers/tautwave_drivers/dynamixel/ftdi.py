@@ -19,6 +19,15 @@ def timer_file(port: str, sysfs: Path = SYSFS) -> Path | None:
     return path if path.is_file() else None
 
 
+def latency_timer_s(port: str, sysfs: Path = SYSFS) -> float | None:
+    """Return the latency timer of a serial device [s]; None where it tells none."""
+    path = timer_file(port, sysfs)
+    try:
+        return None if path is None else int(path.read_text()) * 1e-3
+    except (OSError, ValueError):
+        return None
+
+
 def set_latency_timer(port: str, wanted_s: float, sysfs: Path = SYSFS) -> str:
     """Bring the latency timer to `wanted_s` [s]; return a sentence, '' where there is none.
 

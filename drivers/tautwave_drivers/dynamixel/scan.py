@@ -11,14 +11,21 @@ from tautwave.clock import MonotonicClock
 from tautwave.contracts import BytePort, Clock
 from tautwave_drivers.dynamixel import packet
 from tautwave_drivers.dynamixel import registers as reg
+from tautwave_drivers.dynamixel.ftdi import latency_timer_s
 from tautwave_drivers.dynamixel.line import FirstLine, OwnLine
 from tautwave_drivers.dynamixel.models import model_name
 from tautwave_drivers.dynamixel.options import STRICT, Protocol
 from tautwave_drivers.dynamixel.port import SerialPort
 from tautwave_drivers.dynamixel.words import first_words, hardware_words
 
-LATENCY_S = 0.017
-"""An adapter nobody has set hands bytes on every 16 ms."""
+LATENCY_S = 0.002
+"""Of adapters that do not tell their latency timer; FTDI's do, 16 ms unless set."""
+
+HOST_S = 0.005
+"""Of this machine, for each of the many ids that nobody answers to in protocol 1.0."""
+
+LONGEST_S = 0.017
+"""The longest latency timer, for the one broadcast ping of protocol 2.0."""
 
 TURN_S = 0.003
 """Time every id has to answer a broadcast ping in, as dynamixel-sdk counts it."""
@@ -52,6 +59,9 @@ def scan(options: ScanOptions) -> Sequence[dict[str, Any]]:
     clock = MonotonicClock()
     bauds = [options.baud] if options.baud else list(reg.BAUDS.values())
     found: list[dict[str, Any]] = []
+    latency_s = latency_timer_s(options.port)
+    if latency_s is None:
+        latency_s = LATENCY_S
     port = SerialPort(options.port, bauds[0])
     try:
         for baud in bauds:
@@ -59,17 +69,17 @@ def scan(options: ScanOptions) -> Sequence[dict[str, Any]]:
                 port.set_baud(baud)
             except OSError:
                 continue  # the adapter does not know this rate
-            found.extend(_at_baud(port, clock, baud, options))
+            found.extend(_at_baud(port, clock, baud, options, latency_s))
     finally:
         port.close()
     return found
 
 
 def _at_baud(
-    port: BytePort, clock: Clock, baud: int, options: ScanOptions
+    port: BytePort, clock: Clock, baud: int, options: ScanOptions, latency_s: float
 ) -> Iterator[dict[str, Any]]:
     if options.protocol != 1.0:
-        line = OwnLine(port, clock, baud, LATENCY_S)
+        line = OwnLine(port, clock, baud, latency_s)
         seen = set()
         for device_id, number, firmware in _second(port, clock, baud, line, options.ids):
             if device_id in seen:
@@ -77,7 +87,7 @@ def _at_baud(
             seen.add(device_id)
             yield _row(line, baud, device_id, number, firmware)
     if options.protocol != 2.0:
-        first = FirstLine(port, clock, baud, LATENCY_S, 0.003)
+        first = FirstLine(port, clock, baud, latency_s, HOST_S)
         for device_id in options.ids or range(253):
             row = _first(first, baud, device_id)
             if row is not None:
@@ -98,7 +108,7 @@ def _second(
         return found
     port.read()
     port.write(packet.build(packet.BROADCAST, packet.PING))
-    window_ns = round(1e9 * (253 * TURN_S + LATENCY_S + 24 * 10.0 / baud))
+    window_ns = round(1e9 * (253 * TURN_S + LONGEST_S + 24 * 10.0 / baud))
     until = clock.now_ns() + window_ns
     buffer = bytearray()
     while clock.wait(port, until):
@@ -123,6 +133,9 @@ def _row(line: OwnLine, baud: int, device_id: int, number: int, firmware: int) -
     mode = line.read(device_id, reg.OPERATING_MODE.address, 1)
     if mode is not None and mode.data:
         row["mode"] = reg.MODES.get(mode.data[0], str(mode.data[0]))
+    delay = line.read(device_id, reg.RETURN_DELAY.address, 1)
+    if delay is not None and delay.data:
+        row["return_delay_us"] = 2 * delay.data[0]
     supply = line.read(device_id, reg.PRESENT_VOLTAGE.address, 3)
     if supply is not None and len(supply.data) == 3:
         row["voltage"] = round(0.1 * reg.PRESENT_VOLTAGE.decode(supply.data), 1)

@@ -17,7 +17,7 @@ import pytest
 from tautwave.clock import MonotonicClock
 from tautwave.errors import DriverError
 from tautwave_drivers.dynamixel.driver import DynamixelDriver
-from tautwave_drivers.dynamixel.ftdi import set_latency_timer
+from tautwave_drivers.dynamixel.ftdi import latency_timer_s, set_latency_timer
 from tautwave_drivers.dynamixel.plugin import plugin
 from tautwave_drivers.dynamixel.port import SerialPort
 from tautwave_drivers.dynamixel.scan import ScanOptions, scan
@@ -148,7 +148,7 @@ def test_a_scan_finds_them_at_their_baud_rate() -> None:
         assert one["model"] == "XL330-M288"
         assert (one["firmware"], one["baud"], one["protocol"]) == (53, 57_600, 2.0)
         assert one["voltage"] == 5.0
-        assert one["errors"] == ""
+        assert (one["errors"], one["return_delay_us"]) == ("", 500)
 
 
 def test_a_scan_reads_position_and_load_in_protocol_1() -> None:
@@ -165,6 +165,8 @@ def test_the_latency_timer_is_set_or_its_remedy_told(tmp_path: Path) -> None:
     folder.mkdir()
     timer = folder / "latency_timer"
     timer.write_text("16\n")
+    assert latency_timer_s("/dev/ttyUSB7", tmp_path) == 0.016
+    assert latency_timer_s("/dev/ttyAMA0", tmp_path) is None
     told = set_latency_timer("/dev/ttyUSB7", 0.001, tmp_path)
     assert timer.read_text() == "1\n"
     assert told == "/dev/ttyUSB7: USB latency timer set from 16 to 1 ms"
