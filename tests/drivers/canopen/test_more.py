@@ -1,0 +1,165 @@
+"""Delay as measured, DCF files, the command line, and what a cycle costs being measured at all."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tautwave.errors import DeviceFault, DriverError
+from tautwave_drivers.canopen import plugin
+from tautwave_drivers.canopen.measure import measure
+from tests.drivers.canopen.benches import block, make, node
+from tests.rigs.running import books, run_rig
+from tests.rigs.test_canopen_rows import can_tree
+
+CONFIG = Path(__file__).parents[3] / "configs" / "bench-canopen-virtual.yaml"
+MAIN = "from tautwave.cli import main; main(prog_name='tautwave')"
+
+EDS = """
+[FileInfo]
+FileName=test.dcf
+[DeviceInfo]
+VendorName=test
+NodeID=1
+[Comments]
+Lines=0
+[MandatoryObjects]
+SupportedObjects=1
+1=0x1000
+[1000]
+ParameterName=Device type
+ObjectType=0x7
+DataType=0x0007
+AccessType=ro
+[OptionalObjects]
+SupportedObjects=2
+1=0x6065
+2=0x6071
+[6065]
+ParameterName=Following error window
+ObjectType=0x7
+DataType=0x0007
+AccessType=rw
+ParameterValue=777
+[6071]
+ParameterName=Target torque
+ObjectType=0x7
+DataType=0x0003
+AccessType=rw
+ParameterValue=500
+"""
+
+
+@pytest.mark.parametrize(("rpdo", "slots"), [("sync", 2), ("event", 1)])
+def test_the_delay_of_a_command_is_the_declared_one(rpdo: str, slots: int) -> None:
+    """A command written in cycle 0 acts one slot later by SYNC, at once by event."""
+    rig = make(block(node(1, counts_per_revolution=10_000_000), rpdo=rpdo), ("impedance",))
+    rig.open_and_enable()
+    rows, _ = rig.run(6, 0.5)
+    positions = [row[0].position for row in rows]
+    moved = next(at for at, position in enumerate(positions) if position != 0.0)
+    assert moved == slots
+    assert rig.driver.command_delay.periods == slots - 1
+    rig.driver.close()
+
+
+@pytest.mark.parametrize("rpdo", ["sync", "event"])
+def test_the_wave_port_is_stable_with_either_delay(rpdo: str) -> None:
+    run = run_rig(can_tree(rpdo=rpdo), duration_s=4.0)
+    told = books(run, "lever")
+    assert told.residual < 1e-9 * told.gross_flow
+    assert sum(told.generated.values()) < 0.01 * told.gross_flow
+    assert np.abs(run["slave.lever.velocity"]).max() < 15.0
+
+
+def test_parameter_values_of_a_dcf_are_written_and_commands_are_not(tmp_path: Path) -> None:
+    path = tmp_path / "test.dcf"
+    path.write_text(EDS)
+    rig = make(block(node(1, eds=str(path))), ("impedance",))
+    rig.driver.open()
+    objects = rig.devices()[0].objects
+    assert objects.number(0x6065) == 777
+    assert objects.number(0x6071) == 0
+    assert any("1 parameter values of" in note for note in rig.driver.notes)
+    rig.driver.close()
+
+
+def test_a_value_of_a_dcf_that_the_drive_refuses_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "test.dcf"
+    path.write_text(EDS.replace("0x6065", "0x6999").replace("[6065]", "[6999]"))
+    rig = make(block(node(1, eds=str(path))), ("impedance",))
+    with pytest.raises(DeviceFault, match=r"6999:00.*object does not exist"):
+        rig.driver.open()
+    rig.driver.close()
+
+
+def test_an_eds_that_is_not_there_is_a_sentence(tmp_path: Path) -> None:
+    rig = make(block(node(1, eds=str(tmp_path / "no.eds"))), ("impedance",))
+    with pytest.raises(DriverError, match=r"cannot read .*no\.eds"):
+        rig.driver.open()
+    rig.driver.close()
+
+
+def test_what_a_cycle_costs_is_measured_on_both_backends() -> None:
+    raw, virtual = measure(50)
+    assert len(raw.spent_us) == len(raw.floor_us or ()) == 50
+    assert len(virtual.spent_us) == len(virtual.floor_us or ()) == 50
+    assert (raw.goal_us, virtual.goal_us) == (25.0, 60.0)
+
+
+def test_the_plugin_imports_no_vendor_library() -> None:
+    code = (
+        "import sys; from tautwave_drivers.canopen import plugin; "
+        "print([name for name in ('can', 'canopen') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+    assert plugin.needs == ("can", "canopen")
+
+
+def test_columns_tell_how_long_after_sync_an_answer_came() -> None:
+    rig = make(block(node(1)), ("impedance",))
+    assert rig.driver.columns == ["master.a1.answer_us"]
+    rig.open_and_enable()
+    rig.run(3)
+    row = [0.0, 0.0]
+    rig.driver.fill(row, 1)
+    assert 100.0 < row[1] < 300.0
+    rig.driver.close()
+
+
+def command(*words: str) -> Any:
+    return subprocess.run(
+        [sys.executable, "-c", MAIN, *words], capture_output=True, text=True, timeout=100
+    )
+
+
+def test_check_shows_the_arithmetic_and_a_rig_that_is_too_fast_exits_4() -> None:
+    done = command("check", str(CONFIG), "--json")
+    assert done.returncode == 0, done.stderr
+    budget = json.loads(done.stdout)["budget"]["can"]
+    assert "process data of one cycle: 515 us" in budget["arithmetic"]
+    done = command("check", str(CONFIG), "--set", "rate_hz=4000")
+    assert done.returncode == 4
+    assert "more axes or a higher rate: mapping: lean" in done.stdout
+
+
+@pytest.mark.parametrize("clock", ["fake", "real"])
+def test_the_shipped_rig_runs_as_a_new_user_would_run_it(tmp_path: Path, clock: str) -> None:
+    out = tmp_path / "out"
+    # A machine busy with other tests stops for a while now and then; that is not asked here.
+    patient = ("buses.can.options.heartbeat_timeout_ms=5000", "loop.missing_limit=1000")
+    patient += ("loop.overrun_limit=5000",)
+    words = ["run", str(CONFIG), "--clock", clock, "--duration", "1", "--out", str(out)]
+    done = command(*words, *(word for change in patient for word in ("--set", change)))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "not properly shut down" not in done.stderr
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert summary["energy_j"]["residual"] < 1e-9 * summary["energy_j"]["gross_flow"]
+    assert any("read back" in note for note in summary["buses"]["can"]["notes"])
