@@ -12,7 +12,7 @@ from tautwave_drivers.modbus.transaction_rtu import RtuLink
 from tautwave_drivers.modbus.transaction_tcp import TcpLink
 
 Link = TcpLink | RtuLink
-TRIES = 3
+TRIES = 5
 BUSY = 6
 PAUSE_NS = 5_000_000
 

@@ -173,15 +173,18 @@ class ModbusDriver:
 
     def _look(self) -> None:
         """Exchange a few times as every cycle will, and see that TCP drives are fast enough."""
-        spans = []
-        for _ in range(LOOKS if self._options.link == "tcp" else 1):
+        spans: list[int] = []
+        for number in range(LOOKS):
             began = self._clock.now_ns()
             self._start(began)
             self._collect(began + round(1e9 * self._patience_s))
-            spans.append(self._clock.now_ns() - began)
-            for station in self.stations:
-                if not station.errand.whole:
-                    raise BusTimeout(f"{station.label}: no answer to the request of every cycle")
+            silent = [station.label for station in self.stations if not station.errand.whole]
+            if not silent:
+                spans.append(self._clock.now_ns() - began)
+                if self._options.link == "rtu":
+                    break
+            elif not spans and number == LOOKS - 1:
+                raise BusTimeout(f"{', '.join(silent)}: no answer to the request of every cycle")
         self._forget()
         if self._options.link == "tcp":
             self._check_time(statistics.median(spans) * 1e-9)
@@ -292,7 +295,8 @@ class ModbusDriver:
             if link.busy:
                 link.pump()
                 link.abandon()
-            link.watch()
+            if self._running:
+                link.watch()
             if link.lost and not self._revive(number, link, stations):
                 continue
             for station in stations:

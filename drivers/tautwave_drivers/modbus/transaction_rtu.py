@@ -193,6 +193,9 @@ class RtuLink:
         self._asked = None
         errand.give_up()
 
+    def watch(self) -> None:
+        """A line cannot be half-open; drives that are silent are the loop's matter."""
+
     def abandon(self) -> None:
         """Wait for nothing any more; who has not answered yet is left alone for a while."""
         if self._asked is not None:

@@ -102,15 +102,8 @@ class TcpLink:
 
     def start(self, errands: Sequence[Errand]) -> None:
         """Send the first question of each; `lost` says why where that fails."""
-        now = self._clock.now_ns()
-        if self._unanswered_ns and now - self._unanswered_ns > self._silence_ns:
-            span = (now - self._unanswered_ns) * 1e-6
-            self.drop(
-                f"nothing answers for {span:.0f} ms, though the connection stands (half-open): the "
-                "drive hangs or its cable is out"
-            )
         if not self.lost:
-            self._send(errands, now)
+            self._send(errands, self._clock.now_ns())
             return
         for errand in errands:
             errand.give_up()
@@ -159,6 +152,15 @@ class TcpLink:
                 self.strange += 1
         if len(buffer) > LONGEST:
             buffer.clear()
+
+    def watch(self) -> None:
+        """Drop a connection that stands but answers nothing: nobody says that it is half-open."""
+        span_ns = self._clock.now_ns() - self._unanswered_ns
+        if self._unanswered_ns and span_ns > self._silence_ns and not self.lost:
+            self.drop(
+                f"nothing answers for {span_ns * 1e-6:.0f} ms, though the connection stands "
+                "(half-open): the drive hangs or its cable is out"
+            )
 
     def abandon(self) -> None:
         """Wait for nothing any more; what comes late will not be believed."""
