@@ -117,6 +117,18 @@ def test_a_certificate_that_is_not_evaluated_never_passes(reported):
     assert "passed" not in page.text.lower()
 
 
+def test_what_a_driver_found_and_set_is_told(tmp_path):
+    make_run(tmp_path, rows=300)
+    path = tmp_path / "summary.json"
+    summary = json.loads(path.read_text())
+    summary["buses"] = {"can": {"notes": ["6072:00 = 900 <read back>"]}, "none": {"notes": []}}
+    path.write_text(json.dumps(summary))
+    page = Page(write_report(tmp_path))
+    assert "Bus can: found and set before enabling" in page.text
+    assert "6072:00 = 900 <read back>" in page.text
+    assert "Bus none" not in page.text
+
+
 def test_text_of_users_is_escaped(tmp_path):
     evil = "<script>alert('x')</script>"
     make_run(

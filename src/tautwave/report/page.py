@@ -244,6 +244,18 @@ def _timing(run: Run, dpi: float) -> Iterator[str | Picture]:
 def _axes(run: Run) -> Iterator[str]:
     yield '<h2 id="axes">Axes</h2>'
     yield table(tables.axis_table(run)) or '<p class="note">No counts were recorded.</p>'
+    yield from _buses(run)
+
+
+def _buses(run: Run) -> Iterator[str]:
+    """What each driver found, wrote and read back before it enabled anything."""
+    buses = run.summary.get("buses")
+    for name, found in buses.items() if isinstance(buses, dict) else ():
+        notes = found.get("notes") if isinstance(found, dict) else None
+        if not isinstance(notes, list) or not notes:
+            continue
+        yield f"<h3>Bus {escape(str(name))}: found and set before enabling</h3><ul>"
+        yield "".join(f"<li>{escape(str(note))}</li>" for note in notes) + "</ul>"
 
 
 def _contents(run: Run) -> Iterator[str]:
