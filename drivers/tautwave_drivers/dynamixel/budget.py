@@ -88,7 +88,7 @@ def budget(options: DynamixelOptions, bus: BusSpec) -> Budget:
     )
     if needed > 1.0 / bus.rate_hz:
         lines.extend(_remedies(options, bus, traffic))
-    return Budget(needed, 1.0 / needed, "; ".join(lines))
+    return Budget(needed, 1.0 / needed, "\n".join(lines))
 
 
 def _exchange_s(options: DynamixelOptions, traffic: Traffic) -> float:
@@ -99,7 +99,7 @@ def _arithmetic(options: DynamixelOptions, traffic: Traffic, exchange: float) ->
     count = traffic.sent + traffic.answered
     wire = count * BITS_PER_BYTE / options.baud
     text = (
-        f"{traffic.servos} servos: {traffic.sent} bytes out, {traffic.answered} back, "
+        f"{traffic.servos} servo{'s' if traffic.servos > 1 else ''}: {traffic.sent} bytes out, {traffic.answered} back, "
         f"{count} x {BITS_PER_BYTE} bits at {options.baud} baud = {wire * 1e3:.3f} ms"
     )
     if options.return_delay_s > 0.0:
@@ -146,8 +146,5 @@ def _remedies(options: DynamixelOptions, bus: BusSpec, traffic: Traffic) -> list
     nth = 2
     while nth * READ_SHARE / bus.rate_hz < _exchange_s(options, traffic):
         nth += 1
-    told.append(
-        f"reading every {nth}. cycle is the same as rate_hz: {bus.rate_hz / nth:g}, since a "
-        "command waits for its sample"
-    )
+    told.append(f"divisor: {nth} on this bus, so that it is read every {nth}. cycle, fits")
     return ["remedies, each alone: " + ", ".join(told)]
