@@ -97,9 +97,17 @@ def test_a_fault_lets_go_and_is_reset_when_told_to_be_off(profile: str) -> None:
 
 def test_one_reset_may_not_be_enough() -> None:
     bench = Bench(quirks={"starts_in_fault": True, "resets": 2})
-    for expected in (4, 1):
-        reset(bench)
-        assert status(bench) == expected
+    reset(bench)
+    bench.set("control", 2)  # no edge
+    assert status(bench) == 4
+    reset(bench)
+    assert status(bench) == 1
+
+
+def test_a_dsy_takes_its_reset_back() -> None:
+    bench = Bench("rtu", DSY, quirks={"starts_in_fault": True})
+    reset(bench)
+    assert (status(bench), bench.number("fault_reset")) == (0, 0)
 
 
 @FAMILIES
@@ -292,8 +300,9 @@ def test_any_input_may_be_servo_on(function: int, level: int, logic: int) -> Non
     bench.set("di1_function", 0)
     bench.set("di3_function", function)
     bench.set("di3_logic", logic)
-    bench.set("forced_io", 1)
     bench.set("forced_inputs", 0x1FB | level << 2)
+    assert status(bench) == (1 if level else 0)  # nothing is wired: all are high
+    bench.set("forced_io", 1)
     assert status(bench) == 1
     bench.set("emergency_stop", 1)
     assert status(bench) == 0

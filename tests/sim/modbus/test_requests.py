@@ -56,6 +56,7 @@ def test_reading_and_writing_at_once_writes_first(link: str) -> None:
         (write_many(17), 3),
         (bytes.fromhex("10 0011 0002 02 0001"), 3),  # byte count of one word
         (bytes.fromhex("10 0011 0001 02 0001 00"), 3),
+        (bytes.fromhex("10 0011 0001 04 0001"), 3),
         (write_many(22, 0, 0), 2),
         (read_write(0, 126, 17, 0), 3),
         (read_write(0, 0, 17, 0), 3),
@@ -98,7 +99,9 @@ def test_a_broadcast_is_done_by_all_and_answered_by_none(link: str) -> None:
     bench = Bench(link, units=(1, 2))
     assert bench.ask(write_one(17, 1), unit=0) is None
     assert [bench.number("mode", unit) for unit in (1, 2)] == [1, 1]
-    assert bench.ask(read(0), unit=0) is None
+    for pdu in (read(0), read_write(17, 1, 17, 2)):  # what asks for an answer is no broadcast
+        assert bench.ask(pdu, unit=0) is None
+    assert [bench.number("mode", unit) for unit in (1, 2)] == [1, 1]
 
 
 def test_nobody_answers_for_a_unit_that_is_not_on_the_line() -> None:

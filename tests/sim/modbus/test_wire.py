@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tautwave_sim.modbus.framing import open_rtu, rtu_frame, tcp_frame
-from tests.sim.modbus.masters import Bench, read, read_write, words, write_many
+from tests.sim.modbus.masters import Bench, read, read_write, words, write_many, write_one
 
 GOOD = rtu_frame(1, read(0))
 ANSWER = rtu_frame(1, bytes.fromhex("03 02 5457"))
@@ -141,9 +141,10 @@ def test_a_request_on_the_heels_of_an_answer(
 def test_a_drive_does_not_understand_another_baud_rate() -> None:
     bench = Bench("rtu")
     bench.port.baud = 9600  # type: ignore[union-attr]
-    assert send(bench, (GOOD, QUIET)) == b""
+    assert send(bench, (GOOD, QUIET), (rtu_frame(1, write_one(17, 2)), QUIET)) == b""
     bench.port.baud = 115200  # type: ignore[union-attr]
     assert send(bench, (GOOD, QUIET)) == ANSWER
+    assert bench.number("mode") == 0
 
 
 def test_who_speaks_into_an_answer_garbles_it() -> None:
