@@ -71,7 +71,7 @@ def test_the_delay_of_a_command_is_the_declared_one(rpdo: str, slots: int) -> No
 
 @pytest.mark.parametrize("rpdo", ["sync", "event"])
 def test_the_wave_port_is_stable_with_either_delay(rpdo: str) -> None:
-    run = run_rig(can_tree(rpdo=rpdo), duration_s=4.0)
+    run = run_rig(can_tree(rpdo=rpdo), duration_s=2.0)
     told = books(run, "lever")
     assert told.residual < 1e-9 * told.gross_flow
     assert sum(told.generated.values()) < 0.01 * told.gross_flow
@@ -150,6 +150,7 @@ def test_check_shows_the_arithmetic_and_a_rig_that_is_too_fast_exits_4() -> None
     assert "more axes or a higher rate: mapping: lean" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clock", ["fake", "real"])
 def test_the_shipped_rig_runs_as_a_new_user_would_run_it(tmp_path: Path, clock: str) -> None:
     out = tmp_path / "out"
