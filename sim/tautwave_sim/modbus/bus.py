@@ -1,10 +1,11 @@
 """All drives of a bus, and the slots in which their motors move.
 
 A drive begins to move with the first request that finds it on and writes a command: that is slot 0,
-a sample is taken in it, and the command acts from it on. From then on the slot of a request is the
-nearest whole number of periods since that first one, so that each drive may be asked at a phase of
-its own; the first request in a new slot, to whichever drive, has all of them pass it and sample at
-the same time. A request counts with its first byte.
+a sample is taken in it, and the command acts from it on. From then on the slot of a request that
+writes a command is the nearest whole number of periods since that first one, so that each drive may
+be told at a phase of its own; what only reads belongs to the slot of the last command, unless whole
+periods have passed since. The first request in a new slot, to whichever drive, has all of them pass
+it and sample at the same time. A request counts with its first byte.
 """
 
 from __future__ import annotations
@@ -88,12 +89,19 @@ class DriveBus:
         if drive is None:
             return
         request = self._parsed(drive, pdu)
+        tells = request is not None and drive.told_by(request)
         if drive.origin_ns is not None:
-            since = now_ns - drive.origin_ns
-            self._pass(drive.base + (since + self._period_ns // 2) // self._period_ns, now_ns)
+            if tells:
+                since = now_ns - drive.origin_ns
+                slot = drive.base + (since + self._period_ns // 2) // self._period_ns
+                drive.told_ns, drive.told_slot = now_ns, slot
+            else:
+                slot = drive.told_slot + (now_ns - drive.told_ns) // self._period_ns
+            self._pass(slot, now_ns)
         drive.settle(now_ns)
-        if drive.origin_ns is None and drive.on and request is not None and drive.told_by(request):
-            drive.origin_ns, drive.base = now_ns, self._slot
+        if drive.origin_ns is None and drive.on and tells:
+            drive.origin_ns = drive.told_ns = now_ns
+            drive.base = drive.told_slot = self._slot
             drive.motor.free = True
             drive.latch()
             if self._began_ns is None:

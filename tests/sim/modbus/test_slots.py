@@ -118,13 +118,15 @@ def test_jitter_phase_and_left_out_cycles_move_nothing(
     assert got == reference
 
 
-def test_write_and_read_apart_are_one_exchange() -> None:
+@pytest.mark.parametrize("phase", [0.0, 0.4, 0.7, 0.95])
+def test_what_is_read_after_a_command_is_of_its_slot(phase: float) -> None:
     model = slow()
-    bench = enabled("rtu", (1,), model, device={"function_codes": (3, 16)})
+    bench = enabled("tcp", (1,), model, device={"function_codes": [3, 16]})
     begin, told, got = bench.clock.now_ns(), 0, []
     for k, command in enumerate(COMMANDS):
         bench.until(begin + k * PERIOD_NS)
         bench.ask(write_many(18, told))
+        bench.until(max(begin + round((k + phase) * PERIOD_NS), bench.clock.now_ns()))
         got.append(signed(*words(bench.ask(read(4, 2)))) * QUANTUM)
         told = command
     slots = list(range(len(COMMANDS)))
