@@ -181,11 +181,15 @@ class Driver(Protocol):
 
 
 class Budget(NamedTuple):
-    """Bus time of one cycle: `time_s` needed, the greatest rate [Hz] that fits, the arithmetic."""
+    """Bus time of one cycle: `time_s` needed, the greatest rate [Hz] that fits, the arithmetic.
+
+    `remedy` says what would fit more axes or a higher rate.
+    """
 
     time_s: float
     greatest_rate_hz: float
     arithmetic: str
+    remedy: str = ""
 
 
 class CycleCost(NamedTuple):

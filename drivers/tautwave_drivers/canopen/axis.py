@@ -13,6 +13,7 @@ from tautwave_drivers.canopen.options import CanopenOptions, Node, limit_permill
 from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.machine import Machine
 from tautwave_drivers.cia402.modes import Mode
+from tautwave_drivers.cia402.states import MODE_BIT_12
 from tautwave_drivers.cia402.terms import Habits, Patience
 from tautwave_drivers.cia402.units import INT16, INT32
 
@@ -212,6 +213,8 @@ class Axis:
             display = told[at] if at >= 0 else self.display
             if word == self.statusword and display == self.display and self._steady:
                 return  # nothing has changed: neither does the controlword
+            if self.polls_mode and self.statusword & ~word & MODE_BIT_12:
+                display = None  # it no longer follows: ask for its mode at once
             self.statusword = word
             self.display = display
             self._step(cycle)
@@ -284,6 +287,12 @@ class Axis:
             self.values[1] = -self._sign * most
         else:
             self.values[1] = 0  # not a number
+
+    def history(self) -> str:
+        """Return what was lost and late, for the notes; '' if nothing was."""
+        told = ((self.lost, "missing"), (self.late, "late"), (self.short, "too short"))
+        words = ", ".join(f"{count} {word}" for count, word in told if count)
+        return f"{self.label}: TPDOs {words}" if words else ""
 
     def state(self, now_ns: int) -> JointState:
         """Return what was measured in this cycle."""

@@ -82,8 +82,8 @@ def budget(options: CanopenOptions, bus: BusSpec) -> Budget:
         f"({time_s * bus.rate_hz:.0%}); greatest rate that fits: {greatest:.0f} Hz "
         f"({1.0 / exchange:.0f} Hz by process data alone)"
     )
-    lines.append(_advice(options, bus, shares))
-    return Budget(time_s, greatest, "\n".join(lines))
+    remedy = _advice(options, bus, shares)
+    return Budget(time_s, greatest, "\n".join([*lines, remedy]), remedy)
 
 
 def _arithmetic(size: int, bitrate: int, data_bitrate: int | None) -> str:

@@ -157,7 +157,10 @@ class CanopenDriver:
             axis.settle(exchange.cycle, exchange.sync_ns)
         self._raise_failures()
         done = all(startup.done for startup in self._startups)
-        self._enabled = self._enabled or done
+        if not self._enabled:
+            self._enabled = done
+            for axis in self._axes:
+                axis.lost = axis.late = 0  # counted from the first cycle on
         for axis, startup in zip(self._axes, self._startups, strict=True):
             exchange.send(axis.rpdo_id, axis.pack(*axis.values))
             if startup.second_pdo is not None:
@@ -273,6 +276,7 @@ class CanopenDriver:
         """Disable, disarm the drives' watchdogs, NMT pre-operational, release; never raises."""
         if self._exchange is None:
             return
+        self.notes += [text for axis in self._axes if (text := axis.history())]
         try:
             self.disable()
             if self._net is not None and not self._health.lost:

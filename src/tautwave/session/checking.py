@@ -62,6 +62,7 @@ def over_budget(rig: Rig, budgets: dict[str, Budget]) -> list[str]:
         f"bus {name}: {cost.time_s * 1e3:.3f} ms per cycle do not fit in "
         f"{1e3 * rig.period_s * rig.buses[name].divisor:.3f} ms; "
         f"the greatest rate that fits is {cost.greatest_rate_hz:.0f} Hz"
+        + (f"; {cost.remedy}" if cost.remedy else "")
         for name, cost in budgets.items()
         if cost.time_s > rig.period_s * rig.buses[name].divisor
     ]

@@ -134,6 +134,16 @@ def test_a_lost_tpdo_costs_that_axis_and_that_cycle_only() -> None:
     leave(rig)
 
 
+def test_one_lost_tpdo_after_a_long_peace_is_no_silence() -> None:
+    rig = started(with_faults({"kind": "lost", "at_s": 0.6, "can_id": 0x182}))
+    rows, told = rig.run(700)  # more cycles than a silent drive is waited for
+    assert sum(not row[1].valid for row in rows) == 1
+    assert not told
+    assert not rig.driver.notes[-1].startswith("master.a2 (node 2): TPDOs")
+    leave(rig)
+    assert "master.a2 (node 2): TPDOs 1 missing" in rig.driver.notes
+
+
 @pytest.mark.parametrize("kind", ["lost", "sync_lost"])
 def test_a_lost_sync_costs_one_cycle(kind: str) -> None:
     rig = started(with_faults({"kind": kind, "at_s": AT_S, "can_id": 0x80}))
