@@ -98,8 +98,9 @@ def _exchange_s(options: DynamixelOptions, traffic: Traffic) -> float:
 def _arithmetic(options: DynamixelOptions, traffic: Traffic, exchange: float) -> str:
     count = traffic.sent + traffic.answered
     wire = count * BITS_PER_BYTE / options.baud
+    servos = "1 servo" if traffic.servos == 1 else f"{traffic.servos} servos"
     text = (
-        f"{traffic.servos} servo{'s' if traffic.servos > 1 else ''}: {traffic.sent} bytes out, {traffic.answered} back, "
+        f"{servos}: {traffic.sent} bytes out, {traffic.answered} back, "
         f"{count} x {BITS_PER_BYTE} bits at {options.baud} baud = {wire * 1e3:.3f} ms"
     )
     if options.return_delay_s > 0.0:

@@ -210,8 +210,7 @@ class DynamixelDriver:
                 self._sent_ns = now
             return True
         if self._enabling is None:
-            self._zero_goals()
-            port.write(self._packed_goals() + self._torque(1))
+            port.write(self._packed_goals() + self._torque(1))  # zero since they were made
             self._enabling = Enabling(port, self._clock, self._servos, self._bus)
             return False
         self._on = self._enabling.step()

@@ -142,7 +142,9 @@ def test_goals_go_out_as_their_register_holds_them(register: object) -> None:
     for value in values:
         goals.put(0, value)
         goals.put(1, -value if value > -(1 << 8 * size - 1) else value)
-        found = packet.take_packet(bytearray(goals.packet()))
+        sent = goals.packet()
+        assert packet.PATTERN not in sent[7:-2].replace(packet.STUFFED, b"")
+        found = packet.take_packet(bytearray(sent))
         assert found is not None
         assert found.instruction == packet.SYNC_WRITE
         params = found.params

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from tautwave.errors import DeviceFault, DriverError
 from tautwave.types import JointState
 from tests.drivers.dynamixel.parts import PERIOD_NS, Bench, bench, servo, spec
 
@@ -103,6 +104,30 @@ def test_bad_bytes_cost_samples_but_never_a_wrong_one(read: str, kind: str) -> N
     assert bad > 0 or kind == "extra_bytes"
 
 
+@READS
+def test_an_answer_that_comes_a_cycle_late_never_passes_for_the_next(read: str) -> None:
+    """It comes while the next question is still on the wire, which no answer to that can do."""
+    made = bench(spec(1), spec(2), mass=1e-3, read=read)
+    made.world.bus._late_ns = 850_000
+    made.enable()
+    for _ in range(20):
+        made.cycle(0.2, 0.2)
+    made.world.bus._plan._chances = {"late": 0.3}
+    lost = 0
+    for count in range(100):
+        states = made.cycle(0.0, 0.0)
+        for index, state in enumerate(states):
+            lost += not state.valid
+            if state.valid:
+                # It moves by several steps a slot: an old sample would be seen.
+                true = made.world.axes[index].physics.x
+                quantum = made.driver._scales[index].position
+                assert abs(state.position - true) <= 0.51 * quantum, (count, index)
+    assert made.world.axes[0].physics.v * 1e-3 > 2.0 * made.driver._scales[0].position
+    assert lost > 0
+    assert made.driver._exchange.stale > 0
+
+
 @pytest.mark.parametrize("status_block", [False, True])
 @READS
 @pytest.mark.parametrize(
@@ -180,9 +205,63 @@ def test_the_watchdog_is_fed_while_other_buses_are_still_enabling() -> None:
     for _ in range(500):
         assert made.driver.enable_step()
         made.clock.sleep_until(made.clock.now_ns() + PERIOD_NS)
+    assert made.world.bus._origin_ns is None  # feeding is no exchange
+    made.cycle(0.0)
     assert made.peek(0, "Bus Watchdog") == 5
     assert made.world.servos[0].torque_on
-    assert made.world.bus._slot == 0  # feeding is no exchange
+
+
+def test_leaving_tells_all_at_once_before_it_asks_anybody() -> None:
+    """A servo whose answers are lost is stopped too, and at once."""
+    made = bench(spec(1), spec(2))
+    made.enable()
+    made.cycle(0.2, 0.2)
+    made.cycle(0.2, 0.2)
+    made.world.bus._plan._chances = {"lost": 1.0}
+    sent = []
+    write = made.world.transport.write
+    made.world.transport.write = lambda data: (sent.append(data), write(data))
+    made.driver.disable()
+    assert len(sent[0]) == 2 * 14 + 2 * 3 + 2 * 2
+    assert [made.peek(index, "Goal Current") for index in (0, 1)] == [0, 0]
+    assert not any(one.torque_on for one in made.world.servos)
+
+
+def keep_enabling(made: Bench, steps: int) -> None:
+    for _ in range(steps):
+        if made.driver.enable_step():
+            return
+        made.clock.sleep_until(made.clock.now_ns() + PERIOD_NS)
+
+
+def test_torque_that_does_not_come_on_is_told() -> None:
+    made = bench(spec(1))
+    made.world.servos[0]._shut_down = True
+    made.driver.open()
+    with pytest.raises(DriverError, match="torque does not come on"):
+        keep_enabling(made, 2000)
+
+
+def test_a_torque_order_that_was_lost_is_given_again() -> None:
+    made = bench(spec(1))
+    made.driver.open()
+    made.world.servos[0].present = False
+    assert not made.driver.enable_step()
+    made.clock.sleep_until(made.clock.now_ns() + PERIOD_NS)
+    made.world.advance(made.clock.now_ns())
+    made.world.servos[0].present = True
+    keep_enabling(made, 100)
+    assert made.world.servos[0].torque_on
+    assert valid(made.cycle(0.1)) == [True]
+
+
+def test_a_hardware_error_while_enabling_is_told() -> None:
+    made = bench(spec(1))
+    made.driver.open()
+    made.driver.enable_step()
+    made.world.servos[0].fail(0)
+    with pytest.raises(DeviceFault, match="input voltage"):
+        keep_enabling(made, 50)
 
 
 def test_the_command_acts_from_the_next_request_on() -> None:
