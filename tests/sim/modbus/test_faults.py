@@ -255,6 +255,10 @@ def test_a_probability_is_met_and_shifts_no_other(link: str, kind: str) -> None:
     alone = [plan.request(1, None) for _ in range(400)]
     struck = [number for number, fate in enumerate(alone) if fate != type(fate)()]
     assert 70 <= len(struck) <= 130
+    again = Bench(link, faults={kind: 0.25, "seed": 4}).simulator.bus.plan
+    assert [again.request(1, None) != type(fate)() for fate in alone] != [
+        fate != type(fate)() for fate in alone
+    ]
     other = Bench(link, faults={kind: 0.25, "request_lost": 1.0, "seed": 3}).simulator.bus.plan
     if kind != "request_lost":
         both = [other.request(1, None) for _ in range(400)]

@@ -182,7 +182,8 @@ def test_a_missing_sample_is_an_answer_that_does_not_come() -> None:
 
 
 def test_a_linear_axis_and_a_drive_that_counts_the_other_way() -> None:
-    model = truth(quantum=0.01 / (4096.0 * 5.0))
+    # The rig computed its step in another order: one count is that step all the same.
+    model = truth(quantum=math.nextafter(0.01 / (4096.0 * 5.0), 1.0))
     device = {
         "counts_per_revolution": 4096.0,
         "gear_ratio": 5.0,
