@@ -95,8 +95,6 @@ class ModbusDriver:
         self.close()
         self.notes = []
         self._faults.clear()
-        rate = self._bus.rate_hz
-        self.stations = [Station(device, rate, self._clock) for device in self._devices]
         self._groups = self._make_links()
         try:
             for link, stations in self._groups:
@@ -112,6 +110,27 @@ class ModbusDriver:
             self.close()
             raise
 
+    def attach(self) -> None:
+        """Take drives as they are, enabled, without asking them anything: to measure a cycle."""
+        self._groups = self._make_links()
+        for link, _ in self._groups:
+            self._connect(link)
+        self._gather()
+        self._on = self._running = True
+        for station in self.stations:
+            station.on = True
+
+    def detach(self) -> None:
+        """Release such drives, saying nothing to them."""
+        self._on = self._running = False
+        for link, _ in self._groups:
+            link.close()
+        self._groups = []
+
+    def make_stations(self) -> list[Station]:
+        """Return a fresh station for every device."""
+        return [Station(device, self._bus.rate_hz, self._clock) for device in self._devices]
+
     @property
     def _patience_s(self) -> float:
         options = self._options
@@ -120,6 +139,7 @@ class ModbusDriver:
 
     def _make_links(self) -> list[tuple[Link, list[Station]]]:
         """Return one link per line or endpoint, with the drives behind it."""
+        self.stations = self.make_stations()
         groups: dict[str, list[Station]] = {}
         for station in self.stations:
             groups.setdefault(station.device.endpoint, []).append(station)
@@ -314,20 +334,21 @@ class ModbusDriver:
     def _collect(self, deadline_ns: int) -> None:
         """Wait until all has come, or it is time."""
         groups, clock = self._groups, self._clock
+        if len(groups) == 1:
+            link = groups[0][0]
+            while link.busy:
+                wait_on(link, clock, deadline_ns)
+                link.pump()
+                if link.busy and clock.now_ns() >= deadline_ns:
+                    return
+            return
         busy = [link for link, _ in groups if link.busy]
         while busy:
+            more = self._wait is not None and clock.wait(self._wait, deadline_ns)
             for link in busy:
                 link.pump()
             busy = [link for link in busy if link.busy]
-            if not busy:
-                return
-            if len(groups) == 1:
-                if clock.now_ns() >= deadline_ns:
-                    return
-                wait_on(busy[0], clock, deadline_ns)
-            elif self._wait is None or not clock.wait(self._wait, deadline_ns):
-                for link in busy:
-                    link.pump()
+            if not more:
                 return
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:

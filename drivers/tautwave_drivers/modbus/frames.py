@@ -1,44 +1,52 @@
 """The bytes of requests and answers: the one module that knows pymodbus (alike in 3.12 to 3.16).
 
-Its PDUs make the requests, its framers what stands around them, and the CRC; the parts of a TCP
-answer are its socket framer's. What an answer has to look like follows from the request, so that
-nothing else is ever taken for it.
+Its PDUs make the requests, its socket framer what stands around them on TCP. What an answer has to
+look like follows from the request, so that nothing else is ever taken for it. The CRC of RTU is
+computed here, in half the time.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from pymodbus.framer import FramerRTU, FramerSocket
+    from pymodbus.framer import FramerSocket
 
 
 class _Vendor(NamedTuple):
     """What is used of pymodbus; it is imported with the first frame, not with this module."""
 
     socket: FramerSocket
-    rtu: FramerRTU
-    crc: Callable[[bytes], int]
     registers: Any
     identification: Any
 
 
 @cache
 def _vendor() -> _Vendor:
-    from pymodbus.framer import FramerRTU, FramerSocket
+    from pymodbus.framer import FramerSocket
     from pymodbus.pdu import DecodePDU, mei_message, register_message
 
-    decoder = DecodePDU(False)
-    return _Vendor(
-        FramerSocket(decoder),
-        FramerRTU(decoder),
-        FramerRTU.compute_CRC,
-        register_message,
-        mei_message,
-    )
+    return _Vendor(FramerSocket(DecodePDU(False)), register_message, mei_message)
+
+
+def _entry(byte: int) -> int:
+    for _ in range(8):
+        byte = byte >> 1 ^ 0xA001 if byte & 1 else byte >> 1
+    return byte
+
+
+_TABLE = tuple(_entry(byte) for byte in range(256))
+
+
+def crc16(data: bytes | bytearray, crc: int = 0xFFFF) -> int:
+    """Return the CRC of an RTU frame, on from `crc` (MODBUS over Serial Line V1.02, 6.2.2)."""
+    table = _TABLE
+    for byte in data:
+        crc = crc >> 8 ^ table[(crc ^ byte) & 0xFF]
+    return crc
 
 
 REFUSED = 0x80
@@ -61,7 +69,7 @@ class Question:
         Where the words that it writes begin, so that they can be changed.
     """
 
-    __slots__ = ("function", "head", "pdu", "size", "words_at")
+    __slots__ = ("function", "head", "pdu", "rtu_head", "size", "words_at")
 
     def __init__(self, pdu: bytes, head: bytes, size: int, words_at: int = 0) -> None:
         self.pdu = bytearray(pdu)
@@ -69,6 +77,7 @@ class Question:
         self.head = head
         self.size = size
         self.words_at = words_at
+        self.rtu_head: tuple[bytes, int] | None = None
 
     def put(self, words: Sequence[int]) -> None:
         """Change the words that it writes."""
@@ -162,9 +171,23 @@ def take_tcp(buffer: bytearray) -> tuple[int, int, bytes] | None:
     return transaction, unit, pdu
 
 
+def rtu_question(unit: int, question: Question) -> bytes:
+    """Return the frame of a question; of its CRC only what its words change is computed."""
+    at = question.words_at
+    if not at:
+        return rtu_frame(unit, question.pdu)
+    head = question.rtu_head
+    if head is None or head[0][0] != unit:
+        fixed = bytes((unit,)) + question.pdu[:at]
+        head = question.rtu_head = (fixed, crc16(fixed))
+    words = question.pdu[at:]
+    return head[0] + words + crc16(words, head[1]).to_bytes(2, "little")
+
+
 def rtu_frame(unit: int, pdu: bytes | bytearray) -> bytes:
-    """Return address, PDU and CRC (MODBUS over Serial Line V1.02, 2.5.1)."""
-    return _vendor().rtu.encode(bytes(pdu), unit, 0)
+    """Return address, PDU and CRC, its low byte first (MODBUS over Serial Line V1.02, 2.5.1)."""
+    body = bytes((unit,)) + pdu
+    return body + crc16(body).to_bytes(2, "little")
 
 
 def take_rtu(data: bytes | bytearray, unit: int, question: Question) -> bytes | None:
@@ -172,7 +195,12 @@ def take_rtu(data: bytes | bytearray, unit: int, question: Question) -> bytes | 
 
     Noise around it is skipped: address, function, length and CRC have to be right together.
     """
-    function = question.function
+    function, size = question.function, question.size
+    if size and len(data) == size + 3 and data[1] == function and data[0] == unit:
+        # Nearly always: the answer alone, and whole.
+        pdu = bytes(data[1:-2])
+        if crc16(data) == 0 and pdu.startswith(question.head):  # over itself a CRC is 0
+            return pdu
     start = data.find(unit)
     while 0 <= start <= len(data) - 5:
         told = data[start + 1]
@@ -181,13 +209,11 @@ def take_rtu(data: bytes | bytearray, unit: int, question: Question) -> bytes | 
             size = question.size or _told_size(data, start + 1)
         elif told == function | REFUSED:
             size = 2
-        end = start + 1 + size
-        if size and end + 2 <= len(data):
-            crc = _vendor().crc(bytes(data[start:end]))
-            if data[end] == crc >> 8 and data[end + 1] == crc & 0xFF:
-                pdu = bytes(data[start + 1 : end])
-                if question.fits(pdu):
-                    return pdu
+        end = start + 3 + size
+        if size and end <= len(data) and crc16(data[start:end]) == 0:
+            pdu = bytes(data[start + 1 : end - 2])
+            if question.fits(pdu):
+                return pdu
         start = data.find(unit, start + 1)
     return None
 

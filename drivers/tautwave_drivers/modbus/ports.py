@@ -15,6 +15,8 @@ from tautwave.errors import DriverError
 from tautwave_drivers.modbus.options import ModbusOptions, host_port
 
 CHUNK = 4096
+FRAME = 256
+"""The longest on a serial line."""
 _GONE = {errno.EIO, errno.ENODEV, errno.ENXIO, errno.EBADF}
 _WORDS = {
     errno.ECONNREFUSED: "refused: nothing listens there; is the drive on, and the port right?",
@@ -161,7 +163,7 @@ class SerialPort:
     def read(self) -> bytes:
         """Return all that has come, at once."""
         try:
-            data = os.read(self._fd, CHUNK)
+            data = os.read(self._fd, FRAME)
         except BlockingIOError:
             return b""
         except OSError as err:

@@ -6,11 +6,15 @@ two words of a 32-bit value is the drive's own.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from struct import Struct
 from typing import NamedTuple
 
 KINDS = {"u16": (1, False), "i16": (1, True), "u32": (2, False), "i32": (2, True)}
 """Words and sign of each type."""
+
+
+_FORMATS = {"u16": ">H", "i16": ">h", "u32": ">I", "i32": ">i"}
 
 
 def bounds(kind: str) -> tuple[int, int]:
@@ -48,9 +52,15 @@ class Place(NamedTuple):
     kind: str
     low_first: bool
 
-    def decode(self, words: Sequence[int]) -> int:
-        """Return the value among the words of its block."""
-        return from_words(words[self.at : self.at + KINDS[self.kind][0]], self.kind, self.low_first)
+    def reader(self) -> Callable[[bytes], int]:
+        """Return what takes the value out of an answer's PDU."""
+        at = 2 + 2 * self.at
+        if KINDS[self.kind][0] == 2 and self.low_first:
+            swapped = Struct(">HH").unpack_from
+            kind = self.kind
+            return lambda pdu: from_words(swapped(pdu, at), kind, True)
+        plain = Struct(_FORMATS[self.kind]).unpack_from
+        return lambda pdu: int(plain(pdu, at)[0])
 
 
 class Block(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from tautwave.contracts import Clock
 from tautwave.types import AxisCommand, Fault, JointState
@@ -64,14 +64,15 @@ class Plan:
         self.status = self._place("status")
         self.effort = None if device.impedance else self._place("effort")
 
-    def _place(self, role: str) -> tuple[int, Place]:
-        """Return the block of a role and its place there."""
+    def _place(self, role: str) -> tuple[int, Callable[[bytes], int]]:
+        """Return the block of a role, and what takes its value out of that block's answer."""
         name = self._profile.roles[role]  # type: ignore[index]
         register = self._profile.registers[name]
         for number, block in enumerate(self.blocks):
             if name in block.names:
                 low_first = self._profile.low_first(register)
-                return number, Place(register.address - block.address, register.type, low_first)
+                place = Place(register.address - block.address, register.type, low_first)
+                return number, place.reader()
         raise AssertionError(name)
 
 
@@ -98,6 +99,9 @@ class Station:
         self._low_first = device.profile.low_first(device.command)
         self._kind = device.command.type
         self._short = device.command.words == 1
+        self._impedance = device.impedance
+        self._quantum, self._most = device.quantum, device.most
+        self._sign = device.scale.direction
         sign = device.scale.direction
         self._position_step = sign * device.scale.position
         # The drive measures its motor; what the world does to the axis is the opposite.
@@ -119,8 +123,8 @@ class Station:
         self.walk = None
         self.faults: list[Fault] = []
         self._refused = 0
+        self._last_status = -1
         self._code_wanted = False
-        self._extra: list[Question] = []
         self._orders: list[tuple[str, int]] = []
         self._told: set[str] = set()
         if self.machine is not None:
@@ -159,10 +163,8 @@ class Station:
 
     def command(self, command: AxisCommand) -> None:
         """Stage a command; zero where it is no number, or the drive is not ours."""
-        device = self.device
-        value = command.effort if device.impedance else command.velocity
-        count = value / device.quantum
-        most = device.most
+        count = (command.effort if self._impedance else command.velocity) / self._quantum
+        most = self._most
         if not self.on or self.failed:
             whole = 0
         elif -most <= count <= most:
@@ -171,7 +173,7 @@ class Station:
             whole = most
         else:
             whole = -most if count < -most else 0
-        self.stage(whole * device.scale.direction)
+        self.stage(whole * self._sign)
 
     def exchange(self) -> Sequence[Question]:
         """Return what this cycle asks: command, state, and what a fault makes worth asking."""
@@ -193,35 +195,35 @@ class Station:
         errand, plan = self.errand, self.plan
         answers = errand.answers
         skip = plan.skip if self.on else 0
-        blocks = len(plan.blocks)
-        if len(answers) < skip + blocks:
+        end = skip + len(plan.blocks)
+        if len(answers) < end:
             if self.machine is not None and self.on:
                 self.machine.step(None, None)
                 self._collect_events()
             return MISSING
-        if skip and answers[0][0] & frames.REFUSED:
-            self._refuse(answers[0])
-        words: list[Sequence[int]] = []
-        for pdu in answers[skip : skip + blocks]:
-            if pdu[0] & frames.REFUSED:
-                self._refuse(pdu)
-                return MISSING
-            words.append(frames.words_of(pdu))
-        if not skip or not answers[0][0] & frames.REFUSED:
+        for number in range(end):
+            if answers[number][0] & frames.REFUSED:
+                self._refuse(answers[number])
+                if number >= skip:
+                    return MISSING
+                break
+        else:
             self._refused = 0
-        number, place = plan.position
-        position = place.decode(words[number]) * self._position_step
+        number, read = plan.position
+        position = read(answers[skip + number]) * self._position_step
         effort = NAN
         if plan.effort is not None:
-            number, place = plan.effort
-            effort = place.decode(words[number]) * self._effort_step
+            number, read = plan.effort
+            effort = read(answers[skip + number]) * self._effort_step
         if self.on:
-            number, place = plan.status
-            self._watch(place.decode(words[number]), answers[skip + blocks :])
+            number, read = plan.status
+            self._watch(read(answers[skip + number]), answers[end:])
         return JointState(position, NAN, effort, True, now_ns - errand.asked_ns[skip])
 
     def _watch(self, status: int, more: Sequence[bytes]) -> None:
         """Take the status and what was asked besides."""
+        if not more and status == self._last_status and self.machine is None:
+            return  # as in the cycle before
         code: int | None = None
         if self._code_wanted and len(more) == len(self._orders) + 1:
             self._code_wanted = False
@@ -230,6 +232,7 @@ class Station:
             self._watch_machine(self.machine, status, code, more)
         elif not self.failed:
             self._watch_status(status, code)
+            self._last_status = -1 if self._code_wanted else status
 
     @property
     def _fault_name(self) -> str:

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from tautwave.contracts import BytePort, Clock
 from tautwave.errors import DriverError
 from tautwave_drivers.modbus.errand import Errand, Opener
-from tautwave_drivers.modbus.frames import Question, rtu_frame, take_rtu
+from tautwave_drivers.modbus.frames import Question, rtu_question, take_rtu
 from tautwave_drivers.modbus.options import ModbusOptions
 
 RETRY_NS = 200_000_000
@@ -115,7 +115,16 @@ class RtuLink:
                 errand.give_up()
             return
         self._queue.extend(errands)
-        self.pump()
+        if self._asked is not None or self._missed or self._buffer or self._port is None:
+            self.pump()
+            return
+        # Everybody has answered: there is nothing to drain.
+        now = self._clock.now_ns()
+        if now >= self._quiet_ns:
+            try:
+                self._send(self._port, now)
+            except DriverError as err:
+                self.drop(str(err))
 
     def pump(self) -> None:
         """Take in what has come, and ask what follows from it; never waits."""
@@ -166,10 +175,11 @@ class RtuLink:
         errand = self._next(now_ns)
         if errand is None:
             return
-        self.strange += len(self._buffer)
-        self._buffer.clear()
+        if self._buffer:
+            self.strange += len(self._buffer)
+            self._buffer.clear()
         question = errand.question
-        frame = rtu_frame(errand.unit, question.pdu)
+        frame = rtu_question(errand.unit, question)
         port.write(frame)
         self._asked = errand
         errand.asked_ns.append(now_ns)
