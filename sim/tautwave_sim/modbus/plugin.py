@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from tautwave.contracts import AxisSpec, Bench, BusSpec, Clock, SimulatorPlugin
+from tautwave.contracts import AxisSpec, Bench, BusSpec, Clock, Simulator, SimulatorPlugin
 from tautwave.errors import ConfigError
 from tautwave.models.plant_params import PlantParams
 from tautwave.models.servo import ServoParams
@@ -16,8 +16,6 @@ from tautwave_sim.modbus.options import (
     SimulatedModbusOptions,
     SimulatorKeys,
 )
-from tautwave_sim.modbus.simulator import ModbusSimulator
-from tautwave_sim.modbus.table import load_table
 
 SERVO_LAG_S = 0.005
 EFFORT_MOST = 1e6
@@ -25,7 +23,9 @@ EFFORT_MOST = 1e6
 
 def _make(
     options: SimulatedModbusOptions, bus: BusSpec, physics: Sequence[Any], clock: Clock
-) -> ModbusSimulator:
+) -> Simulator:
+    from tautwave_sim.modbus.world import ModbusSimulator
+
     return ModbusSimulator(options, bus, physics, clock)
 
 
@@ -46,6 +46,8 @@ def _serve(
 
 
 def _bench(options: ModbusBenchOptions) -> Bench:
+    from tautwave_sim.modbus.table import load_table
+
     if options.rtu and options.tcp is not None:
         raise ConfigError("sim modbus: either --rtu or --tcp, not both")
     load_table(options.profile)

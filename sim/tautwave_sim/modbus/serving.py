@@ -15,8 +15,8 @@ from tautwave.errors import ConfigError, DriverError
 from tautwave.truth import AxisModel
 from tautwave_sim.modbus.bus import DriveBus
 from tautwave_sim.modbus.options import SimulatedModbusOptions
-from tautwave_sim.modbus.simulator import make_line
 from tautwave_sim.modbus.tcp import Session, TcpSide
+from tautwave_sim.modbus.world import make_line
 from tautwave_sim.wire.pty import serve_line
 
 Announce = Callable[[Mapping[str, Any]], None]

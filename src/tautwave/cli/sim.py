@@ -34,6 +34,7 @@ def sim(ctx: click.Context, what: str | None, overrides: tuple[str, ...], wants_
         tautwave sim configs/bench-canopen-vcan.yaml
         tautwave sim canopen --nodes 1,2 --interface socketcan --channel vcan0
         tautwave sim dynamixel --model XM430-W350 --ids 1,2
+        tautwave sim modbus --profile dsy-rs --tcp 127.0.0.1:0
     """
     if what is None:
         click.echo(ctx.get_help())

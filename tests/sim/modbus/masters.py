@@ -11,7 +11,7 @@ from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.truth import AxisModel
 from tautwave_sim.modbus import simulator
 from tautwave_sim.modbus.framing import open_rtu, rtu_frame, tcp_frame
-from tautwave_sim.modbus.simulator import ModbusSimulator
+from tautwave_sim.modbus.world import ModbusSimulator
 from tests.sim.truths import PERIOD, truth
 
 ENDPOINT = "tcp://drive:502"

@@ -84,6 +84,7 @@ def test_it_is_switched_on_moved_and_reset_as_its_profile_says(profile: str) -> 
     assert bench.number("running") == 0x80
     assert bench.number("alarm") == 17
     bench.set("start", 0)
+    assert bench.number("running") == 0x80
     bench.set("start", 2)
     assert bench.number("running") == 0
     assert bench.number("alarm") == 0

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import socket
 import struct
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -227,6 +229,16 @@ def test_keys_that_are_the_drivers_are_none_of_its_business() -> None:
     assert block.devices[0].unit == 1
     with pytest.raises(ValueError, match="fautls"):
         options(simulator={"fautls": {}})
+
+
+def test_the_plugin_alone_is_light() -> None:
+    code = (
+        "import sys; import tautwave_sim.modbus; "
+        "heavy = {'pymodbus', 'serial', 'tautwave_sim.canopen', 'tautwave_sim.axis'}; "
+        "sys.exit(str(sorted(heavy & set(sys.modules))) if heavy & set(sys.modules) else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_bench_of_drives() -> None:
