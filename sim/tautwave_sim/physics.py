@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from tautwave.models.foam import FoamParams, foam_forces, foam_step, foam_stored
+from tautwave.models.foam import FoamParams, foam_forces, foam_stored
+from tautwave.models.integrators import integrate_step
 from tautwave.models.plant import plant_forces, plant_step, plant_stored
 from tautwave.models.plant_params import PlantParams, plant_cache
 from tautwave.models.servo import ServoParams, servo_forces, servo_step, servo_stored
@@ -73,7 +74,7 @@ class PlantPhysics:
 
 
 class FoamPhysics:
-    """An impedance device against a power-law contact, by discrete gradients."""
+    """An impedance device at a contact, by the integrator its parameters name."""
 
     def __init__(self, params: PlantParams, foam: FoamParams, x: float) -> None:
         self._params = params
@@ -86,7 +87,7 @@ class FoamPhysics:
     def step(self, command: float, reference: float, rate: float, h: float) -> None:
         """Move by `h` under a held effort."""
         before = self.x
-        self.x, self.v, work, grip, viscous, coulomb, environment = foam_step(
+        self.x, self.v, work, grip, viscous, coulomb, environment = integrate_step(
             self._params, self._foam, before, self.v, command, reference, rate, h
         )
         self.motor_work += command * (self.x - before)

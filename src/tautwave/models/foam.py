@@ -1,4 +1,4 @@
-"""Mass on a Hunt-Crossley contact `F = k y**a (1 + loss ydot) >= 0`, by the discrete gradient.
+"""Mass on a contact `F = k y**a (1 + loss ydot) + damping ydot >= 0`, by the discrete gradient.
 
 The potential enters as the mean force `(V(y + u) - V(y)) / u` over the sub-step's movement u, so
 the energy books close to the accuracy of the solver whatever the stiffness (Chatziioannou, van
@@ -20,7 +20,10 @@ _MOST_SUBSTEPS = 1000
 class FoamParams(NamedTuple):
     """Power-law contact that fills `side * (x - position) > 0`.
 
-    `stiffness` [N/m**a], `exponent` a >= 1, `loss` [s/m] >= 0, and the `substeps` of a step.
+    `stiffness` [N/m**a], `exponent` a >= 1, `loss` [s/m] >= 0, and the `substeps` of a step. With
+    `damping` [N s/m] it is a Kelvin-Voigt wall that lets go. `scheme` is the number of an
+    integrator of `models.integrators`, 0 the discrete gradient, and `tolerance` that of an
+    adaptive one.
     """
 
     stiffness: float
@@ -29,9 +32,12 @@ class FoamParams(NamedTuple):
     position: float
     side: float
     substeps: int
+    damping: float = 0.0
+    scheme: int = 0
+    tolerance: float = 1e-10
 
 
-def _elastic(foam: FoamParams, depth: float) -> float:
+def elastic_force(foam: FoamParams, depth: float) -> float:
     """Static force at a depth."""
     if not depth > 0.0:
         return 0.0
@@ -40,7 +46,7 @@ def _elastic(foam: FoamParams, depth: float) -> float:
     return foam.stiffness * math.pow(depth, foam.exponent)
 
 
-def _potential(foam: FoamParams, depth: float) -> float:
+def elastic_energy(foam: FoamParams, depth: float) -> float:
     """Energy stored at a depth."""
     if not depth > 0.0:
         return 0.0
@@ -84,16 +90,26 @@ def _mean_force(foam: FoamParams, depth: float, held: float, u: float) -> tuple[
     if depth > 0.0 and size < 1e-3 * depth:
         # The difference below would lose digits: mean of the Taylor series about the middle.
         middle = depth + 0.5 * u
-        force = _elastic(foam, middle)
+        force = elastic_force(foam, middle)
         a = foam.exponent
         ratio = u / middle
         square = ratio * ratio
         bend = a * (a - 1.0) * (1.0 + (a - 2.0) * (a - 3.0) * square / 80.0) / 24.0
         return force * (1.0 + bend * square), 0.5 * a * force / middle
     if size == 0.0:
-        return _elastic(foam, depth), 0.0
-    mean = (_potential(foam, after) - held) / u
-    return mean, (_elastic(foam, after) - mean) / u
+        return elastic_force(foam, depth), 0.0
+    mean = (elastic_energy(foam, after) - held) / u
+    return mean, (elastic_force(foam, after) - mean) / u
+
+
+def _drag(foam: FoamParams, depth: float, u: float, t: float) -> float:
+    """Mean force of the damper, which acts along the part of the movement u that is inside."""
+    sunk = depth + u
+    if not sunk > 0.0:
+        sunk = 0.0
+    if depth > 0.0:
+        sunk = sunk - depth
+    return foam.damping * sunk / t
 
 
 def foam_movement(
@@ -104,19 +120,20 @@ def foam_movement(
     Returns
     -------
     tuple
-        u, the elastic mean force, the clipped factor `1 + loss u / t`, and the iterations.
+        u, the elastic mean force, the clipped factor `1 + loss u / t`, and the iterations. The
+        damper's share is that of `_drag`; elastic force and drag together never pull.
     """
     high = push / inertia
     if not (depth > 0.0 or depth + high > 0.0):
         return high, 0.0, 1.0, 0
-    now = _elastic(foam, depth)
+    now = elastic_force(foam, depth)
     low = 0.0
     if push <= now:
         low = (push - now) / inertia
         if high > 0.0:
             high = 0.0
-    held = _potential(foam, depth)
-    if high > 0.0 and _potential(foam, depth + high) - held > 2.0 * push * high:
+    held = elastic_energy(foam, depth)
+    if high > 0.0 and elastic_energy(foam, depth + high) - held > 2.0 * push * high:
         # Very stiff: the work of `push` bounds the depth far better than inertia alone.
         bound = (foam.exponent + 1.0) * (held + push * high) / foam.stiffness
         deepest = math.pow(bound, 1.0 / (foam.exponent + 1.0)) * (1.0 + 1e-12) - depth
@@ -133,8 +150,19 @@ def foam_movement(
             slope = slope + bend * factor + mean * foam.loss / t
         else:
             factor = 0.0
-        excess = inertia * u + mean * factor - push
-        if math.fabs(excess) <= 6e-16 * (math.fabs(inertia * u) + mean * factor + math.fabs(push)):
+        if foam.damping > 0.0:
+            drag = _drag(foam, depth, u, t)
+            if mean * factor + drag > 0.0:
+                if depth + u > 0.0:
+                    slope = slope + foam.damping / t
+                pull = mean * factor + drag
+            else:
+                slope = inertia
+                pull = 0.0
+        else:
+            pull = mean * factor
+        excess = inertia * u + pull - push
+        if math.fabs(excess) <= 6e-16 * (math.fabs(inertia * u) + pull + math.fabs(push)):
             break
         if excess > 0.0:
             high = u
@@ -166,9 +194,9 @@ def foam_step(
 ) -> tuple[float, float, float, float, float, float, float]:
     """Move a plant at a foam on by `h` [s] in `foam.substeps` sub-steps; as `plant_step`.
 
-    Mass, viscous and Coulomb friction and grip come from `plant`; its spring and wall are not
-    used. Where Coulomb friction can hold the mass through a sub-step it stops, and its kinetic
-    energy is booked as Coulomb loss.
+    Mass, viscous and Coulomb friction, grip and spring come from `plant`; its wall is not used.
+    Where Coulomb friction can hold the mass through a sub-step it stops, and its kinetic energy is
+    booked as Coulomb loss.
 
     Returns
     -------
@@ -184,17 +212,21 @@ def foam_step(
     momentum = 2.0 * plant.mass / t
     damping = plant.viscous + plant.grip_damping
     inertia = momentum / t + 0.5 * plant.grip_stiffness + damping / t
+    if plant.spring_stiffness > 0.0:
+        inertia = inertia + 0.5 * plant.spring_stiffness
     swept = reference_rate * t
     for i in range(foam.substeps):
         ahead = reference + reference_rate * (t * i) - x + 0.5 * swept
         outside = effort + plant.grip_stiffness * ahead + plant.grip_damping * reference_rate
+        if plant.spring_stiffness > 0.0:
+            outside = outside - plant.spring_stiffness * (x - plant.spring_position)
         push = foam.side * (momentum * v + outside)
         depth = foam.side * (x - foam.position)
         moved = 0.0
         held = False
         friction = 0.0
         if plant.coulomb > 0.0:
-            rest = push - _elastic(foam, depth)
+            rest = push - elastic_force(foam, depth)
             if rest > plant.coulomb:
                 friction = plant.coulomb
             elif rest < -plant.coulomb:
@@ -208,6 +240,11 @@ def foam_step(
             moved, mean, factor, _ = foam_movement(foam, depth, push - friction, inertia, t)
             coulomb_loss = coulomb_loss + friction * moved
             environment_loss = environment_loss + mean * moved * (factor - 1.0)
+            if foam.damping > 0.0:
+                drag = _drag(foam, depth, moved, t)
+                if not mean * factor + drag > 0.0:
+                    drag = -mean * factor  # it lets go: all that is stored and gets free is lost
+                environment_loss = environment_loss + drag * moved
             moved = foam.side * moved
             v = 2.0 * moved / t - v
             x = x + moved
@@ -233,10 +270,14 @@ def foam_stored(
 ) -> tuple[float, float, float]:
     """Stored energy [J]: kinetic, in the grip's spring, in the foam."""
     ahead = reference - x
+    environment = elastic_energy(foam, foam.side * (x - foam.position))
+    if plant.spring_stiffness > 0.0:
+        stretch = x - plant.spring_position
+        environment = environment + 0.5 * plant.spring_stiffness * stretch * stretch
     return (
         0.5 * plant.mass * v * v,
         0.5 * plant.grip_stiffness * ahead * ahead,
-        _potential(foam, foam.side * (x - foam.position)),
+        environment,
     )
 
 
@@ -250,7 +291,20 @@ def foam_forces(
 ) -> tuple[float, float]:
     """Force of the hand's grip and of the foam on the mass, positive along x."""
     hand = plant.grip_stiffness * (reference - x) + plant.grip_damping * (reference_rate - v)
+    depth = foam.side * (x - foam.position)
     factor = 1.0 + foam.loss * foam.side * v
+    if foam.damping > 0.0 or plant.spring_stiffness > 0.0:
+        environment = 0.0
+        if plant.spring_stiffness > 0.0:
+            environment = -plant.spring_stiffness * (x - plant.spring_position)
+        if not factor > 0.0:
+            factor = 0.0
+        pull = factor * elastic_force(foam, depth)
+        if depth > 0.0:
+            pull = pull + foam.damping * foam.side * v
+        if pull > 0.0:
+            environment = environment - foam.side * pull
+        return hand, environment
     if not factor > 0.0:
         return hand, 0.0
-    return hand, -foam.side * factor * _elastic(foam, foam.side * (x - foam.position))
+    return hand, -foam.side * factor * elastic_force(foam, depth)

@@ -6,7 +6,8 @@ import math
 from collections.abc import MutableSequence, Sequence
 
 from tautwave.models.encoder import quantise
-from tautwave.models.foam import foam_forces, foam_step, foam_stored
+from tautwave.models.foam import foam_forces, foam_stored
+from tautwave.models.integrators import integrate_step
 from tautwave.models.plant import plant_forces, plant_step, plant_stored
 from tautwave.models.servo import servo_forces, servo_step, servo_stored
 from tautwave.offline.records import FOAM, PLANT, SERVO, Body, DeviceParams
@@ -53,7 +54,7 @@ def move_body(
         b.viscous_loss += viscous
         b.coulomb_loss += coulomb
     elif d.kind == FOAM:
-        x, v, work, grip, viscous, coulomb, environment = foam_step(
+        x, v, work, grip, viscous, coulomb, environment = integrate_step(
             d.plant, d.foam, before, b.v, command, reference, rate, h
         )
         b.motor_work += command * (x - before)

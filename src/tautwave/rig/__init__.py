@@ -23,7 +23,14 @@ from tautwave.rig.controller import (
     wave_gain,
 )
 from tautwave.rig.rates import at_axis_rate, at_full_rate, held_share, one_way_delay
-from tautwave.rig.truth import SEED_WORD, axis_model, foam_params, simulated_axes, true_delay_s
+from tautwave.rig.truth import (
+    SEED_WORD,
+    axis_integration,
+    axis_model,
+    foam_params,
+    simulated_axes,
+    true_delay_s,
+)
 
 __all__ = [
     "NO_WALL",
@@ -31,6 +38,7 @@ __all__ = [
     "Assembly",
     "at_axis_rate",
     "at_full_rate",
+    "axis_integration",
     "axis_model",
     "build_rig",
     "command_delays",

@@ -12,6 +12,7 @@ from tautwave.models.foam import FoamParams, foam_substeps
 from tautwave.models.plant_params import PlantParams
 from tautwave.models.servo import ServoParams
 from tautwave.motion import reference_positions
+from tautwave.rig.integration import Integrated, integrated
 from tautwave.truth import AxisModel
 from tautwave.types import CommandDelay
 
@@ -78,6 +79,10 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
     foam = None
     if isinstance(environment, Foam):
         foam = foam_params(period, environment, plant, truth.effort_limit)
+    integrator = rig.simulation.integrator
+    if integrator is not None and axis.causality == "impedance":
+        speed = greatest_speed(rig, axis_name, plant.mass)
+        foam = integrated(axis_name, integrator, plant, foam, speed, period).foam
     servo = None
     if axis.causality == "admittance":
         servo = ServoParams(
@@ -109,6 +114,36 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         # By name, not by place: another axis in the rig shifts no stream.
         seed=(rig.seed % SEED_WORD, zlib.crc32(axis_name.encode())),
     )
+
+
+def greatest_speed(rig: Rig, axis_name: str, mass: float) -> float:
+    """Return the speed at which an axis may hit something [m/s or rad/s].
+
+    Its velocity limit; without one, what its motor reaches over a tenth of a second.
+    """
+    limit = rig.axes[axis_name].velocity_limit
+    if limit is not None:
+        return limit
+    return 0.1 * simulation_of(rig, axis_name).effort_limit / mass
+
+
+def axis_integration(rig: Rig, axis_name: str) -> Integrated:
+    """Return how an impedance axis of a rig with `simulation.integrator` is moved, and why.
+
+    Raises
+    ------
+    ConfigError
+        The scheme cannot hold what the axis meets.
+    """
+    assert rig.simulation is not None
+    keys = rig.simulation.integrator
+    assert keys is not None
+    bare = rig.model_copy(
+        update={"simulation": rig.simulation.model_copy(update={"integrator": None})}
+    )
+    model = axis_model(bare, axis_name, 1)
+    speed = greatest_speed(rig, axis_name, model.plant.mass)
+    return integrated(axis_name, keys, model.plant, model.foam, speed, model.period)
 
 
 def foam_params(period: float, keys: Foam, plant: PlantParams, effort: float) -> FoamParams:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from tautwave.config import Axis, Rig, Wall
 from tautwave.config import Pair as PairKeys
 from tautwave.registry import list_drivers
+from tautwave.rig import axis_integration
 
 NOT_IN_RIG = "not in the rig"
 
@@ -118,6 +119,12 @@ def _simulation(rig: Rig, clock: str) -> Iterator[PlanItem]:
         environment = simulation.environment.get(name)
         kind = "free" if environment is None else environment.type
         yield _item(f"environment of slave.{name}", kind != "free", kind, "free")
+    keys = simulation.integrator
+    if keys is not None:
+        for name, axis in rig.axes.items():
+            if axis.causality == "impedance":
+                made = axis_integration(rig, name)
+                yield _item(f"integrator of {name}", True, made.why)
     faults = simulation.faults
     missing = faults.missing_probability
     yield _item("missing samples", missing > 0.0, f"probability {missing:g}")

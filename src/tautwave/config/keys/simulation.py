@@ -162,6 +162,28 @@ class Faults(Block):
     )
 
 
+class Integrator(Block):
+    """How the simulated devices are moved within a cycle; see `tautwave.models.integrators`."""
+
+    scheme: Literal[
+        "auto",
+        "exact",
+        "discrete_gradient",
+        "symplectic_euler",
+        "implicit_midpoint",
+        "rk4",
+        "dormand_prince",
+    ] = Field(
+        default="auto",
+        description="auto: the cheapest that meets `max_error`. exact: walls and springs only.",
+    )
+    max_error: Annotated[float, Field(gt=0, le=0.1)] | None = Field(
+        default=None,
+        description="Worst error of a bounce at the greatest speed, as a share of that speed; "
+        "sets the sub-steps. Default: 1e-4 for auto and dormand_prince, else one step a cycle.",
+    )
+
+
 class Simulation(Block):
     """The truth of a simulated rig."""
 
@@ -173,5 +195,10 @@ class Simulation(Block):
     )
     environment: dict[Name, Environment] = Field(
         default_factory=dict, description="What the slave meets, by pair; default: free."
+    )
+    integrator: Integrator | None = Field(
+        default=None,
+        description="Of impedance axes; default: exact at walls and springs, discrete_gradient "
+        "in foam.",
     )
     faults: Faults = Field(default_factory=Faults, description="Mishaps; default: none.")

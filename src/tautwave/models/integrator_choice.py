@@ -1,0 +1,296 @@
+"""Which integrator is the cheapest that meets an error, found by trying each on the worst bounce.
+
+The bounce is that of the plain mass at the greatest speed expected, at several entry phases; the
+smooth rest (grip, spring, friction) is tried against its exact flow. SI of the axis.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from tautwave.models.foam import FoamParams
+from tautwave.models.integrator_bounds import (
+    contact_slope,
+    contact_stiffness_limit,
+    greatest_depth,
+    greatest_stiffness,
+    step_growth,
+)
+from tautwave.models.integrators import (
+    DISCRETE_GRADIENT,
+    DORMAND_PRINCE,
+    EXACT,
+    IMPLICIT_MIDPOINT,
+    RK4,
+    SYMPLECTIC_EULER,
+    integrate_step,
+)
+from tautwave.models.linear import linear_flow
+from tautwave.models.plant_params import PlantParams
+
+COST_NS = {
+    SYMPLECTIC_EULER: 12.0,
+    RK4: 40.0,
+    IMPLICIT_MIDPOINT: 50.0,
+    DISCRETE_GRADIENT: 70.0,
+    EXACT: 90.0,
+    DORMAND_PRINCE: 900.0,
+}
+"""Time of one sub-step, compiled, in ns: rounded figures of `tautwave bench workprecision`. Only
+their ratios matter. Exact and Dormand-Prince: of a whole step at a contact."""
+
+MOST_SUBSTEPS = 1024
+_PHASES: tuple[float, ...] = (0.07, 0.31, 0.56, 0.83)
+_LONG = 400  # steps of a bounce beyond which one phase has to do: they differ little
+_LONGEST = 20_000
+_ORDERS = {SYMPLECTIC_EULER: 1.0, RK4: 2.0, IMPLICIT_MIDPOINT: 2.0, DISCRETE_GRADIENT: 2.0}
+_LABELS = {
+    SYMPLECTIC_EULER: "symplectic_euler",
+    RK4: "rk4",
+    IMPLICIT_MIDPOINT: "implicit_midpoint",
+    DISCRETE_GRADIENT: "discrete_gradient",
+    EXACT: "exact",
+    DORMAND_PRINCE: "dormand_prince",
+}
+
+
+class Trial(NamedTuple):
+    """One scheme with as many sub-steps as it needs: worst error found [1], cost a step [ns].
+
+    `substeps` 0: none was tried, since one would cost too much already.
+    """
+
+    scheme: int
+    substeps: int
+    tolerance: float
+    error: float
+    cost_ns: float
+
+
+class Choice(NamedTuple):
+    """What was chosen, what else was tried, and why in a sentence."""
+
+    best: Trial
+    tried: tuple[Trial, ...]
+    why: str
+
+
+def plain_mass(plant: PlantParams) -> PlantParams:
+    """Return the mass alone, without grip, spring, wall and friction [SI]."""
+    return PlantParams(plant.mass, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def bounce_error(plant: PlantParams, foam: FoamParams, speed: float, h: float) -> float:
+    """Return the worst error of a bounce by the scheme and sub-steps of `foam`, loop step `h` [s].
+
+    That of the exit speed over the impact's, or of the position after it over speed times contact
+    time, whichever is greater, over several entry phases; against Dormand-Prince at 1e-11.
+    """
+    if not (foam.stiffness > 0.0 and speed > 0.0):
+        return 0.0
+    mass = plain_mass(plant)
+    near = foam._replace(position=0.0, side=1.0)
+    exit_speed, length = exact_bounce(mass, near, speed)
+    # Coarser than the contact a scheme cannot be told from a lucky one.
+    t = h / near.substeps
+    if length < 2.0 * t and near.scheme != DORMAND_PRINCE:
+        return math.inf
+    one = near._replace(substeps=1)
+    steps = int(length / t) + 3
+    if steps > _LONGEST:
+        return 0.0
+    phases = _PHASES
+    if steps > _LONG:
+        phases = _PHASES[:1]
+    worst = 0.0
+    for phase in phases:
+        x = -phase * t * speed
+        v = speed
+        for _ in range(steps):
+            x, v, _, _, _, _, _ = integrate_step(mass, one, x, v, 0.0, 0.0, 0.0, t)
+        after = steps * t - phase * t - length
+        gone = math.fabs(x + exit_speed * after) / (speed * length)
+        off = math.fabs(v + exit_speed) / speed
+        error = math.sqrt(gone * gone + off * off)
+        if not error <= worst:
+            worst = error
+    return worst
+
+
+def exact_bounce(plant: PlantParams, foam: FoamParams, speed: float) -> tuple[float, float]:
+    """Return exit speed [m/s or rad/s] and length of the contact [s] of a free mass."""
+    depth = greatest_depth(plant, foam, speed, 0.0)
+    oracle = foam._replace(scheme=DORMAND_PRINCE, tolerance=1e-11, substeps=1)
+    # pi/2 sqrt(..): no contact of a mass lasts longer than ten times depth over speed on its way
+    # in; on its way out damping makes it slow, so it is looked at again.
+    h = 10.0 * depth / speed
+    x = 0.0
+    v = speed
+    t = 0.0
+    for _ in range(60):
+        x, v, _, _, _, _, _ = integrate_step(plant, oracle, x, v, 0.0, 0.0, 0.0, h)
+        t = t + h
+        if x <= 0.0 and v < 0.0:
+            return -v, t + x / -v
+    return math.fabs(v), t
+
+
+def smooth_error(plant: PlantParams, scheme: int, speed: float, t: float) -> float:
+    """Return the error of the motion without contact over its fastest radian [1]; sub-step `t`."""
+    stiffness = plant.grip_stiffness + plant.spring_stiffness
+    damping = plant.viscous + plant.grip_damping
+    rate = math.sqrt(stiffness / plant.mass)
+    if damping / plant.mass > rate:
+        rate = damping / plant.mass
+    if not (rate > 0.0 and speed > 0.0):
+        return 0.0
+    free = plant._replace(coulomb=0.0, spring_position=0.0)
+    none = FoamParams(0.0, 1.0, 0.0, 0.0, 1.0, 1, 0.0, scheme)
+    steps = int(1.0 / (rate * t)) + 1
+    if steps > _LONGEST:
+        return 0.0
+    x = 0.0
+    v = speed
+    for _ in range(steps):
+        x, v, _, _, _, _, _ = integrate_step(free, none, x, v, 0.0, 0.0, 0.0, t)
+    at, then, _ = linear_flow(stiffness, damping, plant.mass, 0.0, 0.0, 0.0, speed, steps * t)
+    return math.sqrt(((x - at) * rate) ** 2 + (v - then) ** 2) / speed
+
+
+def try_scheme(
+    plant: PlantParams,
+    foam: FoamParams,
+    scheme: int,
+    speed: float,
+    h: float,
+    max_error: float,
+    budget_ns: float,
+) -> Trial:
+    """Return the fewest sub-steps with which a scheme meets `max_error` [1] within a cost a step.
+
+    A trial that fails has an infinite cost: its error is that of the last number tried.
+    """
+    cost = COST_NS[scheme]
+    if scheme == EXACT:
+        return Trial(scheme, 1, 0.0, 0.0, cost)
+    one = foam._replace(scheme=scheme, substeps=1)
+    error = math.inf
+    if scheme == DORMAND_PRINCE:
+        tolerance = 0.1 * max_error
+        for _ in range(5):
+            tolerance = 0.1 * tolerance
+            error = bounce_error(plant, one._replace(tolerance=tolerance), speed, h)
+            if error <= max_error:
+                return Trial(scheme, 1, tolerance, error, cost)
+        return Trial(scheme, 1, tolerance, error, math.inf)
+    substeps = 1
+    last = 0
+    while substeps <= MOST_SUBSTEPS and cost * substeps < budget_ns:
+        t = h / substeps
+        error = math.inf
+        if refusal(plant, one, scheme, speed, t) == "":
+            error = bounce_error(plant, one._replace(substeps=substeps), speed, h)
+            smooth = smooth_error(plant, scheme, speed, t)
+            if smooth > error:
+                error = smooth
+            stop = plant.coulomb * t / (plant.mass * speed)
+            if stop > error:
+                error = stop  # friction turns the motion somewhere in a sub-step
+        if error <= max_error:
+            return Trial(scheme, substeps, 0.0, error, cost * substeps)
+        # Jump nearly as far as the order promises, so that few numbers are tried.
+        last = substeps
+        doublings = 1
+        if math.isfinite(error):
+            ratio = math.log(error / max_error) / (_ORDERS[scheme] * math.log(2.0))
+            if ratio > 2.0:
+                doublings = int(ratio)
+        substeps = substeps << doublings
+    return Trial(scheme, last, 0.0, error, math.inf)
+
+
+def refusal(plant: PlantParams, foam: FoamParams, scheme: int, speed: float, t: float) -> str:
+    """Return why a scheme cannot hold a rig at the sub-step `t` [s], with numbers; "" if it can."""
+    stiffness = plant.grip_stiffness + plant.spring_stiffness
+    damping = plant.viscous + plant.grip_damping
+    name = _LABELS[scheme]
+    if step_growth(scheme, stiffness, damping, plant.mass, t) > 1.0 + 1e-12:
+        limit = greatest_stiffness(scheme, damping, plant.mass, t)
+        return (
+            f"{name} holds a spring of at most {limit:.4g} on {plant.mass:.4g} with damping "
+            f"{damping:.4g} at a step of {t:.4g} s, and grip and spring are {stiffness:.4g}"
+        )
+    depth = greatest_depth(plant, foam, speed, 0.0)
+    slope = contact_slope(foam, depth)
+    drag = damping + foam.damping + foam.loss * foam.stiffness * math.pow(depth, foam.exponent)
+    limit = contact_stiffness_limit(scheme, damping, plant.mass, t)
+    if slope > limit:
+        return (
+            f"{name} holds a contact of at most {limit:.4g} on {plant.mass:.4g} at a step of "
+            f"{t:.4g} s, and this one is {slope:.4g} at {depth:.4g} deep, where an impact at "
+            f"{speed:.4g} a second ends"
+        )
+    if step_growth(scheme, stiffness + slope, drag, plant.mass, t) > 1.0 + 1e-12:
+        return (
+            f"{name} does not hold a contact of {slope:.4g} with damping {drag:.4g} on "
+            f"{plant.mass:.4g} at a step of {t:.4g} s"
+        )
+    return ""
+
+
+def choose_scheme(
+    plant: PlantParams,
+    foam: FoamParams,
+    speed: float,
+    h: float,
+    max_error: float,
+    linear: bool,
+) -> Choice:
+    """Return the cheapest scheme that meets `max_error` [1] at the loop step `h` [s], and why.
+
+    Parameters
+    ----------
+    speed : float
+        Greatest speed expected [m/s or rad/s].
+    linear : bool
+        The surroundings are piecewise linear, so that `exact` applies.
+    """
+    tried = []
+    best = Trial(DORMAND_PRINCE, 1, 1e-14, math.inf, math.inf)
+    # The two that meet any error come first: dearer ones need not be tried at all.
+    for scheme in (
+        EXACT,
+        DORMAND_PRINCE,
+        SYMPLECTIC_EULER,
+        RK4,
+        DISCRETE_GRADIENT,
+        IMPLICIT_MIDPOINT,
+    ):
+        if scheme != EXACT or linear:
+            trial = try_scheme(plant, foam, scheme, speed, h, max_error, best.cost_ns)
+            tried.append(trial)
+            if trial.error <= max_error and trial.cost_ns < best.cost_ns:
+                best = trial
+    others = [
+        f"{_LABELS[trial.scheme]} {told(trial)}" for trial in tried if trial.scheme != best.scheme
+    ]
+    steps = "sub-step" if best.substeps == 1 else "sub-steps"
+    why = (
+        f"{_LABELS[best.scheme]} in {best.substeps} {steps}: worst error {best.error:.2g} <= "
+        f"{max_error:g} at about {best.cost_ns:.0f} ns a step; " + ", ".join(others)
+    )
+    if not best.error <= max_error:
+        why = f"nothing meets {max_error:g}; {why}"
+    return Choice(best, tuple(tried), why)
+
+
+def told(trial: Trial) -> str:
+    """Return what a trial found in a few words [ns]."""
+    if math.isfinite(trial.cost_ns):
+        return f"needs {trial.substeps} and {trial.cost_ns:.0f} ns"
+    if trial.substeps == 0:
+        return "costs more even in one"
+    if math.isfinite(trial.error):
+        return f"has {trial.error:.2g} with {trial.substeps}, more cost more"
+    return f"does not hold it with {trial.substeps}, more cost more"
