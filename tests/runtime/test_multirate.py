@@ -14,7 +14,7 @@ from tautwave.laws.port import port_params
 from tautwave.laws.wave import filter_gain
 from tautwave.link.memory import DelayLine
 from tautwave.runtime.books import PairRow
-from tautwave.runtime.loop import TIMING_COLUMNS, Loop, LoopPair, LoopSettings
+from tautwave.runtime.loop import READ_SHARE, TIMING_COLUMNS, Loop, LoopPair, LoopSettings
 from tautwave.runtime.pair import PairScale, WaveFilter, WavePair
 from tautwave.runtime.rates import MultiratePair, RateConverter
 from tautwave.runtime.sensing import LoopBus, Sensing
@@ -294,7 +294,7 @@ def test_a_slow_bus_is_asked_first_and_read_last(divisor: int) -> None:
     last = [divisor - 1, 2 * divisor - 1, 3 * divisor - 1, 4 * divisor - 1]
     assert run.slots("read") == last
     assert run.slots("write")[:-1] == last  # and the safe command after the run
-    assert run.asked == [slot * PERIOD_NS + int(0.7 * PERIOD_NS) for slot in last]
+    assert run.asked == [slot * PERIOD_NS + int(READ_SHARE * PERIOD_NS) for slot in last]
     assert run.fast.counts["read"] == 4 * divisor
     assert run.result.lost == (0, 0)
 
@@ -370,3 +370,16 @@ def test_sensing_without_slow_buses_asks_all_before_it_reads_any() -> None:
     assert [call for call in log if call[1] != "faults"] == [
         ("one", "request"), ("two", "request"), ("one", "read"), ("two", "read"),
     ]  # fmt: skip
+
+
+def test_a_driver_is_polled_while_its_exchange_is_under_way(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    slots: list[int] = []
+    monkeypatch.setattr(
+        ScriptedDriver, "poll", lambda self: slots.append(self.cycle), raising=False
+    )
+    run = Slots(3, 12, away={5: 1})
+    assert run.result.error is None
+    # Of the slow bus alone, in every slot that the loop saw: slot 5 of exchange 1 went by.
+    assert slots == [0, 0, 0, 1, 1, 2, 2, 2, 3, 3, 3]
