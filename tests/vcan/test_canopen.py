@@ -212,6 +212,17 @@ def test_a_delay_that_sets_in_later_makes_no_old_sample_new(drives: None) -> Non
     assert sum(state.valid for row in rows[2:] for state in row) <= 4
 
 
+def test_a_queue_that_nothing_drains_is_a_dead_bus(drives: None) -> None:
+    with running(1, 2) as stepped:
+        stepped.run(10, 0.0)
+        with netem("vcan0", "delay", "100s", "limit", "3"):
+            rows, faults = stepped.run(20, 0.0)
+            assert stepped.driver._exchange.port.pending() > 0  # the kernel still holds frames
+        assert "dead bus: the transmit queue is full" in faults[0].text
+        assert faults[0].fatal
+        assert not any(state.valid for row in rows[1:] for state in row)
+
+
 def test_an_interface_torn_down_ends_the_run_with_a_sentence(drives: None) -> None:
     with running(1, 2) as stepped:
         stepped.run(10, 0.0)

@@ -33,9 +33,7 @@ def map_pdo(
     DriverError
         The drive refuses an object, or holds something else than was written.
     """
-    extra = COB_ID_NO_RTR if what.startswith("TPDO") else 0
-    before = drive.number(pdo.cob_id)
-    keep = extra or before & COB_ID_NO_RTR
+    keep = drive.number(pdo.cob_id) & COB_ID_NO_RTR  # drives refuse to have it changed
     drive.write(pdo.cob_id, COB_ID_INVALID | keep | cob_id)
     drive.write(pdo.transmission, kind)
     drive.write(pdo.mapped_count, 0)

@@ -106,6 +106,7 @@ class Logged:
         self._port, self._clock = port, clock
         self.sent: list[tuple[int, int, bytes]] = []
         self.injected: list[tuple[int, bytes]] = []
+        self.full = False
 
     def readable(self) -> bool:
         return bool(self.injected) or bool(self._port.readable())
@@ -121,6 +122,8 @@ class Logged:
         return getattr(self._port, name)
 
     def send(self, can_id: int, data: bytes) -> bool:
+        if self.full:
+            return False
         self.sent.append((self._clock.now_ns(), can_id, bytes(data)))
         return bool(self._port.send(can_id, data))
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tautwave.types import Fault
+from tautwave.types import AxisCommand, Fault
 from tests.drivers.canopen.benches import Rig, block, make, node
 
 SEED = 7
@@ -243,6 +243,22 @@ def test_a_queue_that_is_full_for_a_while_is_congested() -> None:
     rows, _ = rig.run(5, TORQUE)
     assert all(state.valid for state in rows[-1])
     assert rig.commands(0)[-1][1] == 100
+    leave(rig)
+
+
+def test_a_queue_that_drains_within_a_cycle_still_gets_no_command_in_it() -> None:
+    rig = started(with_faults())
+    rig.run(10, TORQUE)
+    begin, at = rig.clock.now_ns(), len(rig.sent)
+    rig.port.full = True
+    rig.driver.request()
+    rig.port.full = False
+    assert not any(state.valid for state in rig.driver.read(begin + 700_000))
+    rig.driver.write([AxisCommand(TORQUE, 0.0)] * 2)
+    assert not rig.commands(0, at)
+    rig.clock.sleep_until(begin + 1_000_000)
+    rig.run(3, TORQUE)
+    assert [target for _, target in rig.commands(0, at)][:2] == [0, 100]
     leave(rig)
 
 
