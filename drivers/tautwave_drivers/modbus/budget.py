@@ -107,12 +107,13 @@ def budget(options: ModbusOptions, bus: BusSpec) -> Budget:
     """
     devices = match_devices(options, bus)
     drives = [exchanges_of(device) for device in devices]
-    spent = needed_s(options, drives, bus)
-    text = [_arithmetic(options, drives, bus)]
-    greatest = _greatest_hz(options, drives, bus)
-    if spent > 1.0 / bus.rate_hz:
-        text.append("remedies, each alone: " + ", ".join(_remedies(options, devices, bus)))
-    return Budget(spent, greatest, "; ".join(text))
+    remedy = "each alone: " + ", ".join(_remedies(options, devices, bus))
+    return Budget(
+        needed_s(options, drives, bus),
+        _greatest_hz(options, drives, bus),
+        _arithmetic(options, drives, bus),
+        remedy,
+    )
 
 
 def needed_s(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bus: BusSpec) -> float:
