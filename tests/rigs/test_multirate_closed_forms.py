@@ -13,7 +13,10 @@ from tautwave.certificate.loops import pair_loop
 from tautwave.certificate.rates import slow_costs
 from tautwave.config import load_rig
 from tautwave.offline.sweep_predict import pair_mode
+from tautwave.report.rundir import Run
+from tautwave.report.verdicts import verdicts
 from tautwave.rig import Assembly, command_delays, one_way_delay
+from tautwave.session import check
 from tests.rigs.running import Tree, books, rig_of, run_rig, tree
 from tests.rigs.test_books import impedance, line
 from tests.rigs.test_multirate import assert_passive, slow
@@ -223,6 +226,20 @@ def test_the_shipped_rig_is_certified_and_rests_in_contact() -> None:
         pushed = run[column][(run["time_s"] >= begin) & (run["time_s"] < end)]
         assert np.abs(pushed).min() > 0.005
         assert np.ptp(pushed) <= 0.2 * np.abs(pushed).mean()
+
+
+def test_check_and_report_say_what_the_slow_bus_costs(tmp_path: Path) -> None:
+    rig = load_rig(CONFIGS / "bench-multirate-loopback.yaml")
+    found = check(rig)
+    assert dict(found.facts)["rate"].endswith("bus arm every 10 cycles, 100 Hz")
+    [element] = [e for e in found.certificate["elements"] if e["kind"] == "converter"]
+    cost = element["sentences"][-1]
+    for part in ("21.14 ms (7.144)", "0.9274 N m/rad at the master (2.745)", "1.333 N m/rad (40)"):
+        assert part in cost
+    certificate = {**found.certificate, "elements": {element["name"]: element}}
+    run = Run(tmp_path, {}, "", {"certificate": certificate})
+    [verdict] = [told for told in verdicts(run) if told.topic == "Certificate"]
+    assert cost in verdict.sentences
 
 
 @pytest.mark.parametrize(
