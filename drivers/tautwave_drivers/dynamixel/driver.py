@@ -76,6 +76,7 @@ class DynamixelDriver:
         self._enabling: Enabling | None = None
         self._on = False
         self._sent_ns = 0
+        self._status_block = options.status_block
         self._watchdog_ns = round(options.watchdog_s * 1e9)
         self._gone = ""
         self._faults: list[Fault] = []
@@ -231,7 +232,7 @@ class DynamixelDriver:
             self._sent_ns = now
             if now - before > self._watchdog_ns:
                 self._watch.silence(now - before)
-            if self._watch.urgent:
+            if self._watch.questions and self._watch.urgent:
                 self._port.write(self._packed_goals())
             else:
                 self._exchange.send(self._packed_goals(), now)
@@ -244,7 +245,7 @@ class DynamixelDriver:
             return [MISSING] * len(self._servos)
         watch = self._watch
         try:
-            if self._on and watch.urgent:
+            if watch.questions and watch.urgent:
                 watch.ask(deadline_ns, self._faults)
                 return [MISSING] * len(self._servos)
             self._exchange.collect(deadline_ns)
@@ -266,10 +267,10 @@ class DynamixelDriver:
                         0,
                     )
                 )
-            if self._on and (alert or watch.waiting or self._exchange.refusals):
+            if self._on and (alert or watch.questions or self._exchange.refusals):
                 watch.alerts(self._exchange.values, self._exchange.refusals)
                 watch.ask(deadline_ns, self._faults)
-            if self._options.status_block:
+            if self._status_block:
                 watch.status(self._exchange.values, self._faults)
         except DriverError as err:
             self._lose(err)

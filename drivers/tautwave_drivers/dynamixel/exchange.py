@@ -28,6 +28,8 @@ from tautwave_drivers.dynamixel.usual import Usual, Values
 SLACK_NS = 100_000
 """Beyond its wire time, for a servo that is gone: turn-around and host."""
 
+WORD = struct.Struct("<H")
+
 ABSENT = 3
 AGAIN = 8
 
@@ -57,7 +59,8 @@ class Goals:
         self._body = struct.Struct("<" + ("Bh" if register.size == 2 else "Bi") * len(ids))
         whole = packet.sync_write_packet(register.address, register.size, self._pairs())
         self._head = whole[: -2 - self._body.size]
-        self._head_crc = packet.crc16(self._head)
+        self._crc = packet.FixedCrc(self._body.size)
+        self._crc_start = self._crc.start(packet.crc16(self._head))
 
     def put(self, index: int, counts: int) -> None:
         """Set the value of the `index`-th servo, for the packets to come."""
@@ -69,8 +72,7 @@ class Goals:
         if packet.PATTERN in body:
             pairs = self._pairs()
             return packet.sync_write_packet(self._register.address, self._register.size, pairs)
-        crc = packet.crc16(body, self._head_crc)
-        return b"%b%b%c%c" % (self._head, body, crc & 0xFF, crc >> 8)
+        return self._head + body + WORD.pack(self._crc(body, self._crc_start))
 
     def _pairs(self) -> list[tuple[int, bytes]]:
         ids, values = self._values[::2], self._values[1::2]

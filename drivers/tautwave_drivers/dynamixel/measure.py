@@ -33,7 +33,7 @@ BAUD = 4_000_000
 CHUNK = 20
 """Exchanges of one kind in a row, before the next has its turn."""
 GOAL_RATIO = 1.5
-LIMIT_NS = 200_000_000
+LIMIT_NS = 50_000_000
 
 RESPONDER = """
 import os, sys
@@ -155,6 +155,7 @@ def _own_cycle(path: str, fast: bool) -> tuple[Cycle, Cycle]:
         {
             "port": path,
             "baud": BAUD,
+            "watchdog_s": 2.54,  # a stalled machine is no silence to be looked into here
             "read": "fast_sync" if fast else "sync",
             "servos": [{"id": one, "model": "XM430-W350"} for one in IDS],
         }

@@ -21,6 +21,9 @@ BOTHER = 0o010000
 CBAUD = 0o010017
 _TERMIOS2 = struct.Struct("4IB19s2I")  # iflag oflag cflag lflag line cc ispeed ospeed
 
+CHUNK = 448
+"""Bytes read at once: more than an answer has, few enough to be allocated quickly."""
+
 _GONE = {errno.EIO, errno.ENODEV, errno.ENXIO, errno.EBADF}
 
 
@@ -82,10 +85,13 @@ class SerialPort:
 
     def read(self) -> bytes:
         """Return all that has come, at once."""
+        data = b""
         try:
-            data = os.read(self._fd, 4096)
+            data = os.read(self._fd, CHUNK)
+            while len(data) % CHUNK == 0 and data:
+                data += os.read(self._fd, CHUNK)
         except BlockingIOError:
-            return b""
+            return data
         except OSError as err:
             raise DriverError(self._lost(err)) from err
         if not data:

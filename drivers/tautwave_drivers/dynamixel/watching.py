@@ -26,7 +26,7 @@ TRIES = 5
 class Watch:
     """What is to be asked of whom, and what came out of it.
 
-    `waiting`: something is to be asked. `urgent`: the next cycle has to be given up for it.
+    `questions` are what is still to be asked; `urgent`: the next cycle has to be given up for it.
     """
 
     def __init__(
@@ -45,21 +45,16 @@ class Watch:
         answer_s = options.return_delay_s + options.latency_s
         # The shutdown byte is read along: error status and what the servo did about it.
         self._ask_ns = line.read_ns(8) + round(answer_s * 1e9) + 50_000
-        self._questions: deque[tuple[int, Register]] = deque()
+        self.questions: deque[tuple[int, Register]] = deque()
         self._told: set[tuple[int, Register]] = set()
         self._put_off = 0
         self._tries = 0
         self._gap_ns = 0
 
     @property
-    def waiting(self) -> bool:
-        """Whether something is to be asked."""
-        return bool(self._questions)
-
-    @property
     def urgent(self) -> bool:
-        """Whether there was no time to ask it in the last cycles."""
-        return self._put_off > PATIENT_CYCLES and bool(self._questions)
+        """Whether there was no time to ask them in the last cycles."""
+        return self._put_off > PATIENT_CYCLES
 
     def silence(self, gap_ns: int) -> None:
         """Note that no packet went out for longer than the watchdogs wait."""
@@ -77,11 +72,11 @@ class Watch:
 
     def ask(self, deadline_ns: int, faults: list[Fault]) -> None:
         """Ask as much as fits before the deadline, and append what it means to `faults`."""
-        while self._questions:
+        while self.questions:
             if self._clock.now_ns() + self._ask_ns > deadline_ns:
                 self._put_off += 1
                 return
-            index, register = self._questions[0]
+            index, register = self.questions[0]
             servo = self._servos[index]
             answer = self._line.read(
                 servo.options.id, register.address, register.size, limit_ns=deadline_ns
@@ -98,7 +93,7 @@ class Watch:
                 self._hardware(index, answer.data[0], faults)
             else:
                 self._watchdog(index, register.decode(answer.data), faults)
-            self._questions.popleft()
+            self.questions.popleft()
             self._tries = self._put_off = 0
 
     def status(self, values: Sequence[Values | None], faults: list[Fault]) -> None:
@@ -114,7 +109,7 @@ class Watch:
 
     def _want(self, index: int, register: Register) -> None:
         if self._once(index, register):
-            self._questions.append((index, register))
+            self.questions.append((index, register))
 
     def _once(self, index: int, register: Register) -> bool:
         key = (index, register)

@@ -63,6 +63,9 @@ def test_bytes_go_through_as_they_are(line: tuple[int, str]) -> None:
     os.write(master, every)
     assert MonotonicClock().wait(port, MonotonicClock().now_ns() + 10**9)
     assert port.read() == every
+    os.write(master, 7 * every)
+    assert MonotonicClock().wait(port, MonotonicClock().now_ns() + 10**9)
+    assert port.read() == 7 * every
     for baud in (9600, 4_500_000):
         port.set_baud(baud)
     port.close()
