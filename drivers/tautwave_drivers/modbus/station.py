@@ -204,7 +204,7 @@ class Station:
         for number in range(end):
             if answers[number][0] & frames.REFUSED:
                 self._refuse(answers[number])
-                if number >= skip:
+                if number >= skip or any(one[0] & frames.REFUSED for one in answers[skip:end]):
                     return MISSING
                 break
         else:
