@@ -217,7 +217,6 @@ def test_a_queue_that_nothing_drains_is_a_dead_bus(drives: None) -> None:
         stepped.run(10, 0.0)
         with netem("vcan0", "delay", "100s", "limit", "3"):
             rows, faults = stepped.run(20, 0.0)
-            assert stepped.driver._exchange.port.pending() > 0  # the kernel still holds frames
         assert "dead bus: the transmit queue is full" in faults[0].text
         assert faults[0].fatal
         assert not any(state.valid for row in rows[1:] for state in row)
