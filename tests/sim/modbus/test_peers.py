@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from tautwave_sim.modbus.framing import open_rtu, rtu_frame
+from tests.sim.modbus.masters import read_write
 from tests.sim.modbus.served import mbpoll, served
 
 pymodbus_client = pytest.importorskip("pymodbus.client")
@@ -120,3 +122,25 @@ def test_pymodbus_broadcasts(drives: dict[str, Any]) -> None:
             time.sleep(0.02)  # the silence that ends a frame, which pymodbus does not keep
             got = client.read_holding_registers(22, count=1, device_id=unit)
             assert got.registers == [777]
+
+
+@pytest.mark.parametrize(
+    ("baud", "words"), [(115200, ()), (38400, ("--turnaround-s", "0.005"))], ids=["plain", "slow"]
+)
+def test_a_served_line_answers_no_earlier_than_its_wire_allows(
+    baud: int, words: tuple[str, ...]
+) -> None:
+    serial = pytest.importorskip("serial")
+    request = rtu_frame(1, read_write(2, 6, 18, 0, 0, 0, 0))
+    least = (len(request) + 17) * 11 / baud + 1.75e-3 + (0.005 if words else 0.0)
+    with (
+        served("--rtu", "--stop-bits", "2", "--baud", str(baud), *words) as found,
+        serial.Serial(found["endpoint"], baud, stopbits=2, timeout=5.0) as line,
+    ):
+        for _ in range(20):
+            begin = time.monotonic_ns()
+            line.write(request)
+            answer = line.read(17)
+            assert (time.monotonic_ns() - begin) * 1e-9 >= least
+            assert open_rtu(answer) is not None
+            time.sleep(0.002)
