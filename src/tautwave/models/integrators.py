@@ -11,14 +11,15 @@ exact                     all    none                 exact; piecewise-linear su
 discrete_gradient (0)     2      none                 closed to rounding, any stiffness and exponent
 symplectic_euler (1)      1      w t < 2              swings by w t / 2, no drift while smooth
 implicit_midpoint (2)     2      none if linear       exact if linear; gains at a stiff contact
-rk4 (3)                   4      w t < 2.8            drifts with (w t)**5 / 144 a step
+rk4 (3)                   4      w t < 2.8            loses (w t)**6 / 72 of it a step
 dormand_prince (4)        5      its own steps        within its tolerance; contacts are located
 ========================  =====  ===================  ============================================
 
 The orders are those of smooth motion. A scheme that steps across a contact's edge has at most
 order a + 1 there (a linear wall: 2, Hertz: 2.5), except `exact` and `dormand_prince`, which locate
-it. A stop in Coulomb friction is order 1 in all but these two. Which step each of them can hold a
-contact at is in `models.integrator_bounds`, which one is cheapest in `models.integrator_choice`.
+it; between free flights symplectic Euler is a shifted Verlet, order 2. A stop in Coulomb friction
+is order 1 in all but those two. Which step each of them can hold a contact at is in
+`models.integrator_bounds`, which one is cheapest in `models.integrator_choice`.
 
 Sources: Hairer, Lubich, Wanner, Geometric Numerical Integration, I.1 and II.1; Chatziioannou, van
 Walstijn, JSV 2015 (discrete gradient); Dormand, Prince, J. Comp. Appl. Math. 6, 1980.

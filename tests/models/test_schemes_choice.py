@@ -1,0 +1,208 @@
+"""What a scheme holds, what `auto` chooses, and what a rig's key makes of it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tautwave.bench.rigs import ONE_PAIR
+from tautwave.config import load_rig
+from tautwave.errors import ConfigError
+from tautwave.models.foam import FoamParams
+from tautwave.models.integrator_bounds import (
+    CONTACT_RATE,
+    contact_slope,
+    contact_stiffness_limit,
+    greatest_depth,
+    greatest_stiffness,
+    step_growth,
+)
+from tautwave.models.integrator_choice import bounce_error, choose_scheme, refusal
+from tautwave.models.integrators import (
+    DISCRETE_GRADIENT,
+    DORMAND_PRINCE,
+    EXACT,
+    IMPLICIT_MIDPOINT,
+    RK4,
+    SYMPLECTIC_EULER,
+    integrate_step,
+)
+from tautwave.rig import axis_integration, axis_model
+from tests.models.plants import plant
+
+T = 1e-3
+BOUNDED = [SYMPLECTIC_EULER, RK4]
+
+
+def growth_seen(scheme: int, stiffness: float, damping: float) -> float:
+    """Growth per step of a real oscillator of 0.1 kg, over the last 2000 of 4000 steps."""
+    p = plant(0.1, damping, 0.0, (stiffness, 0.0))
+    none = FoamParams(0.0, 1.0, 0.0, 0.0, 1.0, 1, 0.0, scheme)
+    x, v, sizes = 0.0, 1e-3, []
+    for at in range(4000):
+        x, v, *_ = integrate_step(p, none, x, v, 0.0, 0.0, 0.0, T)
+        size = max(abs(x) / T, abs(v))
+        x, v = x / size, v / size
+        if at >= 2000:
+            sizes.append(math.log(size))
+    return math.exp(sum(sizes) / len(sizes))
+
+
+@pytest.mark.parametrize("scheme", BOUNDED)
+@pytest.mark.parametrize("damping", [0.0, 5.0, 60.0])
+@pytest.mark.parametrize("share", [0.3, 0.97, 1.03, 1.5])
+def test_linear_bound_is_where_a_step_begins_to_grow(
+    scheme: int, damping: float, share: float
+) -> None:
+    k = share * greatest_stiffness(scheme, damping, 0.1, T)
+    grows = step_growth(scheme, k, damping, 0.1, T)
+    assert (grows <= 1.0) == (share < 1.0)
+    assert growth_seen(scheme, k, damping) == pytest.approx(grows, rel=2e-3)
+
+
+def test_bounds_known_by_heart() -> None:
+    assert greatest_stiffness(SYMPLECTIC_EULER, 0.0, 0.1, T) == pytest.approx(4.0 * 0.1 / T**2)
+    assert greatest_stiffness(RK4, 0.0, 0.1, T) == pytest.approx(8.0 * 0.1 / T**2)
+    for scheme in (EXACT, DISCRETE_GRADIENT, IMPLICIT_MIDPOINT, DORMAND_PRINCE):
+        assert greatest_stiffness(scheme, 0.0, 0.1, T) == math.inf
+
+
+@pytest.mark.parametrize("scheme", [SYMPLECTIC_EULER, RK4, IMPLICIT_MIDPOINT])
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0, 3.0])
+def test_at_its_contact_limit_a_scheme_gives_the_speed_back_within_5_percent(
+    scheme: int, exponent: float
+) -> None:
+    p = plant(0.1)
+    limit = contact_stiffness_limit(scheme, 0.0, 0.1, T)
+    assert limit == pytest.approx(0.1 * (CONTACT_RATE / T) ** 2)
+    low, high = 0.0, 20.0
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        foam = FoamParams(10.0**middle, exponent, 0.0, 0.0, 1.0, 1, 0.0, scheme)
+        if contact_slope(foam, greatest_depth(p, foam, 1.0, 0.0)) > limit:
+            high = middle
+        else:
+            low = middle
+    foam = foam._replace(stiffness=10.0**low)
+    assert not refusal(p, foam, scheme, 1.0, T)
+    assert "holds a contact of at most" in refusal(
+        p, foam._replace(stiffness=1.3 ** (exponent + 1.0) * foam.stiffness), scheme, 1.0, T
+    )
+    for phase in range(16):
+        x, v = -(phase + 0.5) / 16.0 * T, 1.0
+        while not (v < 0.0 and x < 0.0):
+            x, v, *_ = integrate_step(p, foam, x, v, 0.0, 0.0, 0.0, T)
+        assert -v == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("scheme", [DISCRETE_GRADIENT, DORMAND_PRINCE])
+def test_nothing_is_too_stiff_for_the_others(scheme: int) -> None:
+    foam = FoamParams(1e9, 1.5, 0.0, 0.0, 1.0, 1, 0.0, scheme)
+    assert refusal(plant(1e-3), foam, scheme, 1.0, T) == ""
+
+
+@pytest.mark.parametrize("stiffness", [10.0, 1e4, 1e7])
+@pytest.mark.parametrize("max_error", [1e-2, 1e-4, 1e-6])
+def test_auto_meets_the_error_and_nothing_tried_was_cheaper(
+    stiffness: float, max_error: float
+) -> None:
+    p = plant(0.01, 0.005)
+    foam = FoamParams(stiffness, 1.5, 0.2, 0.0, 1.0, 1)
+    choice = choose_scheme(p, foam, 2.0, T, max_error, linear=False)
+    best = choice.best
+    assert best.error <= max_error
+    found = bounce_error(
+        p,
+        foam._replace(scheme=best.scheme, substeps=best.substeps, tolerance=best.tolerance),
+        2.0,
+        T,
+    )
+    assert found <= max_error
+    assert all(t.cost_ns >= best.cost_ns for t in choice.tried if t.error <= max_error)
+    assert f"<= {max_error:g}" in choice.why
+
+
+def test_auto_takes_the_exact_step_at_a_stiff_wall_and_says_why() -> None:
+    wall = FoamParams(1e6, 1.0, 0.0, 0.0, 1.0, 1, 2.0)
+    choice = choose_scheme(plant(0.1), wall, 1.0, T, 1e-4, linear=True)
+    assert choice.best.scheme == EXACT
+    assert choice.why.startswith("exact in 1 sub-step")
+
+
+def rig_with(*keys: str, file: str = "bench-foam-loopback.yaml") -> Any:
+    path = ONE_PAIR.path().parent / file
+    return load_rig(path, [f"simulation.{key}" for key in keys])
+
+
+def test_without_the_key_nothing_changes() -> None:
+    model = axis_model(rig_with(), "slave.lever", 10)
+    assert model.foam is not None
+    assert model.foam.scheme == DISCRETE_GRADIENT
+    wall = axis_model(load_rig(ONE_PAIR.path()), "slave.lever", 10)
+    assert wall.foam is None
+
+
+def test_a_rig_names_its_scheme() -> None:
+    rig = rig_with("integrator.scheme=rk4", "integrator.max_error=1e-6")
+    made = axis_integration(rig, "slave.lever")
+    assert made.scheme == "rk4"
+    assert made.foam is not None
+    assert made.foam.scheme == RK4
+    assert axis_model(rig, "slave.lever", 10).foam == made.foam
+    assert "<= 1e-06" in made.why
+
+
+@pytest.mark.parametrize(
+    ("keys", "part"),
+    [
+        (("integrator.scheme=exact",), "closed forms for walls and springs only"),
+        (
+            ("integrator.scheme=symplectic_euler", "environment.lever.stiffness=1e6"),
+            "holds a contact of at most",
+        ),
+        (
+            (
+                "integrator.scheme=implicit_midpoint",
+                "integrator.max_error=1e-9",
+                "environment.lever.stiffness=1e9",
+            ),
+            "of at most 1024",
+        ),
+    ],
+)
+def test_what_a_scheme_cannot_hold_is_refused_with_numbers(
+    keys: tuple[str, ...], part: str
+) -> None:
+    with pytest.raises(ConfigError, match=part):
+        axis_model(rig_with(*keys), "slave.lever", 10)
+
+
+@pytest.mark.parametrize(
+    "scheme", ["auto", "symplectic_euler", "implicit_midpoint", "rk4", "dormand_prince"]
+)
+def test_the_kernel_moves_as_the_axis_does(scheme: str) -> None:
+    from tautwave.offline.pack import pack_rig
+    from tautwave.offline.simulation import simulate
+
+    rig = rig_with(f"integrator.scheme={scheme}")
+    rows = simulate(rig, duration_s=0.3, engine="python")
+    assert np.isfinite(rows["true.slave.lever.position"]).all()
+    devices = pack_rig(rig, 0.01).devices
+    assert devices[1].foam == axis_model(rig, "slave.lever", 10).foam
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "scheme", ["symplectic_euler", "implicit_midpoint", "rk4", "dormand_prince"]
+)
+def test_compiled_and_c_give_the_bits_of_plain_python(scheme: str) -> None:
+    pytest.importorskip("numba")
+    from tautwave.offline.simulation import simulate
+
+    rig = rig_with(f"integrator.scheme={scheme}", file="bench-1dof-loopback.yaml")
+    rows = {e: simulate(rig, duration_s=3.0, engine=e) for e in ("compiled", "c", "python")}
+    assert rows["compiled"].data.tobytes() == rows["python"].data.tobytes()
+    assert rows["c"].data.tobytes() == rows["python"].data.tobytes()
