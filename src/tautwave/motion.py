@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import functools
 import itertools
+import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,6 +22,7 @@ Array = npt.NDArray[np.float64]
 _HALF_WIDTH = 32  # zero crossings of the windowed sinc on each side
 _KAISER = 9.0  # some -90 dB beyond the transition band
 _EDGE = 0.92  # of the new Nyquist frequency: where a low-pass ends when going down
+_KEPT = 1_000_000  # samples of a motion that is kept for the next run
 _SEAM_S = 0.5  # longest blend from the end of a recording into its beginning
 
 
@@ -42,8 +45,25 @@ def reference_positions(
     ConfigError
         For an unknown type, waypoints out of order, or a recording that cannot be used.
     """
-    times = np.arange(samples + 1, dtype=np.float64) / rate_hz
     kind = reference.get("type")
+    if kind in ("minimum_jerk", "multisine") and samples <= _KEPT:
+        return _kept_positions(json.dumps(reference), rate_hz, samples)
+    return _sampled(reference, rate_hz, samples, base_directory)
+
+
+@functools.lru_cache(maxsize=8)
+def _kept_positions(reference: str, rate_hz: float, samples: int) -> Array:
+    """Return what the same hand did in the last runs: a sweep asks 100 000 times for it."""
+    positions = _sampled(json.loads(reference), rate_hz, samples, Path())
+    positions.flags.writeable = False
+    return positions
+
+
+def _sampled(
+    reference: Mapping[str, Any], rate_hz: float, samples: int, base_directory: Path
+) -> Array:
+    kind = reference.get("type")
+    times = np.arange(samples + 1, dtype=np.float64) / rate_hz
     if kind == "hold":
         return np.full(samples + 1, float(reference["position"]))
     if kind == "minimum_jerk":

@@ -11,8 +11,8 @@ import pytest
 from tautwave.analysis.loop_modes import least_damped, stability_boundary
 from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError
-from tautwave.offline.sweep_file import Point
 from tautwave.offline.sweep_measure import growth_of, is_bounded, moving_energy
+from tautwave.offline.sweep_points import Point
 from tautwave.offline.sweep_predict import pair_ends, pair_matrix, pair_mode
 from tautwave.offline.sweep_rows import simulate_rows
 from tautwave.rig import build_rig, site_params

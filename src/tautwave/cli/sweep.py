@@ -31,8 +31,9 @@ def sweep(
 ) -> None:
     """Simulate every point of the sweep FILE: a rig, what is varied, what is measured.
 
-    Rows go into points.csv as they come. Ctrl-C leaves what was done (exit code 130), and the
-    same command goes on from there. No device is touched.
+    Rows go into points.csv as they come. Whatever ends a sweep leaves what was done (Ctrl-C: exit
+    code 130), and the same command goes on from there. Where pyarrow is installed the finished
+    table is there as Parquet too. No device is touched.
 
     A file with planes is a map: the stiffness of a wall over something else, with the passive and
     the stable limit as predicted and as simulated.
@@ -64,7 +65,8 @@ def sweep(
         )
         if not result.interrupted:
             progress(1.0, "drawing")
-        picture = write_sweep_figure(plan.sweep, result.rows, directory)
+        rows = list(result.rows) if plan.sweep.figure is not None else []
+        picture = write_sweep_figure(plan.sweep, rows, directory)
     if as_json:
         echo_json(
             {
@@ -74,11 +76,12 @@ def sweep(
                 "resumed": result.resumed,
                 "interrupted": result.interrupted,
                 "table": str(result.table),
+                "parquet": None if result.parquet is None else str(result.parquet),
                 "figure": None if picture is None else str(picture),
             }
         )
     else:
-        show(sweep_sections(plan.sweep, result, picture))
+        show(sweep_sections(plan.sweep, result, rows, picture))
     if result.interrupted:
         ctx.exit(INTERRUPTED)
 
@@ -132,7 +135,7 @@ def draw_map(file: Path, out: Path | None, *, as_json: bool) -> None:
     )
 
 
-def sweep_sections(sweep: Any, result: Any, picture: Path | None) -> list[Any]:
+def sweep_sections(sweep: Any, result: Any, rows: list[Any], picture: Path | None) -> list[Any]:
     """How many points were done, where each case is stable, and where the files are."""
     from tautwave.cli.show import NOTE, Section
     from tautwave.report.sweep_figure import curves_of, stability_sentences
@@ -145,9 +148,11 @@ def sweep_sections(sweep: Any, result: Any, picture: Path | None) -> list[Any]:
         headline += ", interrupted; the same command goes on from here"
     verdicts = []
     if sweep.figure is not None:
-        for curve in curves_of(sweep, sweep.figure, result.rows):
+        for curve in curves_of(sweep, sweep.figure, rows):
             verdicts += [(text,) for _, text in stability_sentences(curve, sweep.figure)]
-    files = [(str(result.table),)] + ([] if picture is None else [(str(picture),)])
+    files = [(str(path),) for path in (result.table, result.parquet, picture) if path is not None]
+    if result.parquet is None and not result.interrupted:
+        files.append(("No Parquet: that needs pyarrow (pip install pyarrow).",))
     return [
         Section(headline, (), (), NOTE if result.interrupted else "bold"),
         Section("Stability", ("",), verdicts),

@@ -63,7 +63,17 @@ def parse_rig(text: str, path: str | Path = "rig.yaml", overrides: Sequence[str]
         Anything is wrong.
     """
     path = Path(path)
-    document = open_document(text, str(path), path.parent)
+    return finish_rig(open_document(text, str(path), path.parent), path, overrides)
+
+
+def finish_rig(document: Document, path: Path, overrides: Sequence[str] = ()) -> Rig:
+    """Check and complete a document, which is used up by it; the last steps of `parse_rig`.
+
+    Raises
+    ------
+    ConfigError
+        Anything is wrong.
+    """
     apply_overrides(document, overrides)
     rig: Rig | None = validate(document, Rig)
     plugins = _check_drivers(document)

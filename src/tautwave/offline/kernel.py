@@ -30,7 +30,7 @@ from tautwave.offline.records import (
     Side,
     SideParams,
 )
-from tautwave.offline.rows import fill_body, fill_pair
+from tautwave.offline.rows import fill_body, fill_measured, fill_pair
 from tautwave.offline.side import close_side, decide_side, pass_side, start_side
 
 
@@ -276,21 +276,33 @@ def run_rig(
             if guarded and not fresh and o.kind == FINISHED:
                 stop_on_guard(r, o, sides, pairs, slot)
         # act and record
-        out[at] = slot * r.period_ns * 1e-9
-        out[at + 1] = 0.0
-        out[at + 2] = 0.0
-        out[at + 3] = float(skipped)
-        at = at + 4
-        for k in range(r.pairs):
-            q = pairs[k]
-            one = sides[q.master]
-            two = sides[q.slave]
-            p1 = params[q.master]
-            at = fill_pair(out, at, couples[k], q, one, two, p1, params[q.slave], table)
+        whole = r.measured < 0
+        if whole:
+            out[at] = slot * r.period_ns * 1e-9
+            out[at + 1] = 0.0
+            out[at + 2] = 0.0
+            out[at + 3] = float(skipped)
+            at = at + 4
+            for k in range(r.pairs):
+                q = pairs[k]
+                one = sides[q.master]
+                two = sides[q.slave]
+                p1 = params[q.master]
+                at = fill_pair(out, at, couples[k], q, one, two, p1, params[q.slave], table)
         for i in range(r.axes):
             if is_due(params[i], slot):
                 command_body(bodies[i], devices[i], sides[i].command)
-            at = fill_body(out, at, bodies[i], devices[i])
+            if whole:
+                at = fill_body(out, at, bodies[i], devices[i])
+        if not whole:
+            q = pairs[r.measured]
+            one = sides[q.master]
+            two = sides[q.slave]
+            b1 = bodies[q.master]
+            b2 = bodies[q.slave]
+            d1 = devices[q.master]
+            d2 = devices[q.slave]
+            at = fill_measured(out, at, couples[r.measured], q, one, two, b1, b2, d1, d2)
         # sleep
         slot = slot + 1
         skipped = 0

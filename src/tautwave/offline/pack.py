@@ -164,6 +164,7 @@ def pack_run(rig: Rig, cycles: int, axes: int, pairs: int) -> RunParams:
         overruns=faults.overrun_probability > 0.0,
         arm_share=ARM_SHARE,
         arm_timeout_ns=ARM_TIMEOUT_S * 1e9,
+        measured=-1,
     )
 
 

@@ -7,6 +7,7 @@ the same in all three and nothing has to be copied at a call.
 
 from __future__ import annotations
 
+import functools
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
@@ -31,7 +32,10 @@ NOT_ARMED = 6
 
 
 class RunParams(NamedTuple):
-    """Length, ramps and limits of a run, in cycles and ns; see `runtime.loop.LoopSettings`."""
+    """Length, ramps and limits of a run, in cycles and ns; see `runtime.loop.LoopSettings`.
+
+    `measured`: the pair of which a few columns are kept in place of whole rows, -1 for the rows.
+    """
 
     period_ns: int
     cycles: int
@@ -45,6 +49,7 @@ class RunParams(NamedTuple):
     overruns: bool
     arm_share: float
     arm_timeout_ns: float
+    measured: int
 
 
 class SideParams(NamedTuple):
@@ -250,11 +255,13 @@ class Outcome:
 NUMBERS: dict[Any, Any] = {float: np.float64, int: np.int64, bool: np.bool_}
 
 
+@functools.cache
 def fields(record: type[Any]) -> dict[str, Any]:
     """Return the fields of a record class and their types, in the order of its memory."""
     return get_type_hints(record)
 
 
+@functools.cache
 def record_type(record: type[Any]) -> np.dtype[Any]:
     """Return the NumPy type of a record class; its layout is that of a C struct."""
     members = [

@@ -139,3 +139,43 @@ def fill_body(out: MutableSequence[float], at: int, b: Body, d: DeviceParams) ->
     out[at + 8] = b.coulomb_loss
     out[at + 9] = b.environment_loss
     return at + 10
+
+
+def fill_measured(
+    out: MutableSequence[float],
+    at: int,
+    c: Couple,
+    q: PairParams,
+    one: Side,
+    two: Side,
+    b1: Body,
+    b2: Body,
+    d1: DeviceParams,
+    d2: DeviceParams,
+) -> int:
+    """Write the few columns of a pair that `measured_columns` names; return the next index.
+
+    The energy is that of masses, grip and environment of both sides, in master units.
+    """
+    kinetic, grip, surroundings = body_stored(b1, d1, b1.reference)
+    far_kinetic, far_grip, far_surroundings = body_stored(b2, d2, b2.reference)
+    out[at] = one.position - q.to_master * (two.position - c.offset)
+    out[at + 1] = one.port + q.sign * two.port / q.force_scale
+    out[at + 2] = b1.x
+    out[at + 3] = b2.x
+    energy = kinetic + grip + surroundings
+    energy = energy + q.weight * far_kinetic
+    energy = energy + q.weight * far_grip
+    out[at + 4] = energy + q.weight * far_surroundings
+    return at + 5
+
+
+def measured_columns(pair: str) -> tuple[str, ...]:
+    """Return the names of what `fill_measured` writes; `PAIR.energy` is no recording's column."""
+    return (
+        f"{pair}.position_error",
+        f"{pair}.effort_error",
+        f"true.master.{pair}.position",
+        f"true.slave.{pair}.position",
+        f"{pair}.energy",
+    )

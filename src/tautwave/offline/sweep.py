@@ -1,43 +1,50 @@
-"""Many closed-loop simulations: points of a sweep to rows of a table, here or in a pool.
+"""Many closed-loop simulations: points of a sweep to rows of a table, here or elsewhere.
 
-Rows are appended to `points.csv` as they come and are flushed, so whatever ends a sweep leaves
-what was done, and the same sweep into the same directory goes on from there. At the end the file
-is put into the order of the sweep.
+Rows are appended to `points.csv` as they come, so whatever ends a sweep leaves what was done, and
+the same sweep into the same directory goes on from there. At the end the file is put into the
+order of the sweep.
 """
 
 from __future__ import annotations
 
-import csv
+import functools
 import json
-import os
-import signal
-from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from contextlib import suppress
-from multiprocessing import get_context
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from tautwave.errors import RecordingError
-from tautwave.offline.sweep_file import Point, SweepPlan
+from tautwave.errors import ConfigError, RecordingError
+from tautwave.offline.sweep_file import SweepPlan
 from tautwave.offline.sweep_measure import measure_point
-from tautwave.offline.sweep_rows import simulate_rows
+from tautwave.offline.sweep_points import Points
+from tautwave.offline.sweep_pool import Executor, Piece, ProcessPool, in_process
+from tautwave.offline.sweep_rows import Simulator, sweep_engine, takes_rows
+from tautwave.offline.sweep_table import SweepTable, TableRows, line_of, write_parquet
 
 TABLE = "points.csv"
-CHUNKS = 32
-"""Pieces per worker: enough to share the work evenly, few enough to cost nothing."""
+LARGEST = 64
+"""Points of a piece at most: a row of any of them is on disk some tenths of a second later."""
 
-Row = dict[str, str]
+STEPS = 1_000_000
+"""Steps of a piece at most, as far as a point has fewer."""
 
 
 class SweepResult(NamedTuple):
     """How a sweep went: rows in the sweep's order, all points asked for, points taken over."""
 
-    rows: list[Row]
+    rows: TableRows
     total: int
     resumed: int
     interrupted: bool
     table: Path
+    parquet: Path | None
+
+
+class Finished(NamedTuple):
+    """A piece that is done: numbers of its points, and their lines."""
+
+    numbers: tuple[int, ...]
+    text: str
 
 
 def run_sweep(
@@ -45,6 +52,8 @@ def run_sweep(
     out: Path,
     *,
     jobs: int = 1,
+    executor: Executor | None = None,
+    engine: str | None = None,
     progress: Callable[[float, str], None] | None = None,
 ) -> SweepResult:
     """Simulate every point that `out` does not hold yet.
@@ -57,6 +66,10 @@ def run_sweep(
         Directory of the table; made if needed.
     jobs : int
         Processes; 1 simulates in this one.
+    executor : Executor, optional
+        Who does the work, in place of `jobs` processes.
+    engine : str, optional
+        Of `simulate`; by default the fastest there is, plain Python for a small sweep.
     progress : callable, optional
         Called now and then with the share done and a word.
 
@@ -66,36 +79,64 @@ def run_sweep(
         The directory holds another sweep, or cannot be written.
     """
     header = table_header(plan)
-    table = out / TABLE
-    known = {point.id for point in plan.points}
+    path = out / TABLE
+    points = plan.points
+    total = len(points)
+    cycles = _cycles(plan)
     try:
         out.mkdir(parents=True, exist_ok=True)
-        rows = read_table(table, header, known)
-        _write_table(table, header, rows.values())
-        resumed = len(rows)
-        left = [point for point in plan.points if point.id not in rows]
-        interrupted = False
-        with table.open("a", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, header, lineterminator="\n")
-            work = _serial(plan, left) if jobs <= 1 else _pooled(plan, left, jobs)
+        with SweepTable(path, header, points.ids()) as table:
+            resumed = done = int(table.done.sum())
+            here = executor is None and jobs <= 1  # where Ctrl-C costs the piece it comes in
+            size = max(1, min(LARGEST, STEPS // cycles, (total - done) // (4 * jobs)))
+            size = 1 if here else size
+            pieces = list(_pieces(table.done.tolist(), size))
+            name = engine or sweep_engine((total - done) * cycles)
+            begin = functools.partial(_Piecework, points, header, plan.sweep.measures, name)
+            run = executor or (in_process if here else ProcessPool(min(jobs, len(pieces))))
+            interrupted = False
+            work = run(begin, pieces) if pieces else None
             try:
-                for done in work:
-                    writer.writerows(done)
-                    file.flush()
-                    rows.update({row["id"]: row for row in done})
+                for finished in work or ():
+                    table.append(*finished)
+                    done += len(finished.numbers)
                     if progress is not None:
-                        progress(len(rows) / len(plan.points), "simulating")
+                        progress(done / total, "simulating")
             except KeyboardInterrupt:
                 interrupted = True
             finally:
-                work.close()
-        ordered = [rows[point.id] for point in plan.points if point.id in rows]
-        _write_table(table, header, ordered)
+                if work is not None:
+                    work.close()
+            table.put_in_order()
     except OSError as err:
         if isinstance(err, RecordingError):
             raise
         raise RecordingError(f"{out}: the sweep cannot be written: {err.strerror}") from err
-    return SweepResult(ordered, len(plan.points), resumed, interrupted, table)
+    parquet = None if interrupted else write_parquet(path)
+    return SweepResult(TableRows(path, done), total, resumed, interrupted, path, parquet)
+
+
+def _cycles(plan: SweepPlan) -> int:
+    """Return the cycles of the first point, as a guess at those of any."""
+    try:
+        point = plan.points[0]
+    except ConfigError:
+        return 1
+    return max(1, round(point.duration_s * point.rig.rate_hz))
+
+
+def _pieces(done: Sequence[bool], size: int) -> Iterator[Piece]:
+    """Give runs of points that are not done, of at most `size`."""
+    start = 0
+    while start < len(done):
+        if done[start]:
+            start += 1
+            continue
+        end = start
+        while end < len(done) and end - start < size and not done[end]:
+            end += 1
+        yield start, end
+        start = end
 
 
 def table_header(plan: SweepPlan) -> list[str]:
@@ -103,101 +144,45 @@ def table_header(plan: SweepPlan) -> list[str]:
     return ["id", "case", *plan.keys, "outcome", "cycles", *plan.sweep.measures]
 
 
-def read_table(path: Path, header: Sequence[str], known: set[str]) -> dict[str, Row]:
-    """Return the rows of an unfinished table by id; none where there is no table.
+class _Piecework:
+    """A worker: simulates the points of a piece and returns their lines."""
 
-    A last line that was cut off is left out.
+    def __init__(
+        self, points: Points, header: Sequence[str], wanted: tuple[str, ...], engine: str
+    ) -> None:
+        self._points = points
+        self._header = header
+        self._wanted = wanted
+        self._simulate = Simulator(engine, whole=takes_rows(wanted))
 
-    Raises
-    ------
-    RecordingError
-        The table is that of another sweep.
+    def __call__(self, piece: Piece) -> Finished:
+        numbers = tuple(range(*piece))
+        lines = [
+            line_of(
+                self._header, simulate_point(self._points, number, self._wanted, self._simulate)
+            )
+            for number in numbers
+        ]
+        return Finished(numbers, "".join(lines))
+
+
+def simulate_point(
+    points: Points, number: int, wanted: tuple[str, ...], simulate: Simulator
+) -> dict[str, str]:
+    """Simulate and measure one point; return its row as text.
+
+    A rig that turns out not to be right is a row as well: its outcome says why.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        return {}
-    except UnicodeDecodeError as err:
-        raise RecordingError(f"{path}: not a table of this sweep; give a new --out") from err
-    lines = text[: text.rfind("\n") + 1].splitlines()
-    if not lines:
-        return {}
-    reader = csv.reader(lines)
-    if next(reader) != list(header):
-        raise RecordingError(
-            f"{path}: has other columns than this sweep; give a new --out, or remove it first"
-        )
-    rows = [dict(zip(header, cells, strict=True)) for cells in reader if len(cells) == len(header)]
-    foreign = sum(row["id"] not in known for row in rows)
-    if foreign:
-        raise RecordingError(
-            f"{path}: {foreign} of its {len(rows)} points are not in this sweep (file or rig was "
-            "changed); give a new --out, or remove it first"
-        )
-    return {row["id"]: row for row in rows}
-
-
-def _write_table(path: Path, header: Sequence[str], rows: Any) -> None:
-    """Replace the table as a whole, or not at all."""
-    part = path.with_suffix(".part")
-    with part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, header, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-    os.replace(part, path)
-
-
-def simulate_point(plan_keys: Sequence[str], wanted: tuple[str, ...], point: Point) -> Row:
-    """Simulate and measure one point; return its row as text."""
-    columns, cycles, outcome = simulate_rows(point.rig, point.duration_s)
-    measured = measure_point(point, wanted, columns, finished=outcome == "finished")
-    row: Row = {"id": point.id, "case": point.case, "outcome": outcome, "cycles": str(cycles)}
-    for key in plan_keys:
-        value = point.values.get(key, "")
+    mark = points.mark(number)
+    row = {"id": mark.id, "case": mark.case}
+    for key, value in mark.values.items():
         row[key] = value if isinstance(value, str) else json.dumps(value)
+    try:
+        point = points.point(number)
+        columns, cycles, outcome = simulate(point)
+    except ConfigError as err:
+        return {**row, "outcome": f"refused: {err}", "cycles": "0"}
+    measured = measure_point(point, wanted, columns, finished=outcome == "finished")
+    row.update(outcome=outcome, cycles=str(cycles))
     row.update({name: repr(value) for name, value in measured.items()})
     return row
-
-
-def _serial(plan: SweepPlan, points: Sequence[Point]) -> Generator[list[Row]]:
-    for point in points:
-        yield [simulate_point(plan.keys, plan.sweep.measures, point)]
-
-
-def _chunk(keys: Sequence[str], wanted: tuple[str, ...], points: Sequence[Point]) -> list[Row]:
-    return [simulate_point(keys, wanted, point) for point in points]
-
-
-def _ignore_interrupts() -> None:
-    """Ctrl-C belongs to the process that hands out the work."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with suppress(OSError):
-        os.nice(5)
-
-
-def _pooled(plan: SweepPlan, points: Sequence[Point], jobs: int) -> Generator[list[Row]]:
-    """Simulate chunks of points in a pool; what was begun is waited for and kept, never killed."""
-    size = max(1, len(points) // (jobs * CHUNKS))
-    chunks = [points[at : at + size] for at in range(0, len(points), size)]
-    pool = ProcessPoolExecutor(
-        min(jobs, max(1, len(chunks))), get_context("spawn"), initializer=_ignore_interrupts
-    )
-    try:
-        waiting: set[Future[list[Row]]] = {
-            pool.submit(_chunk, plan.keys, plan.sweep.measures, chunk) for chunk in chunks
-        }
-        while waiting:
-            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in done:
-                yield future.result()
-    except KeyboardInterrupt:
-        pool.shutdown(cancel_futures=True)
-        yield [
-            row
-            for future in waiting
-            if future.done() and not future.cancelled()
-            for row in future.result()
-        ]
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)

@@ -6,22 +6,19 @@ it (`columns`: zipped, one point per row), or a case of its own.
 
 from __future__ import annotations
 
-import hashlib
-import itertools
-import json
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from pydantic import Field
 
-from tautwave.config import Rig, load_rig, resolved_yaml
+from tautwave.config import Rig
 from tautwave.config.document import Document, nearest, open_document, read_text, show_path
 from tautwave.config.keys.common import Block, Name, Positive
 from tautwave.config.messages import validate
 from tautwave.config.yaml12 import KeyPath
 from tautwave.errors import ConfigError
+from tautwave.offline.sweep_points import Choice, Points, Recipe
 
 Measure = Literal[
     "peak_amplitude",
@@ -41,8 +38,11 @@ Measure = Literal[
 ]
 MEASURES: tuple[str, ...] = get_args(Measure)
 
-GREATEST = 100_000
-"""Points of a sweep. Each is a rig that is checked before the first one runs."""
+GREATEST = 10_000_000
+"""Points of a sweep."""
+
+CHECKED = 2000
+"""Rigs that are checked before the first one runs; the others are when their turn comes."""
 
 Values = Annotated[list[Any], Field(min_length=1)]
 
@@ -111,35 +111,12 @@ class Sweep(Varied):
     figure: Figure | None = Field(default=None, description="Default: no figure.")
 
 
-class Point(NamedTuple):
-    """One simulation: its case, what was varied, the rig, and an id that follows from both."""
-
-    id: str
-    case: str
-    values: dict[str, Any]
-    rig: Rig
-    pair: str
-    duration_s: float
-
-
 class SweepPlan(NamedTuple):
     """A sweep file that is right, and all its points."""
 
     sweep: Sweep
     keys: tuple[str, ...]
-    points: tuple[Point, ...]
-
-
-class _Choice(NamedTuple):
-    """One override and where it was written."""
-
-    key: str
-    value: Any
-    path: KeyPath
-
-    @property
-    def argument(self) -> str:
-        return f"{self.key}={json.dumps(self.value, allow_nan=False)}"
+    points: Points
 
 
 def load_sweep(path: str | Path) -> SweepPlan:
@@ -163,9 +140,9 @@ def load_sweep(path: str | Path) -> SweepPlan:
     _check(document, sweep)
     if document.problems:
         raise ConfigError(document.sentences())
-    points = _points(document, sweep, path.parent / sweep.rig)
-    keys = dict.fromkeys(key for point in points for key in point.values)
-    return SweepPlan(sweep, tuple(keys), points)
+    points = Points(path.parent / sweep.rig, list(_recipes(sweep)), sweep.pair, sweep.duration_s)
+    _check_points(document, sweep, points)
+    return SweepPlan(sweep, points.keys(), points)
 
 
 def _scopes(sweep: Sweep) -> Iterator[tuple[str, KeyPath, Varied]]:
@@ -226,65 +203,53 @@ def _check(document: Document, sweep: Sweep) -> None:
                 )
 
 
-def _points(document: Document, sweep: Sweep, rig_path: Path) -> tuple[Point, ...]:
-    """Load the rig of every point; all that is wrong with any of them is raised at once."""
-    found: list[Point] = []
+def _check_points(document: Document, sweep: Sweep, points: Points) -> None:
+    """Load the rigs of points; all that is wrong with any of them is raised at once."""
     problems: dict[str, None] = {}
-    for name, choices, varied in _overrides(sweep):
+    for number in points.sample(CHECKED):
         try:
-            rig = load_rig(rig_path, [choice.argument for choice in choices])
+            rig = points.rig(number)
         except ConfigError as err:
-            problems.update(dict.fromkeys(_placed(document, choices, err)))
+            problems.update(dict.fromkeys(_placed(document, points.overrides(number), err)))
             continue
         sentence = _unfit(document, sweep, rig)
         if sentence:
             problems[sentence] = None
-            continue
-        seed = None if "seed" in varied else rig.seed + zlib.crc32(repr(varied).encode())
-        if seed is not None:  # noise of one point says nothing about that of its neighbour
-            rig = rig.model_copy(update={"seed": seed})
-        pair = sweep.pair or next(iter(rig.coupling.pairs))
-        duration = sweep.duration_s or rig.duration_s
-        text = f"{name}\n{pair}\n{duration!r}\n{resolved_yaml(rig)}"
-        mark = hashlib.sha256(text.encode()).hexdigest()[:16]
-        found.append(Point(mark, name, varied, rig, pair, duration))
     if problems:
         raise ConfigError(list(problems))
-    return tuple(found)
 
 
-def _overrides(sweep: Sweep) -> Iterator[tuple[str, list[_Choice], dict[str, Any]]]:
-    """Give case, overrides and what is varied, point by point: common first, then the case's."""
+def _recipes(sweep: Sweep) -> Iterator[Recipe]:
+    """Give what every case sets and varies: common first, then the case's own."""
     for name, path, case in _scopes(sweep):
         blocks = _blocks(sweep, path, case)
-        fixed = [
-            _Choice(key, value, (*base, "set", key))
+        fixed = tuple(
+            Choice(key, value, (*base, "set", key))
             for base, block in blocks
             for key, value in block.set.items()
-        ]
-        axes: list[list[list[_Choice]]] = []
+        )
+        axes: list[tuple[tuple[Choice, ...], ...]] = []
         for base, block in blocks:
             for key, values in block.grid.items():
+                places = ((*base, "grid", key, i) for i in range(len(values)))
                 axes.append(
-                    [[_Choice(key, v, (*base, "grid", key, i))] for i, v in enumerate(values)]
+                    tuple((Choice(key, v, at),) for v, at in zip(values, places, strict=True))
                 )
             if block.columns:
                 rows = zip(*block.columns.values(), strict=True)
                 axes.append(
-                    [
-                        [
-                            _Choice(key, v, (*base, "columns", key, i))
+                    tuple(
+                        tuple(
+                            Choice(key, v, (*base, "columns", key, i))
                             for key, v in zip(block.columns, row, strict=True)
-                        ]
+                        )
                         for i, row in enumerate(rows)
-                    ]
+                    )
                 )
-        for combination in itertools.product(*axes):
-            varied = [choice for group in combination for choice in group]
-            yield name, [*fixed, *varied], {choice.key: choice.value for choice in varied}
+        yield Recipe(name, fixed, tuple(axes))
 
 
-def _placed(document: Document, choices: list[_Choice], err: ConfigError) -> Iterator[str]:
+def _placed(document: Document, choices: list[Choice], err: ConfigError) -> Iterator[str]:
     """Say of a refused override where in the sweep file it stands."""
     for problem in err.problems:
         for choice in choices:

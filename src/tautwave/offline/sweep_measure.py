@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.offline.sweep_file import Point
+from tautwave.offline.sweep_points import Point
 from tautwave.offline.sweep_predict import pair_mode
+from tautwave.offline.sweep_rows import BOOKS
 from tautwave.rig import pair_scale
 
 Floats = npt.NDArray[np.float64]
@@ -39,23 +40,31 @@ def measure_point(
         found["predicted_radius"] = mode.radius
         found["predicted_growth"] = mode.growth
         found["predicted_frequency"] = mode.frequency
-    energy = moving_energy(point, columns)
-    swing = amplitude(point, columns)
-    found["peak_amplitude"] = float(swing.max())
-    found["late_amplitude"] = float(swing[-max(1, len(swing) // 10) :].max())
-    growth = growth_of(energy, point.rig.period_s)
-    found["growth_rate"] = growth.rate
-    found["stable"] = float(finished and is_bounded(energy, growth))
+    names = set(wanted)
+    if names & {"peak_amplitude", "late_amplitude"}:
+        swing = amplitude(point, columns)
+        found["peak_amplitude"] = float(swing.max())
+        found["late_amplitude"] = float(swing[-max(1, len(swing) // 10) :].max())
+    if names & {"growth_rate", "stable"}:
+        energy = moving_energy(point, columns)
+        growth = growth_of(energy, point.rig.period_s)
+        found["growth_rate"] = growth.rate
+        found["stable"] = float(finished and is_bounded(energy, growth))
     for kind in ("position_error", "effort_error"):
-        values = columns[f"{point.pair}.{kind}"]
-        found[f"{kind}_rms"] = float(np.sqrt(np.mean(np.square(values))))
-        found[f"{kind}_max"] = float(np.abs(values).max())
-    found.update(controller_books(point, columns))
+        if names & {f"{kind}_rms", f"{kind}_max"}:
+            values = columns[f"{point.pair}.{kind}"]
+            found[f"{kind}_rms"] = float(np.sqrt(np.mean(np.square(values))))
+            found[f"{kind}_max"] = float(np.abs(values).max())
+    if names & set(BOOKS):
+        found.update(controller_books(point, columns))
     return {name: found[name] for name in wanted}
 
 
 def moving_energy(point: Point, columns: Columns) -> Floats:
     """Return kinetic energy and that of grip and environment springs of a pair [J], shape (n,)."""
+    summed = columns.get(f"{point.pair}.energy")
+    if summed is not None:
+        return summed
     total = np.zeros(len(columns["time_s"]))
     weight = 1.0 / pair_scale(point.rig.coupling.pairs[point.pair]).power
     for side, share in (("master", 1.0), ("slave", weight)):

@@ -1,59 +1,116 @@
-"""One closed-loop simulation of a rig as columns: the live loop on the fake clock, in memory."""
+"""One closed-loop simulation of a rig as columns, by the same kernel as `simulate`, in memory.
+
+What only needs a few columns of one pair gets only those: the rows of a whole recording cost a
+fifth of a compiled step, and looking through them more.
+"""
 
 from __future__ import annotations
+
+import shutil
+from importlib.util import find_spec
 
 import numpy as np
 import numpy.typing as npt
 
 from tautwave.config import Rig
-from tautwave.errors import SafetyStop, TautwaveError
-from tautwave.rig import build_rig
-from tautwave.runtime.loop import Loop
+from tautwave.errors import SafetyStop
+from tautwave.offline.outcome import error_of
+from tautwave.offline.pack import Job, pack_rig
+from tautwave.offline.rows import measured_columns
+from tautwave.offline.simulation import engine_of
+from tautwave.offline.sweep_points import Point
+from tautwave.offline.tables import Tables
 
 Floats = npt.NDArray[np.float64]
+Columns = dict[str, Floats]
+
+WORTH_COMPILING = 1_000_000
+"""Steps below which plain Python is done before a compiler or its cache is loaded."""
+
+BOOKS = ("gross_flow", "residual", "generated")
+"""Measures that look at every account of a recording."""
 
 
-class _Memory:
-    """Rows in one array; the loop fills `row` and commits it."""
-
-    def __init__(self, width: int, rows: int) -> None:
-        self.row = [0.0] * width
-        self.table = np.empty((rows, width))
-        self.count = 0
-
-    def commit(self) -> None:
-        self.table[self.count] = self.row
-        self.count += 1
+def sweep_engine(steps: int) -> str:
+    """Return the engine for a sweep of so many steps: the fastest to the end that is there."""
+    if steps < WORTH_COMPILING:
+        return "python"
+    if shutil.which("gcc") is not None:
+        return "c"
+    return "compiled" if find_spec("numba") is not None else "python"
 
 
-def simulate_rows(rig: Rig, duration_s: float) -> tuple[dict[str, Floats], int, str]:
+def takes_rows(wanted: tuple[str, ...]) -> bool:
+    """Return whether measures need whole rows."""
+    return any(name in BOOKS for name in wanted)
+
+
+class Simulator:
+    """Simulates one point after the other; the memory of the rows is used again.
+
+    Parameters
+    ----------
+    engine : str
+        Of `simulate`.
+    whole : bool
+        Keep whole rows, not only what `rows.measured_columns` names.
+    """
+
+    def __init__(self, engine: str, *, whole: bool) -> None:
+        self._run, self._tables_of = engine_of(engine)
+        self._whole = whole
+        self._out = np.empty(0)
+
+    def __call__(self, point: Point) -> tuple[Columns, int, str]:
+        """Return columns, cycles and outcome; the columns hold until the next call.
+
+        Raises
+        ------
+        ConfigError
+            The rig cannot be simulated.
+        """
+        return self.simulate(point.rig, point.pair, point.duration_s)
+
+    def simulate(self, rig: Rig, pair: str, duration_s: float) -> tuple[Columns, int, str]:
+        """Simulate a rig; see `__call__`."""
+        job = pack_rig(rig, duration_s)
+        if not self._whole:
+            number = list(rig.coupling.pairs).index(pair)
+            run = job.run._replace(measured=number)
+            job = job._replace(run=run, columns=measured_columns(pair))
+        tables = self._tables(job)
+        count = self._run(*tables)
+        width = len(job.columns)
+        table = np.asarray(tables.out[: count * width], dtype=np.float64).reshape(count, width)
+        if not self._whole:
+            table = np.ascontiguousarray(table.T).T
+        columns = {name: table[:, at] for at, name in enumerate(job.columns)}
+        return columns, count, _outcome(job, tables)
+
+    def _tables(self, job: Job) -> Tables:
+        tables = self._tables_of(job)
+        if isinstance(tables.out, np.ndarray):
+            if len(self._out) < len(tables.out):
+                self._out = tables.out
+            tables = tables._replace(out=self._out)
+        return tables
+
+
+def _outcome(job: Job, tables: Tables) -> str:
+    """Return `finished`, `safety_stop` (a limit was passed) or `fault`."""
+    outcomes = tables.outcomes
+    if isinstance(outcomes, np.ndarray):
+        outcomes = outcomes.view(np.recarray)
+    error = error_of(job, outcomes[0])
+    if error is None:
+        return "finished"
+    return "safety_stop" if isinstance(error, SafetyStop) else "fault"
+
+
+def simulate_rows(rig: Rig, duration_s: float, engine: str = "python") -> tuple[Columns, int, str]:
     """Return the columns of a simulation, its cycles, and how it ended.
 
     The end is `finished`, `safety_stop` (a limit was passed: columns up to there) or `fault`.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        Ctrl-C.
     """
-    assembly = build_rig(rig, clock="fake", duration_s=duration_s)
-    sink = _Memory(len(assembly.columns), assembly.settings.cycles + 1)
-    loop = Loop(
-        assembly.clock,
-        assembly.settings,
-        assembly.buses,
-        assembly.pairs,
-        assembly.sources,
-        sink,
-    )
-    with np.errstate(all="ignore"):
-        result = loop.run()
-    if isinstance(result.error, KeyboardInterrupt):
-        raise result.error
-    if result.error is not None and not isinstance(result.error, TautwaveError):
-        raise result.error
-    outcome = "finished"
-    if result.error is not None:
-        outcome = "safety_stop" if isinstance(result.error, SafetyStop) else "fault"
-    rows = sink.table[: sink.count]
-    return {name: rows[:, at] for at, name in enumerate(assembly.columns)}, result.cycles, outcome
+    pair = next(iter(rig.coupling.pairs))
+    return Simulator(engine, whole=True).simulate(rig, pair, duration_s)

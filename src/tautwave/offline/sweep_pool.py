@@ -1,0 +1,107 @@
+"""Who does the pieces of a sweep: this process, a pool of processes, later perhaps a cluster.
+
+An executor is a function. It gets what makes a worker, and pieces that it draws as it needs them;
+it gives back what the workers make of them, in any order. That is all a sweep knows of it.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import suppress
+from multiprocessing import connection, get_context, parent_process
+from typing import Any, Protocol
+
+AHEAD = 2
+"""Pieces that wait for each worker: enough never to keep it waiting, and memory stays flat."""
+
+Piece = tuple[int, int]
+"""First point and the one after the last."""
+
+Worker = Callable[[Piece], Any]
+
+
+class Executor(Protocol):
+    """What runs pieces. `begin` and what it makes workers from can be sent to other processes."""
+
+    def __call__(
+        self, begin: Callable[[], Worker], pieces: Iterable[Piece]
+    ) -> Generator[Any, None, None]:
+        """Yield the result of every piece as it comes; closing it ends the work."""
+        ...
+
+
+def in_process(begin: Callable[[], Worker], pieces: Iterable[Piece]) -> Generator[Any, None, None]:
+    """Do one piece after the other, here."""
+    worker = begin()
+    for piece in pieces:
+        yield worker(piece)
+
+
+class ProcessPool:
+    """Do pieces in processes of this machine; each begins once and then works on."""
+
+    def __init__(self, jobs: int) -> None:
+        self.jobs = jobs
+
+    def __call__(
+        self, begin: Callable[[], Worker], pieces: Iterable[Piece]
+    ) -> Generator[Any, None, None]:
+        """Yield results in any order; what was begun is waited for and kept, never killed."""
+        pool = ProcessPoolExecutor(
+            self.jobs, get_context("spawn"), initializer=_begin, initargs=(begin,)
+        )
+        queue: Iterator[Piece] = iter(pieces)
+        waiting: set[Future[Any]] = set()
+
+        def fill() -> None:
+            while len(waiting) < AHEAD * self.jobs:
+                piece = next(queue, None)
+                if piece is None:
+                    return
+                waiting.add(pool.submit(_work, piece))
+
+        try:
+            fill()
+            while waiting:
+                done, _ = wait(waiting, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
+                    waiting.discard(future)
+                fill()
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+            for future in waiting:
+                if future.done() and not future.cancelled():
+                    yield future.result()
+            raise
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+_worker: Worker | None = None
+
+
+def _begin(begin: Callable[[], Worker]) -> None:
+    """Make this process' worker. Ctrl-C belongs to the process that hands out the work."""
+    global _worker
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(OSError):
+        os.nice(5)
+    parent = parent_process()
+    if parent is not None:  # a sweep that is killed leaves nobody behind
+        threading.Thread(target=_leave_with, args=(parent.sentinel,), daemon=True).start()
+    _worker = begin()
+
+
+def _leave_with(sentinel: int) -> None:
+    connection.wait([sentinel])
+    os._exit(1)
+
+
+def _work(piece: Piece) -> Any:
+    assert _worker is not None
+    return _worker(piece)
