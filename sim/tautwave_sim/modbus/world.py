@@ -75,6 +75,7 @@ class ModbusSimulator:
             The connection is refused.
         """
         if self._line is not None:
+            self._line.advance(self._clock.now_ns())
             if not self._line.plugged:
                 raise DriverError(f"{self._name}: the serial adapter is gone; plug it in")
             return MemoryPort(self._line, self._clock, self._name)
