@@ -26,8 +26,10 @@ from tautwave.errors import ConfigError
 from tautwave.laws import limit, port, site
 from tautwave.models import plant
 from tautwave.offline import couple, device, kernel, rates, records, rows, side
+from tautwave.scene import batch, gradient, stepping
 
 KERNEL_MODULES = (records, side, couple, rates, device, rows, kernel)
+SCENE_MODULES = (stepping, gradient, batch)
 
 INLINED = {
     *(side.pass_side, side.receive_side, side.close_side, side.decide_side, side.think_side),
@@ -36,6 +38,7 @@ INLINED = {
     *(device.body_forces, device.body_stored, plant.plant_forces, plant.plant_stored),
     *(rows.fill_pair, rows.fill_side, rows.fill_port, rows.fill_wall, rows.fill_body),
     *(site.think_wave, port.port_effort, port.port_close, limit.guard_axis, limit.limit_effort),
+    *(stepping.move_ports, stepping.pull_links, stepping.step_symplectic),
 }
 """What runs in every cycle, is called in a place or two, and costs little more than a call."""
 
@@ -46,7 +49,7 @@ def source_modules() -> tuple[ModuleType, ...]:
     for package in (tautwave.laws, tautwave.models):
         names = sorted(info.name for info in pkgutil.iter_modules(package.__path__))
         found += [importlib.import_module(f"{package.__name__}.{name}") for name in names]
-    return (*found, *KERNEL_MODULES)
+    return (*found, *KERNEL_MODULES, *SCENE_MODULES)
 
 
 def source_hash() -> str:

@@ -1,0 +1,156 @@
+"""A network at run time, live: ports in, efforts out, once a period. No NumPy on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tautwave.errors import ConfigError
+from tautwave.scene.compiling import Compiled, compile_network
+from tautwave.scene.exact import Island, exact_islands, step_exact
+from tautwave.scene.gradient import jump_ports, step_gradient
+from tautwave.scene.ledger import Ledger, take_ledger
+from tautwave.scene.network import Network
+from tautwave.scene.stepping import move_ports, pull_links, step_symplectic
+from tautwave.scene.strings import TouchedString
+
+SCHEMES = ("exact", "symplectic", "discrete_gradient")
+
+
+class SceneModel:
+    """A network that is advanced a period at a time.
+
+    Parameters
+    ----------
+    network : Network
+        Without problems; it is not pruned here.
+    scheme : str
+        One of `SCHEMES`: exact for linear networks, symplectic for w T < 2, discrete_gradient for
+        everything, and the only one for strings.
+    period : float
+        T [s].
+
+    Raises
+    ------
+    ConfigError
+        The scheme cannot do this network.
+    """
+
+    def __init__(self, network: Network, scheme: str, period: float) -> None:
+        if scheme not in SCHEMES:
+            raise ConfigError(f"there is no scheme {scheme}; there are {', '.join(SCHEMES)}")
+        if network.strings and scheme != "discrete_gradient":
+            raise ConfigError("a string needs scheme discrete_gradient: its node has no mass")
+        self.network = network
+        self.scheme = scheme
+        self.period = period
+        self._ports = range(len(network.ports))
+        self._islands: tuple[Island, ...] = ()
+        self.reset([0.0] * len(network.ports))
+
+    def reset(self, positions: Sequence[float]) -> None:
+        """Put everything back to the start, with the ports at `positions` [m]."""
+        self.compiled: Compiled = compile_network(self.network, positions)
+        self.arrays = arrays = self.compiled.arrays
+        if self.scheme == "exact" and not self._islands:
+            self._islands = exact_islands(arrays, self.period)
+        first = len(self.network.masses)
+        self.strings = tuple(
+            TouchedString(string, first + at, self.period)
+            for at, string in enumerate(self.network.strings)
+        )
+        self._forced = [self.compiled.masses.index(name) for name in self.network.forced]
+        self._first_port = arrays.count[0]
+        if self.scheme == "symplectic":
+            pull_links(arrays)
+        self.start = self.ledger()
+
+    def advance(self, positions: Sequence[float], pushes: Sequence[float] = ()) -> list[float]:
+        """Take where the ports are [m] and what pushes each forced mass [N]; step; give efforts.
+
+        Returns
+        -------
+        list of float
+            What the network pulls each port back with [N], along the port's positive direction
+            negative: a resisting effort, to be held until the next call.
+        """
+        s = self.arrays
+        period = self.period
+        pushed = s.pushed
+        for mass, push in zip(self._forced, pushes, strict=False):
+            pushed[mass] = push
+        first = self._first_port
+        if self.scheme == "symplectic":
+            for port in self._ports:
+                move_ports(s, port, positions[port], period)
+            pull_links(s)
+            efforts = [-s.force[first + port] for port in self._ports]
+            step_symplectic(s, period)
+            return efforts
+        for port in self._ports:
+            jump_ports(s, port, positions[port], period)
+        if self.scheme == "exact":
+            step_exact(s, self._islands, period)
+        else:
+            for string in self.strings:
+                string.push(s)
+            step_gradient(s, period)
+            for string in self.strings:
+                string.carry_on(s)
+        return [-s.force[first + port] for port in self._ports]
+
+    def resting_efforts(self) -> list[float]:
+        """Return what springs and contacts pull the ports with where everything stands [N]."""
+        model = SceneModel(self.network, self.scheme, self.period)
+        first = self._first_port
+        places = [self.arrays.x[first + port] for port in self._ports]
+        model.reset(places)
+        return model.advance(places)
+
+    def ledger(self) -> Ledger:
+        """Return the energies now; what a string's node gives counts as stored on its lines."""
+        told = take_ledger(self.arrays)
+        for at, string in enumerate(self.strings):
+            node = len(self.network.masses) + at
+            told = told._replace(
+                stored=told.stored + string.stored,
+                lost=told.lost - self.arrays.dragged[node] + string.lost,
+                pumped=told.pumped - self.arrays.pumped[node],
+            )
+        return told
+
+    def residual(self) -> float:
+        """Return by how much the account has not closed since the start [J].
+
+        With the symplectic scheme the account is a step behind: ask before the ports move on.
+        """
+        if self.scheme == "symplectic":
+            pull_links(self.arrays)
+        return self.ledger().residual(self.start)
+
+    def elements(self) -> dict[str, dict[str, float]]:
+        """Return the account of every mass, link, port and string [J], by name."""
+        s = self.arrays
+        told: dict[str, dict[str, float]] = {}
+        for m, name in enumerate(self.compiled.masses):
+            told[name] = {
+                "kinetic": 0.5 * s.mass[m] * s.v[m] * s.v[m],
+                "lost": s.dragged[m],
+                "pumped": s.pumped[m],
+                "numeric": s.mass_numeric[m],
+            }
+        for i, name in enumerate(self.compiled.links):
+            told[name] = {
+                "stored": s.stored[i],
+                "lost": s.lost[i],
+                "made": s.made[i],
+                "numeric": s.numeric[i],
+            }
+        for port in self._ports:
+            told[self.network.ports[port]] = {"work": s.port_work[port]}
+        for string in self.strings:
+            told[string.string.name] = {
+                "absorbed": string.absorbed(s),
+                "stored": string.stored,
+                "lost": string.lost,
+            }
+        return told

@@ -1,0 +1,120 @@
+"""A network as plain data: nodes by name, links between them. Nothing here computes a motion.
+
+Node names are unique over masses, ports and grounds; `ground` is always there, at 0. `place` says
+where a part stands in the file it came from, for messages. 1-D: one coordinate a node; the arrays
+made of it (`compiling`) are indexed by node, so that three coordinates are three more arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+GROUND = "ground"
+
+LINEAR = ("spring", "damper")
+ELASTIC = ("spring", "nonlinear", "contact", "plastic")
+ACTIVE = ("negative_damper", "energy_source")
+KINDS = (*ELASTIC, "damper", "friction", "bow", *ACTIVE)
+
+
+class Mass(NamedTuple):
+    """A mass [kg], where it is at the start [m, m/s], and its damping to ground [N s/m]."""
+
+    name: str
+    mass: float
+    position: float = 0.0
+    velocity: float = 0.0
+    damping: float = 0.0
+
+
+class Link(NamedTuple):
+    """A link from node `a` to node `b`; stretch is x_a - x_b - rest. See `models.interaction`.
+
+    `kind` is one of `KINDS`; `limit` is the yield or friction force [N] or a source's power [W];
+    `loss` Hunt and Crossley's [s/m]; `scale` the speed [m/s] at which friction turns over.
+    """
+
+    name: str
+    kind: str
+    a: str
+    b: str
+    stiffness: float = 0.0
+    damping: float = 0.0
+    rest: float = 0.0
+    exponent: float = 1.0
+    loss: float = 0.0
+    limit: float = 0.0
+    scale: float = 1e-3
+
+
+class String(NamedTuple):
+    """A string seen at one point of it, as two transmission lines with an end each.
+
+    `impedance` [N s/m] is sqrt(tension * mass per length). A wave needs `near` and `far` samples
+    to an end and comes back after 2 near + 2 or 2 far + 2, turned over, times `reflection`, through
+    a one-pole low-pass whose step is `smoothing` (1: none). The point is a node without mass.
+    """
+
+    name: str
+    impedance: float
+    near: int
+    far: int
+    reflection: float = 1.0
+    smoothing: float = 1.0
+
+
+class Network(NamedTuple):
+    """Masses, links, ports (moved from outside) and grounds (name, position [m]).
+
+    `forced` are masses an outside force acts on, `recorded` those somebody wants to see;
+    `gravity` pulls every mass down by `gravity` [m/s**2].
+    """
+
+    masses: tuple[Mass, ...]
+    links: tuple[Link, ...]
+    ports: tuple[str, ...] = ()
+    grounds: tuple[tuple[str, float], ...] = ((GROUND, 0.0),)
+    forced: tuple[str, ...] = ()
+    recorded: tuple[str, ...] = ()
+    gravity: float = 0.0
+    strings: tuple[String, ...] = ()
+
+    def nodes(self) -> tuple[str, ...]:
+        """Return the names of all nodes: masses, strings, ports, grounds."""
+        names = [mass.name for mass in self.masses] + [string.name for string in self.strings]
+        return (*names, *self.ports, *(name for name, _ in self.grounds))
+
+
+def problems_of(network: Network) -> list[str]:
+    """Return what is wrong with a network, a sentence each: names, zero masses, loose ends."""
+    return list(_problems(network))
+
+
+def _problems(network: Network) -> Iterator[str]:
+    names = network.nodes()
+    listed = f"Nodes: {', '.join(names[:20])}{' ...' if len(names) > 20 else ''}"
+    known = set(names)
+    if len(known) < len(names):
+        for name in sorted(known):
+            if names.count(name) > 1:
+                yield f"node {name!r} is there twice; give one of them another name"
+    for mass in network.masses:
+        if not mass.mass > 0.0:
+            yield f"mass {mass.name!r}: a mass is greater than 0 (got {mass.mass:g})"
+    touched: set[str] = set()
+    for link in network.links:
+        if link.kind not in KINDS:
+            yield f"link {link.name!r}: unknown type {link.kind!r}. Types: {', '.join(KINDS)}"
+        for end in (link.a, link.b):
+            if end not in known:
+                yield f"link {link.name!r}: unknown node {end!r}. {listed}"
+        if link.a == link.b:
+            yield f"link {link.name!r}: both ends are at {link.a!r}"
+        touched.update((link.a, link.b))
+    for name in names[: len(names) - len(network.grounds)]:
+        if name not in touched:
+            yield f"node {name!r}: nothing is linked to it; link it, or remove it"
+    for name in (*network.forced, *network.recorded):
+        if name not in known:
+            yield f"unknown node {name!r}. {listed}"

@@ -1,0 +1,108 @@
+"""What a network can do without: parts nobody can feel or see, and links that are one link.
+
+A mass counts if some path of links leads from it to a port or to a recorded mass; grounds are no
+path, since they do not move. What is left out moves by itself and changes no bit of the rest.
+Parallel springs and dampers become one only where the sums of their stiffnesses and dampings are
+exact in floating point: the same network, though its sums of forces round otherwise.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import NamedTuple
+
+from tautwave.scene.network import Link, Network
+
+
+class Pruned(NamedTuple):
+    """A network of what remains, and a sentence for each part that was left out or merged."""
+
+    network: Network
+    left_out: tuple[str, ...]
+
+
+def prune(network: Network, *, merge: bool = True) -> Pruned:
+    """Return the smallest network that no port and no recorder can tell from the whole.
+
+    Without `merge` every number that remains is the same to the bit.
+    """
+    told: list[str] = []
+    links = network.links
+    near: dict[str, list[str]] = {}
+    for link in links:
+        near.setdefault(link.a, []).append(link.b)
+        near.setdefault(link.b, []).append(link.a)
+    fixed = {name for name, _ in network.grounds}
+    reached = set(network.ports) | set(network.recorded)
+    waiting = list(reached)
+    while waiting:
+        for other in near.get(waiting.pop(), ()):
+            # A port's motion is given: it hands nothing on, but whatever it touches is felt there.
+            if other not in reached and other not in fixed:
+                reached.add(other)
+                waiting.append(other)
+    masses = tuple(mass for mass in network.masses if mass.name in reached)
+    strings = tuple(string for string in network.strings if string.name in reached)
+    names = [mass.name for mass in network.masses] + [string.name for string in network.strings]
+    gone = [name for name in names if name not in reached]
+    told += [
+        f"{name}: no path of links leads from it to a port or a recorder" for name in _grouped(gone)
+    ]
+    kept = [link for link in links if link.a in reached or link.b in reached]
+    gone = [link.name for link in links if link.a not in reached and link.b not in reached]
+    told += [f"link {name}: both its ends are left out or fixed" for name in _grouped(gone)]
+    merged, words = _merge(tuple(kept)) if merge else (tuple(kept), [])
+    used = {end for link in merged for end in (link.a, link.b)}
+    grounds = tuple(ground for ground in network.grounds if ground[0] in used)
+    told += [
+        f"ground {name}: nothing is linked to it"
+        for name, _ in network.grounds
+        if name not in used and name != "ground"
+    ]
+    small = network._replace(
+        masses=masses,
+        strings=strings,
+        links=merged,
+        grounds=grounds,
+        forced=tuple(name for name in network.forced if name in reached),
+    )
+    return Pruned(small, tuple(told + words))
+
+
+def _merge(links: tuple[Link, ...]) -> tuple[tuple[Link, ...], list[str]]:
+    """Join linear springs and dampers between the same two nodes where the sum is exact."""
+    first: dict[tuple[str, str, str, float], int] = {}
+    result: list[Link] = []
+    told = []
+    for link in links:
+        if link.kind not in ("spring", "damper"):
+            result.append(link)
+            continue
+        key = ("linear", link.a, link.b, link.rest if link.stiffness else 0.0)
+        at = first.get(key)
+        if at is not None:
+            before = result[at]
+            stiffness = before.stiffness + link.stiffness
+            damping = before.damping + link.damping
+            if _exact(stiffness, before.stiffness, link.stiffness) and _exact(
+                damping, before.damping, link.damping
+            ):
+                kind = "spring" if stiffness else "damper"
+                result[at] = before._replace(kind=kind, stiffness=stiffness, damping=damping)
+                told.append(f"link {link.name}: merged into {before.name}, exactly")
+                continue
+        else:
+            first[key] = len(result)
+        result.append(link)
+    return tuple(result), told
+
+
+def _exact(total: float, one: float, two: float) -> bool:
+    return Fraction(total) == Fraction(one) + Fraction(two)
+
+
+def _grouped(names: list[str]) -> list[str]:
+    """Return names, with long lists cut to their first and last."""
+    if len(names) > 20:
+        return [f"{names[0]} ... {names[-1]} ({len(names)} in all)"]
+    return names

@@ -1,0 +1,127 @@
+"""What is left out changes no bit; what is wrong is said with its name."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tautwave.offline.networks import run_network
+from tautwave.scene.live import SceneModel
+from tautwave.scene.network import Link, Mass, Network, problems_of
+from tautwave.scene.pruning import prune
+from tests.scene.networks import RESONATOR, everything, granular
+
+
+def with_rest(network: Network) -> Network:
+    """Put parts that nobody can feel before, between and after those of a network."""
+    spare = tuple(Mass(f"spare{i}", 0.02, 0.1 * i, 0.3) for i in range(4))
+    links = (
+        Link("spare1", "spring", "spare0", "spare1", stiffness=200.0),
+        Link("spare2", "spring", "spare1", "ground", stiffness=100.0, damping=0.1),
+        Link("spare3", "damper", "spare2", "ground", damping=0.2),
+        Link("spare4", "spring", "spare3", "ground", stiffness=10.0),
+    )
+    return network._replace(
+        masses=(spare[0], spare[1], *network.masses, spare[2], spare[3]),
+        links=(*links[:2], *network.links, *links[2:]),
+    )
+
+
+@pytest.mark.parametrize(
+    ("network", "scheme"),
+    [
+        (everything(), "symplectic"),
+        (everything(), "discrete_gradient"),
+        (granular(), "discrete_gradient"),
+        (granular(), "symplectic"),
+        (RESONATOR, "exact"),
+        (RESONATOR, "discrete_gradient"),
+    ],
+)
+def test_pruned_equals_unpruned_to_the_bit(network, scheme):
+    network = network._replace(grounds=(*network.grounds, ("unused", 0.1)))
+    pruned = prune(with_rest(network), merge=False)
+    assert len(pruned.network.masses) == len(network.masses)
+    assert any("spare0" in sentence for sentence in pruned.left_out)
+    assert any("spare4" in sentence for sentence in pruned.left_out)
+    assert "ground unused: nothing is linked to it" in pruned.left_out
+    whole = SceneModel(with_rest(network), scheme, 1e-4)
+    small = SceneModel(pruned.network, scheme, 1e-4)
+    for k in range(1500):
+        place, push = [-0.01 + 0.01 * math.sin(0.003 * k)], [math.sin(0.02 * k)]
+        assert whole.advance(place, push) == small.advance(place, push)
+    names = whole.compiled.masses
+    for at, name in enumerate(small.compiled.masses):
+        assert small.arrays.x[at] == whole.arrays.x[names.index(name)]
+
+
+def test_recorded_parts_stay():
+    network = with_rest(RESONATOR)._replace(recorded=("spare1",))
+    kept = [mass.name for mass in prune(network).network.masses]
+    assert kept == ["spare0", "spare1", "object"]
+
+
+def test_parallel_springs_merge_only_where_the_sum_is_exact():
+    links = (
+        Link("a", "spring", "object", "ground", stiffness=0.5, damping=0.25),
+        Link("b", "spring", "object", "ground", stiffness=0.25),
+        Link("c", "spring", "object", "ground", stiffness=0.1),
+        Link("d", "spring", "object", "ground", stiffness=0.5, rest=1.0),
+        Link("e", "damper", "object", "ground", damping=0.5),
+        Link("f", "nonlinear", "object", "ground", stiffness=0.5, exponent=2.0),
+    )
+    network = RESONATOR._replace(links=(*RESONATOR.links[1:], *links))
+    pruned = prune(network)
+    assert [link.name for link in pruned.network.links] == ["coupling", "a", "c", "d", "f"] or [
+        link.name for link in pruned.network.links
+    ] == ["coupling", "a", "c", "d", "e", "f"]
+    merged = next(link for link in pruned.network.links if link.name == "a")
+    assert merged.stiffness == 0.75
+    assert any("b: merged into a, exactly" in sentence for sentence in pruned.left_out)
+    one, two = (SceneModel(net, "discrete_gradient", 1e-3) for net in (network, pruned.network))
+    for k in range(300):
+        effort = one.advance([math.sin(0.1 * k)])[0]
+        assert two.advance([math.sin(0.1 * k)])[0] == pytest.approx(effort, abs=1e-9)
+
+
+@pytest.mark.parametrize("scheme", ["symplectic", "discrete_gradient"])
+@pytest.mark.parametrize("make", [everything, granular])
+def test_compiled_equals_live_to_the_bit(make, scheme):
+    pytest.importorskip("numba")
+    network = make()
+    steps = np.arange(2000)
+    ports = (-0.012 + 0.01 * np.sin(0.01 * steps))[:, None]
+    pushes = np.random.default_rng(5).normal(size=(2000, len(network.forced)))
+    fast, books = run_network(network, scheme, 1e-4, ports, pushes)
+    slow, lists = run_network(network, scheme, 1e-4, ports, pushes, engine="python")
+    assert np.array_equal(fast, slow)
+    for name in ("x", "v", "stored", "lost", "made", "numeric", "port_work", "pumped"):
+        assert np.array_equal(getattr(books, name), getattr(lists, name)), name
+
+
+def test_what_is_wrong_is_named():
+    network = Network(
+        (Mass("a", 0.0), Mass("b", 1.0), Mass("c", 1.0), Mass("c", 1.0)),
+        (
+            Link("one", "spring", "a", "d", stiffness=1.0),
+            Link("two", "spring", "c", "c", stiffness=1.0),
+            Link("three", "rubber", "a", "ground"),
+        ),
+        ("hand",),
+        forced=("e",),
+    )
+    told = "\n".join(problems_of(network))
+    for part in (
+        "mass 'a': a mass is greater than 0 (got 0)",
+        "link 'one': unknown node 'd'. Nodes: a, b, c, c, hand, ground",
+        "link 'two': both ends are at 'c'",
+        "link 'three': unknown type 'rubber'",
+        "node 'b': nothing is linked to it; link it, or remove it",
+        "node 'hand': nothing is linked to it",
+        "node 'c' is there twice",
+        "unknown node 'e'",
+    ):
+        assert part in told
+    assert problems_of(everything()) == []

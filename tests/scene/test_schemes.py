@@ -1,0 +1,181 @@
+"""The schemes against closed forms, and the account that closes to rounding."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tautwave.analysis.resonator_sampled import sampled_law
+from tautwave.errors import ConfigError
+from tautwave.scene.compiling import compile_network
+from tautwave.scene.exact import exact_islands
+from tautwave.scene.gradient import step_gradient
+from tautwave.scene.live import SceneModel
+from tautwave.scene.network import Link, Mass, Network
+from tests.scene.networks import RESONATOR, everything, granular
+
+
+@pytest.mark.parametrize("rate", [50.0, 1000.0, 10_000.0, 44_100.0])
+def test_the_resonator_rings_at_its_own_pitch_and_decay_at_any_rate(rate):
+    model = SceneModel(
+        RESONATOR._replace(masses=(RESONATOR.masses[0]._replace(position=1e-3),)), "exact", 1 / rate
+    )
+    sigma = 0.01 / 0.008
+    w = math.sqrt((14200.0 + 3000.0) / 0.004 - sigma**2)
+    assert w / (2.0 * math.pi) == pytest.approx(330.0307, abs=1e-4)
+    for k in range(1, 400):
+        model.advance([0.0])
+        t = k / rate
+        want = 1e-3 * math.exp(-sigma * t) * (math.cos(w * t) + sigma / w * math.sin(w * t))
+        assert model.arrays.x[0] == pytest.approx(want, abs=1e-14 + 1e-17 * w * t)
+
+
+@pytest.mark.parametrize("period", [1e-3, 1e-4])
+def test_the_exact_scheme_is_the_zoh_law_of_the_analysis(period):
+    num, den = sampled_law(period, "zoh")
+    rng = np.random.default_rng(3)
+    x = rng.normal(size=300) * 1e-3
+    model = SceneModel(RESONATOR, "exact", period)
+    u = np.array([model.advance([value])[0] for value in x])
+    want = np.zeros(300)
+    for k in range(300):
+        for i in range(3):
+            want[k] += num[i] * x[k - i] if k >= i else 0.0
+            want[k] -= den[i] * want[k - i] if 0 < i <= k else 0.0
+    assert np.abs(u - want / den[0]).max() < 1e-9 * np.abs(want).max()
+
+
+@pytest.mark.parametrize("scheme", ["symplectic", "discrete_gradient"])
+def test_every_kind_of_link_keeps_its_books(scheme):
+    period = 1e-4
+    model = SceneModel(everything(), scheme, period)
+    for k in range(4000):
+        model.advance([0.005 * math.sin(30 * k * period)], [math.sin(200 * k * period)])
+        if k % 100 == 0:
+            assert abs(model.residual()) < 1e-12
+    told = model.ledger()
+    assert told.made > 0.01
+    assert told.lost > 0.01
+    assert min(element.get("lost", 0.0) for element in model.elements().values()) > -1e-4
+    if scheme == "discrete_gradient":
+        assert told.numeric == 0.0
+        assert min(element.get("lost", 0.0) for element in model.elements().values()) > -1e-15
+
+
+def test_the_exact_scheme_keeps_its_books_with_dampers_at_the_port():
+    network = Network(
+        (Mass("a", 0.004, 0.001, damping=0.01), Mass("b", 0.01)),
+        (
+            Link("one", "spring", "a", "ground", stiffness=14200.0, damping=0.2),
+            Link("two", "spring", "hand", "b", stiffness=3000.0, damping=0.5),
+            Link("three", "spring", "a", "b", stiffness=2000.0, damping=0.1, rest=1e-3),
+        ),
+        ("hand",),
+        forced=("a",),
+        gravity=9.81,
+    )
+    model = SceneModel(network, "exact", 1e-3)
+    for k in range(2000):
+        model.advance([1e-3 * math.sin(0.3 * k)], [math.sin(0.05 * k)])
+        assert abs(model.residual()) < 1e-12
+    assert model.ledger().lost > 0.01
+
+
+@pytest.mark.parametrize("k", [1e3, 1e5, 1e7, 1e9])
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0, 3.0])
+def test_a_bounce_gives_back_its_speed_with_discrete_gradients(k, exponent):
+    rng = np.random.default_rng(int(k) + int(10 * exponent))
+    for start in rng.uniform(1e-3, 3e-3, 5):  # any phase: T must not divide the contact
+        network = Network(
+            (Mass("m", 0.1, float(start), -1.0),),
+            (Link("wall", "contact", "m", "ground", stiffness=k, exponent=exponent),),
+        )
+        arrays = compile_network(network).arrays
+        most = 0
+        while arrays.v[0] < 0.0 or arrays.stored[0] > 0.0:
+            most = max(most, step_gradient(arrays, 1e-3))
+        assert abs(arrays.v[0] - 1.0) <= 1e-13
+        assert most <= 40
+
+
+def test_w1_symplectic_contact_converges_to_the_closed_form():
+    m, k, errors = 0.1, 1000.0, []
+    for steps in (173.3, 346.6, 693.2):
+        period = math.pi * math.sqrt(m / k) / steps
+        network = Network(
+            (Mass("m", m, 0.0, -1.0),), (Link("w", "contact", "m", "ground", stiffness=k),)
+        )
+        model = SceneModel(network, "symplectic", period)
+        deepest = 0.0
+        while model.arrays.x[0] < 0.0 or model.arrays.v[0] < 0.0:
+            model.advance([])
+            deepest = min(deepest, model.arrays.x[0])
+        errors.append(abs(-deepest - math.sqrt(m / k)) / math.sqrt(m / k))
+    assert errors[2] < 0.6 * errors[1] < 0.36 * errors[0]
+
+
+def test_w4_hunt_and_crossley_restitution():
+    for a, want in ((0.5, 0.7484349316), (5.0, 0.1969802453)):
+        network = Network(
+            (Mass("m", 0.1, 0.0, -1.0),),
+            (Link("w", "contact", "m", "ground", stiffness=1e5, exponent=1.5, loss=a),),
+        )
+        arrays = compile_network(network).arrays
+        for _ in range(40_000):
+            step_gradient(arrays, 2e-6)
+        assert arrays.v[0] == pytest.approx(want, rel=2e-5)
+
+
+def test_w8_ten_grains_keep_their_energy_and_push_back_as_much():
+    lossless = granular()
+    links = tuple(link._replace(loss=0.0) for link in lossless.links)
+    model = SceneModel(lossless._replace(links=links), "discrete_gradient", 1 / 44_100)
+    model.reset([-0.012])
+    for m in range(10):
+        model.arrays.x[m] += 0.002 + 3e-4 * m  # dropped, and thrown at the bar
+        model.arrays.v[m] = 0.9
+    model.start = model.ledger()
+    knocked = 0
+    for _ in range(6000):
+        (effort,) = model.advance([-0.012])
+        pulls = [t for t, name in zip(model.arrays.tension, model.compiled.links, strict=True)
+                 if name.startswith("bar")]  # fmt: skip
+        assert effort == pytest.approx(sum(pulls), abs=1e-12)
+        knocked += effort != 0.0
+        assert abs(model.ledger().energy - model.start.energy) < 1e-13
+    assert knocked > 50
+
+
+@pytest.mark.parametrize("k", [1e6, 1e8, 1e10])
+def test_d15_discrete_gradient_keeps_energy_in_five_iterations(k):
+    network = Network(
+        (Mass("m", 0.01, 1e-4, -1.0),),
+        (Link("wall", "contact", "m", "ground", stiffness=k, exponent=1.5),),
+    )
+    arrays = compile_network(network).arrays
+    for _ in range(200):
+        assert step_gradient(arrays, 22.7e-6) <= 5
+        energy = 0.005 * arrays.v[0] ** 2 + arrays.stored[0]
+        assert abs(energy - 0.005) <= 1e-13 * 0.005
+
+
+def test_d15_cordis_bound():
+    # z**2 - (2 - K' - Z') z + (1 - Z') is stable exactly for K' + 2 Z' < 4 (and K', Z' > 0).
+    for stiff, loss in ((3.9, 0.04), (3.9, 0.06), (1.0, 1.49), (1.0, 1.51), (4.1, 0.01)):
+        network = Network(
+            (Mass("m", 1.0, 1e-3),),
+            (Link("w", "spring", "m", "ground", stiffness=stiff, damping=loss),),
+        )
+        model = SceneModel(network, "symplectic", 1.0)
+        for _ in range(3000):
+            model.advance([])
+        assert (abs(model.arrays.x[0]) < 1e-3) == (stiff + 2.0 * loss < 4.0)
+
+
+def test_the_exact_scheme_says_what_it_cannot_do():
+    with pytest.raises(ConfigError, match="only springs and dampers"):
+        exact_islands(compile_network(granular()).arrays, 1e-3)
+    with pytest.raises(ConfigError, match="there are exact, symplectic, discrete_gradient"):
+        SceneModel(RESONATOR, "euler", 1e-3)
