@@ -10,7 +10,7 @@ from tautwave_drivers.cia402.machine import Machine
 from tautwave_drivers.cia402.states import State, decode
 from tautwave_drivers.cia402.terms import Event, Habits, Patience
 from tautwave_drivers.modbus.frames import Question
-from tautwave_drivers.modbus.sequence import Speech, refusal
+from tautwave_drivers.modbus.sequence import Speech, is_busy, refusal
 
 RESETS = 3
 
@@ -101,7 +101,7 @@ class Drive402:
         DeviceFault
             It cannot be enabled; the sentence has its state and its error.
         """
-        if not answers:
+        if not answers or any(is_busy(pdu) for pdu in answers):
             return
         count = len(self._orders)
         for (name, value), pdu in zip(self._orders, answers[:count], strict=True):

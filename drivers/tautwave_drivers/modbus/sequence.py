@@ -75,6 +75,11 @@ def refusal(pdu: bytes) -> str:
     return ""
 
 
+def is_busy(pdu: bytes) -> bool:
+    """Return whether a drive only asks for patience: acknowledge (05) or busy (06)."""
+    return bool(pdu[0] & frames.REFUSED) and pdu[1] in (5, 6)
+
+
 class Steps:
     """The walk through a sequence.
 
@@ -135,8 +140,10 @@ class Steps:
         name = step.register_name
         where = f"{self._label}: {self._what}, step {self._at + 1} ({name})"
         refused = refusal(answers[0])
-        if refused:
+        if refused and not (is_busy(answers[0]) and not self._expired(step)):
             raise DeviceFault(f"{where}: {refused}")
+        if refused:
+            return
         if step.write is None:
             found = self._speech.decode(name, answers[0])
             if found & step.mask != step.value & step.mask:
@@ -145,13 +152,16 @@ class Steps:
         self._at += 1
         self._since_ns = None
 
+    def _expired(self, step: Step) -> bool:
+        since = self._since_ns
+        return since is not None and self._clock.now_ns() - since > step.timeout_s * 1e9
+
     def _wait(self, step: Step, found: int, where: str) -> None:
         profile = self._speech.profile
         states = profile.states if step.wait == profile.roles["status"] else None
         if self._what == "enable" and states is not None and states.fault.fits(found):
             raise DeviceFault(f"{where}: it goes into fault instead (status {found:#x})")
-        assert self._since_ns is not None
-        if self._clock.now_ns() - self._since_ns > step.timeout_s * 1e9:
+        if self._expired(step):
             raise BusTimeout(
                 f"{where}: still reads {found:#x} after {step.timeout_s:g} s, expected "
                 f"{step.value:#x} in the bits {step.mask & 0xFFFF:#x}; look at the drive's supply "

@@ -58,6 +58,7 @@ class RtuLink:
         self._quiet_ns = 0
         self._due_ns = 0
         self._missed: dict[int, tuple[int, Question]] = {}
+        self._silent: set[int] = set()
         self._retry_ns = 0
         self.lost = "not open yet"
         self.late = 0
@@ -114,6 +115,8 @@ class RtuLink:
             for errand in errands:
                 errand.give_up()
             return
+        if self._silent:  # who did not answer last time is asked last, and costs nobody else
+            errands = sorted(errands, key=lambda errand: errand.unit in self._silent)
         self._queue.extend(errands)
         if self._asked is not None or self._missed or self._buffer or self._port is None:
             self.pump()
@@ -155,6 +158,8 @@ class RtuLink:
                 buffer.clear()
                 self._asked = None
                 asked.take(pdu, now_ns)
+                if self._silent:
+                    self._silent.discard(asked.unit)
                 if asked.under_way:
                     self._queue.appendleft(asked)
         else:
@@ -199,7 +204,8 @@ class RtuLink:
 
     def _miss(self, errand: Errand) -> None:
         """Give up a question that was asked, and remember that its answer may still come."""
-        self._missed[errand.unit] = (self._due_ns + self._late_ns, errand.question)
+        self._missed[errand.unit] = (errand.asked_ns[-1] + self._late_ns, errand.question)
+        self._silent.add(errand.unit)
         self._asked = None
         errand.give_up()
 
@@ -209,12 +215,7 @@ class RtuLink:
     def abandon(self) -> None:
         """Wait for nothing any more; who has not answered yet is left alone for a while."""
         if self._asked is not None:
-            self._missed[self._asked.unit] = (
-                self._asked.asked_ns[-1] + self._late_ns,
-                self._asked.question,
-            )
-            self._asked.give_up()
-            self._asked = None
+            self._miss(self._asked)
         for errand in self._queue:
             errand.give_up()
         self._queue.clear()

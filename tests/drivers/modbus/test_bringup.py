@@ -1,0 +1,226 @@
+"""Before enabling: the right drive, healthy, limited, watched; what may be written and what not."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from tautwave.errors import BusBudgetError, BusTimeout, DeviceFault, DriverError
+from tests.drivers.modbus.parts import FAST_RTU, Bench, bench, device, spec
+
+
+def quirks(**keys: Any) -> dict[str, Any]:
+    return {"simulator": {"devices": {1: keys}}}
+
+
+def refusal(made: Bench) -> str:
+    with pytest.raises(DriverError) as found:
+        made.driver.open()
+    return str(found.value)
+
+
+def notes(made: Bench) -> str:
+    return "\n".join(made.driver.notes)
+
+
+def test_a_drive_of_another_family_is_not_written_to() -> None:
+    made = bench(**quirks(registers={"identity": 7}))
+    assert "identity reads 0x7, a generic drive has 0x5457" in refusal(made)
+    assert made.world.bus.drives[1].wear == {}
+    assert made.number(1, "eeprom") == 1  # as it was
+
+
+def test_a_wrong_rated_torque_or_encoder_is_found() -> None:
+    made = bench(devices=[device(1, rated_torque=1.0)], **quirks(registers={"rated_torque": 2000}))
+    assert "its rated torque is 2 N m, the rig says 1" in refusal(made)
+    made = bench(devices=[device(1)], **quirks(registers={"counts": 4096}))
+    assert "it counts 4096 per revolution, the rig has 65536" in refusal(made)
+
+
+def test_limits_and_mode_are_written_and_read_back() -> None:
+    made = bench(spec(1, effort=0.5))
+    made.driver.open()
+    assert made.number(1, "torque_limit") == 500
+    assert made.number(1, "mode") == 2
+    assert "torque_limit 3000 -> 500 (the rig's limit) written and read back" in notes(made)
+    made = bench(spec(1, "admittance", effort=0.5, velocity=2.0))
+    made.driver.open()
+    assert made.number(1, "velocity_limit") == 191  # 2 rad/s is 190.99 tenths of rpm: rounded up
+    assert made.number(1, "mode") == 1
+
+
+def test_writes_are_kept_out_of_the_eeprom() -> None:
+    """With the switch they wear nothing, however often the rig runs."""
+    made = bench()
+    for _ in range(3):
+        made.enable()
+        made.run(50, 0.3)
+        made.driver.close()
+    assert sum(made.world.bus.drives[1].wear.values()) == 0
+    assert made.number(1, "eeprom") == 0
+    dsy = bench(profile="dsy-rs", **quirks(registers={"eeprom": 1}))
+    dsy.enable()
+    dsy.run(50, 0.3)
+    assert sum(dsy.world.bus.drives[1].wear.values()) == 0
+    assert dsy.number(1, "eeprom") == 0
+
+
+def profile_without_switch(tmp_path: Any) -> str:
+    import yaml
+
+    from tests.drivers.modbus.test_profile import generic
+
+    data = generic()
+    del data["eeprom_off"]
+    path = tmp_path / "wearing.yaml"
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    return str(path)
+
+
+def test_lasting_writes_need_configure(tmp_path: Any) -> None:
+    mine = device(1, counts_per_revolution=65536) | {"profile": profile_without_switch(tmp_path)}
+    told = refusal(bench(devices=[mine]))
+    assert "lasting settings differ: mode 0 -> 2" in told
+    assert "run once with --configure" in told
+    made = bench(devices=[mine], bus={"configure": True})
+    made.driver.open()
+    assert made.number(1, "mode") == 2
+    assert made.number(1, "comm_timeout") == 100  # lasting too: it stays
+    made.driver.close()
+    # What is right already needs no permission.
+    registers = {"mode": 2, "torque_limit": 1000, "comm_timeout": 100}
+    bench(devices=[mine], **quirks(registers=registers)).driver.open()
+
+
+def test_the_comm_loss_timeout_is_tried_then_armed_and_stops_the_drive() -> None:
+    made = bench()
+    made.driver.open()
+    assert made.number(1, "comm_timeout") == 0  # nobody speaks to it while others are brought up
+    assert "after 0.1 s without a request" in notes(made)
+    made.enable()
+    assert made.number(1, "comm_timeout") == 100
+    made.run(5, 0.5)
+    made.clock.sleep_until(made.clock.now_ns() + 150_000_000)  # the host is away
+    made.run(3, 0.5)
+    assert made.told(0) == 0.0
+    faults = made.faults()
+    assert [fault.fatal for fault in faults] == [True]
+    assert "the line was silent for too long (comm-loss timeout) (code 0x1)" in faults[0].text
+    made.driver.close()
+    assert made.number(1, "comm_timeout") == 0
+
+
+def test_a_comm_loss_timeout_that_does_not_stick_is_found() -> None:
+    told = refusal(bench(**quirks(keeps_comm_timeout=True)))
+    assert "comm_timeout reads 0 after 100 was written" in told
+
+
+def test_a_timeout_of_less_than_three_periods_is_refused() -> None:
+    told = refusal(bench(rate_hz=20.0, comm_timeout_s=0.1))
+    assert "make it at least 0.15" in told
+
+
+@pytest.mark.parametrize("profile", ["dsy-rs", "cia402"])
+def test_a_drive_without_comm_loss_timeout_is_refused_or_told_loudly(profile: str) -> None:
+    told = refusal(bench(profile=profile, bus={"allow_unwatched": False}))
+    assert "goes on with its last command" in told
+    assert "--allow-unwatched" in told
+    made = bench(profile=profile)
+    made.driver.open()
+    assert "NOT WATCHED: slave.a1 (unit 1) on bus arm: has no comm-loss timeout" in notes(made)
+
+
+def test_settings_that_a_profile_takes_for_granted_are_compared() -> None:
+    made = bench(profile="dsy-rs", **quirks(registers={"di1_function": 2}))
+    assert "di1_function is 2, but has to be 1: DI1 has to be servo on" in refusal(made)
+    made = bench(profile="dsy-rs", **quirks(registers={"torque_filter": 50}))
+    made.driver.open()
+    assert made.number(1, "torque_filter") == 0
+
+
+def test_a_fault_is_reset_once_or_told() -> None:
+    made = bench(**quirks(starts_in_fault=True))
+    made.enable()
+    assert "had a fault, now reset: too much current (code 0x2)" in notes(made)
+    made = bench(**quirks(starts_in_fault=True, resets=5))
+    told = refusal(made)
+    assert "has a fault that a reset does not clear: too much current" in told
+
+
+@pytest.mark.parametrize("profile", ["generic", "dsy-rs"])
+def test_a_drive_that_does_not_come_on_is_told_with_its_step(profile: str) -> None:
+    made = bench(profile=profile, **quirks(refuses_to_enable=True))
+    with pytest.raises(BusTimeout, match=r"slave.a1 \(unit 1\): enable, step \d \(\w+\): still "):
+        made.enable()
+    made.driver.close()
+
+
+def test_a_cia_402_drive_that_does_not_come_on_is_told_with_its_state() -> None:
+    made = bench(profile="cia402", **quirks(refuses_to_enable=True))
+    with pytest.raises(DeviceFault, match=r"slave.a1 \(unit 1\)"):
+        made.enable()
+    made.driver.close()
+
+
+@pytest.mark.parametrize("profile", ["generic", "cia402", "dsy-rs"])
+def test_a_slow_drive_is_waited_for_without_blocking(profile: str) -> None:
+    made = bench(profile=profile, **quirks(enable_s=0.3))
+    made.driver.open()
+    began, longest = made.clock.now_ns(), 0
+    while True:
+        before = made.clock.now_ns()
+        done = made.driver.enable_step()
+        longest = max(longest, made.clock.now_ns() - before)
+        if done:
+            break
+        made.clock.sleep_until(before + made.bus.period_ns)
+        assert made.clock.now_ns() - began < 2_000_000_000
+    assert made.clock.now_ns() - began > 290_000_000
+    assert longest == 0
+
+
+def test_a_drive_that_is_not_there() -> None:
+    made = bench(spec(9), devices=[device(9)], **{"simulator": {"faults": {"request_lost": 1.0}}})
+    began = made.clock.now_ns()
+    assert "no answer at sim; check its supply and cable" in refusal(made)
+    assert made.clock.now_ns() - began < 2_000_000_000
+
+
+def test_a_drive_on_in_spite_of_us_is_taken_off_first() -> None:
+    made = bench(**quirks(registers={"control": 1, "target_torque": 400}))
+    made.world.bus.drives[1].machine.told({"control"}, 0)
+    assert made.world.bus.drives[1].on
+    made.driver.open()
+    assert not made.world.bus.drives[1].on
+    assert made.number(1, "target_torque") == 0
+
+
+def test_tcp_drives_too_slow_for_the_rate_are_measured_before_anything_moves() -> None:
+    made = bench(rate_hz=100.0, **quirks(answer_s=0.02), turnaround_s=0.001)
+    with pytest.raises(BusBudgetError, match=r"takes 20 ms \(measured\).*divisor: 3 on this bus"):
+        made.driver.open()
+    assert not made.world.bus.drives[1].on
+
+
+def test_a_busy_drive_is_asked_again() -> None:
+    # Each write that went to its EEPROM keeps it busy: there is one, before the switch is off.
+    made = bench(bus={"configure": True}, **quirks(busy_after_write_s=0.03, registers={"mode": 0}))
+    made.driver.open()
+    assert made.number(1, "mode") == 2
+
+
+def test_watchdogs_are_fed_while_other_buses_are_enabling() -> None:
+    for more in ({}, FAST_RTU):
+        made = bench(**more)  # type: ignore[arg-type]
+        made.enable()
+        answers = []
+        for _ in range(1000):
+            answers.append(made.driver.enable_step())
+            made.clock.sleep_until(made.clock.now_ns() + made.bus.period_ns)
+        assert made.told(0) == 0.0
+        assert made.world.bus.drives[1].on  # it heard us in every 0.1 s
+        assert answers.count(True) > 900
+        assert not any(one is two is False for one, two in pairwise(answers))
+        assert made.world.axes[0].physics.x == 0.0

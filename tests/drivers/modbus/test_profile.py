@@ -1,0 +1,208 @@
+"""Profiles: those that are shipped, somebody's own, and what is wrong with a file, in sentences."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from tautwave.errors import ConfigError
+from tautwave_drivers.modbus import plugin
+from tautwave_drivers.modbus.options import ModbusOptions, match_devices, scale_of
+from tautwave_drivers.modbus.profile import SHIPPED, load_profile, parse_profile
+from tests.drivers.modbus.parts import bench, bus_of, device, options_of, spec
+
+FOLDER = Path(__file__).parents[3] / "drivers" / "tautwave_drivers" / "modbus" / "profiles"
+
+
+def generic() -> dict[str, Any]:
+    data: dict[str, Any] = yaml.safe_load((FOLDER / "generic.yaml").read_text("utf-8"))
+    return data
+
+
+def problems(data: dict[str, Any]) -> str:
+    with pytest.raises(ConfigError) as found:
+        parse_profile(yaml.safe_dump(data), "mine.yaml")
+    return "\n".join(found.value.problems)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_profiles_name_their_source_and_can_be_coupled(name: str) -> None:
+    profile = load_profile(name)
+    assert profile.family == name
+    assert len(profile.source) > 20
+    for causality in ("impedance", "admittance"):
+        axes = [spec(1, causality)]
+        found = match_devices(ModbusOptions.model_validate(options_of(axes, name)), bus_of(axes))
+        assert found[0].most >= 1
+
+
+def test_addresses_of_the_cia_402_family_follow_from_the_objects() -> None:
+    registers = load_profile("cia402").registers
+    for name, index in {
+        "controlword": 0x6040, "statusword": 0x6041, "mode": 0x6060, "mode_display": 0x6061,
+        "position": 0x6064, "velocity": 0x606C, "target_torque": 0x6071, "torque": 0x6077,
+        "target_velocity": 0x60FF, "error_code": 0x603F, "maximum_torque": 0x6072,
+        "rated_torque": 0x6076, "abort_option": 0x6007,
+    }.items():  # fmt: skip
+        assert registers[name].address == 0x6000 + (index & 0xFFF) * 0x10
+
+
+def test_addresses_of_the_dsy_rs_are_those_of_its_manual() -> None:
+    registers = load_profile("dsy-rs").registers
+    for name, group, number in (
+        ("control_mode", 0, 0), ("speed_command", 5, 3), ("torque_command", 6, 5),
+        ("forward_torque_limit", 6, 8), ("backward_torque_limit", 6, 9), ("eeprom", 10, 4),
+        ("fault_reset", 11, 1), ("emergency_stop", 11, 13), ("servo_status", 18, 0),
+        ("motor_speed", 18, 1), ("internal_torque", 18, 4), ("absolute_position", 18, 7),
+    ):  # fmt: skip
+        assert registers[name].address == group * 256 + number
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"famly": "x"}, "mine.yaml: famly: Extra inputs"),
+        ({"functions": [3, 5, 16]}, "functions.1: Input should be 3, 4, 6, 16 or 23 (got 5)"),
+        ({"functions": [3]}, "one that reads (3 or 4) and one that writes (6, 16)"),
+        ({"roles": {"position": "positon"}}, "roles.position: there is no register 'positon'"),
+        ({"enable": []}, "enable, disable and states are required"),
+        ({"modes": {"effort": 2}}, "modes: velocity is missing"),
+        ({"enable": [{"value": 1}]}, "enable.0: should have either write or wait"),
+        ({"identity": {"register": "name"}}, "identity: there is no register 'name'"),
+        ({"source": ""}, "source: String should have at least 1 character"),
+    ],
+)
+def test_mistakes_are_told_with_file_and_key(change: dict[str, Any], sentence: str) -> None:
+    assert sentence in problems(generic() | change)
+
+
+def test_a_wrong_register_is_told_with_its_name() -> None:
+    data = generic()
+    data["registers"]["torque"]["address"] = 70000
+    assert "mine.yaml: registers.torque.address: " in problems(data)
+
+
+def test_commands_that_would_wear_an_eeprom_are_refused() -> None:
+    data = generic()
+    data["registers"]["target_torque"]["lasting"] = True
+    parse_profile(yaml.safe_dump(data), "mine.yaml")  # it says how to keep them out
+    del data["eeprom_off"]
+    assert "each cycle would wear the drive's EEPROM" in problems(data)
+
+
+def test_text_that_is_no_yaml_and_files_that_are_not_there() -> None:
+    with pytest.raises(ConfigError, match=r"mine.yaml: is no YAML"):
+        parse_profile("a: [", "mine.yaml")
+    with pytest.raises(ConfigError, match=r"should hold keys"):
+        parse_profile("7", "mine.yaml")
+    with pytest.raises(ConfigError, match=r"no profile 'dsyrs'; shipped are generic, dsy-rs"):
+        load_profile("dsyrs")
+    with pytest.raises(ConfigError, match=r"/nowhere.yaml: cannot be read"):
+        load_profile("/nowhere.yaml")
+
+
+def refused(axes: list[Any], **more: Any) -> str:
+    block = ModbusOptions.model_validate(options_of(axes, "generic", **more))
+    with pytest.raises(ConfigError) as found:
+        match_devices(block, bus_of(axes))
+    return "\n".join(found.value.problems)
+
+
+def test_a_drive_that_takes_positions_only_is_refused_with_a_sentence(tmp_path: Path) -> None:
+    data = generic()
+    for role in ("command_effort", "command_velocity"):
+        del data["roles"][role]
+    path = tmp_path / "positioner.yaml"
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    told = refused([spec(1)], devices=[device(1) | {"profile": str(path)}])
+    assert "takes positions only" in told
+    assert "neither an impedance nor an admittance port" in told
+
+
+def test_a_drive_that_measures_no_torque_is_no_admittance_port(tmp_path: Path) -> None:
+    data = generic()
+    del data["roles"]["effort"]
+    path = tmp_path / "blind.yaml"
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    told = refused([spec(1, "admittance")], devices=[device(1) | {"profile": str(path)}])
+    assert "does not measure torque or current" in told
+
+
+def test_what_has_to_be_known_of_a_drive_is_asked_for() -> None:
+    assert "rated_torque [N m] has to be given" in refused([spec(1)], devices=[{"unit": 1}])
+    assert "options.devices lists units 1" in refused([spec(2)], devices=[device(1)])
+    assert "listed twice" in refused([spec(1)], devices=[device(1), device(1)])
+    linear = spec(1)._replace(kind="linear")
+    assert "feed [m per turn" in refused([linear])
+    assert "feed is for linear axes" in refused([spec(1)], devices=[device(1, feed=0.01)])
+    assert "should be tcp://HOST:PORT" in refused([spec(1)], endpoint="10.0.0.7:502")
+    assert "no serial device" in refused([spec(1)], endpoint="tcp://a:1", link="rtu")
+    tiny = spec(1, effort=1e-5)
+    assert "less than one count" in refused([tiny])
+
+
+def test_scales_pass_gear_feed_and_units() -> None:
+    profile = load_profile("generic")
+    linear = spec(1)._replace(kind="linear")
+    options = ModbusOptions.model_validate(
+        options_of([linear], "generic", devices=[device(1, feed=0.02, gear_ratio=5.0)])
+    ).devices[0]
+    scale = scale_of(linear, options, profile)
+    assert scale.position == pytest.approx(0.02 / (65536 * 5))
+    assert scale.velocity == pytest.approx(0.1 / 60 * 0.02 / 5)
+    # Power: torque times the motor's turn equals force times the way.
+    assert scale.effort == pytest.approx(1e-3 * 5 * 2 * 3.141592653589793 / 0.02)
+
+
+def test_a_file_of_ones_own_runs(tmp_path: Path) -> None:
+    """The same drive, its registers elsewhere and the low word first."""
+    data = generic()
+    data["family"] = "mine"
+    data["word_order"] = "low_first"
+    for register in data["registers"].values():
+        register["address"] += 0x300
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    mine = device(1, counts_per_revolution=65536) | {"profile": str(path)}
+    made = bench(spec(1), devices=[mine])
+    made.enable()
+    made.run(20, 0.5)
+    assert made.told(0) == 500.0
+    assert made.world.axes[0].physics.x > 0.0
+    made.driver.close()
+    assert made.told(0) == 0.0
+
+
+def test_the_profiles_are_package_data() -> None:
+    """Loaded as an installed package does, and without the vendor's library."""
+    code = (
+        "import sys, json; sys.modules['pymodbus'] = sys.modules['serial'] = None\n"
+        "from tautwave.registry import load_driver\n"
+        "from tautwave.contracts import AxisSpec, BusSpec\n"
+        "plugin = load_driver('modbus')\n"
+        "options = plugin.options.model_validate(json.loads(sys.argv[1]))\n"
+        "bus = BusSpec('b', (AxisSpec('slave.a', 1, 'rotary', 'impedance', 1.0),), 100.0)\n"
+        "print(plugin.make(options, bus, None, None).command_delay.periods, "
+        "plugin.budget(options, bus).time_s > 0, len(plugin.facts(options, bus)))\n"
+    )
+    block = json.dumps(options_of([spec(1)], "dsy-rs"))
+    done = subprocess.run(
+        [sys.executable, "-c", code, block], capture_output=True, text=True, check=False
+    )
+    assert done.stdout.split() == ["1", "True", "1"], done.stderr
+
+
+def test_facts_are_the_steps_of_the_drive() -> None:
+    axes = [spec(1), spec(2, "admittance")]
+    block = plugin.options.model_validate(options_of(axes, "generic"))
+    torque, velocity = plugin.facts(block, bus_of(axes))
+    assert torque.effort_quantum == pytest.approx(1e-3)
+    assert torque.velocity_quantum == 0.0
+    assert velocity.velocity_quantum == pytest.approx(0.1 / 60 * 2 * 3.141592653589793)
+    assert velocity.encoder_quantum == torque.encoder_quantum
