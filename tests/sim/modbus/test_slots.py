@@ -119,14 +119,16 @@ def test_jitter_phase_and_left_out_cycles_move_nothing(
 
 
 @pytest.mark.parametrize("phase", [0.0, 0.4, 0.7, 0.95])
-def test_what_is_read_after_a_command_is_of_its_slot(phase: float) -> None:
+@pytest.mark.parametrize("late", [0.0, 0.3])
+def test_what_is_read_after_a_command_is_of_its_slot(phase: float, late: float) -> None:
     model = slow()
     bench = enabled("tcp", (1,), model, device={"function_codes": [3, 16]})
     begin, told, got = bench.clock.now_ns(), 0, []
     for k, command in enumerate(COMMANDS):
-        bench.until(begin + k * PERIOD_NS)
+        asked = begin + round((k + (late if k else 0.0)) * PERIOD_NS)
+        bench.until(asked)
         bench.ask(write_many(18, told))
-        bench.until(max(begin + round((k + phase) * PERIOD_NS), bench.clock.now_ns()))
+        bench.until(max(asked + round(phase * PERIOD_NS), bench.clock.now_ns()))
         got.append(signed(*words(bench.ask(read(4, 2)))) * QUANTUM)
         told = command
     slots = list(range(len(COMMANDS)))
