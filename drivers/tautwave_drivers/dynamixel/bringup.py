@@ -25,6 +25,9 @@ REVERSED = 0x01
 TORQUE_BY_GOAL = 0x08
 """Bits of Drive Mode(10): turns the other way; a goal alone switches torque on."""
 
+REBOOT_PINGS = 20
+"""Each waits 0.1 s for a servo that is still starting."""
+
 
 class Limits(NamedTuple):
     """Greatest goals a servo takes without an error [counts]."""
@@ -97,12 +100,7 @@ class Bringup:
                 f"{where}: is a {model_name(number)} (model number {number}), the rig says "
                 f"{servo.model.name}; correct options.servos, or exchange the servo"
             )
-        error = self._get(servo, reg.HARDWARE_ERROR)
-        if error:
-            raise DeviceFault(
-                f"{where}: {hardware_words(error, self._get(servo, reg.SHUTDOWN))}; remove the "
-                "cause, then switch the servo's power off and on"
-            )
+        self._healthy(servo)
         watched = servo.model.always_watched or firmware >= reg.WATCHDOG_FIRMWARE
         if not watched and not self._bus.allow_unwatched:
             raise DriverError(
@@ -123,6 +121,27 @@ class Bringup:
             self.notes.append(f"{where}: its bus watchdog had tripped; armed again")
         # Off while nobody feeds it; a tripped one locks the goals until 0 is written.
         self._put(servo, reg.BUS_WATCHDOG, 0)
+
+    def _healthy(self, servo: Servo) -> None:
+        """Refuse a servo with a hardware error; reboot it first where the options ask for that."""
+        error = self._get(servo, reg.HARDWARE_ERROR)
+        if not error:
+            return
+        words = hardware_words(error, self._get(servo, reg.SHUTDOWN))
+        if self._options.reboot:
+            self._line.reboot(servo.options.id)
+            for _ in range(REBOOT_PINGS):
+                if self._line.ping(servo.options.id) is not None:
+                    break
+            self._line.write(servo.options.id, reg.STATUS_RETURN_LEVEL.address, b"\x02")
+            self.notes.append(f"{self._where(servo)}: {words}; rebooted")
+            if not self._get(servo, reg.HARDWARE_ERROR):
+                return
+            words += ", also after a reboot"
+        raise DeviceFault(
+            f"{self._where(servo)}: {words}; remove the cause, then switch the servo's power off "
+            "and on, or set reboot: true in the bus' options"
+        )
 
     def _lasting(self, servo: Servo) -> None:
         """Compare the EEPROM with what the rig needs; write it where that is allowed."""

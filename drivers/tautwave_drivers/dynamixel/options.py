@@ -24,6 +24,9 @@ def _known(version: float) -> float:
 
 Protocol = Annotated[float, AfterValidator(_known)]
 
+WATCHED_PERIODS = 3
+"""Fewest periods of the bus that its servos' watchdogs have to wait."""
+
 USB_LATENCY_S = 0.001
 """Latency timer of a USB adapter as it should be set; FTDI's default is 0.016."""
 
@@ -73,6 +76,8 @@ class DynamixelOptions(BaseModel):
     """[s] Return Delay Time(9) that the servos shall have, in steps of 2 us."""
     watchdog_s: Annotated[float, Field(ge=0.02, le=2.54)] = 0.1
     """[s] Bus Watchdog(98): a servo that hears nothing for that long stops."""
+    reboot: bool = False
+    """Reboot a servo that reports a hardware error when the bus is opened; else that is refused."""
     transport: Literal["own", "sdk"] = "own"
     """Who speaks before the loop: this package, or dynamixel-sdk. The loop's bytes are always
     our own."""
@@ -116,6 +121,13 @@ def match_servos(options: DynamixelOptions, bus: BusSpec) -> list[Servo]:
     """
     by_id: dict[int, ServoOptions] = {}
     problems = []
+    patience_s = WATCHED_PERIODS / bus.rate_hz
+    if options.watchdog_s < patience_s * (1.0 - 1e-9):
+        problems.append(
+            f"bus {bus.name}: watchdog_s {options.watchdog_s:g} is less than {WATCHED_PERIODS} "
+            f"periods at {bus.rate_hz:g} Hz, so servos would stop in a run; give at least "
+            f"{patience_s:.3g}"
+        )
     for servo in options.servos:
         if servo.id in by_id:
             problems.append(f"bus {bus.name}: servo id {servo.id} is listed twice")

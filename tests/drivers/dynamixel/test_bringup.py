@@ -110,6 +110,25 @@ def test_a_hardware_error_is_told_in_words() -> None:
         made.driver.open()
 
 
+@pytest.mark.parametrize("transport", ["own", "sdk"])
+def test_a_reboot_clears_it_where_asked_for(transport: str) -> None:
+    made = bench(spec(1), reboot=True, transport=transport)
+    made.world.servos[0].fail(5)
+    made.enable()
+    assert any("overloaded for too long" in n and n.endswith("rebooted") for n in made.driver.notes)
+    assert made.cycle(0.1)[0].valid
+    assert not made.driver.faults()
+
+
+def test_an_error_that_a_reboot_does_not_clear_is_refused() -> None:
+    made = bench(spec(1), reboot=True)
+    one = made.world.servos[0]
+    one.fail(0)
+    one.reboot = lambda now_ns: None
+    with pytest.raises(DeviceFault, match="also after a reboot; remove the cause"):
+        made.driver.open()
+
+
 def test_an_effort_limit_beyond_the_current_limit_is_refused_in_numbers() -> None:
     quirk = {"servos": {1: {"registers": {"Current Limit": 100}}}}
     made = bench(spec(1, effort=0.6), simulator=quirk)

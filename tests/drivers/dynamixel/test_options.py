@@ -56,6 +56,13 @@ def test_a_baud_rate_beyond_the_model() -> None:
     assert "goes up to 4000000 baud" in refused(servo(1, "XL330-M288"), axes=axes, baud=4_500_000)
 
 
+def test_a_watchdog_shorter_than_the_loop() -> None:
+    bus = bus_of(spec(1))._replace(rate_hz=20.0)
+    with pytest.raises(ConfigError, match=r"watchdog_s 0.1 is less than 3 periods.*at least 0.15"):
+        match_servos(options_of(servo(1)), bus)
+    match_servos(options_of(servo(1), watchdog_s=0.16), bus)
+
+
 def test_ids_twice_and_many_mistakes_at_once() -> None:
     told = refused(servo(1), servo(1, "X"), axes=[spec(1), spec(9)])
     assert "servo id 1 is listed twice" in told
