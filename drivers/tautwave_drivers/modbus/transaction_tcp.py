@@ -82,7 +82,12 @@ class TcpLink:
             self._port = self._open()
             self._connecting = True
         connected = getattr(self._port, "connected", None)
-        if self._connecting and (connected is None or connected()):
+        try:
+            there = connected is None or connected()
+        except DriverError:
+            self.close()
+            raise
+        if self._connecting and there:
             self._connecting = False
             self.lost = ""
             self._buffer.clear()

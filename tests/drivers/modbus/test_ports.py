@@ -1,0 +1,190 @@
+"""Real sockets and pseudo-terminals: what fails there is a sentence, and nothing waits."""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tautwave.clock import MonotonicClock
+from tautwave.errors import DriverError
+from tautwave_drivers.modbus.errand import Errand
+from tautwave_drivers.modbus.frames import read
+from tautwave_drivers.modbus.options import ModbusOptions
+from tautwave_drivers.modbus.ports import SerialPort, TcpPort, Watched
+from tautwave_drivers.modbus.transaction_tcp import TcpLink
+from tests.drivers.modbus.parts import device
+
+CLOCK = MonotonicClock()
+LINE = ModbusOptions.model_validate(
+    {"link": "rtu", "endpoint": "/dev/x", "parity": "E", "devices": [device(1)]}
+)
+RESET = struct.pack("ii", 1, 0)
+
+
+@pytest.fixture
+def listener() -> Iterator[socket.socket]:
+    with socket.create_server(("127.0.0.1", 0)) as made:
+        yield made
+
+
+def endpoint(listener: socket.socket) -> str:
+    return f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+
+
+def connect(port: TcpPort) -> None:
+    until = CLOCK.now_ns() + 5_000_000_000
+    while not port.connected() and CLOCK.now_ns() < until:
+        CLOCK.sleep_until(CLOCK.now_ns() + 1_000_000)
+
+
+def test_a_connection_carries_bytes_both_ways(listener: socket.socket) -> None:
+    port = TcpPort(endpoint(listener))
+    connect(port)
+    other, _ = listener.accept()
+    with other:
+        assert port.read() == b""
+        port.write(b"abc")
+        assert other.recv(10) == b"abc"
+        other.sendall(b"de")
+        assert CLOCK.wait(port, CLOCK.now_ns() + 5_000_000_000)
+        assert port.read() == b"de"
+    port.close()
+    port.close()
+
+
+def test_nobody_listens(listener: socket.socket) -> None:
+    where = endpoint(listener)
+    listener.close()
+    port = TcpPort(where)
+    with pytest.raises(DriverError, match=r"refused: nothing listens there"):
+        connect(port)
+    port.close()
+
+
+@pytest.mark.parametrize("abrupt", [True, False])
+def test_the_other_end_goes(listener: socket.socket, abrupt: bool) -> None:
+    port = TcpPort(endpoint(listener))
+    connect(port)
+    other, _ = listener.accept()
+    if abrupt:
+        other.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
+    other.close()
+    assert CLOCK.wait(port, CLOCK.now_ns() + 5_000_000_000)
+    with pytest.raises(DriverError, match=r"reset by the drive" if abrupt else "closed by"):
+        port.read()
+    port.close()
+
+
+def test_a_peer_that_takes_nothing_is_told(listener: socket.socket) -> None:
+    port = TcpPort(endpoint(listener))
+    connect(port)
+    other, _ = listener.accept()
+    told = ""
+    with other:
+        for _ in range(1000):
+            try:
+                port.write(bytes(65536))
+            except DriverError as err:
+                told = str(err)
+                break
+    assert "takes no more bytes" in told
+    port.close()
+
+
+def test_a_host_without_name() -> None:
+    with pytest.raises(DriverError, match=r"tcp://no.such.host.invalid:502: .*correct endpoint"):
+        TcpPort("tcp://no.such.host.invalid:502")
+
+
+def test_a_link_tells_late_answers_by_their_number_and_comes_back(
+    listener: socket.socket,
+) -> None:
+    where = endpoint(listener)
+    link = TcpLink(lambda: TcpPort(where), CLOCK, 1.0)
+    until = CLOCK.now_ns() + 5_000_000_000
+    while not link.connect() and CLOCK.now_ns() < until:
+        CLOCK.sleep_until(CLOCK.now_ns() + 1_000_000)
+    other, _ = listener.accept()
+    first, second = Errand(1), Errand(1)
+    first.begin((read(3, 0, 1),))
+    link.start((first,))
+    asked = other.recv(64)
+    link.abandon()
+    second.begin((read(3, 0, 1),))
+    link.start((second,))
+    asked_again = other.recv(64)
+    assert asked[:2] != asked_again[:2]
+    body = b"\0\0\0\x05\x01\x03\x02"
+    other.sendall(asked[:2] + body + b"\0\x07" + asked_again[:2] + body + b"\0\x08")
+    while second.under_way and CLOCK.now_ns() < until:
+        assert link.port is not None
+        CLOCK.wait(link.port, until)
+        link.pump()
+    assert first.answers == []
+    assert second.answers == [b"\x03\x02\0\x08"]
+    assert link.late == 1
+    other.close()
+    assert link.port is not None
+    CLOCK.wait(link.port, until)
+    link.pump()
+    assert "closed by the drive" in link.lost
+    assert not link.retry()  # not yet
+    while not link.retry() and CLOCK.now_ns() < until:
+        CLOCK.sleep_until(CLOCK.now_ns() + 10_000_000)
+    listener.accept()[0].close()
+    assert link.lost == ""
+    link.close()
+
+
+def test_several_connections_are_waited_for_at_once(listener: socket.socket) -> None:
+    ports = [TcpPort(endpoint(listener)) for _ in range(2)]
+    others = [listener.accept()[0] for _ in range(2)]
+    for port in ports:
+        connect(port)
+    watched = Watched(ports)
+    assert not CLOCK.wait(watched, CLOCK.now_ns() + 1_000_000)
+    others[1].sendall(b"x")
+    assert CLOCK.wait(watched, CLOCK.now_ns() + 5_000_000_000)
+    watched.close()
+    for one in (*ports, *others):
+        one.close()
+
+
+def test_a_serial_device_carries_bytes_until_it_is_unplugged() -> None:
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    port = SerialPort(os.ttyname(slave), LINE)
+    os.close(slave)
+    assert port.read() == b""
+    port.write(b"\x01\x03")
+    assert os.read(master, 10) == b"\x01\x03"
+    os.write(master, b"\x01\x83")
+    assert CLOCK.wait(port, CLOCK.now_ns() + 5_000_000_000)
+    assert port.read() == b"\x01\x83"
+    os.close(master)
+    with pytest.raises(DriverError, match=r"adapter is gone|unplugged"):
+        port.read()
+    port.close()
+    port.close()
+
+
+def test_a_device_in_use_or_none_is_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(DriverError, match=r"there is no such device"):
+        SerialPort("/dev/nothing-here", LINE)
+    plain = tmp_path / "file"
+    plain.write_text("no device")
+    with pytest.raises(DriverError, match=r"cannot be opened"):
+        SerialPort(str(plain), LINE)
+    master, slave = os.openpty()
+    first = SerialPort(os.ttyname(slave), LINE)
+    with pytest.raises(DriverError, match=r"another program has it open"):
+        SerialPort(os.ttyname(slave), LINE)
+    first.close()
+    os.close(master)
+    os.close(slave)
