@@ -123,9 +123,8 @@ def _buses(budget: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]]:
         if cost is None:
             yield bus, Cell("not yet evaluated", NOTE), "", ""
         else:
-            time_s, greatest_rate_hz, arithmetic, remedy = cost
-            told = f"{arithmetic}; {remedy}" if remedy else arithmetic
-            yield bus, quantity(time_s, "s", 3), quantity(greatest_rate_hz, "Hz", 3), told
+            time_s, greatest_rate_hz, arithmetic, _ = cost
+            yield bus, quantity(time_s, "s", 3), quantity(greatest_rate_hz, "Hz", 3), arithmetic
 
 
 def _draw(out: Path, rig: Any) -> None:
