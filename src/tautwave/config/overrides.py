@@ -11,6 +11,9 @@ from tautwave.config.yaml12 import KeyPath, Mark, Parsed, Problem, SyntaxProblem
 
 _PART = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([^."'=\s][^.="']*?))\s*(\.|=|$)""")
 
+_KNOWN = 4096
+_numbers: dict[str, tuple[list[_Word], Parsed]] = {}
+
 
 class _Word(NamedTuple):
     text: str
@@ -22,13 +25,25 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> None:
     for argument in overrides:
         mark = Mark(0, argument)
         try:
-            words, text = _split(argument)
-            parsed = parse_yaml(text, mark)
+            words, parsed = _read(argument)
             _put(document, words, parsed, argument)
         except SyntaxProblem as err:
             document.problems.append(Problem(mark, (), str(err)))
         except _CannotSet as err:
             document.problems.append(Problem(mark, (), str(err)))
+
+
+def _read(argument: str) -> tuple[list[_Word], Parsed]:
+    """Return the words of an argument and its value; a sweep asks for the same ones often."""
+    known = _numbers.get(argument)
+    if known is None:
+        words, text = _split(argument)
+        known = words, parse_yaml(text, Mark(0, argument))
+        if isinstance(known[1].value, int | float) and not known[1].problems:
+            if len(_numbers) >= _KNOWN:
+                _numbers.clear()
+            _numbers[argument] = known
+    return known
 
 
 class _CannotSet(Exception):

@@ -7,7 +7,7 @@ import functools
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,7 @@ def kernel_text() -> str:
     return translate(run_rig) + "\n" + checks
 
 
-def compile_text(text: str, directory: Path) -> Path:
+def compile_text(text: str, directory: Path, flags: Sequence[str] = FLAGS) -> Path:
     """Compile a C file into a shared library in `directory`.
 
     Raises
@@ -56,7 +56,7 @@ def compile_text(text: str, directory: Path) -> Path:
     library = directory / "kernel.so"
     source.write_text(text, encoding="utf-8")
     done = subprocess.run(
-        [gcc, *FLAGS, "-o", str(library), str(source), "-lm"],
+        [gcc, *flags, "-o", str(library), str(source), "-lm"],
         capture_output=True,
         text=True,
         check=False,

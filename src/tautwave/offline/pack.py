@@ -65,7 +65,30 @@ class Job(NamedTuple):
     flags: Array
 
 
-def pack_rig(rig: Rig, duration_s: float | None = None) -> Job:
+class RigFacts(NamedTuple):
+    """What only the built rig knows: columns, and by axis its command delay and its bus."""
+
+    columns: tuple[str, ...]
+    delays: dict[str, CommandDelay]
+    buses: tuple[str, ...]
+
+
+def rig_facts(rig: Rig) -> RigFacts:
+    """Build one cycle's worth of the live rig; its drivers know delays, its sources columns."""
+    assembly = build_rig(rig, clock="fake", duration_s=rig.period_s)
+    # What a driver records of its bus has no meaning where there is none.
+    drivers = {id(bus.driver) for bus in assembly.buses}
+    foreign = {
+        name for source in assembly.sources if id(source) in drivers for name in source.columns
+    }
+    return RigFacts(
+        columns=tuple(name for name in assembly.columns if name not in foreign),
+        delays={name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes},
+        buses=tuple(bus.name for bus in assembly.buses for _ in bus.axes),
+    )
+
+
+def pack_rig(rig: Rig, duration_s: float | None = None, facts: RigFacts | None = None) -> Job:
     """Return the tables of one run.
 
     Parameters
@@ -74,6 +97,8 @@ def pack_rig(rig: Rig, duration_s: float | None = None) -> Job:
         A checked rig with a `simulation` block.
     duration_s : float, optional
         Length of the run [s]; the rig's own if not given.
+    facts : RigFacts, optional
+        From `rig_facts`, where they are known already.
 
     Raises
     ------
@@ -85,9 +110,8 @@ def pack_rig(rig: Rig, duration_s: float | None = None) -> Job:
             f"{rig.name}: there is nothing to simulate; add a simulation block to the rig file"
         )
     cycles = max(round((rig.duration_s if duration_s is None else duration_s) * rig.rate_hz), 1)
-    # One cycle's worth of the live rig: the drivers know their delays, the sources their columns.
-    assembly = build_rig(rig, clock="fake", duration_s=rig.period_s)
-    delays = {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
+    facts = rig_facts(rig) if facts is None else facts
+    delays = facts.delays
     axes = tuple(delays)
     models = [
         axis_model(rig, name, cycles)._replace(
@@ -113,9 +137,9 @@ def pack_rig(rig: Rig, duration_s: float | None = None) -> Job:
         pairs.append(pack_pair(rig, name, axes, at))
     return Job(
         rig=rig,
-        columns=tuple(assembly.columns),
+        columns=facts.columns,
         axes=axes,
-        buses=tuple(bus.name for bus in assembly.buses for _ in bus.axes),
+        buses=facts.buses,
         run=pack_run(rig, cycles, len(axes), len(pairs)),
         sides=tuple(sides),
         devices=tuple(devices),

@@ -101,9 +101,10 @@ def growth_of(energy: Floats, period: float) -> Growth:
     usable = np.flatnonzero((last > 1e-290) & np.isfinite(last))
     if len(usable) < 2 * WINDOWS:
         return Growth(math.nan, 0.0)
-    parts = np.array_split(usable, WINDOWS)
-    time = period * np.array([part.mean() for part in parts])
-    level = np.array([np.log(last[part]).mean() for part in parts])
+    starts = np.linspace(0, len(usable), WINDOWS + 1).astype(np.int64)
+    counts = np.diff(starts)
+    time = period * np.add.reduceat(usable, starts[:-1]) / counts
+    level = np.add.reduceat(np.log(last[usable]), starts[:-1]) / counts
     time -= time.mean()
     level -= level.mean()
     slope = float(time @ level) / float(time @ time)

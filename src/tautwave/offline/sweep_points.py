@@ -19,8 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.config import Rig
-from tautwave.config.document import open_document, read_text
+from tautwave.config.document import Document, open_document, read_text
 from tautwave.config.load import finish_rig
+from tautwave.config.overrides import apply_overrides
 from tautwave.config.yaml12 import KeyPath
 
 
@@ -121,6 +122,7 @@ class Points(Sequence[Point]):
         self._recipes = tuple(recipes)
         document = open_document(read_text(rig_path), str(rig_path), rig_path.parent)
         self._document = pickle.dumps(document)
+        self._documents: dict[int, bytes] = {}
         kept = json.dumps([document.value, pair, duration_s], default=str, allow_nan=True)
         self._salts = []
         for recipe in self._recipes:
@@ -167,6 +169,16 @@ class Points(Sequence[Point]):
         numbers = (int(self.mark(at).id, 16) for at in range(len(self)))
         return np.fromiter(numbers, np.uint64, len(self))
 
+    def _document_of(self, case: int) -> Document:
+        """Return the rig file's document with what a case sets, to be used up."""
+        kept = self._documents.get(case)
+        if kept is None:
+            document = pickle.loads(self._document)
+            apply_overrides(document, [choice.argument for choice in self._recipes[case].fixed])
+            kept = self._documents[case] = pickle.dumps(document)
+        found: Document = pickle.loads(kept)
+        return found
+
     def rig(self, number: int) -> Rig:
         """Return the rig of a point.
 
@@ -175,9 +187,9 @@ class Points(Sequence[Point]):
         ConfigError
             It is not right.
         """
-        arguments = [choice.argument for choice in self.overrides(number)]
-        rig = finish_rig(pickle.loads(self._document), self._path, arguments)
-        _, varied = self.choices(number)
+        case, varied = self.choices(number)
+        arguments = [choice.argument for choice in varied]
+        rig = finish_rig(self._document_of(case), self._path, arguments)
         values = {choice.key: choice.value for choice in varied}
         if "seed" in values:
             return rig

@@ -7,19 +7,24 @@ fifth of a compiled step, and looking through them more.
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
+from contextlib import suppress
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from tautwave.config import Rig
+from tautwave.config.keys.rig import bus_spec
 from tautwave.errors import SafetyStop
 from tautwave.offline.outcome import error_of
-from tautwave.offline.pack import Job, pack_rig
+from tautwave.offline.pack import Job, RigFacts, pack_rig, rig_facts
 from tautwave.offline.rows import measured_columns
 from tautwave.offline.simulation import engine_of
+from tautwave.offline.sweep_library import kept_kernel
 from tautwave.offline.sweep_points import Point
-from tautwave.offline.tables import Tables
+from tautwave.offline.tables import Tables, record_tables
 
 Floats = npt.NDArray[np.float64]
 Columns = dict[str, Floats]
@@ -45,6 +50,14 @@ def takes_rows(wanted: tuple[str, ...]) -> bool:
     return any(name in BOOKS for name in wanted)
 
 
+def _engine(name: str) -> tuple[Callable[..., int], Callable[[Job], Tables]]:
+    """Return an engine as `simulation.engine_of` does; C from where it is kept."""
+    if name == "c":
+        with suppress(OSError):
+            return kept_kernel(), record_tables
+    return engine_of(name)
+
+
 class Simulator:
     """Simulates one point after the other; the memory of the rows is used again.
 
@@ -57,9 +70,10 @@ class Simulator:
     """
 
     def __init__(self, engine: str, *, whole: bool) -> None:
-        self._run, self._tables_of = engine_of(engine)
+        self._run, self._tables_of = _engine(engine)
         self._whole = whole
         self._out = np.empty(0)
+        self._known: tuple[list[Any], RigFacts] | None = None
 
     def __call__(self, point: Point) -> tuple[Columns, int, str]:
         """Return columns, cycles and outcome; the columns hold until the next call.
@@ -73,7 +87,7 @@ class Simulator:
 
     def simulate(self, rig: Rig, pair: str, duration_s: float) -> tuple[Columns, int, str]:
         """Simulate a rig; see `__call__`."""
-        job = pack_rig(rig, duration_s)
+        job = pack_rig(rig, duration_s, None if self._whole else self._facts(rig))
         if not self._whole:
             number = list(rig.coupling.pairs).index(pair)
             run = job.run._replace(measured=number)
@@ -86,6 +100,13 @@ class Simulator:
             table = np.ascontiguousarray(table.T).T
         columns = {name: table[:, at] for at, name in enumerate(job.columns)}
         return columns, count, _outcome(job, tables)
+
+    def _facts(self, rig: Rig) -> RigFacts:
+        """Return the facts of the last rig if its drivers would get to see the same."""
+        seen = [(bus.driver, bus.options, bus_spec(rig, name)) for name, bus in rig.buses.items()]
+        if self._known is None or self._known[0] != seen:
+            self._known = seen, rig_facts(rig)
+        return self._known[1]
 
     def _tables(self, job: Job) -> Tables:
         tables = self._tables_of(job)
