@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
-import importlib
+import importlib.util
 import os
 import select
 import subprocess
@@ -25,8 +25,10 @@ from tautwave_drivers.dynamixel import packet
 from tautwave_drivers.dynamixel import registers as reg
 from tautwave_drivers.dynamixel.driver import DynamixelDriver
 from tautwave_drivers.dynamixel.exchange import Goals
+from tautwave_drivers.dynamixel.line import Line, OwnLine
 from tautwave_drivers.dynamixel.options import DynamixelOptions
 from tautwave_drivers.dynamixel.port import SerialPort
+from tautwave_drivers.dynamixel.sdk import SdkLine
 
 IDS = (1, 2)
 BAUD = 4_000_000
@@ -50,7 +52,7 @@ Cycle = Callable[[], None]
 
 
 def measure(cycles: int) -> Sequence[CycleCost]:
-    """Measure sync read and fast sync read, ours and the SDK's, over the floor.
+    """Measure sync read, fast sync read and a plain read, ours and the SDK's, over the floor.
 
     Parameters
     ----------
@@ -58,31 +60,36 @@ def measure(cycles: int) -> Sequence[CycleCost]:
         Exchanges per figure.
     """
     costs = []
-    for fast in (False, True):
-        name = "fast sync read" if fast else "sync read"
-        what = f"2 servos, sync write and {name} over a pty, ours"
-        ours, floor = _in_turn(_own_cycle, fast, cycles)
-        costs.append(CycleCost(what, ours, floor, goal_ratio=GOAL_RATIO))
-        theirs = what.replace("ours", "dynamixel-sdk")
-        try:
-            importlib.import_module("dynamixel_sdk")
-        except ImportError:
-            costs.append(CycleCost(theirs, why_not="dynamixel-sdk is not installed"))
+    for kind, ours, theirs in (
+        ("2 servos, sync write and sync read", _own_sync, _sdk_sync),
+        ("2 servos, sync write and fast sync read", _own_fast, _sdk_fast),
+        ("1 servo, 4 bytes read before the loop", _own_read, _sdk_read),
+    ):
+        goal = GOAL_RATIO if ours is not _own_read else None
+        what = f"{kind} over a pty"
+        spent, floor = _in_turn(ours, _bytes(kind), cycles)
+        costs.append(CycleCost(f"{what}, ours", spent, floor, goal_ratio=goal))
+        what = f"{what}, dynamixel-sdk"
+        if not _has_sdk():
+            costs.append(CycleCost(what, why_not="dynamixel-sdk is not installed"))
             continue
-        spent, floor = _in_turn(_sdk_cycle, fast, cycles)
-        costs.append(CycleCost(theirs, spent, floor))
+        costs.append(CycleCost(what, *_in_turn(theirs, _bytes(kind), cycles)))
     return costs
 
 
+def _has_sdk() -> bool:
+    return importlib.util.find_spec("dynamixel_sdk") is not None
+
+
 def _in_turn(
-    make: Callable[[str, bool], tuple[Cycle, Cycle]], fast: bool, cycles: int
+    make: Callable[[str], tuple[Cycle, Cycle]], traffic: tuple[bytes, bytes], cycles: int
 ) -> tuple[list[float], list[float]]:
     """Return the times of one kind of cycle and of its floor [us], in turns of `CHUNK`."""
     spent: list[float] = []
     floor: list[float] = []
-    question, answer = _bytes(fast)
+    question, answer = traffic
     with _responder(len(question), answer) as (path, port):
-        cycle, release = make(path, fast)
+        cycle, release = make(path)
         gc.collect()
         gc.disable()  # as in the loop
         try:
@@ -104,8 +111,12 @@ def _timed(cycle: Cycle, into: list[float]) -> None:
         into.append((time.perf_counter_ns() - began) * 1e-3)
 
 
-def _bytes(fast: bool) -> tuple[bytes, bytes]:
-    """Return what the host sends in a cycle, and what two servos answer."""
+def _bytes(kind: str) -> tuple[bytes, bytes]:
+    """Return what the host sends in a cycle, and what is answered."""
+    if kind.startswith("1"):
+        answer = packet.build(1, packet.STATUS, bytes(5))
+        return packet.read_packet(1, reg.PRESENT_POSITION.address, 4), answer
+    fast = "fast" in kind
     goals = Goals(reg.GOAL_CURRENT, IDS).packet()
     question = packet.sync_read_packet(IDS, reg.PRESENT.address, reg.PRESENT.size, fast=fast)
     data = [bytes((one, 0, 3, 0, 0, 0, 0, 8, 0, 0)) for one in IDS]
@@ -149,7 +160,39 @@ def _bare(port: int, question: bytes, count: int) -> None:
         count -= len(os.read(port, 4096))
 
 
-def _own_cycle(path: str, fast: bool) -> tuple[Cycle, Cycle]:
+def _own_read(path: str) -> tuple[Cycle, Cycle]:
+    port = SerialPort(path, BAUD)
+    line = OwnLine(port, MonotonicClock(), BAUD)
+    return lambda: _read(line), port.close
+
+
+def _sdk_read(path: str) -> tuple[Cycle, Cycle]:
+    port = SerialPort(path, BAUD)
+    line = SdkLine(port, MonotonicClock(), BAUD)
+    return lambda: _read(line), port.close
+
+
+def _read(line: Line) -> None:
+    line.read(1, reg.PRESENT_POSITION.address, 4)
+
+
+def _own_sync(path: str) -> tuple[Cycle, Cycle]:
+    return _own_cycle(path, fast=False)
+
+
+def _own_fast(path: str) -> tuple[Cycle, Cycle]:
+    return _own_cycle(path, fast=True)
+
+
+def _sdk_sync(path: str) -> tuple[Cycle, Cycle]:
+    return _sdk_cycle(path, fast=False)
+
+
+def _sdk_fast(path: str) -> tuple[Cycle, Cycle]:
+    return _sdk_cycle(path, fast=True)
+
+
+def _own_cycle(path: str, *, fast: bool) -> tuple[Cycle, Cycle]:
     """Return what the driver does in a cycle: goals from SI, exchange, samples in SI."""
     options = DynamixelOptions.model_validate(
         {
@@ -175,7 +218,7 @@ def _own_cycle(path: str, fast: bool) -> tuple[Cycle, Cycle]:
     return cycle, driver.detach
 
 
-def _sdk_cycle(path: str, fast: bool) -> tuple[Cycle, Cycle]:
+def _sdk_cycle(path: str, *, fast: bool) -> tuple[Cycle, Cycle]:
     """Return what the SDK's group classes do in a cycle."""
     sdk: Any = importlib.import_module("dynamixel_sdk")
     port = sdk.PortHandler(path)
