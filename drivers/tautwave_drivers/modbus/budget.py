@@ -107,13 +107,12 @@ def budget(options: ModbusOptions, bus: BusSpec) -> Budget:
     """
     devices = match_devices(options, bus)
     drives = [exchanges_of(device) for device in devices]
-    remedy = "each alone: " + ", ".join(_remedies(options, devices, bus))
-    return Budget(
-        needed_s(options, drives, bus),
-        _greatest_hz(options, drives, bus),
-        _arithmetic(options, drives, bus),
-        remedy,
-    )
+    spent = needed_s(options, drives, bus)
+    text = _arithmetic(options, drives, bus)
+    remedies = ", ".join(_remedies(options, devices, bus))
+    if spent > 1.0 / bus.rate_hz:
+        text += f"; remedies, each alone: {remedies}"
+    return Budget(spent, _greatest_hz(options, drives, bus), text, remedies)
 
 
 def needed_s(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bus: BusSpec) -> float:
@@ -210,5 +209,6 @@ def _remedies(options: ModbusOptions, devices: Sequence[Device], bus: BusSpec) -
         told.append(f"drives that answer at once give {rate(changed, drives)}")
     nth = _fitting_divisor(options, drives, bus)
     master = bus.rate_hz * bus.divisor
-    told.append(f"divisor: {nth} on this bus ({master / nth:.3g} Hz) needs no change")
+    if nth != bus.divisor:
+        told.append(f"divisor: {nth} on this bus ({master / nth:.3g} Hz) fits as it is")
     return told
