@@ -13,6 +13,7 @@ from click.testing import CliRunner, Result
 
 import tautwave
 from tautwave.cli import main
+from tautwave.contracts import Budget
 
 SUMMARY: dict[str, Any] = {
     "outcome": {"kind": "finished", "sentence": "Ran for the 2 s asked for."},
@@ -71,7 +72,7 @@ class Backend:
                 ("wall_master", "left out", "the rig has none"),
             ],
             certificate={"passed": None, "verdicts": {}},
-            budget={"hand": None, "arm": (0.0004, 2500.0, "4 frames of 100 us")},
+            budget={"hand": None, "arm": Budget(0.0004, 2500.0, "4 frames of 100 us")},
             exit_code=self.exit_code,
             as_dict=lambda: {"name": "bench", "plan": [["delay line", "in", ""]]},
         )

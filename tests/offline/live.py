@@ -11,7 +11,10 @@ from tautwave.config import Rig
 from tautwave.offline import Simulation, simulate
 from tests.rigs.running import Run, run_rig
 
-CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
+SHIPPED = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
+# Rigs on a bus have rows of their driver's too; tests/rigs holds them against a loopback's.
+BUSES = ("driver: canopen", "driver: dynamixel", "driver: modbus")
+CONFIGS = [path for path in SHIPPED if not any(bus in path.read_text() for bus in BUSES)]
 
 Array = npt.NDArray[np.float64]
 
