@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -14,12 +17,14 @@ from tautwave.certificate import certify
 from tautwave.config import load_rig
 from tautwave.registry import load_driver
 from tautwave.rig import Assembly
+from tautwave.session.checking import bus_budgets, over_budget
 from tautwave_drivers.modbus.driver import ModbusDriver
 from tests.rigs.running import Run, Tree, books, rig_of, run_rig
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 TCP = CONFIGS / "bench-modbus-tcp-sim.yaml"
 RTU = CONFIGS / "bench-modbus-rtu-sim.yaml"
+THREE = CONFIGS / "three-bus-sim.yaml"
 DURATION_S = 4.0
 
 
@@ -103,6 +108,19 @@ def allow_unwatched(built: Assembly) -> None:
             bus.driver._bus = bus.driver._bus._replace(allow_unwatched=True)
 
 
+def one_line_tree() -> Tree:
+    """Both levers on one RTU line at 20 Hz: the second drive is asked after the first."""
+    data = one_rate_tree("generic")
+    data["rate_hz"] = 20
+    data["buses"]["arm"]["options"] |= {"link": "rtu", "baud": 115200, "comm_timeout_s": 0.5}
+    data["coupling"] |= {"delay_s": 0.05, "wave_filter_hz": 2}
+    for side in ("master", "slave"):
+        data[side]["axes"]["lever"]["inertia"] = {"value": 0.03, "lower": 0.02, "source": "test"}
+        data[side]["axes"]["lever"]["damping"] = {"value": 0.1, "lower": 0.08, "source": "test"}
+        data["simulation"]["axes"][f"{side}.lever"] |= {"inertia": 0.03, "damping": 0.1}
+    return data
+
+
 TREES = {
     "tcp, divisor 10": tree_of(TCP),
     "rtu, divisor 20": tree_of(RTU),
@@ -112,6 +130,7 @@ TREES = {
     "admittance, divisor 10": admittance_tree(),
     "two drives at the rig's rate": one_rate_tree("generic"),
     "two CiA 402 drives": one_rate_tree("cia402", counts_per_revolution=20000),
+    "two drives on one line": one_line_tree(),
     "two DSY-RS": one_rate_tree("dsy-rs", rated_torque=1.27),
 }
 
@@ -158,6 +177,49 @@ def test_contact_at_100_hz_under_a_1_khz_master_is_stable_and_its_price_is_told(
     assert found.passed
     told = [line for line in _sentences(found.as_dict()) if "served every 10 cycles" in line]
     assert any("a rigid environment feels like" in line for line in told)
+
+
+@pytest.mark.parametrize("profile", ["generic", "dsy-rs", "cia402"])
+def test_the_fastest_divisor_of_the_budget_loses_nothing(profile: str) -> None:
+    """Where bus time says that a line carries a rate, it does, looked at once a cycle."""
+    data = tree_of(RTU)
+    data["buses"]["arm"]["options"]["devices"] = [
+        {"unit": 1, "profile": profile, "rated_torque": 1.27 if profile == "dsy-rs" else 1.0}
+    ]
+    data["slave"]["axes"]["lever"]["effort_limit"] = 1.0
+    rig = rig_of(data)
+    greatest = bus_budgets(rig)["arm"].greatest_rate_hz
+    data["buses"]["arm"]["divisor"] = divisor = round(1000.0 / greatest)
+    run = run_rig(data, duration_s=2.0, change=allow_unwatched)
+    assert sum(run.result.lost) == 0
+    data["buses"]["arm"]["divisor"] = divisor - 1
+    assert over_budget(rig_of(data), bus_budgets(rig_of(data)))
+
+
+def test_three_buses_run_in_one_loop_and_their_books_close() -> None:
+    run = run_rig(rig_of(yaml.safe_load(THREE.read_text(encoding="utf-8"))), duration_s=5.0)
+    for pair in ("wrist", "grip"):
+        closed = books(run, pair)
+        assert closed.residual < 1e-9 * closed.gross_flow
+        assert closed.plant_residual < 1e-9 * closed.plant_flow
+        pressed = (run["time_s"] > 4.0) & (run["time_s"] < 4.5)
+        if pair == "grip":
+            assert run["true.slave.grip.position"][pressed].min() > 0.2  # in its wall
+    assert sum(run.result.lost) == 0
+    assert certify(load_rig(THREE)).passed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", [TCP, RTU, THREE], ids=lambda path: path.stem)
+def test_the_shipped_rigs_run_on_the_real_clock(path: Path, tmp_path: Path) -> None:
+    """As a new user runs them, with the drives in processes of their own."""
+    start = "from tautwave.cli import main; main()"
+    out = tmp_path / "run"
+    words = [sys.executable, "-c", start, "run", str(path), "--duration", "4", "--out", str(out)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=100, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    told = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert "measured" in json.dumps(told) or path == RTU
 
 
 def _sentences(value: Any) -> list[str]:

@@ -56,12 +56,15 @@ class Asker:
         What waits.
     patience_s : float
         For an answer.
+    tries : int
+        How often a question is asked.
     """
 
-    def __init__(self, link: Link, clock: Clock, patience_s: float) -> None:
+    def __init__(self, link: Link, clock: Clock, patience_s: float, tries: int = TRIES) -> None:
         self._link = link
         self._clock = clock
         self._patience_ns = round(1e9 * patience_s)
+        self._tries = tries
 
     def ask(self, station: Station, question: Question) -> bytes:
         """Return the answer, an exception too; a busy drive is asked again.
@@ -75,7 +78,7 @@ class Asker:
         """
         clock = self._clock
         pdu = b""
-        for _ in range(TRIES):
+        for _ in range(self._tries):
             until = clock.now_ns() + self._patience_ns
             try:
                 pdu = ask_once(self._link, clock, station.device.unit, question, until)

@@ -26,12 +26,15 @@ from tautwave_drivers.modbus.transaction_tcp import TcpLink
 
 ANSWER_S = 0.1
 """Patience with a drive before and after the loop, beyond what it takes on the wire."""
-LEAVE_S = 0.3
+LEAVE_S, LEAVE_TRIES = 0.15, 2
+"""Patience with a drive that has to be left, and how often it is told."""
 LOOKS = 5
 """Exchanges in `open` by which a TCP drive's answer time is measured."""
 FEED_SHARE = 0.3
 """Of the comm-loss timeout, between two requests while other buses are still enabling."""
 POLL_NS = 1_000_000
+PERIODS = 3
+"""Of the bus, that an answer and the silence after it may wait for while enabling."""
 MISSES = 20
 """Errands without an answer that end enabling."""
 
@@ -260,7 +263,9 @@ class ModbusDriver:
         if station.walk is None:
             station.begin_enabling()
         elif errand.under_way:
-            if self._clock.now_ns() < errand.begun_ns + round(1e9 * self._patience_s):
+            # One that was not asked yet waits behind another, which is timed itself.
+            patience_ns = round(1e9 * self._patience_s) + PERIODS * self._bus.period_ns
+            if not errand.asked_ns or self._clock.now_ns() < errand.asked_ns[-1] + patience_ns:
                 return
             link.abandon()
             self._missed(station)
@@ -272,7 +277,6 @@ class ModbusDriver:
                 return
         assert station.walk is not None
         errand.begin(station.walk.questions())
-        errand.begun_ns = self._clock.now_ns()
         link.start((errand,))
 
     def _missed(self, station: Station) -> None:
@@ -345,7 +349,7 @@ class ModbusDriver:
         busy = [link for link, _ in groups if link.busy]
         while busy:
             more = self._wait is not None and clock.wait(self._wait, deadline_ns)
-            for link in busy:
+            for link, _ in groups:  # all: bytes that nobody takes would end each wait at once
                 link.pump()
             busy = [link for link in busy if link.busy]
             if not more:
@@ -438,7 +442,7 @@ class ModbusDriver:
         self._on = self._running = False
         for link, stations in self._groups:
             link.abandon()
-            asker = Asker(link, self._clock, LEAVE_S)
+            asker = Asker(link, self._clock, LEAVE_S, LEAVE_TRIES)
             for station in stations:
                 if station.walk is not None and not link.lost:
                     with contextlib.suppress(Exception):

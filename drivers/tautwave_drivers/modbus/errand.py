@@ -24,18 +24,15 @@ class Errand:
         It has not ended yet: neither answered whole nor given up.
     asked_ns : list of int
         When each question went out.
-    begun_ns : int
-        When it was begun, as the caller notes.
     """
 
-    __slots__ = ("answers", "asked_ns", "begun_ns", "came_ns", "questions", "under_way", "unit")
+    __slots__ = ("answers", "asked_ns", "came_ns", "questions", "under_way", "unit")
 
     def __init__(self, unit: int) -> None:
         self.unit = unit
         self.questions: Sequence[Question] = ()
         self.answers: list[bytes] = []
         self.asked_ns: list[int] = []
-        self.begun_ns = 0
         self.came_ns = 0
         self.under_way = False
 

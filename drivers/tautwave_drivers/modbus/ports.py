@@ -8,6 +8,7 @@ import os
 import select
 import socket
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 from tautwave.contracts import BytePort
@@ -28,6 +29,19 @@ _WORDS = {
 }
 
 
+@cache
+def _resolve(endpoint: str) -> tuple[int, int, int, Any]:
+    """Return family, kind, protocol and address; asked once, since a name server may take long."""
+    host, port = host_port(endpoint)
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM
+        )[0]
+    except OSError as err:
+        raise DriverError(f"{endpoint}: {err.strerror}; correct endpoint") from err
+    return family, kind, protocol, address
+
+
 class TcpPort:
     """A connection that is being made, then one that is there.
 
@@ -44,14 +58,8 @@ class TcpPort:
 
     def __init__(self, endpoint: str) -> None:
         self._name = endpoint
-        host, port = host_port(endpoint)
-        try:
-            family, kind, protocol, _, address = socket.getaddrinfo(
-                host, port, type=socket.SOCK_STREAM
-            )[0]
-            self._socket = socket.socket(family, kind, protocol)
-        except OSError as err:
-            raise DriverError(f"{endpoint}: {err.strerror}; correct endpoint") from err
+        family, kind, protocol, address = _resolve(endpoint)
+        self._socket = socket.socket(family, kind, protocol)
         self._socket.setblocking(False)
         # An exchange is one small packet each way: waiting for more would cost 40 ms.
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -224,3 +224,16 @@ def test_watchdogs_are_fed_while_other_buses_are_enabling() -> None:
         assert answers.count(True) > 900
         assert not any(one is two is False for one, two in pairwise(answers))
         assert made.world.axes[0].physics.x == 0.0
+
+
+def test_many_slow_drives_on_one_line_are_all_enabled() -> None:
+    axes = [spec(unit) for unit in range(1, 6)]
+    made = bench(*axes, profile="cia402", rate_hz=4.0, link="rtu", baud=115_200)
+    made.driver.open()
+    for _ in range(400):
+        if made.driver.enable_step():
+            break
+        made.clock.sleep_until(made.clock.now_ns() + 17_000_000)
+    assert all(made.world.bus.drives[unit].on for unit in range(1, 6))
+    made.driver.close()
+    assert not any(made.world.bus.drives[unit].on for unit in range(1, 6))
