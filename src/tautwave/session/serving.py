@@ -6,13 +6,14 @@ starts one for each bus whose simulator lives there, and `tautwave sim RIG` like
 
 from __future__ import annotations
 
+import ctypes
 import json
 import select
 import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from tautwave.config import Rig, bus_spec, parse_rig, resolved_yaml
@@ -23,6 +24,7 @@ from tautwave.rig import axis_model
 from tautwave.runtime.machine import realtime
 
 START_TIMEOUT_S = 20.0
+PR_SET_PDEATHSIG = 1
 
 Announce = Callable[[Mapping[str, Any]], None]
 
@@ -128,6 +130,12 @@ def _end(child: subprocess.Popen[bytes]) -> None:
         child.communicate()
 
 
+def end_with_parent() -> None:
+    """Ask Linux for a SIGTERM when whoever started this process dies, however it dies."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGTERM))
+
+
 def print_line(found: Mapping[str, Any]) -> None:
     """Write one line of JSON to stdout at once, for whoever started this process."""
     sys.stdout.write(json.dumps(dict(found)) + "\n")
@@ -136,6 +144,7 @@ def print_line(found: Mapping[str, Any]) -> None:
 
 def main() -> int:
     """Serve the bus in argv[1] of the rig on stdin."""
+    end_with_parent()
     try:
         rig = parse_rig(sys.stdin.read())
         bus = sys.argv[1]

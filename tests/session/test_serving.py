@@ -1,0 +1,103 @@
+"""Simulated devices in processes of their own: they come up, answer, and end with their run."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tautwave.config import Rig, load_rig
+from tautwave.errors import ConfigError, DriverError
+from tautwave.rig import served_buses
+from tautwave.session.serving import bus_bench, served
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return load_rig(CONFIGS / "bench-dynamixel-sim.yaml")
+
+
+def gone(pid: int) -> bool:
+    """Whether the process ends within some seconds."""
+    for _ in range(200):
+        try:
+            os.kill(pid, 0)
+            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+        except (ProcessLookupError, FileNotFoundError):
+            return True
+        if state == "Z":
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def test_a_pseudo_terminal_is_there_inside_the_block_only(rig: Rig) -> None:
+    assert served_buses(rig) == ("servos",)
+    with served(rig, served_buses(rig)) as found:
+        port = found["servos"]["options"]["port"]
+        assert found["servos"]["endpoint"] == port
+        os.close(os.open(port, os.O_RDWR | os.O_NOCTTY))
+    assert not Path(port).exists()
+
+
+def test_a_bus_that_does_not_come_up_is_named(rig: Rig) -> None:
+    can = load_rig(CONFIGS / "bench-canopen-vcan.yaml", ["buses.can.options.channel=no-such-can"])
+    with pytest.raises(DriverError, match="bus can: its simulated devices did not come up"):
+        with served(can, ("can",)):
+            pass
+
+
+def test_devices_end_with_a_run_that_is_killed(tmp_path: Path) -> None:
+    words = ["run", str(CONFIGS / "bench-dynamixel-sim.yaml"), "--out", str(tmp_path / "out")]
+    run = subprocess.Popen(
+        [sys.executable, "-c", "from tautwave.cli import main; main()", *words],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        child = None
+        for _ in range(400):
+            children = Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()
+            found = [
+                pid for pid in children
+                if b"session.serving" in Path(f"/proc/{pid}/cmdline").read_bytes()
+            ]  # fmt: skip
+            if found:
+                child = int(found[0])
+                break
+            time.sleep(0.05)
+        assert child is not None
+        time.sleep(1.0)
+    finally:
+        run.send_signal(signal.SIGKILL)
+        run.wait()
+    assert gone(child)
+
+
+def test_what_cannot_be_served_is_told(rig: Rig) -> None:
+    with pytest.raises(ConfigError, match="there is no bus 'none'; servos"):
+        bus_bench(rig, "none")
+    hardware = load_rig(CONFIGS / "xm430-pair.yaml")
+    with pytest.raises(ConfigError, match="nothing to simulate"):
+        bus_bench(hardware, next(iter(hardware.buses)))
+
+
+def test_sim_of_a_rig_prints_one_line_and_ends_on_a_signal() -> None:
+    command = [sys.executable, "-c", "from tautwave.cli import main; main()", "sim"]
+    process = subprocess.Popen(
+        [*command, str(CONFIGS / "three-bus-sim.yaml")], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    lines = [json.loads(process.stdout.readline()) for _ in range(2)]
+    assert {line["driver"] for line in lines} == {"dynamixel", "modbus"}
+    process.send_signal(signal.SIGINT)
+    rest, _ = process.communicate(timeout=20)
+    assert rest == ""
+    assert process.returncode == 0
