@@ -20,9 +20,9 @@ PAUSE_NS = 5_000_000
 def wait_on(link: Link, clock: Clock, until_ns: int) -> None:
     """Wait until something comes, something is due, or it is time."""
     wake = link.wake_ns
-    limit = until_ns if wake is None else min(wake, until_ns)
-    if link.port is not None:
-        clock.wait(link.port, limit)
+    port = link.port
+    if port is not None:
+        clock.wait(port, until_ns if wake is None or wake > until_ns else wake)
 
 
 def ask_once(link: Link, clock: Clock, unit: int, question: Question, limit_ns: int) -> bytes:

@@ -199,7 +199,7 @@ class ModbusDriver:
         spans: list[int] = []
         for number in range(LOOKS):
             began = self._clock.now_ns()
-            self._start(began)
+            self._start()
             self._collect(began + round(1e9 * self._patience_s))
             silent = [station.label for station in self.stations if not station.errand.whole]
             if not silent:
@@ -312,9 +312,9 @@ class ModbusDriver:
 
     def request(self) -> None:
         """Send the staged commands and ask for the state; TCP drives are all sent to."""
-        self._start(self._clock.now_ns())
+        self._start()
 
-    def _start(self, now_ns: int) -> None:
+    def _start(self) -> None:
         for number, (link, stations) in enumerate(self._groups):
             if link.busy:
                 link.pump()
@@ -323,9 +323,12 @@ class ModbusDriver:
                 link.watch()
             if link.lost and not self._revive(number, link, stations):
                 continue
+            errands = []
             for station in stations:
-                station.errand.begin(station.exchange())
-            link.start([station.errand for station in stations])
+                errand = station.errand
+                errand.begin(station.exchange())
+                errands.append(errand)
+            link.start(errands)
             if link.lost:
                 self._note_loss(number, link, stations)
 
@@ -361,13 +364,11 @@ class ModbusDriver:
             return [MISSING] * len(self._devices)
         self._collect(deadline_ns)
         now = self._clock.now_ns()
-        states = []
         for number, (link, stations) in enumerate(self._groups):
             if link.lost:
                 self._note_loss(number, link, stations)
+        states = [station.settle(now) for station in self.stations]
         for station in self.stations:
-            state = station.settle(now)
-            states.append(state)
             if station.faults:
                 self._faults += station.faults
                 station.faults.clear()

@@ -49,6 +49,7 @@ def crc16(data: bytes | bytearray, crc: int = 0xFFFF) -> int:
     return crc
 
 
+_HEADER = struct.Struct(">HHHB").unpack_from
 REFUSED = 0x80
 MBAP = 7
 IDENTIFY = 0x2B
@@ -69,7 +70,7 @@ class Question:
         Where the words that it writes begin, so that they can be changed.
     """
 
-    __slots__ = ("function", "head", "pdu", "rtu_head", "size", "words_at")
+    __slots__ = ("function", "head", "pdu", "rtu_head", "size", "tcp_head", "words_at")
 
     def __init__(self, pdu: bytes, head: bytes, size: int, words_at: int = 0) -> None:
         self.pdu = bytearray(pdu)
@@ -78,6 +79,7 @@ class Question:
         self.size = size
         self.words_at = words_at
         self.rtu_head: tuple[bytes, int] | None = None
+        self.tcp_head = b""
 
     def put(self, words: Sequence[int]) -> None:
         """Change the words that it writes."""
@@ -153,6 +155,24 @@ def tcp_frame(transaction: int, unit: int, pdu: bytes | bytearray) -> bytes:
     return _vendor().socket.encode(bytes(pdu), unit, transaction)
 
 
+def tcp_question(transaction: int, unit: int, question: Question) -> bytes:
+    """Return the frame of a question; the header's part that stays is made once."""
+    head = question.tcp_head
+    if not head or head[-1] != unit:
+        head = question.tcp_head = tcp_frame(0, unit, question.pdu)[2:MBAP]
+    return transaction.to_bytes(2, "big") + head + question.pdu
+
+
+def only_tcp(data: bytes) -> tuple[int, int, bytes] | None:
+    """Return transaction, unit and PDU where `data` is one frame and nothing else."""
+    if len(data) < MBAP + 1:
+        return None
+    transaction, protocol, length, unit = _HEADER(data)
+    if protocol or length + 6 != len(data) or length < 3:
+        return None
+    return transaction, unit, data[MBAP:]
+
+
 def take_tcp(buffer: bytearray) -> tuple[int, int, bytes] | None:
     """Take transaction, unit and PDU of the first whole frame out of a stream; None if none is.
 
@@ -198,9 +218,11 @@ def take_rtu(data: bytes | bytearray, unit: int, question: Question) -> bytes | 
     function, size = question.function, question.size
     if size and len(data) == size + 3 and data[1] == function and data[0] == unit:
         # Nearly always: the answer alone, and whole.
-        pdu = bytes(data[1:-2])
-        if crc16(data) == 0 and pdu.startswith(question.head):  # over itself a CRC is 0
-            return pdu
+        crc, table = 0xFFFF, _TABLE
+        for byte in data:
+            crc = crc >> 8 ^ table[(crc ^ byte) & 0xFF]
+        if crc == 0 and data.startswith(question.head, 1):  # over itself a CRC is 0
+            return bytes(data[1:-2])
     start = data.find(unit)
     while 0 <= start <= len(data) - 5:
         told = data[start + 1]

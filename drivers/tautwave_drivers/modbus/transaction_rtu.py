@@ -150,10 +150,15 @@ class RtuLink:
     def _take(self, data: bytes, now_ns: int) -> None:
         self._quiet_ns = now_ns + self._gap_ns
         buffer = self._buffer
-        buffer += data
         asked = self._asked
         if asked is not None:
-            pdu = take_rtu(buffer, asked.unit, asked.question)
+            if buffer:
+                buffer += data
+                pdu = take_rtu(buffer, asked.unit, asked.question)
+            else:
+                pdu = take_rtu(data, asked.unit, asked.question)
+                if pdu is None:
+                    buffer += data
             if pdu is not None:
                 buffer.clear()
                 self._asked = None
@@ -163,6 +168,7 @@ class RtuLink:
                 if asked.under_way:
                     self._queue.appendleft(asked)
         else:
+            buffer += data
             self._forgive(buffer)
         if len(buffer) > LONGEST:
             del buffer[:-LONGEST]

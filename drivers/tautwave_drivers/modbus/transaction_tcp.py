@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from tautwave.contracts import BytePort, Clock
 from tautwave.errors import DriverError
 from tautwave_drivers.modbus.errand import Errand, Opener
-from tautwave_drivers.modbus.frames import take_tcp, tcp_frame
+from tautwave_drivers.modbus.frames import only_tcp, take_tcp, tcp_question
 
 RETRY_NS = 100_000_000
 LONGEST = 4096
@@ -120,7 +120,7 @@ class TcpLink:
             self._transaction = transaction = self._transaction % 0xFFFF + 1
             self._waited[transaction] = errand
             errand.asked_ns.append(now_ns)
-            frames.append(tcp_frame(transaction, errand.unit, errand.question.pdu))
+            frames.append(tcp_question(transaction, errand.unit, errand.question))
         if not self._unanswered_ns:
             self._unanswered_ns = now_ns
         try:
@@ -141,22 +141,27 @@ class TcpLink:
             return
         now = self._clock.now_ns()
         buffer = self._buffer
+        if not buffer and (found := only_tcp(data)) is not None:
+            self._take(*found, now)
+            return
         buffer += data
         while (found := take_tcp(buffer)) is not None:
-            transaction, unit, pdu = found
-            errand = self._waited.get(transaction)
-            if errand is None:
-                self.late += 1
-            elif errand.unit == unit and errand.question.fits(pdu):
-                del self._waited[transaction]
-                self._unanswered_ns = 0
-                errand.take(pdu, now)
-                if errand.under_way:
-                    self._send((errand,), now)
-            else:
-                self.strange += 1
+            self._take(*found, now)
         if len(buffer) > LONGEST:
             buffer.clear()
+
+    def _take(self, transaction: int, unit: int, pdu: bytes, now_ns: int) -> None:
+        errand = self._waited.get(transaction)
+        if errand is None:
+            self.late += 1
+        elif errand.unit == unit and errand.question.fits(pdu):
+            del self._waited[transaction]
+            self._unanswered_ns = 0
+            errand.take(pdu, now_ns)
+            if errand.under_way:
+                self._send((errand,), now_ns)
+        else:
+            self.strange += 1
 
     def watch(self) -> None:
         """Drop a connection that stands but answers nothing: nobody says that it is half-open."""
