@@ -10,5 +10,6 @@ from __future__ import annotations
 from tautwave.bench.buses import buses
 from tautwave.bench.result import Goal, Suite, Table
 from tautwave.bench.suites import laws, loop
+from tautwave.bench.workprecision import workprecision
 
-__all__ = ["Goal", "Suite", "Table", "buses", "laws", "loop"]
+__all__ = ["Goal", "Suite", "Table", "buses", "laws", "loop", "workprecision"]

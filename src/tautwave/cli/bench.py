@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 import textwrap
+from pathlib import Path
 from typing import Any
 
 import click
@@ -103,6 +104,36 @@ def buses(cycles: int, as_json: bool) -> None:
         tautwave bench buses --json
     """
     _print([_backend().buses(cycles=cycles, tell=_tell)], as_json)
+
+
+@bench.command(short_help="Error against run time of every integrator, and of its peers.")
+@click.option("--full", is_flag=True, help="More steps over more decades; takes minutes.")
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Directory for CSV, JSON and pictures.",
+)
+@click.option(
+    "--max-error",
+    type=float,
+    default=1e-4,
+    show_default=True,
+    callback=positive,
+    help="What the chosen point of each scene has to meet.",
+)
+@json_option
+def workprecision(full: bool, out: Path | None, max_error: float, as_json: bool) -> None:
+    """Measure error against run time: scenes, schemes, steps over decades, peers.
+
+    SciPy, python-control and MuJoCo take part where they are installed (the extra `bench`).
+
+    \b
+    Examples:
+        tautwave bench workprecision --out wp
+        tautwave bench workprecision --full --out wp
+    """
+    suite = _backend().workprecision(full=full, out=out, max_error=max_error, tell=_tell)
+    _print([suite], as_json)
 
 
 def _backend() -> Any:
