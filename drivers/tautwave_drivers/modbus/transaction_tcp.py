@@ -144,11 +144,26 @@ class TcpLink:
         if not buffer and (found := only_tcp(data)) is not None:
             self._take(*found, now)
             return
-        buffer += data
+        if buffer:
+            buffer += data
+            self._align(buffer)
+        else:
+            buffer += data
         while (found := take_tcp(buffer)) is not None:
             self._take(*found, now)
         if len(buffer) > LONGEST:
             buffer.clear()
+
+    def _align(self, buffer: bytearray) -> None:
+        """Drop what stands before an answer that is waited for.
+
+        A peer that broke off in the middle of an answer would shift all that follow.
+        """
+        places = [
+            buffer.find(transaction.to_bytes(2, "big") + b"\0\0\0") for transaction in self._waited
+        ]
+        at = min((place for place in places if place >= 0), default=0)
+        del buffer[:at]
 
     def _take(self, transaction: int, unit: int, pdu: bytes, now_ns: int) -> None:
         errand = self._waited.get(transaction)

@@ -57,6 +57,8 @@ def test_what_is_valid_is_of_this_cycle_whatever_goes_wrong(link: str, kind: str
     quantum = made.driver.stations[0].device.scale.position
     for position, true in valid:
         assert position == pytest.approx(true, abs=0.51 * quantum)
+    if kind != "answer_late" and link == "tcp":  # one answer that fails costs one sample
+        assert len(valid) > 600 * 0.84
     assert not any(fault.fatal for fault in made.faults())
     made.driver.close()
     assert made.told(0) == 0.0
@@ -226,6 +228,16 @@ def test_commands_that_are_no_number_or_too_great_are_held() -> None:
     for value, counts in ((9.0, 500), (-9.0, -500), (float("nan"), 0), (float("inf"), 500)):
         made.run(2, value)
         assert made.told(0) == counts
+
+
+def test_a_drive_that_failed_is_told_nothing_but_zero() -> None:
+    made = bench()
+    made.enable()
+    made.run(5, 0.5)
+    assert made.told(0) == 500.0
+    made.driver.stations[0].fail("is of no more use")
+    made.run(5, 0.5)
+    assert made.told(0) == 0.0
 
 
 def test_a_wrong_number_of_commands_is_refused() -> None:
