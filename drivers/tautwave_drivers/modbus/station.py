@@ -283,21 +283,20 @@ class Station:
 
     def _refuse(self, pdu: bytes) -> None:
         self._refused += 1
-        text = f"{self.label}: {refusal(pdu)}"
         if self._refused >= REFUSALS and not self.failed:
             self.fail(f"{refusal(pdu)}, {self._refused} times in a row")
         else:
-            self.tell(text.removeprefix(f"{self.label}: "))
+            self.tell(refusal(pdu))
 
     def tell(self, text: str) -> None:
         """Note something that stops nothing, once."""
         if text not in self._told:
             self._told.add(text)
-            self.faults.append(Fault(self.device.axis.name, f"{self.label}: {text}", False))
+            self.faults.append(Fault(self.device.axis.name, f"unit {self.device.unit}: {text}", False))
 
     def fail(self, text: str) -> None:
         """Note why this axis is of no more use, once; its command is the safe one from now on."""
         if not self.failed:
             self.failed = True
             self.stage(0)
-            self.faults.append(Fault(self.device.axis.name, f"{self.label} {text}", True))
+            self.faults.append(Fault(self.device.axis.name, f"unit {self.device.unit} {text}", True))
