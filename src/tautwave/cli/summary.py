@@ -9,7 +9,7 @@ from typing import Any
 from tautwave.cli.show import BAD, GOOD, NOTE, Cell, Section
 from tautwave.report.units import axis_units, count, microseconds, number, quantity, ratio
 
-FILES = ("report.html", "summary.json", "recording.mcap", "rig.yaml")
+FILES = ("report.html", "summary.json", "recording.mcap", "rig.yaml", "output.wav", "scene.gif")
 
 
 def summary_sections(

@@ -6,6 +6,7 @@ Imports pydantic and PyYAML, and nothing heavier.
 from tautwave.config.keys.coupling import Coupling, Loop, Pair, Wall
 from tautwave.config.keys.devices import Axis, Bus, Damping, Inertia, Side
 from tautwave.config.keys.rig import AxisTruth, Rig, bus_spec, simulation_of
+from tautwave.config.keys.scene import Scene, SceneLink, ScenePort
 from tautwave.config.keys.simulation import (
     AxisSimulation,
     Environment,
@@ -50,6 +51,9 @@ __all__ = [
     "Recording",
     "Reference",
     "Rig",
+    "Scene",
+    "SceneLink",
+    "ScenePort",
     "Side",
     "Simulation",
     "SolidWall",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from tautwave.config.checks_scene import check_presence, check_scene
 from tautwave.config.checks_simulation import check_simulation
 from tautwave.config.document import Document, nearest, show_path, show_value
 from tautwave.config.keys.coupling import Pair, Wall
@@ -21,6 +22,8 @@ def check_parts(document: Document, parts: Parts) -> None:
     _check_ids(document, parts)
     for side, name, axis in parts.axes():
         _check_axis(document, parts, side, name, axis)
+    if check_presence(document):
+        check_scene(document, parts)
     _check_coupling(document, parts)
     _check_names(document, parts)
     for name, pair in (parts.pairs or {}).items():
@@ -50,7 +53,8 @@ def _check_buses(document: Document, parts: Parts) -> None:
                 known = ", ".join(parts.buses)
                 hint = nearest(bus, list(parts.buses)) or "."
                 document.report(path, f"unknown bus {bus!r}{hint} Buses: {known}")
-    whole = len(parts.sides) == len(SIDES) and used <= set(parts.buses)
+    sides = 1 if document.get(("scene",)) is not None else len(SIDES)
+    whole = len(parts.sides) == sides and used <= set(parts.buses)
     for name, bus in parts.buses.items():
         if whole and name not in used:
             document.report(("buses", name), "no axis uses this bus; remove it")

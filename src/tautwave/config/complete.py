@@ -31,6 +31,9 @@ def complete_rig(
     rig = rig.model_copy(
         update={"buses": buses, "coupling": rig.coupling.model_copy(update={"pairs": pairs})}
     )
+    if rig.scene is not None and rig.scene.output.port is None:
+        output = rig.scene.output.model_copy(update={"port": next(iter(rig.scene.ports))})
+        rig = rig.model_copy(update={"scene": rig.scene.model_copy(update={"output": output})})
     rig = _complete_quanta(document, rig, plugins)
     if rig.simulation is not None:
         simulation = _complete_simulation(document, rig, rig.simulation)

@@ -13,6 +13,7 @@ from tautwave.config.document import Document
 from tautwave.config.keys.common import Block, Positive
 from tautwave.config.keys.coupling import Coupling, Pair
 from tautwave.config.keys.devices import Axis, Bus
+from tautwave.config.keys.scene import Scene
 from tautwave.config.keys.simulation import (
     AxisSimulation,
     Foam,
@@ -52,6 +53,7 @@ class Parts(NamedTuple):
     truths: dict[str, AxisSimulation | None]
     hands: dict[str, Hand | None]
     environments: dict[str, Block | None]
+    scene: Scene | None = None
 
     def axes(self) -> Iterator[tuple[str, str, Axis]]:
         """Give side, name and axis of every axis that is right by itself."""
@@ -96,6 +98,7 @@ def take_apart(document: Document, plugins: dict[str, DriverPlugin | None]) -> P
         },
         hands={name: salvage(Hand, block) for name, block in _named(get(("simulation", "hand")))},
         environments=environments,
+        scene=salvage(Scene, get(("scene",))),
     )
 
 

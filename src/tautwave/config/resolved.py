@@ -20,6 +20,8 @@ def resolved_yaml(rig: Rig) -> str:
     where they are.
     """
     values = rig.model_dump(mode="json")
+    for key in ("scene",) if rig.scene is None else ("slave", "coupling"):
+        del values[key]
     return "\n".join(["# Resolved rig: every default is explicit.", *_lines(values, 0)]) + "\n"
 
 

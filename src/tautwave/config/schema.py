@@ -23,6 +23,13 @@ def rig_schema() -> dict[str, Any]:
         belief["anyOf"] = [{"type": "number", "minimum": 0}, {"$ref": reference}]
     _add_drivers(definitions)
     _close_names(schema)
+    schema["anyOf"] = [
+        {
+            "required": ["scene"],
+            "not": {"anyOf": [{"required": [k]} for k in ("slave", "coupling")]},
+        },
+        {"required": ["slave", "coupling"]},
+    ]
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema,

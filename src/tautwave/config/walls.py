@@ -11,6 +11,8 @@ from tautwave.config.keys.rig import Rig
 def local_wall(rig: Rig, axis_name: str) -> Wall | None:
     """Return the local wall of an axis such as `master.wrist`, None without one."""
     side, pair = axis_name.split(".")
+    if rig.scene is not None:
+        return None  # its contacts are links
     keys = rig.coupling.pairs[pair]
     return keys.wall_master if side == "master" else keys.wall_slave
 

@@ -64,26 +64,27 @@ def plant_energy(run: Run, ratios: dict[str, float]) -> dict[str, float]:
     gap: dict[str, float] = {}
     uncertainty = 0.0
     found = False
-    for pair in run.pairs:
-        for side in ("master", "slave"):
-            axis = f"{side}.{pair}"
-            weight = 1.0 if side == "master" else 1.0 / ratios.get(pair, 1.0)
-            sent = run.read(f"{axis}.port_energy").get(f"{axis}.port_energy")
-            spread = run.read(f"{axis}.uncertainty").get(f"{axis}.uncertainty")
-            if spread is not None and len(spread):
-                uncertainty += float(spread[-1])
-            balance = _plant_balance(run, axis)
-            motor = run.read(f"plant.{axis}.motor_work").get(f"plant.{axis}.motor_work")
-            if balance is None or sent is None or motor is None or not len(motor):
-                continue
-            found = True
-            residual += abs(weight * balance)
-            # Between its slots the truth of a slow axis is ahead of what the controller knows.
-            served = served_rows(run, axis)
-            sent = sent[served] if len(sent[served]) else sent
-            motor = motor[served] if len(motor[served]) else motor
-            believed = float(sent[-1] - sent[0])
-            gap[axis] = believed + weight * float(motor[-1] - motor[0])
+    sides = [(pair, side) for pair in run.pairs for side in ("master", "slave")]
+    sides += [(port, "master") for port in run.ports]
+    for pair, side in sides:
+        axis = f"{side}.{pair}"
+        weight = 1.0 if side == "master" else 1.0 / ratios.get(pair, 1.0)
+        sent = run.read(f"{axis}.port_energy").get(f"{axis}.port_energy")
+        spread = run.read(f"{axis}.uncertainty").get(f"{axis}.uncertainty")
+        if spread is not None and len(spread):
+            uncertainty += float(spread[-1])
+        balance = _plant_balance(run, axis)
+        motor = run.read(f"plant.{axis}.motor_work").get(f"plant.{axis}.motor_work")
+        if balance is None or sent is None or motor is None or not len(motor):
+            continue
+        found = True
+        residual += abs(weight * balance)
+        # Between its slots the truth of a slow axis is ahead of what the controller knows.
+        served = served_rows(run, axis)
+        sent = sent[served] if len(sent[served]) else sent
+        motor = motor[served] if len(motor[served]) else motor
+        believed = float(sent[-1] - sent[0])
+        gap[axis] = believed + weight * float(motor[-1] - motor[0])
     told = {"uncertainty": uncertainty}
     if found:
         told["plant_residual"] = residual

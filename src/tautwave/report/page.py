@@ -96,6 +96,8 @@ def _body(run: Run, dpi: float) -> Iterator[str | Picture]:
     yield from _head(run)
     for pair in run.pairs:
         yield from _pair(run, pair, dpi)
+    if run.ports:
+        yield from _scene(run, dpi)
     yield from _books(run)
     yield from _timing(run, dpi)
     yield from _axes(run)
@@ -121,6 +123,7 @@ def _head(run: Run) -> Iterator[str]:
         yield banner("This report is incomplete", run.notes, "note")
     yield verdict_rows(verdicts(run))
     links = [(f"Pair {pair}", anchor(pair)) for pair in run.pairs]
+    links += [("Scene", "scene")] if run.ports else []
     links += [
         ("Energy books", "books"),
         ("Timing", "timing"),
@@ -141,7 +144,7 @@ def _subtitle(run: Run) -> str:
         parts.append(f"{quantity(summary['duration_s'], 's')} recorded")
     if run.rate_hz == run.rate_hz:
         parts.append(quantity(run.rate_hz, "Hz"))
-    parts.append(plural(len(run.pairs), "pair"))
+    parts.append("a scene" if run.ports else plural(len(run.pairs), "pair"))
     clock = summary.get("clock")
     if clock:
         parts.append("simulated clock" if clock == "fake" else f"{clock} clock")
@@ -190,6 +193,27 @@ def _pair(run: Run, pair: str, dpi: float) -> Iterator[str | Picture]:
     if figure is not None:
         file = f"{anchor(pair).removeprefix('part-')}-energy.png"
         yield Picture(file, png(figure, dpi), f"{pair}: energy of every element", "")
+
+
+def _scene(run: Run, dpi: float) -> Iterator[str | Picture]:
+    from tautwave.report import scene_figure, scene_view
+    from tautwave.report.canvas import png
+
+    yield '<h2 id="scene">Scene</h2>'
+    view = scene_view.view_scene(run)
+    if view is None:
+        yield '<p class="note">Nothing of the scene was recorded.</p>'
+        return
+    network = view.network
+    ports = ", ".join(network.ports)
+    told = f"{plural(len(network.masses), 'mass')} and {plural(len(network.links), 'link')}"
+    told = told.replace("masss", "masses")
+    yield f'<p class="soft">{escape(told)} under {escape(ports)}.</p>'
+    alt = "positions, effort and energies of the scene"
+    yield Picture("scene.png", png(scene_figure.scene_figure(view), dpi), alt, "")
+    caption = "The scene when the device felt most; scene.gif moves, output.wav sounds."
+    yield Picture("scene-still.png", scene_figure.still(view), "the scene, drawn", caption)
+    yield table(tables.scene_table(run))
 
 
 def _contacts(run: Run, view: PairView) -> Iterator[str]:

@@ -57,8 +57,36 @@ def rebuild_summary(run: Run) -> dict[str, Any]:
             float(e["generated"]) for p in pairs.values() for e in p["elements"].values()
         ),
     }
+    if run.ports:
+        summary["energy_j"] = scene_books(run)
     summary["axes"] = _axes(run)
     return summary
+
+
+def scene_books(run: Run) -> dict[str, float | None]:
+    """Totals of a scene's books [J]: gross flow, residual, and what was fed into it.
+
+    `generated` is what negative dampers and sources made, what held efforts gave back beyond what
+    the devices gave, and what a scheme made of itself.
+    """
+    names = ("residual", "hold", "made", "numeric", "pumped", "kinetic", "stored")
+    read = {name: run.read(f"scene.{name}").get(f"scene.{name}") for name in names}
+    found = {name: values for name, values in read.items() if values is not None}
+    gross = sum(
+        float(v[-1]) for p in run.ports for v in run.read(f"master.{p}.gross_flow").values()
+    )
+    for name in ("pumped", "made"):
+        if name in found:
+            gross += float(np.abs(np.diff(found[name])).sum())
+    inside = [found[name] for name in ("kinetic", "stored") if name in found]
+    if inside:
+        gross += float(np.max(np.sum(inside, axis=0)))
+    residual = float(np.max(np.abs(found["residual"]))) if "residual" in found else 0.0
+    fed = float(found["made"][-1]) if "made" in found else 0.0
+    for name, sign in (("hold", -1.0), ("numeric", 1.0)):
+        if name in found:
+            fed += max(0.0, float(np.max(sign * found[name])))
+    return {"gross_flow": gross, "residual": _known(residual), "generated": fed}
 
 
 def _known(value: float) -> float | None:

@@ -89,11 +89,18 @@ class Run:
     @property
     def pairs(self) -> list[str]:
         """Names of the pairs, in the rig's order."""
+        if "scene" in self.rig:
+            return []
         declared = list(block(self.rig, "coupling", "pairs")) or list(block(self.summary, "pairs"))
         if declared:
             return declared
         ends = {c.split(".")[1] for c in self.columns if c.startswith("master.")}
         return sorted(ends)
+
+    @property
+    def ports(self) -> list[str]:
+        """Names of the axes that touch a scene, in the rig's order; none without a scene."""
+        return list(block(self.rig, "scene", "ports"))
 
     def elements(self, pair: str) -> list[str]:
         """Controller elements of `pair` with an energy account, from summary and recording."""

@@ -10,6 +10,7 @@ from tautwave.report.verdicts import units_of
 from tautwave.report.views import PairView
 
 MOST_CONTACTS = 12
+MOST_ELEMENTS = 40
 
 
 class Table(NamedTuple):
@@ -65,6 +66,24 @@ def element_table(run: Run) -> Table:
 
 
 _ACCOUNT = ("absorbed", "stored", "dissipated", "generated")
+
+
+def scene_table(run: Run) -> Table:
+    """The account of every mass, link, port and string of a scene at the end of the run."""
+    elements = block(run.summary, "scene", "elements")
+    keys = ("kinetic", "stored", "lost", "made", "pumped", "work", "numeric")
+    rows = []
+    for name, told in list(elements.items())[:MOST_ELEMENTS]:
+        cells = [quantity(told[key], "J", 3) if told.get(key) else "–" for key in keys]
+        rows.append((name, *cells))
+    more = len(elements) - len(rows)
+    heads = ("kinetic", "stored", "lost", "fed", "outside force", "port", "by the scheme")
+    return Table(
+        "Scene, by element",
+        ("element", *heads),
+        tuple(rows),
+        f"{more} more are in summary.json." if more > 0 else "",
+    )
 
 
 def books_table(run: Run) -> Table:

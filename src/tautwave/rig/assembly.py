@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tautwave.clock import FakeClock, MonotonicClock
 from tautwave.config import Rig, bus_spec
@@ -18,11 +18,14 @@ from tautwave.runtime.site import SiteAxis
 from tautwave.streams import OVERRUN, uniform_stream
 from tautwave.types import CommandDelay
 
+if TYPE_CHECKING:
+    from tautwave.runtime.scene import SceneRun
+
 NOWHERE: Mapping[str, Mapping[str, Any]] = {}
 
 
 class Assembly(NamedTuple):
-    """A rig, built. `columns` are those of a recorded row, in order."""
+    """A rig, built. `columns` are those of a recorded row, in order; `scene` if there is one."""
 
     clock: Clock
     settings: LoopSettings
@@ -31,6 +34,7 @@ class Assembly(NamedTuple):
     sources: Sequence[RowSource]
     simulators: Sequence[Simulator]
     columns: Sequence[str]
+    scene: SceneRun | None = None
 
 
 def build_rig(
@@ -88,15 +92,33 @@ def build_rig(
             sources.append(driver)
         names = [axis.name for axis in spec.axes]
         for name in names:
-            sites[name] = make_site(rig, name, driver.command_delay)
+            sites[name] = _site(rig, name, driver.command_delay)
         order.extend(names)
         of_axes = [sites[name] for name in names]
         buses.append(LoopBus(bus_name, driver, of_axes, names, bus.divisor))
     pairs = [make_loop_pair(rig, name, sites, order) for name in rig.coupling.pairs]
     rows: list[RowSource] = [PairRow(at.pair) for at in pairs]
+    scene = None
+    if rig.scene is not None:
+        from tautwave.rig.scene import build_scene
+
+        built = build_scene(rig, sites, order, cycles)
+        scene = built.run
+        pairs.extend(built.pairs)
+        rows.append(built.row)
     rows.extend(sources)
     columns = [*TIMING_COLUMNS, *(name for source in rows for name in source.columns)]
-    return Assembly(the_clock, loop_settings(rig, cycles), buses, pairs, rows, simulators, columns)
+    settings = loop_settings(rig, cycles)
+    return Assembly(the_clock, settings, buses, pairs, rows, simulators, columns, scene)
+
+
+def _site(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteAxis:
+    """Return one axis of the controller; a rig without a scene loads nothing of scenes."""
+    if rig.scene is None:
+        return make_site(rig, axis_name, delay)
+    from tautwave.rig.scene import scene_site
+
+    return scene_site(rig, axis_name, delay)
 
 
 def _simulate(
@@ -147,11 +169,12 @@ def make_clock(rig: Rig, clock: str) -> Clock:
 def loop_settings(rig: Rig, cycles: int) -> LoopSettings:
     """Return the loop's settings in cycles."""
     rate = rig.rate_hz
+    ramps = rig.coupling if rig.scene is None else rig.scene
     return LoopSettings(
         period_ns=rig.period_ns,
         cycles=cycles,
-        engage_cycles=round(rig.coupling.engage_ramp_s * rate),
-        release_cycles=round(rig.coupling.release_ramp_s * rate),
+        engage_cycles=round(ramps.engage_ramp_s * rate),
+        release_cycles=round(ramps.release_ramp_s * rate),
         missing_limit=rig.loop.missing_limit,
         overrun_limit=rig.loop.overrun_limit,
     )

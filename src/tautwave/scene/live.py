@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tautwave.errors import ConfigError
+from tautwave.models.interaction import FRICTION, PLASTIC, elastic_tension
 from tautwave.scene.compiling import Compiled, compile_network
 from tautwave.scene.exact import Island, exact_islands, step_exact
-from tautwave.scene.gradient import jump_ports, step_gradient
+from tautwave.scene.gradient import step_gradient
 from tautwave.scene.ledger import Ledger, take_ledger
 from tautwave.scene.network import Network
+from tautwave.scene.pulling import jump_ports
 from tautwave.scene.stepping import move_ports, pull_links, step_symplectic
 from tautwave.scene.strings import TouchedString
 
@@ -28,6 +30,8 @@ class SceneModel:
         everything, and the only one for strings.
     period : float
         T [s].
+    keep_books : bool
+        Take the ledger in every step, for a recorder: `booked`.
 
     Raises
     ------
@@ -35,7 +39,9 @@ class SceneModel:
         The scheme cannot do this network.
     """
 
-    def __init__(self, network: Network, scheme: str, period: float) -> None:
+    def __init__(
+        self, network: Network, scheme: str, period: float, *, keep_books: bool = False
+    ) -> None:
         if scheme not in SCHEMES:
             raise ConfigError(f"there is no scheme {scheme}; there are {', '.join(SCHEMES)}")
         if network.strings and scheme != "discrete_gradient":
@@ -43,6 +49,7 @@ class SceneModel:
         self.network = network
         self.scheme = scheme
         self.period = period
+        self.keep_books = keep_books
         self._ports = range(len(network.ports))
         self._islands: tuple[Island, ...] = ()
         self.reset([0.0] * len(network.ports))
@@ -62,7 +69,7 @@ class SceneModel:
         self._first_port = arrays.count[0]
         if self.scheme == "symplectic":
             pull_links(arrays)
-        self.start = self.ledger()
+        self.start = self.booked = self.ledger()
 
     def advance(self, positions: Sequence[float], pushes: Sequence[float] = ()) -> list[float]:
         """Take where the ports are [m] and what pushes each forced mass [N]; step; give efforts.
@@ -84,6 +91,8 @@ class SceneModel:
                 move_ports(s, port, positions[port], period)
             pull_links(s)
             efforts = [-s.force[first + port] for port in self._ports]
+            if self.keep_books:
+                self.booked = self.ledger()  # between the links' books and the masses' next step
             step_symplectic(s, period)
             return efforts
         for port in self._ports:
@@ -96,15 +105,22 @@ class SceneModel:
             step_gradient(s, period)
             for string in self.strings:
                 string.carry_on(s)
+        if self.keep_books:
+            self.booked = self.ledger()
         return [-s.force[first + port] for port in self._ports]
 
     def resting_efforts(self) -> list[float]:
         """Return what springs and contacts pull the ports with where everything stands [N]."""
-        model = SceneModel(self.network, self.scheme, self.period)
-        first = self._first_port
-        places = [self.arrays.x[first + port] for port in self._ports]
-        model.reset(places)
-        return model.advance(places)
+        s = self.arrays
+        efforts = [0.0] * (s.count[0] + s.count[1])
+        for i in range(s.count[2]):
+            if s.kind[i] < FRICTION and s.k[i] > 0.0:
+                d = s.x[s.a[i]] - s.x[s.b[i]] - s.rest[i] - (s.kind[i] == PLASTIC) * s.set_in[i]
+                pull = elastic_tension(s.kind[i], s.k[i], s.e[i], d)
+                for end, sign in ((s.a[i], 1.0), (s.b[i], -1.0)):
+                    if end < len(efforts):
+                        efforts[end] += sign * pull
+        return efforts[self._first_port :]
 
     def ledger(self) -> Ledger:
         """Return the energies now; what a string's node gives counts as stored on its lines."""

@@ -124,6 +124,8 @@ def _rate(rig: Rig) -> str:
 
 def _coupling(rig: Rig) -> str:
     keys = rig.coupling
+    if rig.scene is not None:
+        return f"none: the master's axes touch a scene, scheme {rig.scene.scheme}"
     if keys.law == "wave":
         return f"wave line, {keys.delay_s:g} s each way ({rig.delay_samples} samples)"
     return f"positions, {keys.delay_s:g} s each way (not passive: for comparison)"

@@ -23,7 +23,7 @@ class PlanItem(NamedTuple):
 
 def rig_plan(rig: Rig, *, clock: str = "real") -> list[PlanItem]:
     """Return every element the framework knows for this rig, in or left out."""
-    items = list(_coupling(rig))
+    items = list(_coupling(rig) if rig.scene is None else _scene(rig))
     for name, keys in rig.coupling.pairs.items():
         items.extend(_pair(rig, name, keys))
     for name, axis in rig.axes.items():
@@ -53,6 +53,32 @@ def _coupling(rig: Rig) -> Iterator[PlanItem]:
     if keys.law == "wave":
         corner = keys.wave_filter_hz
         yield _item("wave filter", corner is not None, f"low-pass at {corner} Hz")
+    yield _item("engage ramp", keys.engage_ramp_s > 0, f"{keys.engage_ramp_s:g} s", "its time is 0")
+    yield _item(
+        "release ramp", keys.release_ramp_s > 0, f"{keys.release_ramp_s:g} s", "its time is 0"
+    )
+
+
+def _scene(rig: Rig) -> Iterator[PlanItem]:
+    from tautwave.rig.scene import pruned_network, scene_of
+
+    keys = scene_of(rig)
+    pruned = pruned_network(rig)
+    network = pruned.network
+    yield _item(f"scheme {keys.scheme}", True, "of the scene")
+    words = f"{len(network.masses)} masses, {len(network.links)} links"
+    if network.strings:
+        words += f", {len(network.strings)} strings"
+    yield _item("scene", True, words)
+    for name, port in keys.ports.items():
+        why = "" if port.stiffness is None else f"k_c {port.stiffness:g} to {port.to}"
+        yield _item(f"coupling spring of {name}", port.to is not None, why, "links are at the axis")
+    yield _item("gravity", keys.gravity != 0.0, f"{keys.gravity:g} m/s^2", "0")
+    for name, force in keys.forces.items():
+        yield _item(f"force {name}", True, f"{force.type} on {force.on}")
+    for sentence in pruned.left_out:
+        part, _, reason = sentence.partition(": ")
+        yield PlanItem(part, "left out", reason)
     yield _item("engage ramp", keys.engage_ramp_s > 0, f"{keys.engage_ramp_s:g} s", "its time is 0")
     yield _item(
         "release ramp", keys.release_ramp_s > 0, f"{keys.release_ramp_s:g} s", "its time is 0"
@@ -111,11 +137,13 @@ def _simulation(rig: Rig, clock: str) -> Iterator[PlanItem]:
     yield _item("simulation", simulation is not None, "devices, hand and environment are models")
     if simulation is None:
         return
-    for name in rig.coupling.pairs:
+    for name in rig.coupling.pairs or rig.master.axes:
         hand = simulation.hand.get(name)
         yield _item(
             f"hand on master.{name}", hand is not None, "" if hand is None else hand.reference.type
         )
+        if rig.scene is not None:
+            continue
         environment = simulation.environment.get(name)
         kind = "free" if environment is None else environment.type
         yield _item(f"environment of slave.{name}", kind != "free", kind, "free")

@@ -152,6 +152,8 @@ def run(
         "buses": _buses(assembly),
         "pairs": _pairs(rig, assembly),
     }
+    if assembly.scene is not None:
+        summary["scene"] = {"elements": assembly.scene.model.elements()}
     return _report(directory, summary, exit_code)
 
 

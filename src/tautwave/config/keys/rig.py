@@ -11,6 +11,7 @@ from pydantic import Field, PrivateAttr
 from tautwave.config.keys.common import Block, Name, Positive
 from tautwave.config.keys.coupling import Coupling, Loop
 from tautwave.config.keys.devices import Axis, Bus, Side
+from tautwave.config.keys.scene import Scene
 from tautwave.config.keys.simulation import AxisSimulation, Simulation
 from tautwave.contracts import AxisSpec, BusSpec
 
@@ -18,8 +19,19 @@ VELOCITY_TIME_CONSTANT_S = 0.002
 """[s] Velocity loop of a simulated admittance axis that does not say its own."""
 
 
+def _no_slave() -> Side:
+    return Side.model_construct(axes={})
+
+
+def _no_coupling() -> Coupling:
+    return Coupling(pairs={})
+
+
 class Rig(Block):
-    """A teleoperation rig: buses, the axes of both sides, their coupling, and a simulated truth."""
+    """A teleoperation rig: buses, the axes of both sides, their coupling, and a simulated truth.
+
+    With a `scene` there is neither slave nor coupling: the master's axes touch a physical model.
+    """
 
     name: Annotated[str, Field(min_length=1)] = Field(description="What the report is headed with.")
     rate_hz: Annotated[float, Field(gt=0, le=1e6)] = Field(description="[Hz] Cycles per second.")
@@ -33,8 +45,16 @@ class Rig(Block):
     seed: int = Field(default=0, description="Every random number of a simulated run follows it.")
     buses: Annotated[dict[Name, Bus], Field(min_length=1)] = Field(description="Buses by name.")
     master: Side = Field(description="The devices in the operator's hand.")
-    slave: Side = Field(description="The devices at the task.")
-    coupling: Coupling = Field(description="How they are coupled.")
+    slave: Side = Field(
+        default_factory=_no_slave, description="The devices at the task; required without a scene."
+    )
+    coupling: Coupling = Field(
+        default_factory=_no_coupling,
+        description="How they are coupled; required without a scene.",
+    )
+    scene: Scene | None = Field(
+        default=None, description="A network of masses and links to touch, instead of a slave."
+    )
     loop: Loop = Field(default_factory=Loop, description="How the loop is run.")
     simulation: Simulation | None = Field(
         default=None, description="The truth that replaces hardware; leave out on a real rig."

@@ -1,0 +1,250 @@
+"""`scene`: a network of masses and links that the master's axes touch, in place of a slave.
+
+A block with `count: n` stands for n parts of the same kind: mass `grain` with count 10 is grain1 to
+grain10, and a link between `grain` and `floor` is ten links. Lengths are in the scene's own metres
+(rad on a rotary axis), positions grow upwards.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from tautwave.config.keys.common import Block, Name, NonNegative, Positive
+
+Exponent = Annotated[float, Field(ge=1, le=10)]
+Ends = Annotated[
+    tuple[Name, Name],
+    Field(description="The two nodes; stretch is position of the first less the second's."),
+]
+
+
+class SceneMass(Block):
+    """A mass, or several of a kind."""
+
+    mass: Positive = Field(description="[kg | kg m^2] Of each.")
+    count: Annotated[int, Field(ge=1, le=100_000)] = Field(
+        default=1, description="How many: NAME1, NAME2, ... if more than one."
+    )
+    position: float = Field(default=0.0, description="[m | rad] Where the first one starts.")
+    spacing: float = Field(default=0.0, description="[m | rad] From each to the next.")
+    velocity: float = Field(default=0.0, description="[m/s | rad/s] At the start.")
+    damping: NonNegative = Field(
+        default=0.0, description="[N s/m | N m s/rad] Of each against the ground."
+    )
+
+
+class Chain(Block):
+    """What all links share."""
+
+    between: Ends
+    chain: bool = Field(
+        default=False, description="Both ends are one group: from each of it to the next."
+    )
+
+
+class SpringLink(Chain):
+    """A spring with a damper beside it, both ways."""
+
+    type: Literal["spring"] = Field(description="Kind of link.")
+    stiffness: Positive = Field(description="[N/m | N m/rad]")
+    damping: NonNegative = Field(default=0.0, description="[N s/m | N m s/rad]")
+    rest: float = Field(default=0.0, description="[m | rad] Stretch at which it is slack.")
+
+
+class DamperLink(Chain):
+    """A damper."""
+
+    type: Literal["damper"] = Field(description="Kind of link.")
+    damping: Positive = Field(description="[N s/m | N m s/rad]")
+
+
+class ContactLink(Chain):
+    """A contact that only pushes: stiffness * depth**exponent * (1 + loss * speed)."""
+
+    type: Literal["contact"] = Field(description="Kind of link.")
+    stiffness: Positive = Field(description="[N/m**exponent]")
+    exponent: Exponent = Field(default=1.0, description="1: linear; 1.5: Hertz; 2: squared.")
+    loss: NonNegative = Field(default=0.0, description="[s/m] Hunt and Crossley's.")
+    gap: float = Field(
+        default=0.0, description="[m | rad] They touch when the first is less above the second."
+    )
+
+
+class NonlinearLink(Chain):
+    """A spring that gets stiffer both ways: stiffness * stretch**exponent."""
+
+    type: Literal["nonlinear"] = Field(description="Kind of link.")
+    stiffness: Positive = Field(description="[N/m**exponent]")
+    exponent: Exponent = Field(description="3: cubic.")
+    rest: float = Field(default=0.0, description="[m | rad] Stretch at which it is slack.")
+
+
+class PlasticLink(Chain):
+    """A spring that gives way above a force and stays there: clay, or a plectrum."""
+
+    type: Literal["plastic"] = Field(description="Kind of link.")
+    stiffness: Positive = Field(description="[N/m | N m/rad]")
+    yield_force: Positive = Field(description="[N | N m]")
+    damping: NonNegative = Field(default=0.0, description="[N s/m | N m s/rad]")
+
+
+class FrictionLink(Chain):
+    """Dry friction, rounded off below a speed."""
+
+    type: Literal["friction"] = Field(description="Kind of link.")
+    force: Positive = Field(description="[N | N m]")
+    speed: Positive = Field(default=1e-3, description="[m/s | rad/s]")
+
+
+class BowLink(Chain):
+    """Friction that falls with speed, as under a bow: greatest at `speed`."""
+
+    type: Literal["bow"] = Field(description="Kind of link.")
+    force: Positive = Field(description="[N | N m]")
+    speed: Positive = Field(default=0.05, description="[m/s | rad/s]")
+
+
+class NegativeDamperLink(Chain):
+    """A damper that feeds. Nothing with one is certified."""
+
+    type: Literal["negative_damper"] = Field(description="Kind of link.")
+    damping: Positive = Field(description="[N s/m | N m s/rad] That it gives.")
+
+
+class EnergySourceLink(Chain):
+    """A motor that gives its power away at any speed. Nothing with one is certified."""
+
+    type: Literal["energy_source"] = Field(description="Kind of link.")
+    power: Positive = Field(description="[W]")
+    speed: Positive = Field(default=0.01, description="[m/s | rad/s] Below it less.")
+
+
+SceneLink = Annotated[
+    SpringLink
+    | DamperLink
+    | ContactLink
+    | NonlinearLink
+    | PlasticLink
+    | FrictionLink
+    | BowLink
+    | NegativeDamperLink
+    | EnergySourceLink,
+    Field(discriminator="type"),
+]
+
+
+class ScenePort(Block):
+    """An axis as a node of the scene, named as the axis; `to` couples it by a spring."""
+
+    to: Name | None = Field(default=None, description="Node the coupling spring ends at.")
+    stiffness: Positive | None = Field(
+        default=None, description="[N/m | N m/rad] Coupling spring k_c; required with `to`."
+    )
+    damping: NonNegative = Field(default=0.0, description="[N s/m | N m s/rad] Beside k_c.")
+    position_scale: Positive = Field(
+        default=1.0, description="Motion in the scene per motion of the axis; power is kept."
+    )
+    offset: float = Field(
+        default=0.0, description="[m | rad] Where in the scene the axis is when it reads 0."
+    )
+
+
+class SceneString(Block):
+    """A string at the point where it is touched; a node without mass."""
+
+    impedance: Positive = Field(description="[N s/m] sqrt(tension * mass per length).")
+    frequency_hz: Positive = Field(description="[Hz] Pitch; made a whole number of samples.")
+    position: Annotated[float, Field(gt=0, lt=1)] = Field(
+        default=0.1, description="Share of the length at which it is touched."
+    )
+    reflection: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=0.995, description="Of a wave at either end."
+    )
+    brightness_hz: Positive | None = Field(
+        default=None, description="[Hz] Corner of a low-pass at either end; none: lossless there."
+    )
+
+
+class SineForce(Block):
+    """A tone."""
+
+    type: Literal["sine"] = Field(description="Kind of force.")
+    on: Name = Field(description="Mass, or group of masses.")
+    amplitude: Positive = Field(description="[N | N m]")
+    frequency_hz: Positive = Field(description="[Hz]")
+
+
+class NoiseForce(Block):
+    """Noise from the rig's seed, another one for each mass of a group."""
+
+    type: Literal["noise"] = Field(description="Kind of force.")
+    on: Name = Field(description="Mass, or group of masses.")
+    amplitude: Positive = Field(description="[N | N m] Standard deviation.")
+    low_hz: Positive = Field(default=20.0, description="[Hz] Lower corner.")
+    high_hz: Positive = Field(default=2000.0, description="[Hz] Upper corner.")
+
+
+class TapForce(Block):
+    """Short taps at random from the rig's seed, another pattern for each mass of a group."""
+
+    type: Literal["taps"] = Field(description="Kind of force.")
+    on: Name = Field(description="Mass, or group of masses.")
+    amplitude: Positive = Field(description="[N | N m] Greatest.")
+    per_second: Positive = Field(description="[1/s] How many on average.")
+    length_s: Positive = Field(default=0.002, description="[s] Of each, half a sine.")
+
+
+SceneForce = Annotated[SineForce | NoiseForce | TapForce, Field(discriminator="type")]
+
+
+class SceneOutput(Block):
+    """What is heard: the force on a port, high-passed, as output.wav of a run."""
+
+    port: Name | None = Field(default=None, description="Default: the first.")
+    highpass_hz: Positive = Field(default=20.0, description="[Hz] Corner.")
+
+
+class Scene(Block):
+    """A mass-interaction network under the hand."""
+
+    scheme: Literal["exact", "symplectic", "discrete_gradient"] = Field(
+        default="discrete_gradient",
+        description="exact: linear networks, any rate; symplectic: the standard one, w T < 2; "
+        "discrete_gradient: keeps the energy at any stiffness.",
+    )
+    gravity: float = Field(default=0.0, description="[m/s^2] Downwards.")
+    masses: dict[Name, SceneMass] = Field(default_factory=dict, description="By name.")
+    grounds: dict[Name, float] = Field(
+        default_factory=dict, description="[m | rad] Fixed nodes by name; `ground` is at 0."
+    )
+    strings: dict[Name, SceneString] = Field(default_factory=dict, description="By name.")
+    links: dict[Name, SceneLink] = Field(default_factory=dict, description="By name.")
+    ports: Annotated[dict[Name, ScenePort], Field(min_length=1)] = Field(
+        description="One per axis of the master, by the axis' name."
+    )
+    forces: dict[Name, SceneForce] = Field(
+        default_factory=dict, description="Outside forces on masses, by name."
+    )
+    record: list[Name] = Field(
+        default_factory=list,
+        description="Masses to keep and record although no port feels them.",
+    )
+    output: SceneOutput = Field(default_factory=SceneOutput, description="What is heard.")
+    engage_ramp_s: NonNegative = Field(
+        default=0.2, description="[s] The scene's efforts fade in over this time."
+    )
+    release_ramp_s: NonNegative = Field(
+        default=0.2, description="[s] The scene's efforts fade out over this time."
+    )
+
+    def size_of(self, name: str) -> int:
+        """Return how many nodes a name stands for."""
+        mass = self.masses.get(name)
+        return 1 if mass is None else mass.count
+
+    def nodes_of(self, name: str) -> list[str]:
+        """Return the nodes a name stands for."""
+        count = self.size_of(name)
+        return [name] if count == 1 else [f"{name}{at + 1}" for at in range(count)]

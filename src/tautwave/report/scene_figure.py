@@ -1,0 +1,128 @@
+"""The still figure of a scene: where everything is, what the device feels, where energy went."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tautwave.report.canvas import (
+    DAMPER,
+    FILTER,
+    INK,
+    LINE,
+    MASTER,
+    SLAVE,
+    SOFT,
+    WALL,
+    heading,
+    panels,
+)
+from tautwave.report.canvas import legend as draw_legend
+from tautwave.report.envelope import Floats
+from tautwave.report.scene_drawing import draw_frame, liveliest
+from tautwave.report.scene_sound import output_signal
+from tautwave.report.scene_view import SceneView
+from tautwave.report.units import scale_for
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST_POINTS = 3000
+_STYLE = {
+    "kinetic": (MASTER, "kinetic"),
+    "stored": (SLAVE, "stored in links"),
+    "lifted": (WALL, "lifted"),
+    "lost": (DAMPER, "lost"),
+    "made": (LINE, "fed"),
+    "port_work": (INK, "from the devices"),
+    "pumped": (FILTER, "from outside forces"),
+    "hold": (SOFT, "hold and limits"),
+}
+
+
+def _thin(*series: Floats) -> list[Floats]:
+    """Return the extremes of every stretch, so that no peak is lost."""
+    count = len(series[0])
+    if count <= MOST_POINTS:
+        return list(series)
+    step = -(-count // (MOST_POINTS // 2))
+    rows = np.arange(0, count // step * step).reshape(-1, step)
+    lead = series[-1][rows]
+    at = np.sort(
+        np.stack([rows[:, 0] + lead.argmin(axis=1), rows[:, 0] + lead.argmax(axis=1)], axis=1)
+    ).ravel()
+    return [values[at] for values in series]
+
+
+def scene_figure(view: SceneView) -> Figure:
+    """Return the figure: positions, effort and sound, energies, and the scene at its liveliest."""
+    figure, (place, effort, energy) = panels([2.4, 1.7, 2.0], "The scene")
+    _positions(place, view)
+    for name, values in view.efforts.items():
+        time, thin = _thin(view.time, values)
+        effort.plot(time, thin, color=MASTER, linewidth=0.9, label=f"{name}, resisting")
+    time, thin = _thin(view.time, output_signal(view))
+    effort.plot(time, thin, color=SLAVE, linewidth=0.6, alpha=0.8, label="heard, high-passed")
+    effort.set_ylabel("effort [N]")
+    heading(effort, "What the device feels")
+    draw_legend(effort)
+    _energies(energy, view)
+    return figure
+
+
+def _positions(axes: Axes, view: SceneView) -> None:
+    fixed = {name for name, _ in view.network.grounds}
+    used = {end for link in view.network.links for end in (link.a, link.b)}
+    peak = max(float(np.abs(values).max()) for name, values in view.at.items() if name in used)
+    factor, unit = scale_for(peak, "m")
+    masses = [name for name in view.at if name not in fixed and name not in view.network.ports]
+    for at, name in enumerate(masses):
+        time, thin = _thin(view.time, view.at[name])
+        shade = 0.35 + 0.5 * at / max(len(masses), 1)
+        label = f"{len(masses)} masses" if len(masses) > 1 else name
+        axes.plot(
+            time,
+            factor * thin,
+            color=SLAVE,
+            alpha=shade if len(masses) > 1 else 1.0,
+            linewidth=0.8,
+            label=label if at == 0 else None,
+        )
+    for name in view.network.ports:
+        time, thin = _thin(view.time, view.at[name])
+        axes.plot(time, factor * thin, color=MASTER, linewidth=1.6, label=f"{name}, in the hand")
+    for name in sorted(fixed & used):
+        axes.axhline(factor * float(view.at[name][0]), color=SOFT, linewidth=1.2, label=name)
+    axes.set_ylabel(f"position [{unit}]")
+    heading(axes, "Where everything is")
+    draw_legend(axes)
+
+
+def _energies(axes: Axes, view: SceneView) -> None:
+    shown = {name: values for name, values in view.energies.items() if name in _STYLE}
+    peak = max((float(np.abs(values - values[0]).max()) for values in shown.values()), default=0.0)
+    factor, unit = scale_for(peak, "J")
+    for name, values in shown.items():
+        if np.abs(values - values[0]).max() <= 1e-6 * peak:
+            continue
+        colour, label = _STYLE[name]
+        start = values[0] if name == "lifted" else 0.0
+        time, thin = _thin(view.time, values - start)
+        axes.plot(time, factor * thin, color=colour, linewidth=1.2, label=label)
+    axes.set_ylabel(f"energy [{unit}]")
+    axes.set_xlabel("time [s]")
+    heading(axes, "Where the energy came from, and where it is")
+    draw_legend(axes)
+
+
+def still(view: SceneView) -> bytes:
+    """Return the scene at its liveliest row as PNG: a frame of the animation."""
+    import io
+
+    window = max(round(0.002 * view.rig.rate_hz), 1)
+    row = min(liveliest(view, window) + window // 2, len(view.time) - 1)
+    buffer = io.BytesIO()
+    draw_frame(view, row).save(buffer, "PNG")
+    return buffer.getvalue()

@@ -1,0 +1,212 @@
+"""A scene in the loop: axes of the master as its ports, and its books.
+
+All ports of a cycle are closed first; the last one advances the scene by one period with what is
+measured now, and every axis gets the effort that answers it: the paper's one-sample structure. What
+ramp and limits cut off, and what a held effort creates, is the difference between what the devices
+gave and what the network got: `hold`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tautwave.contracts import Row
+from tautwave.laws.limit import guard_axis, limit_effort
+from tautwave.runtime.books import axis_columns, fill_axis
+from tautwave.runtime.pair import Pair, PairScale
+from tautwave.runtime.site import SiteAxis
+from tautwave.scene.ledger import Ledger
+from tautwave.scene.live import SceneModel
+from tautwave.types import JointState
+
+MOST_NODES = 100
+"""Positions of more nodes are not recorded."""
+
+
+class SceneAxis(SiteAxis):
+    """An impedance axis that renders an effort from elsewhere, within its limits."""
+
+    __slots__ = ()
+
+    def render(self, effort: float, ceiling: float) -> int:
+        """Send a resisting effort [N m or N]; return the guard's code (0: all is well)."""
+        limit = self.params.limit
+        guard = guard_axis(limit, self.position, self.velocity)
+        if guard or self.stopping:
+            self.stop_command(ceiling)
+            return guard
+        total = limit_effort(limit, effort, self._command_total, ceiling)
+        self.asked = effort
+        self._command_total = total
+        self.port_effort = total
+        self.command = -total
+        return 0
+
+
+class SceneRun:
+    """The scene of a run, its axes, and how their positions are the scene's.
+
+    Parameters
+    ----------
+    model : SceneModel
+        With books.
+    sites : sequence of SceneAxis
+        One per port of the network, in its order.
+    scales, offsets : sequences of float
+        Position in the scene: scale * position of the axis + offset.
+    forces : sequence of sequences of float
+        Outside force on each forced mass by slot [N]; 0 after its end.
+    """
+
+    def __init__(
+        self,
+        model: SceneModel,
+        sites: Sequence[SceneAxis],
+        scales: Sequence[float],
+        offsets: Sequence[float],
+        forces: Sequence[Sequence[float]],
+    ) -> None:
+        self.model = model
+        self.sites = sites
+        self._scales = scales
+        self._offsets = offsets
+        self._forces = forces
+        self._slots = min(map(len, forces), default=0)
+        self.slot = 0
+        self.positions = [0.0] * len(sites)
+        self.efforts = [0.0] * len(sites)
+        self.guards = [0] * len(sites)
+
+    def place(self, port: int) -> None:
+        """Take where an axis was measured."""
+        self.positions[port] = self._scales[port] * self.sites[port].position + self._offsets[port]
+
+    def begin(self) -> None:
+        """Start the scene with the ports where they are."""
+        self.model.reset(self.positions)
+        self.slot = 0
+
+    def resting(self, port: int) -> float:
+        """Return what the scene at rest would ask of an axis [N m or N]."""
+        return self._scales[port] * self.model.resting_efforts()[port]
+
+    def think(self, skipped: int, ramp: float) -> None:
+        """Advance over the slots that went by and this one; render what the scene answers."""
+        for _ in range(skipped + 1):
+            at = self.slot
+            self.slot = at + 1
+            pushes = [force[at] for force in self._forces] if at < self._slots else self._silence
+            efforts = self.model.advance(self.positions, pushes)
+        for port, site in enumerate(self.sites):
+            effort = self._scales[port] * efforts[port]
+            self.efforts[port] = effort
+            if site.valid:
+                self.guards[port] = site.render(effort, ramp * site.ceiling)
+            elif site.stopping:
+                site.fade(ramp * site.ceiling)
+
+    @property
+    def _silence(self) -> list[float]:
+        return [0.0] * len(self._forces)
+
+    def absorbed(self) -> float:
+        """Return the energy that the devices gave [J]."""
+        return sum(site.port_absorbed for site in self.sites)
+
+    def ledger(self) -> Ledger:
+        """Return the energies of the scene at the last sample."""
+        return self.model.booked
+
+
+class ScenePort(Pair):
+    """One axis of a scene, to the loop a pair whose two sides are the same axis."""
+
+    def __init__(self, name: str, run: SceneRun, port: int) -> None:
+        site = run.sites[port]
+        super().__init__(name, site, site, PairScale(1.0, 1.0, 1.0, 1.0))
+        self.run = self._run = run
+        self._port = port
+        self._site = run.sites[port]
+        self._last = port == len(run.sites) - 1
+
+    def start(self, master: JointState, slave: JointState, offset: float | None) -> None:
+        """Start at the measured position; the scene begins anew."""
+        self.master.start(master.position, master.effort, 0.0)
+        self._run.place(self._port)
+        self._run.begin()
+
+    def arm(self, share: float) -> bool:
+        """Return True when the scene at rest asks for less than `share` of the limit."""
+        return abs(self._run.resting(self._port)) <= share * self._site.params.limit.effort
+
+    def engage(self, ramp: float) -> None:
+        """Think for the first time."""
+        if self._last:
+            self._run.begin()
+            self._run.think(0, ramp)
+
+    def cycle(self, master: JointState, slave: JointState, skipped: int, ramp: float) -> None:
+        """Close this axis; the last one lets the scene think."""
+        site = self._site
+        for _ in range(skipped + 1):
+            site.pass_slot()
+        position, _, effort, valid, _ = master
+        if valid:
+            site.close(position, effort)
+            self._run.place(self._port)
+        else:
+            site.miss()
+        if self._last:
+            self._run.think(skipped, ramp)
+        self.guard = self._run.guards[self._port]
+
+    def position_error(self) -> float:
+        """Return 0: nothing follows this axis."""
+        return 0.0
+
+    def effort_error(self) -> float:
+        """Return by how much limits and ramp changed what the scene asked for [N m or N]."""
+        return self._site.port_effort - self._run.efforts[self._port]
+
+
+class SceneRow:
+    """The columns of a scene: its axes, its energies, where its nodes are.
+
+    `scene.hold` is what the devices gave less what the network got; `scene.asked.PORT` what the
+    scene asked for before ramp and limits.
+    """
+
+    def __init__(self, run: SceneRun) -> None:
+        self._run = run
+        model = run.model
+        names = model.compiled.masses[:MOST_NODES]
+        self._nodes = range(len(names))
+        ports = model.network.ports
+        self.columns: list[str] = []
+        for port, site in zip(ports, run.sites, strict=True):
+            self.columns += axis_columns(f"master.{port}", site)
+        self.columns += [f"scene.{name}" for name in Ledger._fields]
+        self.columns += ["scene.residual", "scene.hold"]
+        self.columns += [f"scene.asked.{port}" for port in ports]
+        self.columns += [f"scene.at.{name}" for name in names]
+
+    def fill(self, row: Row, at: int) -> None:
+        """Write all columns of the scene at index `at`."""
+        run = self._run
+        for site in run.sites:
+            at = fill_axis(site, 1.0, row, at)
+        told = run.ledger()
+        start = run.model.start
+        for value in told:
+            row[at] = value
+            at += 1
+        row[at] = told.residual(start)
+        row[at + 1] = run.absorbed() - (told.port_work - start.port_work)
+        at += 2
+        for effort in run.efforts:
+            row[at] = effort
+            at += 1
+        x = run.model.arrays.x
+        for node in self._nodes:
+            row[at] = x[node]
+            at += 1
