@@ -292,11 +292,15 @@ class Station:
         """Note something that stops nothing, once."""
         if text not in self._told:
             self._told.add(text)
-            self.faults.append(Fault(self.device.axis.name, f"unit {self.device.unit}: {text}", False))
+            self.faults.append(
+                Fault(self.device.axis.name, f"unit {self.device.unit}: {text}", False)
+            )
 
     def fail(self, text: str) -> None:
         """Note why this axis is of no more use, once; its command is the safe one from now on."""
         if not self.failed:
             self.failed = True
             self.stage(0)
-            self.faults.append(Fault(self.device.axis.name, f"unit {self.device.unit} {text}", True))
+            self.faults.append(
+                Fault(self.device.axis.name, f"unit {self.device.unit} {text}", True)
+            )

@@ -237,3 +237,18 @@ def test_many_slow_drives_on_one_line_are_all_enabled() -> None:
     assert all(made.world.bus.drives[unit].on for unit in range(1, 6))
     made.driver.close()
     assert not any(made.world.bus.drives[unit].on for unit in range(1, 6))
+
+
+def test_drives_that_were_disabled_can_be_enabled_again() -> None:
+    made = bench()
+    made.enable()
+    made.run(5, 0.5)
+    made.driver.disable()
+    assert not made.world.bus.drives[1].on
+    for _ in range(100):
+        if made.driver.enable_step():
+            break
+        made.clock.sleep_until(made.clock.now_ns() + made.bus.period_ns)
+    made.run(5, 0.5)
+    assert made.told(0) == 500.0
+    made.driver.close()

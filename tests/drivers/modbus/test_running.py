@@ -89,7 +89,7 @@ def test_a_late_answer_is_not_taken_for_the_next() -> None:
     for state, true in told:
         if state.valid:
             assert state.position == pytest.approx(true, abs=0.51 * quantum)
-    link = made.driver._groups[0][0]
+    link = made.driver._links.groups[0][0]
     assert link.late == 1
 
 
