@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from tautwave.cli.options import echo_json, json_option, positive
+from tautwave.cli.options import echo_json, json_option, out_option, positive
 from tautwave.cli.show import BAD, GOOD, NOTE, Cell, Section, show
 
 QUICK_REALTIME_S = 5.0
@@ -133,6 +133,29 @@ def workprecision(full: bool, out: Path | None, max_error: float, as_json: bool)
         tautwave bench workprecision --full --out wp
     """
     suite = _backend().workprecision(full=full, out=out, max_error=max_error, tell=_tell)
+    _print([suite], as_json)
+
+
+@bench.command(short_help="Models and whole rigs where numbers are hardest.")
+@click.option("--full", is_flag=True, help="1e9 steps of the conservative scenes, not 1e7.")
+@out_option("Where the tables go as CSV; default: nowhere.")
+@json_option
+def extremes(full: bool, out: Path | None, as_json: bool) -> None:
+    """Run stiff and extreme cases: what is refused, what goes wrong, by how much.
+
+    Contacts from 1 to 1e9 N/m on 1 mg to 100 kg with every scheme, whole rigs with one thing at
+    its extremes, and ten million (--full: a thousand million) steps of scenes that lose nothing.
+
+    \b
+    Examples:
+        tautwave bench extremes
+        tautwave bench extremes --full --out runs/extremes --json
+    """
+    from tautwave.bench.extremes import write_tables
+
+    suite = _backend().extremes(full=full, tell=_tell)
+    if out is not None:
+        write_tables(suite, out)
     _print([suite], as_json)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tautwave.config import Foam, Rig, SolidWall, Spring, simulation_of
+from tautwave.errors import ConfigError
 from tautwave.models.foam import FoamParams, foam_substeps
 from tautwave.models.plant_params import PlantParams
 from tautwave.models.servo import ServoParams
@@ -15,6 +16,9 @@ from tautwave.motion import reference_positions
 from tautwave.rig.integration import Integrated, integrated
 from tautwave.truth import AxisModel
 from tautwave.types import CommandDelay
+
+LIGHTEST = 1e-30
+"""Inertia below which powers of rates and periods leave the range of floats, SI."""
 
 SEED_WORD = 2**32  # NumPy's seeds are not negative
 
@@ -76,6 +80,11 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         wall_position=0.0 if wall is None else wall.position,
         wall_side=-1.0 if wall is not None and wall.side == "below" else 1.0,
     )
+    if plant.mass < LIGHTEST:
+        raise ConfigError(
+            f"simulation.axes.{axis_name}.inertia: {plant.mass:g} with its hand is too small to "
+            f"compute with; give {LIGHTEST:g} or more"
+        )
     foam = None
     if isinstance(environment, Foam):
         foam = foam_params(period, environment, plant, truth.effort_limit)
