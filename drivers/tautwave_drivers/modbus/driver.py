@@ -94,9 +94,7 @@ class ModbusDriver:
                     bringup.run()
             links.gather()
             self._look(links)
-            self._enabling = Enabling(
-                links, self._options, self._bus, self._clock, self._patience_s
-            )
+            self._enabling = self._fresh(links)
         except BaseException:
             self.close()
             raise
@@ -121,6 +119,9 @@ class ModbusDriver:
     def _make_links(self) -> Links:
         self.stations = self.make_stations()
         return Links(self._options, self._bus, self._clock, self._transport, self.stations)
+
+    def _fresh(self, links: Links) -> Enabling:
+        return Enabling(links, self._options, self._bus, self._clock, self._patience_s)
 
     def make_stations(self) -> list[Station]:
         """Return a fresh station for every device."""
@@ -267,6 +268,7 @@ class ModbusDriver:
                 station.walk = None
                 station.on = False
         self._forget()
+        self._enabling = self._fresh(links)
 
     def _let_go(self, asker: Asker, station: Station) -> None:
         """Zero command first, whatever the rest of it meets."""
