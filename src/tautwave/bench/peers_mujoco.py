@@ -19,11 +19,12 @@ from tautwave.bench import workprecision_linear as resonator
 from tautwave.bench.peers import missing
 from tautwave.bench.workprecision_contact import Array, ContactScene
 from tautwave.bench.workprecision_points import Point, cpu_time
-from tautwave.bench.workprecision_rig import RigScene, rig_errors, with_scheme
+from tautwave.bench.workprecision_rig import RigScene, rig_errors
 from tautwave.models.integrators import EXACT
 from tautwave.models.plant_params import PlantParams
 from tautwave.offline.pack import Job, pack_rig
 from tautwave.offline.records import Body, DeviceParams
+from tautwave.offline.schemes import with_scheme
 
 INTEGRATORS = ("Euler", "RK4")
 _FAR = 1e3

@@ -25,9 +25,9 @@ from tautwave.bench.workprecision_rig import (
     is_there,
     rig_scene,
     run_job,
-    with_scheme,
 )
 from tautwave.errors import ConfigError, RecordingError
+from tautwave.offline.schemes import with_scheme
 
 MAX_ERROR = 1e-4
 PEER_FACTOR = 100.0

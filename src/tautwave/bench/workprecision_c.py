@@ -13,9 +13,10 @@ from typing import Any
 from tautwave.bench.result import Goal, Table, Value
 from tautwave.bench.workprecision_contact import ContactScene, compiled, run_method
 from tautwave.bench.workprecision_points import ROUNDS
-from tautwave.bench.workprecision_rig import RigScene, run_job, with_scheme
+from tautwave.bench.workprecision_rig import RigScene, run_job
 from tautwave.models.integrators import DORMAND_PRINCE, EXACT, SCHEMES
 from tautwave.offline.pack import pack_rig
+from tautwave.offline.schemes import with_scheme
 
 LIMIT = 1.3
 STEPS = 131

@@ -18,10 +18,10 @@ from tautwave.bench.chunks import TOLERANCE, calibrate
 from tautwave.bench.rigs import CONFIGS
 from tautwave.bench.workprecision_points import ROUNDS, Point, Scene
 from tautwave.config import Rig, load_rig
-from tautwave.models.foam import FoamParams
 from tautwave.models.integrators import DORMAND_PRINCE, EXACT, SCHEMES
-from tautwave.offline.pack import NO_FOAM, Job, pack_rig
-from tautwave.offline.records import FOAM, PLANT, DeviceParams
+from tautwave.offline.pack import Job, pack_rig
+from tautwave.offline.records import PLANT
+from tautwave.offline.schemes import with_scheme
 from tautwave.rig import axis_integration
 
 Array = npt.NDArray[np.float64]
@@ -51,26 +51,6 @@ WAVE_FOAM = RigScene("wave-foam", "bench-foam-loopback.yaml")
 def is_there(scene: RigScene) -> bool:
     """Return whether the checkout's configs are at hand."""
     return (CONFIGS / scene.shipped).is_file()
-
-
-def contact_of(device: DeviceParams) -> FoamParams:
-    """Return what a device meets as a contact law, whichever physics moves it."""
-    if device.kind == FOAM:
-        return device.foam
-    p = device.plant
-    return FoamParams(p.wall_stiffness, 1.0, 0.0, p.wall_position, p.wall_side, 1, p.wall_damping)
-
-
-def with_scheme(job: Job, scheme: int, substeps: int, tolerance: float) -> Job:
-    """Return a job whose devices are moved by one scheme."""
-    devices = []
-    for device in job.devices:
-        if scheme == EXACT:
-            devices.append(device._replace(kind=PLANT, foam=NO_FOAM))
-            continue
-        foam = contact_of(device)._replace(scheme=scheme, substeps=substeps, tolerance=tolerance)
-        devices.append(device._replace(kind=FOAM, foam=foam))
-    return job._replace(devices=tuple(devices))
 
 
 class RigRun(NamedTuple):

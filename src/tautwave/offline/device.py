@@ -10,7 +10,7 @@ from tautwave.models.foam import foam_forces, foam_stored
 from tautwave.models.integrators import integrate_step
 from tautwave.models.plant import plant_forces, plant_step, plant_stored
 from tautwave.models.servo import servo_forces, servo_step, servo_stored
-from tautwave.offline.records import FOAM, PLANT, SERVO, Body, DeviceParams
+from tautwave.offline.records import FOAM, HELD, PLANT, SERVO, Body, DeviceParams
 
 
 def command_body(b: Body, d: DeviceParams, value: float) -> None:
@@ -45,6 +45,10 @@ def move_body(
 ) -> None:
     """Move by `h` under a constant command and a hand reference of constant rate."""
     before = b.x
+    if d.kind == HELD:
+        b.x = reference + rate * h
+        b.v = rate
+        return
     if d.kind == PLANT:
         x, v, mode, work, grip, viscous, coulomb, environment = plant_step(
             d.plant, d.cache, before, b.v, b.mode, command, reference, rate, h

@@ -20,6 +20,8 @@ from tautwave.models.servo import ServoParams
 PLANT = 0
 FOAM = 1
 SERVO = 2
+HELD = 3
+"""Physics of a device; HELD moves with its hand's reference, whatever its motor does."""
 
 FINISHED = 0
 MISSING = 1

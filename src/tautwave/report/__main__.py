@@ -13,12 +13,14 @@ def main() -> int:
     from tautwave.report import write_report
     from tautwave.report.after_run import recheck_run
     from tautwave.report.complete import complete_summary
+    from tautwave.report.precision import measure_precision
     from tautwave.report.scene import write_scene
 
     directory = Path(sys.argv[1])
     try:
         complete_summary(directory)
         recheck_run(directory)
+        measure_precision(directory)
         write_report(directory)
         write_scene(directory)
     except TautwaveError as err:

@@ -99,6 +99,7 @@ def _body(run: Run, dpi: float) -> Iterator[str | Picture]:
     if run.ports:
         yield from _scene(run, dpi)
     yield from _books(run)
+    yield from _precision(run)
     yield from _timing(run, dpi)
     yield from _axes(run)
     yield from _contents(run)
@@ -126,6 +127,7 @@ def _head(run: Run) -> Iterator[str]:
     links += [("Scene", "scene")] if run.ports else []
     links += [
         ("Energy books", "books"),
+        ("Precision", "precision"),
         ("Timing", "timing"),
         ("Axes", "axes"),
         ("In and left out", "contents"),
@@ -240,6 +242,17 @@ def _books(run: Run) -> Iterator[str]:
     yield table(tables.books_table(run))
     yield table(tables.element_table(run))
     yield table(tables.plant_table(run))
+
+
+def _precision(run: Run) -> Iterator[str]:
+    from tautwave.report.precision_table import precision_sentences, precision_tables
+
+    yield '<h2 id="precision">Precision</h2>'
+    sentences = list(precision_sentences(run))
+    for sentence in sentences or ["Not computed for this run."]:
+        yield f'<p class="soft">{escape(sentence)}</p>'
+    for content in precision_tables(run):
+        yield table(content)
 
 
 def _timing(run: Run, dpi: float) -> Iterator[str | Picture]:
