@@ -249,8 +249,7 @@ def rig_table(*, duration_s: float, engine: str) -> tuple[list[Table], int]:
     what = (
         f"{ONE_PAIR.name} with one thing at its extremes, {duration_s:g} s (20 000 cycles at most) "
         "through simulate; residual of the controller's books and energy it generated as shares of "
-        "the gross flow; every number of every row is looked at. No certificate is asked for here: "
-        "what generates more than rounding are walls, ports and couplings that `run` would refuse"
+        "the gross flow; every number of every row is looked at. No certificate is asked for here."
     )
     why = "group, how many of its rigs, and the sentence for the last"
     return [
