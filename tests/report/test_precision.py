@@ -169,9 +169,10 @@ def test_resampling_keeps_samples_and_is_third_order_between() -> None:
 
 
 def test_distance_is_at_common_instants_only() -> None:
-    t = np.arange(5) * 1e-3
-    x = np.arange(5.0)
-    gap = distance(t, x, np.arange(9) * 5e-4, np.arange(9.0) / 2.0 + 0.25)
+    t = np.linspace(0.0, 4e-3, 5)
+    x = np.linspace(0.0, 4.0, 5)
+    u = np.linspace(0.0, 4e-3, 9)
+    gap = distance(t, x, u, np.linspace(0.25, 4.25, 9))
     assert gap == pytest.approx(np.full(5, 0.25))
     assert distance(t, x, t[::2], x[::2] - 1.0) == pytest.approx(np.full(3, -1.0))
 
@@ -190,3 +191,12 @@ def test_a_run_without_pairs_is_left_alone(simulated: tuple[Rig, Path]) -> None:
     rig, directory = simulated
     run = Run(directory, {}, "", {})
     assert "error" in precision_of(run, rig)
+
+
+def test_less_than_an_encoder_step_is_called_that(simulated: tuple[Rig, Path]) -> None:
+    run = load_run(simulated[1])
+    found = {"oracle": {"position": 1e-6}}
+    (words,) = precision_table.step_words(run, "lever", found)
+    assert "20.9" in words
+    found["oracle"]["position"] = 1e-3
+    assert not list(precision_table.step_words(run, "lever", found))

@@ -86,7 +86,7 @@ def _simulated(run: Run, pair: str, found: dict[str, Any]) -> Table:
         for key in ("half", "double")
         if "ended" in block(found, key)
     ]
-    note = "; ".join([*order_words(found, position), *ended])
+    note = "; ".join([*step_words(run, pair, found), *order_words(found, position), *ended])
     title = f"Pair {pair}: by how much slave and master's effort would differ"
     return Table(title, _HEAD, tuple(rows), note)
 
@@ -96,6 +96,21 @@ def share(value: float | None, whole: float | None) -> str:
     if value is None or not whole:
         return MISSING
     return ratio(value / whole)
+
+
+def step_words(run: Run, pair: str, found: dict[str, Any]) -> Iterator[str]:
+    """Yield a warning where the oracle is within an encoder step: rounding may be all it is."""
+    moved = number(block(found, "oracle").get("position"))
+    steps = [
+        number(block(run.rig, side, "axes", pair).get("encoder_quantum")) or 0.0
+        for side in ("master", "slave")
+    ]
+    if moved and moved < max(steps):
+        unit, _ = axis_units(axis_kind(run, "slave", pair))
+        yield (
+            f"the oracle stays within one encoder step, {quantity(max(steps), unit, 3)}: a sample "
+            "that rounds the other way, once, is enough for that"
+        )
 
 
 def order_words(found: dict[str, Any], unit: str) -> Iterator[str]:
