@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from tautwave.config import Axis, Rig, Wall
 from tautwave.config import Pair as PairKeys
-from tautwave.registry import list_drivers
+from tautwave.registry import driver_names
 from tautwave.rig import axis_integration
 
 NOT_IN_RIG = "not in the rig"
@@ -31,8 +31,8 @@ def rig_plan(rig: Rig, *, clock: str = "real") -> list[PlanItem]:
     items.extend(_simulation(rig, clock))
     used = {bus.driver for bus in rig.buses.values()}
     items.extend(
-        _item(f"driver {driver.name}", driver.name in used, "a bus uses it", "no bus uses it")
-        for driver in list_drivers()
+        _item(f"driver {name}", name in used, "a bus uses it", "no bus uses it")
+        for name in driver_names()
     )
     return items
 
