@@ -107,6 +107,7 @@ class Steps:
         self._clock = clock
         self._at = 0
         self._since_ns: int | None = None
+        self._failed = ""
 
     @property
     def done(self) -> bool:
@@ -117,6 +118,8 @@ class Steps:
         """Return the write of this step, or the read of what it waits for."""
         if self.done:
             return ()
+        if self._failed:
+            return (self._speech.read(self._speech.profile.roles["fault"]),)
         step = self._steps[self._at]
         if self._since_ns is None:
             self._since_ns = self._clock.now_ns()
@@ -136,6 +139,8 @@ class Steps:
         """
         if not answers or self.done:
             return
+        if self._failed:
+            raise DeviceFault(f"{self._failed}: {self._fault_words(answers[0])}")
         step = self._steps[self._at]
         name = step.register_name
         where = f"{self._label}: {self._what}, step {self._at + 1} ({name})"
@@ -160,10 +165,27 @@ class Steps:
         profile = self._speech.profile
         states = profile.states if step.wait == profile.roles["status"] else None
         if self._what == "enable" and states is not None and states.fault.fits(found):
-            raise DeviceFault(f"{where}: it goes into fault instead (status {found:#x})")
+            self._failed = f"{where}: it goes into fault instead (status {found:#x})"
+            if "fault" not in profile.roles:
+                raise DeviceFault(f"{self._failed}; look at the drive's display")
+            return
         if self._expired(step):
             raise BusTimeout(
                 f"{where}: still reads {found:#x} after {step.timeout_s:g} s, expected "
                 f"{step.value:#x} in the bits {step.mask & 0xFFFF:#x}; look at the drive's supply "
                 "and display"
             )
+
+    def _fault_words(self, pdu: bytes) -> str:
+        if refusal(pdu):
+            return refusal(pdu)
+        code = self._speech.decode(self._speech.profile.roles["fault"], pdu)
+        return fault_words(self._speech.profile, code)
+
+
+def fault_words(profile: Profile, code: int | None) -> str:
+    """Return a fault's code in words, None where the drive does not tell it."""
+    if code is None:
+        return "this drive does not tell which; look at its display"
+    told = profile.faults.get(code, "no table knows this code; look at its manual")
+    return f"{told} (code {code:#x})"

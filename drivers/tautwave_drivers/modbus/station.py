@@ -15,7 +15,7 @@ from tautwave_drivers.modbus.machine402 import Drive402
 from tautwave_drivers.modbus.options import Device
 from tautwave_drivers.modbus.profile import Step
 from tautwave_drivers.modbus.registers import Block, Place, blocks_of, to_words
-from tautwave_drivers.modbus.sequence import Speech, Steps, Walk, refusal
+from tautwave_drivers.modbus.sequence import Speech, Steps, Walk, fault_words, refusal
 
 NAN = math.nan
 MISSING = JointState(0.0, NAN, NAN, False, 0)
@@ -276,10 +276,7 @@ class Station:
 
     def fault_words(self, code: int | None) -> str:
         """Return a fault's code in words."""
-        if code is None:
-            return "this drive does not tell which; look at its display"
-        told = self.device.profile.faults.get(code, "no table knows this code; look at its manual")
-        return f"{told} (code {code:#x})"
+        return fault_words(self.device.profile, code)
 
     def _refuse(self, pdu: bytes) -> None:
         self._refused += 1

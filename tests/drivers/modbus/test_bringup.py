@@ -252,3 +252,19 @@ def test_drives_that_were_disabled_can_be_enabled_again() -> None:
     made.run(5, 0.5)
     assert made.told(0) == 500.0
     made.driver.close()
+
+
+def test_a_drive_that_goes_into_fault_while_it_comes_on_is_told_with_its_code() -> None:
+    made = bench(**quirks(enable_s=0.5))
+    made.driver.open()
+
+    def enable() -> None:
+        for number in range(200):
+            if number == 100:
+                made.world.bus.drives[1].machine.fail(6)
+            made.driver.enable_step()
+            made.clock.sleep_until(made.clock.now_ns() + made.bus.period_ns)
+
+    with pytest.raises(DeviceFault, match=r"into fault instead .*: overloaded .* \(code 0x6\)"):
+        enable()
+    made.driver.close()
