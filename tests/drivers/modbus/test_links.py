@@ -1,0 +1,91 @@
+"""Whatever bytes come, a link neither raises nor is lost, and believes only what was asked."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tautwave.clock import FakeClock
+from tautwave_drivers.modbus.errand import Errand
+from tautwave_drivers.modbus.frames import read, read_write, rtu_frame, tcp_frame
+from tautwave_drivers.modbus.options import ModbusOptions
+from tautwave_drivers.modbus.transaction_rtu import RtuLink
+from tautwave_drivers.modbus.transaction_tcp import TcpLink
+from tests.drivers.modbus.parts import device
+
+LINE = ModbusOptions.model_validate(
+    {"link": "rtu", "endpoint": "/dev/x", "late_s": 0.005, "devices": [device(1)]}
+)
+ANSWER = b"\x03\x04\x00\x01\x00\x02"
+CHUNK = st.one_of(
+    st.binary(max_size=40),
+    st.builds(tcp_frame, st.integers(0, 6), st.integers(0, 3), st.binary(max_size=9)),
+    st.builds(rtu_frame, st.integers(0, 3), st.binary(max_size=9)),
+    st.just(tcp_frame(2, 2, ANSWER)),
+    st.just(rtu_frame(2, ANSWER)),
+)
+
+
+class Stub:
+    """A port that gives what a test says."""
+
+    def __init__(self) -> None:
+        self.inbox = b""
+        self.sent: list[bytes] = []
+
+    def write(self, data: bytes) -> None:
+        self.sent.append(data)
+
+    def read(self) -> bytes:
+        data, self.inbox = self.inbox, b""
+        return data
+
+    def close(self) -> None:
+        pass
+
+
+@given(st.booleans(), st.lists(CHUNK, max_size=12))
+def test_no_bytes_disturb_a_link(rtu: bool, chunks: list[bytes]) -> None:
+    clock, port = FakeClock(1_000_000_000), Stub()
+    link: Any = RtuLink(lambda: port, clock, LINE) if rtu else TcpLink(lambda: port, clock, 1.0)
+    link.connect()
+    clock.sleep_until(clock.now_ns() + 10_000_000)
+    errands = [Errand(1), Errand(2)]
+    for chunk in [*chunks, b""]:
+        link.abandon()
+        for errand in errands:
+            errand.begin((read_write(2, 2, 18, (7,)), read(3, 2, 2)))
+        link.start(errands)
+        for part in (chunk[: len(chunk) // 2], chunk[len(chunk) // 2 :]):
+            port.inbox = part
+            clock.sleep_until(clock.now_ns() + 3_000_000)
+            link.pump()
+        assert link.lost == ""
+        for errand in errands:
+            for question, pdu in zip(errand.questions, errand.answers, strict=False):
+                assert question.fits(pdu)
+    assert port.sent
+    link.close()
+    assert link.lost
+
+
+def test_after_a_babble_the_next_answer_is_heard() -> None:
+    clock, port = FakeClock(1_000_000_000), Stub()
+    link = RtuLink(lambda: port, clock, LINE)
+    link.connect()
+    errand = Errand(2)
+    for _ in range(50):
+        port.inbox = b"\x02\x03" * 200
+        clock.sleep_until(clock.now_ns() + 1_000_000)
+        link.pump()
+    clock.sleep_until(clock.now_ns() + 5_000_000)
+    errand.begin((read(3, 0, 2),))
+    link.start((errand,))
+    clock.sleep_until(clock.now_ns() + 5_000_000)
+    link.pump()
+    assert len(port.sent) == 1
+    port.inbox = rtu_frame(2, ANSWER)
+    link.pump()
+    assert errand.answers == [ANSWER]
