@@ -42,6 +42,16 @@ def test_the_front_holds_what_nothing_beats() -> None:
     assert cheapest(POINTS, 1e-6) is None
 
 
+def test_peers_are_compared_at_no_smaller_error() -> None:
+    slow = point(2e-4, 0.5, "MuJoCo RK4", peer=True)
+    scene = SCENE._replace(points=(*POINTS, slow))
+    ((peer, best, ratio),) = module._ratios(scene)
+    assert (peer, best, ratio) == (slow, POINTS[1], 500.0)
+    (goal,) = module._peer_goals(scene)
+    assert goal.met
+    assert goal.measured == 500.0
+
+
 def plainly(entry: Any) -> Any:
     """Run a loop as plain Python on records of objects."""
 

@@ -20,8 +20,8 @@ STYLES: dict[str, tuple[str, str]] = {
     "implicit_midpoint": (canvas.WALL, "^"),
     "rk4": (canvas.LINE, "v"),
     "dormand_prince": (canvas.FILTER, "P"),
-    "scipy DOP853": (canvas.SOFT, "p"),
-    "scipy Radau": (canvas.SOFT, "h"),
+    "scipy DOP853": (canvas.SOFT, ">"),
+    "scipy Radau": (canvas.SOFT, "D"),
     "python-control": (canvas.SOFT, "*"),
     "MuJoCo Euler": (canvas.DAMPER, "s"),
     "MuJoCo RK4": (canvas.DAMPER, "v"),
@@ -43,7 +43,7 @@ def error_figure(scenes: Sequence[Scene], max_error: float) -> Figure:
         axes.axvline(max_error, color=canvas.SOFT, linewidth=1.0, linestyle=":")
         axes.text(
             max_error,
-            0.04,
+            0.88,
             " wanted",
             transform=axes.get_xaxis_transform(),
             color=canvas.SOFT,
@@ -128,7 +128,7 @@ def _finish(axes: Axes, scene: Scene) -> None:
     lowest, highest = axes.get_ylim()
     if axes.get_ylabel().startswith("CPU"):
         axes.axhline(1.0, color="#B00020", linewidth=1.4)
-        axes.set_ylim(lowest, max(highest, 3.0))
+        axes.set_ylim(0.6 * lowest, max(highest, 3.0))
         axes.text(
             0.995,
             1.0,
