@@ -39,7 +39,7 @@ class _Frame(NamedTuple):
     high: float
 
     def y(self, place: float) -> float:
-        share = (place - self.low) / (self.high - self.low)
+        share = min(max((place - self.low) / (self.high - self.low), 0.0), 1.0)
         return HEIGHT * OVER * (_BOTTOM - share * (_BOTTOM - _TOP))
 
 
@@ -47,8 +47,10 @@ def _layout(view: SceneView) -> _Frame:
     moving = [name for name in view.at if name not in view.network.ports]
     fixed = {name for name, _ in view.network.grounds}
     moving = [name for name in moving if name not in fixed]
-    used = {end for link in view.network.links for end in (link.a, link.b)}
-    shown = [view.at[name] for name in view.at if name in used and len(view.at[name])]
+    # A bow passes by: only what is held by a spring or a contact has a height that matters.
+    held = {end for link in view.network.links if link.stiffness for end in (link.a, link.b)}
+    held |= set(moving)
+    shown = [view.at[name] for name in view.at if name in held and len(view.at[name])]
     low = min(float(values.min()) for values in shown)
     high = max(float(values.max()) for values in shown)
     gap = 0.12 * (high - low) or 1e-3

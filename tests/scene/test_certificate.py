@@ -1,0 +1,138 @@
+"""What is guaranteed of a scene: the published limits from the very steps that run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tautwave.analysis.resonator_sampled import sampled_law
+from tautwave.analysis.sampled_wall import PulseTransfer
+from tautwave.analysis.wall_passivity import needed_damping
+from tautwave.certificate import certify
+from tautwave.certificate.scene_maps import linear_scene, loop_poles, needed, own_radius
+from tautwave.config import load_rig
+from tautwave.scene.network import Link, Mass, Network
+from tests.scene.networks import RESONATOR
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+HAND = (0.143, 5.0, 538.0)
+
+
+def coupled(stiffness: float) -> Network:
+    spring, coupling = RESONATOR.links
+    return RESONATOR._replace(links=(spring, coupling._replace(stiffness=stiffness)))
+
+
+@pytest.mark.parametrize(
+    ("scheme", "period", "delay", "limit"),
+    [
+        ("exact", 1e-3, 0, 6319.753),
+        ("exact", 1e-3, 1, 5274.678),
+        ("exact", 1e-4, 0, 9492.788),
+        ("exact", 1e-4, 1, 6222.682),
+        ("symplectic", 1e-3, 0, 1779.968),  # so it cannot run the seed's own 3000 N/m
+        ("symplectic", 1e-4, 0, 15025.919),
+    ],
+)
+def test_d9_greatest_couplings(scheme, period, delay, limit):
+    for share in (1.0 - 1e-5, 1.0 + 1e-5):
+        scene = linear_scene(coupled(limit * share), scheme, period, "hand")
+        radius = np.abs(loop_poles(scene, *HAND, delay)).max()
+        assert (radius < 1.0) == (share < 1.0)
+
+
+@pytest.mark.parametrize("period", [1e-3, 1e-4])
+def test_needed_damping_is_that_of_the_analysis(period):
+    num, den = sampled_law(period, "zoh")
+    want = needed_damping(PulseTransfer(tuple(num), tuple(den)), period)
+    found = needed(linear_scene(RESONATOR, "exact", period, "hand"), 0.0)
+    assert found.proved
+    assert found.damping == pytest.approx(want.damping, rel=1e-6)
+    assert found.frequency == pytest.approx(want.frequency, rel=1e-6)
+
+
+def test_a_scaled_port_is_a_scaled_impedance():
+    one = linear_scene(RESONATOR, "exact", 1e-3, "hand")
+    two = linear_scene(RESONATOR, "exact", 1e-3, "hand", 3.0)
+    assert needed(two, 0.0).damping == pytest.approx(9.0 * needed(one, 0.0).damping)
+    assert np.abs(loop_poles(two, *HAND, 1)).max() == pytest.approx(
+        np.abs(loop_poles(linear_scene(coupled(27_000.0)._replace(
+            masses=(RESONATOR.masses[0]._replace(mass=0.036, damping=0.09),),
+            links=(RESONATOR.links[0]._replace(stiffness=127_800.0),
+                   RESONATOR.links[1]._replace(stiffness=27_000.0)),
+        ), "exact", 1e-3, "hand"), *HAND, 1)).max(), abs=1e-9)  # fmt: skip
+
+
+def test_the_grid_agrees_with_the_proof(monkeypatch):
+    scene = linear_scene(RESONATOR, "discrete_gradient", 1e-3, "hand")
+    exact = needed(scene, 0.0)
+    monkeypatch.setattr("tautwave.certificate.scene_maps.EXACT_ORDER", 0)
+    found = needed(scene, 0.0)
+    assert not found.proved
+    assert found.damping == pytest.approx(exact.damping, rel=5e-3)
+
+
+def test_a_damper_at_the_port_is_probed_with_its_rate():
+    network = Network(
+        (Mass("m", 0.1),),
+        (
+            Link("a", "spring", "hand", "ground", stiffness=1000.0, damping=0.2),
+            Link("b", "spring", "m", "ground", stiffness=50.0, damping=1.0),
+            Link("c", "damper", "hand", "m", damping=1e-9),
+        ),
+        ("hand",),
+    )
+    # D1: K = 1000, B = 0.2 at T = 1 ms need 0.7.
+    found = needed(linear_scene(network, "symplectic", 1e-3, "hand"), 0.0)
+    assert found.damping == pytest.approx(0.7, abs=1e-5)
+
+
+def test_the_resonator_is_stable_but_not_passive_and_says_so():
+    told = certify(load_rig(CONFIGS / "scene-resonator.yaml"))
+    assert told.passed
+    assert told.verdicts["coupled_stable"].state == "passed"
+    assert not told.verdicts["passive"].passed
+    assert "needs 2.392 N s/m of the device" in told.verdicts["passive"].reason
+    assert "positive real in exact arithmetic" in told.elements[0].passive.reason
+    damped = ["master.axes.stylus.damping={value: 3, lower: 2.4, source: data sheet}"]
+    damped += ["simulation.axes.master.stylus.damping=3"]
+    assert certify(load_rig(CONFIGS / "scene-resonator.yaml", damped)).verdicts["passive"].passed
+    hard = ["scene.ports.stylus.stiffness=20000"]
+    told = certify(load_rig(CONFIGS / "scene-resonator.yaml", hard))
+    assert not told.passed
+    assert "unstable with" in told.sentences()[0]
+
+
+def test_nonlinear_links_are_named_as_conditions():
+    for name in ("granular", "string", "drum"):
+        told = certify(load_rig(CONFIGS / f"scene-{name}.yaml"))
+        verdict = told.verdicts["coupled_stable"]
+        assert verdict.state == "conditional"
+        assert "is booked in the run's ledger" in verdict.conditions[0]
+
+
+@pytest.mark.parametrize(
+    "link",
+    [
+        "{type: negative_damper, between: [object, ground], damping: 0.001}",
+        "{type: energy_source, between: [object, ground], power: 0.001}",
+    ],
+)
+def test_what_feeds_energy_is_not_certified(link):
+    overrides = [f"scene.links.feeding={link}", "scene.scheme=discrete_gradient"]
+    told = certify(load_rig(CONFIGS / "scene-resonator.yaml", overrides))
+    for verdict in told.verdicts.values():
+        assert not verdict.passed
+        assert "feeding" in verdict.reason
+
+
+def test_a_scheme_that_cannot_run_the_scene_is_refused():
+    """w T = 2.07 for the seed's resonator at 1 kHz: the standard scheme grows by itself."""
+    scene = linear_scene(RESONATOR, "symplectic", 1e-3, "hand")
+    assert own_radius(scene) > 1.1
+    overrides = ["scene.scheme=symplectic", "rate_hz=1000"]
+    told = certify(load_rig(CONFIGS / "scene-resonator.yaml", overrides))
+    assert not told.passed
+    assert "symplectic cannot run the scene at 1000 Hz" in told.sentences()[0]

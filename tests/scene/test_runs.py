@@ -1,0 +1,175 @@
+"""Rigs with a scene, run: books, guards, limits, and what they leave behind."""
+
+from __future__ import annotations
+
+import json
+import wave
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+
+from tautwave.cli import main
+from tautwave.config import load_rig
+from tautwave.report.recording import read_recording
+from tautwave.rig import build_rig
+from tautwave.runtime.loop import Loop
+from tautwave.runtime.scene import SceneAxis
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+class Rows:
+    """A sink that keeps every row."""
+
+    def __init__(self, width: int) -> None:
+        self.row = [0.0] * width
+        self.rows: list[list[float]] = []
+
+    def commit(self) -> None:
+        self.rows.append(list(self.row))
+
+
+def run_rig(name: str, duration: float, *overrides: str):
+    rig = load_rig(CONFIGS / f"scene-{name}.yaml", overrides)
+    built = build_rig(rig, clock="fake", duration_s=duration)
+    sink = Rows(len(built.columns))
+    loop = Loop(built.clock, built.settings, built.buses, built.pairs, built.sources, sink)
+    result = loop.run()
+    data = dict(zip(built.columns, np.array(sink.rows).T, strict=True))
+    return result, data, built
+
+
+@pytest.mark.parametrize(
+    ("name", "duration"), [("resonator", 0.6), ("granular", 0.12), ("string", 0.3), ("drum", 0.25)]
+)
+def test_shipped_scenes_run_and_their_books_close(name, duration):
+    ramps = ("scene.engage_ramp_s=0", "scene.release_ramp_s=0")  # they take energy of their own
+    result, data, built = run_rig(name, duration, *ramps)
+    assert result.error is None
+    port = built.scene.model.network.ports[0]
+    assert np.abs(data[f"master.{port}.port_effort"]).max() > 0.05
+    assert np.abs(data["scene.residual"]).max() < 1e-12
+    # Hold: what the device gave, exactly, less what the network got.
+    given = data[f"master.{port}.port_energy"]
+    assert data["scene.hold"] == pytest.approx(given - data["scene.port_work"], abs=1e-12)
+    assert abs(data["scene.hold"][-1]) < 0.1 * data[f"master.{port}.gross_flow"][-1]
+
+
+def test_symplectic_scenes_close_their_books_and_take_no_hold():
+    result, data, _ = run_rig("granular", 0.12, "scene.scheme=symplectic")
+    assert result.error is None
+    assert np.abs(data["scene.residual"]).max() < 1e-12
+    armed = data["master.bar.port_effort"] == -0.0 + data["scene.asked.bar"]
+    assert armed.mean() > 0.9  # where neither ramp nor limit cut off
+    assert np.abs(data["scene.numeric"]).max() > 0.0
+
+
+def test_the_effort_is_the_scenes_answer_to_this_very_sample():
+    _, data, built = run_rig("resonator", 0.4)
+    x, at = data["master.stylus.position"], data["scene.at.object"]
+    asked = data["scene.asked.stylus"]
+    # k_c (x - x_v) at the sample; the recorded mass is where it will be at the next one.
+    assert asked[1:] == pytest.approx(3000.0 * (x[1:] - at[:-1]), abs=1e-9)
+    assert isinstance(built.scene.sites[0], SceneAxis)
+
+
+def test_limits_and_ramps_hold():
+    _, data, _ = run_rig("resonator", 0.4, "master.axes.stylus.effort_limit=1")
+    effort = np.abs(data["master.stylus.port_effort"])
+    assert effort.max() == 1.0
+    assert np.abs(data["scene.asked.stylus"]).max() > 1.5
+    ramp = np.minimum(1.0, (np.arange(len(effort)) + 1.0) / 500.0)
+    assert (effort[:400] <= ramp[:400] + 1e-12).all()
+    assert np.abs(data["scene.residual"]).max() < 1e-12
+
+
+def test_a_guard_stops_the_run_and_the_scene_lets_go():
+    result, data, _ = run_rig("drum", 0.3, "master.axes.stick.velocity_limit=0.2")
+    assert "exceeded its velocity limit" in str(result.error)
+    stopped = np.abs(data["master.stick.port_effort"][-200:])
+    assert (stopped <= 0.3 * np.abs(data["master.stick.velocity"][-200:]) + 1e-12).all()
+
+
+def test_lost_samples_and_skipped_slots_cost_nothing_of_the_books():
+    result, data, _ = run_rig(
+        "drum",
+        0.3,
+        "simulation.faults.missing_probability=0.05",
+        "simulation.faults.overrun_probability=0.01",
+    )
+    assert result.error is None
+    assert result.missed_cycles > 0
+    assert result.lost[0] > 0
+    assert np.abs(data["scene.residual"]).max() < 1e-12
+
+
+def test_two_axes_touch_one_scene(tmp_path):
+    text = (CONFIGS / "scene-resonator.yaml").read_text()
+    second = text[text.index("    stylus:\n") : text.index("scene:\n")]
+    text = text.replace(
+        second, second + second.replace("stylus:", "finger:").replace("id: 1", "id: 2"), 1
+    )
+    text = text.replace(
+        "    stylus: {to", "    finger: {to: object, stiffness: 500}\n    stylus: {to"
+    )
+    path = tmp_path / "two.yaml"
+    path.write_text(text)
+    rig = load_rig(path)
+    built = build_rig(rig, clock="fake", duration_s=0.3)
+    sink = Rows(len(built.columns))
+    loop = Loop(built.clock, built.settings, built.buses, built.pairs, built.sources, sink)
+    assert loop.run().error is None
+    data = dict(zip(built.columns, np.array(sink.rows).T, strict=True))
+    assert np.abs(data["scene.residual"]).max() < 1e-12
+    assert np.abs(data["master.finger.position"]).max() > 1e-5  # moved by what the other hand does
+
+
+def test_what_a_run_leaves_behind(tmp_path):
+    out = tmp_path / "run"
+    rig = str(CONFIGS / "scene-resonator.yaml")
+    command = ["run", rig, "--clock", "fake", "--duration", "0.5", "--out", str(out)]
+    done = CliRunner().invoke(main, command)
+    assert done.exit_code == 0, done.output
+    page = (out / "report.html").read_text()
+    assert 'id="scene"' in page
+    assert (out / "scene.png").read_bytes()[1:4] == b"PNG"
+    assert "coupling of stylus" in page
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["energy_j"]["residual"] < 1e-12
+    assert summary["scene"]["elements"]["object"]["lost"] > 0.0
+    with wave.open(str(out / "output.wav")) as sound:
+        assert sound.getframerate() == 44_100
+        assert sound.getnchannels() == 1
+        heard = np.frombuffer(sound.readframes(sound.getnframes()), "<i2")
+    assert abs(len(heard) - 22_050) <= 2
+    assert np.abs(heard).max() == pytest.approx(0.9 * 32767, abs=1)
+    with Image.open(out / "scene.gif") as image:
+        assert image.n_frames > 30
+    rows = read_recording(out / "recording.mcap")
+    assert "scene.at.object" in rows.columns
+
+
+def test_a_negative_damper_is_refused_with_exit_3(tmp_path):
+    out = tmp_path / "run"
+    feeding = "scene.links.minus={type: negative_damper, between: [object, ground], damping: 0.02}"
+    command = ["run", str(CONFIGS / "scene-resonator.yaml"), "--clock", "fake", "--duration", "0.3"]
+    command += ["--set", "scene.scheme=discrete_gradient", "--set", feeding, "--out", str(out)]
+    done = CliRunner().invoke(main, command)
+    assert done.exit_code == 3
+    assert "minus: a negative damper or an energy source feeds energy" in done.output
+    assert not out.exists()
+
+
+def test_check_lists_what_is_left_out():
+    more = ["scene.masses.far={mass: 1, count: 3}"]
+    more += ["scene.links.far={type: spring, between: [far, far], chain: true, stiffness: 1}"]
+    command = ["check", str(CONFIGS / "scene-resonator.yaml")]
+    for override in more:
+        command += ["--set", override]
+    done = CliRunner().invoke(main, command)
+    assert done.exit_code == 0, done.output
+    for part in ("far1", "far3", "far2", "no path of links leads from it"):
+        assert part in done.output
