@@ -9,8 +9,19 @@ from __future__ import annotations
 
 from tautwave.bench.buses import buses
 from tautwave.bench.extremes import extremes
+from tautwave.bench.networks import networks
 from tautwave.bench.result import Goal, Suite, Table
 from tautwave.bench.suites import laws, loop
 from tautwave.bench.workprecision import workprecision
 
-__all__ = ["Goal", "Suite", "Table", "buses", "extremes", "laws", "loop", "workprecision"]
+__all__ = [
+    "Goal",
+    "Suite",
+    "Table",
+    "buses",
+    "extremes",
+    "laws",
+    "loop",
+    "networks",
+    "workprecision",
+]

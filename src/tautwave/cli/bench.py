@@ -159,6 +159,18 @@ def extremes(full: bool, out: Path | None, as_json: bool) -> None:
     _print([suite], as_json)
 
 
+@bench.command(short_help="Mass-interaction networks against real time, and over their size.")
+@json_option
+def networks(as_json: bool) -> None:
+    """Measure a step of the granular scene, and of chains of 1 to 1e4 masses.
+
+    \b
+    Example:
+        tautwave bench networks
+    """
+    _print([_backend().networks(tell=_tell)], as_json)
+
+
 def _backend() -> Any:
     return importlib.import_module("tautwave.bench")
 
