@@ -116,6 +116,49 @@ def test_w1_symplectic_contact_converges_to_the_closed_form():
     assert errors[2] < 0.6 * errors[1] < 0.36 * errors[0]
 
 
+@pytest.mark.parametrize(
+    ("zeta", "want"), [(0.05, 0.8544678930), (0.2, 0.5266205993), (0.5, 0.1630335348)]
+)
+def test_w2_a_spring_and_damper_give_back_what_they_should(zeta, want):
+    m, k = 0.1, 1000.0
+    w = math.sqrt(k / m)
+    period = math.pi / (w * math.sqrt(1.0 - zeta**2)) / 97
+    damping = 2.0 * zeta * math.sqrt(k * m)
+    network = Network(
+        (Mass("m", m, 0.0, -1.0),),
+        (Link("w", "spring", "m", "ground", stiffness=k, damping=damping),),
+    )
+    model = SceneModel(network, "exact", period)
+    for _ in range(97):
+        model.advance([])
+    assert model.arrays.x[0] == pytest.approx(0.0, abs=1e-12)
+    assert model.arrays.v[0] == pytest.approx(want, abs=1e-9)
+    assert abs(model.residual()) < 1e-14
+
+
+def test_w3_hertz_contact_is_as_deep_and_as_long_as_the_closed_form():
+    m, k, deepest, lasts = 0.01, 1e6, 0.6898648e-3, 2.03046204e-3
+    errors = []
+    for steps in (61.7, 123.4, 246.8):
+        network = Network(
+            (Mass("m", m, 0.0, -1.0),),
+            (Link("w", "contact", "m", "ground", stiffness=k, exponent=1.5),),
+        )
+        arrays = compile_network(network).arrays
+        period = lasts / steps
+        places = [0.0]
+        while arrays.v[0] < 0.0 or arrays.stored[0] > 0.0:
+            step_gradient(arrays, period)
+            places.append(arrays.x[0])
+        at = int(np.argmin(places))
+        a, b, c = places[at - 1 : at + 2]  # the parabola through the three deepest
+        assert b - (c - a) ** 2 / (8.0 * (a - 2.0 * b + c)) == pytest.approx(-deepest, rel=1e-6)
+        # It leaves at its own speed: where it is now tells when it left.
+        errors.append(abs((len(places) - 1) * period - places[-1] / 1.0 - lasts) / lasts)
+    assert errors[2] < 2e-4
+    assert errors[0] / errors[2] == pytest.approx(16.0, rel=0.3)  # second order
+
+
 def test_w4_hunt_and_crossley_restitution():
     for a, want in ((0.5, 0.7484349316), (5.0, 0.1969802453)):
         network = Network(

@@ -28,6 +28,7 @@ _INK, _BAR, _GROUND, _MASS, _LINK, _TEXT = (
     "#56697A",
     "#555555",
 )
+ZIGZAG = ("spring", "nonlinear", "plastic")
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.08, 0.97, 0.08, 0.9
 
 
@@ -43,14 +44,15 @@ class _Frame(NamedTuple):
         return HEIGHT * OVER * (_BOTTOM - share * (_BOTTOM - _TOP))
 
 
-def _layout(view: SceneView) -> _Frame:
+def _layout(view: SceneView, rows: slice) -> _Frame:
+    """Return the columns, and heights that hold everything in these rows."""
     moving = [name for name in view.at if name not in view.network.ports]
     fixed = {name for name, _ in view.network.grounds}
     moving = [name for name in moving if name not in fixed]
     # A bow passes by: only what is held by a spring or a contact has a height that matters.
     held = {end for link in view.network.links if link.stiffness for end in (link.a, link.b)}
     held |= set(moving)
-    shown = [view.at[name] for name in view.at if name in held and len(view.at[name])]
+    shown = [view.at[name][rows] for name in view.at if name in held]
     low = min(float(values.min()) for values in shown)
     high = max(float(values.max()) for values in shown)
     gap = 0.12 * (high - low) or 1e-3
@@ -64,7 +66,9 @@ def _layout(view: SceneView) -> _Frame:
 
 def draw_frame(view: SceneView, row: int, title: str = "") -> Image.Image:
     """Return the scene at one row of the recording."""
-    return _draw(view, _layout(view), row, title)
+    near = max(round(0.25 * view.rig.rate_hz), 1)
+    rows = slice(max(0, row - near), row + near)
+    return _draw(view, _layout(view, rows), row, title)
 
 
 def _draw(view: SceneView, frame: _Frame, row: int, title: str) -> Image.Image:
@@ -122,7 +126,7 @@ def _link(
     (x1, y1), (x2, y2) = (
         (frame.columns.get(end, column), frame.y(float(view.at[end][row]))) for end in ends
     )
-    if kind == "contact":
+    if kind not in ZIGZAG:
         _dashes(pen, x1, y1, x2, y2)
         return
     turns, wide = 9, 0.6 * size
@@ -164,7 +168,7 @@ def write_animation(view: SceneView, path: Path) -> None:
     """Write scene.gif: the whole run, or the liveliest half second of a long one, slowed down."""
     rows = min(len(view.time), max(round(0.5 * view.rig.rate_hz), FRAMES))
     first = liveliest(view, rows)
-    frame = _layout(view)
+    frame = _layout(view, slice(first, first + rows))
     picked = np.unique(np.linspace(first, first + rows - 1, FRAMES).astype(int))
     slow = FRAMES * FRAME_MS * 1e-3 * view.rig.rate_hz / rows
     title = f"{slow:.3g} times slower,  " if slow > 1.05 else ""
