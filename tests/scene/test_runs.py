@@ -15,8 +15,10 @@ from tautwave.cli import main
 from tautwave.config import load_rig
 from tautwave.report.recording import read_recording
 from tautwave.rig import build_rig
+from tautwave.rig.scene import scene_forces
 from tautwave.runtime.loop import Loop
 from tautwave.runtime.scene import SceneAxis
+from tautwave.scene.live import SceneModel
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -74,6 +76,24 @@ def test_the_effort_is_the_scenes_answer_to_this_very_sample():
     # k_c (x - x_v) at the sample; the recorded mass is where it will be at the next one.
     assert asked[1:] == pytest.approx(3000.0 * (x[1:] - at[:-1]), abs=1e-9)
     assert isinstance(built.scene.sites[0], SceneAxis)
+
+
+@pytest.mark.parametrize("name", ["resonator", "granular"])
+def test_a_recording_replays_to_the_bit(name):
+    """Measured positions and the seed's forces are all a scene depends on."""
+    more = ["scene.forces.strikes.per_second=40"] if name == "resonator" else []
+    _, data, built = run_rig(name, 0.1, *more)
+    rig = load_rig(CONFIGS / f"scene-{name}.yaml", more)
+    network = built.scene.model.network
+    port = network.ports[0]
+    positions = data[f"master.{port}.position"]
+    forces = scene_forces(rig, network, len(positions))
+    model = SceneModel(network, built.scene.model.scheme, rig.period_s)
+    model.reset([positions[0]])
+    for k in range(len(positions)):
+        (effort,) = model.advance([positions[k]], [force[k] for force in forces])
+        assert effort == data[f"scene.asked.{port}"][k]
+    assert max(abs(force) for force in forces[0]) > 0.1
 
 
 def test_limits_and_ramps_hold():
