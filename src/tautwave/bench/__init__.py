@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from tautwave.bench.buses import buses
 from tautwave.bench.extremes import extremes
+from tautwave.bench.lanes import lanes
 from tautwave.bench.networks import networks
 from tautwave.bench.result import Goal, Suite, Table
 from tautwave.bench.suites import laws, loop
@@ -20,6 +21,7 @@ __all__ = [
     "Table",
     "buses",
     "extremes",
+    "lanes",
     "laws",
     "loop",
     "networks",

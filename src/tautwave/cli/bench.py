@@ -159,6 +159,18 @@ def extremes(full: bool, out: Path | None, as_json: bool) -> None:
     _print([suite], as_json)
 
 
+@bench.command(short_help="1,000 parameter sets side by side against one after the other.")
+@json_option
+def lanes(as_json: bool) -> None:
+    """Measure what a sweep gains where 16 parameter sets share the processor's vectors.
+
+    \b
+    Example:
+        tautwave bench lanes
+    """
+    _print([_backend().lanes(tell=_tell)], as_json)
+
+
 @bench.command(short_help="Mass-interaction networks against real time, and over their size.")
 @json_option
 def networks(as_json: bool) -> None:

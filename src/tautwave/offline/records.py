@@ -258,13 +258,13 @@ NUMBERS: dict[Any, Any] = {float: np.float64, int: np.int64, bool: np.bool_}
 
 
 @functools.cache
-def fields(record: type[Any]) -> dict[str, Any]:
+def fields(record: Any) -> dict[str, Any]:
     """Return the fields of a record class and their types, in the order of its memory."""
     return get_type_hints(record)
 
 
 @functools.cache
-def record_type(record: type[Any]) -> np.dtype[Any]:
+def record_type(record: Any) -> np.dtype[Any]:
     """Return the NumPy type of a record class; its layout is that of a C struct."""
     members = [
         (name, NUMBERS[kind] if kind in NUMBERS else record_type(kind))

@@ -178,7 +178,7 @@ def simulate_point(
     for key, value in mark.values.items():
         row[key] = value if isinstance(value, str) else json.dumps(value)
     try:
-        point = points.point(number)
+        point = points.point(number, mark)
         columns, cycles, outcome = simulate(point)
     except ConfigError as err:
         return {**row, "outcome": f"refused: {err}", "cycles": "0"}

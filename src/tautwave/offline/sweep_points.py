@@ -158,7 +158,9 @@ class Points(Sequence[Point]):
 
     def mark(self, number: int) -> Mark:
         """Return id, case and values of a point; no rig is read."""
-        case, varied = self.choices(number)
+        return self._mark(*self.choices(number))
+
+    def _mark(self, case: int, varied: Sequence[Choice]) -> Mark:
         text = json.dumps([choice.argument for choice in varied])
         digest = hashlib.sha256(self._salts[case] + text.encode())
         values = {choice.key: choice.value for choice in varied}
@@ -200,10 +202,12 @@ class Points(Sequence[Point]):
         """Return the pair that is measured."""
         return self._pair or next(iter(rig.coupling.pairs))
 
-    def point(self, number: int) -> Point:
-        """Return a point with its rig; see `rig`."""
+    def point(self, number: int, mark: Mark | None = None) -> Point:
+        """Return a point with its rig, see `rig`; `mark` if it is known already."""
         rig = self.rig(number)
-        return Point(*self.mark(number), rig, self.pair_of(rig), self._duration_s or rig.duration_s)
+        return Point(
+            *(mark or self.mark(number)), rig, self.pair_of(rig), self._duration_s or rig.duration_s
+        )
 
     def keys(self) -> tuple[str, ...]:
         """Return every key that is varied, in the order of the sweep."""
