@@ -13,12 +13,15 @@ from PIL import Image
 
 from tautwave.cli import main
 from tautwave.config import load_rig
+from tautwave.errors import ConfigError
+from tautwave.offline.pack import pack_rig
 from tautwave.report.recording import read_recording
 from tautwave.rig import build_rig
 from tautwave.rig.scene import scene_forces
 from tautwave.runtime.loop import Loop
 from tautwave.runtime.scene import SceneAxis
 from tautwave.scene.live import SceneModel
+from tautwave.session.identifying import identify_device
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -193,3 +196,16 @@ def test_check_lists_what_is_left_out():
     assert done.exit_code == 0, done.output
     for part in ("far1", "far3", "far2", "no path of links leads from it"):
         assert part in done.output
+
+
+def test_what_needs_a_pair_says_that_a_scene_is_none(tmp_path):
+    rig = CONFIGS / "scene-resonator.yaml"
+    with pytest.raises(ConfigError, match="a scene is simulated by the live loop only"):
+        pack_rig(load_rig(rig))
+    with pytest.raises(ConfigError, match="identify shakes the axes of pairs"):
+        identify_device(load_rig(rig), out=tmp_path, clock="fake")
+    sweep = tmp_path / "sweep.yaml"
+    sweep.write_text(f"name: s\nrig: {rig}\nmeasures: [growth_rate]\ncases: {{a: {{columns: {{seed: [1, 2]}}}}}}\n")
+    done = CliRunner().invoke(main, ["sweep", str(sweep), "--out", str(tmp_path / "out")])
+    assert done.exit_code == 2
+    assert "a sweep runs pairs, and this rig has a scene" in done.output

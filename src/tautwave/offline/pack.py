@@ -103,11 +103,15 @@ def pack_rig(rig: Rig, duration_s: float | None = None, facts: RigFacts | None =
     Raises
     ------
     ConfigError
-        The rig simulates nothing, or a recorded reference cannot be read.
+        The rig simulates nothing, or has a scene, or a recorded reference cannot be read.
     """
     if rig.simulation is None:
         raise ConfigError(
             f"{rig.name}: there is nothing to simulate; add a simulation block to the rig file"
+        )
+    if rig.scene is not None:
+        raise ConfigError(
+            f"{rig.name}: a scene is simulated by the live loop only; tautwave run --clock fake"
         )
     cycles = max(round((rig.duration_s if duration_s is None else duration_s) * rig.rate_hz), 1)
     facts = rig_facts(rig) if facts is None else facts

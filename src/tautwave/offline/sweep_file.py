@@ -266,6 +266,8 @@ def _unfit(document: Document, sweep: Sweep, rig: Rig) -> str:
     """Return what keeps a right rig out of this sweep, or ''."""
     if rig.simulation is None:
         return f"{document.where(('rig',))}: rig: a sweep simulates, and this rig has no simulation"
+    if rig.scene is not None:
+        return f"{document.where(('rig',))}: rig: a sweep runs pairs, and this rig has a scene"
     pairs = list(rig.coupling.pairs)
     if sweep.pair is not None and sweep.pair not in pairs:
         hint = nearest(sweep.pair, pairs) or "."

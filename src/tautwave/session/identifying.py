@@ -191,6 +191,11 @@ def identify_device(
                 f"buses.{bus_name}.divisor: identify serves every bus in every cycle; run it with "
                 f"--set buses.{bus_name}.divisor=1 --set rate_hz={rig.rate_hz / bus.divisor:g}"
             )
+    if rig.scene is not None:
+        raise ConfigError(
+            f"{rig.name}: identify shakes the axes of pairs, and this rig has a scene; name the "
+            "device in a rig with a coupling"
+        )
     name = axis_to_identify(rig, axis)
     hardware = any(load_driver(bus.driver).hardware for bus in rig.buses.values())
     if hardware and rig.simulation is None and not allow_uncertified:
