@@ -18,6 +18,7 @@ from tautwave_drivers.cia402.terms import Habits, Patience
 from tautwave_drivers.cia402.units import INT16, INT32
 
 _floor = math.floor
+_finite = math.isfinite
 
 
 class Answer(NamedTuple):
@@ -281,12 +282,10 @@ class Axis:
         most = self._most
         if -most <= count <= most:
             self.values[1] = self._sign * _floor(count + 0.5)
-        elif count > most:
-            self.values[1] = self._sign * most
-        elif count < -most:
-            self.values[1] = -self._sign * most
+        elif _finite(value):
+            self.values[1] = self._sign * (most if count > 0.0 else -most)
         else:
-            self.values[1] = 0  # not a number
+            self.values[1] = 0  # no number, or no end
 
     def history(self) -> str:
         """Return what was lost and late, for the notes; '' if nothing was."""

@@ -252,11 +252,21 @@ def _measure_answers(
     return notes
 
 
-def lay_down(net: PolledNetwork, axes: Sequence[Axis], period_ns: int) -> None:
-    """Disarm the watchdogs of drives that are off, then NMT pre-operational."""
+def lay_down(net: PolledNetwork, axes: Sequence[Axis], bus: BusSpec) -> list[str]:
+    """Disarm the watchdogs of drives that are off, then NMT pre-operational.
+
+    A drive that is not seen to be off keeps its watchdogs and stays as it is: they are what ends
+    its torque once this program is silent. Returns a sentence for each of those.
+    """
+    doubtful = []
     for axis in axes:
         drive = net.drives.get(axis.node.id)
         if drive is None:
+            continue
+        try:
+            torque_off(drive, net.clock, bus)  # by SDO: RPDOs may not have reached it
+        except DriverError as err:
+            doubtful.append(f"{axis.label} is left with its watchdogs armed: {err}")
             continue
         for entry in (c.rpdo(1).timer, c.CONSUMER_HEARTBEAT):
             try:
@@ -264,6 +274,7 @@ def lay_down(net: PolledNetwork, axes: Sequence[Axis], period_ns: int) -> None:
             except DriverError:
                 break
         drive.nmt(NMT_PRE_OPERATIONAL)
-    end = net.clock.now_ns() + period_ns
+    end = net.clock.now_ns() + bus.period_ns
     while net.pump(end):
         pass
+    return doubtful

@@ -282,7 +282,7 @@ class CanopenDriver:
             if self._net is not None and not self._health.lost:
                 from tautwave_drivers.canopen.bringup import lay_down
 
-                lay_down(self._net, self._axes, self._period_ns)
+                self.notes += lay_down(self._net, self._axes, self._bus)
         except Exception as err:  # noqa: BLE001  the way out must not end in the middle
             self._health.tell(f"closing: {err}")
         self._release()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -319,3 +320,48 @@ def test_a_node_that_another_master_stops_is_told() -> None:
     assert "left NMT operational for stopped" in told[0].text
     zero_from_now_on(rig, 1, at)
     rig.driver.close()
+
+
+def test_a_drive_that_no_command_reaches_is_switched_off_before_its_watchdog_is() -> None:
+    gone = {"kind": "lost", "can_id": 0x202, "times": 10**6, "at_s": AT_S}
+    rig = started(with_faults(gone, quirks={"rpdo_timer": "no_object"}))
+    rig.run(CYCLES, TORQUE)
+    motor = rig.devices()[1].drive.motor
+    assert motor.torque_counts == 100  # the last command that arrived; heartbeats still do
+    disarming = bytes.fromhex("2316100100000000")
+    seen: list[int] = []
+    send = rig.port.send
+
+    def spy(can_id: int, data: bytes) -> bool:
+        if (can_id, data) == (0x602, disarming):
+            seen.append(motor.torque_counts)
+        return send(can_id, data)
+
+    rig.driver._exchange.port.send = spy  # type: ignore[union-attr,method-assign]
+    leave(rig)
+    assert seen == [0]
+
+
+def test_a_drive_that_is_not_seen_to_be_off_keeps_its_watchdog() -> None:
+    gone = [{"kind": "lost", "can_id": at, "times": 10**6, "at_s": AT_S} for at in (0x202, 0x602)]
+    rig = started(with_faults(*gone, quirks={"rpdo_timer": "no_object"}))
+    rig.run(CYCLES, TORQUE)
+    at = len(rig.sent)
+    rig.driver.close()
+    assert "master.a2 (node 2) is left with its watchdogs armed" in " ".join(rig.driver.notes)
+    told = [data for _, can_id, data in rig.sent[at:] if can_id == 0]
+    assert told == [bytes((0x80, 1))]  # node 2 is not taken to where it may watch nobody
+    rig.world.advance(rig.clock.now_ns() + 200_000_000)
+    assert all(device.drive.motor.torque_counts == 0 for device in rig.devices())
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("causality", ["impedance", "admittance"])
+def test_what_is_no_finite_command_is_zero(value: float, causality: str) -> None:
+    rig = make(causality=(causality, causality))
+    rig.open_and_enable()
+    rig.cycle(TORQUE, TORQUE)
+    assert rig.commands(0)[-1][1] != 0
+    rig.cycle(value, value)
+    assert rig.commands(0)[-1][1] == 0
+    leave(rig)
