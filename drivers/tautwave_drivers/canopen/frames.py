@@ -112,17 +112,17 @@ class RawPort:
 
     def receive(self) -> tuple[int, bytes, int] | None:
         """Return the oldest frame as id, data and arrival [ns], None if there is none."""
-        try:
-            got = self._recv(_BUFFER)
-        except BlockingIOError:
-            return None
-        except OSError as err:
-            raise gone(self._where, err) from err
-        if len(got) != _BUFFER:
-            return None
-        can_id, size, data = self._unpack(got)
-        if can_id & _OTHER:
-            return self.receive()
+        can_id = _OTHER
+        while can_id & _OTHER:
+            try:
+                got = self._recv(_BUFFER)
+            except BlockingIOError:
+                return None
+            except OSError as err:
+                raise gone(self._where, err) from err
+            if len(got) != _BUFFER:
+                return None
+            can_id, size, data = self._unpack(got)
         return can_id, data if size >= 8 else data[:size], self._now_ns()
 
     def pending(self) -> int:

@@ -42,16 +42,17 @@ class PythonCanPort:
 
     def receive(self) -> tuple[int, bytes, int] | None:
         """Return the oldest frame as id, data and arrival [ns], None if there is none."""
-        try:
-            message = self._bus_recv(0)
-        except (can.CanError, OSError, ValueError) as err:
-            raise DriverError(f"{gone(self._where)}: {err}") from err
-        if message is None:
-            return None
-        if message.is_error_frame:
-            return message.arbitration_id | ERROR_FRAME, bytes(message.data), self._now_ns()
-        if message.is_extended_id or message.is_remote_frame:
-            return self.receive()
+        while True:
+            try:
+                message = self._bus_recv(0)
+            except (can.CanError, OSError, ValueError) as err:
+                raise DriverError(f"{gone(self._where)}: {err}") from err
+            if message is None:
+                return None
+            if message.is_error_frame:
+                return message.arbitration_id | ERROR_FRAME, bytes(message.data), self._now_ns()
+            if not (message.is_extended_id or message.is_remote_frame):
+                break
         return message.arbitration_id, bytes(message.data), self._now_ns()
 
     def purge(self) -> None:

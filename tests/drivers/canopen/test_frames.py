@@ -147,6 +147,16 @@ def test_python_cans_virtual_bus(virtual: tuple[PythonCanPort, Any]) -> None:
     assert port.receive() is None
 
 
+def test_a_flood_of_extended_frames_hides_nothing(virtual: tuple[PythonCanPort, Any]) -> None:
+    port, other = virtual
+    for number in range(3000):
+        other.send(can.Message(arbitration_id=0x10000 + number, is_extended_id=True))
+    other.send(can.Message(arbitration_id=0x181, data=b"\x01", is_extended_id=False))
+    frame = port.receive()
+    assert frame is not None
+    assert frame[:2] == (0x181, b"\x01")
+
+
 def test_error_frames_of_python_can_come_through(virtual: tuple[PythonCanPort, Any]) -> None:
     port, other = virtual
     other.send(can.Message(arbitration_id=0x40, is_error_frame=True, data=bytes(8)))
