@@ -7,7 +7,6 @@ the same in all three and nothing has to be copied at a call.
 
 from __future__ import annotations
 
-import functools
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
@@ -257,20 +256,24 @@ class Outcome:
 NUMBERS: dict[Any, Any] = {float: np.float64, int: np.int64, bool: np.bool_}
 
 
-@functools.cache
-def fields(record: Any) -> dict[str, Any]:
+def fields(record: type[Any]) -> dict[str, Any]:
     """Return the fields of a record class and their types, in the order of its memory."""
     return get_type_hints(record)
 
 
-@functools.cache
-def record_type(record: Any) -> np.dtype[Any]:
+def record_type(record: type[Any]) -> np.dtype[Any]:
     """Return the NumPy type of a record class; its layout is that of a C struct."""
-    members = [
-        (name, NUMBERS[kind] if kind in NUMBERS else record_type(kind))
-        for name, kind in fields(record).items()
-    ]
-    return np.dtype(members, align=True)
+    known = _types.get(record)
+    if known is None:
+        members = [
+            (name, NUMBERS[kind] if kind in NUMBERS else record_type(kind))
+            for name, kind in fields(record).items()
+        ]
+        known = _types[record] = np.dtype(members, align=True)
+    return known
+
+
+_types: dict[type[Any], np.dtype[Any]] = {}
 
 
 def empty(record: type[Any]) -> Any:
