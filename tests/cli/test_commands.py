@@ -99,6 +99,18 @@ def test_run_shows_the_summary(tautwave_cli: Cli, backend: Backend) -> None:
     assert output.isascii()
 
 
+def test_what_runs_unwatched_is_said_before_and_after(tautwave_cli: Cli, backend: Backend) -> None:
+    loud = "UNWATCHED: slave.wrist (node 2) goes on when this program falls silent"
+    backend.summary["buses"] = {"can": {"notes": ["slave.wrist: torque off", loud]}}
+    result = tautwave_cli("run", "rig.yaml", "--allow-unwatched")
+    assert result.exit_code == 0
+    assert backend.run_arguments["allow_unwatched"] is True
+    first, *rest = result.stderr.splitlines()
+    assert first.startswith("UNWATCHED: by --allow-unwatched")
+    assert "emergency stop" in first
+    assert rest == [loud]
+
+
 def test_a_run_that_was_stopped_says_so_on_stderr(tautwave_cli: Cli, backend: Backend) -> None:
     sentence = "slave.wrist left its position range at 1.2 s."
     backend.summary["outcome"] = {"kind": "safety_stop", "sentence": sentence}

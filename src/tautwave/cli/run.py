@@ -76,6 +76,13 @@ def run(
 
     from tautwave import session
 
+    if allow_unwatched:
+        click.echo(
+            "UNWATCHED: by --allow-unwatched a device without a watchdog is moved all the same, "
+            "and goes on with its last command when this program falls silent; keep a hand on the "
+            "emergency stop",
+            err=True,
+        )
     try:
         with Progress(loaded.name) as progress:
             result = session.run(
@@ -94,6 +101,10 @@ def run(
         with suppress(OSError):
             directory.rmdir()  # works on an empty one only: a run that never began leaves nothing
     show(summary_sections(loaded.name, result.summary, result.directory, result.exit_code))
+    for bus in result.summary.get("buses", {}).values():
+        for note in bus.get("notes", ()):
+            if note.startswith(("UNWATCHED", "NOT WATCHED")):
+                click.echo(note, err=True)
     if result.exit_code:
         word, sentence = outcome(result.summary, result.exit_code)
         if result.exit_code == 3:
