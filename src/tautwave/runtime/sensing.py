@@ -94,7 +94,9 @@ class Sensing:
                 self._take(at, bus, index, state)
                 at += 1
             for fault in bus.driver.faults():
-                self.faults.append(f"{fault.axis or bus.name}: {fault.text}")
+                who = fault.axis or bus.name
+                named = fault.text.startswith((f"{who} ", f"{who}:"))
+                self.faults.append(fault.text if named else f"{who}: {fault.text}")
                 if fault.fatal and self._error is None:
                     self._error = DeviceFault(self.faults[-1])
         return self._error
