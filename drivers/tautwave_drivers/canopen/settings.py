@@ -12,6 +12,7 @@ from tautwave_drivers.canopen.network import AbortError, RemoteDrive
 from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.cia402 import communication as c
 from tautwave_drivers.cia402 import objects as o
+from tautwave_drivers.cia402.aborts import abort_words
 from tautwave_drivers.cia402.entry import Entry
 from tautwave_drivers.cia402.modes import Mode, mode_name, supported_words, supports
 from tautwave_drivers.cia402.reactions import acts_on_loss, reaction_words
@@ -30,9 +31,11 @@ class Outcome(NamedTuple):
 
 def settle(drive: RemoteDrive, entry: Entry, wanted: int) -> Outcome:
     """Have an object hold `wanted`; what the drive holds instead, and why, if it refuses."""
-    before = drive.find(entry)
-    if before is None:
-        return Outcome(None, f"{drive.name} has no {entry.address} {entry.name}")
+    try:
+        before = drive.number(entry)
+    except AbortError as err:
+        words = abort_words(err.code).split(";")[0]
+        return Outcome(None, f"{drive.name} has no {entry.address} {entry.name} ({words})")
     what = f"{drive.name}: {entry.address} {entry.name}"
     if before == wanted:
         return Outcome(wanted, f"{what} = {_shown(entry, wanted)}, found so")

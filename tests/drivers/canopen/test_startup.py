@@ -44,7 +44,8 @@ IDENTITY = {"vendor": 0xFB, "product": 0x10}
             {"heartbeat_consumer": False, "rpdo_timer": "no_subindex"},
             {},
             "would go on with its last command when this program falls silent: .* has no 1016:01 "
-            "consumer heartbeat; .* has no 1400:05 deadline timer; use a drive",
+            r"consumer heartbeat \(0x06020000: object does not exist\); .* has no 1400:05 deadline "
+            r"timer \(0x06090011: sub-index does not exist\); use a drive",
         ),
         ({"abort_option": False}, {}, "has no 6007:00 abort connection option.*--allow-unwatched"),
         (
