@@ -15,7 +15,7 @@ from tautwave.contracts import BusSpec
 from tautwave.errors import DeviceFault, DriverError
 from tautwave_drivers.dynamixel import registers as reg
 from tautwave_drivers.dynamixel.line import Line
-from tautwave_drivers.dynamixel.models import CAVEAT, model_name
+from tautwave_drivers.dynamixel.models import CAVEAT, VELOCITY_UNIT, model_name
 from tautwave_drivers.dynamixel.options import DynamixelOptions, Servo
 from tautwave_drivers.dynamixel.registers import Register
 from tautwave_drivers.dynamixel.units import Scale
@@ -187,6 +187,7 @@ class Bringup:
             limits = self._velocity_limit(servo, scale)
             self._put(servo, reg.PROFILE_ACCELERATION, 0)
             self._put(servo, reg.GOAL_VELOCITY, 0)
+        self._tell(servo, limits)
         if servo.options.torque_constant is None:
             self.notes.append(
                 f"{self._where(servo)}: torque constant {servo.torque_constant:.3g} N m/A is "
@@ -194,14 +195,33 @@ class Bringup:
             )
         return limits
 
+    def _tell(self, servo: Servo, limits: Limits) -> None:
+        if servo.impedance:
+            mode, register, unit = reg.CURRENT_MODE, reg.CURRENT_LIMIT, servo.model.current_unit
+            used, name = limits.current * unit, "A"
+        else:
+            mode, register, unit = reg.VELOCITY_MODE, reg.VELOCITY_LIMIT, VELOCITY_UNIT
+            used, name = limits.velocity * unit, "rad/s"
+        self.notes.append(
+            f"{self._where(servo)}: {reg.MODES[mode]} mode, return delay "
+            f"{self._options.return_delay_s * 1e6:g} us, {register.name}({register.address}) "
+            f"{self._get(servo, register) * unit:.4g} {name}, of which the rig uses {used:.4g} "
+            "(read); torque off, goal 0, status return level 2 (written and read back)"
+        )
+
     def arm(self, servo: Servo) -> None:
         """Write the bus watchdog and read it back; it counts once torque is on."""
         if servo.options.id in self._unwatched:
             return
         units = max(1, math.ceil(self._options.watchdog_s / reg.WATCHDOG_UNIT_S - 1e-9))
         self._put(servo, reg.BUS_WATCHDOG, units)
+        self.notes.append(
+            f"{self._where(servo)}: stops after {units * reg.WATCHDOG_UNIT_S:g} s without a packet "
+            f"(bus watchdog(98) = {units}, written and read back)"
+        )
 
     def _current_limit(self, servo: Servo, scale: Scale) -> Limits:
+        """Return the rig's limit in counts; the servo's own has to allow it."""
         limit = self._get(servo, reg.CURRENT_LIMIT)
         # The loop commands whole counts, never beyond its limit.
         need = math.floor(servo.axis.effort_limit / scale.effort + 1e-9)
@@ -213,7 +233,7 @@ class Bringup:
                 f"effort_limit to {most:.3g}, or set current_limit: {need * unit:.5g} in "
                 "options.servos"
             )
-        return Limits(limit, 0)
+        return Limits(need, 0)
 
     def _velocity_limit(self, servo: Servo, scale: Scale) -> Limits:
         limit = self._get(servo, reg.VELOCITY_LIMIT)
@@ -223,7 +243,7 @@ class Bringup:
                 f"its velocity limit(44), {limit} = {limit * scale.velocity:.4g}; lower "
                 "velocity_limit, or raise the servo's with the vendor's wizard"
             )
-        return Limits(0, limit)
+        return Limits(0, min(limit, math.ceil(servo.axis.velocity_limit / scale.velocity)))
 
     # -- registers --------------------------------------------------------------------------
 

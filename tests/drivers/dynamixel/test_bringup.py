@@ -28,6 +28,10 @@ def test_what_was_found_and_set_is_told() -> None:
     notes = made.driver.notes
     assert any("XM430-W350, firmware 48, 12.0 V, 25 degC" in note for note in notes)
     assert any("1.78 N m/A is the stall slope, +-20 %" in note for note in notes)
+    for device_id in (1, 2):
+        told = " ".join(note for note in notes if f"servo {device_id})" in note)
+        assert "current mode, return delay 0 us, current limit" in told
+        assert "bus watchdog(98) = 5, written and read back" in told
 
 
 def test_torque_is_off_and_everything_is_set_after_open() -> None:
@@ -76,11 +80,11 @@ def test_configure_writes_what_differs_and_tells() -> None:
     changed = [at for at in range(EEPROM_END) if before[at] != after[at]]
     assert changed == [9, 11, 38, 39]
     assert made.peek(0, "Current Limit") == 500
-    assert sum("written" in note for note in made.driver.notes) == 3
+    assert sum(note.endswith(" written") for note in made.driver.notes) == 3
     # Nothing is left to write the next time.
     made.driver.close()
     made.driver.open()
-    assert not any("written" in note for note in made.driver.notes)
+    assert not any(note.endswith(" written") for note in made.driver.notes)
 
 
 def test_another_model_is_refused() -> None:
