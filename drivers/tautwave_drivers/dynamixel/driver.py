@@ -267,6 +267,9 @@ class DynamixelDriver:
                         0,
                     )
                 )
+            if self._exchange.returned:
+                self._watch.back(self._exchange.returned, self._watchdog_ns)
+                self._exchange.returned.clear()
             if self._on and (alert or watch.questions or self._exchange.refusals):
                 watch.alerts(self._exchange.values, self._exchange.refusals)
                 watch.ask(deadline_ns, self._faults)
@@ -299,7 +302,7 @@ class DynamixelDriver:
     # -- afterwards -----------------------------------------------------------------------
 
     def disable(self) -> None:
-        """Goals to zero, torque off, watchdogs off; a line that is gone is left alone."""
+        """Goals to zero, torque off, then its watchdog off; a line that is gone is left alone."""
         port = self._port
         if port is None or not (self._on or self._enabling is not None):
             return
@@ -311,8 +314,10 @@ class DynamixelDriver:
         with contextlib.suppress(DriverError):
             port.write(self._packed_goals() + self._torque(0))
             for device_id in self._ids:
-                self._line.write(device_id, reg.TORQUE_ENABLE.address, b"\x00")
-                self._line.write(device_id, reg.BUS_WATCHDOG.address, b"\x00")
+                answer = self._line.write(device_id, reg.TORQUE_ENABLE.address, b"\x00")
+                if answer is not None and not answer.number:
+                    self._line.write(device_id, reg.BUS_WATCHDOG.address, b"\x00")
+                # Else its torque may be on: its watchdog goes on and stops it.
 
     def close(self) -> None:
         """Disable and release the line; idempotent, never raises."""

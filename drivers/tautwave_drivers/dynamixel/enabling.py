@@ -60,8 +60,8 @@ class Enabling:
         servo = self._servos[self._at]
         if found.device_id != servo.options.id or found.instruction != packet.STATUS:
             return
-        if len(found.data) < SIZE:
-            return
+        if len(found.data) != SIZE:
+            return  # late, and the answer to something else
         self._asked_ns = None
         error = found.data[SIZE - 1]
         if error:

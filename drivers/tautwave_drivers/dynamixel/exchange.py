@@ -9,7 +9,9 @@ host's fault and is waited for until the deadline; who has missed `ABSENT` cycle
 it is waited for only as long as its answer takes on the wire, but for every `AGAIN`th time.
 
 An answer has no number, so one that comes a cycle late could pass for the next. No byte that comes
-before the question itself is through the wire belongs to its answer: such bytes are dropped.
+before the question itself is through the wire belongs to its answer: such bytes are dropped. Of two
+answers with one id in a cycle at least one is another's, and neither is believed; after an answer
+of one who was not asked, nobody is.
 """
 
 from __future__ import annotations
@@ -84,7 +86,8 @@ class Exchange:
     """Sends the question of every cycle and sorts the answers.
 
     After `collect`, `values[i]` holds what servo i sent, None where nothing right came;
-    `refusals` the error bytes of those that answered without data, by index. With `on_wire` set,
+    `refusals` the error bytes of those that answered without data, by index; `returned` who answers
+    again and after how many cycles without, until somebody clears it. With `on_wire` set,
     bytes that come sooner than the wire allows are dropped; without, only what came before the
     question.
 
@@ -132,6 +135,7 @@ class Exchange:
         answer_s = delays * timing.return_delay_s + timing.latency_s
         self._byte_ns = round(BITS_PER_BYTE * 1e9 / timing.baud)
         self._wire_ns = self._usual.size * self._byte_ns
+        self._block_ns = (11 + self._size) * self._byte_ns
         self._answer_ns = self._wire_ns + round(answer_s * 1e9) + SLACK_NS
         self._buffer = bytearray()
         self._missed = [0] * len(ids)
@@ -142,10 +146,13 @@ class Exchange:
         self._due_ns = 0
         self._earliest_ns = 0
         self._complete = False
+        self._settled = False
         self.on_wire = False
         self.stale = 0
         self.values: list[Values | None] = [None] * len(ids)
         self.refusals: dict[int, int] = {}
+        self.returned: list[tuple[int, int]] = []
+        self._doubtful: set[int] = set()
 
     def send(self, goals: bytes, now_ns: int) -> None:
         """Drop what has come, then send the goals and the question.
@@ -155,7 +162,7 @@ class Exchange:
         DriverError
             The line is gone.
         """
-        if not self._complete:
+        if not self._settled:  # one that came late may have left the right one behind it
             self.stale += len(self._port.read()) + len(self._buffer)
             self._buffer.clear()
         message = goals + self._question
@@ -182,6 +189,7 @@ class Exchange:
             if self._clock.now_ns() >= self._earliest_ns:
                 usual = self._usual.take(chunk)
                 if usual is not None:
+                    self._settled = True
                     self.values = usual  # type: ignore[assignment]  # nobody writes into it
                     return 0
                 self._buffer += chunk
@@ -193,8 +201,10 @@ class Exchange:
         """Take the answers in byte by byte, whatever is between them."""
         port, clock, buffer = self._port, self._clock, self._buffer
         left = len(self._ids)
+        self._settled = False
         self.values = [None] * left
         self.refusals.clear()
+        self._doubtful.clear()
         if self._fast is not None:
             self._fast.restart()
         take = self._take if self._fast is None else self._take_fast
@@ -206,12 +216,18 @@ class Exchange:
             else:
                 buffer += chunk
                 left, last = take(left)
-                if left == 0 or last:
+                if left == 0:
                     break
+                if last:  # one more may come, where somebody answered under this one's id
+                    limit = min(limit, clock.now_ns() + self._block_ns + SLACK_NS)
             if self._due_ns < limit and not self._awaited():
                 limit = self._due_ns
             if not clock.wait(port, limit):
                 break
+        for index in self._doubtful:
+            self.values[index] = None
+        if self._doubtful:
+            left = self.values.count(None)
         self._reorder()
         self._complete = left == 0 and self._order == self._ids and not buffer
         return left
@@ -221,23 +237,34 @@ class Exchange:
         last = False
         while (found := packet.take_packet(self._buffer, self._longest)) is not None:
             index = self._index.get(found.device_id)
-            if index is None or found.instruction != packet.STATUS or not found.params:
+            if found.instruction != packet.STATUS or not found.params:
+                continue
+            if index is None:
+                self._doubtful.update(range(len(self._ids)))
                 continue
             if len(found.params) == self._size + 1:
-                left -= self.values[index] is None
-                self.values[index] = self._layout.unpack(found.params)
+                left -= self._keep(index, found.params)
             else:
                 self.refusals[index] = found.error
             last = found.device_id == self._order[-1]
         return left, last
 
+    def _keep(self, index: int, params: bytes) -> bool:
+        """Take one servo's sample; return whether it is its first in this cycle."""
+        if self.values[index] is not None:
+            self._doubtful.add(index)
+            return False
+        self.values[index] = self._layout.unpack(params)
+        return True
+
     def _take_fast(self, left: int) -> tuple[int, bool]:
         assert self._fast is not None
-        for device_id, error, data in self._fast.take(self._buffer):
+        for device_id, error, data, place in self._fast.take(self._buffer):
             index = self._index.get(device_id)
-            if index is not None:
-                left -= self.values[index] is None
-                self.values[index] = self._layout.unpack(bytes((error,)) + data)
+            if index is None or self._order[place] != device_id:
+                self._doubtful.update(range(len(self._ids)))
+            else:
+                left -= self._keep(index, bytes((error,)) + data)
         if left == 0:
             self._buffer.clear()
         return left, False
@@ -259,6 +286,8 @@ class Exchange:
         for one in self._order:
             index = self._index[one]
             answered = self.values[index] is not None
+            if answered and self._missed[index]:
+                self.returned.append((index, self._missed[index]))
             self._missed[index] = 0 if answered else self._missed[index] + 1
             (here if answered else silent).append(one)
         here.sort(key=self._index.__getitem__)

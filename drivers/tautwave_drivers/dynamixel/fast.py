@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from tautwave_drivers.dynamixel.packet import BROADCAST, HEADER, STATUS, crc16
 
-Answer = tuple[int, int, bytes]
-"""Id, error byte, data."""
+Answer = tuple[int, int, bytes, int]
+"""Id, error byte, data, and its place among those asked."""
 
 
 class FastStatus:
@@ -53,7 +53,7 @@ class FastStatus:
             at = self._at
             body = bytes(buffer[at : at + block - 2])
             crc = crc16(body, self._crc)
-            answer = (body[1], body[0], body[2:])
+            answer = (body[1], body[0], body[2:], (at - len(self._head)) // block)
             told = buffer[at + block - 2] | buffer[at + block - 1] << 8
             self._at = at + block
             self._crc = crc16(buffer[at + block - 2 : at + block], crc)

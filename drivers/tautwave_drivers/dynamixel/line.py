@@ -108,9 +108,8 @@ class OwnLine:
             self._port.write(request)
             wire_ns = (len(request) + 11 + size) * self._byte_ns
             until = limit_ns or self._clock.now_ns() + wire_ns + self._patience_ns
-            found = _await(self._port, self._clock, device_id, until, packet.take_packet)
-            # An error comes without data, and is an answer.
-            if found is not None and (len(found.data) >= size or found.error & ~packet.ALERT):
+            found = _await(self._port, self._clock, device_id, until, packet.take_packet, size)
+            if found is not None:
                 return Answer(found.error, found.data)
         return None
 
@@ -139,7 +138,7 @@ class FirstLine:
         self._port.write(request)
         wire_ns = (len(request) + 6 + size) * self._byte_ns
         until = self._clock.now_ns() + wire_ns + self._patience_ns
-        found = _await(self._port, self._clock, device_id, until, packet1.take_packet)
+        found = _await(self._port, self._clock, device_id, until, packet1.take_packet, size)
         if found is None or len(found.data) < size:
             return None
         return Answer(found.error, found.data)
@@ -151,13 +150,20 @@ def _await(
     device_id: int,
     until_ns: int,
     take: Callable[[bytearray], Packet | None],
+    size: int,
 ) -> Packet | None:
-    """Return the status packet of one servo, None when it has not come by `until_ns`."""
+    """Return one servo's answer of `size` bytes, or its error; None when none came by `until_ns`.
+
+    One of another length answers an earlier question and came late.
+    """
     buffer = bytearray()
     while True:
         buffer += port.read()
         while (found := take(buffer)) is not None:
-            if found.device_id == device_id and found.instruction == packet.STATUS and found.params:
+            if found.device_id != device_id or found.instruction != packet.STATUS:
+                continue
+            refused = not found.data and found.error & ~packet.ALERT
+            if found.params and (len(found.data) == size or refused):
                 return found
         if not clock.wait(port, until_ns):
             return None

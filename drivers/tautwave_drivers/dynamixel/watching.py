@@ -63,6 +63,14 @@ class Watch:
             for index in range(len(self._servos)):
                 self._want(index, reg.BUS_WATCHDOG)
 
+    def back(self, returned: Sequence[tuple[int, int]], watchdog_ns: int) -> None:
+        """Note who was away for so many cycles that its watchdog may have tripped meanwhile."""
+        for index, missed in returned:
+            away_ns = (missed + 1) * self._bus.period_ns
+            if away_ns > watchdog_ns and not self._status_block:
+                self._gap_ns = away_ns
+                self._want(index, reg.BUS_WATCHDOG)
+
     def alerts(self, values: Sequence[Values | None], refusals: Mapping[int, int]) -> None:
         """Note which servos have their alert bit set, or answer without data."""
         for index, one in enumerate(values):

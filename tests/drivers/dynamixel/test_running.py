@@ -92,7 +92,7 @@ def test_bad_bytes_cost_samples_but_never_a_wrong_one(read: str, kind: str) -> N
     bad = 0
     for count in range(200):
         effort = 0.2 if count % 60 < 30 else -0.2
-        states = made.cycle(effort, effort)
+        states = made.cycle(effort, -effort)  # apart, so that one is never taken for the other
         for index, state in enumerate(states):
             bad += not state.valid
             if state.valid:
@@ -234,6 +234,42 @@ def keep_enabling(made: Bench, steps: int) -> None:
         made.clock.sleep_until(made.clock.now_ns() + PERIOD_NS)
 
 
+def test_a_watchdog_goes_on_where_torque_was_not_seen_to_go_off() -> None:
+    made = three()
+    write = made.driver._line.write
+
+    def deaf(device_id: int, address: int, data: bytes) -> Any:
+        return None if (device_id, address) == (2, 64) else write(device_id, address, data)
+
+    made.driver._line.write = deaf  # type: ignore[method-assign]
+    made.driver.disable()
+    assert [made.peek(index, "Bus Watchdog") for index in range(3)] == [0, 5, 0]
+
+
+def test_an_answer_to_an_earlier_question_confirms_nothing() -> None:
+    made = three()
+    made.driver.request()
+    made.clock.sleep_until(made.clock.now_ns() + 10_000)  # the answers are still to come
+    made.world.servos[1].memory.poke("Torque Enable", 0)
+    answer = made.driver._line.read(2, 64, 1)
+    assert answer is not None
+    assert answer.data == b"\x00"
+
+
+def test_a_servo_that_was_away_for_longer_than_its_watchdog_waits_is_asked_about_it() -> None:
+    made = three(watchdog_s=0.02)
+    line, made.world.servos[1].present = made.world.servos[1], False
+    for _ in range(30):
+        made.cycle(0.3, 0.3, 0.3)
+    made.poke(1, "Bus Watchdog", -1)
+    line.present = True
+    for _ in range(20):
+        made.cycle(0.3, 0.3, 0.3)
+    (fault,) = made.driver.faults()
+    assert fault.fatal
+    assert "bus watchdog tripped" in fault.text
+
+
 def test_torque_that_does_not_come_on_is_told() -> None:
     made = bench(spec(1))
     made.world.servos[0]._shut_down = True
@@ -290,14 +326,16 @@ def test_unplugged_in_memory_is_one_fatal_fault_and_close_is_quiet(transport: st
     assert valid(made.cycle(0.1, 0.1)) == [True, True]
 
 
-def test_efforts_beyond_the_current_limit_are_cut_there() -> None:
-    quirk = {"servos": {1: {"registers": {"Current Limit": 230}}}}
-    made = bench(spec(1, effort=1.0), simulator=quirk)
+def test_commands_beyond_the_limits_of_the_rig_are_cut_there() -> None:
+    made = bench(spec(1, effort=1.0), spec(2, "admittance", velocity=2.0))
     made.enable()
-    for wanted, told in ((5.0, 230), (-5.0, -230), (float("nan"), 0)):
-        made.cycle(wanted)
-        made.cycle(wanted)
-        assert made.peek(0, "Goal Current") == told
+    most = int(1.0 / made.driver._scales[0].effort)
+    fast = 84  # of 0.229 rev/min, the first beyond 2 rad/s
+    for wanted, sign in ((5.0, 1), (-5.0, -1), (float("inf"), 1), (float("nan"), 0)):
+        made.cycle(wanted, wanted)
+        made.cycle(wanted, wanted)
+        assert made.peek(0, "Goal Current") == sign * most
+        assert made.peek(1, "Goal Velocity") == sign * fast
 
 
 def test_an_admittance_axis_measures_what_pushes_it() -> None:
