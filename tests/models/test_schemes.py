@@ -333,3 +333,15 @@ def test_the_default_is_today_s_step_to_the_bit() -> None:
         assert got == foam_step(p, foam, x, v, *rest)
         x, v = got[:2]
     assert elastic_energy(foam, 0.0) == 0.0
+
+
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-12, 1e-14])
+def test_the_oracle_takes_few_steps_where_forces_balance(tolerance: float) -> None:
+    """Pressed into a wall by a held grip the acceleration is rounding, and so is its estimate."""
+    p = plant(0.1, 0.3, 0.0, (538.0, 5.0))
+    foam = contact(DORMAND_PRINCE, 1.0, 4e3, damping=3.0, tolerance=tolerance)
+    x, v = 0.03 * 538.0 / 4538.0, 1e-17
+    for _ in range(20):
+        x, v, *_ = integrate_step(p, foam, x, v, 0.0, 0.03, 0.0, 1e-3)
+    assert x == pytest.approx(0.03 * 538.0 / 4538.0, rel=1e-12)
+    assert abs(v) < 1e-13

@@ -21,6 +21,7 @@ _BISECTIONS = 100
 _SMALLEST = 1e-9  # of a step; below it the error estimate is rounding
 _SAFETY = 0.9
 _ROUNDING = 1e-15  # error per step that no tolerance asks less of
+_NOISE = 4e-15  # of the forces that balance each other: what their difference is worth
 
 FoamStep = tuple[float, float, float, float, float, float, float]
 Rates = tuple[float, float, float, float]
@@ -149,6 +150,17 @@ def dormand_prince_substep(
         b1 * v * v + b3 * v3 * v3 + b4 * v4 * v4 + b5 * v5 * v5 + b6 * v6 * v6,
         b1 * c1 + b3 * c3 + b4 * c4 + b5 * c5 + b6 * c6,
     )
+
+
+def _force_size(
+    plant: PlantParams, foam: FoamParams, effort: float, reference: float, x: float
+) -> float:
+    """Sum of the sizes of the forces at rest [N or N m]."""
+    size = math.fabs(effort) + plant.grip_stiffness * math.fabs(reference - x)
+    size = size + elastic_force(foam, foam.side * (x - foam.position))
+    if plant.spring_stiffness > 0.0:
+        size = size + plant.spring_stiffness * math.fabs(x - plant.spring_position)
+    return size + plant.coulomb
 
 
 def edge_level(
@@ -304,6 +316,8 @@ def dormand_prince_step(
         if math.fabs(ve) > fast:
             fast = math.fabs(ve)
         fast = fast + math.fabs(a) * t
+        # At rest the difference of balanced forces is rounding, and so is its error estimate.
+        fast = fast + _NOISE / tolerance * t * _force_size(plant, foam, effort, aim, x) / plant.mass
         error = 0.0
         if fast > 0.0:
             error = math.fabs(ev) / fast
@@ -336,17 +350,7 @@ def dormand_prince_step(
                 seen = contact != FREE and (foam.damping > 0.0 or foam.loss > 0.0)
             if seen and edge_level(foam, contact, direction, edge, xe, ve) > 0.0:
                 at = _locate(
-                    plant,
-                    foam,
-                    contact,
-                    direction,
-                    edge,
-                    outside,
-                    aim,
-                    reference_rate,
-                    x,
-                    v,
-                    t,
+                    plant, foam, contact, direction, edge, outside, aim, reference_rate, x, v, t
                 )
                 if first < 0 or at < when:
                     first = edge
@@ -357,7 +361,9 @@ def dormand_prince_step(
             )
         else:
             grow = 5.0
-            if error > 0.0:
+            if error > tolerance:
+                grow = 2.0  # the smallest step there is; the next may be longer
+            elif error > 0.0:
                 grow = _SAFETY * math.pow(tolerance / error, 0.2)
                 if grow > 5.0:
                     grow = 5.0
