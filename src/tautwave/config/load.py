@@ -78,6 +78,8 @@ def finish_rig(document: Document, path: Path, overrides: Sequence[str] = ()) ->
     rig: Rig | None = validate(document, Rig)
     plugins = _check_drivers(document)
     check_parts(document, take_apart(document, plugins))
+    if rig is not None and rig.simulation is not None and not document.problems:
+        _check_simulators(document, plugins)
     if document.problems or rig is None:
         raise ConfigError(document.sentences())
     return complete_rig(document, rig, plugins, path)
@@ -124,6 +126,20 @@ def _check_options(document: Document, plugin: DriverPlugin, path: KeyPath) -> N
         _check_defaults(document, plugin, path)
     else:
         validate(document, plugin.options, path)
+
+
+def _check_simulators(document: Document, plugins: dict[str, DriverPlugin | None]) -> None:
+    """Check what the options of a bus say to its simulated devices alone."""
+    for bus, plugin in plugins.items():
+        path = ("buses", bus, "options")
+        if plugin is None or not isinstance(document.get(path), dict):
+            continue
+        try:
+            simulator = registry.load_simulator(document.get(("buses", bus, "driver")))
+        except ConfigError:
+            continue  # a driver may come without one; a run says so
+        if simulator.options is not plugin.options:
+            validate(document, simulator.options, path)
 
 
 def _check_defaults(document: Document, plugin: DriverPlugin, path: KeyPath) -> None:

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
 from pydantic import ValidationError
 
 from tautwave.clock import FakeClock
+from tautwave.config import load_rig
 from tautwave.contracts import AxisSpec
 from tautwave.errors import ConfigError, DriverError
 from tautwave.types import SAFE_COMMAND, CommandDelay
 from tautwave_drivers.canopen import plugin
 from tautwave_drivers.canopen.options import facts, nodes_of
 from tests.drivers.canopen.benches import block, bus_of, driver_options, make, node
+
+CONFIG = Path(__file__).parents[3] / "configs" / "bench-canopen-virtual.yaml"
 
 
 @pytest.mark.parametrize(
@@ -103,3 +108,21 @@ def test_fd_is_for_the_budget_only() -> None:
     driver = plugin.make(options, rig.bus, rig.clock, rig.world.transport)
     with pytest.raises(DriverError, match="data_bitrate is for `tautwave check` only"):
         driver.open()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"nodes": {"2": {"identiti": 7}}}, "unknown key 'identiti'; did you mean 'identity'?"),
+        ({"fault": {}}, "unknown key 'fault'; did you mean 'faults'?"),
+        ({"faults": {"lost": 2.0}}, "less than or equal to 1"),
+    ],
+)
+def test_a_wrong_key_of_the_simulated_drives_is_a_sentence(
+    wrong: dict[str, Any], words: str
+) -> None:
+    override = "buses.can.options.simulator=" + json.dumps(wrong)
+    with pytest.raises(ConfigError) as told:
+        load_rig(CONFIG, [override])
+    assert words in str(told.value)
+    assert "options.simulator" in str(told.value)
