@@ -110,7 +110,7 @@ def test_nonlinear_links_are_named_as_conditions():
         told = certify(load_rig(CONFIGS / f"scene-{name}.yaml"))
         verdict = told.verdicts["coupled_stable"]
         assert verdict.state == "conditional"
-        assert "is booked in the run's ledger" in verdict.conditions[0]
+        assert "no theorem bounds it, a run books it" in verdict.conditions[0]
 
 
 @pytest.mark.parametrize(
