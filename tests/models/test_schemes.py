@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Sequence
+from typing import Any
 
 import pytest
 
 from tautwave.models.foam import FoamParams, elastic_energy, foam_step, foam_stored
+from tautwave.models.integrator_edges import PRESSING
 from tautwave.models.integrators import (
     DISCRETE_GRADIENT,
     DORMAND_PRINCE,
@@ -18,7 +20,7 @@ from tautwave.models.integrators import (
     SYMPLECTIC_EULER,
     integrate_step,
 )
-from tautwave.models.integrators_adaptive import PRESSING, dormand_prince_substep
+from tautwave.models.integrators_adaptive import dormand_prince_substep
 from tautwave.models.linear import linear_flow
 from tautwave.models.plant import PlantParams, plant_cache, plant_step
 from tests.models.plants import plant
@@ -32,7 +34,7 @@ STEPPING = {
 }
 
 
-def contact(scheme: int, exponent: float, stiffness: float, /, **more: float) -> FoamParams:
+def contact(scheme: int, exponent: float, stiffness: float, /, **more: Any) -> FoamParams:
     foam = FoamParams(stiffness, exponent, 0.0, 0.0, 1.0, 1, 0.0, scheme, 1e-13)
     return foam._replace(**more)
 
@@ -129,9 +131,10 @@ def bounce(scheme: int, exponent: float, k: float, t: float, phase: float) -> tu
 
 def contact_time(exponent: float, k: float) -> float:
     """W1 and W3 of a mass of 0.1 kg at 1 m/s [s]."""
-    deepest = ((exponent + 1.0) * 0.05 / k) ** (1.0 / (exponent + 1.0))
+    deepest = math.pow((exponent + 1.0) * 0.05 / k, 1.0 / (exponent + 1.0))
     share = 1.0 / (exponent + 1.0)
-    return 2.0 * deepest * math.sqrt(math.pi) * math.gamma(1.0 + share) / math.gamma(0.5 + share)
+    length: float = 2.0 * deepest * math.sqrt(math.pi)
+    return length * math.gamma(1.0 + share) / math.gamma(0.5 + share)
 
 
 @pytest.mark.parametrize(
@@ -345,3 +348,19 @@ def test_the_oracle_takes_few_steps_where_forces_balance(tolerance: float) -> No
         x, v, *_ = integrate_step(p, foam, x, v, 0.0, 0.03, 0.0, 1e-3)
     assert x == pytest.approx(0.03 * 538.0 / 4538.0, rel=1e-12)
     assert abs(v) < 1e-13
+
+
+@pytest.mark.parametrize("tolerance", [0.3, 0.1, 0.01, 1e-4, 1e-6])
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 3.0])
+def test_a_tolerance_so_coarse_that_a_step_jumps_over_the_contact(
+    tolerance: float, exponent: float
+) -> None:
+    """It starts on the surface and is out again within a step: both edges are the same one."""
+    foam = contact(DORMAND_PRINCE, exponent, 1e4, tolerance=tolerance)
+    for start in (-2e-3, -1e-3, -1e-4):
+        x, v, *rest = integrate_step(MASS, foam, start, 1.0, 0.0, 0.0, 0.0, 0.2)
+        assert rest[4] == 0.0  # it got to the end, and nothing was held
+        assert math.isfinite(x)
+        if tolerance < 1e-3:
+            assert -v == pytest.approx(1.0, abs=20.0 * tolerance)
+            assert x < -0.02

@@ -10,14 +10,11 @@ from __future__ import annotations
 import math
 
 from tautwave.models.foam import FoamParams, elastic_force
+from tautwave.models.integrator_edges import CLIPPED, FREE, PRESSING, contact_now, edge_level
 from tautwave.models.plant_params import PlantParams
 
-FREE = 0
-PRESSING = 1
-CLIPPED = 2
-
 _TRIALS = 200_000
-_BISECTIONS = 100
+_BISECTIONS = 60
 _SMALLEST = 1e-9  # of a step; below it the error estimate is rounding
 _SAFETY = 0.9
 _ROUNDING = 1e-15  # error per step that no tolerance asks less of
@@ -26,22 +23,6 @@ _NOISE = 4e-15  # of the forces that balance each other: what their difference i
 FoamStep = tuple[float, float, float, float, float, float, float]
 Rates = tuple[float, float, float, float]
 Trial = tuple[float, float, float, float, float, float, float, float]
-
-
-def release_level(foam: FoamParams, depth: float, speed: float) -> float:
-    """Return what is above zero while a contact at `depth` pushes; `speed` is into it [SI]."""
-    if foam.damping > 0.0:
-        return elastic_force(foam, depth) * (1.0 + foam.loss * speed) + foam.damping * speed
-    return 1.0 + foam.loss * speed
-
-
-def contact_now(foam: FoamParams, depth: float, speed: float) -> int:
-    """Return FREE, PRESSING or CLIPPED at a depth and a speed into the contact [SI]."""
-    if depth < 0.0 or (depth == 0.0 and not speed > 0.0):
-        return FREE
-    if release_level(foam, depth, speed) < 0.0:
-        return CLIPPED
-    return PRESSING
 
 
 def _rates(
@@ -163,26 +144,6 @@ def _force_size(
     return size + plant.coulomb
 
 
-def edge_level(
-    foam: FoamParams, contact: int, direction: float, edge: int, x: float, v: float
-) -> float:
-    """Return what is below zero until the motion reaches an edge [SI].
-
-    Edge 0 is the surface, 1 where the contact begins or ends to push, 2 a stop of the friction.
-    """
-    if edge == 2:
-        return -direction * v
-    depth = foam.side * (x - foam.position)
-    if edge == 0:
-        if contact == FREE:
-            return depth
-        return -depth
-    level = release_level(foam, depth, foam.side * v)
-    if contact == CLIPPED:
-        return level
-    return -level
-
-
 def _locate(
     plant: PlantParams,
     foam: FoamParams,
@@ -200,6 +161,17 @@ def _locate(
     low = 0.0
     high = t
     g_low = edge_level(foam, contact, direction, edge, x, v)
+    part = t
+    for _ in range(_BISECTIONS):
+        if g_low < 0.0:
+            break
+        # It starts on the edge: either it crosses now, or it leaves and comes back within t.
+        part = 0.25 * part
+        xe, ve, _, _, _, _, _, _ = dormand_prince_substep(
+            plant, foam, contact, outside, reference, reference_rate, x, v, part
+        )
+        g_low = edge_level(foam, contact, direction, edge, xe, ve)
+        low = part
     if not g_low < 0.0:
         return 0.0
     xe, ve, _, _, _, _, _, _ = dormand_prince_substep(
@@ -390,4 +362,8 @@ def dormand_prince_step(
                 contact = PRESSING
         elif first == 2:
             v = 0.0
+    if elapsed < (1.0 - 1e-9) * h and pushed == 0.0 and v != 0.0:
+        # Chatter, or numbers that have overflowed: passive and finite, as in `switching_step`.
+        environment_loss = environment_loss + 0.5 * plant.mass * v * v
+        v = 0.0
     return x, v, hand_work, grip_loss, plant.viscous * square, coulomb_loss, environment_loss
