@@ -6,12 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from tautwave.analysis.resonator_sampled import sampled_law
 from tautwave.analysis.sampled_wall import PulseTransfer
 from tautwave.analysis.wall_passivity import needed_damping
 from tautwave.certificate import certify
-from tautwave.certificate.scene_maps import linear_scene, loop_poles, needed, own_radius
+from tautwave.certificate.picture import draw_certificate
+from tautwave.certificate.scene_maps import (
+    leak_over,
+    linear_scene,
+    loop_poles,
+    needed,
+    own_radius,
+)
 from tautwave.config import load_rig
 from tautwave.scene.network import Link, Mass, Network
 from tests.scene.networks import RESONATOR
@@ -136,3 +144,20 @@ def test_a_scheme_that_cannot_run_the_scene_is_refused():
     told = certify(load_rig(CONFIGS / "scene-resonator.yaml", overrides))
     assert not told.passed
     assert "symplectic cannot run the scene at 1000 Hz" in told.sentences()[0]
+
+
+@pytest.mark.parametrize("name", ["resonator", "granular"])
+def test_the_certificate_is_drawn(name, tmp_path):
+    draw_certificate(load_rig(CONFIGS / f"scene-{name}.yaml"), tmp_path / "certificate.png")
+    with Image.open(tmp_path / "certificate.png") as image:
+        assert image.width > 800
+        assert len(image.convert("RGB").getcolors(1 << 16) or ()) > 20
+
+
+def test_the_drawn_curve_is_the_proved_one():
+    scene = linear_scene(RESONATOR, "exact", 1e-4, "hand")
+    whole = needed(scene, 1.0)
+    everywhere = np.linspace(1e-3, np.pi, 2000)
+    assert leak_over(scene, everywhere, 1.0).max() <= whole.damping * (1.0 + 1e-9)
+    near = 2.0 * np.pi * whole.frequency * 1e-4 * (1.0 + 1e-5 * np.linspace(-1.0, 1.0, 401))
+    assert leak_over(scene, near, 1.0).max() == pytest.approx(whole.damping, rel=1e-4)

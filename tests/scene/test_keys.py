@@ -5,12 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import jsonschema
+import numpy as np
 import pytest
 import yaml
 
+from tautwave.certificate.scene_maps import linear_part
 from tautwave.config import load_rig, parse_rig, resolved_yaml, rig_schema
 from tautwave.errors import ConfigError
 from tautwave.rig.scene import pruned_network, scene_forces, whole_network
+from tautwave.scene.compiling import compile_network
+from tautwave.scene.exact import linear_matrices
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RESONATOR = (CONFIGS / "scene-resonator.yaml").read_text()
@@ -131,3 +135,18 @@ def test_forces_follow_the_seed_and_no_other_force():
     assert scene_forces(other, network, 4000) != forces
     rms = (sum(x * x for x in forces[0]) / 4000) ** 0.5
     assert 0.04 < rms < 1.0
+
+
+def test_the_drum_is_tuned():
+    """Its rings ring where the membrane's J0 does, but for how coarse they are."""
+    rig = load_rig(CONFIGS / "scene-drum.yaml")
+    arrays = compile_network(linear_part(whole_network(rig))).arrays
+    mass, _, stiffness = linear_matrices(arrays, range(6))
+    w = np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.min())
+    assert w / (2.0 * np.pi) == pytest.approx(110.0, rel=0.02)
+
+
+def test_the_string_is_tuned():
+    (string,) = whole_network(load_rig(CONFIGS / "scene-string.yaml")).strings
+    samples = 2 * (string.near + string.far) + 4
+    assert 22_050 / samples == pytest.approx(196.0, rel=0.01)

@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
+from tautwave.certificate import certify
 from tautwave.cli import main
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError
@@ -97,6 +98,18 @@ def test_a_recording_replays_to_the_bit(name):
         (effort,) = model.advance([positions[k]], [force[k] for force in forces])
         assert effort == data[f"scene.asked.{port}"][k]
     assert max(abs(force) for force in forces[0]) > 0.1
+
+
+def test_a_command_delay_is_in_the_books_and_in_the_certificate():
+    late = ["buses.hand.options={command_delay_s: 2.0e-4}"]
+    result, data, _ = run_rig("resonator", 0.4, *late)
+    assert result.error is None
+    assert np.abs(data["scene.residual"]).max() < 1e-12
+    motor = data["plant.master.stylus.motor_work"]
+    assert data["master.stylus.port_energy"] == pytest.approx(-motor, abs=1e-12)
+    prompt = certify(load_rig(CONFIGS / "scene-resonator.yaml")).elements[1].numbers
+    told = certify(load_rig(CONFIGS / "scene-resonator.yaml", late)).elements[1].numbers
+    assert told["needed_damping"] > 2.0 * prompt["needed_damping"]
 
 
 def test_limits_and_ramps_hold():
@@ -205,7 +218,8 @@ def test_what_needs_a_pair_says_that_a_scene_is_none(tmp_path):
     with pytest.raises(ConfigError, match="identify shakes the axes of pairs"):
         identify_device(load_rig(rig), out=tmp_path, clock="fake")
     sweep = tmp_path / "sweep.yaml"
-    sweep.write_text(f"name: s\nrig: {rig}\nmeasures: [growth_rate]\ncases: {{a: {{columns: {{seed: [1, 2]}}}}}}\n")
+    cases = "cases: {a: {columns: {seed: [1, 2]}}}"
+    sweep.write_text(f"name: s\nrig: {rig}\nmeasures: [growth_rate]\n{cases}\n")
     done = CliRunner().invoke(main, ["sweep", str(sweep), "--out", str(tmp_path / "out")])
     assert done.exit_code == 2
     assert "a sweep runs pairs, and this rig has a scene" in done.output

@@ -42,6 +42,11 @@ def draw_certificate(rig: Rig, path: Path) -> None:
     from matplotlib.figure import Figure
 
     delays = declared_delays(rig)
+    if rig.scene is not None:
+        from tautwave.certificate.scene_picture import draw_scene_certificate
+
+        draw_scene_certificate(rig, path, delays)
+        return
     asked = rig
     rig, _ = derate_walls(rig, delays, {})
     rows: list[tuple[str, WallVerdict]] = []

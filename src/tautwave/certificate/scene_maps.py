@@ -128,13 +128,25 @@ def needed(scene: LinearScene, delay: float) -> Need:
         width = max(-math.log(abs(pole)), 1e-9)
         grid.append(abs(np.angle(pole)) + width * np.linspace(-30.0, 30.0, 241))
     theta = np.unique(np.clip(np.concatenate(grid), 1e-6, math.pi))
-    z = np.exp(1j * theta)
-    vectors = [np.linalg.solve(one * np.eye(len(a)) - a, b) for one in z]
-    law = (np.array(vectors) @ c + scene.d) * z**-delay
-    leak = 0.5 * scene.period * (law.real - law.imag / np.tan(0.5 * theta))
+    leak = leak_over(scene, theta, delay)
     at = int(np.argmax(leak))
     hz = float(theta[at]) / (2.0 * math.pi * scene.period)
     return Need(max(float(leak[at]), 0.0), hz, False)
+
+
+def law_over(scene: LinearScene, theta: Matrix) -> npt.NDArray[np.complex128]:
+    """Return effort over position at angles w T [N/m or N m/rad]."""
+    a, b, c = _seen(scene)
+    if not len(a):
+        return np.full(len(theta), complex(scene.d))
+    vectors = [np.linalg.solve(z * np.eye(len(a)) - a, b) for z in np.exp(1j * theta)]
+    return np.asarray(np.array(vectors) @ c + scene.d, np.complex128)
+
+
+def leak_over(scene: LinearScene, theta: Matrix, delay: float) -> Matrix:
+    """Return the device damping needed at angles w T (Colgate and Schenkel's right side)."""
+    law = law_over(scene, theta) * np.exp(-1j * delay * theta)
+    return np.asarray(0.5 * scene.period * (law.real - law.imag / np.tan(0.5 * theta)))
 
 
 def _seen(scene: LinearScene) -> tuple[Matrix, Matrix, Matrix]:
