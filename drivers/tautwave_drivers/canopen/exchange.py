@@ -16,6 +16,9 @@ SYNC_ID = 0x80
 HEARTBEAT_ID = 0x700
 NO_DATA = b""
 MODE_POLL_S = 0.1
+FIRST_BEATS = 4
+"""Cycles from the first one on that have a heartbeat each: a drive watches from its first one on,
+and has to when it is enabled."""
 QUIET_EVERY = 10
 """Cycles from one cycle without SYNC to the next, at least."""
 _BEAT = bytes((OPERATIONAL,))
@@ -107,7 +110,7 @@ class Exchange:
             for axis in self._axes:
                 axis.outstanding += 1
             self.missing = len(self._axes)
-        if cycle % self._beat_every == 0:
+        if cycle % self._beat_every == 0 or cycle <= FIRST_BEATS:
             self.send(self._beat_id, _BEAT)
         if cycle % 4 == 0:
             self._ask_modes(cycle)

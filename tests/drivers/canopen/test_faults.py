@@ -355,6 +355,17 @@ def test_a_drive_that_is_not_seen_to_be_off_keeps_its_watchdog() -> None:
     assert all(device.drive.motor.torque_counts == 0 for device in rig.devices())
 
 
+def test_a_drive_watches_its_master_from_the_moment_it_is_enabled() -> None:
+    beats = {"heartbeat_ms": 200, "heartbeat_timeout_ms": 400}
+    options = with_faults({"kind": "bus_off", "at_s": 0.01}, quirks={"rpdo_timer": "no_object"})
+    rig = started(options | beats)
+    rig.run(20, TORQUE)
+    assert rig.devices()[1].drive.motor.torque_counts == 100  # no command reaches it any more
+    rig.driver.close()
+    rig.world.advance(rig.clock.now_ns() + 500_000_000)
+    assert all(device.drive.motor.torque_counts == 0 for device in rig.devices())
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("causality", ["impedance", "admittance"])
 def test_what_is_no_finite_command_is_zero(value: float, causality: str) -> None:
