@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.contracts import AxisSpec, Bench, BusSpec
+from tautwave.errors import ConfigError
 from tautwave.models.plant_params import PlantParams
 from tautwave.truth import AxisModel
 from tautwave_sim.canopen.options import (
@@ -43,7 +44,16 @@ class CanopenBench(BaseModel):
 
 
 def bench(options: CanopenBench) -> Bench:
-    """Return what `tautwave sim canopen` serves: one free axis per node."""
+    """Return what `tautwave sim canopen` serves: one free axis per node.
+
+    Raises
+    ------
+    ConfigError
+        A node is listed twice.
+    """
+    if len(set(options.nodes)) < len(options.nodes):
+        listed = ", ".join(str(node) for node in options.nodes)
+        raise ConfigError(f"--nodes {listed}: two nodes cannot share an id; list each one once")
     linear = options.kind == "linear"
     nodes = tuple(
         NodeKeys(

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from tautwave.errors import ConfigError
 from tautwave_sim.canopen.bench import CanopenBench, bench
 from tautwave_sim.canopen.served import serve
 
@@ -191,3 +192,8 @@ def test_it_maps_pdos_and_drives_through_them() -> None:
         command["Target torque"].raw = 20
         command.transmit()
         moved(node, 500)
+
+
+def test_two_nodes_with_one_id_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"--nodes 1, 2, 1: two nodes cannot share an id"):
+        bench(CanopenBench(nodes=(1, 2, 1)))
