@@ -12,6 +12,7 @@ from tautwave.scene.network import problems_of
 from tautwave.scene.pruning import prune
 
 
+@pytest.mark.slow  # numba compiles for ten seconds
 def test_the_suite_has_its_tables_and_goals():
     pytest.importorskip("numba")
     suite = networks(rounds=1, sizes=(1, 10, 100, 200)).as_dict()

@@ -86,6 +86,7 @@ def test_parallel_springs_merge_only_where_the_sum_is_exact():
         assert two.advance([math.sin(0.1 * k)])[0] == pytest.approx(effort, abs=1e-9)
 
 
+@pytest.mark.slow  # numba compiles for ten seconds
 @pytest.mark.parametrize("scheme", ["symplectic", "discrete_gradient"])
 @pytest.mark.parametrize("make", [everything, granular])
 def test_compiled_equals_live_to_the_bit(make, scheme):
