@@ -43,8 +43,11 @@ def error_figure(scenes: Sequence[Scene], max_error: float) -> Figure:
         axes.axvline(max_error, color=canvas.SOFT, linewidth=1.0, linestyle=":")
         axes.text(
             max_error,
-            0.88,
-            " wanted",
+            0.03,
+            "wanted",
+            rotation=90,
+            ha="right",
+            va="bottom",
             transform=axes.get_xaxis_transform(),
             color=canvas.SOFT,
             fontsize=8.5,
