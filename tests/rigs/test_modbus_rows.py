@@ -15,6 +15,7 @@ import yaml
 
 from tautwave.certificate import certify
 from tautwave.config import load_rig
+from tautwave.errors import DriverError
 from tautwave.registry import load_driver
 from tautwave.rig import Assembly
 from tautwave.session.checking import bus_budgets, over_budget
@@ -248,3 +249,9 @@ def test_the_shipped_rigs_load_with_the_steps_of_their_drives(path: Path) -> Non
     rated = {TCP: 1.0, RTU: 0.64}[path]
     assert axis.encoder_quantum == pytest.approx(2 * np.pi / (65536 * gear))
     assert axis.effort_quantum == pytest.approx(1e-3 * rated * gear)
+
+
+def test_a_rig_file_gives_the_simulated_drives_their_quirks() -> None:
+    quirks = {"devices": {1: {"registers": {"identity": 7}}}}
+    with pytest.raises(DriverError, match="identity reads 0x7"):
+        run_rig(tree_of(TCP, simulator=quirks), duration_s=0.1)

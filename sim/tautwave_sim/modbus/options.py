@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 Positive = Annotated[float, Field(gt=0.0)]
 Seconds = Annotated[float, Field(ge=0.0)]
@@ -128,6 +128,13 @@ class SimulatorKeys(_Keys):
     """Whether a drive on RTU needs that silence after its own answer too."""
     latency_s: Seconds = 0.0
     """[s] Latency timer of the serial adapter."""
+
+    @field_validator("devices", mode="before")
+    @classmethod
+    def _whole_units(cls, given: Any) -> Any:
+        if not isinstance(given, dict):
+            return given  # a rig file went through JSON, which has no number keys
+        return {int(k) if isinstance(k, str) and k.isdigit() else k: v for k, v in given.items()}
 
 
 class DeviceKeys(_Shared):
