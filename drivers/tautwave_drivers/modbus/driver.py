@@ -252,14 +252,16 @@ class ModbusDriver:
     # -- afterwards -----------------------------------------------------------------------
 
     def disable(self) -> None:
-        """Safe command, then off, and watchdogs off; a link that is gone is left alone."""
+        """Safe command, then off, and watchdogs off; a link that is gone is tried once more."""
         links = self._links
         self._on = False
         if links is None or not any(station.walk is not None for station in self.stations):
             return
         links.watching = False
-        for link, stations in links.groups:
+        for link, stations in sorted(links.groups, key=lambda group: bool(group[0].lost)):
             link.abandon()
+            if link.lost:
+                links.reach(link, LEAVE_S)
             asker = Asker(link, self._clock, LEAVE_S, LEAVE_TRIES)
             for station in stations:
                 if station.walk is not None and not link.lost:

@@ -106,6 +106,13 @@ class Links:
                 "s; check cable, supply and address"
             )
 
+    def reach(self, link: Link, patience_s: float) -> None:
+        """Try to connect once more, for a last word; `link.lost` says whether that failed."""
+        until = self._clock.now_ns() + round(1e9 * patience_s)
+        with contextlib.suppress(DriverError):
+            while not link.connect() and self._clock.now_ns() < until:
+                self._clock.sleep_until(self._clock.now_ns() + POLL_NS)
+
     def gather(self) -> None:
         """Make what the loop waits on out of all ports."""
         if self._watched is not None:

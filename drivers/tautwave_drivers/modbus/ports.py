@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
 import os
 import select
 import socket
@@ -18,6 +19,7 @@ from tautwave_drivers.modbus.options import ModbusOptions, host_port
 CHUNK = 4096
 FRAME = 256
 """The longest on a serial line."""
+_NOTHING = bytes(4)
 _GONE = {errno.EIO, errno.ENODEV, errno.ENXIO, errno.EBADF}
 _WORDS = {
     errno.ECONNREFUSED: "refused: nothing listens there; is the drive on, and the port right?",
@@ -150,6 +152,8 @@ class SerialPort:
             raise DriverError(_not_open(path, err)) from err
         self._fd: int = self._device.fileno()
         os.set_blocking(self._fd, False)
+        self._fionread = termios.FIONREAD
+        self._count = bytearray(4)
         keys = termios.tcgetattr(self._fd)
         # A read without data has to say so (EAGAIN), and not look like a closed line.
         keys[6][termios.VMIN], keys[6][termios.VTIME] = 1, 0
@@ -179,6 +183,14 @@ class SerialPort:
         if not data:
             raise DriverError(f"{self._name}: unplugged, or its other end closed; plug it in again")
         return data
+
+    def waiting(self) -> bool:
+        """Return whether `read` has something to say; a third of what asking it costs."""
+        try:
+            fcntl.ioctl(self._fd, self._fionread, self._count)
+        except OSError:
+            return True
+        return self._count != _NOTHING
 
     def close(self) -> None:
         """Release the device; idempotent."""

@@ -9,7 +9,7 @@ Source: MODBUS over Serial Line V1.02, 2.4 and 2.5.1.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from tautwave.contracts import BytePort, Clock
 from tautwave.errors import DriverError
@@ -52,6 +52,7 @@ class RtuLink:
         answer_s = options.turnaround + options.gap + options.latency_s
         self._answer_ns = round(1e9 * answer_s) + SLACK_NS
         self._port: BytePort | None = None
+        self._waiting: Callable[[], bool] | None = None
         self._queue: deque[Errand] = deque()
         self._asked: Errand | None = None
         self._buffer = bytearray()
@@ -94,6 +95,7 @@ class RtuLink:
         """
         if self.lost:
             self._port = self._open()
+            self._waiting = getattr(self._port, "waiting", None)
             self.lost = ""
             self._buffer.clear()
             self._quiet_ns = self._clock.now_ns() + self._gap_ns
@@ -121,13 +123,18 @@ class RtuLink:
         if self._asked is not None or self._missed or self._buffer or self._port is None:
             self.pump()
             return
-        # Everybody has answered: there is nothing to drain.
-        now = self._clock.now_ns()
-        if now >= self._quiet_ns:
-            try:
+        # Everybody has answered: whatever has come since is no answer.
+        try:
+            waiting = self._waiting
+            strange = self._port.read() if waiting is None or waiting() else b""
+            now = self._clock.now_ns()
+            if strange:
+                self.strange += len(strange)
+                self._quiet_ns = now + self._gap_ns
+            if now >= self._quiet_ns:
                 self._send(self._port, now)
-            except DriverError as err:
-                self.drop(str(err))
+        except DriverError as err:
+            self.drop(str(err))
 
     def pump(self) -> None:
         """Take in what has come, and ask what follows from it; never waits."""

@@ -166,7 +166,9 @@ def test_a_serial_device_carries_bytes_until_it_is_unplugged() -> None:
     assert os.read(master, 10) == b"\x01\x03"
     os.write(master, b"\x01\x83")
     assert CLOCK.wait(port, CLOCK.now_ns() + 5_000_000_000)
+    assert port.waiting()
     assert port.read() == b"\x01\x83"
+    assert not port.waiting()
     os.close(master)
     with pytest.raises(DriverError, match=r"adapter is gone|unplugged"):
         port.read()

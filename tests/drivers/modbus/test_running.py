@@ -8,6 +8,7 @@ import pytest
 
 from tautwave.errors import DriverError
 from tautwave.types import JointState
+from tautwave_drivers.modbus import frames
 from tests.drivers.modbus.parts import FAST_RTU, Bench, bench, spec
 
 KINDS = (
@@ -199,6 +200,45 @@ def test_a_lost_link_comes_back_where_the_rig_says_so(link: str, kind: str) -> N
     assert all(row[0].valid for row in states[400:])
     assert made.told(0) == 200.0
     made.driver.close()
+
+
+def test_a_drive_whose_connection_broke_is_told_to_let_go_over_a_new_one() -> None:
+    made = losing("tcp", "reset", 0.001, comm_timeout_s=5.0)
+    made.enable()
+    made.run(100, 0.2)
+    assert made.faults()[0].fatal
+    assert made.told(0) == 200.0
+    made.driver.disable()
+    assert made.number(1, "target_torque") == 0
+    assert not made.world.bus.drives[1].on
+    made.driver.close()
+
+
+def test_an_answer_that_comes_twice_answers_no_later_question() -> None:
+    made = bench(spec(1), **FAST_RTU)
+    made.enable()
+    spin(made, 5)
+    line = made.driver._links.groups[0][0].port  # type: ignore[union-attr]
+    read, last = line.read, [b""]  # type: ignore[union-attr]
+
+    def again() -> bytes:
+        data, last[0] = (read(), b"") if not last[0] else (last[0], b"")
+        return data
+
+    line.read = again  # type: ignore[union-attr, method-assign]
+    for _ in range(3):
+        began = made.clock.now_ns()
+        made.driver.request()
+        first = made.driver.read(began + made.bus.period_ns * 7 // 10)[0]
+        made.clock.sleep_until(began + made.bus.period_ns)
+    assert first.valid
+    twin = frames.rtu_frame(1, made.driver.stations[0].errand.answers[-1])
+    spin(made, 20)
+    last[0] = twin  # lies in the host's buffer when the next question goes out
+    (state, true) = spin(made, 1)[0]
+    quantum = made.driver.stations[0].device.scale.position
+    if state.valid:
+        assert state.position == pytest.approx(true, abs=0.51 * quantum)
 
 
 def test_a_drive_whose_watchdog_tripped_meanwhile_is_told() -> None:
