@@ -95,7 +95,9 @@ class SerialPort:
         except OSError as err:
             raise DriverError(self._lost(err)) from err
         if not data:
-            raise DriverError(f"{self.path}: unplugged, or its other end closed; plug it in again")
+            raise DriverError(
+                f"{self.path}: unplugged, or its other end closed; plug it in and run again"
+            )
         return data
 
     def close(self) -> None:
