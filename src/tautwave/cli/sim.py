@@ -92,9 +92,10 @@ def _serve_rig(path: Path, overrides: tuple[str, ...]) -> None:
         )
         return
     with served(rig, buses) as found:
-        for line in found.values():
-            print_line(line)
-        # Blocked until here by nobody: sigwait needs them blocked, so that none is lost.
+        # Blocked before anybody is told, so that none is lost; after the children have started,
+        # who would inherit it.
         signals = {signal.SIGINT, signal.SIGTERM}
         signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+        for line in found.values():
+            print_line(line)
         signal.sigwait(signals)
