@@ -72,11 +72,9 @@ def _serve_driver(driver: str, arguments: list[str], wants_help: bool) -> None:
 
 
 def _serve_rig(path: Path, overrides: tuple[str, ...]) -> None:
-    import signal
-
     from tautwave.config import load_rig
     from tautwave.rig import served_buses
-    from tautwave.session.serving import bus_bench, print_line, serve, served
+    from tautwave.session.serving import bus_bench, interrupted, print_line, serve, served
 
     rig = load_rig(path, overrides)
     buses = served_buses(rig)
@@ -91,11 +89,7 @@ def _serve_rig(path: Path, overrides: tuple[str, ...]) -> None:
             lambda found: print_line({"bus": buses[0], **found}),
         )
         return
-    with served(rig, buses) as found:
-        # Blocked before anybody is told, so that none is lost; after the children have started,
-        # who would inherit it.
-        signals = {signal.SIGINT, signal.SIGTERM}
-        signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+    with served(rig, buses) as found, interrupted() as asked:
         for line in found.values():
             print_line(line)
-        signal.sigwait(signals)
+        asked()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import os
 import select
 import signal
 import subprocess
@@ -128,6 +129,30 @@ def _end(child: subprocess.Popen[bytes]) -> None:
     except subprocess.TimeoutExpired:
         child.kill()
         child.communicate()
+
+
+@contextmanager
+def interrupted() -> Iterator[Callable[[], None]]:
+    """Give a call that returns on the first SIGINT or SIGTERM since the block was entered."""
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    # Through a pipe: the kernel may hand the signal to any thread, and wake only that one.
+    before_fd = signal.set_wakeup_fd(writer)
+    before = {
+        number: signal.signal(number, lambda *_: None) for number in (signal.SIGINT, signal.SIGTERM)
+    }
+
+    def wait() -> None:
+        os.read(reader, 1)
+
+    try:
+        yield wait
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(before_fd)
+        os.close(reader)
+        os.close(writer)
 
 
 def end_with_parent() -> None:
