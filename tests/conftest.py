@@ -22,6 +22,7 @@ settings.register_profile(
     "steady",
     derandomize=True,
     deadline=None,
+    max_examples=40,
     print_blob=True,
     suppress_health_check=[HealthCheck.too_slow],
 )

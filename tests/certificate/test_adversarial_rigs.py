@@ -109,6 +109,7 @@ def test_encoder_steps_let_out_no_more_than_is_told(quantum: float) -> None:
             assert settle(rig_of(with_users(data, user)), certificate).beyond <= ROUNDING
 
 
+@pytest.mark.slow
 def test_walls_beyond_their_limit_give_more_than_their_dampers_take() -> None:
     """And what an account may owe is no idle bound: some owe nearly all of it."""
     broken, used = [], []

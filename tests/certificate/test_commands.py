@@ -165,6 +165,7 @@ def test_a_derated_wall_is_what_runs(tmp_path: Path) -> None:
     assert again.returncode == 0
 
 
+@pytest.mark.slow
 def test_overruns_in_a_wall_break_the_certificate(tmp_path: Path) -> None:
     done = tautwave("run", README_RIG, *QUICK, *INTO_THE_WALL, *OVERRUNS, cwd=tmp_path)
     assert done.returncode == 3, done.stderr
@@ -179,6 +180,7 @@ def test_overruns_in_a_wall_break_the_certificate(tmp_path: Path) -> None:
     assert "breaks its certificate" in (tmp_path / "out/report.html").read_text()
 
 
+@pytest.mark.slow
 def test_overruns_out_of_contact_break_nothing(tmp_path: Path) -> None:
     still = "simulation.hand.lever.reference={type: hold, position: 0.0}"
     done = tautwave("run", README_RIG, *QUICK, *OVERRUNS, "--set", still, cwd=tmp_path)

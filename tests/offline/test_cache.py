@@ -67,6 +67,7 @@ def test_one_signature_serves_every_rig() -> None:
     assert len(compiled.compiled_kernel().signatures) == 1  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_an_edited_model_is_compiled_again(tmp_path: Path) -> None:
     shutil.copytree(SOURCE, tmp_path / "tautwave")
     where = {"PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}

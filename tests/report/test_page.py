@@ -182,6 +182,7 @@ def test_a_simulated_clock_has_no_histograms(tmp_path, columns):
     assert "--clock fake" in page.text
 
 
+@pytest.mark.slow
 def test_several_pairs(tmp_path):
     make_run(tmp_path, pairs=("wrist", "elbow"), rows=800)
     page = Page(write_report(tmp_path))

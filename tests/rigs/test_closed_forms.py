@@ -208,6 +208,7 @@ def left_over(run: Run) -> tuple[float, float]:
     return float(run["a.position_error"][-1] - offset), predicted
 
 
+@pytest.mark.slow
 def test_a_minute_of_contact_leaves_no_offset_once_released() -> None:
     run = contact_and_release(0.0, 0.0, 20.0, 10)
     assert np.abs(run["true.slave.a.environment_effort"]).max() > 1.0

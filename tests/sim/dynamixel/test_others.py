@@ -230,6 +230,7 @@ def test_protocol_1_by_sdk_and_rustypot() -> None:
             old.close()
 
 
+@pytest.mark.slow
 def test_a_link_survives_an_unplugged_adapter(tmp_path: Path) -> None:
     link = tmp_path / "servos"
     events = [{"kind": "unplug", "at_s": 1.5}, {"kind": "replug", "at_s": 2.0}]
