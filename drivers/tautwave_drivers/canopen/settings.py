@@ -156,7 +156,27 @@ def check_scale(drive: RemoteDrive, axis: Axis) -> list[str]:
                 f"{counts} in one; correct counts_per_revolution"
             )
         notes.append(f"{drive.name}: 608F has the rig's {counts} counts per motor turn")
-    return notes
+    return [*notes, *_factor_group(drive, axis)]
+
+
+def _factor_group(drive: RemoteDrive, axis: Axis) -> list[str]:
+    """Compare the units a drive makes of a motor turn (6091h, 6092h) with the rig's counts.
+
+    A feed of 1 is what drives leave in it that count increments whatever the group says. Whole
+    numbers hold the product of counts and gear to some 1e-5 only.
+    """
+    gear, shaft = drive.find(o.GEAR_MOTOR), drive.find(o.GEAR_SHAFT)
+    feed, turns = drive.find(o.FEED), drive.find(o.FEED_REVOLUTIONS)
+    if not (gear and shaft and feed and turns) or feed == 1:
+        return []
+    counts = axis.node.counts_per_revolution
+    if not math.isclose(feed * shaft, counts * turns * gear, rel_tol=1e-4):
+        raise DeviceFault(
+            f"{drive.name}: gear 6091 ({gear}/{shaft}) and feed 6092 ({feed}/{turns}) make "
+            f"{feed * shaft / (turns * gear):g} units of position a motor turn, the rig {counts}; "
+            "set them so that a unit is an encoder increment, or correct counts_per_revolution"
+        )
+    return [f"{drive.name}: 6091 and 6092 make {counts} units of position a motor turn, as the rig"]
 
 
 def _step(unit: float, said: float) -> float:

@@ -89,6 +89,8 @@ def test_an_unwatched_drive_is_allowed_and_loud() -> None:
     [
         ({}, {(0x6076, 0): 700}, "rated torque 6076:00 is 700 .*the rig says 0.5 N m"),
         ({}, {(0x608F, 1): 1024}, "608F says 1024 increments in 1 motor turns, the rig 4096"),
+        ({}, {(0x6091, 1): 7}, r"gear 6091 \(7/1\) and feed 6092 \(4096/1\) make 585.143 units"),
+        ({}, {(0x6092, 1): 36000}, "make 36000 units of position a motor turn, the rig 4096"),
         ({}, {(0x6072, 0): 500}, "6072:00 max torque 500 per mille is 0.25, below .*effort_limit"),
     ],
 )
