@@ -121,7 +121,7 @@ def test_energy_account_holds_a_port_that_reverses_within_periods(duration: floa
     run = simulate(rig_of(data), engine="python")
     port = port_params(0.002, 0.7, 1.0, matched=False, drift_time=0.05, allowance=0.0)
     fastest = np.abs(np.diff(run["master.a.position"])).max() / 0.002
-    debt = port_debt(port, 1, float(fastest), float(run["master.a.gross_flow"][-1]))
+    debt = port_debt(port, 1, 1.0, float(fastest), float(run["master.a.gross_flow"][-1]))
     period = float(np.abs(np.diff(run["master.a.port_energy"])).max())
     generated = -float(run["a.port_master.absorbed"].min())
     assert 0.0 < generated <= debt + 2.0 * period

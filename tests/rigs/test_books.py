@@ -233,7 +233,7 @@ def port_bound(run: Run, side: str, name: str = "a") -> float:
     port = site.params.port
     fastest = np.abs(np.diff(run[f"{side}.{name}.position"])).max(initial=0.0) / port.period
     delay = len(site._pipe) + (1 if site._late else 0)
-    owed = port_debt(port, delay, fastest, site.gross_flow)
+    owed = port_debt(port, delay, site.params.gain, fastest, site.gross_flow)
     return forgiven(run, side, name) + weight * owed
 
 

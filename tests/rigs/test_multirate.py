@@ -45,9 +45,7 @@ def port_bound(run: Run, side: str, name: str) -> float:
     port = site.params.port
     fastest = np.abs(np.diff(run[f"{side}.{name}.position"])).max(initial=0.0) / port.period
     delay = len(site._pipe) + (1 if site._late else 0)
-    owed = port_debt(port, delay, fastest, site.gross_flow)
-    # A velocity filter's prediction lags as well; at any one rate with a command delay, too.
-    owed *= 1.0 if site.params.gain == 1.0 else 2.0
+    owed = port_debt(port, delay, site.params.gain, fastest, site.gross_flow)
     return forgiven(run, side, name) + weight * owed
 
 

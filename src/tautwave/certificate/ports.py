@@ -98,9 +98,12 @@ class DebtRates(NamedTuple):
 def debt_rates(rig: Rig, axis_name: str, delays: Delays) -> DebtRates:
     """Return what the account of an impedance axis' port may owe."""
     delay = delays[axis_name]
-    port = site_params(rig, axis_name, delay).port
+    site = site_params(rig, axis_name, delay)
     periods = delay.periods + (1 if delay.remainder_s > 0.0 else 0)
-    return DebtRates(port_debt(port, periods, 1.0, 0.0), port_debt(port, periods, 0.0, 1.0))
+    return DebtRates(
+        port_debt(site.port, periods, site.gain, 1.0, 0.0),
+        port_debt(site.port, periods, site.gain, 0.0, 1.0),
+    )
 
 
 def _bears(

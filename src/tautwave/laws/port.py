@@ -115,7 +115,7 @@ def sensor_allowance(
     return 2.0 * impedance * gain * (noise * noise + 0.25 * quantum * quantum) / period
 
 
-def port_debt(p: PortParams, delay_periods: int, fastest: float, flow: float) -> float:
+def port_debt(p: PortParams, delay_periods: int, gain: float, fastest: float, flow: float) -> float:
     """Return what the account may owe for a while [J], besides what it forgave.
 
     The account is exact after each period, but an effort is planned on a predicted velocity. Its
@@ -128,12 +128,15 @@ def port_debt(p: PortParams, delay_periods: int, fastest: float, flow: float) ->
         Constants.
     delay_periods : int
         Command delay d, a remainder counted as one.
+    gain : float
+        Of the velocity tracker, 1 without a filter: with it the prediction is old by 1/gain periods
+        and not one.
     fastest : float
         Greatest measured mean velocity of a period [rad/s or m/s].
     flow : float
         Sum of |effort * displacement| of the axis, port and wall together [J].
     """
-    share = p.impedance * (1.0 + delay_periods)
+    share = p.impedance * (1.0 / gain + delay_periods)
     return share * (p.period * fastest * fastest + 2.0 * p.half_mobility * flow)
 
 

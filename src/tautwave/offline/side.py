@@ -216,7 +216,7 @@ def credit(s: Side, p: SideParams) -> float:
         periods = p.delay
         if p.late > 0.0:
             periods = periods + 1
-        debt = port_debt(p.site.port, periods, s.fastest, s.gross_flow)
+        debt = port_debt(p.site.port, periods, p.site.gain, s.fastest, s.gross_flow)
         debt += ROUNDING * p.half_period * s.wave_in * s.wave_in
         if s.account < -debt:
             return BANKRUPT

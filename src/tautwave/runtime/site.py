@@ -343,7 +343,7 @@ class SiteAxis:
         account = self.account
         if account < 0.0:
             periods = self._delay_periods
-            debt = port_debt(self._port, periods, self._fastest, self.gross_flow)
+            debt = port_debt(self._port, periods, self._gain, self._fastest, self.gross_flow)
             # Beside a wave that just arrived, a rounding error is no debt.
             debt += ROUNDING * self._half_period * self.wave_in * self.wave_in
             if account < -debt:
