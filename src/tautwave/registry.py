@@ -72,6 +72,20 @@ def missing_modules(needs: Iterable[str]) -> tuple[str, ...]:
     return tuple(module for module in needs if not _importable(module))
 
 
+def require_modules(name: str) -> None:
+    """Refuse the driver `name` where what it needs to move devices is not installed.
+
+    Raises
+    ------
+    ConfigError
+        It names the modules, and what to install.
+    """
+    missing = missing_modules(load_driver(name).needs)
+    if missing:
+        remedy = _remedy(_find(DRIVERS)[name])
+        raise ConfigError(f"driver {name!r} needs {', '.join(missing)}; {remedy}")
+
+
 def _find(group: str) -> dict[str, EntryPoint]:
     return _found(entry_points, group)
 

@@ -463,10 +463,10 @@ def test_a_fault_is_reported_and_a_fatal_one_stops() -> None:
     warm = Fault("slave.a", "warm", False)
     bench = Bench(cycles=30, arm={"faults": {5: warm}})
     result = bench.loop.run()
-    assert (result.error, result.faults) == (None, ("slave.a: warm",))
+    assert (result.error, result.faults) == (None, (Fault("slave.a", "slave.a: warm", False),))
     named = Fault("slave.a", "slave.a (node 2): warm", False)  # a driver that says where
     result = Bench(cycles=30, arm={"faults": {5: named}}).loop.run()
-    assert result.faults == (named.text,)
+    assert result.faults == (named,)
     hot = Fault("", "bus off", True)
     bench = Bench(cycles=300, release=5, arm={"faults": {5: hot}})
     result = bench.loop.run()

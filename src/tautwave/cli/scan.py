@@ -36,7 +36,7 @@ def scan(ctx: click.Context, driver: str | None, as_json: bool, wants_help: bool
     from tautwave.cli.model_options import parse_model, print_help
     from tautwave.cli.options import echo_json
     from tautwave.cli.show import Section, show
-    from tautwave.registry import load_driver, missing_modules
+    from tautwave.registry import load_driver, require_modules
 
     plugin = load_driver(driver)
     if plugin.scan_options is None:
@@ -45,11 +45,7 @@ def scan(ctx: click.Context, driver: str | None, as_json: bool, wants_help: bool
         print_help(f"scan {driver}", f"Find devices: {plugin.summary}.", plugin.scan_options)
         return
     options = parse_model(plugin.scan_options, ctx.args, f"scan {driver}")
-    missing = missing_modules(plugin.needs)
-    if missing:
-        raise ConfigError(
-            f"scan: {driver} needs {', '.join(missing)}; pip install 'tautwave[{driver}]'"
-        )
+    require_modules(driver)
     found = [dict(device) for device in plugin.scan(options)]
     if as_json:
         echo_json(found)

@@ -56,7 +56,7 @@ def _is_rig(what: str) -> bool:
 
 def _serve_driver(driver: str, arguments: list[str], wants_help: bool) -> None:
     from tautwave.cli.model_options import parse_model, print_help
-    from tautwave.registry import load_simulator
+    from tautwave.registry import driver_names, load_simulator, require_modules
 
     plugin = load_simulator(driver)
     if plugin.bench is None or plugin.bench_options is None or plugin.serve is None:
@@ -64,6 +64,8 @@ def _serve_driver(driver: str, arguments: list[str], wants_help: bool) -> None:
     if wants_help:
         print_help(f"sim {driver}", f"Serve {plugin.summary}.", plugin.bench_options)
         return
+    if driver in driver_names():
+        require_modules(driver)
     bench = plugin.bench(parse_model(plugin.bench_options, arguments, f"sim {driver}"))
 
     from tautwave.session.serving import print_line, serve

@@ -10,11 +10,8 @@ from __future__ import annotations
 import math
 
 from tautwave.models.foam import FoamParams
+from tautwave.models.integrators import RK4, SYMPLECTIC_EULER
 from tautwave.models.plant_params import PlantParams
-
-_SYMPLECTIC_EULER = 1
-_IMPLICIT_MIDPOINT = 2
-_RK4 = 3
 
 CONTACT_RATE = 0.5
 """Greatest w t at which a stepping scheme may meet a one-sided contact: 6.3 steps in one. Exit
@@ -50,7 +47,7 @@ def step_growth(scheme: int, stiffness: float, damping: float, mass: float, t: f
     """
     square = stiffness / mass * t * t
     drag = damping / mass * t
-    if scheme == _SYMPLECTIC_EULER:
+    if scheme == SYMPLECTIC_EULER:
         # z**2 - (2 - drag - square) z + (1 - drag) = 0
         half = 0.5 * (2.0 - drag - square)
         product = 1.0 - drag
@@ -58,7 +55,7 @@ def step_growth(scheme: int, stiffness: float, damping: float, mass: float, t: f
         if left <= 0.0:
             return math.sqrt(product)
         return math.fabs(half) + math.sqrt(left)
-    if scheme == _RK4:
+    if scheme == RK4:
         middle = -0.5 * drag
         left = middle * middle - square
         if left <= 0.0:
@@ -86,12 +83,12 @@ def _rk4_gain(re: float, im: float) -> float:
 
 def greatest_stiffness(scheme: int, damping: float, mass: float, t: float) -> float:
     """Return the greatest spring that a scheme holds on a linear oscillator [N/m or N m/rad]."""
-    if scheme == _SYMPLECTIC_EULER:
+    if scheme == SYMPLECTIC_EULER:
         left = 4.0 - 2.0 * damping * t / mass
         if left < 0.0:
             return 0.0
         return left * mass / (t * t)
-    if scheme != _RK4:
+    if scheme != RK4:
         return math.inf
     high = 16.0 * mass / (t * t)
     low = 0.0
@@ -109,7 +106,7 @@ def contact_stiffness_limit(scheme: int, damping: float, mass: float, t: float) 
 
     Infinite for schemes that keep the energy or locate the contact.
     """
-    if scheme < _SYMPLECTIC_EULER or scheme > _RK4:
+    if scheme < SYMPLECTIC_EULER or scheme > RK4:
         return math.inf
     rate = CONTACT_RATE / t
     limit = mass * rate * rate

@@ -16,7 +16,7 @@ from tautwave.errors import BusTimeout, SafetyStop, TautwaveError
 from tautwave.runtime.pair import Pair
 from tautwave.runtime.sensing import LoopBus, Sensing
 from tautwave.runtime.timing import Histogram
-from tautwave.types import SAFE_COMMAND
+from tautwave.types import SAFE_COMMAND, Fault
 
 ARM_SHARE = 0.1
 """The engage ramp begins when every effort asked for is below this share of its limit."""
@@ -65,13 +65,13 @@ class RowSink(Protocol):
 
 
 class LoopResult(NamedTuple):
-    """How a run went. `error` is what ended it early, or None."""
+    """How a run went. `error` is what ended it early, or None; `faults` are whole sentences."""
 
     cycles: int
     missed_cycles: int
     lost: Sequence[int]
     late: Sequence[int]
-    faults: Sequence[str]
+    faults: Sequence[Fault]
     error: BaseException | None
     interrupted: bool
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from tautwave.contracts import Driver
 from tautwave.errors import DeviceFault, DriverError, SafetyStop, TautwaveError
 from tautwave.runtime.site import SiteAxis
-from tautwave.types import JointState
+from tautwave.types import Fault, JointState
 
 ABSENT = JointState(0.0, 0.0, 0.0, False, 0)
 
@@ -59,7 +59,7 @@ class Sensing:
         self.states: list[JointState] = [ABSENT] * axes
         self.lost = [0] * axes
         self.late = [0] * axes
-        self.faults: list[str] = []
+        self.faults: list[Fault] = []
 
     def sense(self, slot: int, deadline_ns: int) -> TautwaveError | None:
         """Fill `states`; return the first thing that has to end the run, if any came up."""
@@ -96,9 +96,10 @@ class Sensing:
             for fault in bus.driver.faults():
                 who = fault.axis or bus.name
                 named = fault.text.startswith((f"{who} ", f"{who}:"))
-                self.faults.append(fault.text if named else f"{who}: {fault.text}")
+                told = fault.text if named else f"{who}: {fault.text}"
+                self.faults.append(fault._replace(text=told))
                 if fault.fatal and self._error is None:
-                    self._error = DeviceFault(self.faults[-1])
+                    self._error = DeviceFault(told)
         return self._error
 
     def _ask(self, number: int, bus: LoopBus, slot: int) -> None:

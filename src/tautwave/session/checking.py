@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from tautwave.config import Rig, bus_spec
 from tautwave.contracts import Budget
 from tautwave.errors import BusBudgetError, NotCertifiedError
-from tautwave.registry import load_driver
+from tautwave.registry import load_driver, require_modules
 from tautwave.rig import command_delays
 from tautwave.session.facts import admittance_facts, hints, pair_facts
 from tautwave.session.plan import PlanItem, left_out, rig_plan
@@ -54,6 +54,18 @@ def bus_budgets(rig: Rig) -> dict[str, Budget]:
         options = plugin.options.model_validate(bus.options)
         budgets[name] = plugin.budget(options, bus_spec(rig, name))
     return budgets
+
+
+def require_drivers(rig: Rig) -> None:
+    """Refuse a rig where a library of one of its drivers is not installed.
+
+    Raises
+    ------
+    ConfigError
+        It names the driver, the modules, and what to install.
+    """
+    for driver in dict.fromkeys(bus.driver for bus in rig.buses.values()):
+        require_modules(driver)
 
 
 def over_budget(rig: Rig, budgets: dict[str, Budget]) -> list[str]:

@@ -19,7 +19,7 @@ from tautwave.runtime.loop import Loop
 from tautwave.runtime.machine import quiet_collector
 from tautwave.runtime.recorder import Recorder
 from tautwave.session.certified import certificate_of, refuse_uncertified
-from tautwave.session.checking import bus_budgets, over_budget
+from tautwave.session.checking import bus_budgets, over_budget, require_drivers
 from tautwave.session.exciting import Plan, excite, plan_excitation
 from tautwave.session.running import interrupts, loop_conditions
 from tautwave.types import CommandDelay
@@ -182,6 +182,7 @@ def identify_device(
     TautwaveError
         The rig is refused, the run ended in a fault or a stop, or the device did not move enough.
     """
+    require_drivers(rig)
     problems = over_budget(rig, bus_budgets(rig))
     if problems:
         raise BusBudgetError("\n".join(problems))

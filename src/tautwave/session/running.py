@@ -27,7 +27,7 @@ from tautwave.session.certified import (
     refuse_uncertified,
     summary_block,
 )
-from tautwave.session.checking import bus_budgets, over_budget
+from tautwave.session.checking import bus_budgets, over_budget, require_drivers
 from tautwave.session.facts import pair_facts
 from tautwave.session.plan import left_out, rig_plan
 from tautwave.session.serving import served
@@ -96,6 +96,7 @@ def run(
         Nothing has moved: the rig is refused, or the run directory cannot be written. What goes
         wrong later is in the result, not raised.
     """
+    require_drivers(rig)
     problems = over_budget(rig, bus_budgets(rig))
     if problems:
         raise BusBudgetError("\n".join(problems))
@@ -145,7 +146,7 @@ def run(
         "compute_us": loop.compute.summary(),
         "realtime": moved.sentences,
         "axes": _axes(assembly, result),
-        "faults": list(result.faults),
+        "faults": [fault.text for fault in result.faults],
         "certificate": summary_block(certificate, allow_uncertified),
         "left_out": left_out(rig_plan(rig, clock=clock)),
         "recording": _recording(moved.stats),
@@ -251,7 +252,7 @@ def _axes(assembly: Assembly, result: LoopResult) -> dict[str, dict[str, Any]]:
         name: {
             "lost": result.lost[index],
             "late": result.late[index],
-            "faults": [text for text in result.faults if text.startswith(f"{name}:")],
+            "faults": [fault.text for fault in result.faults if fault.axis == name],
         }
         for index, name in enumerate(names)
     }

@@ -20,7 +20,7 @@ from typing import Any
 from tautwave.config import Rig, bus_spec, parse_rig, resolved_yaml
 from tautwave.contracts import Bench
 from tautwave.errors import ConfigError, DriverError, TautwaveError
-from tautwave.registry import load_simulator
+from tautwave.registry import load_simulator, require_modules
 from tautwave.rig import axis_model
 from tautwave.runtime.machine import realtime
 
@@ -45,6 +45,7 @@ def bus_bench(rig: Rig, bus_name: str) -> Bench:
             f"{rig.name}: there is nothing to simulate; add a simulation block to the rig file"
         )
     bus = rig.buses[bus_name]
+    require_modules(bus.driver)
     simulator = load_simulator(bus.driver)
     spec = bus_spec(rig, bus_name)
     models = [axis_model(rig, axis.name, rig.cycles) for axis in spec.axes]

@@ -1,0 +1,33 @@
+"""What a run refuses before it begins, and how it tells what devices reported."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tautwave import registry
+from tautwave.config import load_rig
+from tautwave.errors import ConfigError
+from tautwave.session.running import run
+
+RIG = Path(__file__).parents[2] / "configs" / "bench-canopen-virtual.yaml"
+
+
+def test_a_run_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "_importable", lambda module: module != "canopen")
+    told = r"driver 'canopen' needs canopen; pip install 'tautwave\[canopen\]'"
+    with pytest.raises(ConfigError, match=told):
+        run(load_rig(RIG), out=tmp_path / "out", clock="fake")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_fault_is_told_with_its_axis(tmp_path: Path) -> None:
+    faults = "buses.can.options.simulator={nodes: {2: {fault_at_s: 0.5}}}"
+    result = run(load_rig(RIG, [faults]), out=tmp_path / "out", clock="fake", duration_s=1.0)
+    assert result.exit_code == 5
+    assert result.summary["axes"]["master.lever"]["faults"] == []
+    told = result.summary["axes"]["slave.lever"]["faults"]
+    assert told
+    assert all(text.startswith("slave.lever") for text in told)
+    assert set(told) <= set(result.summary["faults"])
