@@ -20,7 +20,12 @@ from tautwave.models.integrator_bounds import (
     greatest_stiffness,
     step_growth,
 )
-from tautwave.models.integrator_choice import bounce_error, choose_scheme, refusal
+from tautwave.models.integrator_choice import (
+    bounce_error,
+    choose_scheme,
+    refusal,
+    smooth_error,
+)
 from tautwave.models.integrators import (
     DISCRETE_GRADIENT,
     DORMAND_PRINCE,
@@ -123,6 +128,15 @@ def test_auto_meets_the_error_and_nothing_tried_was_cheaper(
     assert found <= max_error
     assert all(t.cost_ns >= best.cost_ns for t in choice.tried if t.error <= max_error)
     assert f"<= {max_error:g}" in choice.why
+
+
+def test_a_step_too_short_to_try_out_is_not_called_exact() -> None:
+    lossy = FoamParams(1.0, 1.5, 0.2, 0.0, 1.0, 1, 0.0, SYMPLECTIC_EULER)
+    tried, beyond = (bounce_error(plant(1.0), lossy, 1.0, h) for h in (2e-4, 1e-5))
+    assert beyond == pytest.approx(0.05 * tried, rel=0.1)
+    spring = plant(1.0, 0.0, 0.0, (1.0, 0.0))
+    # Swings by w t / 2: sin(1) / 2 of w t after a radian.
+    assert smooth_error(spring, SYMPLECTIC_EULER, 1.0, 2e-5) == pytest.approx(0.42e-5, rel=0.2)
 
 
 def test_auto_takes_the_exact_step_at_a_stiff_wall_and_says_why() -> None:

@@ -15,7 +15,7 @@ from tautwave.models.plant_params import PlantParams
 
 CONTACT_RATE = 0.5
 """Greatest w t at which a stepping scheme may meet a one-sided contact: 6.3 steps in one. Exit
-speed is then within 5 % at every phase (`tests/models/test_schemes_bounds.py`)."""
+speed is then within 5 % at every phase (`tests/models/test_schemes_choice.py`)."""
 
 
 def greatest_depth(plant: PlantParams, foam: FoamParams, speed: float, effort: float) -> float:
