@@ -170,12 +170,13 @@ def test_a_wave_rig_runs_10_s_at_500_hz(tmp_path: Path) -> None:
 def test_frames_that_netem_loses_cost_samples_and_nothing_else(drives: None) -> None:
     with running(1, 2) as stepped:
         stepped.run(10, 0.0)
-        with netem("vcan0", "loss", "20%"):
-            rows, faults = stepped.run(100, 0.0)
-        after, _ = stepped.run(30, 0.0)
+        with netem("vcan0", "loss", "10%"):
+            rows, faults = stepped.run(200, 0.0)
+        after, more = stepped.run(30, 0.0)
     lost = sum(not state.valid for row in rows for state in row)
-    assert 10 < lost < 190
-    assert not [fault for fault in faults if fault.fatal]
+    print(f"{lost} of {2 * len(rows)} samples lost")
+    assert 20 < lost < 380  # 76 by the loss alone; a guest's own delays add to them
+    assert not [fault for fault in faults + more if fault.fatal]
     assert any(all(state.valid for state in row) for row in after)
 
 

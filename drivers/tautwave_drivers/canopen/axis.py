@@ -127,8 +127,9 @@ class Axis:
 
         A TPDO does not tell which SYNC it answers. One that comes sooner than this drive can answer
         is of an older one. After a single SYNC without an answer, one that comes when it usually
-        does stands by: if another follows it was old, if none does the missing one is lost. After
-        more of them it is not used at all: a cycle without SYNC has to show which are on their way.
+        does stands by: if another follows it was old, if none does the missing one is lost. At any
+        other time, and after more of them, it is not used at all: a cycle without SYNC has to show
+        which are on their way.
         (A delay by one period, to some 30 us, that sets in while running looks like one lost TPDO.)
         """
         if len(data) < self._size:
@@ -147,12 +148,11 @@ class Axis:
             self.late += 1
             return False
         if waiting > 1:
-            if waiting == 2 and not self._strict:
-                if answer.earliest_ns <= latency <= answer.latest_ns:
-                    self._candidate = (data, arrival_ns)
-                    return False
-            else:
-                self.doubtful = True
+            usual = answer.earliest_ns <= latency <= answer.latest_ns
+            if waiting == 2 and usual and not self._strict:
+                self._candidate = (data, arrival_ns)
+                return False
+            self.doubtful = True
             self.late += 1
             return False
         self._strict = False
@@ -166,13 +166,18 @@ class Axis:
             self.outstanding -= 1
         self.late += 1
 
-    def resolve(self) -> None:
-        """After a cycle without SYNC: what did not come then is lost, what came was late."""
+    def resolve(self) -> bool:
+        """After a cycle without SYNC: what did not come then is lost, what came was late.
+
+        True if something came: this drive answers late, and may go on doing so.
+        """
+        late = self._backlog
         if self.doubtful:
-            self._strict = self._backlog
-            if not self._backlog:
+            self._strict = late
+            if not late:
                 self.outstanding = 0
         self.doubtful = self._backlog = False
+        return late
 
     def take_event(self, data: bytes, arrival_ns: int) -> bool:
         """Take a TPDO where nobody sends SYNC: the newest counts; True if it is the first."""

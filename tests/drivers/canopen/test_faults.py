@@ -199,13 +199,43 @@ def test_after_several_lost_tpdos_an_axis_comes_back(times: int) -> None:
     leave(plain)
 
 
+@pytest.mark.parametrize("delay_s", [0.1e-3, 0.2e-3])
+def test_a_lost_tpdo_on_a_bus_that_has_become_slower_is_got_over(delay_s: float) -> None:
+    lost = {"kind": "lost", "at_s": AT_S, "can_id": 0x182}
+    slow = {"kind": "delayed", "at_s": AT_S, "can_id": 0x182, "times": 100_000}
+    rig, plain = started(with_faults(lost, slow, delay_s=delay_s)), started(with_faults())
+    rows, told = rig.run(100, TORQUE)
+    compare_positions(rows, plain.run(100, TORQUE)[0])
+    assert 1 <= sum(not row[1].valid for row in rows) <= 4
+    assert all(state.valid for state in rows[-1])
+    assert not any(fault.fatal for fault in told)
+    leave(rig)
+    leave(plain)
+
+
+def in_peace_then(**faults: float) -> Rig:
+    """A rig that was brought up before anything goes wrong."""
+    rig = started(with_faults())
+    storm = make(with_faults(**faults), mass=0.1).world.world.plan
+    rig.world.world.plan.__dict__.update(storm.__dict__)
+    return rig
+
+
+def test_one_frame_of_ten_may_be_lost_at_random() -> None:
+    rig = in_peace_then(lost=0.1)
+    rows, told = rig.run(1000, TORQUE)
+    assert not any(fault.fatal for fault in told)
+    for axis in (0, 1):
+        missing = "".join(" " if row[axis].valid else "x" for row in rows)
+        assert 0.15 < missing.count("x") / len(rows) < 0.35  # SYNC or TPDO are lost in 0.19
+        assert max(map(len, missing.split())) < 15
+    rig.driver.close()
+
+
 @pytest.mark.parametrize("kind", ["lost", "delayed", "duplicated", "corrupted", "error_frame"])
 def test_a_seeded_storm_never_raises_and_repeats_itself(kind: str) -> None:
     def run() -> list[Any]:
-        rig = started(with_faults())  # bring-up in peace
-        plan = rig.world.world.plan
-        storm = make(with_faults(**{kind: 0.05}), mass=0.1).world.world.plan
-        plan.__dict__.update(storm.__dict__)
+        rig = in_peace_then(**{kind: 0.05})
         rows, told = rig.run(CYCLES, TORQUE)
         rig.driver.close()
         return [rows, [fault.text for fault in told]]
