@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from tautwave_sim.wire.can_faults import CanFaults
 
@@ -121,3 +121,10 @@ class SimulatedCanopenOptions(_Shared):
     sync: bool = True
     nodes: Annotated[tuple[NodeKeys, ...], Listed]
     simulator: SimulatorKeys = SimulatorKeys()
+
+    @model_validator(mode="after")
+    def _nodes_exist(self) -> SimulatedCanopenOptions:
+        unknown = sorted(set(self.simulator.nodes) - {node.id for node in self.nodes})
+        if unknown:
+            raise ValueError(f"simulator.nodes names node {unknown[0]}, which nodes does not list")
+        return self

@@ -11,7 +11,7 @@ from typing import Any
 
 from tautwave.clock import MonotonicClock
 from tautwave.contracts import BusSpec
-from tautwave.errors import DriverError
+from tautwave.errors import ConfigError, DriverError
 from tautwave.truth import AxisModel
 from tautwave_sim.canopen.options import SimulatedCanopenOptions
 from tautwave_sim.canopen.port import is_data_frame
@@ -102,9 +102,18 @@ def serve(
 
     Raises
     ------
+    ConfigError
+        The plan fills a queue that is not here: the master's is the kernel's.
     DriverError
         The interface cannot be opened.
     """
+    faults = options.simulator.faults
+    if faults.queue_full > 0.0 or any(event.kind == "queue_full" for event in faults.events):
+        raise ConfigError(
+            f"bus {bus.name}: simulator.faults: queue_full would do nothing on "
+            f"{options.interface}, where the master's queue is the interface's own; take it out, "
+            "or run with interface virtual or --clock fake"
+        )
     interface = open_bus(options)
     try:
         clock = MonotonicClock()
@@ -135,5 +144,5 @@ def serve(
 def _can_be_waited_for(interface: Any) -> bool:
     try:
         return bool(interface.fileno() >= 0)
-    except NotImplementedError:
+    except NotImplementedError:  # python-can's way to say that an interface has no descriptor
         return False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Protocol
 
 from tautwave_sim.canopen.states import State, StateMachine
@@ -40,7 +41,7 @@ class Machine(Protocol):
         ...
 
 
-class PlainMachine:
+class PlainMachine(ABC):
     """Off, on after a while, fault; a reset is taken only while the drive is told to be off.
 
     Parameters
@@ -79,9 +80,9 @@ class PlainMachine:
         """Return whether the registers tell it to be on."""
         return bool(self._bank.values["control"] & 1)
 
+    @abstractmethod
     def asked_to_reset(self, fresh: set[str]) -> bool:
         """Return whether a fault reset was just asked for."""
-        raise NotImplementedError
 
     def told(self, fresh: set[str], now_ns: int) -> None:
         """Take note of registers that were just written."""

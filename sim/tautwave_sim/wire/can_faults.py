@@ -6,7 +6,7 @@ import zlib
 from collections.abc import Iterator
 from typing import Annotated, Literal, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from tautwave.streams import uniform_stream
 
@@ -50,6 +50,12 @@ class FaultEvent(_Keys):
     duration_s: Annotated[float, Field(ge=0.0)] = 0.0
     """[s] How long it lasts, for `error_frame` and all that are no fault of one frame; 0 is for
     ever there, and one frame here."""
+
+    @model_validator(mode="after")
+    def _meant(self) -> FaultEvent:
+        if self.kind not in FRAME_FAULTS and (self.nth is not None or self.can_id is not None):
+            raise ValueError(f"{self.kind} happens at a time: give at_s, and no nth or can_id")
+        return self
 
 
 class CanFaults(_Keys):

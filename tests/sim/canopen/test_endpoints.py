@@ -75,6 +75,18 @@ def test_keys_of_the_driver_are_let_through_and_own_ones_checked() -> None:
         options(simulator={"quirks": {}})
 
 
+def test_a_quirk_of_a_node_that_is_not_there_is_refused() -> None:
+    with pytest.raises(ValueError, match="names node 77"):
+        options(simulator={"nodes": {"77": {"starts_in_fault": True}}})
+
+
+@pytest.mark.parametrize("faults", [{"queue_full": 0.1}, {"events": [{"kind": "queue_full"}]}])
+def test_a_queue_that_is_the_interfaces_own_cannot_be_filled(faults: dict[str, Any]) -> None:
+    given = options(interface="udp_multicast", simulator={"faults": faults})
+    with pytest.raises(ConfigError, match=r"bus arm: simulator\.faults: queue_full would do"):
+        serve(given, spec(1), [truth()], lambda _: None, lambda: True)
+
+
 class Echoing:
     """An interface that returns what is sent on it, as udp_multicast does."""
 
