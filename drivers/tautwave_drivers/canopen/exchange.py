@@ -121,8 +121,10 @@ class Exchange:
 
         What comes all the same answers an older one; if nothing comes, the older answers are lost.
         """
-        if self._quiet and any([axis.resolve() for axis in self._axes]):
-            self._quiet_from = self.cycle + QUIET_EVERY - 1
+        if self._quiet:
+            late = [axis.resolve() for axis in self._axes]
+            if any(late):
+                self._quiet_from = self.cycle + QUIET_EVERY - 1
         wanted = self.cycle >= self._quiet_from and any(axis.doubtful for axis in self._axes)
         self._quiet = wanted
         return wanted
