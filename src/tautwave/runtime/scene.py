@@ -124,7 +124,7 @@ class ScenePort(Pair):
     def __init__(self, name: str, run: SceneRun, port: int) -> None:
         site = run.sites[port]
         super().__init__(name, site, site, PairScale(1.0, 1.0, 1.0, 1.0))
-        self.run = self._run = run
+        self.run = run
         self._port = port
         self._site = run.sites[port]
         self._last = port == len(run.sites) - 1
@@ -132,18 +132,18 @@ class ScenePort(Pair):
     def start(self, master: JointState, slave: JointState, offset: float | None) -> None:
         """Start at the measured position; the scene begins anew."""
         self.master.start(master.position, master.effort, 0.0)
-        self._run.place(self._port)
-        self._run.begin()
+        self.run.place(self._port)
+        self.run.begin()
 
     def arm(self, share: float) -> bool:
         """Return True when the scene at rest asks for less than `share` of the limit."""
-        return abs(self._run.resting(self._port)) <= share * self._site.params.limit.effort
+        return abs(self.run.resting(self._port)) <= share * self._site.params.limit.effort
 
     def engage(self, ramp: float) -> None:
         """Think for the first time."""
         if self._last:
-            self._run.begin()
-            self._run.think(0, ramp)
+            self.run.begin()
+            self.run.think(0, ramp)
 
     def cycle(self, master: JointState, slave: JointState, skipped: int, ramp: float) -> None:
         """Close this axis; the last one lets the scene think."""
@@ -153,12 +153,12 @@ class ScenePort(Pair):
         position, _, effort, valid, _ = master
         if valid:
             site.close(position, effort)
-            self._run.place(self._port)
+            self.run.place(self._port)
         else:
             site.miss()
         if self._last:
-            self._run.think(skipped, ramp)
-        self.guard = self._run.guards[self._port]
+            self.run.think(skipped, ramp)
+        self.guard = self.run.guards[self._port]
 
     def position_error(self) -> float:
         """Return 0: nothing follows this axis."""
@@ -166,7 +166,7 @@ class ScenePort(Pair):
 
     def effort_error(self) -> float:
         """Return by how much limits and ramp changed what the scene asked for [N m or N]."""
-        return self._site.port_effort - self._run.efforts[self._port]
+        return self._site.port_effort - self.run.efforts[self._port]
 
 
 class SceneRow:
