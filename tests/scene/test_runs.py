@@ -23,6 +23,7 @@ from tautwave.runtime.loop import Loop
 from tautwave.runtime.scene import SceneAxis
 from tautwave.scene.live import SceneModel
 from tautwave.session.identifying import identify_device
+from tautwave.session.running import run
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -223,3 +224,56 @@ def test_what_needs_a_pair_says_that_a_scene_is_none(tmp_path):
     done = CliRunner().invoke(main, ["sweep", str(sweep), "--out", str(tmp_path / "out")])
     assert done.exit_code == 2
     assert "a sweep runs pairs, and this rig has a scene" in done.output
+
+
+RUNAWAY = """
+name: runaway
+rate_hz: 1000
+duration_s: 2
+require: coupled_stable
+buses: {hand: {driver: loopback}}
+master:
+  axes:
+    bar:
+      bus: hand
+      id: 1
+      kind: linear
+      inertia: {value: 0.1, lower: 0.08, source: data sheet}
+      damping: {value: 0.5, lower: 0.3, source: data sheet}
+      effort_limit: 20
+      velocity_limit: 5
+      position_range: [-0.1, 0.1]
+scene:
+  scheme: symplectic
+  masses: {m1: {mass: 0.001}, m2: {mass: 0.001}}
+  links:
+    a: {type: spring, between: [bar, m1], stiffness: 100}
+    source: {type: negative_damper, between: [m1, m2], damping: 1.0}
+    hit: {type: contact, between: [m2, m1], stiffness: 100, exponent: 2}
+  ports: {bar: {}}
+  engage_ramp_s: 0.02
+  release_ramp_s: 0.02
+simulation:
+  axes: {master.bar: {inertia: 0.11, damping: 0.4}}
+  hand:
+    bar:
+      reference: {type: minimum_jerk, waypoints: [[0.05, 0.0], [0.3, -0.016], [1.0, -0.005]]}
+"""
+
+
+@pytest.mark.parametrize("scheme", ["symplectic", "discrete_gradient"])
+def test_an_instrument_that_runs_away_is_stopped_and_reported(tmp_path, scheme):
+    path = tmp_path / "runaway.yaml"
+    path.write_text(RUNAWAY.replace("symplectic", scheme))
+    done = run(load_rig(path), out=tmp_path / "out", clock="fake", allow_uncertified=True)
+    assert done.exit_code == 6
+    written = (tmp_path / "out" / "summary.json").read_text()
+    summary = json.loads(written, parse_constant=pytest.fail)
+    told = summary["outcome"]["sentence"]
+    assert "master.bar is asked by its scene for over a million times its effort limit at" in told
+    assert summary["cycles"] < 1500
+    assert "report_error" not in summary
+    assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
+    data = read_recording(tmp_path / "out" / "recording.mcap")
+    assert np.isfinite(data["scene.asked.bar"]).all()
+    assert np.isfinite(data["master.bar.commanded"]).all()

@@ -9,6 +9,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+RUNAWAY = 4
+RUNAWAY_TIMES = 1e6
+"""A scene that asks for so many times an axis' effort limit, or for no number, has run away: an
+unstable instrument. The guard's code for it is `RUNAWAY`, after those of `guard_axis`."""
+
 
 class LimitParams(NamedTuple):
     """Limits of an axis; an absent one is infinite.

@@ -231,18 +231,24 @@ def port_close(
     income = effort * advance + wave_energy
     burnt = effort * slipped * span
     account = account + income
-    plain = p.root * (velocity - slipped) - wave_sum / periods
+    arriving = wave_sum
+    if periods != 1.0:
+        arriving = wave_sum / periods
+    plain = p.root * (velocity - slipped) - arriving
     gap = gap + p.root * advance - period * wave_sum
     leaving = plain + p.repay * (gap / period - plain)
-    if account <= 0.0:
-        leaving = 0.0
-    else:
-        ceiling = math.sqrt(2.0 * account / period)
-        if leaving > ceiling:
-            leaving = ceiling
-        elif leaving < -ceiling:
-            leaving = -ceiling
     sent = 0.5 * period * leaving * leaving
+    # What is clearly paid for needs no root: the ceiling would not change a bit of it.
+    if not sent < 0.999 * account:
+        if account <= 0.0:
+            leaving = 0.0
+        else:
+            ceiling = math.sqrt(2.0 * account / period)
+            if leaving > ceiling:
+                leaving = ceiling
+            elif leaving < -ceiling:
+                leaving = -ceiling
+        sent = 0.5 * period * leaving * leaving
     account = account - sent
     gap = gap - period * leaving
     forgiven = 0.0

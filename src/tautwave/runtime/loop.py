@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol
 
 from tautwave.contracts import READ_SHARE, Clock, Row, RowSource
 from tautwave.errors import BusTimeout, SafetyStop, TautwaveError
+from tautwave.laws.limit import RUNAWAY
 from tautwave.runtime.pair import Pair
 from tautwave.runtime.sensing import LoopBus, Sensing
 from tautwave.runtime.timing import Histogram
@@ -23,7 +24,12 @@ ARM_SHARE = 0.1
 
 ENABLE_TIMEOUT_S = 10.0
 ARM_TIMEOUT_S = 5.0
-GUARDS = {1: "left its position range", 2: "exceeded its velocity limit", 3: "is not finite"}
+GUARDS = {
+    1: "left its position range",
+    2: "exceeded its velocity limit",
+    3: "is not finite",
+    RUNAWAY: "is asked by its scene for over a million times its effort limit",
+}
 TIMING_COLUMNS = ("time_s", "lateness_us", "compute_us", "skipped_slots")
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tautwave.contracts import Row
-from tautwave.laws.limit import guard_axis, limit_effort
+from tautwave.laws.limit import RUNAWAY, RUNAWAY_TIMES, guard_axis, limit_effort
 from tautwave.runtime.books import axis_columns, fill_axis
 from tautwave.runtime.pair import Pair, PairScale
 from tautwave.runtime.site import SiteAxis
@@ -76,6 +76,8 @@ class SceneRun:
         self.positions = [0.0] * len(sites)
         self.efforts = [0.0] * len(sites)
         self.guards = [0] * len(sites)
+        self._most = [RUNAWAY_TIMES * site.params.limit.effort for site in sites]
+        self._lost = False
 
     def place(self, port: int) -> None:
         """Take where an axis was measured."""
@@ -85,6 +87,7 @@ class SceneRun:
         """Start the scene with the ports where they are."""
         self.model.reset(self.positions)
         self.slot = 0
+        self._lost = False
 
     def resting(self, port: int) -> float:
         """Return what the scene at rest would ask of an axis [N m or N]."""
@@ -92,18 +95,38 @@ class SceneRun:
 
     def think(self, skipped: int, ramp: float) -> None:
         """Advance over the slots that went by and this one; render what the scene answers."""
-        for _ in range(skipped + 1):
-            at = self.slot
-            self.slot = at + 1
-            pushes = [force[at] for force in self._forces] if at < self._slots else self._silence
-            efforts = self.model.advance(self.positions, pushes)
+        if not self._lost:
+            self._lost = not self._advance(skipped)
         for port, site in enumerate(self.sites):
-            effort = self._scales[port] * efforts[port]
-            self.efforts[port] = effort
-            if site.valid:
+            effort = self.efforts[port]
+            if self._lost and not site.stopping:
+                self.guards[port] = RUNAWAY
+                site.stop_command(ramp * site.ceiling)
+            elif site.valid:
                 self.guards[port] = site.render(effort, ramp * site.ceiling)
             elif site.stopping:
                 site.fade(ramp * site.ceiling)
+
+    def _advance(self, skipped: int) -> bool:
+        """Step the network; return False where it has run away, and leave the efforts as they were.
+
+        Its state is not finite or grows beyond all scales: an unstable instrument.
+        """
+        try:
+            for _ in range(skipped + 1):
+                at = self.slot
+                self.slot = at + 1
+                pushes = (
+                    [force[at] for force in self._forces] if at < self._slots else self._silence
+                )
+                pulls = self.model.advance(self.positions, pushes)
+        except ArithmeticError:  # powers of floats raise where products are infinite
+            return False
+        asked = [scale * pull for scale, pull in zip(self._scales, pulls, strict=True)]
+        if not all(-most <= one <= most for most, one in zip(self._most, asked, strict=True)):
+            return False  # NaN as well
+        self.efforts[:] = asked
+        return True
 
     @property
     def _silence(self) -> list[float]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -106,9 +107,9 @@ def run(
     rig = certified_rig(rig, certificate)
     directory = Path(out)
     started = datetime.now(UTC)
-    text = resolved_yaml(rig)
     try:
         directory.mkdir(parents=True, exist_ok=True)
+        text = _kept_text(rig, directory)
         (directory / "rig.yaml").write_text(text, encoding="utf-8")
     except OSError as err:
         raise RecordingError(
@@ -156,6 +157,15 @@ def run(
     if assembly.scene is not None:
         summary["scene"] = {"elements": assembly.scene.model.elements()}
     return _report(directory, summary, exit_code)
+
+
+def _kept_text(rig: Rig, directory: Path) -> str:
+    """Return the rig.yaml of a run; the sounds it names lie beside it."""
+    if rig.scene is not None:
+        from tautwave.rig.scene import keep_sounds
+
+        rig = keep_sounds(rig, directory)
+    return resolved_yaml(rig)
 
 
 def _move(
@@ -285,13 +295,25 @@ def _pairs(rig: Rig, assembly: Assembly) -> dict[str, dict[str, Any]]:
     }
 
 
+def _written(value: Any) -> Any:
+    """Return what JSON can hold: None for what is no finite number."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: _written(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_written(one) for one in value]
+    return value
+
+
 def _report(directory: Path, summary: dict[str, Any], exit_code: int) -> RunResult:
     """Write the summary, then let another process add what the recording tells and draw it.
 
     NumPy arrays of an hour and matplotlib stay out of the process that moved the motors.
     """
     path = directory / "summary.json"
-    path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    summary = _written(summary)
+    path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     child = subprocess.run(
         [sys.executable, "-m", "tautwave.report", str(directory)],
         capture_output=True,
