@@ -10,6 +10,7 @@ from tautwave.config.document import Document, nearest
 from tautwave.config.keys.rig import Rig
 from tautwave.config.keys.scene import Scene, ScenePort
 from tautwave.config.parts import Parts
+from tautwave.config.sounds import check_sound
 from tautwave.config.yaml12 import KeyPath
 
 GROUND = "ground"
@@ -62,6 +63,8 @@ def check_scene(document: Document, parts: Parts) -> None:
                 f"no mass is named {force.on!r}{nearest(force.on, list(scene.masses)) or '.'} "
                 f"Masses: {', '.join(scene.masses) or 'none'}",
             )
+        if force.type == "sound" and parts.rate_hz is not None:
+            check_sound(document, ("scene", "forces", name), force, parts.rate_hz)
     for at, name in enumerate(scene.record):
         if name not in scene.masses:
             document.report(

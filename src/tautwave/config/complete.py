@@ -9,8 +9,10 @@ from typing import Any
 from tautwave.config.document import Document, show_path
 from tautwave.config.keys.coupling import Pair
 from tautwave.config.keys.rig import Rig, bus_spec, simulation_of
+from tautwave.config.keys.scene import Scene
 from tautwave.config.keys.simulation import AxisSimulation, Hand, Recording, Simulation
 from tautwave.config.recordings import find_recording
+from tautwave.config.sounds import complete_sound
 from tautwave.contracts import AxisFacts, DriverPlugin
 from tautwave.errors import ConfigError
 
@@ -21,7 +23,7 @@ def complete_rig(
     """Return the rig with every default made explicit.
 
     Options of drivers are filled in by the driver's model, `force_scale` from `position_scale`,
-    the truth of simulated axes from the belief; recordings get their whole path.
+    the truth of simulated axes from the belief; recordings and sounds get their whole path.
     """
     buses = {
         name: bus.model_copy(update={"options": _options(plugins[name], bus.options)})
@@ -31,9 +33,8 @@ def complete_rig(
     rig = rig.model_copy(
         update={"buses": buses, "coupling": rig.coupling.model_copy(update={"pairs": pairs})}
     )
-    if rig.scene is not None and rig.scene.output.port is None:
-        output = rig.scene.output.model_copy(update={"port": next(iter(rig.scene.ports))})
-        rig = rig.model_copy(update={"scene": rig.scene.model_copy(update={"output": output})})
+    if rig.scene is not None:
+        rig = rig.model_copy(update={"scene": _complete_scene(document, rig.scene)})
     rig = _complete_quanta(document, rig, plugins)
     if rig.simulation is not None:
         simulation = _complete_simulation(document, rig, rig.simulation)
@@ -91,6 +92,16 @@ def axis_facts(rig: Rig, plugins: dict[str, DriverPlugin | None]) -> dict[str, A
             facts = plugin.facts(plugin.options.model_validate(bus.options), spec)
             known.update({axis.name: fact for axis, fact in zip(spec.axes, facts, strict=True)})
     return known
+
+
+def _complete_scene(document: Document, scene: Scene) -> Scene:
+    port = scene.output.port or next(iter(scene.ports))
+    forces = {
+        name: complete_sound(document, name, force) if force.type == "sound" else force
+        for name, force in scene.forces.items()
+    }
+    output = scene.output.model_copy(update={"port": port})
+    return scene.model_copy(update={"output": output, "forces": forces})
 
 
 def _complete_pair(pair: Pair) -> Pair:

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+import shutil
 import zlib
 from array import array
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, Scene, SceneLink
+from tautwave.config.keys.scene import SoundForce
+from tautwave.config.sounds import read_sound
+from tautwave.errors import ConfigError
 from tautwave.laws.admittance import admittance_params
 from tautwave.laws.port import port_params, sensor_allowance
 from tautwave.laws.site import SiteParams
@@ -21,7 +26,7 @@ from tautwave.runtime.site import SiteAxis
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import GROUND, Link, Mass, Network, String
 from tautwave.scene.pruning import Pruned, prune
-from tautwave.scene.signals import force_signal
+from tautwave.scene.signals import force_signal, sound_signal
 from tautwave.types import CommandDelay
 
 COUPLING = "coupling"
@@ -118,15 +123,57 @@ def scene_forces(rig: Rig, network: Network, cycles: int) -> list[Sequence[float
     """Return the outside force on each of `network.forced` over a run [N], packed."""
     scene = scene_of(rig)
     total: dict[str, Any] = {}
+    sounds = {
+        name: _sound(keys, rig.rate_hz, cycles)
+        for name, keys in scene.forces.items()
+        if keys.type == "sound"
+    }
     for name, keys in scene.forces.items():
         for node in scene.nodes_of(keys.on):
             if node not in network.forced:
                 continue
-            # By name, not by place: another force in the rig shifts no stream.
-            seed = (rig.seed % SEED_WORD, zlib.crc32(f"{name} on {node}".encode()))
-            signal = force_signal(keys.model_dump(), rig.rate_hz, cycles, seed)
+            if name in sounds:
+                signal = sounds[name]
+            else:
+                # By name, not by place: another force in the rig shifts no stream.
+                seed = (rig.seed % SEED_WORD, zlib.crc32(f"{name} on {node}".encode()))
+                signal = force_signal(keys.model_dump(), rig.rate_hz, cycles, seed)
             total[node] = total[node] + signal if node in total else signal
     return [array("d", total[node].tobytes()) for node in network.forced]
+
+
+def _sound(keys: SoundForce, rate_hz: float, cycles: int) -> Any:
+    """Return the force of a sound over a run [N].
+
+    Raises
+    ------
+    ConfigError
+        The file has gone, or is another one, since the rig was read.
+    """
+    path = Path(keys.file)
+    try:
+        sound = read_sound(path)
+    except ConfigError as err:
+        raise ConfigError(f"{path}: {err}") from err
+    return sound_signal(keys.model_dump(), sound.samples, sound.rate_hz, rate_hz, cycles)
+
+
+def keep_sounds(rig: Rig, directory: Path) -> Rig:
+    """Copy a rig's sounds into `directory`/sounds; return the rig that names the copies.
+
+    Their paths are relative, so that the directory can go anywhere and its rig.yaml still runs.
+    """
+    if rig.scene is None or not any(f.type == "sound" for f in rig.scene.forces.values()):
+        return rig
+    forces = dict(rig.scene.forces)
+    for name, keys in rig.scene.forces.items():
+        if keys.type != "sound":
+            continue
+        folder = directory / "sounds"
+        folder.mkdir(exist_ok=True)
+        shutil.copyfile(keys.file, folder / f"{name}.wav")
+        forces[name] = keys.model_copy(update={"file": f"sounds/{name}.wav"})
+    return rig.model_copy(update={"scene": rig.scene.model_copy(update={"forces": forces})})
 
 
 def scene_site(rig: Rig, axis_name: str, delay: CommandDelay) -> SceneAxis:

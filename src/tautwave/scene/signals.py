@@ -1,9 +1,10 @@
-"""Outside forces of a scene, synthesised from a seed: tones, noise, taps."""
+"""Outside forces of a scene: tones, noise and taps from a seed, and sounds."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,38 @@ def force_signal(
     if keys["type"] == "noise":
         return amplitude * _noise(random, cycles, rate_hz, keys["low_hz"], keys["high_hz"])
     return amplitude * _taps(random, cycles, rate_hz, keys["per_second"], keys["length_s"])
+
+
+def sound_signal(
+    keys: Mapping[str, Any], samples: Floats, sound_hz: float, rate_hz: float, cycles: int
+) -> Floats:
+    """Return the force of a sound over time [N].
+
+    Parameters
+    ----------
+    keys : mapping
+        A block of a rig's `scene.forces` of type sound: `amplitude`, `channel`, `loop`, `start_s`.
+    samples : (frames, channels)
+        The sound, in full scales.
+    sound_hz, rate_hz : float
+        Its samples per second, and the scene's.
+    cycles : int
+        Samples of the scene.
+    """
+    channel = keys["channel"]
+    one = samples.mean(axis=1) if channel == "mono" else samples[:, channel - 1]
+    if sound_hz != rate_hz:
+        # Its import takes long; a sound at the scene's own rate does without.
+        from scipy.signal import resample_poly
+
+        ratio = Fraction(rate_hz / sound_hz).limit_denominator(10_000)
+        one = resample_poly(one, ratio.numerator, ratio.denominator)
+    signal = np.zeros(cycles)
+    first = min(round(keys["start_s"] * rate_hz), cycles)
+    room = cycles - first
+    played = np.resize(one, room) if keys["loop"] else one[:room]
+    signal[first : first + len(played)] = float(keys["amplitude"]) * played
+    return signal
 
 
 def _noise(

@@ -196,7 +196,26 @@ class TapForce(Block):
     length_s: Positive = Field(default=0.002, description="[s] Of each, half a sine.")
 
 
-SceneForce = Annotated[SineForce | NoiseForce | TapForce, Field(discriminator="type")]
+class SoundForce(Block):
+    """A sound from a WAV file, the same on each mass of a group; resampled to the rig's rate."""
+
+    type: Literal["sound"] = Field(description="Kind of force.")
+    on: Name = Field(description="Mass, or group of masses.")
+    file: Annotated[str, Field(min_length=1)] = Field(
+        description="WAV file, PCM of 8 to 32 bits or float; relative to the rig file."
+    )
+    amplitude: Positive = Field(description="[N | N m] At full scale.")
+    channel: Literal["mono"] | Annotated[int, Field(ge=1)] = Field(
+        default="mono", description="From 1; mono: the mean of all."
+    )
+    loop: bool = Field(default=False, description="Again and again; else once, then silence.")
+    start_s: NonNegative = Field(default=0.0, description="[s] When it begins.")
+    sha256: str | None = Field(
+        default=None, description="Of the file: another one is refused. A run fills it in."
+    )
+
+
+SceneForce = Annotated[SineForce | NoiseForce | TapForce | SoundForce, Field(discriminator="type")]
 
 
 class SceneOutput(Block):
