@@ -115,9 +115,11 @@ def test_a_run_that_was_stopped_says_so_on_stderr(tautwave_cli: Cli, backend: Ba
     sentence = "slave.wrist left its position range at 1.2 s."
     backend.summary["outcome"] = {"kind": "safety_stop", "sentence": sentence}
     backend.summary["recording"] = {"rows_dropped": 7, "error": "disk full"}
+    backend.summary["report_error"] = "the report could not be written: no font"
     backend.exit_code = 6
     result = tautwave_cli("run", "rig.yaml")
     assert result.stdout.startswith("bench / 1dof: safety stop, 2000 cycles")
+    assert "the report could not be written: no font." in result.stdout
     assert "7 rows of the recording were dropped." in result.stdout
     assert "The recording failed: disk full" in result.stdout
     assert result.stderr == f"{sentence}\n"

@@ -56,6 +56,8 @@ def _headline(name: str, summary: Mapping[str, Any], exit_code: int) -> Section:
         parts.append(f"in {quantity(summary['wall_time_s'], 's', 3)}")
     notes: list[str | Cell] = [sentence] if sentence else []
     dropped, error = (_dig(summary, "recording", key) for key in ("rows_dropped", "error"))
+    if summary.get("report_error"):
+        notes.append(Cell(f"{summary['report_error']}.", BAD))
     if dropped:
         notes.append(Cell(f"{count(dropped)} rows of the recording were dropped.", NOTE))
     if error:
