@@ -1,92 +1,33 @@
-"""Energy books of whole runs: they close, they hold what theory says, and they can fail."""
+"""Energy books of whole runs: they close, and they hold what theory says."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-import tautwave.runtime.site as site_module
-from tautwave.laws.port import port_close, port_debt
-from tautwave.link.memory import DelayLine
 from tautwave.rig import Assembly
-from tautwave.runtime.site import SiteAxis
+from tests.rigs.closing import (
+    ALL,
+    CLIPPED,
+    CONTACT,
+    EXACT,
+    FRICTION,
+    MISHAPS,
+    MOTION,
+    SENSORS,
+    WALLS,
+    assert_closed,
+    check_any,
+    delay,
+    impedance,
+    line,
+    port_bound,
+)
 from tests.rigs.drawing import rigs
-from tests.rigs.running import Books, Run, Tree, books, forgiven, run_rig, tree
-
-CLOSED = 1e-9  # of gross flow
-EXACT = 1e-12
-MOTION = {
-    "simulation.hand.a": {
-        "reference": {
-            "type": "multisine",
-            "ramp_s": 0.1,
-            "components": [[0.5, 0.04, 0.0], [2.3, 0.02, 1.0], [11.0, 0.002, 0.3]],
-        }
-    }
-}
-CONTACT = {
-    "simulation.environment.a": {
-        "type": "wall", "stiffness": 3000.0, "damping": 5.0, "position": 0.02,
-    }
-}  # fmt: skip
-WALLS = {
-    "coupling.pairs.a.wall_master": {
-        "position": -0.03, "stiffness": 2000.0, "damping": 1.0, "side": "below",
-    },
-    "coupling.pairs.a.wall_slave": {
-        "position": 0.01, "stiffness": 2000.0, "damping": 1.0, "passivity_control": True,
-    },
-}  # fmt: skip
-CLIPPED = {"master.axes.a.effort_limit": 3.0, "slave.axes.a.effort_limit": 3.0}
-FRICTION = {
-    "simulation.axes": {
-        "master.a": {"coulomb": 0.3, "damping": 1.0, "inertia": 0.7},
-        "slave.a": {"coulomb": 0.5, "inertia": 0.9},
-    }
-}
-SENSORS = {
-    f"{side}.axes.a.{key}": value
-    for side in ("master", "slave")
-    for key, value in (("encoder_quantum", 2e-5), ("position_noise", 1e-5))
-}
-MISHAPS = {
-    "simulation.faults": {
-        "missing_probability": 0.05, "overrun_probability": 0.01, "overrun_slots": 4,
-    }
-}  # fmt: skip
-ALL = (WALLS, CLIPPED, FRICTION, SENSORS, MISHAPS)
-
-
-def delay(periods: float) -> Tree:
-    """Both buses act this many periods (of 1 ms) after a command was written."""
-    options = {"command_delay_s": round(periods * 1e-3, 9)}
-    return {"buses.hand.options": options, "buses.arm.options": options}
-
-
-def line(samples: int, rate: float = 1000.0) -> Tree:
-    return {"rate_hz": rate, "coupling.delay_s": samples / rate}
-
-
-def impedance(b: float) -> Tree:
-    return {"coupling.pairs.a.wave_impedance": b}
-
-
-def assert_closed(run: Run, name: str = "a") -> Books:
-    """Residuals vanish, and what cannot generate does not."""
-    found = books(run, name)
-    assert found.gross_flow > 0.0
-    assert found.residual <= CLOSED * found.gross_flow
-    assert found.element_residual <= CLOSED * found.gross_flow
-    assert found.plant_residual <= CLOSED * found.plant_flow
-    for element, energy in found.generated.items():
-        if element.startswith(("line", "filter", "damper")):
-            assert energy <= EXACT * found.gross_flow, element
-    return found
-
+from tests.rigs.running import Run, Tree, books, run_rig, tree
 
 # -- they close --------------------------------------------------------------------------------
 
@@ -225,18 +166,6 @@ def test_admittance_axes_close_as_intervals() -> None:
 # -- what elements generate --------------------------------------------------------------------
 
 
-def port_bound(run: Run, side: str, name: str = "a") -> float:
-    """Return what a port may have generated [J, pair]: forgiven noise and `port_debt`."""
-    pair = next(at.pair for at in run.assembly.pairs if at.pair.name == name)
-    site = getattr(pair, side)
-    weight = 1.0 if side == "master" else pair.weight
-    port = site.params.port
-    fastest = np.abs(np.diff(run[f"{side}.{name}.position"])).max(initial=0.0) / port.period
-    delay = len(site._pipe) + (1 if site._late else 0)
-    owed = port_debt(port, delay, site.params.gain, fastest, site.gross_flow)
-    return forgiven(run, side, name) + weight * owed
-
-
 @pytest.mark.parametrize("samples", [0, 7, 50])
 @pytest.mark.parametrize("b", [1.0, 30.0, 1000.0])
 def test_a_port_generates_no_more_than_its_bound(samples: int, b: float) -> None:
@@ -302,140 +231,7 @@ def test_wall_and_damped_device_together_generate_nothing() -> None:
         assert books(run).generated["wall_slave"] > 1e-3  # the wall alone does leak
 
 
-# -- they can fail -----------------------------------------------------------------------------
-
-LOSSLESS = tree(MOTION, line(2), {"duration_s": 2.0})
-
-
-def fails(run: Run) -> bool:
-    """Return whether the books say that something is wrong."""
-    found = books(run)
-    line_made = found.generated.get("line", 0.0)
-    return (
-        found.residual > CLOSED * found.gross_flow
-        or line_made > EXACT * found.gross_flow
-        or abs(found.sensing_gap) > CLOSED * found.gross_flow
-        or any(found.generated[f"port_{s}"] > port_bound(run, s) for s in ("master", "slave"))
-    )
-
-
-def test_the_sound_run_passes() -> None:
-    assert not fails(run_rig(LOSSLESS))
-
-
-def test_defect_a_wave_from_the_estimated_velocity(monkeypatch: pytest.MonkeyPatch) -> None:
-    def defect(p: Any, account: float, gap: float, moved: float, *rest: float) -> Any:
-        _, account, gap, absorbed, burnt, forgave = port_close(p, account, gap, moved, *rest)
-        _, velocity, _, wave_sum, _ = rest
-        estimated = 1.02 * velocity  # and no account in front of it
-        leaving = p.root * estimated - wave_sum
-        return leaving, account, gap, absorbed, burnt, forgave
-
-    monkeypatch.setattr(site_module, "port_close", defect)
-    assert fails(run_rig(LOSSLESS))
-
-
-def test_defect_a_wave_duplicated_on_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    exchange = DelayLine.exchange
-    last = [0.0]
-
-    def defect(self: DelayLine, one: float, other: float) -> tuple[float, float]:
-        at_master, at_slave = exchange(self, one, other)
-        last.append(at_slave)
-        return at_master, last[-2] if len(last) % 50 == 0 else at_slave
-
-    monkeypatch.setattr(DelayLine, "exchange", defect)
-    assert fails(run_rig(LOSSLESS))
-
-
-def test_defect_another_effort_than_was_booked() -> None:
-    def tamper(built: Assembly) -> None:
-        axis = built.simulators[0].axes[0]
-        take = axis.command
-        axis.command = lambda value: take(1.001 * value)
-
-    assert fails(run_rig(LOSSLESS, change=tamper))
-
-
-def test_defect_a_command_that_acts_later_than_declared() -> None:
-    late = {"simulation.axes": {"master.a": {"command_delay_s": 0.001}}}
-    assert fails(run_rig(tree(late, base=LOSSLESS)))
-
-
-def test_defect_a_forgotten_wall(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(SiteAxis, "wall_stored", lambda self: 0.0)
-    assert fails(run_rig(tree(WALLS, {"duration_s": 1.3}, base=LOSSLESS)))
-
-
-def test_the_naive_port_fails_the_same_books(monkeypatch: pytest.MonkeyPatch) -> None:
-    """F = b vhat - root w, u = root vhat - w: its own identity holds, and the run blows up."""
-
-    def naive_effort(p: Any, account: float, coast: float, arriving: float) -> tuple[float, float]:
-        return p.impedance * coast - p.root * arriving, coast
-
-    def naive_close(
-        p: Any, account: float, gap: float, moved: float, periods: float, velocity: float,
-        effort: float, wave_sum: float, wave_energy: float,
-    ) -> tuple[float, ...]:  # fmt: skip
-        # The estimate that the effort was made of, not the velocity it met; kept in `gap`.
-        leaving = p.root * gap - wave_sum
-        sent = 0.5 * p.period * leaving * leaving
-        income = effort * moved + wave_energy
-        return leaving, account + income - sent, velocity, income - sent, 0.0, 0.0
-
-    def believe_infinite_mass(built: Assembly) -> None:
-        for at in built.pairs:
-            for site in (at.pair.master, at.pair.slave):
-                port = site.params.port._replace(half_mobility=0.0)
-                site.__init__(site.params._replace(port=port))
-
-    quiet = tree(
-        line(2),
-        {
-            "coupling.pairs.a.wave_impedance": 10.0,
-            "slave.axes.a.inertia": {"value": 1e6, "lower": 1e6, "source": "x"},
-            "duration_s": 4.0,
-        },
-    )
-
-    def push(built: Assembly) -> None:
-        believe_infinite_mass(built)
-        built.simulators[0].axes[0].physics.v = 0.1
-
-    def only_push(built: Assembly) -> None:
-        built.simulators[0].axes[0].physics.v = 0.1
-
-    start = 0.5 * 0.5 * 0.1**2
-    sound = run_rig(quiet, change=only_push)
-    assert not fails(sound)
-    assert sound["plant.master.a.kinetic"].max() <= start * (1.0 + 1e-9)
-    import tautwave.laws.site as law_module
-
-    monkeypatch.setattr(law_module, "port_effort", naive_effort)
-    monkeypatch.setattr(site_module, "port_close", naive_close)
-    naive = run_rig(quiet, change=push)
-    assert fails(naive)
-    assert naive["plant.master.a.kinetic"].max() > 10.0 * start
-    assert books(naive).generated["port_master"] > 10.0 * start
-
-
 # -- any rig -----------------------------------------------------------------------------------
-
-
-def check_any(data: Tree) -> None:
-    run = run_rig(data)
-    for name in data["coupling"]["pairs"]:
-        found = books(run, name)
-        if found.gross_flow < 1e-12:
-            continue  # nothing moved
-        assert_closed(run, name)
-        faults = data["simulation"]["faults"]
-        held = faults["missing_probability"] > 0.0 or faults["overrun_probability"] > 0.0
-        for side in ("master", "slave"):
-            slow = "effort_rate_limit" in data[side]["axes"][name]
-            if not held and not slow:  # else efforts act on that nobody planned
-                made = found.generated[f"port_{side}"]
-                assert made <= port_bound(run, side, name) * (1.0 + 1e-9) + 1e-15
 
 
 @settings(max_examples=25, suppress_health_check=list(HealthCheck))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.rigs.closing import CONTACT, FRICTION, MISHAPS, MOTION, SENSORS, delay, line
 from tests.rigs.running import Run, Tree, run_rig, tree
-from tests.rigs.test_books import CONTACT, FRICTION, MISHAPS, MOTION, SENSORS, delay, line
 
 BUSY = tree(MOTION, CONTACT, FRICTION, SENSORS, MISHAPS, line(7), {"duration_s": 1.0})
 INERT_WALL = {"position": 50.0, "stiffness": 500.0, "damping": 3.0}

@@ -12,63 +12,27 @@ from hypothesis import strategies as st
 from tautwave.analysis.conversion import hold_matrix, pick_matrix
 from tautwave.certificate import certify
 from tautwave.errors import ConfigError
-from tautwave.laws.port import port_debt
 from tautwave.rig import Assembly
 from tautwave.runtime import rates
 from tautwave.session.identifying import identify_device
-from tests.rigs.drawing import rigs
-from tests.rigs.running import Run, Tree, books, forgiven, rig_of, run_rig, tree
-from tests.rigs.test_books import (
+from tests.rigs.closing import (
     ALL,
-    CLOSED,
     CONTACT,
     EXACT,
     FRICTION,
     MISHAPS,
     MOTION,
     SENSORS,
+    SIDES,
     assert_closed,
+    assert_passive,
+    check_any,
     impedance,
     line,
+    slow,
 )
-
-
-def slow(master: int, slave: int) -> Tree:
-    return {"buses.hand.divisor": master, "buses.arm.divisor": slave}
-
-
-def port_bound(run: Run, side: str, name: str) -> float:
-    """Return what a port may have generated [J, pair]: forgiven noise and `port_debt`."""
-    pair = next(at.pair for at in run.assembly.pairs if at.pair.name == name)
-    site = getattr(pair, side)
-    weight = 1.0 if side == "master" else pair.weight
-    port = site.params.port
-    fastest = np.abs(np.diff(run[f"{side}.{name}.position"])).max(initial=0.0) / port.period
-    delay = len(site._pipe) + (1 if site._late else 0)
-    owed = port_debt(port, delay, site.params.gain, fastest, site.gross_flow)
-    return forgiven(run, side, name) + weight * owed
-
-
-def assert_passive(run: Run, name: str = "a", bounded: bool = True) -> None:
-    """The books close; converters generate nothing; the pair no more than ports and walls may."""
-    found = assert_closed(run, name)
-    allowed = 0.0
-    for element, energy in found.generated.items():
-        if element.startswith("converter"):
-            assert energy <= EXACT * found.gross_flow
-            lost = run[f"{name}.{element}.dissipated"]
-            assert np.all(np.diff(lost) >= 0.0)
-        if element.startswith("port"):
-            side = element.removeprefix("port_")
-            bound = port_bound(run, side, name) * (1.0 + 1e-9) + 1e-15
-            if bounded:
-                assert energy <= bound
-            allowed += max(bound, energy)
-        if element.startswith("wall"):
-            allowed += energy  # a sampled wall leaks what the device's damping has to cover
-    taken = sum(run[f"{side}.{name}.port_energy"] for side in ("master", "slave"))
-    assert taken.min() >= -allowed - CLOSED * found.gross_flow
-
+from tests.rigs.drawing import rigs
+from tests.rigs.running import Tree, books, rig_of, run_rig, tree
 
 # -- any rig -------------------------------------------------------------------------------------
 
@@ -92,18 +56,6 @@ def slow_rigs(draw: st.DrawFn, cycles: int) -> Tree:
         for component in hand["reference"]["components"]:
             component[0] = min(component[0], 0.9 * nyquist)
     return data
-
-
-def check_any(data: Tree) -> None:
-    run = run_rig(data)
-    faults = data["simulation"]["faults"]
-    held = faults["missing_probability"] > 0.0 or faults["overrun_probability"] > 0.0
-    for name in data["coupling"]["pairs"]:
-        if books(run, name).gross_flow < 1e-12:
-            continue  # nothing moved
-        limited = any("effort_rate_limit" in data[s]["axes"][name] for s in ("master", "slave"))
-        # Else efforts act on that nobody planned.
-        assert_passive(run, name, bounded=not (held or limited))
 
 
 @settings(max_examples=25, suppress_health_check=list(HealthCheck))
@@ -138,7 +90,7 @@ def test_ten_seconds_of_contact_close(
     run = run_rig(tree(*changes, more, calm, hand))
     environment = run["true.slave.a.environment_effort"]
     assert np.count_nonzero(np.diff(environment != 0.0)) > 5  # contacts and releases
-    assert_passive(run, bounded=not features or MISHAPS not in features)
+    assert_passive(run, bounded=() if MISHAPS in features else SIDES)
 
 
 @pytest.mark.parametrize(("master", "slave"), [(1, 10), (10, 1), (3, 7), (1, 50)])

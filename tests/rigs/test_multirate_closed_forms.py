@@ -17,9 +17,8 @@ from tautwave.report.rundir import Run
 from tautwave.report.verdicts import verdicts
 from tautwave.rig import Assembly, command_delays, one_way_delay
 from tautwave.session import check
+from tests.rigs.closing import assert_passive, impedance, line, slow
 from tests.rigs.running import Tree, books, rig_of, run_rig, tree
-from tests.rigs.test_books import impedance, line
-from tests.rigs.test_multirate import assert_passive, slow
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

@@ -1,0 +1,129 @@
+"""Defects planted in ports, lines and drivers: the books of a run say so."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import tautwave.runtime.site as site_module
+from tautwave.laws.port import port_close
+from tautwave.link.memory import DelayLine
+from tautwave.rig import Assembly
+from tautwave.runtime.site import SiteAxis
+from tests.rigs.closing import CLOSED, EXACT, MOTION, WALLS, line, port_bound
+from tests.rigs.running import Run, books, run_rig, tree
+
+LOSSLESS = tree(MOTION, line(2), {"duration_s": 2.0})
+
+
+def fails(run: Run) -> bool:
+    """Return whether the books say that something is wrong."""
+    found = books(run)
+    line_made = found.generated.get("line", 0.0)
+    return (
+        found.residual > CLOSED * found.gross_flow
+        or line_made > EXACT * found.gross_flow
+        or abs(found.sensing_gap) > CLOSED * found.gross_flow
+        or any(found.generated[f"port_{s}"] > port_bound(run, s) for s in ("master", "slave"))
+    )
+
+
+def test_the_sound_run_passes() -> None:
+    assert not fails(run_rig(LOSSLESS))
+
+
+def test_defect_a_wave_from_the_estimated_velocity(monkeypatch: pytest.MonkeyPatch) -> None:
+    def defect(p: Any, account: float, gap: float, moved: float, *rest: float) -> Any:
+        _, account, gap, absorbed, burnt, forgave = port_close(p, account, gap, moved, *rest)
+        _, velocity, _, wave_sum, _ = rest
+        estimated = 1.02 * velocity  # and no account in front of it
+        leaving = p.root * estimated - wave_sum
+        return leaving, account, gap, absorbed, burnt, forgave
+
+    monkeypatch.setattr(site_module, "port_close", defect)
+    assert fails(run_rig(LOSSLESS))
+
+
+def test_defect_a_wave_duplicated_on_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    exchange = DelayLine.exchange
+    last = [0.0]
+
+    def defect(self: DelayLine, one: float, other: float) -> tuple[float, float]:
+        at_master, at_slave = exchange(self, one, other)
+        last.append(at_slave)
+        return at_master, last[-2] if len(last) % 50 == 0 else at_slave
+
+    monkeypatch.setattr(DelayLine, "exchange", defect)
+    assert fails(run_rig(LOSSLESS))
+
+
+def test_defect_another_effort_than_was_booked() -> None:
+    def tamper(built: Assembly) -> None:
+        axis = built.simulators[0].axes[0]
+        take = axis.command
+        axis.command = lambda value: take(1.001 * value)
+
+    assert fails(run_rig(LOSSLESS, change=tamper))
+
+
+def test_defect_a_command_that_acts_later_than_declared() -> None:
+    late = {"simulation.axes": {"master.a": {"command_delay_s": 0.001}}}
+    assert fails(run_rig(tree(late, base=LOSSLESS)))
+
+
+def test_defect_a_forgotten_wall(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SiteAxis, "wall_stored", lambda self: 0.0)
+    assert fails(run_rig(tree(WALLS, {"duration_s": 1.3}, base=LOSSLESS)))
+
+
+def test_the_naive_port_fails_the_same_books(monkeypatch: pytest.MonkeyPatch) -> None:
+    """F = b vhat - root w, u = root vhat - w: its own identity holds, and the run blows up."""
+
+    def naive_effort(p: Any, account: float, coast: float, arriving: float) -> tuple[float, float]:
+        return p.impedance * coast - p.root * arriving, coast
+
+    def naive_close(
+        p: Any, account: float, gap: float, moved: float, periods: float, velocity: float,
+        effort: float, wave_sum: float, wave_energy: float,
+    ) -> tuple[float, ...]:  # fmt: skip
+        # The estimate that the effort was made of, not the velocity it met; kept in `gap`.
+        leaving = p.root * gap - wave_sum
+        sent = 0.5 * p.period * leaving * leaving
+        income = effort * moved + wave_energy
+        return leaving, account + income - sent, velocity, income - sent, 0.0, 0.0
+
+    def believe_infinite_mass(built: Assembly) -> None:
+        for at in built.pairs:
+            for site in (at.pair.master, at.pair.slave):
+                port = site.params.port._replace(half_mobility=0.0)
+                site.__init__(site.params._replace(port=port))
+
+    quiet = tree(
+        line(2),
+        {
+            "coupling.pairs.a.wave_impedance": 10.0,
+            "slave.axes.a.inertia": {"value": 1e6, "lower": 1e6, "source": "x"},
+            "duration_s": 4.0,
+        },
+    )
+
+    def push(built: Assembly) -> None:
+        believe_infinite_mass(built)
+        built.simulators[0].axes[0].physics.v = 0.1
+
+    def only_push(built: Assembly) -> None:
+        built.simulators[0].axes[0].physics.v = 0.1
+
+    start = 0.5 * 0.5 * 0.1**2
+    sound = run_rig(quiet, change=only_push)
+    assert not fails(sound)
+    assert sound["plant.master.a.kinetic"].max() <= start * (1.0 + 1e-9)
+    import tautwave.laws.site as law_module
+
+    monkeypatch.setattr(law_module, "port_effort", naive_effort)
+    monkeypatch.setattr(site_module, "port_close", naive_close)
+    naive = run_rig(quiet, change=push)
+    assert fails(naive)
+    assert naive["plant.master.a.kinetic"].max() > 10.0 * start
+    assert books(naive).generated["port_master"] > 10.0 * start
