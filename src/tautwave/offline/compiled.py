@@ -25,11 +25,11 @@ import tautwave.models
 from tautwave.errors import ConfigError
 from tautwave.laws import limit, port, site
 from tautwave.models import plant
-from tautwave.offline import couple, device, kernel, rates, records, rows, side
+from tautwave.offline import couple, device, kernel, network_steps, rates, records, rows, side
 from tautwave.scene import batch, gradient, islands, pulling, stepping
 
 KERNEL_MODULES = (records, side, couple, rates, device, rows, kernel)
-SCENE_MODULES = (stepping, pulling, islands, gradient, batch)
+SCENE_MODULES = (stepping, pulling, islands, gradient, batch, network_steps)
 
 INLINED = {
     *(side.pass_side, side.receive_side, side.close_side, side.decide_side, side.think_side),
