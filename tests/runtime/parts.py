@@ -26,6 +26,10 @@ NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
 WIDE = LimitParams(1e6, math.inf, 0.0, math.inf, -math.inf, math.inf, 0.0)
 
 
+def swing(axis: int, cycle: int) -> float:
+    return 0.01 * math.sin(0.3 * cycle)
+
+
 def site(
     *,
     b: float = 10.0,

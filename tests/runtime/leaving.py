@@ -1,0 +1,24 @@
+"""How every run of the loop has to leave its axes."""
+
+from __future__ import annotations
+
+import math
+
+from tautwave.types import SAFE_COMMAND
+from tests.runtime.parts import Bench
+
+ENDING = ["write", "disable", "close"]
+
+
+def assert_left_safely(bench: Bench) -> None:
+    """Every bus: safe command, disable, close, in this order and at the end."""
+    tail = bench.log[-6:]
+    assert tail == [(bus, method) for method in ENDING for bus in ("hand", "arm")]
+    for driver in (bench.hand, bench.arm):
+        assert driver.written[-1] == [SAFE_COMMAND]
+
+
+def assert_finite_commands(bench: Bench) -> None:
+    for driver in (bench.hand, bench.arm):
+        for commands in driver.written:
+            assert all(math.isfinite(number) for command in commands for number in command)
