@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -89,3 +91,41 @@ def test_after_a_babble_the_next_answer_is_heard() -> None:
     port.inbox = rtu_frame(2, ANSWER)
     link.pump()
     assert errand.answers == [ANSWER]
+
+
+@pytest.mark.parametrize("babble", [b"", b"\x00\xff"], ids=["opened", "noise"])
+def test_the_first_question_follows_three_and_a_half_characters_of_silence(babble: bytes) -> None:
+    """Else the drives take it for the end of what was on the line before."""
+    keys = {"endpoint": "/dev/x", "baud": 19200, "parity": "E", "devices": [device(1)]}
+    options = ModbusOptions.model_validate({"link": "rtu", **keys})
+    silence = math.ceil(3.5 * 11 / 19200 * 1e9)
+    clock, port = FakeClock(1_000_000_000), Stub()
+    link = RtuLink(lambda: port, clock, options)
+    link.connect()
+    if babble:  # long after it was opened
+        clock.sleep_until(clock.now_ns() + 10 * silence)
+        port.inbox = babble
+    errand = Errand(2)
+    errand.begin((read(3, 0, 2),))
+    link.start((errand,))
+    since = clock.now_ns()
+    assert port.sent == []
+    assert link.wake_ns == pytest.approx(since + silence, abs=1)
+    clock.sleep_until(since + silence - 2)
+    link.pump()
+    assert port.sent == []
+    clock.sleep_until(since + silence)
+    link.pump()
+    assert port.sent == [rtu_frame(2, bytes(errand.questions[0].pdu))]
+    assert link.strange == len(babble)
+
+
+def test_a_line_that_was_silent_long_enough_is_asked_at_once() -> None:
+    clock, port = FakeClock(1_000_000_000), Stub()
+    link = RtuLink(lambda: port, clock, LINE)
+    link.connect()
+    clock.sleep_until(clock.now_ns() + 10_000_000)
+    errand = Errand(2)
+    errand.begin((read(3, 0, 2),))
+    link.start((errand,))
+    assert len(port.sent) == 1
