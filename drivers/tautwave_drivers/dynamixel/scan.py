@@ -31,6 +31,10 @@ TURN_S = 0.003
 """Time every id has to answer a broadcast ping in, as dynamixel-sdk counts it."""
 
 
+ASKED = 3
+"""How often an id that was given is asked for; a busy host can miss an answer."""
+
+
 class ScanOptions(BaseModel):
     """Options of `tautwave scan dynamixel`."""
 
@@ -88,9 +92,10 @@ def _at_baud(
             yield _row(line, baud, device_id, number, firmware)
     if options.protocol != 2.0:
         first = FirstLine(port, clock, baud, latency_s, HOST_S)
+        times = ASKED if options.ids else 1
         for device_id in options.ids or range(253):
-            row = _first(first, baud, device_id)
-            if row is not None:
+            rows = (_first(first, baud, device_id) for _ in range(times))
+            if (row := next(filter(None, rows), None)) is not None:
                 yield row
 
 
@@ -101,7 +106,8 @@ def _second(
     found = []
     if ids:
         for device_id in ids:
-            answer = line.ping(device_id)
+            answers = (line.ping(device_id) for _ in range(ASKED))
+            answer = next(filter(None, answers), None)
             if answer is not None and not answer.number:
                 number = reg.MODEL_NUMBER.decode(answer.data)
                 found.append((device_id, number, answer.data[2]))
