@@ -40,12 +40,14 @@ HEAD = """\
 def translate(entry: Callable[..., Any]) -> str:
     """Return C for `entry`, exported under its own name, and for every function it needs.
 
+    No two tables handed to `entry` may overlap: the compiler is told that they do not.
+
     Raises
     ------
     TranslationError
         Something is not in the subset; the sentence names file, line and what it is.
     """
-    unit = Unit()
+    unit = Unit(entry)
     unit.need(entry)
     bodies = []
     while unit.waiting:
@@ -60,7 +62,8 @@ def translate(entry: Callable[..., Any]) -> str:
 class Unit:
     """What the C file holds so far: structs in order of need, and functions."""
 
-    def __init__(self) -> None:
+    def __init__(self, entry: Callable[..., Any]) -> None:
+        self._entry = entry
         self.structs: dict[str, str] = {}
         self.names: dict[Callable[..., Any], str] = {}
         self.waiting: list[Callable[..., Any]] = []
@@ -91,7 +94,10 @@ class Unit:
 
     def signature(self, function: Callable[..., Any]) -> str:
         """Return the head of the C function."""
-        parts = [f"{handed(kind)}v_{name}" for name, kind in self.parameters(function).items()]
+        alone = function is self._entry
+        parts = [
+            f"{handed(kind, alone)}v_{name}" for name, kind in self.parameters(function).items()
+        ]
         result = self.result(function)
         if isinstance(result, Record | Table):
             raise TranslationError(f"{function.__name__}: returns a record; give back its numbers")

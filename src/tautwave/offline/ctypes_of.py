@@ -81,10 +81,10 @@ def type_of(hint: Any, where: str) -> Type:
     raise TranslationError(f"{where}: the type {hint!r} has no translation to C")
 
 
-def handed(kind: Type) -> str:
-    """Return how C writes a parameter of a type."""
+def handed(kind: Type, alone: bool = False) -> str:
+    """Return how C writes a parameter of a type; `alone`: no other table shares its memory."""
     if isinstance(kind, Table):
-        return f"{kind.of.c} *"
+        return f"{kind.of.c} *{'restrict ' if alone else ''}"
     if isinstance(kind, Record):
         return f"{kind.c} *"
     return f"{kind.c} "

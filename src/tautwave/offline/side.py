@@ -180,12 +180,14 @@ def close_side(s: Side, p: SideParams, position: float, outside: float) -> None:
             s.wave_sum,
             s.wave_energy,
         )
-        fastest = math.fabs(displacement) / span
+        fastest = math.fabs(displacement / span)
         if fastest > s.fastest:
             s.fastest = fastest
         s.account = account
         s.gap = gap
-        s.leaving = leaving / p.wave
+        s.leaving = leaving
+        if p.wave != 1.0:
+            s.leaving = leaving / p.wave
         s.port_absorbed += absorbed
         s.burnt += burnt
         s.forgiven += forgiven
