@@ -280,7 +280,7 @@ def test_D15_discrete_gradient_keeps_its_energy() -> None:
         foam = FoamParams(stiffness, 1.5, 0.0, 0.0, 1.0, 1)
         x, v, counts = -0.00031, 1.0, []
         for _ in range(300):
-            *_, count = foam_movement(foam, x, 2.0 * m * v / h, 2.0 * m / h**2, h)
+            *_, count = foam_movement(foam, x, h * v, 2.0 * m / h**2, h)
             x, v, *_ = foam_step(p, foam, x, v, 0.0, 0.0, 0.0, h)
             assert sum(foam_stored(p, foam, x, v, 0.0)) == pytest.approx(0.005, rel=1e-13)
             counts += [count] if count else []

@@ -133,7 +133,7 @@ def test_D15_newton_needs_few_iterations() -> None:
         inertia = 2.0 * m / h**2
         x, v = -0.00031, 1.0
         for _ in range(300):
-            u, _, _, count = foam_movement(foam, x, 2.0 * m * v / h, inertia, h)
+            u, _, _, count = foam_movement(foam, x, h * v, inertia, h)
             x, v = x + u, 2.0 * u / h - v
             if count:
                 counts.append(count)

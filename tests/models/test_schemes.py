@@ -191,6 +191,28 @@ def test_D15_the_discrete_gradient_gives_the_speed_back(k: float, exponent: floa
         assert -v == pytest.approx(1.0, abs=1e-13)
 
 
+@pytest.mark.parametrize("k", [1e3, 1e5, 1e7, 1e9])
+@pytest.mark.parametrize("steps", [0.3, 1.0, 2.2, 7.3, 31.0, 100.7, 333.0, 1000.0])
+def test_the_speed_comes_back_however_many_steps_a_contact_takes(k: float, steps: float) -> None:
+    """Rounding does not add up: some 1e-17 a step, where solving for the force alone had 1e-16."""
+    for exponent, phase in ((1.0, 0.03), (1.5, 0.41), (1.5, 0.83), (3.0, 0.66)):
+        t = contact_time(exponent, k) / steps
+        foam = contact(DISCRETE_GRADIENT, exponent, k)
+        x, v = -phase * t, 1.0
+        while not (v < 0.0 and x < 0.0):
+            x, v, *_ = integrate_step(MASS, foam, x, v, 0.0, 0.0, 0.0, t)
+        assert -v == pytest.approx(1.0, abs=3e-14)
+
+
+def test_free_flight_keeps_its_speed_to_the_bit() -> None:
+    foam = contact(DISCRETE_GRADIENT, 1.5, 1e5)
+    rng = random.Random(2)
+    for _ in range(200):
+        x, v = -1.0, rng.uniform(-2.0, 0.0)
+        after = integrate_step(MASS, foam, x, v, 0.0, 0.0, 0.0, rng.uniform(1e-6, 1.0))
+        assert after[1] == v
+
+
 @pytest.mark.parametrize(
     ("more", "want"),
     [

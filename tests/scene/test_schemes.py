@@ -100,6 +100,24 @@ def test_a_bounce_gives_back_its_speed_with_discrete_gradients(k, exponent):
         assert most <= 40
 
 
+@pytest.mark.parametrize("k", [1e3, 1e5, 1e7, 1e9])
+@pytest.mark.parametrize("steps", [0.3, 2.2, 31.0, 333.0, 1000.0])
+def test_a_bounce_gives_back_its_speed_however_many_steps_it_takes(k, steps):
+    for exponent, phase in ((1.0, 0.11), (1.5, 0.47), (2.0, 0.73), (3.0, 0.92)):
+        one = exponent + 1.0
+        deepest = (one * 0.1 / (2.0 * k)) ** (1.0 / one)
+        shape = math.sqrt(math.pi) * math.gamma(1.0 + 1.0 / one) / math.gamma(0.5 + 1.0 / one)
+        period = 2.0 * deepest * shape / steps
+        network = Network(
+            (Mass("m", 0.1, phase * period, -1.0),),
+            (Link("wall", "contact", "m", "ground", stiffness=k, exponent=exponent),),
+        )
+        arrays = compile_network(network).arrays
+        while arrays.v[0] < 0.0 or arrays.stored[0] > 0.0:
+            step_gradient(arrays, period)
+        assert abs(arrays.v[0] - 1.0) <= 3e-14
+
+
 def test_w1_symplectic_contact_converges_to_the_closed_form():
     m, k, errors = 0.1, 1000.0, []
     for steps in (173.3, 346.6, 693.2):

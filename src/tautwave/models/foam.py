@@ -113,9 +113,12 @@ def _drag(foam: FoamParams, depth: float, u: float, t: float) -> float:
 
 
 def foam_movement(
-    foam: FoamParams, depth: float, push: float, inertia: float, t: float
+    foam: FoamParams, depth: float, free: float, inertia: float, t: float
 ) -> tuple[float, float, float, int]:
-    """Solve `inertia u + F(u) = push` for the movement u into the contact.
+    """Solve `inertia (u - free) + F(u) = 0` for the movement u into the contact.
+
+    `free` is the movement without the contact: as a difference from it u carries the rounding of
+    the forces only, and a step that touches nothing keeps its speed to the bit.
 
     Returns
     -------
@@ -123,7 +126,8 @@ def foam_movement(
         u, the elastic mean force, the clipped factor `1 + loss u / t`, and the iterations. The
         damper's share is that of `_drag`; elastic force and drag together never pull.
     """
-    high = push / inertia
+    high = free
+    push = inertia * free
     if not (depth > 0.0 or depth + high > 0.0):
         return high, 0.0, 1.0, 0
     now = elastic_force(foam, depth)
@@ -161,8 +165,9 @@ def foam_movement(
                 pull = 0.0
         else:
             pull = mean * factor
-        excess = inertia * u + pull - push
+        excess = inertia * (u - free) + pull
         if math.fabs(excess) <= 6e-16 * (math.fabs(inertia * u) + pull + math.fabs(push)):
+            u = u - excess / slope  # Newton ends on one side; a thousand steps would add it up
             break
         if excess > 0.0:
             high = u
@@ -209,27 +214,28 @@ def foam_step(
     coulomb_loss = 0.0
     environment_loss = 0.0
     t = h / foam.substeps
-    momentum = 2.0 * plant.mass / t
     damping = plant.viscous + plant.grip_damping
-    inertia = momentum / t + 0.5 * plant.grip_stiffness + damping / t
+    rest = 0.5 * plant.grip_stiffness + damping / t
     if plant.spring_stiffness > 0.0:
-        inertia = inertia + 0.5 * plant.spring_stiffness
+        rest = rest + 0.5 * plant.spring_stiffness
+    inertia = 2.0 * plant.mass / (t * t) + rest
     swept = reference_rate * t
     for i in range(foam.substeps):
         ahead = reference + reference_rate * (t * i) - x + 0.5 * swept
         outside = effort + plant.grip_stiffness * ahead + plant.grip_damping * reference_rate
         if plant.spring_stiffness > 0.0:
             outside = outside - plant.spring_stiffness * (x - plant.spring_position)
-        push = foam.side * (momentum * v + outside)
+        glide = t * v
+        free = foam.side * (glide + (outside - rest * glide) / inertia)
         depth = foam.side * (x - foam.position)
         moved = 0.0
         held = False
         friction = 0.0
         if plant.coulomb > 0.0:
-            rest = push - elastic_force(foam, depth)
-            if rest > plant.coulomb:
+            drive = inertia * free - elastic_force(foam, depth)
+            if drive > plant.coulomb:
                 friction = plant.coulomb
-            elif rest < -plant.coulomb:
+            elif drive < -plant.coulomb:
                 friction = -plant.coulomb
             else:
                 held = True
@@ -237,7 +243,8 @@ def foam_step(
             coulomb_loss = coulomb_loss + 0.5 * plant.mass * v * v
             v = 0.0
         else:
-            moved, mean, factor, _ = foam_movement(foam, depth, push - friction, inertia, t)
+            free = free - friction / inertia
+            moved, mean, factor, _ = foam_movement(foam, depth, free, inertia, t)
             coulomb_loss = coulomb_loss + friction * moved
             environment_loss = environment_loss + mean * moved * (factor - 1.0)
             if foam.damping > 0.0:
@@ -246,7 +253,7 @@ def foam_step(
                     drag = -mean * factor  # it lets go: all that is stored and gets free is lost
                 environment_loss = environment_loss + drag * moved
             moved = foam.side * moved
-            v = 2.0 * moved / t - v
+            v = v + 2.0 * (moved - glide) / t
             x = x + moved
         slip = swept - moved
         hand_work = hand_work + reference_rate * (

@@ -3,7 +3,10 @@
 Over a step every mass moves by s at the mean velocity s/T; links pull with their discrete gradient,
 dampers and friction with the mean rate, so that
 
-    (2 m / T**2)(s - T v) + c s / T + pulls(s) = outside force,      v' = 2 s/T - v.
+    (2 m / T**2)(s - T v) + c s / T + pulls(s) = outside force,      v' = v + 2 (s - T v)/T.
+
+Solved as (2 m / T**2 + c / T)(s - free) + pulls(s) = 0: so a mass that touches nothing keeps its
+speed to the bit, and one that bounces gives back what it had, however many steps that takes.
 
 A port stands where it is for the whole step; that it jumped there is booked with the links' stored
 energy, its speed counts for dampers only. A mass linked to no other is one increasing equation
@@ -21,7 +24,7 @@ import math
 from tautwave.models.interaction import CONTACT
 from tautwave.scene.compiling import Arrays
 from tautwave.scene.islands import solve_island
-from tautwave.scene.pulling import book_link, commit_mass, link_pull
+from tautwave.scene.pulling import book_link, commit_mass, free_movement, link_pull
 
 _CLOSE = 1e-15
 _TRIES = 60
@@ -41,10 +44,8 @@ def step_gradient(s: Arrays, period: float) -> int:
         s.force[i] = 0.0
     for m in s.alone:
         s.force[m] = 0.0
-        inertia = 2.0 * s.mass[m] / (period * period)
-        base = inertia + s.drag[m] / period
-        push = s.weight[m] + s.pushed[m] + inertia * period * s.v[m]
-        free = push / base
+        base = 2.0 * s.mass[m] / (period * period) + s.drag[m] / period
+        free = free_movement(s, m, base, period)
         first = s.links_first[m]
         last = s.links_first[m + 1]
         touched = False
@@ -61,7 +62,7 @@ def step_gradient(s: Arrays, period: float) -> int:
             break
         moved = free
         if touched:
-            moved, tries = solve_alone(s, m, base, push, free, period)
+            moved, tries = solve_alone(s, m, base, free, period)
             if tries > most:
                 most = tries
         if touched:
@@ -80,9 +81,7 @@ def step_gradient(s: Arrays, period: float) -> int:
     return most
 
 
-def solve_alone(
-    s: Arrays, m: int, base: float, push: float, free: float, period: float
-) -> tuple[float, int]:
+def solve_alone(s: Arrays, m: int, base: float, free: float, period: float) -> tuple[float, int]:
     """Movement of a mass that is linked to no other mass, and how often it was improved."""
     low = -math.inf
     high = math.inf
@@ -90,9 +89,9 @@ def solve_alone(
     tries = 0
     while tries < _TRIES:
         tries += 1
-        rest = base * at - push
+        rest = base * (at - free)
         slope = base
-        size = math.fabs(base * at) + math.fabs(push)
+        size = math.fabs(base * at) + math.fabs(base * free)
         for j in range(s.links_first[m], s.links_first[m + 1]):
             i = s.links_of[j]
             if s.a[i] == m:
@@ -104,6 +103,8 @@ def solve_alone(
             slope = slope + steep
             size = size + math.fabs(pull)
         if math.fabs(rest) <= _CLOSE * size:
+            if slope > 0.0:  # Newton ends on one side; a thousand steps would add it up
+                at = at - rest / slope
             break
         if rest > 0.0:
             high = at

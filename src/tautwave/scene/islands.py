@@ -3,7 +3,7 @@
 The Jacobian is 2 m / T**2 + c / T on the diagonal and a Laplacian of the links' slopes: symmetric,
 positive where no link feeds. Each island is solved by itself, so none changes a bit of another.
 Scratch rows of `Arrays.work`: 0 movement, 1 residual, 2 diagonal, 3 direction, 4 rest, 5 Jacobian
-times direction, 6 correction.
+times direction, 6 correction, 7 movement without links.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from tautwave.scene.compiling import Arrays
-from tautwave.scene.pulling import book_link, commit_mass, link_pull
+from tautwave.scene.pulling import book_link, commit_mass, free_movement, link_pull
 
 _NEWTON = 30
 _DONE = 2e-15
@@ -43,12 +43,11 @@ def _residual(s: Arrays, first: int, last: int, period: float) -> tuple[float, f
     scale = 0.0
     for at in range(first, last):
         m = s.islands[at]
-        inertia = 2.0 * s.mass[m] / (period * period)
-        base = inertia + s.drag[m] / period
-        push = s.weight[m] + s.pushed[m] + inertia * period * s.v[m]
-        s.work[n + m] = base * s.work[m] - push
+        base = 2.0 * s.mass[m] / (period * period) + s.drag[m] / period
+        free = s.work[7 * n + m]
+        s.work[n + m] = base * (s.work[m] - free)
         s.work[2 * n + m] = base
-        size = math.fabs(base * s.work[m]) + math.fabs(push)
+        size = math.fabs(base * s.work[m]) + math.fabs(base * free)
         if size > scale:
             scale = size
     for at in range(first, last):
@@ -142,8 +141,9 @@ def solve_island(s: Arrays, first: int, last: int, period: float) -> int:
         m = s.islands[at]
         s.force[m] = 0.0
         base = 2.0 * s.mass[m] / (period * period) + s.drag[m] / period
-        push = s.weight[m] + s.pushed[m] + 2.0 * s.mass[m] * s.v[m] / period
-        s.work[m] = push / base
+        free = free_movement(s, m, base, period)
+        s.work[m] = free
+        s.work[7 * n + m] = free
     worst, scale = _residual(s, first, last, period)
     tries = 0
     while tries < _NEWTON and worst > _DONE * scale:

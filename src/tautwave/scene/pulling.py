@@ -116,6 +116,15 @@ def book_link(s: Arrays, i: int, moved: float, pull: float, period: float) -> No
             s.port_work[two - masses] -= rate * period * s.v[two]
 
 
+def free_movement(s: Arrays, m: int, base: float, period: float) -> float:
+    """Movement of a mass in the step if no link pulled; `base` is 2 m / T**2 + c / T."""
+    outside = s.weight[m] + s.pushed[m]
+    if s.mass[m] == 0.0:
+        return float(outside / base)
+    glide = period * s.v[m]
+    return float(glide + (outside - s.drag[m] * s.v[m]) / base)
+
+
 def commit_mass(s: Arrays, m: int, moved: float, period: float) -> None:
     """Move a mass."""
     s.x[m] = s.x[m] + moved
@@ -123,6 +132,6 @@ def commit_mass(s: Arrays, m: int, moved: float, period: float) -> None:
     s.dragged[m] += s.drag[m] * rate * moved
     s.pumped[m] += s.pushed[m] * moved
     if s.mass[m] > 0.0:
-        s.v[m] = 2.0 * rate - s.v[m]
+        s.v[m] = s.v[m] + 2.0 * (moved - period * s.v[m]) / period
     else:
         s.v[m] = rate
