@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -13,8 +12,8 @@ import pytest
 
 from tautwave.certificate.after import Measured, recheck
 from tests.certificate.rigs import CONFIGS, PAIR, README_RIG, rig, wall
+from tests.commands import keep_in_one_process, page_of, tautwave
 
-COMMAND = [sys.executable, "-c", "from tautwave.cli import main; main(prog_name='tautwave')"]
 QUICK = ("--clock", "fake", "--duration", "1.2", "--out", "out")
 INTO_THE_WALL = (
     "--set",
@@ -23,10 +22,9 @@ INTO_THE_WALL = (
 OVERRUNS = ("--set", "simulation.faults={overrun_probability: 0.02, overrun_slots: 3}")
 
 
-def tautwave(*words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*COMMAND, *map(str, words)], cwd=cwd, capture_output=True, text=True, check=False
-    )
+@pytest.fixture
+def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    keep_in_one_process(monkeypatch)
 
 
 def summary_of(folder: Path) -> dict[str, Any]:
@@ -39,7 +37,7 @@ def summary_of(folder: Path) -> dict[str, Any]:
 
 def test_check_exits_3_when_the_required_verdict_fails(tmp_path: Path) -> None:
     done = tautwave("check", README_RIG, "--set", wall(9.0), "--out", "told", cwd=tmp_path)
-    assert done.returncode == 3
+    assert done.exit_code == 3
     assert "slave wall: K = 9 N m/rad is 2.25 x the passive limit 4" in done.stdout
     assert "not passed" in done.stdout
     told = json.loads((tmp_path / "told/check.json").read_text())
@@ -50,9 +48,9 @@ def test_check_exits_3_when_the_required_verdict_fails(tmp_path: Path) -> None:
 
 def test_check_follows_require(tmp_path: Path) -> None:
     words = ("check", README_RIG, "--set", wall(4.5), "--json")
-    assert tautwave(*words, cwd=tmp_path).returncode == 3
+    assert tautwave(*words, cwd=tmp_path).exit_code == 3
     done = tautwave(*words, "--set", "require=coupled_stable", cwd=tmp_path)
-    assert done.returncode == 0
+    assert done.exit_code == 0
     verdicts = json.loads(done.stdout)["certificate"]["verdicts"]
     assert verdicts["passive"]["passed"] is False
     assert verdicts["coupled_stable"]["passed"] is True
@@ -121,33 +119,36 @@ def test_every_shipped_rig_is_named_here() -> None:
 # -- run ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("one_process")
 def test_run_refuses_with_the_sentences_and_leaves_nothing(tmp_path: Path) -> None:
     done = tautwave("run", README_RIG, *QUICK, "--set", wall(9.0), cwd=tmp_path)
-    assert done.returncode == 3
+    assert done.exit_code == 3
     assert "not certified as passive, which it requires" in done.stderr
     assert "Lower K to 4" in done.stderr
     assert "--allow-uncertified" in done.stderr
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.usefixtures("one_process")
 def test_run_may_be_allowed_and_carries_a_banner(tmp_path: Path) -> None:
     words = ("run", README_RIG, *QUICK, "--set", wall(9.0), "--allow-uncertified")
     done = tautwave(*words, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    assert done.exit_code == 0, done.stderr
     assert "not certified: run with --allow-uncertified" in done.stdout
     certificate = summary_of(tmp_path)["certificate"]
     assert certificate["passed"] is False
     assert certificate["allowed_uncertified"] is True
     assert certificate["after_run"]["invalidated"] is False  # there was nothing to break
-    page = (tmp_path / "out/report.html").read_text()
+    page = page_of(tmp_path / "out")
     assert '<div class="banner bad"><b>This rig was not certified' in page
     assert "2.25 x the passive limit 4" in page
 
 
+@pytest.mark.usefixtures("one_process")
 def test_a_derated_wall_is_what_runs(tmp_path: Path) -> None:
     derated = wall(9.0, 0.0, "derate: true")
     done = tautwave("run", README_RIG, *QUICK, *INTO_THE_WALL, "--set", derated, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    assert done.exit_code == 0, done.stderr
     assert "K = 9 asked, 4 rendered" in done.stdout
     told = summary_of(tmp_path)["certificate"]
     assert told["walls"]["slave.lever"] == {
@@ -155,20 +156,20 @@ def test_a_derated_wall_is_what_runs(tmp_path: Path) -> None:
         "rendered_stiffness": 4.0,
         "derate": True,
     }
-    assert "K = 9 asked, 4 rendered" in (tmp_path / "out/report.html").read_text()
+    assert "K = 9 asked, 4 rendered" in page_of(tmp_path / "out")
     from tautwave.config import load_rig
 
     ran = load_rig(tmp_path / "out/rig.yaml").coupling.pairs["lever"].wall_slave
     assert ran is not None
     assert ran.stiffness == 4.0
     again = tautwave("check", tmp_path / "out/rig.yaml", "--json", cwd=tmp_path)
-    assert again.returncode == 0
+    assert again.exit_code == 0
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("one_process")
 def test_overruns_in_a_wall_break_the_certificate(tmp_path: Path) -> None:
     done = tautwave("run", README_RIG, *QUICK, *INTO_THE_WALL, *OVERRUNS, cwd=tmp_path)
-    assert done.returncode == 3, done.stderr
+    assert done.exit_code == 3, done.stderr
     certificate = summary_of(tmp_path)["certificate"]
     after = certificate["after_run"]
     assert certificate["passed"] is True
@@ -177,30 +178,18 @@ def test_overruns_in_a_wall_break_the_certificate(tmp_path: Path) -> None:
     assert held["held_s"] == pytest.approx(4e-3)  # three slots skipped: one effort for four
     assert held["needed_damping"] == pytest.approx(3.0 * 4e-3 / 2.0 + 4e-4, rel=1e-6)
     assert "held for 4 ms" in done.stderr
-    assert "breaks its certificate" in (tmp_path / "out/report.html").read_text()
+    assert "breaks its certificate" in page_of(tmp_path / "out")
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("one_process")
 def test_overruns_out_of_contact_break_nothing(tmp_path: Path) -> None:
     still = "simulation.hand.lever.reference={type: hold, position: 0.0}"
     done = tautwave("run", README_RIG, *QUICK, *OVERRUNS, "--set", still, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    assert done.exit_code == 0, done.stderr
     summary = summary_of(tmp_path)
     assert summary["missed_cycles"] > 10
     assert summary["certificate"]["after_run"]["passed"] is True
     assert summary["certificate"]["after_run"]["missed_cycles"] == summary["missed_cycles"]
-
-
-def test_the_live_process_imports_no_analysis(tmp_path: Path) -> None:
-    code = (
-        "import sys, atexit, pathlib\n"
-        "atexit.register(lambda: pathlib.Path('modules').write_text(' '.join(sys.modules)))\n"
-        "from tautwave.cli import main; main(prog_name='tautwave')"
-    )
-    words = ["run", str(README_RIG), "--clock", "fake", "--duration", "0.1", "--out", "out"]
-    subprocess.run([sys.executable, "-c", code, *words], cwd=tmp_path, check=True, env=os.environ)
-    modules = (tmp_path / "modules").read_text().split()
-    assert not [m for m in modules if m.startswith(("tautwave.analysis", "tautwave.certificate"))]
 
 
 # -- after a run, as a function -------------------------------------------------------------------

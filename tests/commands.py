@@ -1,0 +1,54 @@
+"""The command line and whole runs without a process for each: what the tests of content use.
+
+That the installed command, its children and their exit codes work is `tests/cli/test_end_to_end`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from contextlib import chdir
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from tautwave.certificate import certify
+from tautwave.cli import main
+from tautwave.config import Rig
+from tautwave.report import write_report
+from tautwave.report.after_run import recheck_run
+from tautwave.report.complete import complete_summary
+from tautwave.session import running
+
+
+def tautwave(*words: object, cwd: Path) -> Result:
+    """Run the command line in this process, in the directory `cwd`."""
+    with chdir(cwd):
+        return CliRunner().invoke(main, [str(word) for word in words], prog_name="tautwave")
+
+
+def keep_in_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have runs compute certificate and summary here, and draw no figures."""
+
+    def certificate_of(rig: Rig) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(json.dumps(certify(rig).as_dict()))
+        return found
+
+    def complete(command: Sequence[str], **_: object) -> SimpleNamespace:
+        assert command[1:3] == ["-m", "tautwave.report"]
+        directory = Path(command[3])
+        complete_summary(directory)
+        recheck_run(directory)
+        return SimpleNamespace(returncode=0, stderr="")
+
+    monkeypatch.setattr(running, "certificate_of", certificate_of)
+    monkeypatch.setattr(running, "subprocess", SimpleNamespace(run=complete))
+
+
+def page_of(directory: Path) -> str:
+    """Return the page of a run, its recording and so its figures left out."""
+    (directory / "recording.mcap").unlink(missing_ok=True)
+    return write_report(directory).read_text(encoding="utf-8")
