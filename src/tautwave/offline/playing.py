@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Callable
 from importlib.util import find_spec
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -93,6 +93,7 @@ def play(
     ports = np.ascontiguousarray(ports, np.float64)
     if pushes is None:
         pushes = np.zeros((len(ports), len(model.network.forced)))
+    pushes = np.ascontiguousarray(pushes, np.float64)
     if engine == "python":
         return _live(model, ports, pushes, stride, seconds)
     if engine != "compiled":
@@ -117,9 +118,7 @@ def play(
     return Played(efforts, places, Ledger(*map(float, told)), spent)
 
 
-def _live(
-    model: SceneModel, ports: Floats, pushes: Floats, stride: int, seconds: float
-) -> Played:
+def _live(model: SceneModel, ports: Floats, pushes: Floats, stride: int, seconds: float) -> Played:
     """Advance a live model."""
     efforts: list[list[float]] = []
     places: list[list[float]] = []

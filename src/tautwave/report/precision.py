@@ -24,6 +24,7 @@ from tautwave.offline.simulation import Simulation as Rows
 from tautwave.offline.simulation import engine_of, simulation_of_run
 from tautwave.report.envelope import Floats
 from tautwave.report.loading import load_run
+from tautwave.report.resampling import distance, resampled
 from tautwave.report.rundir import Run, block, served_rows
 from tautwave.report.units import number
 
@@ -71,6 +72,10 @@ def precision_of(run: Run, rig: Rig) -> dict[str, Any]:
     TautwaveError
         The rig cannot be replayed.
     """
+    if rig.scene is not None:
+        from tautwave.report.precision_scene import scene_precision
+
+        return scene_precision(run, rig)
     if not rig.coupling.pairs or run.rows < 3:
         return {"error": "there is no coupled pair, or hardly a row, to replay"}
     hardware = rig.simulation is None
@@ -177,17 +182,6 @@ def _differences(base: Rows, other: Rows | str, position: str, effort: str) -> d
     return told
 
 
-def distance(t: Floats, x: Floats, u: Floats, y: Floats) -> Floats:
-    """Return y - x at the instants [s] that both series have, shape (those,); no NaN."""
-    if len(t) < 2 or len(u) < 2:
-        return np.zeros(0)
-    tick = 0.25 * min(float(np.min(np.diff(t))), float(np.min(np.diff(u))))
-    near = np.clip(np.searchsorted(u, t - tick), 0, len(u) - 1)
-    both = np.abs(u[near] - t) <= tick
-    gap = np.asarray(y[near][both] - x[both], dtype=np.float64)
-    return gap[np.isfinite(gap)]
-
-
 def _equal(run: Run, rows: Rows) -> bool | None:
     """Return whether the replayed rows are the recorded ones to the bit; None on a real clock."""
     if run.summary.get("clock") != "fake":
@@ -268,23 +262,3 @@ def _played(run: Run, rig: Rig, replay: Replay, recorded: dict[str, Floats]) -> 
         # In a cycle of a slow bus the sample is that of its last slot.
         positions[axis] = resampled(slots, time[good] - float(time[0]), position[good])
     return _rows(with_positions(job, positions), replay)
-
-
-def resampled(at: Floats, time: Floats, values: Floats) -> Floats:
-    """Return a series at other instants [s]: cubic between samples, held outside.
-
-    A series at half the rate is a choice of its samples; nothing is filtered.
-    """
-    if len(time) < 3:
-        return np.full(len(at), values[0] if len(values) else 0.0)
-    slope = np.gradient(values, time)
-    where = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
-    step = time[where + 1] - time[where]
-    s = np.clip((at - time[where]) / step, 0.0, 1.0)
-    one, two = values[where], values[where + 1]
-    rise = two - one
-    a, b = slope[where] * step - rise, slope[where + 1] * step - rise
-    found = one + s * rise + s * (1.0 - s) * ((1.0 - s) * a - s * b)
-    # Rounding aside, a sample stays what it was.
-    found = np.where(s < 1e-6, one, found)
-    return np.where(s > 1.0 - 1e-6, two, found)

@@ -6,9 +6,11 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from tautwave.report.precision_scene_table import scene_sentences, scene_tables
+from tautwave.report.precision_words import share
 from tautwave.report.rundir import Run, axis_kind, block
 from tautwave.report.tables import Table
-from tautwave.report.units import MISSING, axis_units, number, quantity, ratio
+from tautwave.report.units import axis_units, number, quantity
 
 _HEAD = ("", "position, greatest", "of the travel", "effort, greatest", "of the greatest")
 _NAMES = {
@@ -24,6 +26,9 @@ def precision_sentences(run: Run) -> Iterator[str]:
     if "error" in told:
         yield f"Not computed: {told['error']}."
     if "span_s" not in told:
+        return
+    if told.get("kind") == "scene":
+        yield from scene_sentences(told)
         return
     span = quantity(told["span_s"], "s")
     reach = f"the whole run, {span}" if told.get("whole") else f"the first {span} of the run"
@@ -54,6 +59,8 @@ def precision_sentences(run: Run) -> Iterator[str]:
 def precision_tables(run: Run) -> Iterator[Table]:
     """Yield one table per pair."""
     told = block(run.summary, "precision")
+    if told.get("kind") == "scene" and "span_s" in told:
+        yield from scene_tables(told)
     for pair, found in block(told, "pairs").items():
         if told.get("kind") == "hardware":
             yield _hardware(run, pair, found)
@@ -89,13 +96,6 @@ def _simulated(run: Run, pair: str, found: dict[str, Any]) -> Table:
     note = "; ".join([*step_words(run, pair, found), *order_words(found, position), *ended])
     title = f"Pair {pair}: by how much slave and master's effort would differ"
     return Table(title, _HEAD, tuple(rows), note)
-
-
-def share(value: float | None, whole: float | None) -> str:
-    """Return a share of a whole in words, as in `2.1 × 10⁻¹⁴`."""
-    if value is None or not whole:
-        return MISSING
-    return ratio(value / whole)
 
 
 def step_words(run: Run, pair: str, found: dict[str, Any]) -> Iterator[str]:

@@ -137,6 +137,7 @@ def run(
         "started_utc": started.isoformat(timespec="seconds"),
         "command": command,
         "clock": clock,
+        "asked_s": rig.duration_s if duration_s is None else duration_s,
         "duration_s": (result.cycles + result.missed_cycles) * rig.period_s,
         "rate_hz": rig.rate_hz,
         "cycles": result.cycles,

@@ -1,0 +1,109 @@
+"""The report's section on the precision of a scene, as sentences and tables of text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from tautwave.report.precision_words import share
+from tautwave.report.rundir import block
+from tautwave.report.tables import Table
+from tautwave.report.units import number, quantity
+
+_HEAD = (
+    *("", "position, rms", "of the travel", "effort, greatest", "effort, rms"),
+    *("of the greatest", "level", "alike for"),
+)
+_ROWS = {
+    "oracle": "error of this run",
+    "doubt": "doubt of the oracle",
+    "half": "at half the rate",
+    "double": "at double the rate",
+}
+
+
+def scene_sentences(told: dict[str, Any]) -> Iterator[str]:
+    """Yield what was replayed, how far, against what, and by what."""
+    oracle = block(told, "oracle")
+    scheme = str(told.get("scheme")).replace("_", " ")
+    span = quantity(told["span_s"], "s", 3)
+    begins = number(told.get("begins_s")) or 0.0
+    reach = f"the whole run, {span}"
+    if not told.get("whole"):
+        reach = f"the first {span} of the run"
+        if begins > 0.0:
+            reach = f"{span} of the run, from {quantity(begins, 's', 3)} on, where it is felt first"
+    yield (
+        f"The network was run again along the recorded positions of its ports, over {reach}: with "
+        f"{oracle.get('steps')} steps to a period ({str(oracle.get('scheme')).replace('_', ' ')}, "
+        "the ports moving within it), the oracle, which tells what the scheme "
+        f"({scheme}) and the hold did wrong; and at half and double the rate, which tells what "
+        "sampling does. Hand and device are no part of it: the ports' motion is given."
+    )
+    if not told.get("whole"):
+        yield (
+            "No more of it, to keep the report quick: the compiled steps are not in the cache. "
+            "`tautwave bench workprecision` puts them there, and `tautwave report` then takes all."
+            if told.get("engine") == "python"
+            else "No more of it, to keep the report quick."
+        )
+    equal = told.get("replayed_equal")
+    if equal is True:
+        yield "At its own rate the replay gives the recorded efforts again, to the bit."
+    elif told.get("replayed") is not None:
+        gap = quantity(told["replayed"], "N", 2)
+        yield f"At its own rate the replay differs from the recorded efforts by {gap} at most."
+
+
+def scene_tables(told: dict[str, Any]) -> Iterator[Table]:
+    """Yield the table of differences, and that of the strings' pitches."""
+    travel, greatest = number(told.get("travel")), number(told.get("effort"))
+    rows = []
+    for key, name in _ROWS.items():
+        part = block(told, key)
+        if not part:
+            continue
+        level = number(part.get("level_db"))
+        apart = number(part.get("apart_s"))
+        rows.append(
+            (
+                name,
+                quantity(part.get("position_rms"), "m", 3),
+                share(number(part.get("position_rms")), travel),
+                quantity(part.get("effort"), "N", 3),
+                quantity(part.get("effort_rms"), "N", 3),
+                share(number(part.get("effort_rms")), greatest),
+                "" if level is None else f"{level:+.3f} dB".replace("-", "\N{MINUS SIGN}"),
+                "all of it" if apart is None else quantity(apart, "s", 3),
+            )
+        )
+    yield Table("Scene: by how much nodes and efforts differ", _HEAD, tuple(rows), _note(told))
+    strings = block(told, "strings")
+    if strings:
+        head = ("string", "asked", "at this rate", "half the rate", "double the rate")
+        pitches = tuple(
+            (name, *(f"{pitch[key]:.5g} Hz" for key in ("asked_hz", "own", "half", "double")))
+            for name, pitch in strings.items()
+        )
+        yield Table("Pitch of a string of whole samples", head, pitches)
+
+
+def _note(told: dict[str, Any]) -> str:
+    notes = ["Efforts are means over each period of the run; level compares their rms"]
+    if any(block(told, key).get("apart_s") is not None for key in _ROWS):
+        notes.append(
+            "errors are counted until the nodes are a tenth of their travel apart. Contacts met "
+            "again and again, and sticking and slipping, double any difference each time, so that "
+            "two runs part at last, however small the step; what they still share is their level"
+        )
+    error = number(block(told, "oracle").get("position_rms")) or 0.0
+    if (number(block(told, "doubt").get("position_rms")) or 0.0) > 0.5 * error > 0.0:
+        notes.append(
+            "the oracle doubts itself as much as it doubts the run: sample by sample this scene "
+            "has no truth that smaller steps approach"
+        )
+    if told.get("strings"):
+        notes.append(
+            "the oracle's string has the pitch of the run's; other rates have their own, and part"
+        )
+    return "; ".join(notes) + "."

@@ -1,0 +1,191 @@
+"""A report says how exact a scene was: against its oracle, and at half and double the rate."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tautwave.config import Rig, load_rig, resolved_yaml
+from tautwave.report import precision_scene, write_report
+from tautwave.report.loading import load_run
+from tautwave.report.precision import measure_precision
+from tautwave.report.precision_scene_table import scene_sentences, scene_tables
+from tautwave.rig import build_rig
+from tautwave.runtime.loop import Loop
+from tests.report.synthetic import write_recording
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+class Kept:
+    """A sink that keeps every row."""
+
+    def __init__(self, width: int) -> None:
+        self.row = [0.0] * width
+        self.rows: list[list[float]] = []
+
+    def commit(self) -> None:
+        self.rows.append(list(self.row))
+
+
+def leave_run(directory: Path, name: str, seconds: float, *given: str, skip: int = 0) -> Path:
+    """Run a shipped scene for a moment and write what it leaves behind."""
+    rig = load_rig(CONFIGS / f"scene-{name}.yaml", [f"duration_s={seconds}", *given])
+    return write_run(directory, rig, skip)
+
+
+def write_run(directory: Path, rig: Rig, skip: int = 0) -> Path:
+    built = build_rig(rig, clock="fake")
+    sink = Kept(len(built.columns))
+    settings = built.settings
+    Loop(built.clock, settings, built.buses, built.pairs, built.sources, sink).run()
+    data = np.array(sink.rows)[skip:]
+    directory.mkdir(parents=True)
+    (directory / "rig.yaml").write_text(resolved_yaml(rig))
+    summary = {"rig": rig.name, "clock": "fake", "rate_hz": rig.rate_hz, "pairs": {}}
+    (directory / "summary.json").write_text(json.dumps(summary))
+    columns = dict(zip(built.columns, data.T, strict=True))
+    write_recording(directory / "recording.mcap", columns)
+    return directory
+
+
+@pytest.fixture(autouse=True)
+def plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Use plain Python, whatever lies in a cache."""
+    monkeypatch.setattr(precision_scene, "is_kept", lambda: False)
+
+
+@pytest.fixture(scope="module")
+def resonator(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    given = "simulation.hand.stylus.reference.waypoints=[[0.0, 0.0], [0.03, 0.006], [0.06, 0.0]]"
+    return leave_run(tmp_path_factory.mktemp("runs") / "one", "resonator", 0.12, given)
+
+
+def told_of(directory: Path) -> dict[str, Any]:
+    found: dict[str, Any] = measure_precision(directory)["precision"]
+    return found
+
+
+def test_a_scene_is_replayed_to_the_bit_and_sampling_is_its_error(resonator: Path) -> None:
+    told = told_of(resonator)
+    assert told["kind"] == "scene"
+    assert told["replayed_equal"] is True
+    assert told["whole"] is True
+    assert told["oracle"]["scheme"] == "exact"
+    # The port is held for a period: the nodes lag by half of one, first order in T.
+    error, double = told["oracle"]["position_rms"], told["double"]["position_rms"]
+    assert 0.3 < double / error < 0.7
+    assert 0.8 < math.log2(told["half"]["position_rms"] / double) < 1.2
+    assert told["doubt"]["position_rms"] < 0.02 * error
+    assert told["oracle"]["effort"] > told["double"]["effort"] > 0.0
+    assert told["doubt"]["apart_s"] is None
+
+
+def test_the_report_tells_it(resonator: Path) -> None:
+    told_of(resonator)
+    write_report(resonator)
+    page = (resonator / "report.html").read_text()
+    assert "gives the recorded efforts again, to the bit" in page
+    assert "error of this run" in page
+    assert "doubt of the oracle" in page
+    assert "Not computed" not in page
+
+
+def test_a_change_of_the_recording_is_found(resonator: Path) -> None:
+    run = load_run(resonator)
+    rig = load_rig(resonator / "rig.yaml")
+    stiffer = rig.model_copy(
+        update={
+            "scene": rig.scene.model_copy(  # type: ignore[union-attr]
+                update={
+                    "ports": {
+                        "stylus": rig.scene.ports["stylus"].model_copy(  # type: ignore[union-attr]
+                            update={"stiffness": 3001.0}
+                        )
+                    }
+                }
+            )
+        }
+    )
+    told = precision_scene.scene_precision(run, stiffer)
+    assert told["replayed_equal"] is False
+    assert "differs from the recorded efforts by" in " ".join(scene_sentences(told))
+
+
+def test_little_time_is_spent_where_the_scene_is_felt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waypoints = "[[0.0, 0.0], [0.06, 0.0], [0.1, -0.02]]"
+    given = f"simulation.hand.stick.reference.waypoints={waypoints}"
+    directory = leave_run(tmp_path / "drum", "drum", 0.1, given)
+    monkeypatch.setitem(precision_scene.SECONDS, "python", 1.0)
+    monkeypatch.setattr(precision_scene, "_base", hasty(precision_scene._base))
+    told = told_of(directory)
+    assert told["whole"] is False
+    assert told["replayed_equal"] is True
+    assert told["begins_s"] > 0.03  # nothing was touched before
+    assert told["effort"] > 0.01
+    assert told["oracle"]["effort"] > 0.0
+    assert told["oracle"]["scheme"] == "discrete_gradient"
+    words = " ".join(scene_sentences(told))
+    assert "where it is felt first" in words
+    assert "not in the cache" in words
+
+
+def hasty(made: Any) -> Any:
+    """Let every step of the base run count as 1 ms, so that the machine's speed does not."""
+
+    def base(*given: Any) -> Any:
+        played, states = made(*given[:3], 60.0)
+        return played._replace(cpu_s=1e-4 * len(played.efforts)), states
+
+    return base
+
+
+def test_a_string_is_told_its_pitch(tmp_path: Path) -> None:
+    directory = leave_run(tmp_path / "string", "string", 0.1)
+    told = told_of(directory)
+    assert told["replayed_equal"] is True
+    pitch = told["strings"]["string"]
+    assert pitch["asked_hz"] == 196.0
+    assert pitch["own"] == pytest.approx(196.0, rel=0.01)
+    (_, pitches) = scene_tables(told)
+    assert pitches.rows[0][1] == "196 Hz"
+
+
+def test_samples_before_the_scene_began_are_passed_over(tmp_path: Path) -> None:
+    """A hand that leans on the coupling spring keeps the scene from starting."""
+    rig = load_rig(CONFIGS / "scene-resonator.yaml", ["duration_s=0.05"])
+    network = precision_scene.pruned_network(rig).network
+    ports = np.array([[1.0], [1.0], [0.0], [1.0]])
+    seen = np.array([[True], [True], [False], [True]])
+    assert precision_scene._armed(rig, network, ports, seen) is None
+    ports[1] = 1e-6
+    assert precision_scene._armed(rig, network, ports, seen) == 1
+
+
+def test_slots_that_were_skipped_are_made_up(tmp_path: Path) -> None:
+    faults = "simulation.faults={overrun_probability: 0.05, overrun_slots: 2}"
+    directory = leave_run(tmp_path / "late", "resonator", 0.08, faults, "loop.overrun_limit=10")
+    told = told_of(directory)
+    assert told["replayed_equal"] is True
+    assert load_run(directory).read("skipped_slots")["skipped_slots"].sum() > 0
+    assert told["span_s"] == pytest.approx(0.08, abs=1e-3)
+
+
+def test_samples_that_were_lost_leave_the_port_where_it_was(tmp_path: Path) -> None:
+    faults = "simulation.faults={missing_probability: 0.05}"
+    directory = leave_run(tmp_path / "lost", "resonator", 0.08, faults, "loop.missing_limit=10")
+    assert told_of(directory)["replayed_equal"] is True
+
+
+def test_without_positions_it_says_so(resonator: Path) -> None:
+    run = load_run(resonator)
+    run.columns = tuple(name for name in run.columns if name != "master.stylus.position")
+    rig = load_rig(resonator / "rig.yaml")
+    assert "not recorded" in precision_scene.scene_precision(run, rig)["error"]
