@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 
 import pytest
 
@@ -76,3 +77,16 @@ def test_a_bow_keeps_the_string_going():
             quiet = min(quiet, model.arrays.v[0]) if k > 6001 else model.arrays.v[0]
     assert loud - quiet > 0.05
     assert abs(model.residual()) < 1e-12
+
+
+@pytest.mark.parametrize("shaking", [0.1, 0.2])
+def test_a_trembling_bow_leaves_no_step_unsolved(shaking):
+    """Newton alone goes to and fro between two pieces of the friction curve, one step in 5000."""
+    rng = random.Random(1)
+    model = string_scene(Link("hair", "bow", "hand", "string", limit=0.5, scale=0.04), smoothing=0.8)
+    place = before = 0.0
+    for _ in range(10_000):
+        place += shaking * rng.gauss(0.0, 1.0) * PERIOD
+        model.advance([place])
+        assert abs(model.residual() - before) < 1e-14
+        before = model.residual()

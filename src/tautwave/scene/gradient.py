@@ -27,7 +27,8 @@ from tautwave.scene.islands import solve_island
 from tautwave.scene.pulling import book_link, commit_mass, free_movement, link_pull
 
 _CLOSE = 1e-15
-_TRIES = 60
+_FAR = 1e-12
+_TRIES = 200
 
 
 def step_gradient(s: Arrays, period: float) -> int:
@@ -86,6 +87,7 @@ def solve_alone(s: Arrays, m: int, base: float, free: float, period: float) -> t
     low = -math.inf
     high = math.inf
     at = free
+    before = math.inf
     tries = 0
     while tries < _TRIES:
         tries += 1
@@ -111,7 +113,10 @@ def solve_alone(s: Arrays, m: int, base: float, free: float, period: float) -> t
         else:
             low = at
         change = -rest / slope
-        if slope <= 0.0 or at + change <= low or at + change >= high:
+        # Between a falling and a rising piece of a friction curve Newton can go to and fro for ever.
+        stuck = math.fabs(rest) > 0.5 * before and math.fabs(rest) > _FAR * size
+        before = math.fabs(rest)
+        if slope <= 0.0 or stuck or at + change <= low or at + change >= high:
             if high < math.inf and low > -math.inf:
                 change = 0.5 * (low + high) - at
             elif slope <= 0.0:
