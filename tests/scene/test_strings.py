@@ -83,7 +83,8 @@ def test_a_bow_keeps_the_string_going():
 def test_a_trembling_bow_leaves_no_step_unsolved(shaking):
     """Newton alone goes to and fro between two pieces of the friction curve, one step in 5000."""
     rng = random.Random(1)
-    model = string_scene(Link("hair", "bow", "hand", "string", limit=0.5, scale=0.04), smoothing=0.8)
+    bow = Link("hair", "bow", "hand", "string", limit=0.5, scale=0.04)
+    model = string_scene(bow, smoothing=0.8)
     place = before = 0.0
     for _ in range(10_000):
         place += shaking * rng.gauss(0.0, 1.0) * PERIOD

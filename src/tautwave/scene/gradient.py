@@ -113,7 +113,7 @@ def solve_alone(s: Arrays, m: int, base: float, free: float, period: float) -> t
         else:
             low = at
         change = -rest / slope
-        # Between a falling and a rising piece of a friction curve Newton can go to and fro for ever.
+        # Between a falling and a rising piece of a friction curve Newton goes to and fro for ever.
         stuck = math.fabs(rest) > 0.5 * before and math.fabs(rest) > _FAR * size
         before = math.fabs(rest)
         if slope <= 0.0 or stuck or at + change <= low or at + change >= high:
