@@ -11,8 +11,7 @@ import pytest
 from tautwave.analysis.loop_modes import least_damped, stability_boundary
 from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError
-from tautwave.offline.sweep_measure import growth_of, is_bounded, moving_energy
-from tautwave.offline.sweep_points import Point
+from tautwave.offline.sweep_measure import growth_of, is_bounded, moving_energy, scales_of
 from tautwave.offline.sweep_predict import pair_ends, pair_matrix, pair_mode
 from tautwave.offline.sweep_rows import simulate_rows
 from tautwave.rig import build_rig, site_params
@@ -36,7 +35,7 @@ def position_law(stiffness: float, damping: float) -> list[str]:
 
 def growth(rig: Rig, duration: float = 10.0) -> tuple[float, bool]:
     columns, _, outcome = simulate_rows(rig, duration)
-    energy = moving_energy(Point("", "", {}, rig, "cart", duration), columns)
+    energy = moving_energy(scales_of(rig, "cart"), columns)
     found = growth_of(energy, rig.period_s)
     return found.rate, outcome == "finished" and is_bounded(energy, found)
 

@@ -20,9 +20,9 @@ from tautwave.errors import RecordingError
 from tautwave.offline import sweep_file as sweep_file_module
 from tautwave.offline.sweep import run_sweep, table_header
 from tautwave.offline.sweep_file import MEASURES, load_sweep
-from tautwave.offline.sweep_measure import measure_point
+from tautwave.offline.sweep_measure import BOOKS, PREDICTED, measure_run
 from tautwave.offline.sweep_pool import AHEAD, Piece, ProcessPool, Worker, in_process
-from tautwave.offline.sweep_rows import BOOKS, Simulator, sweep_engine, takes_rows
+from tautwave.offline.sweep_rows import Simulator, sweep_engine, takes_rows
 from tautwave.offline.sweep_table import SweepTable, line_of, write_parquet
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -58,16 +58,14 @@ def test_few_columns_measure_the_same(tmp_path: Path, rig: str, overrides: str) 
         f"name: a\nrig: {CONFIGS}/{rig}.yaml\nduration_s: 0.6\nset: {{{overrides}}}\n"
         "measures: [stable]\n"
     )
-    point = load_sweep(path).points[0]
-    wanted = tuple(
-        name for name in MEASURES if name not in BOOKS and not name.startswith("predicted")
-    )
+    points = load_sweep(path).points
+    wanted = tuple(name for name in MEASURES if name not in BOOKS and name not in PREDICTED)
     assert not takes_rows(wanted)
     found = []
     for whole in (True, False):
-        columns, cycles, outcome = Simulator("python", whole=whole)(point)
-        measured = measure_point(point, wanted, columns, finished=outcome == "finished")
-        found.append((cycles, outcome, [measured[name].hex() for name in wanted]))
+        scales, run = Simulator("python", whole=whole)(points, 0)
+        measured = measure_run(scales, wanted, run.columns, finished=run.outcome == "finished")
+        found.append((run.cycles, run.outcome, [measured[name].hex() for name in wanted]))
     assert found[0] == found[1]
     assert takes_rows(("residual",))
 

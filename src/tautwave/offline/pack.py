@@ -117,12 +117,7 @@ def pack_rig(rig: Rig, duration_s: float | None = None, facts: RigFacts | None =
     facts = rig_facts(rig) if facts is None else facts
     delays = facts.delays
     axes = tuple(delays)
-    models = [
-        axis_model(rig, name, cycles)._replace(
-            command_delay=true_delay_s(rig, name, delays[name]) / rig.axis_period_s(name)
-        )
-        for name in axes
-    ]
+    models = [true_model(rig, name, delays[name], cycles) for name in axes]
     if round(models[0].period * 1e9) != rig.period_ns * rig.axis_divisor(axes[0]):
         raise ConfigError(f"rate_hz: {rig.rate_hz!r} has no period in whole ns; use a rounder rate")
     faults = rig.simulation.faults
@@ -152,6 +147,13 @@ def pack_rig(rig: Rig, duration_s: float | None = None, facts: RigFacts | None =
         table=floats.join(),
         flags=flags.join(),
     )
+
+
+def true_model(rig: Rig, axis_name: str, declared: CommandDelay, cycles: int) -> AxisModel:
+    """Return the truth of one axis, its command delay on this bus included."""
+    model = axis_model(rig, axis_name, cycles)
+    late = true_delay_s(rig, axis_name, declared) / rig.axis_period_s(axis_name)
+    return model._replace(command_delay=late)
 
 
 class Pieces:

@@ -8,14 +8,13 @@ order of the sweep.
 from __future__ import annotations
 
 import functools
-import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.offline.sweep_file import SweepPlan
-from tautwave.offline.sweep_measure import measure_point
+from tautwave.offline.sweep_measure import PREDICTED, measure_run, predict_pair
 from tautwave.offline.sweep_points import Points
 from tautwave.offline.sweep_pool import Executor, Piece, ProcessPool, in_process
 from tautwave.offline.sweep_rows import Simulator, sweep_engine, takes_rows
@@ -43,7 +42,7 @@ class SweepResult(NamedTuple):
 class Finished(NamedTuple):
     """A piece that is done: numbers of its points, and their lines."""
 
-    numbers: tuple[int, ...]
+    numbers: range
     text: str
 
 
@@ -156,13 +155,11 @@ class _Piecework:
         self._simulate = Simulator(engine, whole=takes_rows(wanted))
 
     def __call__(self, piece: Piece) -> Finished:
-        numbers = tuple(range(*piece))
-        lines = [
-            line_of(
-                self._header, simulate_point(self._points, number, self._wanted, self._simulate)
-            )
-            for number in numbers
-        ]
+        numbers = range(*piece)
+        rows = (
+            simulate_point(self._points, number, self._wanted, self._simulate) for number in numbers
+        )
+        lines = [line_of(self._header, row) for row in rows]
         return Finished(numbers, "".join(lines))
 
 
@@ -173,16 +170,14 @@ def simulate_point(
 
     A rig that turns out not to be right is a row as well: its outcome says why.
     """
-    mark = points.mark(number)
-    row = {"id": mark.id, "case": mark.case}
-    for key, value in mark.values.items():
-        row[key] = value if isinstance(value, str) else json.dumps(value)
+    row = points.row(number)
     try:
-        point = points.point(number, mark)
-        columns, cycles, outcome = simulate(point)
+        scales, run = simulate(points, number)
+        found = measure_run(scales, wanted, run.columns, finished=run.outcome == "finished")
+        if any(name in PREDICTED for name in wanted):
+            found |= predict_pair(points.rig(number), scales.pair)
     except ConfigError as err:
         return {**row, "outcome": f"refused: {err}", "cycles": "0"}
-    measured = measure_point(point, wanted, columns, finished=outcome == "finished")
-    row.update(outcome=outcome, cycles=str(cycles))
-    row.update({name: repr(value) for name, value in measured.items()})
+    row.update(outcome=run.outcome, cycles=str(run.cycles))
+    row.update({name: repr(found[name]) for name in wanted})
     return row

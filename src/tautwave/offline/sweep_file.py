@@ -18,7 +18,8 @@ from tautwave.config.keys.common import Block, Name, Positive
 from tautwave.config.messages import validate
 from tautwave.config.yaml12 import KeyPath
 from tautwave.errors import ConfigError
-from tautwave.offline.sweep_points import Choice, Points, Recipe
+from tautwave.offline.sweep_points import Points
+from tautwave.offline.sweep_recipe import Choice, Recipe
 
 Measure = Literal[
     "peak_amplitude",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -9,13 +10,19 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.offline.sweep_points import Point
+from tautwave.config import Rig
 from tautwave.offline.sweep_predict import pair_mode
-from tautwave.offline.sweep_rows import BOOKS
 from tautwave.rig import pair_scale
 
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
 Columns = Mapping[str, Floats]
+
+PREDICTED = ("predicted_radius", "predicted_growth", "predicted_frequency")
+"""Measures of the rig, not of its simulation."""
+
+BOOKS = ("gross_flow", "residual", "generated")
+"""Measures that look at every account of a recording."""
 
 BOUNDED = 1.1
 """Greatest energy of the last half per that of the first half that still counts as stable."""
@@ -25,62 +32,91 @@ STEADY = 0.9
 
 WINDOWS = 20
 
+FAINTEST = 1e-290
+"""[J] Energies below are left out: their logarithm is that of rounding."""
 
-def measure_point(
-    point: Point, wanted: tuple[str, ...], columns: Columns, finished: bool
+
+class Scales(NamedTuple):
+    """What the columns of a pair are measured with: period [s], slave per master units."""
+
+    pair: str
+    period_s: float
+    position_scale: float
+    power: float
+
+
+def scales_of(rig: Rig, pair: str) -> Scales:
+    """Return with what a pair of a rig is measured."""
+    keys = rig.coupling.pairs[pair]
+    return Scales(pair, rig.period_s, keys.position_scale, pair_scale(keys).power)
+
+
+def measure_run(
+    scales: Scales, wanted: tuple[str, ...], columns: Columns, *, finished: bool
 ) -> dict[str, float]:
-    """Return the wanted measures of one simulation.
+    """Return the wanted measures of one simulation; predictions are none of it.
 
     Amplitudes and errors are in master units, growth in 1/s, energies in J; `stable` is 1 or 0.
     What has no value (the growth of what never moved) is NaN.
     """
-    found: dict[str, float] = {}
-    if any(name.startswith("predicted_") for name in wanted):
-        mode = pair_mode(point.rig, point.pair)
-        found["predicted_radius"] = mode.radius
-        found["predicted_growth"] = mode.growth
-        found["predicted_frequency"] = mode.frequency
     names = set(wanted)
+    count = len(columns[f"{scales.pair}.position_error"])
+    if count == 0:  # the coupling never engaged
+        return {name: 0.0 if name == "stable" else math.nan for name in wanted}
+    found: dict[str, float] = {}
     if names & {"peak_amplitude", "late_amplitude"}:
-        swing = amplitude(point, columns)
-        found["peak_amplitude"] = float(swing.max())
-        found["late_amplitude"] = float(swing[-max(1, len(swing) // 10) :].max())
+        found["peak_amplitude"], found["late_amplitude"] = amplitudes(scales, columns)
     if names & {"growth_rate", "stable"}:
-        energy = moving_energy(point, columns)
-        growth = growth_of(energy, point.rig.period_s)
+        energy = moving_energy(scales, columns)
+        growth = growth_of(energy, scales.period_s)
         found["growth_rate"] = growth.rate
         found["stable"] = float(finished and is_bounded(energy, growth))
     for kind in ("position_error", "effort_error"):
-        if names & {f"{kind}_rms", f"{kind}_max"}:
-            values = columns[f"{point.pair}.{kind}"]
+        values = columns[f"{scales.pair}.{kind}"]
+        if f"{kind}_rms" in names:
             found[f"{kind}_rms"] = float(np.sqrt(np.mean(np.square(values))))
-            found[f"{kind}_max"] = float(np.abs(values).max())
+        if f"{kind}_max" in names:
+            found[f"{kind}_max"] = farthest(values, 0.0)
     if names & set(BOOKS):
-        found.update(controller_books(point, columns))
-    return {name: found[name] for name in wanted}
+        found.update(controller_books(scales.pair, columns))
+    return {name: found[name] for name in wanted if name in found}
 
 
-def moving_energy(point: Point, columns: Columns) -> Floats:
+def predict_pair(rig: Rig, pair: str) -> dict[str, float]:
+    """Return the measures of `PREDICTED`, in 1/s and Hz, from the rig alone."""
+    mode = pair_mode(rig, pair)
+    return dict(zip(PREDICTED, (mode.radius, mode.growth, mode.frequency), strict=True))
+
+
+def moving_energy(scales: Scales, columns: Columns) -> Floats:
     """Return kinetic energy and that of grip and environment springs of a pair [J], shape (n,)."""
-    summed = columns.get(f"{point.pair}.energy")
+    summed = columns.get(f"{scales.pair}.energy")
     if summed is not None:
         return summed
     total = np.zeros(len(columns["time_s"]))
-    weight = 1.0 / pair_scale(point.rig.coupling.pairs[point.pair]).power
-    for side, share in (("master", 1.0), ("slave", weight)):
+    for side, share in (("master", 1.0), ("slave", 1.0 / scales.power)):
         for part in ("kinetic", "grip_stored", "environment_stored"):
-            total += share * columns[f"plant.{side}.{point.pair}.{part}"]
+            total += share * columns[f"plant.{side}.{scales.pair}.{part}"]
     return total
 
 
-def amplitude(point: Point, columns: Columns) -> Floats:
-    """Return the larger distance of master and slave from their start [master units]."""
-    scale = point.rig.coupling.pairs[point.pair].position_scale
-    swings = []
-    for side, unit in (("master", 1.0), ("slave", scale)):
-        x = columns[f"true.{side}.{point.pair}.position"]
-        swings.append(np.abs(x - x[0]) / unit)
-    return np.asarray(np.maximum(*swings), dtype=np.float64)
+def farthest(values: Floats, origin: float) -> float:
+    """Return max |values - origin|; rounding keeps the order, so the ends are enough."""
+    return float(np.maximum(abs(values.max() - origin), abs(values.min() - origin)))
+
+
+def amplitudes(scales: Scales, columns: Columns) -> tuple[float, float]:
+    """Return the largest distance of master or slave from their start [master units].
+
+    Over the whole simulation, and over its last tenth.
+    """
+    found = []
+    for side, unit in (("master", 1.0), ("slave", scales.position_scale)):
+        x = columns[f"true.{side}.{scales.pair}.position"]
+        late = x[-max(1, len(x) // 10) :]
+        found.append((farthest(x, x[0]) / unit, farthest(late, x[0]) / unit))
+    peak, late_peak = np.maximum(found[0], found[1]).tolist()
+    return peak, late_peak
 
 
 class Growth(NamedTuple):
@@ -98,19 +134,38 @@ def growth_of(energy: Floats, period: float) -> Growth:
     or too large for a float are left out. NaN where nothing is left.
     """
     last = energy[len(energy) // 2 :]
-    usable = np.flatnonzero((last > 1e-290) & np.isfinite(last))
-    if len(usable) < 2 * WINDOWS:
-        return Growth(math.nan, 0.0)
-    starts = np.linspace(0, len(usable), WINDOWS + 1).astype(np.int64)
-    counts = np.diff(starts)
-    time = period * np.add.reduceat(usable, starts[:-1]) / counts
-    level = np.add.reduceat(np.log(last[usable]), starts[:-1]) / counts
-    time -= time.mean()
+    if len(last) >= 2 * WINDOWS and last.min() > FAINTEST and last.max() < math.inf:
+        starts, counts, time = _windows(len(last), period)
+    else:
+        usable = np.flatnonzero((last > FAINTEST) & np.isfinite(last))
+        if len(usable) < 2 * WINDOWS:
+            return Growth(math.nan, 0.0)
+        starts, counts, time = _windows_of(usable, period)
+        last = last[usable]
+    level = np.add.reduceat(np.log(last), starts) / counts
     level -= level.mean()
     slope = float(time @ level) / float(time @ time)
     spread = float(level @ level)
     explained = slope * float(time @ level) / spread if spread > 0.0 else 0.0
     return Growth(0.5 * slope, explained)
+
+
+Windows = tuple[Integers, Integers, Floats]
+
+
+@functools.lru_cache(maxsize=8)
+def _windows(count: int, period: float) -> Windows:
+    """Return the windows of so many energies that all are usable."""
+    return _windows_of(np.arange(count), period)
+
+
+def _windows_of(usable: Integers, period: float) -> Windows:
+    """Return where windows begin, how many energies are in each, and their mean times [s]."""
+    ends = np.linspace(0, len(usable), WINDOWS + 1).astype(np.int64)
+    counts = np.diff(ends)
+    time = period * np.add.reduceat(usable, ends[:-1]) / counts
+    time -= time.mean()
+    return ends[:-1], counts, time
 
 
 def is_bounded(energy: Floats, growth: Growth) -> bool:
@@ -123,9 +178,8 @@ def is_bounded(energy: Floats, growth: Growth) -> bool:
     return within and not (growth.rate > 0.0 and growth.steadiness > STEADY)
 
 
-def controller_books(point: Point, columns: Columns) -> dict[str, float]:
+def controller_books(pair: str, columns: Columns) -> dict[str, float]:
     """Return gross flow, residual and generated energy of a pair's controller [J]."""
-    pair = point.pair
     start = f"{pair}."
     elements = [
         name.split(".")[1]

@@ -1,14 +1,14 @@
 """The points of a sweep, made one by one where they are wanted: a million cost what ten do.
 
 A point is named by a number; its rig is read, checked and completed when it is asked for. The rig
-file is parsed once, and every point gets a copy of what came out.
+file is parsed once, and points that differ in near keys alone (`sweep_near`) share a reading.
 """
 
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
-import math
 import pickle
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
@@ -22,60 +22,8 @@ from tautwave.config import Rig
 from tautwave.config.document import Document, open_document, read_text
 from tautwave.config.load import finish_rig
 from tautwave.config.overrides import apply_overrides
-from tautwave.config.yaml12 import KeyPath
-
-
-class Choice(NamedTuple):
-    """One override and where it was written."""
-
-    key: str
-    value: Any
-    path: KeyPath
-
-    @property
-    def argument(self) -> str:
-        """Return it as `--set` takes it."""
-        return f"{self.key}={json.dumps(self.value, allow_nan=False)}"
-
-
-class Recipe(NamedTuple):
-    """One case: what it sets, and along which axes it varies; an axis is a list of groups."""
-
-    case: str
-    fixed: tuple[Choice, ...]
-    axes: tuple[tuple[tuple[Choice, ...], ...], ...]
-
-    @property
-    def size(self) -> int:
-        """Return how many points it has."""
-        return math.prod(len(axis) for axis in self.axes)
-
-    def choices(self, number: int) -> list[Choice]:
-        """Return what is varied at a point of this case; the last axis changes fastest."""
-        groups = []
-        for axis in reversed(self.axes):
-            number, at = divmod(number, len(axis))
-            groups.append(axis[at])
-        return [choice for group in reversed(groups) for choice in group]
-
-    def corners(self) -> Iterator[int]:
-        """Give points that hold every value of every key: beside the first and the last of all."""
-        yield 0
-        stride = 1
-        for axis in reversed(self.axes):
-            for at in range(1, len(axis)):
-                yield at * stride
-                yield self.size - 1 - at * stride
-            stride *= len(axis)
-        yield self.size - 1
-
-
-class Mark(NamedTuple):
-    """A point without its rig: its id follows from what was varied, and from what was not."""
-
-    id: str
-    case: str
-    values: dict[str, Any]
+from tautwave.offline.sweep_family import Families, Family
+from tautwave.offline.sweep_recipe import Choice, Mark, Recipe, Texts
 
 
 class Point(NamedTuple):
@@ -122,12 +70,30 @@ class Points(Sequence[Point]):
         self._recipes = tuple(recipes)
         document = open_document(read_text(rig_path), str(rig_path), rig_path.parent)
         self._document = pickle.dumps(document)
-        self._documents: dict[int, bytes] = {}
         kept = json.dumps([document.value, pair, duration_s], default=str, allow_nan=True)
         self._salts = []
         for recipe in self._recipes:
             fixed = json.dumps([choice.argument for choice in recipe.fixed])
             self._salts.append(hashlib.sha256(f"{recipe.case}\n{fixed}\n{kept}".encode()).digest())
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin with nothing remembered."""
+        self._documents: dict[int, bytes] = {}
+        self._texts: dict[int, Texts] = {}
+        self._families = Families()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is sent to another process: nothing that it can find out itself."""
+        return {
+            name: value
+            for name, value in self.__dict__.items()
+            if name not in ("_documents", "_texts", "_families")
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._begin()
 
     def __len__(self) -> int:
         return sum(recipe.size for recipe in self._recipes)
@@ -141,15 +107,20 @@ class Points(Sequence[Point]):
             return [self[number] for number in range(*at.indices(len(self)))]
         return self.point(at)
 
-    def choices(self, number: int) -> tuple[int, list[Choice]]:
-        """Return the number of a point's case and what is varied at it."""
+    def _place(self, number: int) -> tuple[int, int]:
+        """Return the number of a point's case, and its own in it."""
         if number < 0:
             number += len(self)
-        for at, recipe in enumerate(self._recipes):
-            if number < recipe.size:
-                return at, recipe.choices(number)
+        for case, recipe in enumerate(self._recipes):
+            if 0 <= number < recipe.size:
+                return case, number
             number -= recipe.size
         raise IndexError(f"there are {len(self)} points")
+
+    def choices(self, number: int) -> tuple[int, list[Choice]]:
+        """Return the number of a point's case and what is varied at it."""
+        case, own = self._place(number)
+        return case, self._recipes[case].choices(own)
 
     def overrides(self, number: int) -> list[Choice]:
         """Return everything that is set at a point, in order."""
@@ -158,18 +129,31 @@ class Points(Sequence[Point]):
 
     def mark(self, number: int) -> Mark:
         """Return id, case and values of a point; no rig is read."""
-        return self._mark(*self.choices(number))
+        case, own = self._place(number)
+        recipe = self._recipes[case]
+        values = {choice.key: choice.value for choice in recipe.choices(own)}
+        return Mark(self._texts_of(case).identity_at(recipe.places(own)), recipe.case, values)
 
-    def _mark(self, case: int, varied: Sequence[Choice]) -> Mark:
-        text = json.dumps([choice.argument for choice in varied])
-        digest = hashlib.sha256(self._salts[case] + text.encode())
-        values = {choice.key: choice.value for choice in varied}
-        return Mark(digest.hexdigest()[:16], self._recipes[case].case, values)
+    def row(self, number: int) -> dict[str, str]:
+        """Return what a table shows of a point beforehand: id, case and values as text."""
+        case, own = self._place(number)
+        return self._texts_of(case).row(self._recipes[case].places(own))
 
     def ids(self) -> npt.NDArray[np.uint64]:
         """Return the ids of all points as numbers, in order."""
-        numbers = (int(self.mark(at).id, 16) for at in range(len(self)))
-        return np.fromiter(numbers, np.uint64, len(self))
+        return np.fromiter(self._identities(), np.uint64, len(self))
+
+    def _identities(self) -> Iterator[int]:
+        for case in range(len(self._recipes)):
+            texts = self._texts_of(case)
+            for words in itertools.product(*texts.arguments):
+                yield int.from_bytes(texts.identity(words), "big")
+
+    def _texts_of(self, case: int) -> Texts:
+        found = self._texts.get(case)
+        if found is None:
+            found = self._texts[case] = Texts(self._recipes[case], self._salts[case])
+        return found
 
     def _document_of(self, case: int) -> Document:
         """Return the rig file's document with what a case sets, to be used up."""
@@ -189,32 +173,57 @@ class Points(Sequence[Point]):
         ConfigError
             It is not right.
         """
-        case, varied = self.choices(number)
+        found = self.family(number)
+        if found is not None:
+            family, values = found
+            read = family.read(values)
+            if read is not None:
+                return self._seeded(family.rig(read), number)
+        return self.read_rig(number)
+
+    def read_rig(self, number: int) -> Rig:
+        """Return the rig of a point as `rig` does, read for this one alone."""
+        return self._seeded(self._read(*self.choices(number)), number)
+
+    def _read(self, case: int, varied: Sequence[Choice]) -> Rig:
         arguments = [choice.argument for choice in varied]
-        rig = finish_rig(self._document_of(case), self._path, arguments)
+        return finish_rig(self._document_of(case), self._path, arguments)
+
+    def _seeded(self, rig: Rig, number: int) -> Rig:
+        """Return a rig with the seed of a point: its noise is not that of its neighbour."""
+        _, varied = self.choices(number)
         values = {choice.key: choice.value for choice in varied}
         if "seed" in values:
             return rig
-        # Noise of one point says nothing about that of its neighbour.
         return rig.model_copy(update={"seed": rig.seed + zlib.crc32(repr(values).encode())})
+
+    def family(self, number: int) -> tuple[Family, tuple[Any, ...]] | None:
+        """Return the points that this one shares a reading with, and its values among them.
+
+        None if it shares none. The first of a family is read here, see `rig`.
+        """
+        case, own = self._place(number)
+        recipe = self._recipes[case]
+        return self._families.find(
+            case, recipe, recipe.places(own), lambda: self._read(case, recipe.choices(own))
+        )
 
     def pair_of(self, rig: Rig) -> str:
         """Return the pair that is measured."""
         return self._pair or next(iter(rig.coupling.pairs))
 
-    def point(self, number: int, mark: Mark | None = None) -> Point:
-        """Return a point with its rig, see `rig`; `mark` if it is known already."""
+    def duration_of(self, rig: Rig) -> float:
+        """Return how long a simulation lasts [s]."""
+        return self._duration_s or rig.duration_s
+
+    def point(self, number: int) -> Point:
+        """Return a point with its rig, see `rig`."""
         rig = self.rig(number)
-        return Point(
-            *(mark or self.mark(number)), rig, self.pair_of(rig), self._duration_s or rig.duration_s
-        )
+        return Point(*self.mark(number), rig, self.pair_of(rig), self.duration_of(rig))
 
     def keys(self) -> tuple[str, ...]:
         """Return every key that is varied, in the order of the sweep."""
-        found: dict[str, None] = {}
-        for recipe in self._recipes:
-            found.update(dict.fromkeys(choice.key for axis in recipe.axes for choice in axis[0]))
-        return tuple(found)
+        return tuple(dict.fromkeys(key for recipe in self._recipes for key in recipe.varied()))
 
     def sample(self, most: int) -> Iterable[int]:
         """Return the points to look at beforehand: all, or at most about `most` of them.

@@ -10,30 +10,28 @@ import shutil
 from collections.abc import Callable
 from contextlib import suppress
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
-import numpy.typing as npt
 
 from tautwave.config import Rig
 from tautwave.config.keys.rig import bus_spec
-from tautwave.errors import SafetyStop
+from tautwave.errors import ConfigError, SafetyStop
 from tautwave.offline.outcome import error_of
-from tautwave.offline.pack import Job, RigFacts, pack_rig, rig_facts
+from tautwave.offline.pack import Array, Job, RigFacts, pack_rig, rig_facts
+from tautwave.offline.records import FINISHED
 from tautwave.offline.rows import measured_columns
 from tautwave.offline.simulation import engine_of
+from tautwave.offline.sweep_family import Family
 from tautwave.offline.sweep_library import kept_kernel
-from tautwave.offline.sweep_points import Point
+from tautwave.offline.sweep_measure import BOOKS, Columns, Scales, scales_of
+from tautwave.offline.sweep_points import Points
+from tautwave.offline.sweep_stencil import Made, Stencil, is_drawn
 from tautwave.offline.tables import Tables, record_tables
-
-Floats = npt.NDArray[np.float64]
-Columns = dict[str, Floats]
 
 WORTH_COMPILING = 1_000_000
 """Steps below which plain Python is done before a compiler or its cache is loaded."""
-
-BOOKS = ("gross_flow", "residual", "generated")
-"""Measures that look at every account of a recording."""
 
 
 def sweep_engine(steps: int) -> str:
@@ -58,6 +56,17 @@ def _engine(name: str) -> tuple[Callable[..., int], Callable[[Job], Tables]]:
     return engine_of(name)
 
 
+class Run(NamedTuple):
+    """One simulation: its columns by name, how many cycles it took, and how it ended.
+
+    The end is `finished`, `safety_stop` (a limit was passed: columns up to there) or `fault`.
+    """
+
+    columns: Columns
+    cycles: int
+    outcome: str
+
+
 class Simulator:
     """Simulates one point after the other; the memory of the rows is used again.
 
@@ -71,35 +80,77 @@ class Simulator:
 
     def __init__(self, engine: str, *, whole: bool) -> None:
         self._run, self._tables_of = _engine(engine)
+        self._records = self._tables_of is record_tables
         self._whole = whole
         self._out = np.empty(0)
+        self._turned = np.empty((0, 0))
         self._known: tuple[list[Any], RigFacts] | None = None
+        self._stencils: WeakKeyDictionary[Family, Stencil | None] = WeakKeyDictionary()
 
-    def __call__(self, point: Point) -> tuple[Columns, int, str]:
-        """Return columns, cycles and outcome; the columns hold until the next call.
+    def __call__(self, points: Points, number: int) -> tuple[Scales, Run]:
+        """Simulate a point of a sweep; the columns hold until the next call.
 
         Raises
         ------
         ConfigError
-            The rig cannot be simulated.
+            The rig is not right, or cannot be simulated.
         """
-        return self.simulate(point.rig, point.pair, point.duration_s)
+        found = None if self._whole else points.family(number)
+        if found is not None:
+            family, values = found
+            pair = points.pair_of(family.base)
+            stencil = self._stencil(family, pair, points.duration_of(family.base))
+            pressed = None if stencil is None else stencil.press(values)
+            if stencil is not None and pressed is not None:
+                return scales_of(family.base, pair), self._pressed(stencil, pressed)
+        rig = points.rig(number)
+        pair = points.pair_of(rig)
+        return scales_of(rig, pair), self.simulate(rig, pair, points.duration_of(rig))
 
-    def simulate(self, rig: Rig, pair: str, duration_s: float) -> tuple[Columns, int, str]:
+    def simulate(self, rig: Rig, pair: str, duration_s: float) -> Run:
         """Simulate a rig; see `__call__`."""
-        job = pack_rig(rig, duration_s, None if self._whole else self._facts(rig))
-        if not self._whole:
-            number = list(rig.coupling.pairs).index(pair)
-            run = job.run._replace(measured=number)
-            job = job._replace(run=run, columns=measured_columns(pair))
-        tables = self._tables(job)
+        if self._whole:
+            job = pack_rig(rig, duration_s)
+        else:
+            job = self._measured(rig, pair, duration_s, self._facts(rig))
+        return self._go(job, self._tables(job))
+
+    def _measured(self, rig: Rig, pair: str, duration_s: float, facts: RigFacts) -> Job:
+        """Return a job that keeps the few columns of one pair."""
+        job = pack_rig(rig, duration_s, facts)
+        run = job.run._replace(measured=list(rig.coupling.pairs).index(pair))
+        return job._replace(run=run, columns=measured_columns(pair))
+
+    def _stencil(self, family: Family, pair: str, duration_s: float) -> Stencil | None:
+        """Return what the points of a family are packed with; None if each is packed alone."""
+        if family not in self._stencils:
+            stencil = None
+            with suppress(ConfigError):  # the family's own rig; another of its points may do
+                facts = self._facts(family.base)
+                job = self._measured(family.base, pair, duration_s, facts)
+                stencil = None if is_drawn(job) else Stencil(family, job, facts)
+            self._stencils[family] = stencil
+        return self._stencils[family]
+
+    def _pressed(self, stencil: Stencil, pressed: list[Made]) -> Run:
+        if self._records:
+            return self._go(stencil.job, stencil.tables(pressed, self._memory(stencil.job)))
+        job = stencil.filled(pressed)
+        return self._go(job, self._tables_of(job))
+
+    def _go(self, job: Job, tables: Tables) -> Run:
+        """Run the kernel; return what it left in the tables."""
         count = self._run(*tables)
         width = len(job.columns)
-        table = np.asarray(tables.out[: count * width], dtype=np.float64).reshape(count, width)
+        rows = np.asarray(tables.out[: count * width], dtype=np.float64).reshape(count, width)
+        table = rows.T
         if not self._whole:
-            table = np.ascontiguousarray(table.T).T
-        columns = {name: table[:, at] for at, name in enumerate(job.columns)}
-        return columns, count, _outcome(job, tables)
+            if self._turned.shape[0] != width or self._turned.shape[1] < count:
+                self._turned = np.empty((width, count))
+            np.copyto(self._turned[:, :count], table)
+            table = self._turned[:, :count]
+        columns = dict(zip(job.columns, table, strict=True))
+        return Run(columns, count, _outcome(job, tables))
 
     def _facts(self, rig: Rig) -> RigFacts:
         """Return the facts of the last rig if its drivers would get to see the same."""
@@ -108,19 +159,23 @@ class Simulator:
             self._known = seen, rig_facts(rig)
         return self._known[1]
 
+    def _memory(self, job: Job) -> Array:
+        """Return memory for the rows of a job."""
+        size = job.run.cycles * len(job.columns)
+        if len(self._out) < size:
+            self._out = np.empty(size)
+        return self._out
+
     def _tables(self, job: Job) -> Tables:
-        tables = self._tables_of(job)
-        if isinstance(tables.out, np.ndarray):
-            if len(self._out) < len(tables.out):
-                self._out = tables.out
-            tables = tables._replace(out=self._out)
-        return tables
+        return record_tables(job, self._memory(job)) if self._records else self._tables_of(job)
 
 
 def _outcome(job: Job, tables: Tables) -> str:
-    """Return `finished`, `safety_stop` (a limit was passed) or `fault`."""
+    """Return how a run ended, see `Run`."""
     outcomes = tables.outcomes
     if isinstance(outcomes, np.ndarray):
+        if outcomes["kind"][0] == FINISHED:
+            return "finished"
         outcomes = outcomes.view(np.recarray)
     error = error_of(job, outcomes[0])
     if error is None:
@@ -128,10 +183,7 @@ def _outcome(job: Job, tables: Tables) -> str:
     return "safety_stop" if isinstance(error, SafetyStop) else "fault"
 
 
-def simulate_rows(rig: Rig, duration_s: float, engine: str = "python") -> tuple[Columns, int, str]:
-    """Return the columns of a simulation, its cycles, and how it ended.
-
-    The end is `finished`, `safety_stop` (a limit was passed: columns up to there) or `fault`.
-    """
+def simulate_rows(rig: Rig, duration_s: float, engine: str = "python") -> Run:
+    """Return the whole rows of a simulation by column."""
     pair = next(iter(rig.coupling.pairs))
     return Simulator(engine, whole=True).simulate(rig, pair, duration_s)

@@ -38,8 +38,8 @@ class Tables(NamedTuple):
     out: Any
 
 
-def record_tables(job: Job) -> Tables:
-    """Return tables of NumPy records, for the compiled engines."""
+def record_tables(job: Job, out: Array | None = None) -> Tables:
+    """Return tables of NumPy records, for the compiled engines; `out` if there is one already."""
     bodies = _blank(Body, len(job.axes))
     bodies["x"] = job.start
     return Tables(
@@ -53,8 +53,57 @@ def record_tables(job: Job) -> Tables:
         couples=_blank(Couple, len(job.pairs)),
         table=job.table.copy(),
         flags=job.flags,
-        out=np.empty(job.run.cycles * len(job.columns)),
+        out=np.empty(job.run.cycles * len(job.columns)) if out is None else out,
     )
+
+
+class Form:
+    """Tables of NumPy records that serve run after run; only what differs is written again.
+
+    Parameters
+    ----------
+    job : Job
+        Any of the runs: the others have tables of the same sizes, and the same floats and flags.
+    out : ndarray
+        Memory for the rows.
+    """
+
+    def __init__(self, job: Job, out: Array) -> None:
+        self.tables = record_tables(job, out)
+        self._start = job.table
+        states = (
+            self.tables.outcomes,
+            self.tables.sides,
+            self.tables.bodies,
+            self.tables.couples,
+        )
+        self._states = [(_bytes_of(table), _bytes_of(table).copy()) for table in states]
+        params = (("device", self.tables.devices), ("side", self.tables.params))
+        self._records = {
+            kind: (_bytes_of(table).data, table.itemsize)
+            for kind, table in (*params, ("pair", self.tables.pairs))
+        }
+
+    def write(self, kind: str, number: int, image: bytes) -> None:
+        """Replace the constants of a `device`, `side` or `pair` by an `image_of` others."""
+        view, size = self._records[kind]
+        view[number * size : (number + 1) * size] = image
+
+    def begin(self) -> Tables:
+        """Return the tables as they are before a run."""
+        for state, blank in self._states:
+            np.copyto(state, blank)
+        np.copyto(self.tables.table, self._start)
+        return self.tables
+
+
+def image_of(value: DeviceParams | SideParams | PairParams) -> bytes:
+    """Return constants as they stand in their table."""
+    return _records(type(value), [value]).tobytes()
+
+
+def _bytes_of(table: Array) -> Array:
+    return table.view(np.uint8).reshape(-1)
 
 
 def object_tables(job: Job) -> Tables:

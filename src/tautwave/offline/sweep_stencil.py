@@ -1,0 +1,151 @@
+"""Points of a family packed from the first of them: only what their values reach is made anew.
+
+What is made anew is made by the same functions from the same rig, and kept for the next point with
+the same values: on a grid of 100 by 100 every device and every side is packed 100 times.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tautwave.config import Rig
+from tautwave.errors import ConfigError
+from tautwave.offline.pack import (
+    Array,
+    Job,
+    Pieces,
+    RigFacts,
+    pack_device,
+    pack_pair,
+    pack_side,
+    true_model,
+)
+from tautwave.offline.records import DeviceParams
+from tautwave.offline.sweep_family import Family, Values
+from tautwave.offline.sweep_near import DEVICE, PAIR, SIDE, Part
+from tautwave.offline.tables import Form, Tables, image_of
+
+KEPT = 1024
+"""Records of one part that are kept, a few kB each."""
+
+
+class Made(NamedTuple):
+    """The constants of one part, and the bytes of them in a table."""
+
+    params: Any
+    image: bytes
+
+
+class _Reached(NamedTuple):
+    """A part that some values reach: its place among its kind, and those values' places."""
+
+    part: Part
+    number: int
+    values: tuple[int, ...]
+    kept: dict[tuple[float, ...], Made]
+
+
+def is_drawn(job: Job) -> bool:
+    """Return whether a run has noise or mishaps, which each point draws for itself."""
+    return job.run.overruns or any(
+        device.loses or device.position_noise > 0.0 for device in job.devices
+    )
+
+
+class Stencil:
+    """The packed tables of a family, with holes where its points differ.
+
+    Parameters
+    ----------
+    family : Family
+        The points.
+    job : Job
+        Tables of the family's own rig, without anything drawn (`is_drawn`).
+    facts : RigFacts
+        With which it was packed.
+    """
+
+    def __init__(self, family: Family, job: Job, facts: RigFacts) -> None:
+        self.job = job
+        self._family = family
+        self._facts = facts
+        reached: dict[Part, list[int]] = {}
+        for at, near in enumerate(family.nears):
+            for part in near.parts:
+                reached.setdefault(part, []).append(at)
+        names = {DEVICE: job.axes, SIDE: job.axes, PAIR: tuple(job.rig.coupling.pairs)}
+        self._reached = [
+            _Reached(part, names[part.kind].index(part.name), tuple(values), {})
+            for part, values in reached.items()
+        ]
+        self._form: Form | None = None
+        self._written: list[Made | None] = [None] * len(self._reached)
+
+    def press(self, values: Values) -> list[Made] | None:
+        """Return what a point puts in the holes, None if it has to be packed as a whole."""
+        read = self._family.read(values)
+        if read is None:
+            return None
+        rig: Rig | None = None
+        found = []
+        for reached in self._reached:
+            key = tuple([read[at] for at in reached.values])
+            made = reached.kept.get(key)
+            if made is None:
+                try:
+                    rig = self._family.rig(read) if rig is None else rig
+                    params = self._pack(reached, rig)
+                except ConfigError:
+                    return None  # who packs it as a whole says what is wrong
+                if params is None:
+                    return None
+                if len(reached.kept) >= KEPT:
+                    reached.kept.clear()
+                made = reached.kept[key] = Made(params, image_of(params))
+            found.append(made)
+        return found
+
+    def _pack(self, reached: _Reached, rig: Rig) -> Any:
+        """Return the constants of one part, None if they would need tables of other sizes."""
+        job, (kind, name), number = self.job, reached.part, reached.number
+        if kind == PAIR:
+            return pack_pair(rig, name, job.axes, job.pairs[number].line)
+        delay = self._facts.delays[name]
+        if kind == SIDE:
+            return pack_side(rig, name, delay, job.sides[number].pipe)
+        cycles = job.run.cycles
+        model = true_model(rig, name, delay, cycles)
+        own: DeviceParams = job.devices[number]
+        made = pack_device(model, Pieces(np.float64), Pieces(np.bool_), cycles)
+        same = (made.delay, made.last, model.start_position)
+        if same != (own.delay, own.last, job.start[number]):
+            return None
+        return made._replace(
+            pipe=own.pipe, reference=own.reference, noise=own.noise, missing=own.missing
+        )
+
+    def filled(self, pressed: list[Made]) -> Job:
+        """Return the whole job of a point."""
+        parts: dict[str, list[Any]] = {
+            DEVICE: list(self.job.devices),
+            SIDE: list(self.job.sides),
+            PAIR: list(self.job.pairs),
+        }
+        for reached, made in zip(self._reached, pressed, strict=True):
+            parts[reached.part.kind][reached.number] = made.params
+        return self.job._replace(
+            devices=tuple(parts[DEVICE]), sides=tuple(parts[SIDE]), pairs=tuple(parts[PAIR])
+        )
+
+    def tables(self, pressed: list[Made], out: Array) -> Tables:
+        """Return the tables of a point as NumPy records; they hold until the next one's."""
+        if self._form is None or self._form.tables.out is not out:
+            self._form = Form(self.job, out)
+            self._written = [None] * len(self._reached)
+        for at, (reached, made) in enumerate(zip(self._reached, pressed, strict=True)):
+            if self._written[at] is not made:
+                self._form.write(reached.part.kind, reached.number, made.image)
+                self._written[at] = made
+        return self._form.begin()

@@ -1,0 +1,312 @@
+"""Points that share a reading and a packing have the rigs, tables and refusals of their own."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import math
+import pickle
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pydantic import BaseModel
+
+from tautwave.config import load_rig
+from tautwave.config.keys.coupling import Pair, Wall
+from tautwave.config.keys.simulation import AxisSimulation, Environment, Hand
+from tautwave.errors import ConfigError
+from tautwave.offline.pack import Job, pack_rig, rig_facts
+from tautwave.offline.sweep import run_sweep, simulate_point
+from tautwave.offline.sweep_family import KEPT, Families, shape_of
+from tautwave.offline.sweep_file import load_sweep
+from tautwave.offline.sweep_near import near_key, near_keys, read_value
+from tautwave.offline.sweep_points import Points
+from tautwave.offline.sweep_recipe import Choice, Recipe
+from tautwave.offline.sweep_rows import Simulator
+from tautwave.offline.sweep_stencil import Stencil, is_drawn
+from tautwave.offline.tables import record_tables
+from tests.offline.live import CONFIGS
+
+DURATION_S = 0.05
+SHIPPED = [path for path in CONFIGS if "saturation" not in path.name]
+FIELDS = {
+    "simulation.environment.{pair}": ("stiffness", "damping", "position", "exponent", "loss"),
+    "simulation.hand.{pair}": ("mass", "damping", "stiffness"),
+    "simulation.axes.master.{pair}": ("inertia", "damping", "coulomb", "encoder_quantum"),
+    "simulation.axes.slave.{pair}": ("inertia", "damping", "coulomb", "effort_limit"),
+    "coupling.pairs.{pair}": ("wave_impedance", "stiffness", "damping", "drift_time_s"),
+    "coupling.pairs.{pair}.wall_master": ("stiffness", "damping"),
+    "coupling.pairs.{pair}.wall_slave": ("stiffness", "damping"),
+}
+
+
+def points_of(path: Path, axes: Sequence[tuple[str, Sequence[Any]]]) -> Points:
+    made = tuple(tuple((Choice(key, value, ()),) for value in values) for key, values in axes)
+    return Points(path, [Recipe("", (), made)], None, DURATION_S)
+
+
+@functools.cache
+def near_keys_of(path: Path) -> list[str]:
+    """Every near key that a rig takes; what it does not take is read as a whole and refused."""
+    rig = load_rig(path)
+    found = []
+    for pair in rig.coupling.pairs:
+        for place, fields in FIELDS.items():
+            for field in fields:
+                key = f"{place.format(pair=pair)}.{field}"
+                near = near_key(key)
+                assert near is not None, key
+                points = points_of(path, [(key, [0.5, 0.625])])
+                try:
+                    points.read_rig(0)
+                except ConfigError:
+                    continue
+                found.append(key)
+    return found
+
+
+def stencil_of(points: Points) -> tuple[Stencil | None, Any]:
+    found = points.family(0)
+    assert found is not None
+    family, _ = found
+    facts = rig_facts(family.base)
+    job = pack_rig(family.base, DURATION_S, facts)
+    return None if is_drawn(job) else Stencil(family, job, facts), facts
+
+
+def same_tables(one: Job, other: Job) -> None:
+    for name in Job._fields:
+        if name in ("rig", "table", "flags"):
+            continue
+        assert repr(getattr(one, name)) == repr(getattr(other, name)), name
+    assert one.table.tobytes() == other.table.tobytes()
+    assert one.flags.tobytes() == other.flags.tobytes()
+
+
+def assert_alike(path: Path, axes: Sequence[tuple[str, Sequence[Any]]]) -> int:
+    """Hold every point against itself made alone; return how many were pressed."""
+    points = points_of(path, axes)
+    alone = points_of(path, axes)
+    stencil, facts = stencil_of(points)
+    pressed_points = 0
+    for number in range(len(points)):
+        rig = alone.read_rig(number)
+        assert points.rig(number) == rig
+        if stencil is None:
+            continue
+        found = points.family(number)
+        assert found is not None
+        pressed = stencil.press(found[1])
+        assert pressed is not None
+        job = pack_rig(rig, DURATION_S, facts)
+        same_tables(stencil.filled(pressed), job)
+        out = np.empty(0)
+        for one, other in zip(stencil.tables(pressed, out), record_tables(job, out), strict=True):
+            assert one.tolist() == other.tolist()
+        pressed_points += 1
+    return pressed_points
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_every_near_key_reaches_what_it_says(path: Path) -> None:
+    keys = near_keys_of(path)
+    assert len(keys) >= 8
+    pressed = sum(assert_alike(path, [(key, [0.5, 0.625, 1])]) for key in keys)
+    assert pressed == (0 if "2khz" in path.name else 3 * len(keys))
+
+
+@given(data=st.data())
+@settings(max_examples=30, suppress_health_check=list(HealthCheck), deadline=None)
+def test_near_keys_together_reach_no_further(data: st.DataObject) -> None:
+    path = data.draw(st.sampled_from([path for path in SHIPPED if "2khz" not in path.name]))
+    keys = data.draw(st.lists(st.sampled_from(near_keys_of(path)), min_size=2, unique=True))
+    values = st.floats(0.01, 10.0) | st.integers(1, 10)
+    axes = [
+        (key, data.draw(st.lists(values.filter(lambda x: x >= 1), min_size=1, max_size=2)))
+        if key.endswith(("exponent", "position"))
+        else (key, data.draw(st.lists(values, min_size=1, max_size=2)))
+        for key in keys[:4]
+    ]
+    far = data.draw(st.sampled_from([("loop.cpu", [None]), ("coupling.engage_ramp_s", [0.1, 0])]))
+    place = data.draw(st.integers(0, len(axes)))
+    points = points_of(path, [*axes[:place], far, *axes[place:]])
+    alone = points_of(path, [*axes[:place], far, *axes[place:]])
+    for number in range(len(points)):
+        rig = alone.read_rig(number)
+        assert points.rig(number) == rig
+        found = points.family(number)
+        assert found is not None
+        family, given_values = found
+        facts = rig_facts(family.base)
+        stencil = Stencil(family, pack_rig(family.base, DURATION_S, facts), facts)
+        pressed = stencil.press(given_values)
+        assert pressed is not None
+        same_tables(stencil.filled(pressed), pack_rig(rig, DURATION_S, facts))
+
+
+WRONG: list[Any] = [-1.0, 0.0, -0.0, 0, 1e308, 5e-324, 2**53, 10**400, True, None, "7", [1.0], {}]
+
+
+@pytest.mark.parametrize("name", ["bench-1dof-loopback", "bench-foam-loopback", "delay-stability"])
+def test_what_is_refused_is_refused_alike(name: str) -> None:
+    path = next(path for path in SHIPPED if path.stem == name)
+    refused = 0
+    for key in near_keys_of(path):
+        points = points_of(path, [(key, [1.5, *WRONG])])
+        alone = points_of(path, [(key, [1.5, *WRONG])])
+        points.rig(0)  # the family is there
+        simulate = Simulator("python", whole=False)
+        for number in range(len(WRONG) + 1):
+            told: list[Any] = []
+            for read in (points.rig, alone.read_rig):
+                try:
+                    told.append(read(number))
+                except ConfigError as err:
+                    told.append(str(err))
+            assert told[0] == told[1]
+            if isinstance(told[1], str):
+                refused += 1
+                row = simulate_point(points, number, ("stable",), simulate)
+                assert row["outcome"] == f"refused: {told[1]}"
+    assert refused > 30
+
+
+def test_what_cannot_be_packed_is_refused_alike() -> None:
+    path = next(path for path in SHIPPED if path.stem == "bench-1dof-loopback")
+    axes = [("simulation.axes.slave.lever.inertia", [1e-3, 1e-31])]
+    simulate = Simulator("python", whole=False)
+    rows = [simulate_point(points_of(path, axes), at, ("stable",), simulate) for at in (0, 1)]
+    again = points_of(path, [(axes[0][0], [1e-31, 1e-3])])  # the family's own is the wrong one
+    rows += [simulate_point(again, at, ("stable",), simulate) for at in (0, 1)]
+    assert [row["outcome"].partition(":")[0] for row in rows] == [
+        *("finished", "refused"),
+        *("refused", "finished"),
+    ]
+    assert "1e-31 with its hand is too small to compute with" in rows[1]["outcome"]
+    assert rows[1]["outcome"] == rows[2]["outcome"]
+
+
+def test_keys_that_reach_further_are_not_near() -> None:
+    for key in (
+        "seed",
+        "rate_hz",
+        "coupling.delay_s",
+        "coupling.pairs.a.position_scale",
+        "coupling.pairs.a.wall_master.position",
+        "coupling.pairs.a.wall_master",
+        "simulation.axes.master.a.start_position",
+        "simulation.axes.master.a.position_noise",
+        "simulation.axes.master.a.command_delay_s",
+        "simulation.environment.a.type",
+        "simulation.hand.a.reference.position",
+        "master.axes.a.inertia.lower",
+        'simulation.environment."a".stiffness',
+    ):
+        assert near_key(key) is None, key
+    wall = "simulation.environment.a.stiffness"
+    assert list(near_keys([wall, "coupling.delay_s"])) == [wall]
+    for other in ("simulation.environment.a", "simulation", f"{wall}.x", '"seed"'):
+        assert near_keys([wall, other]) == {}
+
+
+def test_blocks_of_near_keys_judge_each_key_by_itself() -> None:
+    kinds: list[type[BaseModel]] = [AxisSimulation, Hand, Wall, Pair]
+    kinds += get_args(get_args(Environment)[0])
+    for kind in kinds:
+        assert not kind.__pydantic_decorators__.model_validators, kind
+        assert not kind.__pydantic_decorators__.root_validators, kind
+
+
+def test_a_value_is_read_as_the_file_would_read_it() -> None:
+    path = next(path for path in SHIPPED if path.stem == "delay-stability")
+    near = near_key("simulation.axes.master.cart.inertia")
+    assert near is not None
+    rig = load_rig(path)
+    assert read_value(rig, near, 2) == 2.0
+    assert isinstance(read_value(rig, near, 2), float)
+    for value in (math.inf, math.nan, "2", True, None, -2.0):
+        assert read_value(rig, near, value) is None
+
+
+def test_families_are_forgotten() -> None:
+    path = next(path for path in SHIPPED if path.stem == "delay-stability")
+    axes = [
+        ("simulation.axes.master.cart.inertia", [0.5, 0.6]),
+        ("duration_s", [1.0 + at for at in range(2 * KEPT)]),
+    ]
+    points = points_of(path, axes)
+    for number in range(len(points)):
+        points.family(number)
+    families: Families = points._families
+    assert len(families._found) == KEPT
+    assert shape_of(points._recipes[0]).is_near == (True, False)
+
+
+def walls(path: Path, rig: Path, *, noisy: bool = False) -> Path:
+    noise = "simulation.axes.master.lever.position_noise: 1.0e-5, " if noisy else ""
+    path.write_text(
+        f"name: walls\nrig: {rig}\nduration_s: 0.7\nset: {{{noise}coupling.engage_ramp_s: 0}}\n"
+        "grid:\n"
+        "  coupling.delay_s: [0.01, 0.02]\n"
+        "  simulation.environment.lever.stiffness: [5, 50, -1]\n"
+        "columns:\n"
+        "  coupling.pairs.lever.wave_impedance: [0.01, 0.02]\n"
+        "  simulation.environment.lever.position: [0.001, 0.002]\n"
+        "measures: [stable, growth_rate, peak_amplitude, late_amplitude, position_error_rms,"
+        " position_error_max, effort_error_rms, effort_error_max, predicted_radius]\n"
+    )
+    return path
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+def test_rows_are_those_of_points_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, noisy: bool
+) -> None:
+    rig = next(path for path in SHIPPED if path.stem == "bench-1dof-loopback")
+    path = walls(tmp_path / "walls.yaml", rig, noisy=noisy)
+    monkeypatch.setattr("tautwave.offline.sweep_file.CHECKED", 0)
+    shared = run_sweep(load_sweep(path), tmp_path / "shared").table.read_text()
+    monkeypatch.setattr(Points, "family", lambda *_: None)
+    alone = run_sweep(load_sweep(path), tmp_path / "alone").table.read_text()
+    assert shared == alone
+    rows = alone.splitlines()[1:]
+    assert len(rows) == 12
+    assert sum("refused" in row for row in rows) == 4
+
+
+def test_a_rig_that_never_engages_is_a_row(tmp_path: Path) -> None:
+    rig = next(path for path in SHIPPED if path.stem == "delay-stability")
+    path = tmp_path / "sweep.yaml"
+    path.write_text(
+        f"name: apart\nrig: {rig}\nduration_s: 0.05\n"
+        "set: {coupling.pairs.cart.offset: 0, coupling.pairs.cart.engage_tolerance: 0.001}\n"
+        "grid: {simulation.axes.slave.cart.start_position: [0, 0.5]}\n"
+        "measures: [stable, growth_rate, peak_amplitude]\n"
+    )
+    result = run_sweep(load_sweep(path), tmp_path / "out")
+    rows = list(result.rows)
+    assert [row["outcome"] for row in rows] == ["finished", "safety_stop"]
+    assert (rows[1]["cycles"], rows[1]["stable"], rows[1]["growth_rate"]) == ("0", "0.0", "nan")
+
+
+def test_ids_are_what_they_were() -> None:
+    """Tables of earlier versions are gone on with: an id is a hash of what is set, as `--set`."""
+    path = next(path for path in SHIPPED if path.stem == "delay-stability")
+    axes = [("coupling.delay_s", [0.001, 0.002]), ("name", ["a,b", 'c"d'])]
+    points = points_of(path, axes)
+    document = pickle.loads(points._document)
+    kept = json.dumps([document.value, None, DURATION_S], default=str)
+    salt = hashlib.sha256(f"\n[]\n{kept}".encode()).digest()
+    for number, (delay, name) in enumerate(
+        (delay, name) for delay in axes[0][1] for name in axes[1][1]
+    ):
+        words = [f"coupling.delay_s={json.dumps(delay)}", f"name={json.dumps(name)}"]
+        digest = hashlib.sha256(salt + json.dumps(words).encode()).hexdigest()
+        assert points.mark(number).id == points.row(number)["id"] == digest[:16]
+        assert points.ids()[number] == int(digest[:16], 16)
