@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,17 @@ def schema() -> dict[str, Any]:
     return json.loads(json.dumps(rig_schema()))  # it has to be plain JSON
 
 
-@pytest.fixture
-def checker(schema: dict[str, Any]) -> Any:
+@cache
+def checked(text: str) -> Any:
+    """Return what validates by a schema that is one itself."""
+    schema = json.loads(text)
     jsonschema.Draft202012Validator.check_schema(schema)
     return jsonschema.Draft202012Validator(schema)
+
+
+@pytest.fixture
+def checker(schema: dict[str, Any]) -> Any:
+    return checked(json.dumps(schema))
 
 
 def _values(text: str) -> Any:

@@ -7,53 +7,59 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 CONFTEST = Path(__file__).parent.parent / "conftest.py"
 SKIPS = {
-    "by mark": "@pytest.mark.skip(reason='no reason')\ndef test_it(): pass",
-    "in its body": "def test_it(): pytest.skip('no reason')",
-    "with its module": "pytest.importorskip('no_such_module', reason='no reason')",
+    "by_mark": "@pytest.mark.skip(reason='no reason')\ndef test_it(): pass",
+    "in_its_body": "def test_it(): pytest.skip('no reason')",
+    "with_its_module": "pytest.importorskip('no_such_module', reason='no reason')",
 }
 GOOD = {
-    "by mark": "def test_it(): pass",
-    "expected to fail": "@pytest.mark.xfail\ndef test_it(): assert False",
+    "by_mark": "def test_it(): pass",
+    "expected_to_fail": "@pytest.mark.xfail\ndef test_it(): assert False",
 }
 
 
-def run_pytest(folder: Path, body: str, vcan: str) -> tuple[int, str]:
-    """Run one module of vcan tests under the conftest of this project."""
+def run_pytest(folder: Path, bodies: dict[str, str], vcan: str) -> tuple[int, str]:
+    """Run modules of vcan tests under the conftest of this project."""
     (folder / "vcan").mkdir()
     (folder / "conftest.py").write_text(CONFTEST.read_text())
     (folder / "pytest.ini").write_text("[pytest]\nmarkers = vcan\n")
-    module = folder / "vcan" / "test_it.py"
-    module.write_text(f"import pytest\npytestmark = pytest.mark.vcan\n{body}\n")
+    for name, body in bodies.items():
+        module = folder / "vcan" / f"test_{name}.py"
+        module.write_text(f"import pytest\npytestmark = pytest.mark.vcan\n{body}\n")
     # the interface is there, as far as the conftest can tell
     (folder / "there.py").write_text(
         "import socket\nsocket.if_nameindex = lambda: [(1, 'vcan0')]\n"
     )
-    command = [sys.executable, "-m", "pytest", "-p", "there", "-p", "no:cacheprovider", "-ra"]
+    command = [
+        *(sys.executable, "-m", "pytest", "-p", "there", "-p", "no:cacheprovider", "-ra"),
+        "--continue-on-collection-errors",
+    ]
     environment = {**os.environ, "TAUTWAVE_VCAN": vcan, "PYTHONPATH": str(folder)}
     environment.pop("PYTEST_ADDOPTS", None)
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     return done.returncode, done.stdout
 
 
-@pytest.mark.parametrize("how", SKIPS)
-def test_a_skip_is_a_failure_where_vcan_is_required(tmp_path: Path, how: str) -> None:
-    status, text = run_pytest(tmp_path, SKIPS[how], vcan="required")
-    assert status in (1, 2), text
-    assert "TAUTWAVE_VCAN=required, but: " in text
-    assert "no reason" in text
+def test_a_skip_is_a_failure_where_vcan_is_required(tmp_path: Path) -> None:
+    status, text = run_pytest(tmp_path, SKIPS, vcan="required")
+    assert status == 1, text
+    ends = text[text.index("short test summary info") :]
+    assert "ERROR vcan/test_by_mark.py::test_it - TAUTWAVE_VCAN=required, but: " in ends
+    assert "FAILED vcan/test_in_its_body.py::test_it - TAUTWAVE_VCAN=required, but: " in ends
+    assert "ERROR vcan/test_with_its_module.py - TAUTWAVE_VCAN=required, but: " in ends
+    assert text.count("no reason") >= 3
+    assert "1 failed, 2 errors" in ends
+    assert "skipped" not in ends
 
 
-@pytest.mark.parametrize("how", GOOD)
-def test_what_holds_still_holds(tmp_path: Path, how: str) -> None:
-    status, text = run_pytest(tmp_path, GOOD[how], vcan="required")
+def test_what_holds_still_holds(tmp_path: Path) -> None:
+    status, text = run_pytest(tmp_path, GOOD, vcan="required")
     assert status == 0, text
+    assert "1 passed, 1 xfailed" in text
 
 
 def test_a_skip_is_a_skip_elsewhere(tmp_path: Path) -> None:
-    status, text = run_pytest(tmp_path, SKIPS["by mark"], vcan="")
+    status, text = run_pytest(tmp_path, SKIPS, vcan="")
     assert status == 0, text
-    assert "1 skipped" in text
+    assert "3 skipped" in text
