@@ -63,29 +63,6 @@ def test_recorded_parts_stay():
     assert kept == ["spare0", "spare1", "object"]
 
 
-def test_parallel_springs_merge_only_where_the_sum_is_exact():
-    links = (
-        Link("a", "spring", "object", "ground", stiffness=0.5, damping=0.25),
-        Link("b", "spring", "object", "ground", stiffness=0.25),
-        Link("c", "spring", "object", "ground", stiffness=0.1),
-        Link("d", "spring", "object", "ground", stiffness=0.5, rest=1.0),
-        Link("e", "damper", "object", "ground", damping=0.5),
-        Link("f", "nonlinear", "object", "ground", stiffness=0.5, exponent=2.0),
-    )
-    network = RESONATOR._replace(links=(*RESONATOR.links[1:], *links))
-    pruned = prune(network)
-    assert [link.name for link in pruned.network.links] == ["coupling", "a", "c", "d", "f"] or [
-        link.name for link in pruned.network.links
-    ] == ["coupling", "a", "c", "d", "e", "f"]
-    merged = next(link for link in pruned.network.links if link.name == "a")
-    assert merged.stiffness == 0.75
-    assert any("b: merged into a, exactly" in sentence for sentence in pruned.left_out)
-    one, two = (SceneModel(net, "discrete_gradient", 1e-3) for net in (network, pruned.network))
-    for k in range(300):
-        effort = one.advance([math.sin(0.1 * k)])[0]
-        assert two.advance([math.sin(0.1 * k)])[0] == pytest.approx(effort, abs=1e-9)
-
-
 @pytest.mark.slow  # numba compiles for ten seconds
 @pytest.mark.parametrize("scheme", ["symplectic", "discrete_gradient"])
 @pytest.mark.parametrize("make", [everything, granular])

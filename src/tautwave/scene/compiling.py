@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from tautwave.models import interaction as law
 from tautwave.models.interaction import elastic_energy
 from tautwave.scene.network import Mass, Network, String
+from tautwave.scene.strands import join_links
 
 LAWS = {
     "contact": law.CONTACT,
@@ -100,6 +101,8 @@ class Compiled(NamedTuple):
 def compile_network(network: Network, ports_at: Sequence[float] = ()) -> Compiled:
     """Return a network as lists, at rest in its initial state.
 
+    Of links that are alike the first has the strength of all, the others none (`strands`).
+
     Parameters
     ----------
     network : Network
@@ -115,7 +118,8 @@ def compile_network(network: Network, ports_at: Sequence[float] = ()) -> Compile
     at = {name: index for index, name in enumerate(names)}
     x = [mass.position for mass in masses] + places + [where for _, where in network.grounds]
     v = [mass.velocity for mass in masses] + [0.0] * (len(names) - count)
-    links = sorted(network.links, key=lambda link: ORDER.index(LAWS[link.kind]))
+    joined = [link for link, _ in join_links(network.links)]
+    links = sorted(joined, key=lambda link: ORDER.index(LAWS[link.kind]))
     a = [at[link.a] for link in links]
     b = [at[link.b] for link in links]
     of_mass: list[list[int]] = [[] for _ in masses]

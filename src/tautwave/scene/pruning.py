@@ -2,16 +2,16 @@
 
 A mass counts if some path of links leads from it to a port or to a recorded mass; grounds are no
 path, since they do not move. What is left out moves by itself and changes no bit of the rest.
-Parallel springs and dampers become one only where the sums of their stiffnesses and dampings are
-exact in floating point: the same network, though its sums of forces round otherwise.
+Parallel links that are alike become one of twice the strength, where no number changes by a bit:
+see `strands`.
 """
 
 from __future__ import annotations
 
-from fractions import Fraction
 from typing import NamedTuple
 
-from tautwave.scene.network import Link, Network
+from tautwave.scene.network import Network
+from tautwave.scene.strands import join_links
 
 
 class Pruned(NamedTuple):
@@ -24,7 +24,7 @@ class Pruned(NamedTuple):
 def prune(network: Network, *, merge: bool = True) -> Pruned:
     """Return the smallest network that no port and no recorder can tell from the whole.
 
-    Without `merge` every number that remains is the same to the bit.
+    Every number that remains is the same to the bit, with `merge` and without.
     """
     told: list[str] = []
     links = network.links
@@ -51,7 +51,11 @@ def prune(network: Network, *, merge: bool = True) -> Pruned:
     kept = [link for link in links if link.a in reached or link.b in reached]
     gone = [link.name for link in links if link.a not in reached and link.b not in reached]
     told += [f"link {name}: both its ends are left out or fixed" for name in _grouped(gone)]
-    merged, words = _merge(tuple(kept)) if merge else (tuple(kept), [])
+    merged, words = tuple(kept), []
+    if merge:
+        joined = join_links(kept)
+        merged = tuple(link for link, into in joined if not into)
+        words = [f"link {link.name}: one with {into}, exactly" for link, into in joined if into]
     used = {end for link in merged for end in (link.a, link.b)}
     grounds = tuple(ground for ground in network.grounds if ground[0] in used)
     told += [
@@ -67,38 +71,6 @@ def prune(network: Network, *, merge: bool = True) -> Pruned:
         forced=tuple(name for name in network.forced if name in reached),
     )
     return Pruned(small, tuple(told + words))
-
-
-def _merge(links: tuple[Link, ...]) -> tuple[tuple[Link, ...], list[str]]:
-    """Join linear springs and dampers between the same two nodes where the sum is exact."""
-    first: dict[tuple[str, str, str, float], int] = {}
-    result: list[Link] = []
-    told = []
-    for link in links:
-        if link.kind not in ("spring", "damper"):
-            result.append(link)
-            continue
-        key = ("linear", link.a, link.b, link.rest if link.stiffness else 0.0)
-        at = first.get(key)
-        if at is not None:
-            before = result[at]
-            stiffness = before.stiffness + link.stiffness
-            damping = before.damping + link.damping
-            if _exact(stiffness, before.stiffness, link.stiffness) and _exact(
-                damping, before.damping, link.damping
-            ):
-                kind = "spring" if stiffness else "damper"
-                result[at] = before._replace(kind=kind, stiffness=stiffness, damping=damping)
-                told.append(f"link {link.name}: merged into {before.name}, exactly")
-                continue
-        else:
-            first[key] = len(result)
-        result.append(link)
-    return tuple(result), told
-
-
-def _exact(total: float, one: float, two: float) -> bool:
-    return Fraction(total) == Fraction(one) + Fraction(two)
 
 
 def _grouped(names: list[str]) -> list[str]:
