@@ -8,9 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.contracts import AxisSpec, Bench, BusSpec
-from tautwave.errors import ConfigError
-from tautwave.models.plant_params import PlantParams
-from tautwave.truth import AxisModel
+from tautwave_sim.bench import free_axis, require_distinct
 from tautwave_sim.canopen.options import (
     NodeId,
     NodeKeys,
@@ -29,7 +27,9 @@ class CanopenBench(BaseModel):
 
     nodes: tuple[NodeId, ...] = Field((1, 2), min_length=1, description="node ids, as in 1,2")
     interface: str = Field(
-        "socketcan", description="of python-can; udp_multicast needs no CAN in the kernel"
+        "socketcan",
+        description="of python-can; udp_multicast needs no CAN in the kernel, and virtual is of "
+        "this process alone",
     )
     channel: str = Field("vcan0", description="its channel; 239.74.163.2 for udp_multicast")
     bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = Field(
@@ -51,9 +51,7 @@ def bench(options: CanopenBench) -> Bench:
     ConfigError
         A node is listed twice.
     """
-    if len(set(options.nodes)) < len(options.nodes):
-        listed = ", ".join(str(node) for node in options.nodes)
-        raise ConfigError(f"--nodes {listed}: two nodes cannot share an id; list each one once")
+    require_distinct("--nodes", options.nodes, "nodes")
     linear = options.kind == "linear"
     nodes = tuple(
         NodeKeys(
@@ -75,35 +73,14 @@ def bench(options: CanopenBench) -> Bench:
         AxisSpec(f"node.{node}", node, options.kind, "impedance", math.inf)
         for node in options.nodes
     )
-    plant = PlantParams(
-        mass=options.inertia,
-        viscous=options.damping,
-        coulomb=0.0,
-        grip_stiffness=0.0,
-        grip_damping=0.0,
-        spring_stiffness=0.0,
-        spring_position=0.0,
-        wall_stiffness=0.0,
-        wall_damping=0.0,
-        wall_position=0.0,
-        wall_side=1.0,
-    )
     travel = options.feed if linear else math.tau
     physics = [
-        AxisModel(
-            period=1.0 / SLOT_HZ,
-            plant=plant,
-            foam=None,
-            servo=None,
-            reference=(),
-            start_position=0.0,
+        free_axis(
+            1.0 / SLOT_HZ,
+            options.inertia,
+            options.damping,
             encoder_quantum=travel / options.counts_per_revolution,
-            position_noise=0.0,
             effort_quantum=options.rated_torque / 1000.0 * (math.tau / travel),
-            velocity_quantum=0.0,
-            effort_limit=math.inf,
-            command_delay=0.0,
-            missing_probability=0.0,
             seed=(0, node),
         )
         for node in options.nodes

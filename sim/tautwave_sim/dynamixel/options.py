@@ -179,7 +179,7 @@ class BenchOptions(BaseModel):
     ids: list[DeviceId] = Field([1], min_length=1, description="Ids, e.g. 1,2.")
     baud: int = Field(1_000_000, ge=9600, description="Baud rate that the servos are set to.")
     return_delay_us: int = Field(
-        500, ge=0, le=508, description="Return Delay Time; 500 is the factory's."
+        500, ge=0, le=508, multiple_of=2, description="Return Delay Time; 500 is the factory's."
     )
     usb_latency_s: float | None = Field(
         None, ge=0.0, le=0.1, description="[s] Latency timer of a USB adapter, e.g. 0.016."

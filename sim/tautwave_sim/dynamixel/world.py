@@ -12,9 +12,9 @@ from pydantic import ValidationError
 from tautwave.clock import MonotonicClock
 from tautwave.contracts import AxisSpec, Bench, BusSpec, Clock
 from tautwave.errors import ConfigError
-from tautwave.models.plant_params import PlantParams
 from tautwave.truth import AxisModel
 from tautwave_sim.axis import SimulatedAxis
+from tautwave_sim.bench import free_axis, require_distinct
 from tautwave_sim.dynamixel.bus import ServoBus
 from tautwave_sim.dynamixel.faults import FaultPlan
 from tautwave_sim.dynamixel.items import Model
@@ -198,11 +198,21 @@ def serve(
 
 
 def bench(options: BenchOptions) -> Bench:
-    """Return servos without a rig: factory settings but for id and baud rate, no hand, no wall."""
+    """Return servos without a rig: factory settings but for id and baud rate, no hand, no wall.
+
+    Raises
+    ------
+    ConfigError
+        There is no such model, baud rate, id or fault.
+    """
     try:
         model = find_model(options.model)
     except ValueError as err:
         raise ConfigError(f"sim dynamixel: {err}") from err
+    require_distinct("--ids", options.ids, "servos")
+    most = 252 if model.protocol >= 2.0 else 253
+    if max(options.ids) > most:
+        raise ConfigError(f"--ids {max(options.ids)}: a {model.name} has ids 0 to {most}")
     try:
         faults = FaultOptions.model_validate({"seed": options.seed, **options.faults})
     except ValidationError as err:
@@ -233,32 +243,11 @@ def _sentence(problem: Any) -> str:
 def _free_axis(model: Model, device_id: int) -> AxisModel:
     """Return a servo whose horn carries nothing: inertia and friction guessed from its size."""
     fastest = model.no_load_speed_rpm * REV_PER_MIN
-    plant = PlantParams(
-        mass=0.002 * model.stall_torque,
-        viscous=0.05 * model.stall_torque / fastest,
+    return free_axis(
+        BENCH_PERIOD_S,
+        inertia=0.002 * model.stall_torque,
+        damping=0.05 * model.stall_torque / fastest,
         coulomb=0.02 * model.stall_torque,
-        grip_stiffness=0.0,
-        grip_damping=0.0,
-        spring_stiffness=0.0,
-        spring_position=0.0,
-        wall_stiffness=0.0,
-        wall_damping=0.0,
-        wall_position=0.0,
-        wall_side=1.0,
-    )
-    return AxisModel(
-        period=BENCH_PERIOD_S,
-        plant=plant,
-        foam=None,
-        servo=None,
-        reference=(),
-        start_position=0.0,
-        encoder_quantum=0.0,
-        position_noise=0.0,
-        effort_quantum=0.0,
-        velocity_quantum=0.0,
         effort_limit=model.stall_torque,
-        command_delay=0.0,
-        missing_probability=0.0,
         seed=(device_id,),
     )

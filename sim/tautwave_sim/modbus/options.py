@@ -6,6 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from tautwave.errors import ConfigError
+
 Positive = Annotated[float, Field(gt=0.0)]
 Seconds = Annotated[float, Field(ge=0.0)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -178,7 +180,7 @@ class ModbusBenchOptions(BaseModel):
     profile: str = Field("generic", description="generic, dsy-rs, cia402, or a profile's file")
     tcp: str | None = Field(None, description="HOST:PORT to listen on; port 0 takes a free one")
     rtu: bool = Field(False, description="serve RTU on a pseudo-terminal")
-    units: tuple[int, ...] = Field((1,), description="unit ids")
+    units: tuple[Unit, ...] = Field((1,), min_length=1, description="unit ids")
     baud: int = Field(115200, ge=300, description="of the RTU line")
     parity: Literal["N", "E", "O"] = Field("N", description="of the RTU line")
     stop_bits: int = Field(1, ge=1, le=2, description="of the RTU line")
@@ -193,3 +195,17 @@ class ModbusBenchOptions(BaseModel):
     inertia: float = Field(1e-3, gt=0.0, description="of each motor [kg m2]")
     damping: float = Field(1e-3, ge=0.0, description="of each motor [N m s/rad]")
     server: Literal["own", "pymodbus"] = Field("own", description="who serves TCP")
+
+
+def host_port(endpoint: str) -> tuple[str, int]:
+    """Return host and port of `tcp://HOST:PORT`, with or without what is in front.
+
+    Raises
+    ------
+    ConfigError
+        It is none.
+    """
+    host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
+    if not host or not (port.isascii() and port.isdigit()) or int(port) > 0xFFFF:
+        raise ConfigError(f"modbus: {endpoint!r} is not HOST:PORT to listen on; port 0 takes any")
+    return host, int(port)

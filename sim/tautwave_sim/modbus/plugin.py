@@ -7,14 +7,14 @@ from typing import Any
 
 from tautwave.contracts import AxisSpec, Bench, BusSpec, Clock, Simulator, SimulatorPlugin
 from tautwave.errors import ConfigError
-from tautwave.models.plant_params import PlantParams
 from tautwave.models.servo import ServoParams
-from tautwave.truth import AxisModel
+from tautwave_sim.bench import free_axis, require_distinct
 from tautwave_sim.modbus.options import (
     DeviceKeys,
     ModbusBenchOptions,
     SimulatedModbusOptions,
     SimulatorKeys,
+    host_port,
 )
 
 SERVO_LAG_S = 0.005
@@ -50,10 +50,13 @@ def _bench(options: ModbusBenchOptions) -> Bench:
 
     if options.rtu and options.tcp is not None:
         raise ConfigError("sim modbus: either --rtu or --tcp, not both")
+    require_distinct("--units", options.units, "drives")
     load_table(options.profile)
+    tcp = options.tcp or "127.0.0.1:0"
+    host_port(tcp)
     bus_options = SimulatedModbusOptions(
         link="rtu" if options.rtu else "tcp",
-        endpoint="sim" if options.rtu else f"tcp://{options.tcp or '127.0.0.1:0'}",
+        endpoint="sim" if options.rtu else f"tcp://{tcp}",
         baud=options.baud,
         parity=options.parity,
         stop_bits=options.stop_bits,
@@ -68,22 +71,13 @@ def _bench(options: ModbusBenchOptions) -> Bench:
     servo = None
     if options.causality == "admittance":
         servo = ServoParams(SERVO_LAG_S, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-    plant = PlantParams(options.inertia, options.damping, *(0.0,) * 8, 1.0)
     truths = [
-        AxisModel(
-            period=1.0 / options.rate_hz,
-            plant=plant,
-            foam=None,
+        free_axis(
+            1.0 / options.rate_hz,
+            options.inertia,
+            options.damping,
             servo=servo,
-            reference=(),
-            start_position=0.0,
-            encoder_quantum=0.0,
-            position_noise=0.0,
-            effort_quantum=0.0,
-            velocity_quantum=0.0,
             effort_limit=EFFORT_MOST,
-            command_delay=0.0,
-            missing_probability=0.0,
             seed=(unit,),
         )
         for unit in options.units

@@ -14,7 +14,7 @@ from tautwave.contracts import BusSpec
 from tautwave.errors import ConfigError, DriverError
 from tautwave.truth import AxisModel
 from tautwave_sim.modbus.bus import DriveBus
-from tautwave_sim.modbus.options import SimulatedModbusOptions
+from tautwave_sim.modbus.options import SimulatedModbusOptions, host_port
 from tautwave_sim.modbus.tcp import Session, TcpSide
 from tautwave_sim.modbus.world import make_line
 from tautwave_sim.wire.pty import serve_line
@@ -38,7 +38,8 @@ def serve_bus(
     Raises
     ------
     ConfigError
-        A device names an endpoint of its own; there is one server for all.
+        A device names an endpoint of its own, and there is one server for all; or the endpoint is
+        none to listen on.
     DriverError
         The endpoint cannot be opened.
     """
@@ -60,23 +61,27 @@ def serve_bus(
             stopped,
         )
         return
+    address = _address(options)
+    tell = _announcer(announce, about, address[0])
     if options.simulator.server == "pymodbus":
         from tautwave_sim.modbus.vendor import serve_pymodbus
 
-        serve_pymodbus(drives, _address(options), _announcer(announce, about), stopped)
+        serve_pymodbus(drives, address, tell, stopped)
         return
     side = TcpSide(drives, tuple(units), wire=False)
-    server = TcpServer(side, _address(options))
+    server = TcpServer(side, address)
     try:
-        _announcer(announce, about)(server.port)
+        tell(server.port)
         server.run(stopped)
     finally:
         server.close()
 
 
-def _announcer(announce: Announce, about: Mapping[str, Any]) -> Callable[[int], None]:
+def _announcer(announce: Announce, about: Mapping[str, Any], host: str) -> Callable[[int], None]:
+    reached = "127.0.0.1" if host == "0.0.0.0" else host  # that one is every address of this host
+
     def tell(port: int) -> None:
-        endpoint = f"tcp://127.0.0.1:{port}"
+        endpoint = f"tcp://{reached}:{port}"
         announce({**about, "endpoint": endpoint, "options": {"endpoint": endpoint}})
 
     return tell
@@ -85,10 +90,7 @@ def _announcer(announce: Announce, about: Mapping[str, Any]) -> Callable[[int], 
 def _address(options: SimulatedModbusOptions) -> tuple[str, int]:
     if options.endpoint == "sim":
         return "127.0.0.1", 0
-    host, _, port = options.endpoint.removeprefix("tcp://").rpartition(":")
-    if not host or not port.isdigit():
-        raise DriverError(f"modbus: {options.endpoint!r} is not tcp://HOST:PORT; port 0 takes any")
-    return host, int(port)
+    return host_port(options.endpoint)
 
 
 class TcpServer:

@@ -18,6 +18,7 @@ from tautwave_sim.wire.serial import SerialLine
 TCGETS2 = 0x802C542A  # asm-generic/ioctls.h: struct termios2, whose speeds are plain numbers
 TERMIOS2 = 44
 SPEEDS_AT = 36
+PTS = "/dev/pts/"
 IDLE_NS = 100_000_000
 READ = 4096
 
@@ -90,12 +91,20 @@ def serve_line(
     link : Path, optional
         A symbolic link that is kept pointing to the path; it is then announced instead, and stays
         the same when the line is unplugged and plugged in again.
+
+    Raises
+    ------
+    DriverError
+        There are no more pseudo-terminals, or the link cannot be made.
     """
     clock = clock if clock is not None else MonotonicClock()
-    first = _opened(link)
+    first = Pty()
     pty: Pty | None = first
-    announce(str(link) if link is not None else first.path)
+    path = first.path
     try:
+        if link is not None:
+            _point(link, path)
+        announce(str(link) if link is not None else path)
         while not stopped():
             now_ns = clock.now_ns()
             line.advance(now_ns)
@@ -103,7 +112,10 @@ def serve_line(
                 pty.close()
                 pty = None
             elif pty is None and line.plugged:
-                pty = _opened(link)
+                pty = Pty()
+                path = pty.path
+                if link is not None:
+                    _point(link, path)
             event_ns = line.next_event_ns()
             deadline_ns = now_ns + IDLE_NS
             if event_ns is not None:
@@ -120,15 +132,26 @@ def serve_line(
     finally:
         if pty is not None:
             pty.close()
-        if link is not None:
+        if link is not None and _target(link) == path:
             link.unlink(missing_ok=True)
 
 
-def _opened(link: Path | None) -> Pty:
-    pty = Pty()
-    if link is not None:
-        fresh = link.with_name(f"{link.name}.new")
-        fresh.unlink(missing_ok=True)
-        fresh.symlink_to(pty.path)
+def _point(link: Path, path: str) -> None:
+    """Make `link` point to a pseudo-terminal; nothing but a link to another one is replaced."""
+    target = _target(link)
+    if not target.startswith(PTS) and os.path.lexists(link):
+        what = f"is a link to {target}" if target else "is no symbolic link"
+        raise DriverError(f"{link}: is there already and {what}; name a link that may be made")
+    fresh = link.with_name(f".{link.name}.{os.getpid()}")
+    try:
+        fresh.symlink_to(path)
         fresh.replace(link)
-    return pty
+    except OSError as err:
+        raise DriverError(f"{link}: no link can be made there: {err.strerror}") from err
+
+
+def _target(link: Path) -> str:
+    try:
+        return os.readlink(link)
+    except OSError:
+        return ""

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import pytest
 from pydantic import ValidationError
 
 from tautwave.clock import FakeClock
 from tautwave.contracts import AxisSpec, BusSpec
-from tautwave.errors import ConfigError
+from tautwave.errors import ConfigError, DriverError
 from tautwave_sim.dynamixel import simulator
 from tautwave_sim.dynamixel.options import BenchOptions, DynamixelOptions
 from tautwave_sim.dynamixel.world import ServoWorld, bench
+from tautwave_sim.wire.pty import serve_line
+from tautwave_sim.wire.serial import SerialLine
 from tests.sim.dynamixel.line import Host
 from tests.sim.truths import truth
 
@@ -100,3 +105,57 @@ def test_a_bench_has_free_servos() -> None:
         bench(BenchOptions(faults={"lost": 2}))
     with pytest.raises(ConfigError, match="did you mean XL330-M288"):
         bench(BenchOptions(model="XL330-M28"))
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"ids": [1, 1]}, "--ids 1, 1: two servos cannot share an id"),
+        ({"ids": [253]}, "--ids 253: a XM430-W350 has ids 0 to 252"),
+        ({"baud": 12345}, "has no 12345 baud"),
+    ],
+)
+def test_a_bench_that_cannot_be_is_refused(given: dict[str, Any], told: str) -> None:
+    def build() -> None:
+        made = bench(BenchOptions(**given))
+        ServoWorld(made.options, made.bus, made.physics, FakeClock())
+
+    with pytest.raises(ConfigError, match=told):
+        build()
+
+
+def test_the_return_delay_is_whole_in_its_unit() -> None:
+    with pytest.raises(ValidationError, match="multiple of 2"):
+        BenchOptions(return_delay_us=7)
+
+
+def test_a_link_replaces_nothing_but_a_link_to_a_line(tmp_path: Path) -> None:
+    def serve(link: Path) -> None:
+        serve_line(SerialLine(1_000_000), lambda path: None, lambda: True, link)
+
+    kept = tmp_path / "precious"
+    kept.write_text("not to be lost")
+    other = tmp_path / "elsewhere"
+    other.symlink_to(kept)
+    for taken in (kept, other, tmp_path):
+        with pytest.raises(DriverError, match="is there already and is"):
+            serve(taken)
+    assert kept.read_text() == "not to be lost"
+    assert other.readlink() == kept
+    with pytest.raises(DriverError, match="no link can be made there: No such file"):
+        serve(tmp_path / "none" / "line")
+    stale = tmp_path / "line"
+    stale.symlink_to("/dev/pts/4711")  # of a simulator that was killed
+    serve(stale)
+    assert {one.name for one in tmp_path.iterdir()} == {"precious", "elsewhere"}
+
+
+def test_a_link_that_another_has_taken_over_is_left_alone(tmp_path: Path) -> None:
+    link = tmp_path / "line"
+
+    def take_over(path: str) -> None:
+        link.unlink()
+        link.symlink_to("/dev/pts/4711")
+
+    serve_line(SerialLine(1_000_000), take_over, lambda: True, link)
+    assert str(link.readlink()) == "/dev/pts/4711"

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from tautwave.clock import MonotonicClock
 from tautwave.contracts import AxisSpec, BusSpec
@@ -18,6 +19,7 @@ from tautwave.errors import ConfigError, DriverError
 from tautwave_sim.modbus import simulator
 from tautwave_sim.modbus.bus import DriveBus
 from tautwave_sim.modbus.framing import tcp_frame
+from tautwave_sim.modbus.options import ModbusBenchOptions
 from tautwave_sim.modbus.serving import TcpServer, serve_bus
 from tautwave_sim.modbus.tcp import TcpSide
 from tests.sim.modbus.masters import read, read_write, write_one
@@ -201,7 +203,7 @@ def test_a_port_that_is_taken_is_named() -> None:
 
 
 def test_an_endpoint_that_is_none_is_named() -> None:
-    with pytest.raises(DriverError, match="'here' is not tcp://HOST:PORT"):
+    with pytest.raises(ConfigError, match="'here' is not HOST:PORT"):
         serve_bus(options(endpoint="here"), SPEC, [truth()], lambda found: None, lambda: True)
 
 
@@ -254,3 +256,30 @@ def test_a_bench_of_drives() -> None:
         simulator.bench(simulator.bench_options(rtu=True, tcp="127.0.0.1:0"))
     with pytest.raises(ConfigError, match="no simulated drives of profile 'dsy'"):
         simulator.bench(simulator.bench_options(profile="dsy"))
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"units": (1, 1)}, "--units 1, 1: two drives cannot share an id"),
+        ({"tcp": "127.0.0.1"}, "'127.0.0.1' is not HOST:PORT"),
+        ({"tcp": "127.0.0.1:99999"}, "'127.0.0.1:99999' is not HOST:PORT"),
+    ],
+)
+def test_a_bench_that_cannot_be_is_refused(given: dict[str, Any], told: str) -> None:
+    assert simulator.bench is not None
+    with pytest.raises(ConfigError, match=told):
+        simulator.bench(ModbusBenchOptions(**given))
+
+
+@pytest.mark.parametrize("units", [(), (0,), (248,)])
+def test_units_are_those_of_the_standard(units: tuple[int, ...]) -> None:
+    with pytest.raises(ValidationError, match="units"):
+        ModbusBenchOptions(units=units)
+
+
+def test_the_address_that_was_asked_for_is_announced() -> None:
+    for host, reached in (("127.0.0.2", "127.0.0.2"), ("0.0.0.0", "127.0.0.1")):
+        told: list[Any] = []
+        serve_bus(options(endpoint=f"tcp://{host}:0"), SPEC, [truth()], told.append, lambda: True)
+        assert told[0]["endpoint"].startswith(f"tcp://{reached}:")
