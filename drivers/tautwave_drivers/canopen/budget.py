@@ -83,7 +83,7 @@ def budget(options: CanopenOptions, bus: BusSpec) -> Budget:
         f"({1.0 / exchange:.0f} Hz by process data alone)"
     )
     remedy = _advice(options, bus, shares)
-    return Budget(time_s, greatest, "\n".join([*lines, remedy]), remedy)
+    return Budget(time_s, greatest, "\n".join(lines), remedy)
 
 
 def _arithmetic(size: int, bitrate: int, data_bitrate: int | None) -> str:
@@ -118,7 +118,7 @@ def _advice(options: CanopenOptions, bus: BusSpec, shares: float) -> str:
         fd = options.model_copy(update={"data_bitrate": 5_000_000})
         ways.append(f"CAN FD at 5 Mbit/s ({room / exchange_s(fd, bus):.0f} Hz), not spoken yet")
     ways.append("a lower rate_hz")
-    return "more axes or a higher rate: " + ", ".join(ways)
+    return "more axes or a higher rate, each alone: " + ", ".join(ways)
 
 
 def _us(seconds: float) -> str:

@@ -7,6 +7,7 @@ Not counted: the servos' own turn-around, some tens of us each.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from tautwave.contracts import READ_SHARE, Budget, BusSpec
@@ -69,7 +70,7 @@ def traffic_of(options: DynamixelOptions, bus: BusSpec) -> Traffic:
 
 
 def budget(options: DynamixelOptions, bus: BusSpec) -> Budget:
-    """Return the bus time of one cycle, and what would shorten it where it does not fit.
+    """Return the bus time of one cycle, and what would shorten it.
 
     Raises
     ------
@@ -86,9 +87,9 @@ def budget(options: DynamixelOptions, bus: BusSpec) -> Budget:
         f"{exchange * 1e3:.3f} ms / {READ_SHARE:g} = {needed * 1e3:.3f} ms, at most "
         f"{1.0 / needed:.0f} Hz"
     )
-    if needed > 1.0 / bus.rate_hz:
-        lines.extend(_remedies(options, bus, traffic))
-    return Budget(needed, 1.0 / needed, "\n".join(lines))
+    told = _remedies(options, bus, traffic)
+    remedy = f"more axes or a higher rate, each alone: {', '.join(told)}" if told else ""
+    return Budget(needed, 1.0 / needed, "\n".join(lines), remedy)
 
 
 def _exchange_s(options: DynamixelOptions, traffic: Traffic) -> float:
@@ -113,7 +114,7 @@ def _arithmetic(options: DynamixelOptions, traffic: Traffic, exchange: float) ->
 
 
 def _remedies(options: DynamixelOptions, bus: BusSpec, traffic: Traffic) -> list[str]:
-    """Return what each single change would bring, in Hz, and the rate that needs none."""
+    """Return what each single change would bring, in Hz, and a divisor where it needs one."""
 
     def rate(changed: DynamixelOptions, load: Traffic) -> str:
         return f"{READ_SHARE / _exchange_s(changed, load):.0f} Hz"
@@ -144,8 +145,7 @@ def _remedies(options: DynamixelOptions, bus: BusSpec, traffic: Traffic) -> list
             else traffic._replace(admittance=traffic.admittance - 1)
         )
         told.append(f"one axis less on this bus gives {rate(options, fewer)}")
-    nth = 2
-    while nth * READ_SHARE / bus.rate_hz < _exchange_s(options, traffic):
-        nth += 1
-    told.append(f"divisor: {nth} on this bus, so that it is read every {nth}. cycle, fits")
-    return ["remedies, each alone: " + ", ".join(told)]
+    nth = math.ceil(_exchange_s(options, traffic) * bus.rate_hz / READ_SHARE)
+    if nth > 1:
+        told.append(f"divisor: {nth * bus.divisor} on this bus ({bus.rate_hz / nth:.0f} Hz) fits")
+    return told

@@ -98,7 +98,7 @@ def cycle_s(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], slot_s
 
 
 def budget(options: ModbusOptions, bus: BusSpec) -> Budget:
-    """Return the bus time of one cycle, and what would shorten it where it does not fit.
+    """Return the bus time of one cycle, and what would shorten it.
 
     Raises
     ------
@@ -108,11 +108,10 @@ def budget(options: ModbusOptions, bus: BusSpec) -> Budget:
     devices = match_devices(options, bus)
     drives = [exchanges_of(device) for device in devices]
     spent = needed_s(options, drives, bus)
-    text = _arithmetic(options, drives, bus)
-    remedies = ", ".join(_remedies(options, devices, bus))
-    if spent > 1.0 / bus.rate_hz:
-        text += f"; remedies, each alone: {remedies}"
-    return Budget(spent, _greatest_hz(options, drives, bus), text, remedies)
+    told = _remedies(options, devices, bus)
+    remedy = f"more axes or a higher rate, each alone: {', '.join(told)}" if told else ""
+    greatest = _greatest_hz(options, drives, bus)
+    return Budget(spent, greatest, _arithmetic(options, drives, bus), remedy)
 
 
 def needed_s(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bus: BusSpec) -> float:
@@ -146,13 +145,15 @@ def _fitting_divisor(
 
 def _arithmetic(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bus: BusSpec) -> str:
     flat = [one for exchanges in drives for one in exchanges]
+    drives_told = _counted(len(drives), "drive")
     codes = " + ".join(f"FC {one.function}" for one in drives[0]) if drives else "nothing"
     if options.link == "tcp":
         most = max((len(one) for one in drives), default=0)
         spent = cycle_s(options, drives, 0.0)
         return (
-            f"TCP: {len(drives)} drives asked at the same time ({codes}), {most} exchanges one "
-            f"after the other, {options.turnaround * 1e3:g} ms each (turnaround_s, as "
+            f"TCP: {drives_told}{' asked at the same time' if len(drives) > 1 else ''} ({codes}), "
+            f"{_counted(most, 'exchange')}{' one after the other' if most > 1 else ''}, "
+            f"{options.turnaround * 1e3:g} ms each (turnaround_s, as "
             f"{'given' if options.turnaround_s is not None else 'assumed; measured when run'}) + "
             f"{HOST_S * 1e3:g} ms of host and network = {spent * 1e3:.3f} ms; answers have to be "
             f"in by {READ_SHARE:.0%} of a cycle"
@@ -161,7 +162,7 @@ def _arithmetic(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bu
     wire = chars * options.bits / options.baud
     gaps = 2 * len(flat) * options.gap
     text = (
-        f"RTU: {len(drives)} drives ({codes}), {chars} characters x {options.bits} bits at "
+        f"RTU: {drives_told} ({codes}), {chars} characters x {options.bits} bits at "
         f"{options.baud} baud = {wire * 1e3:.3f} ms + {2 * len(flat)} silences of "
         f"{options.gap * 1e3:.3f} ms"
     )
@@ -177,6 +178,10 @@ def _arithmetic(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bu
             f"; looked at once a cycle of the rig, all answers are there after {slots * 1e3:.3f} ms"
         )
     return text
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def _remedies(options: ModbusOptions, devices: Sequence[Device], bus: BusSpec) -> list[str]:

@@ -123,8 +123,9 @@ def _buses(budget: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]]:
         if cost is None:
             yield bus, Cell("not yet evaluated", NOTE), "", ""
         else:
-            time_s, greatest_rate_hz, arithmetic, _ = cost
-            yield bus, quantity(time_s, "s", 3), quantity(greatest_rate_hz, "Hz", 3), arithmetic
+            time_s, greatest_rate_hz, arithmetic, remedy = cost
+            told = f"{arithmetic}\n{remedy}" if remedy else arithmetic
+            yield bus, quantity(time_s, "s", 3), quantity(greatest_rate_hz, "Hz", 3), told
 
 
 def _draw(out: Path, rig: Any) -> None:

@@ -39,6 +39,7 @@ class CheckResult(NamedTuple):
                     if cost.greatest_rate_hz == float("inf")
                     else cost.greatest_rate_hz,
                     "arithmetic": cost.arithmetic,
+                    "remedy": cost.remedy,
                 }
                 for name, cost in self.budget.items()
             },

@@ -145,9 +145,10 @@ def test_check_shows_the_arithmetic_and_a_rig_that_is_too_fast_exits_4() -> None
     assert done.returncode == 0, done.stderr
     budget = json.loads(done.stdout)["budget"]["can"]
     assert "process data of one cycle: 515 us" in budget["arithmetic"]
+    assert "mapping: lean (1979 Hz)" in budget["remedy"]
     done = command("run", str(CONFIG), "--clock", "fake", "--set", "rate_hz=4000")
     assert done.returncode == 4
-    assert "the greatest rate that fits is 1826 Hz; more axes or a higher rate:" in done.stderr
+    assert "the greatest rate that fits is 1826 Hz; more axes or a higher rate, " in done.stderr
     assert "mapping: lean (1979 Hz), two buses (3299 Hz)" in done.stderr
 
 

@@ -61,7 +61,7 @@ def test_the_budget_leaves_the_loop_its_share() -> None:
     assert cost.time_s == pytest.approx(780e-6 / READ_SHARE)
     assert cost.greatest_rate_hz == pytest.approx(READ_SHARE / 780e-6)
     assert "36 bytes out, 42 back, 78 x 10 bits at 1000000 baud = 0.780 ms" in cost.arithmetic
-    assert "remedies" not in cost.arithmetic
+    assert "divisor: " not in cost.remedy  # it fits
 
 
 def test_every_remedy_is_told_in_hz() -> None:
@@ -76,18 +76,19 @@ def test_every_remedy_is_told_in_hz() -> None:
         "baud: 4000000", "return_delay_s: 0", "latency timer of 1 ms", "real UART",
         "read: fast_sync", "status_block: false", "one axis less", "divisor: ",
     ):  # fmt: skip
-        assert remedy in cost.arithmetic
+        assert remedy in cost.remedy
+        assert remedy not in cost.arithmetic
 
 
 def test_a_remedy_keeps_its_promise() -> None:
     axes = (spec(1), spec(2))
     slow = options_of(servo(1), servo(2), baud=1_000_000)
-    told = budget(slow, BusSpec("hand", axes, 2000.0)).arithmetic
+    told = budget(slow, BusSpec("hand", axes, 2000.0)).remedy
     promised = float(told.split("baud: 4000000 gives ")[1].split(" Hz")[0])
     fast = options_of(servo(1), servo(2), baud=4_000_000)
     cost = budget(fast, BusSpec("hand", axes, 2000.0))
     assert cost.greatest_rate_hz == pytest.approx(promised, abs=0.51)
-    assert "remedies" not in cost.arithmetic
+    assert "baud: " not in cost.remedy
     nth = int(told.split("divisor: ")[1].split(" ")[0])
     assert budget(slow, BusSpec("hand", axes, 2000.0 / nth)).time_s <= nth / 2000.0
     assert budget(slow, BusSpec("hand", axes, 2000.0 / (nth - 1))).time_s > (nth - 1) / 2000.0
@@ -101,9 +102,18 @@ def test_usb_is_assumed_where_the_port_says_so() -> None:
     assert options_of(servo(1), usb_latency_s=0.016).latency_s == 0.016
 
 
-def test_over_budget_ends_in_4() -> None:
+def test_a_bus_that_has_a_divisor_is_told_the_whole_one() -> None:
+    bus = BusSpec("hand", (spec(1), spec(2)), 2000.0, divisor=3)
+    told = budget(options_of(servo(1), servo(2), baud=1_000_000), bus).remedy
+    assert "divisor: 6 on this bus (1000 Hz) fits" in told
+
+
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_over_budget_ends_in_4_with_remedies(command: str, tmp_path: Path) -> None:
     path = Path(__file__).parents[3] / "configs" / "bench-dynamixel-sim.yaml"
-    words = ["check", str(path), "--set", "rate_hz=2000", "--set", "coupling.delay_s=0.01"]
+    words = [command, str(path), "--set", "rate_hz=2000", "--set", "coupling.delay_s=0.01"]
+    if command == "run":
+        words += ["--out", str(tmp_path / "run")]
     done = CliRunner().invoke(main, words)
     assert done.exit_code == 4, done.output
-    assert "remedies" in done.output
+    assert "baud: 4000000 gives " in done.output

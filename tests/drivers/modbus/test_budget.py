@@ -66,6 +66,7 @@ def test_a_line_that_is_too_slow_says_what_would_fit() -> None:
     assert found.time_s > 1 / 200.0
     for remedy in ("baud: 115200", "one drive less", "function code 23", "divisor: "):
         assert remedy in found.remedy
+        assert remedy not in found.arithmetic  # `check` shows both
     fast = made(1, 500.0, **RTU)
     assert "gap_s" in fast.remedy
 
@@ -87,6 +88,8 @@ def test_over_tcp_the_slowest_drive_counts_and_not_their_number() -> None:
     cia402 = made(1, 100.0, turnaround_s=0.003, profile="cia402")
     assert cia402.time_s == pytest.approx(3 * 0.00315 / READ_SHARE)
     assert "assumed" in made(1, 100.0, turnaround_s=None).arithmetic
+    assert "TCP: 1 drive (FC 23), 1 exchange, " in one.arithmetic
+    assert "TCP: 3 drives asked at the same time (FC 23), 1 exchange, " in three.arithmetic
 
 
 def test_a_rig_over_budget_exits_4(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
