@@ -1,40 +1,135 @@
-"""Sets side by side give the bits of sets one after the other, and a scene that is one."""
+"""The plain scene is exact, and every way to run it gives its bits."""
 
 from __future__ import annotations
 
 import json
+import math
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as st
 
-from tautwave.bench.lanes import LANES, PARAMETERS, lanes, parameters, scene_text
+from tautwave.bench import plain_scene
+from tautwave.bench.lanes import (
+    SCALAR,
+    _timed,
+    _ways,
+    as_records,
+    lanes,
+    plain_aims,
+    plain_rows,
+    plain_sets,
+)
+from tautwave.bench.lanes_text import LANES
+from tautwave.bench.plain_scene import Plain, meet_wall, plain_set, run_plain
+from tautwave.bench.plain_truth import plain_truth, slave_plant
 from tautwave.cli import main
+from tautwave.models.integrators import DORMAND_PRINCE, EXACT
+from tautwave.models.plant import plant_step
+from tautwave.models.plant_params import plant_cache
 
 gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
 
 
+def energy(p: Plain, x: float, v: float) -> float:
+    deep = max(x - p.wall, 0.0)
+    return 0.5 * p.mass * v * v + 0.5 * p.stiffness * deep * deep
+
+
 @gcc
-def test_lanes_give_the_same_bits() -> None:
-    suite = lanes(sets=2 * LANES, steps=300, rounds=1, tell=lambda _: None)
-    assert [row[2] for row in suite.tables[0].rows] == ["yes", "yes"]
-    assert suite.goals[0].measured is not None
+def test_every_way_gives_the_bits_of_plain_python(tmp_path: Path) -> None:
+    sets, aims = plain_sets(2 * LANES), plain_aims(1200)
+    _, results = _timed(_ways(tmp_path), as_records(sets), aims, 1)
+    assert len(results) >= 3
+    out = [0.0] * (4 * LANES)
+    run_plain(sets, aims.tolist(), [0.0] * 100, [], out, [2 * LANES, 1200, 0])
+    for way, found in results.items():
+        assert found.tobytes() == np.array(out).tobytes(), way
+
+
+@pytest.mark.parametrize("at", [0, 24, 47])
+@pytest.mark.parametrize(("scheme", "most"), [(EXACT, 1e-13), (DORMAND_PRINCE, 1e-12)])
+def test_it_is_exact(at: int, scheme: int, most: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    met = []
+
+    def counting(p: Plain, x: float, v: float, force: float) -> tuple[float, float]:
+        met.append(x)
+        return meet_wall(p, x, v, force)
+
+    monkeypatch.setattr(plain_scene, "meet_wall", counting)
+    p, aims = plain_sets(48)[at], plain_aims(4000)
+    found = plain_rows(p, aims)
+    truth = plain_truth(p, aims.tolist(), scheme, 1e-13)
+    assert len(met) >= 8
+    assert (np.abs(found - truth).max(axis=0) <= most * np.ptp(truth, axis=0)).all()
+
+
+def test_without_the_events_it_would_not_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the mode frozen for a period costs: the scene as it would be without `meet_wall`."""
+
+    def frozen(p: Plain, x: float, v: float, force: float) -> tuple[float, float]:
+        deep = x - p.wall
+        if deep > 0.0:
+            off = deep - force / p.stiffness
+            return x + p.turn * off + p.lever * v, v + p.turn * v - p.swing * off
+        return x + p.period * v + p.give * force, v + p.gain * force
+
+    monkeypatch.setattr(plain_scene, "meet_wall", frozen)
+    p, aims = plain_sets(48)[47], plain_aims(4000)
+    found = plain_rows(p, aims)
+    truth = plain_truth(p, aims.tolist(), EXACT, 0.0)
+    assert np.abs(found - truth).max(axis=0)[2] > 1e-3 * np.ptp(truth[:, 2])
+
+
+motions = st.floats(-2e-3, 2e-3), st.floats(-2.0, 2.0), st.floats(-300.0, 300.0)
+
+
+@given(*motions, st.sampled_from([200.0, 5e3, 1e6]))
+def test_a_meeting_is_the_plant_s(deep: float, v: float, force: float, stiffness: float) -> None:
+    p = plain_set(1e-3, 6.0, 0.4, 0.4, 0.0, stiffness)
+    plant = slave_plant(p)
+    want = plant_step(plant, plant_cache(plant, 1e-3), deep, v, 0, force, 0.0, 0.0, 1e-3)
+    x, speed = meet_wall(p, deep, v, force)
+    scale = abs(v) + 1e-3 * abs(force) / p.mass + p.rate * abs(deep)
+    assert abs(speed - want[1]) <= 1e-12 * scale
+    assert abs(x - want[0]) <= 1e-15 * scale + 1e-18
+
+
+@given(*motions)
+def test_a_meeting_keeps_the_energy(deep: float, v: float, force: float) -> None:
+    p = plain_set(1e-3, 6.0, 0.4, 0.4, 0.0, 5e3)
+    x, speed = meet_wall(p, deep, v, force)
+    given_, held = energy(p, deep, v), energy(p, x, speed)
+    most = given_ + held + abs(force * (x - deep))
+    assert abs(held - given_ - force * (x - deep)) <= 1e-13 * most + 1e-25
 
 
 def test_no_two_sets_are_alike() -> None:
-    p = parameters(48)
-    assert p.shape == (len(PARAMETERS), 48)
-    assert len(np.unique(p[PARAMETERS.index("b")])) == 48
-    # The wall's exact step turns position and velocity without loss.
-    determinant = p[10] * p[13] - p[11] * p[12]
-    assert np.allclose(determinant, 1.0, atol=1e-14)
-    assert "side_by_side" in scene_text()
+    sets = plain_sets(48)
+    assert len({p.impedance for p in sets}) == 48
+    for p in sets:
+        # The wall's exact step turns position and velocity without loss.
+        turned = (1.0 + p.turn) ** 2 + p.lever * p.swing
+        assert math.isclose(turned, 1.0, abs_tol=1e-14)
+
+
+@gcc
+def test_the_suite_says_what_it_compared() -> None:
+    suite = lanes(sets=2 * LANES, steps=300, rounds=1, tell=lambda _: None)
+    rows = {row[0]: row for row in suite.tables[0].rows}
+    assert rows[SCALAR][2] == 1.0
+    assert {row[3] for row in rows.values()} == {"yes"}
+    assert all(goal.measured is not None for goal in suite.goals[:1])
+    assert suite.goals[3].met
 
 
 def test_without_gcc_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("shutil.which", lambda *_: None)
     done = CliRunner().invoke(main, ["bench", "lanes", "--json"])
     assert done.exit_code == 0, done.output
-    goal = json.loads(done.stdout)["goals"][0]
-    assert (goal["met"], goal["why_not"]) == (None, "needs gcc")
+    for goal in json.loads(done.stdout)["goals"]:
+        assert (goal["met"], goal["why_not"]) == (None, "needs gcc")

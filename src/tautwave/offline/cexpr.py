@@ -20,7 +20,7 @@ from tautwave.offline.ctypes_of import (
     type_of,
 )
 
-MATH = {"sqrt", "exp", "log", "sin", "cos", "tan", "pow", "fabs"}
+MATH = {"sqrt", "exp", "log", "sin", "cos", "tan", "atan", "pow", "fabs"}
 MATH_NUMBERS = {"pi": math.pi, "inf": math.inf, "nan": math.nan}
 ARITHMETIC: dict[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*"}
 COMPARISONS: dict[type[ast.cmpop], str] = {
