@@ -88,6 +88,9 @@ def random_network(seed: int, kinds: tuple[str, ...] = ALL) -> Network:
         if kind == "negative_damper":
             link = link._replace(damping=0.01 * rng.random())
         links += [link._replace(name=f"l{at}.{i}") for i in range(rng.randint(1, 9))]
+        field = rng.choice(("stiffness", "damping", "loss", "limit", "rest"))
+        other = link._replace(**{field: 1.3 * getattr(link, field)})  # alike, but for one number
+        links += [other._replace(name=f"l{at}x.{i}") for i in range(rng.randint(0, 4))]
     links.append(Link("hold", "spring", "p", names[0], stiffness=50.0, damping=0.2))
     rng.shuffle(links)
     network = Network(masses, tuple(links), ("p",), forced=(names[0],))
@@ -213,6 +216,9 @@ def test_only_what_is_alike_is_joined():
     told = [(link.name, link.stiffness, into) for link, into in join_links(links)]
     assert told[:3] == [("a", 4.0 * 0.3, ""), ("b", 0.0, "a"), ("c", 0.0, "a")]
     assert [into for *_, into in told[3:]] == [""] * 5
+    for change in ("stiffness", "damping", "rest", "loss", "limit", "exponent", "scale"):
+        pair = [spring, spring._replace(name="b", **{change: 7.0})]
+        assert join_links(pair) == [(link, "") for link in pair]
     three = join_links([spring._replace(name=name) for name in "abc"])
     assert [link.stiffness for link, _ in three] == [0.6, 0.0, 0.3]
     kept = [link for link, into in join_links(links) if not into]
