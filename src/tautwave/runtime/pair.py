@@ -156,16 +156,8 @@ class WavePair(Pair):
                 two.receive(at_slave)
             one.pass_slot()
             two.pass_slot()
-        position, _, effort, master_valid, _ = master
-        if master_valid:
-            one.close(position, effort)
-        else:
-            one.miss()
-        position, _, effort, slave_valid, _ = slave
-        if slave_valid:
-            two.close(position, effort)
-        else:
-            two.miss()
+        master_valid = one.take(master)
+        slave_valid = two.take(slave)
         from_master = one.leaving
         from_slave = two.leaving
         if self.filters is not None:
@@ -260,16 +252,8 @@ class PositionPair(Pair):
             self._exchange()
             one.pass_slot()
             two.pass_slot()
-        position, _, effort, master_valid, _ = master
-        if master_valid:
-            one.close(position, effort)
-        else:
-            one.miss()
-        position, _, effort, slave_valid, _ = slave
-        if slave_valid:
-            two.close(position, effort)
-        else:
-            two.miss()
+        master_valid = one.take(master)
+        slave_valid = two.take(slave)
         self._book()
         self._think(
             *self._exchange(), ramp=ramp, master_valid=master_valid, slave_valid=slave_valid

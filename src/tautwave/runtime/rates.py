@@ -152,10 +152,8 @@ class MultiratePair(WavePair):
                     # Nobody closed: as without a converter, nothing leaves.
                     if converter is not None:
                         site.miss()
-                elif state.valid:
-                    site.close(state.position, state.effort)
                 else:
-                    site.miss()
+                    site.take(state)
             if converter is not None:
                 if due[place]:
                     converter.load(site.leaving)

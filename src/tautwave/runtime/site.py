@@ -13,7 +13,7 @@ from tautwave.laws.limit import clamp, guard_axis, limit_effort, stop_effort
 from tautwave.laws.port import BANKRUPT, ROUNDING, port_close, port_debt, track_velocity
 from tautwave.laws.site import SiteParams, think_admittance, think_position, think_wave
 from tautwave.laws.wall import wall_depth, wall_loss, wall_stored
-from tautwave.types import AxisCommand
+from tautwave.types import AxisCommand, JointState
 
 
 class SiteAxis:
@@ -214,6 +214,15 @@ class SiteAxis:
         """No sample in this cycle: nothing is known, nothing leaves, the command stays."""
         self.valid = False
         self.leaving = 0.0
+
+    def take(self, state: JointState) -> bool:
+        """Close with a fresh sample, or do without; return whether there was one."""
+        position, _, effort, valid, _ = state
+        if valid:
+            self.close(position, effort)
+        else:
+            self.miss()
+        return valid
 
     def close(self, position: float, outside: float) -> None:
         """Close all periods since the last sample: books, and the leaving wave.
