@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import csv
+import json
 import pickle
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Generator, Iterable
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
+import yaml
 
 from tautwave.errors import RecordingError
 from tautwave.offline import sweep_file as sweep_file_module
@@ -23,7 +23,7 @@ from tautwave.offline.sweep_file import MEASURES, load_sweep
 from tautwave.offline.sweep_measure import BOOKS, PREDICTED, measure_run
 from tautwave.offline.sweep_pool import AHEAD, Piece, ProcessPool, Worker, in_process
 from tautwave.offline.sweep_rows import Simulator, sweep_engine, takes_rows
-from tautwave.offline.sweep_table import SweepTable, line_of, write_parquet
+from tautwave.offline.sweep_table import SweepTable, line_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 WALL = "simulation.environment: {cart: {type: wall, position: 0.0005, stiffness: 500, damping: 1}}"
@@ -210,20 +210,33 @@ def test_cells_keep_their_commas() -> None:
     assert next(csv.reader([line])) == ['say "x", y', "", "1"]
 
 
-def test_parquet_holds_the_table(tmp_path: Path) -> None:
-    table = run_sweep(load_sweep(sweep(tmp_path / "a.yaml", duration_s=0.02)), tmp_path / "o")
-    if find_spec("pyarrow") is None:
-        assert table.parquet is None
-        assert write_parquet(table.table) is None
-        return
-    import pyarrow.parquet as parquet  # type: ignore[import-not-found,unused-ignore]
-
-    assert table.parquet is not None
-    read = parquet.read_table(table.parquet).to_pydict()
-    assert read["id"] == ids(table.table)
-    assert np.isfinite(read["peak_amplitude"]).all()
-
-
 def test_a_small_sweep_needs_no_compiler() -> None:
     assert sweep_engine(1000) == "python"
     assert sweep_engine(10**9) in ("c", "compiled", "python")
+
+
+def test_shipped_hundred_thousand_walls(tmp_path: Path) -> None:
+    """The whole of it takes minutes; here are its corners, for a moment each."""
+    shipped = CONFIGS / "sweeps/many-walls.yaml"
+    plan = load_sweep(shipped)
+    assert len(plan.points) == 100_000
+    assert len(set(plan.points.ids().tolist())) == 100_000
+    rig = plan.points[0].rig
+    assert (rig.rate_hz, rig.duration_s) == (1000, 10)
+    found = plan.points.family(12_345)
+    assert found is not None
+    assert len(found[0].nears) == 3  # nothing of the rig is read twice
+    cut: dict[str, Any] = yaml.safe_load(shipped.read_text())
+    cut["rig"] = str(CONFIGS / "bench-1dof-loopback.yaml")
+    cut["duration_s"] = 0.9
+    cut["grid"] = {key: [values[0], values[-1]] for key, values in cut["grid"].items()}
+    path = tmp_path / "cut.yaml"
+    path.write_text(json.dumps(cut))
+    rows = list(run_sweep(load_sweep(path), tmp_path / "out").rows)
+    assert len(rows) == 8
+    assert {row["outcome"] for row in rows} == {"finished"}
+    # Where the wall is reached its stiffness tells; 0.9 s of the hand's way do for the near one.
+    errors = [row["effort_error_max"] for row in rows]
+    assert errors[0] != errors[2]
+    assert errors[4] != errors[6]
+    assert errors[5] == errors[7]

@@ -42,6 +42,7 @@ def sweep(
     Examples:
         tautwave sweep configs/sweeps/delay-stability.yaml
         tautwave sweep configs/sweeps/wall-kb-plane.yaml
+        tautwave sweep configs/sweeps/many-walls.yaml --out runs/walls
         tautwave sweep sweep.yaml --out runs/stiffness --jobs 4
     """
     from tautwave.cli.progress import Progress
@@ -138,6 +139,7 @@ def draw_map(file: Path, out: Path | None, *, as_json: bool) -> None:
 def sweep_sections(sweep: Any, result: Any, rows: list[Any], picture: Path | None) -> list[Any]:
     """How many points were done, where each case is stable, and where the files are."""
     from tautwave.cli.show import NOTE, Section
+    from tautwave.offline.sweep_parquet import NO_PYARROW
     from tautwave.report.sweep_figure import curves_of, stability_sentences
 
     done = len(result.rows)
@@ -152,7 +154,7 @@ def sweep_sections(sweep: Any, result: Any, rows: list[Any], picture: Path | Non
             verdicts += [(text,) for _, text in stability_sentences(curve, sweep.figure)]
     files = [(str(path),) for path in (result.table, result.parquet, picture) if path is not None]
     if result.parquet is None and not result.interrupted:
-        files.append(("No Parquet: that needs pyarrow (pip install pyarrow).",))
+        files.append((NO_PYARROW,))
     return [
         Section(headline, (), (), NOTE if result.interrupted else "bold"),
         Section("Stability", ("",), verdicts),

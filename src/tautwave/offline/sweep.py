@@ -15,10 +15,11 @@ from typing import NamedTuple
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.offline.sweep_file import SweepPlan
 from tautwave.offline.sweep_measure import PREDICTED, measure_run, predict_pair
+from tautwave.offline.sweep_parquet import column_types, origin, write_parquet
 from tautwave.offline.sweep_points import Points
 from tautwave.offline.sweep_pool import Executor, Piece, ProcessPool, in_process
 from tautwave.offline.sweep_rows import Simulator, sweep_engine, takes_rows
-from tautwave.offline.sweep_table import SweepTable, TableRows, line_of, write_parquet
+from tautwave.offline.sweep_table import SweepTable, TableRows, line_of
 
 TABLE = "points.csv"
 LARGEST = 64
@@ -111,7 +112,9 @@ def run_sweep(
         if isinstance(err, RecordingError):
             raise
         raise RecordingError(f"{out}: the sweep cannot be written: {err.strerror}") from err
-    parquet = None if interrupted else write_parquet(path)
+    parquet = None
+    if not interrupted:
+        parquet = write_parquet(path, column_types(plan, header), origin(plan))
     return SweepResult(TableRows(path, done), total, resumed, interrupted, path, parquet)
 
 

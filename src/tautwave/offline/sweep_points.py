@@ -225,6 +225,11 @@ class Points(Sequence[Point]):
         """Return every key that is varied, in the order of the sweep."""
         return tuple(dict.fromkeys(key for recipe in self._recipes for key in recipe.varied()))
 
+    def varied(self) -> Iterator[Choice]:
+        """Give every value of every key that is varied, case by case."""
+        for recipe in self._recipes:
+            yield from (choice for axis in recipe.axes for group in axis for choice in group)
+
     def sample(self, most: int) -> Iterable[int]:
         """Return the points to look at beforehand: all, or at most about `most` of them.
 

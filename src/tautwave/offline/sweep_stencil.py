@@ -27,8 +27,8 @@ from tautwave.offline.sweep_family import Family, Values
 from tautwave.offline.sweep_near import DEVICE, PAIR, SIDE, Part
 from tautwave.offline.tables import Form, Tables, image_of
 
-KEPT = 1024
-"""Records of one part that are kept, a few kB each."""
+KEPT = 4096
+"""Records of one part that are kept, some 5 kB each: those of two axes of 60 values."""
 
 
 class Made(NamedTuple):

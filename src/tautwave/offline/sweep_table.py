@@ -8,12 +8,9 @@ from __future__ import annotations
 
 import csv
 import fcntl
-import importlib
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +19,6 @@ from tautwave.errors import RecordingError
 
 Row = dict[str, str]
 Ids = npt.NDArray[np.uint64]
-TEXT = ("id", "case", "outcome")
 
 
 class TableRows:
@@ -164,32 +160,12 @@ class SweepTable:
         os.replace(part, self.path)
 
 
-def write_parquet(path: Path) -> Path | None:
-    """Write a finished table as Parquet beside it, piece by piece; None without pyarrow."""
-    if find_spec("pyarrow") is None:
-        return None
-    arrow: Any = importlib.import_module("pyarrow")
-    reader: Any = importlib.import_module("pyarrow.csv")
-    parquet: Any = importlib.import_module("pyarrow.parquet")
-    options = reader.ConvertOptions(column_types={name: arrow.string() for name in TEXT})
-    target = path.with_suffix(".parquet")
-    part = path.with_suffix(".parquet.part")
-    with (
-        reader.open_csv(path, convert_options=options) as batches,
-        parquet.ParquetWriter(part, batches.schema) as out,
-    ):
-        for batch in batches:
-            out.write_batch(batch)
-    os.replace(part, target)
-    return target
-
-
 def line_of(header: Sequence[str], row: Mapping[str, str]) -> str:
     """Return a row as a line of CSV; cells with commas or quotes are quoted."""
-    cells = []
-    for name in header:
-        cell = row.get(name, "")
-        if any(mark in cell for mark in ',"\n\r'):
-            cell = '"' + cell.replace('"', '""').replace("\n", " ").replace("\r", " ") + '"'
-        cells.append(cell)
-    return ",".join(cells) + "\n"
+    return ",".join([_quoted(row.get(name, "")) for name in header]) + "\n"
+
+
+def _quoted(cell: str) -> str:
+    if "," not in cell and '"' not in cell and "\n" not in cell and "\r" not in cell:
+        return cell
+    return '"' + cell.replace('"', '""').replace("\n", " ").replace("\r", " ") + '"'
