@@ -21,7 +21,7 @@ from tautwave.errors import RecordingError
 from tautwave.report.recording import Recording, read_recording
 from tautwave.runtime import recorder as recorder_module
 from tautwave.runtime.recorder import Recorder
-from tautwave.runtime.ring import WRITTEN
+from tautwave.runtime.ring import HEAD, TAIL, WRITTEN
 
 COLUMNS = ("time_s", "cycle", "square")
 LOOP = Path(__file__).with_name("recording_loop.py")
@@ -161,13 +161,12 @@ def test_a_killed_writer_loses_at_most_its_open_chunk(tmp_path: Path) -> None:
         recorder = make(path, columns, rows=8192, lossless=False)
         recorder.start()
         assert recorder.writer_pid is not None
-        cycle = 0
-        end = time.monotonic() + dice.uniform(0.0, 0.25)
-        while time.monotonic() < end:
-            put(recorder, range(cycle, cycle + 10))
-            cycle += 10
-            time.sleep(0.001)
-        time.sleep(0.2)  # the writer looks every 50 ms; what is left is less than a chunk
+        cycle = dice.randrange(2 * chunk, 2500, 10)
+        for first in range(0, cycle, 10):
+            put(recorder, range(first, min(first + 10, cycle)))
+            time.sleep(0.0001)
+        words = recorder._ring.words
+        wait_until(lambda w=words: w[TAIL] == w[HEAD])  # type: ignore[misc]  # all is taken out
         os.kill(recorder.writer_pid, signal.SIGKILL)
         wait_until(lambda r=recorder: r.problem() is not None)  # type: ignore[misc]
         assert put(recorder, range(cycle, cycle + 10_000)) < 8192  # the loop goes on
