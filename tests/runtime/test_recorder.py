@@ -169,7 +169,7 @@ def test_a_killed_writer_loses_at_most_its_open_chunk(tmp_path: Path) -> None:
         wait_until(lambda w=words: w[TAIL] == w[HEAD])  # type: ignore[misc]  # all is taken out
         os.kill(recorder.writer_pid, signal.SIGKILL)
         wait_until(lambda r=recorder: r.problem() is not None)  # type: ignore[misc]
-        assert put(recorder, range(cycle, cycle + 10_000)) < 8192  # the loop goes on
+        assert put(recorder, range(cycle, cycle + 10_000)) <= 8192  # the loop goes on
         stats = recorder.close()
         assert stats.rows_offered == cycle + 10_000
         assert stats.rows_dropped == stats.rows_offered - stats.rows_written
