@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
-from tautwave.contracts import BusSpec, Clock, CycleCost, Driver, DriverPlugin
+from tautwave.contracts import CycleCost, DriverPlugin
 from tautwave_drivers.canopen.budget import budget
 from tautwave_drivers.canopen.driver import CanopenDriver
 from tautwave_drivers.canopen.options import CanopenOptions, facts
 from tautwave_drivers.canopen.scan import ScanOptions, scan
-
-
-def _make(options: CanopenOptions, bus: BusSpec, clock: Clock, transport: Any) -> Driver:
-    return CanopenDriver(options, bus, clock, transport)
-
-
-def _scan(options: ScanOptions) -> Sequence[Mapping[str, Any]]:
-    return scan(options)
 
 
 def _measure(cycles: int) -> Sequence[CycleCost]:
@@ -28,9 +19,9 @@ def _measure(cycles: int) -> Sequence[CycleCost]:
 
 plugin = DriverPlugin(
     options=CanopenOptions,
-    make=_make,
+    make=CanopenDriver,
     budget=budget,
-    scan=_scan,
+    scan=scan,
     needs=("can", "canopen"),
     hardware=True,
     summary="CiA 402 drives on CAN (SocketCAN, python-can)",

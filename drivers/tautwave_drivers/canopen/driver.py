@@ -115,7 +115,12 @@ class CanopenDriver:
     def _connect(self) -> Port:
         if isinstance(self._transport, socket.socket):  # frames of SocketCAN on any datagram socket
             return RawPort(self._transport.dup(), self._clock, self._bus.name)
-        return self._transport or open_port(self._options, self._clock)
+        if self._transport is not None:
+            return self._transport
+        try:
+            return open_port(self._options, self._clock)
+        except DriverError as err:
+            raise DriverError(f"bus {self._bus.name}: {err}") from err
 
     def attach(self, port: Port) -> None:
         """Take a port whose drives are set up already, or are none: measurements, tests."""

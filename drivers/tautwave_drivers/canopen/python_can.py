@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from typing import Any
 
@@ -14,6 +15,9 @@ from tautwave_drivers.canopen.frames import ERROR_FRAME, gone
 _POLL_NS = 200_000
 """How often a bus without a descriptor is looked at while waiting."""
 _FULL_WORDS = ("buffer full", "no buffer space", "queue full", "overrun")
+
+# Without a handler Python prints a library's warnings on stderr; ours are in sentences.
+logging.getLogger("can").addHandler(logging.NullHandler())
 
 
 class PythonCanPort:
@@ -115,7 +119,7 @@ def open_python_can(options: Any, clock: Clock) -> PythonCanPort:
     where = f"{options.interface}:{options.channel}"
     try:
         bus = can.Bus(channel=options.channel, interface=options.interface, bitrate=options.bitrate)
-    except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as err:
+    except Exception as err:  # a missing vendor's library also ends in NameError, TypeError ...
         raise DriverError(
             f"cannot open {where} through python-can ({err}); check interface and channel, and "
             "that its driver or module is installed"

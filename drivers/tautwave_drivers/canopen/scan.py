@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.clock import MonotonicClock
 from tautwave.contracts import Clock
+from tautwave.errors import DriverError
 from tautwave_drivers.canopen.frames import Port, open_port
 from tautwave_drivers.canopen.health import state_words
 from tautwave_drivers.cia402 import communication as c
@@ -30,8 +31,12 @@ class ScanOptions(BaseModel):
 
     interface: str = Field(default="socketcan", description="python-can's name of the interface")
     channel: str = Field(default="can0", description="its channel")
-    bitrate: int = Field(default=1_000_000, description="[bit/s]")
-    backend: str = Field(default="auto", description="auto, raw or python-can")
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = Field(
+        default=1_000_000, description="[bit/s]"
+    )
+    backend: Literal["auto", "raw", "python-can"] = Field(
+        default="auto", description="auto, raw or python-can"
+    )
     listen_s: Annotated[float, Field(gt=0.0)] = Field(
         default=1.2, description="[s] how long heartbeats are listened for"
     )
@@ -95,7 +100,7 @@ def _row(
     def value(entry: Entry) -> Any:
         try:
             return drive.read(entry)
-        except Exception:  # noqa: BLE001  a scan shows what there is
+        except DriverError:  # refused, or silent: a scan shows what there is
             return None
 
     def hexed(entry: Entry) -> str | None:

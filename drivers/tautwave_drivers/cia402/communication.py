@@ -48,29 +48,8 @@ ERROR_BEHAVIOUR = _entry(
 SAVE = 0x65766173
 """'save' as the value written to 1010h:01."""
 
-COMMUNICATION = (
-    DEVICE_TYPE,
-    ERROR_REGISTER,
-    ERROR_COUNT,
-    ERROR_NEWEST,
-    SYNC_COB_ID,
-    SYNC_PERIOD,
-    SYNC_WINDOW,
-    DEVICE_NAME,
-    HARDWARE_VERSION,
-    SOFTWARE_VERSION,
-    STORE_ALL,
-    EMCY_COB_ID,
-    CONSUMER_COUNT,
-    CONSUMER_HEARTBEAT,
-    PRODUCER_HEARTBEAT,
-    IDENTITY_COUNT,
-    VENDOR_ID,
-    PRODUCT_CODE,
-    REVISION,
-    SERIAL_NUMBER,
-    ERROR_BEHAVIOUR,
-)
+COMMUNICATION = tuple(value for value in list(globals().values()) if isinstance(value, Entry))
+"""Every object of this module but those of the PDOs, by index."""
 
 COB_ID_INVALID = 1 << 31
 """Bit of a PDO's COB-ID while the PDO does not exist."""

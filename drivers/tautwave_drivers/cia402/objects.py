@@ -12,10 +12,8 @@ from tautwave_drivers.cia402.entry import Entry
 _402 = "CiA 402-2 v3.0"
 
 
-def _entry(
-    index: int, sub: int, kind: str, name: str, unit: str, meaning: str, source: str = _402
-) -> Entry:
-    return Entry(name, index, sub, kind, unit, meaning, source)
+def _entry(index: int, sub: int, kind: str, name: str, unit: str, meaning: str) -> Entry:
+    return Entry(name, index, sub, kind, unit, meaning, _402)
 
 
 ABORT_CONNECTION = _entry(0x6007, 0, "I16", "abort connection option", "", "when the bus is lost")

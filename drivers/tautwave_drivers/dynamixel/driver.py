@@ -123,7 +123,10 @@ class DynamixelDriver:
         note = set_latency_timer(path, self._options.latency_s)
         if note:
             self.notes.append(note)
-        return SerialPort(path, self._options.baud)
+        try:
+            return SerialPort(path, self._options.baud)
+        except DriverError as err:
+            raise DriverError(f"bus {self._bus.name}: {err}") from err
 
     def _build(self, port: BytePort) -> None:
         """Make what every cycle uses."""

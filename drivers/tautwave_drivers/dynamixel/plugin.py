@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
-from tautwave.contracts import AxisFacts, BusSpec, Clock, CycleCost, DriverPlugin
+from tautwave.contracts import AxisFacts, BusSpec, CycleCost, DriverPlugin
 from tautwave_drivers.dynamixel.budget import budget
 from tautwave_drivers.dynamixel.driver import DynamixelDriver
 from tautwave_drivers.dynamixel.indirect import check_one_family
 from tautwave_drivers.dynamixel.options import DynamixelOptions, match_servos
 from tautwave_drivers.dynamixel.scan import ScanOptions, scan
 from tautwave_drivers.dynamixel.units import scale_of
-
-
-def _make(options: DynamixelOptions, bus: BusSpec, clock: Clock, transport: Any) -> DynamixelDriver:
-    return DynamixelDriver(options, bus, clock, transport)
 
 
 def _facts(options: DynamixelOptions, bus: BusSpec) -> Sequence[AxisFacts]:
@@ -30,10 +25,6 @@ def _facts(options: DynamixelOptions, bus: BusSpec) -> Sequence[AxisFacts]:
     return facts
 
 
-def _scan(options: ScanOptions) -> Sequence[Mapping[str, Any]]:
-    return scan(options)
-
-
 def _measure(cycles: int) -> Sequence[CycleCost]:
     from tautwave_drivers.dynamixel.measure import measure
 
@@ -42,9 +33,9 @@ def _measure(cycles: int) -> Sequence[CycleCost]:
 
 plugin = DriverPlugin(
     options=DynamixelOptions,
-    make=_make,
+    make=DynamixelDriver,
     budget=budget,
-    scan=_scan,
+    scan=scan,
     # Speaks for itself; dynamixel-sdk only where `transport: sdk` asks for it.
     needs=(),
     hardware=True,

@@ -115,7 +115,7 @@ class SerialPort:
 
 def _no_port(path: str, err: OSError) -> str:
     if err.errno == errno.ENOENT:
-        return f"{path}: there is no such device; plug the adapter in, or correct options.port"
+        return f"{path}: there is no such device; plug the adapter in, or correct its path"
     if err.errno == errno.EACCES:
         return f"{path}: not permitted; add yourself to its group: sudo usermod -aG dialout $USER"
     if err.errno == errno.EBUSY:

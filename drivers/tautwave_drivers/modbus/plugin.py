@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from tautwave.contracts import BusSpec, Clock, CycleCost, Driver, DriverPlugin
 from tautwave_drivers.modbus.budget import budget
 from tautwave_drivers.modbus.options import ModbusOptions, facts
-from tautwave_drivers.modbus.scan import ScanOptions
+from tautwave_drivers.modbus.scan import ScanOptions, scan
 
 
 def _make(options: ModbusOptions, bus: BusSpec, clock: Clock, transport: Any) -> Driver:
     from tautwave_drivers.modbus.driver import ModbusDriver
 
     return ModbusDriver(options, bus, clock, transport)
-
-
-def _scan(options: ScanOptions) -> Sequence[Mapping[str, Any]]:
-    from tautwave_drivers.modbus.scan import scan
-
-    return scan(options)
 
 
 def _measure(cycles: int) -> Sequence[CycleCost]:
@@ -33,7 +27,7 @@ plugin = DriverPlugin(
     options=ModbusOptions,
     make=_make,
     budget=budget,
-    scan=_scan,
+    scan=scan,
     needs=("pymodbus", "serial"),
     hardware=True,
     summary="Modbus servo drives over TCP or RTU, by register maps given as data",

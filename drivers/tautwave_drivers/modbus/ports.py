@@ -209,7 +209,7 @@ class SerialPort:
 def _not_open(path: str, err: Exception) -> str:
     code = getattr(err, "errno", None)
     if code == errno.ENOENT:
-        return f"{path}: there is no such device; plug the adapter in, or correct options.endpoint"
+        return f"{path}: there is no such device; plug the adapter in, or correct the endpoint"
     if code == errno.EACCES:
         return f"{path}: not permitted; add yourself to its group: sudo usermod -aG dialout $USER"
     if code in (errno.EBUSY, errno.EAGAIN):

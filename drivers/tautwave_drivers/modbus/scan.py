@@ -64,7 +64,7 @@ def units_of(text: str, serial: bool) -> list[int]:
 def scan(options: ScanOptions) -> Sequence[dict[str, Any]]:
     """Return every unit that answers: endpoint, profile or identity, state and fault.
 
-    Nothing is written.
+    Nothing is written. An endpoint that cannot be reached, where others can, has a row of its own.
 
     Raises
     ------
@@ -79,13 +79,13 @@ def scan(options: ScanOptions) -> Sequence[dict[str, Any]]:
     clock = MonotonicClock()
     profiles = [load_profile(name) for name in (*options.profiles, *SHIPPED)]
     found: list[dict[str, Any]] = []
-    failed = []
+    failed: dict[str, str] = {}
     for endpoint in options.endpoint:
         units = units_of(options.units, not endpoint.startswith("tcp://"))
         try:
             link = _open(endpoint, options, clock)
         except DriverError as err:
-            failed.append(str(err))
+            failed[endpoint] = str(err)
             continue
         try:
             for unit in units:
@@ -93,8 +93,11 @@ def scan(options: ScanOptions) -> Sequence[dict[str, Any]]:
         finally:
             link.close()
     if failed and len(failed) == len(options.endpoint):
-        raise DriverError("; ".join(failed))
-    return found
+        raise DriverError("; ".join(failed.values()))
+    return found + [
+        {"endpoint": one, "unit": None, "fault": why.removeprefix(f"{one}: ")}
+        for one, why in failed.items()
+    ]
 
 
 def _open(endpoint: str, options: ScanOptions, clock: Clock) -> Link:
@@ -104,6 +107,8 @@ def _open(endpoint: str, options: ScanOptions, clock: Clock) -> Link:
     from tautwave_drivers.modbus.transaction_tcp import TcpLink
 
     if not endpoint.startswith("tcp://"):
+        if not endpoint.startswith(("/", ".")) and endpoint.rpartition(":")[2].isdigit():
+            raise ConfigError(f"scan modbus: --endpoint {endpoint}: write tcp://{endpoint}")
         line = ModbusOptions(
             link="rtu",
             endpoint=endpoint,
@@ -121,7 +126,9 @@ def _open(endpoint: str, options: ScanOptions, clock: Clock) -> Link:
     while not link.connect():
         if clock.now_ns() > until:
             link.close()
-            raise DriverError(f"{endpoint}: nothing answers there")
+            raise DriverError(
+                f"{endpoint}: no connection within 2 s; check cable, supply and address"
+            )
         clock.sleep_until(clock.now_ns() + 1_000_000)
     return link
 

@@ -6,6 +6,7 @@ before they are sent: nobody answers earlier than the bit rate allows.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -35,12 +36,14 @@ def open_bus(options: SimulatedCanopenOptions) -> Any:
         import can
     except ImportError as err:
         raise DriverError("canopen needs python-can: pip install tautwave[canopen]") from err
+    # Without a handler Python prints a library's warnings on stderr; ours are in sentences.
+    logging.getLogger("can").addHandler(logging.NullHandler())
     keys: dict[str, Any] = {}
     if options.interface not in ("socketcan", "udp_multicast", "virtual"):
         keys["bitrate"] = options.bitrate
     try:
         return can.Bus(interface=options.interface, channel=options.channel, **keys)
-    except (can.CanError, OSError, ValueError, ImportError) as err:
+    except Exception as err:  # a missing vendor's library also ends in NameError, TypeError ...
         raise DriverError(
             f"cannot open {options.interface}:{options.channel}: {err}; bring the interface up, or "
             "use interface udp_multicast with channel 239.74.163.2, which needs no CAN in the "

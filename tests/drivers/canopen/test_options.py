@@ -17,6 +17,7 @@ from tautwave.errors import ConfigError, DriverError
 from tautwave.types import SAFE_COMMAND, CommandDelay
 from tautwave_drivers.canopen import plugin
 from tautwave_drivers.canopen.options import facts, nodes_of
+from tautwave_drivers.canopen.scan import ScanOptions, scan
 from tests.drivers.canopen.benches import block, bus_of, driver_options, make, node
 
 CONFIG = Path(__file__).parents[3] / "configs" / "bench-canopen-virtual.yaml"
@@ -126,3 +127,27 @@ def test_a_wrong_key_of_the_simulated_drives_is_a_sentence(
         load_rig(CONFIG, [override])
     assert words in str(told.value)
     assert "options.simulator" in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("interface", "why"),
+    [
+        ("nothing-at-all", "Unknown interface type"),
+        ("serial", "Must specify a serial port"),
+        ("kvaser", "cannot open kvaser:0 through python-can"),
+        ("socketcand", "cannot open socketcand:0 through python-can"),
+    ],
+)
+def test_an_interface_that_cannot_be_opened_is_a_sentence(interface: str, why: str) -> None:
+    """Whatever python-can raises: NameError without Kvaser's library, TypeError, ..."""
+    with pytest.raises(DriverError, match=f"(?s){why}.*check interface and channel"):
+        scan(ScanOptions(interface=interface, channel="0"))
+
+
+def test_the_driver_names_the_bus_that_cannot_be_opened() -> None:
+    options = block(node(1)) | {"interface": "serial", "channel": "0"}
+    spec = bus_of(options, ("impedance",))
+    driver = plugin.make(driver_options(options), spec, FakeClock(), None)
+    with pytest.raises(DriverError, match=r"^bus can: cannot open serial:0"):
+        driver.open()
+    driver.close()

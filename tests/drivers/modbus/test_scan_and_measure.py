@@ -14,6 +14,9 @@ def test_scan_over_tcp_tells_unit_profile_and_state() -> None:
     with served("--tcp", "127.0.0.1:0", "--units", "3,7") as drives:
         nowhere = "tcp://127.0.0.1:1"
         rows = scan(ScanOptions(endpoint=[drives["endpoint"], nowhere], units="1-8"))
+    failed = rows.pop()
+    assert (failed["endpoint"], failed["unit"]) == (nowhere, None)
+    assert failed["fault"].startswith("refused: nothing listens there")
     assert [(row["unit"], row["profile"], row["state"]) for row in rows] == [
         (3, "generic", "off (0x1)"),
         (7, "generic", "off (0x1)"),
@@ -41,6 +44,11 @@ def test_units_are_ranges_and_lists() -> None:
 def test_a_host_that_is_not_there_is_a_sentence() -> None:
     with pytest.raises(DriverError, match=r"refused"):
         scan(ScanOptions(endpoint=["tcp://127.0.0.1:1"]))
+
+
+def test_a_host_without_its_scheme_is_told_how_to_be_written() -> None:
+    with pytest.raises(ConfigError, match=r"write tcp://10\.0\.0\.7:502"):
+        scan(ScanOptions(endpoint=["10.0.0.7:502"]))
 
 
 def test_our_exchange_and_the_synchronous_client_s_stand_beside_the_bare_bytes() -> None:
