@@ -16,6 +16,9 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+# Before NumPy: threads of BLAS only wait for each other beside the workers of xdist.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # The same cases each time, so that a red run is about the change and not about luck; the machine's
 # speed is nobody's business. `pytest --hypothesis-profile=explore` looks for new ones.
 settings.register_profile(

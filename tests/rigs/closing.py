@@ -86,7 +86,10 @@ def assert_closed(run: Run, name: str = "a") -> Books:
 
 
 def port_bound(run: Run, side: str, name: str = "a") -> float:
-    """Return what a port may have generated [J, pair]: forgiven noise and `port_debt`."""
+    """Return what a port may have generated [J, pair]: forgiven noise, `port_debt`, the last step.
+
+    An account that owes too much lets go in the next period; commands on their way still act.
+    """
     pair = next(at.pair for at in run.assembly.pairs if at.pair.name == name)
     site = getattr(pair, side)
     weight = 1.0 if side == "master" else pair.weight
@@ -94,7 +97,8 @@ def port_bound(run: Run, side: str, name: str = "a") -> float:
     fastest = np.abs(np.diff(run[f"{side}.{name}.position"])).max(initial=0.0) / port.period
     delay = len(site._pipe) + (1 if site._late else 0)
     owed = port_debt(port, delay, site.params.gain, fastest, site.gross_flow)
-    return forgiven(run, side, name) + weight * owed
+    step = np.abs(np.diff(run[f"{name}.port_{side}.absorbed"])).max(initial=0.0)
+    return forgiven(run, side, name) + weight * owed + (1 + delay) * step
 
 
 def assert_passive(run: Run, name: str = "a", bounded: Collection[str] = SIDES) -> None:
