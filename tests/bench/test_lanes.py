@@ -26,7 +26,7 @@ from tautwave.bench.lanes import (
 )
 from tautwave.bench.lanes_text import LANES
 from tautwave.bench.plain_scene import Plain, meet_wall, plain_set, run_plain
-from tautwave.bench.plain_truth import plain_truth, slave_plant
+from tautwave.bench.plain_truth import plain_plants, plain_truth
 from tautwave.cli import main
 from tautwave.models.integrators import DORMAND_PRINCE, EXACT
 from tautwave.models.plant import plant_step
@@ -91,7 +91,7 @@ motions = st.floats(-2e-3, 2e-3), st.floats(-2.0, 2.0), st.floats(-300.0, 300.0)
 @given(*motions, st.sampled_from([200.0, 5e3, 1e6]))
 def test_a_meeting_is_the_plant_s(deep: float, v: float, force: float, stiffness: float) -> None:
     p = plain_set(1e-3, 6.0, 0.4, 0.4, 0.0, stiffness)
-    plant = slave_plant(p)
+    _, plant = plain_plants(p)
     want = plant_step(plant, plant_cache(plant, 1e-3), deep, v, 0, force, 0.0, 0.0, 1e-3)
     x, speed = meet_wall(p, deep, v, force)
     scale = abs(v) + 1e-3 * abs(force) / p.mass + p.rate * abs(deep)

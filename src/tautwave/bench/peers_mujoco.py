@@ -17,6 +17,8 @@ import numpy as np
 
 from tautwave.bench import workprecision_linear as resonator
 from tautwave.bench.peers import missing
+from tautwave.bench.plain_scene import Plain
+from tautwave.bench.plain_truth import Move, plain_error, plain_loop, plain_plants
 from tautwave.bench.workprecision_contact import Array, ContactScene
 from tautwave.bench.workprecision_points import Point, cpu_time
 from tautwave.bench.workprecision_rig import RigScene, rig_errors
@@ -186,21 +188,57 @@ def mujoco_rig(
     for integrator in INTEGRATORS:
         for substeps in counts:
             rows = _closed_loop(job, integrator, substeps)
-            plants = [device.plant for device in job.devices]
-            bodies = [slide_text(f"x{i}", plant) for i, plant in enumerate(plants)]
             step = rig.period_s / substeps
-            mujoco, model, data = make_model(bodies, step, integrator)
-            many = 1000 * substeps
-
-            def run(
-                mujoco: Any = mujoco, model: Any = model, data: Any = data, many: int = many
-            ) -> None:
-                mujoco.mj_step(model, data, many)
-
-            spent = cpu_time(run, 1000.0 * rig.period_s, rounds)
+            plants = [device.plant for device in job.devices]
+            spent = _time_alone(plants, step, integrator, 1000 * substeps, rounds)
             error, _ = rig_errors(job, rows, oracle)
             name = f"MuJoCo {integrator}"
             yield Point(scene.name, name, step, error, float("nan"), spent, False, True)
+
+
+def mujoco_plain(
+    name: str,
+    p: Plain,
+    aims: Sequence[float],
+    counts: Sequence[int],
+    oracle: Array,
+    rounds: int,
+) -> Iterator[Point]:
+    """Yield MuJoCo's devices in the plain scene, in closed loop; timed as in `mujoco_rig`."""
+    if missing("mujoco"):
+        return
+    plants = plain_plants(p)
+    for integrator in INTEGRATORS:
+        for substeps in counts:
+            step = p.period / substeps
+            moves = [_mover(plant, step, integrator, substeps) for plant in plants]
+            rows = plain_loop(p, aims, moves)
+            spent = _time_alone(plants, step, integrator, 1000 * substeps, rounds)
+            error = plain_error(rows, oracle)
+            nan = float("nan")
+            yield Point(name, f"MuJoCo {integrator}", step, error, nan, spent, False, True)
+
+
+def _mover(plant: PlantParams, step: float, integrator: str, substeps: int) -> Move:
+    """Return what moves a device by a period under a held force."""
+    mujoco, model, data = make_model([slide_text("x", plant)], step, integrator)
+
+    def move(x: float, v: float, force: float) -> tuple[float, float]:
+        data.qpos[0], data.qvel[0] = x, v
+        data.qfrc_applied[0] = force
+        mujoco.mj_step(model, data, substeps)
+        return float(data.qpos[0]), float(data.qvel[0])
+
+    return move
+
+
+def _time_alone(
+    plants: Sequence[PlantParams], step: float, integrator: str, many: int, rounds: int
+) -> float:
+    """Return CPU time per simulated second [s] of devices in one model, `many` steps a call."""
+    bodies = [slide_text(f"x{i}", plant) for i, plant in enumerate(plants)]
+    mujoco, model, data = make_model(bodies, step, integrator)
+    return cpu_time(lambda: mujoco.mj_step(model, data, many), many * step, rounds)
 
 
 def _closed_loop(job: Job, integrator: str, substeps: int) -> Array:

@@ -99,7 +99,7 @@ def meet_wall(p: Plain, x: float, v: float, force: float) -> tuple[float, float]
                 when = -2.0 * deep / (v + math.sqrt(square))
             elif square >= 0.0 and pull > 0.0:
                 when = (math.sqrt(square) - v) / pull
-        met = 0.0 <= when and when < left
+        met = 0.0 <= when < left
         span = left
         if met:
             span = when

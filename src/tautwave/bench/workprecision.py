@@ -1,5 +1,7 @@
 """Error against run time: every scene, every scheme, step sizes over decades, and the peers.
 
+Contacts and a resonator with closed forms; the shipped teleoperation rigs; the shipped scenes.
+
 Compiling is not part of any figure. Times are CPU times of the best undisturbed run.
 """
 
@@ -12,7 +14,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from tautwave.bench import peers, peers_mujoco
+from tautwave.bench import peers, peers_mujoco, workprecision_plain
 from tautwave.bench.compiled import NO_NUMBA, has_numba
 from tautwave.bench.result import Goal, Suite, Table, Value, machine
 from tautwave.bench.workprecision_contact import HERTZ, WALL, contact_scene
@@ -26,6 +28,7 @@ from tautwave.bench.workprecision_rig import (
     rig_scene,
     run_job,
 )
+from tautwave.bench.workprecision_scenes import SCENES, network_scene
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.offline.schemes import with_scheme
 
@@ -46,6 +49,7 @@ _TOLERANCES = {
 }
 _PEER_TOLERANCES = {False: (1e-3, 1e-6, 1e-9), True: (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)}
 _PEER_COUNTS = {False: (9, 31, 101, 1009), True: (9, 31, 101, 331, 1009, 3301)}
+_MUJOCO_SUBSTEPS = {False: (1, 10, 100), True: (1, 2, 5, 10, 20, 50, 100)}
 _DURATION_S = {False: 4.0, True: 10.0}
 _ROUNDS = {False: 4, True: 6}
 
@@ -88,13 +92,23 @@ def workprecision(
     scenes = list(_scenes(full, max_error, tell))
     from tautwave.bench.workprecision_c import c_costs
 
+    charges = list(workprecision_plain.charges(scenes, _ROUNDS[full]))
     tell("plain C")
     rigs = [rig for rig in (WAVE_WALL, WAVE_FOAM) if is_there(rig)]
     costs, goals = c_costs((WALL, HERTZ), rigs, _DURATION_S[full], _ROUNDS[full])
     suite = Suite(
         "workprecision",
-        [*(_scene_table(scene, max_error) for scene in scenes), _peer_table(scenes), costs],
-        [*goals, *(goal for scene in scenes for goal in _peer_goals(scene))],
+        [
+            *(_scene_table(scene, max_error) for scene in scenes),
+            _peer_table(scenes),
+            workprecision_plain.mujoco_table(charges),
+            costs,
+        ],
+        [
+            *goals,
+            *workprecision_plain.mujoco_goals(charges),
+            *(goal for scene in scenes for goal in _peer_goals(scene)),
+        ],
     )
     if out is not None:
         tell("pictures")
@@ -122,6 +136,8 @@ def _scenes(full: bool, max_error: float, tell: Tell) -> Iterable[Scene]:
         peers.control_linear((100, 1000), rounds),
         peers_mujoco.mujoco_linear((100, 1000, 10_000), rounds),
     )
+    tell(workprecision_plain.NAME)
+    yield workprecision_plain.plain_scene(_MUJOCO_SUBSTEPS[full], rounds)
     seconds = _DURATION_S[full]
     for rig in (WAVE_WALL, WAVE_FOAM):
         if not is_there(rig):
@@ -136,11 +152,17 @@ def _scenes(full: bool, max_error: float, tell: Tell) -> Iterable[Scene]:
             tell(f"{rig.name}, MuJoCo")
             job = with_scheme(pack_rig(rig.load(), seconds), 4, 1, ORACLE)
             oracle = run_job(job, compiled_kernel(), 1).rows
-            substeps = (1, 3, 10, 30) if full else (1, 10)
+            substeps = _MUJOCO_SUBSTEPS[full]
             scene = _with_peers(
                 scene, peers_mujoco.mujoco_rig(rig, substeps, seconds, oracle, rounds)
             )
         yield scene
+    # SciPy takes minutes for digits that a scene of contacts has no use for.
+    coarse = tuple(tolerance for tolerance in few if tolerance > 1e-7)
+    for shipped in SCENES:
+        if shipped.there:
+            tell(f"{shipped.name} (numba compiles for half a minute where it has not yet)")
+            yield _with_peers(network_scene(shipped, full, max_error, rounds, coarse))
 
 
 def _with_peers(scene: Scene, *more: Iterable[Point]) -> Scene:
@@ -212,7 +234,12 @@ def _peer_table(scenes: Iterable[Scene]) -> Table:
 
 
 def _peer_goals(scene: Scene) -> Iterable[Goal]:
-    """Yield MuJoCo's least ratio of times over all its steps, by integrator."""
+    """Yield MuJoCo's least ratio of times over all its steps, by integrator.
+
+    Those of the wave scenes are `workprecision_plain`'s, which says what each side is charged for.
+    """
+    if scene.name in (workprecision_plain.NAME, WAVE_WALL.name):
+        return
     for method in ("MuJoCo Euler", "MuJoCo RK4"):
         ratios = [ratio for peer, _, ratio in _ratios(scene) if peer.method == method]
         if ratios:
