@@ -16,6 +16,7 @@ from tautwave.report.loading import load_run
 from tautwave.report.precision import measure_precision
 from tautwave.report.precision_scene_table import scene_sentences, scene_tables
 from tautwave.rig import build_rig
+from tautwave.rig.scene import pruned_network
 from tautwave.runtime.loop import Loop
 from tests.report.synthetic import write_recording
 
@@ -161,7 +162,7 @@ def test_a_string_is_told_its_pitch(tmp_path: Path) -> None:
 def test_samples_before_the_scene_began_are_passed_over(tmp_path: Path) -> None:
     """A hand that leans on the coupling spring keeps the scene from starting."""
     rig = load_rig(CONFIGS / "scene-resonator.yaml", ["duration_s=0.05"])
-    network = precision_scene.pruned_network(rig).network
+    network = pruned_network(rig).network
     ports = np.array([[1.0], [1.0], [0.0], [1.0]])
     seen = np.array([[True], [True], [False], [True]])
     assert precision_scene._armed(rig, network, ports, seen) is None

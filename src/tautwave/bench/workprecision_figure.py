@@ -55,7 +55,7 @@ def error_figure(scenes: Sequence[Scene], max_error: float) -> Figure:
         at = scene.chosen
         if at is not None:
             star: Any = {"markersize": 17, "markeredgecolor": canvas.INK, "zorder": 6}
-            label = f"auto at 1 ms:\n{at.method}"
+            label = f"{scene.label}:\n{at.method}"
             axes.plot(max(at.error, SMALLEST), at.cpu_s, "*", color="#F0E442", label=label, **star)
         axes.set_ylabel("CPU s per simulated s")
         axes.set_xlabel("error (see the table of the scene)")
@@ -143,5 +143,8 @@ def _finish(axes: Axes, scene: Scene) -> None:
             transform=axes.get_yaxis_transform(),
         )
         axes.set_xlim(SMALLEST / 3.0, GREATEST)
-    canvas.heading(axes, f"{scene.name}: {scene.what.split('; error')[0].split(', all rows')[0]}")
+    what = scene.what
+    for end in ("; error", ", all rows", " (scene"):
+        what = what.split(end)[0]
+    canvas.heading(axes, f"{scene.name}: {what}")
     canvas.legend(axes)

@@ -44,7 +44,7 @@ class Point(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """A scene with its points. `chosen` is what `auto` would take at `loop_s` for `max_error`."""
+    """A scene with its points. `chosen` is what `auto` takes at 1 ms, or what `label` says."""
 
     name: str
     what: str
@@ -52,6 +52,7 @@ class Scene(NamedTuple):
     chosen: Point | None
     why: str
     notes: tuple[str, ...] = ()
+    label: str = "auto at 1 ms"
 
 
 def cpu_time(run: Callable[[], object], simulated_s: float, rounds: int = ROUNDS) -> float:

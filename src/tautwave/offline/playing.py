@@ -35,12 +35,14 @@ class Played(NamedTuple):
     """What a network did.
 
     `efforts` (rows, p) resisting [N], the mean over each row's steps; `places` (rows, n) of the
-    masses and strings after them [m]; its account at the end; CPU time of the steps [s].
+    masses and strings after them [m]; its account at the end and at the start; CPU time of the
+    steps [s].
     """
 
     efforts: Floats
     places: Floats
     ledger: Ledger
+    start: Ledger
     cpu_s: float
 
 
@@ -115,7 +117,7 @@ def play(
     told = take_ledger(arrays)
     for at in range(len(lines.node)):
         told = _with_string(told, arrays, lines, at, model.period)
-    return Played(efforts, places, Ledger(*map(float, told)), spent)
+    return Played(efforts, places, Ledger(*map(float, told)), model.start, spent)
 
 
 def _live(model: SceneModel, ports: Floats, pushes: Floats, stride: int, seconds: float) -> Played:
@@ -143,6 +145,7 @@ def _live(model: SceneModel, ports: Floats, pushes: Floats, stride: int, seconds
         np.array(efforts, np.float64).reshape(shape),
         np.array(places, np.float64).reshape(shape),
         model.ledger(),
+        model.start,
         spent,
     )
 

@@ -83,7 +83,7 @@ def scene_precision(run: Run, rig: Rig) -> dict[str, Any]:
     if kept:
         model = _model(network, scene.scheme, rig.period_s, inputs, kept[first // _BLOCK])
     window = inputs.part(first, last)
-    own = Played(base.efforts[first:last], base.places[first:last], base.ledger, base.cpu_s)
+    own = base._replace(efforts=base.efforts[first:last], places=base.places[first:last])
     told: dict[str, Any] = {
         "kind": "scene",
         "scheme": scene.scheme,
@@ -165,7 +165,7 @@ class _Replay(NamedTuple):
         """Play with `factor` steps a slot; ports are seen `within` a step after its begin."""
         slots = len(self.window.ports)
         steps = int(slots * factor)
-        slot = (np.arange(steps) + within) / factor
+        slot = np.asarray((np.arange(steps) + within) / factor, dtype=np.float64)
         given = np.arange(slots, dtype=np.float64)
         ports = np.stack([resampled(slot, given, at) for at in self.window.ports.T], axis=1)
         pushes = np.zeros((steps, self.window.pushes.shape[1]))
@@ -211,7 +211,7 @@ def _base(
             break
     efforts = np.concatenate([part.efforts for part in parts])
     places = np.concatenate([part.places for part in parts])
-    return Played(efforts, places, parts[-1].ledger, spent), states
+    return Played(efforts, places, parts[-1].ledger, model.start, spent), states
 
 
 def _window(base: Played, afford: int, kept: Sequence[Any]) -> tuple[int, int]:

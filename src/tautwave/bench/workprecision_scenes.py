@@ -1,0 +1,278 @@
+"""The shipped scenes along their hand's motion: every scheme, steps over decades, peers.
+
+The ports go where the rig's hand wants to be, seen in the middle of each step (the symplectic
+scheme: at its begin): what a loop adds by holding them for a period is told by the report of a
+run. Scenes of many contacts forget where they began, so the spans are short.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from tautwave.bench.rigs import CONFIGS
+from tautwave.bench.workprecision_points import Point, Scene
+from tautwave.config import Rig, load_rig
+from tautwave.motion import reference_positions
+from tautwave.offline.playing import Played, play
+from tautwave.rig.scene import pruned_network, scene_forces, scene_of
+from tautwave.scene.live import SceneModel
+from tautwave.scene.network import LINEAR, Network, String
+
+Array = npt.NDArray[np.float64]
+
+NAMES = {
+    "exact": "exact",
+    "discrete_gradient": "discrete_gradient",
+    "symplectic": "symplectic_euler",
+}
+"""What the schemes of a scene are called in the diagrams."""
+
+FINEST = 256
+"""Steps to a period of the rig with which the oracle runs."""
+
+_FACTORS = {
+    False: tuple(map(Fraction, ("1/8", "1/4", "1/2", "1", "2", "4", "16", "64"))),
+    True: tuple(Fraction(2) ** power for power in range(-4, 8)),
+}
+
+
+class SceneRig(NamedTuple):
+    """A shipped scene: its name in the tables, its file, and the part that is compared [s]."""
+
+    name: str
+    shipped: str
+    begin_s: float
+    span_s: float
+    what: str
+
+    def load(self) -> Rig:
+        """Return the rig."""
+        return _loaded(CONFIGS / self.shipped)
+
+    @property
+    def there(self) -> bool:
+        """Whether the checkout's configs are at hand."""
+        return (CONFIGS / self.shipped).is_file()
+
+
+@lru_cache
+def _loaded(path: Path) -> Rig:
+    return load_rig(path)
+
+
+RESONATOR = SceneRig(
+    "scene-resonator", "scene-resonator.yaml", 0.2, 0.2, "the resonator pushed and let go"
+)
+GRANULAR = SceneRig(
+    "scene-granular", "scene-granular.yaml", 0.0, 0.1, "ten grains fall, bounce and meet the bar"
+)
+STRING = SceneRig(
+    "scene-string", "scene-string.yaml", 0.0, 0.1, "the bow catches the string and lets it go"
+)
+DRUM = SceneRig("scene-drum", "scene-drum.yaml", 0.13, 0.07, "a stroke on the drum and its ringing")
+SCENES = (RESONATOR, GRANULAR, STRING, DRUM)
+
+
+def schemes_of(network: Network) -> tuple[str, ...]:
+    """Return the schemes that can run a network."""
+    if network.strings:
+        return ("discrete_gradient",)
+    linear = all(link.kind in LINEAR for link in network.links)
+    return (*(("exact",) if linear else ()), "discrete_gradient", "symplectic")
+
+
+def refined(string: String, factor: Fraction) -> String | None:
+    """Return a string of the same pitch at another rate; None where its samples are not whole."""
+    near, far = factor * (string.near + 1), factor * (string.far + 1)
+    if near.denominator > 1 or far.denominator > 1 or min(near, far) < 2:
+        return None
+    kept = (1.0 - string.smoothing) ** (1.0 / float(factor))
+    return string._replace(near=int(near) - 1, far=int(far) - 1, smoothing=1.0 - kept)
+
+
+class Stage:
+    """A scene with its inputs, to be run at any step."""
+
+    def __init__(self, scene: SceneRig, engine: str = "compiled") -> None:
+        self.scene = scene
+        self.engine = engine
+        self.rig = scene.load()
+        self.network = pruned_network(self.rig).network
+        rate = self.rig.rate_hz
+        self.slots = round(scene.span_s * rate / 16) * 16
+        first = round(scene.begin_s * rate)
+        forces = scene_forces(self.rig, self.network, round(self.rig.duration_s * rate))
+        self.forces = [np.asarray(force)[first : first + self.slots + 1] for force in forces]
+        self._fine = self._positions(first)
+
+    def _positions(self, first: int) -> Array:
+        """Return where the ports are at half steps of the oracle [m], shape (those, p)."""
+        assert self.rig.simulation is not None
+        keys = scene_of(self.rig)
+        rate = 2 * FINEST * self.rig.rate_hz
+        begin, last = (2 * FINEST * at for at in (first, first + self.slots))
+        columns = []
+        for name in self.network.ports:
+            reference = self.rig.simulation.hand[name].reference.model_dump()
+            port = keys.ports[name]
+            places = reference_positions(reference, rate, last, Path())[begin:]
+            columns.append(port.position_scale * places + port.offset)
+        return np.stack(columns, axis=1)
+
+    @property
+    def span_s(self) -> float:
+        """Simulated time [s]."""
+        return self.slots * self.rig.period_s
+
+    def ports(self, factor: Fraction, within: float) -> Array:
+        """Return where the ports are at each step [m], shape (steps, p)."""
+        every = int(2 * FINEST / factor)
+        return self._fine[round(within * every) :: every][: int(self.slots * factor)]
+
+    def pushes(self, factor: Fraction, within: float) -> Array:
+        """Return the outside forces at each step [N], straight lines between slots."""
+        steps = int(self.slots * factor)
+        slot = (np.arange(steps) + within) / float(factor)
+        pushes = np.zeros((steps, len(self.forces)))
+        for at, force in enumerate(self.forces):
+            pushes[:, at] = np.interp(slot, np.arange(len(force)), force)
+        return pushes
+
+    def moment(self, time_s: float) -> tuple[Array, Array, Array]:
+        """Return position and speed of the ports and the outside forces at any time."""
+        at = time_s * self.rig.rate_hz * 2 * FINEST
+        low = min(max(int(at), 0), len(self._fine) - 2)
+        rise = self._fine[low + 1] - self._fine[low]
+        slot = min(time_s * self.rig.rate_hz, float(self.slots))
+        one = min(int(slot), self.slots - 1)
+        share = slot - one
+        push = [(1.0 - share) * force[one] + share * force[one + 1] for force in self.forces]
+        speed = rise * (self.rig.rate_hz * 2 * FINEST)
+        return self._fine[low] + (at - low) * rise, speed, np.array(push)
+
+    def run(self, scheme: str, factor: Fraction) -> Played | None:
+        """Return the scene with `factor` steps to a period of the rig; None where it cannot.
+
+        Rows are slots of the rig, or steps if those are longer.
+        """
+        strings = [refined(string, factor) for string in self.network.strings]
+        if None in strings or (self.slots * factor).denominator > 1:
+            return None
+        network = self.network._replace(strings=tuple(s for s in strings if s is not None))
+        within = 0.0 if scheme == "symplectic" else 0.5
+        model = SceneModel(network, scheme, float(self.rig.period_s / factor))
+        model.reset(self._fine[0].tolist())
+        given = self.ports(factor, within), self.pushes(factor, within)
+        return play(model, *given, engine=self.engine, stride=max(1, int(factor)))
+
+    def error(self, places: Array, oracle: Played) -> float:
+        """Return the rms distance of the nodes from the oracle's, over their greatest travel."""
+        every = self.slots // len(places)
+        gap = places - oracle.places[every - 1 :: every]
+        if not np.isfinite(gap).all():
+            return math.inf
+        travel = float(np.ptp(oracle.places, axis=0).max())
+        return max(float(np.sqrt(np.mean(gap * gap))) / travel, 1e-17)
+
+    def energy_error(self, played: Played, oracle: Played) -> float:
+        """Return what the scheme made or took of itself, over what went through the ports."""
+        told = played.ledger
+        made = abs(told.numeric) + abs(told.residual(played.start))
+        places = self.ports(Fraction(1), 0.0)
+        moved = np.abs(np.diff(places, axis=0) * oracle.efforts[:-1]).sum()
+        whole = float(moved) + oracle.ledger.lost + oracle.ledger.energy
+        return max(made / whole, 1e-17) if math.isfinite(made) else math.inf
+
+
+def scheme_points(
+    stage: Stage, oracle: Played, factors: Sequence[Fraction], rounds: int
+) -> Iterable[Point]:
+    """Yield every scheme of tautwave at every step, but for what is the oracle itself."""
+    for scheme in schemes_of(stage.network):
+        for factor in factors:
+            found = timed(stage, scheme, factor, oracle, rounds)
+            if found is not None:
+                yield found
+
+
+def timed(stage: Stage, scheme: str, factor: Fraction, oracle: Played, rounds: int) -> Point | None:
+    """Return one scheme at one step; the best of some runs counts."""
+    played = stage.run(scheme, factor)
+    if played is None:
+        return None
+    spent = played.cpu_s
+    for _ in range(rounds if spent < 0.2 else 1):
+        again = stage.run(scheme, factor)
+        assert again is not None
+        spent = min(spent, again.cpu_s)
+    return Point(
+        stage.scene.name,
+        NAMES[scheme],
+        float(stage.rig.period_s / factor),
+        stage.error(played.places, oracle),
+        stage.energy_error(played, oracle),
+        spent / stage.span_s,
+    )
+
+
+def network_scene(
+    scene: SceneRig, full: bool, max_error: float, rounds: int, tolerances: Sequence[float]
+) -> Scene:
+    """Return all schemes on a shipped scene, and SciPy's where it is installed.
+
+    Parameters
+    ----------
+    full : bool
+        More steps over more decades.
+    max_error : float
+        What the chosen point, the rig's own scheme at its own rate, is held against.
+    rounds : int
+        Timings of each run.
+    tolerances : sequence of float
+        Of SciPy.
+    """
+    from tautwave.bench.peers_network import scipy_network
+
+    stage = Stage(scene)
+    oracle = stage.run(schemes_of(stage.network)[0], Fraction(FINEST))
+    assert oracle is not None
+    points = list(scheme_points(stage, oracle, _FACTORS[full], rounds))
+    points += scipy_network(stage, oracle, tolerances)
+    own = scene_of(stage.rig).scheme
+    chosen = timed(stage, own, Fraction(1), oracle, rounds)
+    assert chosen is not None
+    best = min(
+        (p for p in points if not p.peer and p.error <= max_error),
+        key=lambda p: p.cpu_s,
+        default=None,
+    )
+    why = f"{own} at {stage.rig.rate_hz:g} Hz is what the rig runs"
+    if best is not None:
+        why += f"; cheapest for {max_error:g}: {best.method} at {1.0 / best.step_s:.4g} Hz"
+    rate = f"{stage.rig.rate_hz / 1e3:.4g} kHz"
+    what = (
+        f"{scene.what} ({scene.shipped}, {scene.span_s:g} s from {scene.begin_s:g} s on); error: "
+        "rms distance of all nodes over their travel from "
+        f"{schemes_of(stage.network)[0]} with {FINEST} steps a period, ports moving within a step"
+    )
+    return Scene(scene.name, what, tuple(points), chosen, why, _notes(stage), f"the rig at {rate}")
+
+
+def _notes(stage: Stage) -> tuple[str, ...]:
+    notes = []
+    if stage.network.strings:
+        notes.append(
+            "a string's samples are whole, so coarser steps would be another pitch; its point has "
+            "no mass, and where the bow lets go is found to a sample: first order"
+        )
+    if any(link.kind == "contact" for link in stage.network.links):
+        notes.append("contacts forget where they began: over longer spans any two steps part")
+    return tuple(notes)
