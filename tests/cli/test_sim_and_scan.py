@@ -149,3 +149,23 @@ def test_what_cannot_be_served_or_scanned(
     result = tautwave_cli(*words)
     assert result.exit_code == 2
     assert sentence in result.stderr
+
+
+def test_served_devices_ask_for_the_priority_below_a_loop(
+    tautwave_cli: Cli, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else devices on a busy machine answer late, and a run takes them for lost."""
+    from contextlib import contextmanager
+
+    from tautwave.session import serving
+
+    asked = []
+
+    @contextmanager
+    def realtime(priority: int, cpu: int | None, lock_memory: bool) -> Any:
+        asked.append((priority, cpu, lock_memory))
+        yield []
+
+    monkeypatch.setattr(serving, "realtime", realtime)
+    assert tautwave_cli("sim", "acme", "--model", "X").exit_code == 0
+    assert asked == [(49, None, False)]

@@ -68,9 +68,10 @@ def _serve_driver(driver: str, arguments: list[str], wants_help: bool) -> None:
         require_modules(driver)
     bench = plugin.bench(parse_model(plugin.bench_options, arguments, f"sim {driver}"))
 
+    from tautwave.config.keys.coupling import Loop
     from tautwave.session.serving import print_line, serve
 
-    serve(driver, bench, print_line)
+    serve(driver, bench, print_line, Loop().fifo_priority)
 
 
 def _serve_rig(path: Path, overrides: tuple[str, ...]) -> None:
@@ -89,6 +90,7 @@ def _serve_rig(path: Path, overrides: tuple[str, ...]) -> None:
             rig.buses[buses[0]].driver,
             bus_bench(rig, buses[0]),
             lambda found: print_line({"bus": buses[0], **found}),
+            rig.loop.fifo_priority,
         )
         return
     with served(rig, buses) as found, interrupted() as asked:

@@ -52,8 +52,10 @@ def bus_bench(rig: Rig, bus_name: str) -> Bench:
     return Bench(simulator.options.model_validate(bus.options), spec, models)
 
 
-def serve(driver: str, bench: Bench, announce: Announce) -> None:
+def serve(driver: str, bench: Bench, announce: Announce, loop_priority: int) -> None:
     """Serve devices until SIGINT or SIGTERM.
+
+    A device answers in its own time, whatever else this machine does; the loop goes first.
 
     Raises
     ------
@@ -71,7 +73,8 @@ def serve(driver: str, bench: Bench, announce: Announce) -> None:
         for number in (signal.SIGINT, signal.SIGTERM)
     }
     try:
-        simulator.serve(*bench, announce, lambda: bool(stops))
+        with realtime(max(0, loop_priority - 1), None, lock_memory=False):
+            simulator.serve(*bench, announce, lambda: bool(stops))
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -175,9 +178,8 @@ def main() -> int:
         rig = parse_rig(sys.stdin.read())
         bus = sys.argv[1]
         bench = bus_bench(rig, bus)
-        # A device answers in its own time, whatever else this machine does; the loop goes first.
-        with realtime(max(0, rig.loop.fifo_priority - 1), None, lock_memory=False):
-            serve(rig.buses[bus].driver, bench, lambda found: print_line({"bus": bus, **found}))
+        driver, priority = rig.buses[bus].driver, rig.loop.fifo_priority
+        serve(driver, bench, lambda found: print_line({"bus": bus, **found}), priority)
     except TautwaveError as err:
         sys.stderr.write(f"{err}\n")
         return err.exit_code
