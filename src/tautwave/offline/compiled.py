@@ -25,17 +25,28 @@ import tautwave.models
 from tautwave.errors import ConfigError
 from tautwave.laws import limit, port, site
 from tautwave.models import plant
-from tautwave.offline import couple, device, kernel, network_steps, rates, records, rows, side
-from tautwave.scene import batch, gradient, islands, pulling, stepping
+from tautwave.offline import (
+    couple,
+    device,
+    kernel,
+    network_steps,
+    network_tick,
+    rates,
+    records,
+    rows,
+    side,
+)
+from tautwave.scene import batch, gradient, islands, ledger, pulling, stepping
 
 KERNEL_MODULES = (records, side, couple, rates, device, rows, kernel)
-SCENE_MODULES = (stepping, pulling, islands, gradient, batch, network_steps)
+SCENE_MODULES = (stepping, pulling, islands, gradient, ledger, batch, network_steps, network_tick)
 
 INLINED = {
     *(side.pass_side, side.receive_side, side.close_side, side.decide_side, side.think_side),
     *(side.pending_effort, side.waiting_energy, couple.meet, couple.exchange_waves),
     *(device.pass_body, device.aim_hand, device.measure_body, device.command_body),
     *(device.body_forces, device.body_stored, plant.plant_forces, plant.plant_stored),
+    plant.plant_step,  # what nobody takes of it (a bench: its works and losses) falls away
     *(rows.fill_pair, rows.fill_side, rows.fill_port, rows.fill_wall, rows.fill_body),
     *(site.think_wave, port.port_effort, port.port_close, limit.guard_axis, limit.limit_effort),
     *(stepping.move_ports, stepping.pull_links, stepping.step_symplectic),

@@ -124,7 +124,10 @@ class SceneModel:
 
     def ledger(self) -> Ledger:
         """Return the energies now; what a string's node gives counts as stored on its lines."""
-        told = take_ledger(self.arrays)
+        return self.with_strings(take_ledger(self.arrays))
+
+    def with_strings(self, told: Ledger) -> Ledger:
+        """Return a ledger of the network alone with its strings in it."""
         for at, string in enumerate(self.strings):
             node = len(self.network.masses) + at
             told = told._replace(

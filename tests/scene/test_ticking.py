@@ -1,0 +1,58 @@
+"""Compiled steps in the live loop: the same bits as plain Python, and who takes them when."""
+
+from __future__ import annotations
+
+import math
+import struct
+from pathlib import Path
+
+import pytest
+
+from tautwave.config import load_rig
+from tautwave.rig.scene import pruned_network
+from tautwave.scene.live import SceneModel
+from tests.scene.networks import everything
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+def bits(values) -> bytes:
+    return struct.pack(f"{len(values)}d", *values)
+
+
+@pytest.mark.slow  # numba compiles for ten seconds and more
+@pytest.mark.parametrize(
+    ("name", "scheme"),
+    [
+        ("granular", "discrete_gradient"),
+        ("granular", "symplectic"),
+        ("drum", "discrete_gradient"),
+        ("resonator", "exact"),
+        ("string", "discrete_gradient"),
+        ("everything", "symplectic"),
+        ("everything", "discrete_gradient"),
+    ],
+)
+def test_compiled_ticks_are_the_live_steps_to_the_bit(name, scheme):
+    pytest.importorskip("numba")
+    from tautwave.offline.ticking import CompiledScene
+
+    network, period = everything(), 1e-4
+    if name != "everything":
+        rig = load_rig(CONFIGS / f"scene-{name}.yaml")
+        network, period = pruned_network(rig).network, rig.period_s
+    fast = CompiledScene(network, scheme, period)
+    slow = SceneModel(network, scheme, period, keep_books=True)
+    for again in range(2):  # a reset forgets everything
+        for model in (fast, slow):
+            model.reset([0.01 * again])
+        assert fast.start == slow.start
+        for k in range(600):
+            place = [0.01 - 0.03 * math.sin(0.01 * k)]
+            push = [math.sin(0.02 * k + m) for m in range(len(network.forced))]
+            assert bits(fast.advance(place, push)) == bits(slow.advance(place, push))
+            assert bits(fast.booked) == bits(slow.booked)
+    for one, two in zip(fast.arrays, slow.arrays, strict=True):
+        assert bits(one) == bits(two)
+    assert fast.elements() == slow.elements()
+    assert fast.resting_efforts() == slow.resting_efforts()
