@@ -21,7 +21,7 @@ from tautwave.config import load_rig
 from tautwave.config.keys.coupling import Pair, Wall
 from tautwave.config.keys.simulation import AxisSimulation, Environment, Hand
 from tautwave.errors import ConfigError
-from tautwave.offline.pack import Job, pack_rig, rig_facts
+from tautwave.offline.pack import Job, RigFacts, pack_rig, rig_facts
 from tautwave.offline.sweep import run_sweep, simulate_point
 from tautwave.offline.sweep_family import KEPT, Families, shape_of
 from tautwave.offline.sweep_file import load_sweep
@@ -29,12 +29,12 @@ from tautwave.offline.sweep_near import near_key, near_keys, read_value
 from tautwave.offline.sweep_points import Points
 from tautwave.offline.sweep_recipe import Choice, Recipe
 from tautwave.offline.sweep_rows import Simulator
-from tautwave.offline.sweep_stencil import Stencil, is_drawn
+from tautwave.offline.sweep_stencil import Pressed, Stencil
 from tautwave.offline.tables import record_tables
 from tests.offline.live import CONFIGS
 
 DURATION_S = 0.05
-SHIPPED = [path for path in CONFIGS if "saturation" not in path.name]
+SHIPPED = CONFIGS
 FIELDS = {
     "simulation.environment.{pair}": ("stiffness", "damping", "position", "exponent", "loss"),
     "simulation.hand.{pair}": ("mass", "damping", "stiffness"),
@@ -71,13 +71,21 @@ def near_keys_of(path: Path) -> list[str]:
     return found
 
 
-def stencil_of(points: Points) -> tuple[Stencil | None, Any]:
+def stencil_of(points: Points) -> tuple[Stencil, RigFacts]:
     found = points.family(0)
     assert found is not None
     family, _ = found
     facts = rig_facts(family.base)
-    job = pack_rig(family.base, DURATION_S, facts)
-    return None if is_drawn(job) else Stencil(family, job, facts), facts
+    return Stencil(family, pack_rig(family.base, DURATION_S, facts), facts), facts
+
+
+def press(stencil: Stencil, points: Points, number: int) -> Pressed:
+    found = points.family(number)
+    assert found is not None
+    family, values = found
+    pressed = stencil.press(values, points.seed_at(number, family.base.seed))
+    assert pressed is not None
+    return pressed
 
 
 def same_tables(one: Job, other: Job) -> None:
@@ -98,12 +106,7 @@ def assert_alike(path: Path, axes: Sequence[tuple[str, Sequence[Any]]]) -> int:
     for number in range(len(points)):
         rig = alone.read_rig(number)
         assert points.rig(number) == rig
-        if stencil is None:
-            continue
-        found = points.family(number)
-        assert found is not None
-        pressed = stencil.press(found[1])
-        assert pressed is not None
+        pressed = press(stencil, points, number)
         job = pack_rig(rig, DURATION_S, facts)
         same_tables(stencil.filled(pressed), job)
         out = np.empty(0)
@@ -118,18 +121,23 @@ def test_every_near_key_reaches_what_it_says(path: Path) -> None:
     keys = near_keys_of(path)
     assert len(keys) >= 8
     pressed = sum(assert_alike(path, [(key, [0.5, 0.625, 1])]) for key in keys)
-    assert pressed == (0 if "2khz" in path.name else 3 * len(keys))
+    assert pressed == 3 * len(keys)
+    assert_alike(path, [("seed", [1, 7, 7, -3, 2**40])])
 
 
 @given(data=st.data())
 @settings(max_examples=30, suppress_health_check=list(HealthCheck), deadline=None)
 def test_near_keys_together_reach_no_further(data: st.DataObject) -> None:
-    path = data.draw(st.sampled_from([path for path in SHIPPED if "2khz" not in path.name]))
-    keys = data.draw(st.lists(st.sampled_from(near_keys_of(path)), min_size=2, unique=True))
+    path = data.draw(st.sampled_from(SHIPPED))
+    keys = data.draw(
+        st.lists(st.sampled_from(["seed", *near_keys_of(path)]), min_size=2, unique=True)
+    )
     values = st.floats(0.01, 10.0) | st.integers(1, 10)
     axes = [
         (key, data.draw(st.lists(values.filter(lambda x: x >= 1), min_size=1, max_size=2)))
         if key.endswith(("exponent", "position"))
+        else (key, [3, 4])
+        if key == "seed"
         else (key, data.draw(st.lists(values, min_size=1, max_size=2)))
         for key in keys[:4]
     ]
@@ -142,11 +150,10 @@ def test_near_keys_together_reach_no_further(data: st.DataObject) -> None:
         assert points.rig(number) == rig
         found = points.family(number)
         assert found is not None
-        family, given_values = found
+        family, _ = found
         facts = rig_facts(family.base)
         stencil = Stencil(family, pack_rig(family.base, DURATION_S, facts), facts)
-        pressed = stencil.press(given_values)
-        assert pressed is not None
+        pressed = press(stencil, points, number)
         same_tables(stencil.filled(pressed), pack_rig(rig, DURATION_S, facts))
 
 
@@ -157,9 +164,10 @@ WRONG: list[Any] = [-1.0, 0.0, -0.0, 0, 1e308, 5e-324, 2**53, 10**400, True, Non
 def test_what_is_refused_is_refused_alike(name: str) -> None:
     path = next(path for path in SHIPPED if path.stem == name)
     refused = 0
-    for key in near_keys_of(path):
-        points = points_of(path, [(key, [1.5, *WRONG])])
-        alone = points_of(path, [(key, [1.5, *WRONG])])
+    for key in ("seed", *near_keys_of(path)):
+        right = 3 if key == "seed" else 1.5
+        points = points_of(path, [(key, [right, *WRONG])])
+        alone = points_of(path, [(key, [right, *WRONG])])
         points.rig(0)  # the family is there
         simulate = Simulator("python", whole=False)
         for number in range(len(WRONG) + 1):
@@ -194,7 +202,6 @@ def test_what_cannot_be_packed_is_refused_alike() -> None:
 
 def test_keys_that_reach_further_are_not_near() -> None:
     for key in (
-        "seed",
         "rate_hz",
         "coupling.delay_s",
         "coupling.pairs.a.position_scale",
@@ -250,6 +257,8 @@ def test_families_are_forgotten() -> None:
 
 def walls(path: Path, rig: Path, *, noisy: bool = False) -> Path:
     noise = "simulation.axes.master.lever.position_noise: 1.0e-5, " if noisy else ""
+    if noisy:
+        noise += "simulation.faults: {missing_probability: 0.01, overrun_probability: 0.01}, "
     path.write_text(
         f"name: walls\nrig: {rig}\nduration_s: 0.7\nset: {{{noise}coupling.engage_ramp_s: 0}}\n"
         "grid:\n"

@@ -30,9 +30,9 @@ class Family:
     def __init__(self, rig: Rig, nears: tuple[Near, ...]) -> None:
         self.base = rig
         self.nears = nears
-        self._read: list[dict[str, float | None]] = [{} for _ in nears]
+        self._read: list[dict[str, float | int | None]] = [{} for _ in nears]
 
-    def read(self, values: Values) -> tuple[float, ...] | None:
+    def read(self, values: Values) -> tuple[float | int, ...] | None:
         """Return the values as a rig that was read has them; None if one is not right."""
         found = []
         for near, known, value in zip(self.nears, self._read, values, strict=True):
@@ -45,7 +45,7 @@ class Family:
             found.append(number)
         return tuple(found)
 
-    def rig(self, read: tuple[float, ...]) -> Rig:
+    def rig(self, read: tuple[float | int, ...]) -> Rig:
         """Return the rig with values that were `read`; its seed is the family's."""
         return with_values(self.base, dict(zip(self.nears, read, strict=True)))
 

@@ -26,7 +26,8 @@ EXACT_INTEGERS = 2**53
 
 _NAME = r"(?P<name>[A-Za-z_][A-Za-z0-9_-]*)"
 _SIDE = r"(?P<side>master|slave)"
-_REACH = (
+_REACH: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
+    (r"(?P<field>seed)", ()),  # only what is drawn for the point
     (
         rf"simulation\.environment\.{_NAME}\.(?P<field>stiffness|damping|position|exponent|loss)",
         ((DEVICE, "slave.{name}"),),
@@ -103,7 +104,7 @@ def _nested(one: str, other: str) -> bool:
     return f"{one}.".startswith(f"{other}.") or f"{other}.".startswith(f"{one}.")
 
 
-def read_value(rig: Rig, near: Near, value: Any) -> float | None:
+def read_value(rig: Rig, near: Near, value: Any) -> float | int | None:
     """Return the value of a key as it would stand in a rig that was read with it.
 
     The block's own model judges it, as it judges the file's. None if it is not right, or is no
@@ -118,6 +119,8 @@ def read_value(rig: Rig, near: Near, value: Any) -> float | None:
     read = read_scalar(json.dumps(value))
     if type(read) is not type(value) or read != value:
         return None
+    if near.field == "seed":
+        return value if isinstance(value, int) else None
     block = block_at(rig, near.block)
     if block is None or near.field not in type(block).model_fields:
         return None
@@ -137,10 +140,10 @@ def block_at(rig: Rig, path: tuple[str, ...]) -> BaseModel | None:
     return node if isinstance(node, BaseModel) else None
 
 
-def with_values(rig: Rig, values: Mapping[Near, float]) -> Rig:
+def with_values(rig: Rig, values: Mapping[Near, float | int]) -> Rig:
     """Return a rig with other values at near keys, as `read_value` gave them."""
     changed: Any = rig
-    blocks: dict[tuple[str, ...], dict[str, float]] = {}
+    blocks: dict[tuple[str, ...], dict[str, float | int]] = {}
     for near, value in values.items():
         blocks.setdefault(near.block, {})[near.field] = value
     for path in sorted(blocks, key=len):  # a pair's own values before those of walls in it

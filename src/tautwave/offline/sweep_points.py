@@ -190,12 +190,17 @@ class Points(Sequence[Point]):
         return finish_rig(self._document_of(case), self._path, arguments)
 
     def _seeded(self, rig: Rig, number: int) -> Rig:
-        """Return a rig with the seed of a point: its noise is not that of its neighbour."""
+        return rig.model_copy(update={"seed": self.seed_at(number, rig.seed)})
+
+    def seed_at(self, number: int, given: int) -> int:
+        """Return the seed of a point of a rig whose file gives a seed.
+
+        Noise of one point says nothing about that of its neighbour, unless the seed is varied.
+        """
         _, varied = self.choices(number)
         values = {choice.key: choice.value for choice in varied}
-        if "seed" in values:
-            return rig
-        return rig.model_copy(update={"seed": rig.seed + zlib.crc32(repr(values).encode())})
+        seed: int = values.get("seed", given)
+        return seed if "seed" in values else given + zlib.crc32(repr(values).encode())
 
     def family(self, number: int) -> tuple[Family, tuple[Any, ...]] | None:
         """Return the points that this one shares a reading with, and its values among them.

@@ -27,7 +27,7 @@ from tautwave.offline.sweep_family import Family
 from tautwave.offline.sweep_library import kept_kernel
 from tautwave.offline.sweep_measure import BOOKS, Columns, Scales, scales_of
 from tautwave.offline.sweep_points import Points
-from tautwave.offline.sweep_stencil import Made, Stencil, is_drawn
+from tautwave.offline.sweep_stencil import Pressed, Stencil
 from tautwave.offline.tables import Tables, record_tables
 
 WORTH_COMPILING = 1_000_000
@@ -100,7 +100,10 @@ class Simulator:
             family, values = found
             pair = points.pair_of(family.base)
             stencil = self._stencil(family, pair, points.duration_of(family.base))
-            pressed = None if stencil is None else stencil.press(values)
+            pressed = None
+            if stencil is not None:
+                seed = points.seed_at(number, family.base.seed) if stencil.is_drawn else 0
+                pressed = stencil.press(values, seed)
             if stencil is not None and pressed is not None:
                 return scales_of(family.base, pair), self._pressed(stencil, pressed)
         rig = points.rig(number)
@@ -128,11 +131,11 @@ class Simulator:
             with suppress(ConfigError):  # the family's own rig; another of its points may do
                 facts = self._facts(family.base)
                 job = self._measured(family.base, pair, duration_s, facts)
-                stencil = None if is_drawn(job) else Stencil(family, job, facts)
+                stencil = Stencil(family, job, facts)
             self._stencils[family] = stencil
         return self._stencils[family]
 
-    def _pressed(self, stencil: Stencil, pressed: list[Made]) -> Run:
+    def _pressed(self, stencil: Stencil, pressed: Pressed) -> Run:
         if self._records:
             return self._go(stencil.job, stencil.tables(pressed, self._memory(stencil.job)))
         job = stencil.filled(pressed)

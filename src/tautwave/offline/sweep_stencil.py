@@ -17,6 +17,9 @@ from tautwave.offline.pack import (
     Job,
     Pieces,
     RigFacts,
+    draw_missing,
+    draw_noise,
+    draw_overruns,
     pack_device,
     pack_pair,
     pack_side,
@@ -26,6 +29,7 @@ from tautwave.offline.records import DeviceParams
 from tautwave.offline.sweep_family import Family, Values
 from tautwave.offline.sweep_near import DEVICE, PAIR, SIDE, Part
 from tautwave.offline.tables import Form, Tables, image_of
+from tautwave.rig import SEED_WORD
 
 KEPT = 4096
 """Records of one part that are kept, some 5 kB each: those of two axes of 60 values."""
@@ -47,11 +51,12 @@ class _Reached(NamedTuple):
     kept: dict[tuple[float, ...], Made]
 
 
-def is_drawn(job: Job) -> bool:
-    """Return whether a run has noise or mishaps, which each point draws for itself."""
-    return job.run.overruns or any(
-        device.loses or device.position_noise > 0.0 for device in job.devices
-    )
+class Pressed(NamedTuple):
+    """A point that differs from its family: what goes into the holes, and what is drawn for it."""
+
+    made: list[Made]
+    table: Array
+    flags: Array
 
 
 class Stencil:
@@ -62,7 +67,7 @@ class Stencil:
     family : Family
         The points.
     job : Job
-        Tables of the family's own rig, without anything drawn (`is_drawn`).
+        Tables of the family's own rig.
     facts : RigFacts
         With which it was packed.
     """
@@ -80,11 +85,18 @@ class Stencil:
             _Reached(part, names[part.kind].index(part.name), tuple(values), {})
             for part, values in reached.items()
         ]
+        cycles = job.run.cycles
+        models = [true_model(job.rig, name, facts.delays[name], cycles) for name in job.axes]
+        self._drawn = [
+            (model, device)
+            for model, device in zip(models, job.devices, strict=True)
+            if device.loses or device.position_noise > 0.0
+        ]
         self._form: Form | None = None
         self._written: list[Made | None] = [None] * len(self._reached)
 
-    def press(self, values: Values) -> list[Made] | None:
-        """Return what a point puts in the holes, None if it has to be packed as a whole."""
+    def press(self, values: Values, seed: int) -> Pressed | None:
+        """Return what makes a point of the family, None if it has to be packed as a whole."""
         read = self._family.read(values)
         if read is None:
             return None
@@ -105,7 +117,28 @@ class Stencil:
                     reached.kept.clear()
                 made = reached.kept[key] = Made(params, image_of(params))
             found.append(made)
-        return found
+        return Pressed(found, *self._draw(seed))
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether there is noise or a mishap, which each point draws for itself by its seed."""
+        return self.job.run.overruns or bool(self._drawn)
+
+    def _draw(self, seed: int) -> tuple[Array, Array]:
+        """Return floats and flags with noise and mishaps of a seed."""
+        job, cycles = self.job, self.job.run.cycles
+        if not self.is_drawn:
+            return job.table, job.flags
+        table, flags = job.table.copy(), job.flags.copy()
+        assert job.rig.simulation is not None
+        overruns = draw_overruns(seed, job.rig.simulation.faults.overrun_probability, cycles)
+        flags[: len(overruns)] = overruns
+        for model, device in self._drawn:
+            own = model._replace(seed=(seed % SEED_WORD, *model.seed[1:]))
+            noise, missing = draw_noise(own, cycles), draw_missing(own, cycles)
+            table[device.noise : device.noise + len(noise)] = noise
+            flags[device.missing : device.missing + len(missing)] = missing
+        return table, flags
 
     def _pack(self, reached: _Reached, rig: Rig) -> Any:
         """Return the constants of one part, None if they would need tables of other sizes."""
@@ -126,26 +159,30 @@ class Stencil:
             pipe=own.pipe, reference=own.reference, noise=own.noise, missing=own.missing
         )
 
-    def filled(self, pressed: list[Made]) -> Job:
+    def filled(self, pressed: Pressed) -> Job:
         """Return the whole job of a point."""
         parts: dict[str, list[Any]] = {
             DEVICE: list(self.job.devices),
             SIDE: list(self.job.sides),
             PAIR: list(self.job.pairs),
         }
-        for reached, made in zip(self._reached, pressed, strict=True):
+        for reached, made in zip(self._reached, pressed.made, strict=True):
             parts[reached.part.kind][reached.number] = made.params
         return self.job._replace(
-            devices=tuple(parts[DEVICE]), sides=tuple(parts[SIDE]), pairs=tuple(parts[PAIR])
+            devices=tuple(parts[DEVICE]),
+            sides=tuple(parts[SIDE]),
+            pairs=tuple(parts[PAIR]),
+            table=pressed.table,
+            flags=pressed.flags,
         )
 
-    def tables(self, pressed: list[Made], out: Array) -> Tables:
+    def tables(self, pressed: Pressed, out: Array) -> Tables:
         """Return the tables of a point as NumPy records; they hold until the next one's."""
         if self._form is None or self._form.tables.out is not out:
             self._form = Form(self.job, out)
             self._written = [None] * len(self._reached)
-        for at, (reached, made) in enumerate(zip(self._reached, pressed, strict=True)):
+        for at, (reached, made) in enumerate(zip(self._reached, pressed.made, strict=True)):
             if self._written[at] is not made:
                 self._form.write(reached.part.kind, reached.number, made.image)
                 self._written[at] = made
-        return self._form.begin()
+        return self._form.begin(pressed.table, pressed.flags)

@@ -63,14 +63,14 @@ class Form:
     Parameters
     ----------
     job : Job
-        Any of the runs: the others have tables of the same sizes, and the same floats and flags.
+        Any of the runs: the others have tables of the same sizes.
     out : ndarray
         Memory for the rows.
     """
 
     def __init__(self, job: Job, out: Array) -> None:
         self.tables = record_tables(job, out)
-        self._start = job.table
+        self.tables = self.tables._replace(flags=job.flags.copy())
         states = (
             self.tables.outcomes,
             self.tables.sides,
@@ -89,11 +89,12 @@ class Form:
         view, size = self._records[kind]
         view[number * size : (number + 1) * size] = image
 
-    def begin(self) -> Tables:
-        """Return the tables as they are before a run."""
+    def begin(self, table: Array, flags: Array) -> Tables:
+        """Return the tables as they are before a run with these floats and flags."""
         for state, blank in self._states:
             np.copyto(state, blank)
-        np.copyto(self.tables.table, self._start)
+        np.copyto(self.tables.table, table)
+        np.copyto(self.tables.flags, flags)
         return self.tables
 
 
