@@ -32,7 +32,9 @@ class Link(NamedTuple):
     """A link from node `a` to node `b`; stretch is x_a - x_b - rest. See `models.interaction`.
 
     `kind` is one of `KINDS`; `limit` is the yield or friction force [N] or a source's power [W];
-    `loss` Hunt and Crossley's [s/m]; `scale` the speed [m/s] at which friction turns over.
+    `loss` Hunt and Crossley's [s/m]; `scale` the speed [m/s] at which friction turns over. Between
+    points of three dimensions (`scene.space`) stretch is their distance less `rest`, along a
+    `normal` if there is one: a plane.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Link(NamedTuple):
     loss: float = 0.0
     limit: float = 0.0
     scale: float = 1e-3
+    normal: tuple[float, float, float] | None = None
 
 
 class String(NamedTuple):
