@@ -24,6 +24,7 @@ from tautwave.runtime.scene import SceneAxis
 from tautwave.scene.live import SceneModel
 from tautwave.session.identifying import identify_device
 from tautwave.session.running import run
+from tests.commands import keep_in_one_process
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -223,7 +224,7 @@ def test_what_needs_a_pair_says_that_a_scene_is_none(tmp_path):
     sweep.write_text(f"name: s\nrig: {rig}\nmeasures: [growth_rate]\n{cases}\n")
     done = CliRunner().invoke(main, ["sweep", str(sweep), "--out", str(tmp_path / "out")])
     assert done.exit_code == 2
-    assert "a sweep runs pairs, and this rig has a scene" in done.output
+    assert "a sweep varies rigs with a coupling" in done.output
 
 
 RUNAWAY = """
@@ -262,7 +263,10 @@ simulation:
 
 
 @pytest.mark.parametrize("scheme", ["symplectic", "discrete_gradient"])
-def test_an_instrument_that_runs_away_is_stopped_and_reported(tmp_path, scheme):
+def test_an_instrument_that_runs_away_is_stopped_and_reported(tmp_path, scheme, monkeypatch):
+    drawn = scheme == "symplectic"  # as the other one would be
+    if not drawn:
+        keep_in_one_process(monkeypatch)
     path = tmp_path / "runaway.yaml"
     path.write_text(RUNAWAY.replace("symplectic", scheme))
     done = run(load_rig(path), out=tmp_path / "out", clock="fake", allow_uncertified=True)
@@ -273,7 +277,7 @@ def test_an_instrument_that_runs_away_is_stopped_and_reported(tmp_path, scheme):
     assert "master.bar is asked by its scene for over a million times its effort limit at" in told
     assert summary["cycles"] < 1500
     assert "report_error" not in summary
-    assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
+    assert not drawn or (tmp_path / "out" / "report.html").stat().st_size > 10_000
     data = read_recording(tmp_path / "out" / "recording.mcap")
     assert np.isfinite(data["scene.asked.bar"]).all()
     assert np.isfinite(data["master.bar.commanded"]).all()

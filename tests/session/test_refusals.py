@@ -10,6 +10,7 @@ from tautwave import registry
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError
 from tautwave.session.running import run
+from tests.commands import keep_in_one_process
 
 RIG = Path(__file__).parents[2] / "configs" / "bench-canopen-virtual.yaml"
 
@@ -22,7 +23,8 @@ def test_a_run_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert not list(tmp_path.iterdir())
 
 
-def test_a_fault_is_told_with_its_axis(tmp_path: Path) -> None:
+def test_a_fault_is_told_with_its_axis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    keep_in_one_process(monkeypatch)
     faults = "buses.can.options.simulator={nodes: {2: {fault_at_s: 0.5}}}"
     result = run(load_rig(RIG, [faults]), out=tmp_path / "out", clock="fake", duration_s=1.0)
     assert result.exit_code == 5
