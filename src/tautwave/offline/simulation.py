@@ -56,7 +56,8 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
     """Simulate a rig; every row equals, to the bit, that of a run with `--clock fake`.
 
     Whatever driver a bus names, its devices move as the loopback's do, with the command delay
-    that the driver declares. Nothing is written to disk.
+    that the driver declares. A rig with a scene takes the live loop itself, in this process, and
+    its drivers' simulators. Nothing is written to disk.
 
     Parameters
     ----------
@@ -75,6 +76,10 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
     SafetyStop
         The coupling never engaged.
     """
+    if rig.scene is not None:
+        from tautwave.offline.scene_simulation import simulate_scene
+
+        return simulate_scene(rig, duration_s, engine)
     run, tables_of = engine_of(engine)
     job = pack_rig(rig, duration_s)
     tables = tables_of(job)

@@ -268,7 +268,11 @@ def _unfit(document: Document, sweep: Sweep, rig: Rig) -> str:
     if rig.simulation is None:
         return f"{document.where(('rig',))}: rig: a sweep simulates, and this rig has no simulation"
     if rig.scene is not None:
-        return f"{document.where(('rig',))}: rig: a sweep runs pairs, and this rig has a scene"
+        return (
+            f"{document.where(('rig',))}: rig: a sweep varies rigs with a coupling, and this one "
+            "has a scene; use `tautwave run RIG --clock fake --set scene.KEY=VALUE` once per point, or "
+            "tautwave.simulate(rig) in Python"
+        )
     pairs = list(rig.coupling.pairs)
     if sweep.pair is not None and sweep.pair not in pairs:
         hint = nearest(sweep.pair, pairs) or "."
