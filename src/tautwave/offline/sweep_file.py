@@ -270,8 +270,8 @@ def _unfit(document: Document, sweep: Sweep, rig: Rig) -> str:
     if rig.scene is not None:
         return (
             f"{document.where(('rig',))}: rig: a sweep varies rigs with a coupling, and this one "
-            "has a scene; use `tautwave run RIG --clock fake --set scene.KEY=VALUE` once per point, or "
-            "tautwave.simulate(rig) in Python"
+            "has a scene; use `tautwave run RIG --clock fake --set scene.KEY=VALUE` once a "
+            "point, or tautwave.simulate(rig) in Python"
         )
     pairs = list(rig.coupling.pairs)
     if sweep.pair is not None and sweep.pair not in pairs:
