@@ -70,8 +70,9 @@ class CompiledScene(SceneModel):
             kind = name in _WHOLE
             at += [sizes[kind], sizes[kind] + len(values)]
             sizes[kind] += len(values)
-        blocks = {True: np.zeros(sizes[True], np.int64), False: np.zeros(sizes[False])}
-        views: dict[str, memoryview] = {}
+        blocks: dict[bool, Any] = {True: np.zeros(sizes[True], np.int64)}
+        blocks[False] = np.zeros(sizes[False])
+        views: dict[str, Any] = {}
         for index, (name, values) in enumerate(given.items()):
             block = blocks[name in _WHOLE]
             part = slice(at[2 * index], at[2 * index + 1])
@@ -94,7 +95,7 @@ class CompiledScene(SceneModel):
         if not self.strings:
             self._tick(*self._given)
             self.booked = Ledger(*self._told)
-            return self._efforts.tolist()
+            return list(self._efforts)
         s = self.arrays
         for string in self.strings:
             string.push(s)
@@ -102,4 +103,4 @@ class CompiledScene(SceneModel):
         for string in self.strings:
             string.carry_on(s)
         self.booked = self.with_strings(Ledger(*self._told))
-        return self._efforts.tolist()
+        return list(self._efforts)

@@ -97,6 +97,10 @@ def check(rig: Rig) -> CheckResult:
         ("rate", _rate(rig)),
         ("coupling", _coupling(rig)),
     ]
+    if rig.scene is not None:
+        from tautwave.session.scene_pace import pace_fact
+
+        facts.append(("scene time", pace_fact(rig)))
     for name in rig.coupling.pairs:
         known = pair_facts(rig, name, delays)
         kind = rig.master.axes[name].kind

@@ -105,6 +105,13 @@ def run(
     if not allow_uncertified:
         refuse_uncertified(rig, certificate)
     rig = certified_rig(rig, certificate)
+    engine = None
+    if rig.scene is not None:
+        from tautwave.session.scene_pace import choose_engine, use_engine
+
+        if progress is not None:
+            progress(0.0, "measuring the scene")
+        engine = choose_engine(rig, clock)
     directory = Path(out)
     started = datetime.now(UTC)
     try:
@@ -125,6 +132,8 @@ def run(
             allow_unwatched=allow_unwatched,
             configure=configure,
         )
+        if engine is not None:
+            use_engine(assembly, engine.name)
         moved = _move(rig, clock, directory, text, assembly, progress)
     if progress is not None:
         progress(1.0, "reporting")
@@ -146,7 +155,7 @@ def run(
         "period_us": loop.period.summary(),
         "lateness_us": loop.lateness.summary(),
         "compute_us": loop.compute.summary(),
-        "realtime": moved.sentences,
+        "realtime": [*moved.sentences, *(engine.sentences if engine is not None else ())],
         "axes": _axes(assembly, result),
         "faults": [fault.text for fault in result.faults],
         "certificate": summary_block(certificate, allow_uncertified),
@@ -156,7 +165,10 @@ def run(
         "pairs": _pairs(rig, assembly),
     }
     if assembly.scene is not None:
-        summary["scene"] = {"elements": assembly.scene.model.elements()}
+        summary["scene"] = {
+            "engine": "python" if engine is None else engine.name,
+            "elements": assembly.scene.model.elements(),
+        }
     return _report(directory, summary, exit_code)
 
 

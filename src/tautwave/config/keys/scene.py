@@ -233,6 +233,11 @@ class Scene(Block):
         description="exact: linear networks, any rate; symplectic: the standard one, w T < 2; "
         "discrete_gradient: keeps the energy at any stiffness.",
     )
+    engine: Literal["auto", "python", "compiled"] = Field(
+        default="auto",
+        description="What steps it, the same numbers to the bit. auto: compiled (numba) on the "
+        "real clock where plain Python would take more than half of a period.",
+    )
     gravity: float = Field(default=0.0, description="[m/s^2] Downwards.")
     masses: dict[Name, SceneMass] = Field(default_factory=dict, description="By name.")
     grounds: dict[Name, float] = Field(

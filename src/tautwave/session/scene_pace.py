@@ -1,0 +1,174 @@
+"""Whether a scene keeps its rate on this machine, measured before anything moves."""
+
+from __future__ import annotations
+
+import time
+from importlib.util import find_spec
+from typing import NamedTuple
+
+from tautwave.config import Rig
+from tautwave.errors import BusBudgetError, TautwaveError
+from tautwave.rig import Assembly, build_rig, served_buses
+from tautwave.runtime.loop import Loop
+from tautwave.runtime.machine import quiet_collector
+from tautwave.scene.live import SceneModel
+
+CYCLES = 400
+ROUNDS = 3
+LONG_S = 0.1
+"""CPU time that a round may take; a large network is measured by fewer cycles."""
+EASY = 0.5
+"""Share of a period up to which plain Python is left alone."""
+TIGHT = 0.75
+"""Share of a period above which a run says that it may miss cycles."""
+INSTALL = "pip install 'tautwave[fast]'"
+
+
+class ScenePace(NamedTuple):
+    """What a cycle of a scene costs: CPU time [s], and by which steps."""
+
+    cycle_s: float
+    period_s: float
+    engine: str
+
+    @property
+    def share(self) -> float:
+        """Share of the period."""
+        return self.cycle_s / self.period_s
+
+    def words(self) -> str:
+        """Return the cost and its margin in words."""
+        by = "compiled steps" if self.engine == "compiled" else "plain Python"
+        told = f"{1e6 * self.cycle_s:.3g} us a cycle by {by} on this machine, "
+        if self.share > 1.0:
+            return f"{told}{self.share:.1f} periods of {1e6 * self.period_s:.4g} us"
+        return f"{told}{self.share:.0%} of the period of {1e6 * self.period_s:.4g} us"
+
+
+class _Nowhere:
+    """A sink for rows that nobody wants."""
+
+    def __init__(self, width: int) -> None:
+        self.row = [0.0] * width
+
+    def commit(self) -> None:
+        pass
+
+
+def scene_pace(rig: Rig, engine: str = "python") -> ScenePace:
+    """Return what a cycle of a rig's scene costs here: its first ones, run on the fake clock.
+
+    Devices that are served elsewhere, and real ones, cost nothing here: the scene alone is stepped.
+    """
+    one = _step_alone(rig, engine, 3)
+    cycles = max(min(CYCLES, int(LONG_S / one)), 3)
+    alone = rig.simulation is None or bool(served_buses(rig))
+    measure = _step_alone if alone else _run_whole
+    least = min(measure(rig, engine, cycles) for _ in range(ROUNDS))
+    return ScenePace(least, rig.period_s, engine)
+
+
+def _run_whole(rig: Rig, engine: str, cycles: int) -> float:
+    built = build_rig(rig, clock="fake", duration_s=cycles * rig.period_s)
+    use_engine(built, engine)
+    sink = _Nowhere(len(built.columns))
+    loop = Loop(built.clock, built.settings, built.buses, built.pairs, built.sources, sink)
+    with quiet_collector():
+        began = time.thread_time_ns()
+        result = loop.run()
+        spent = time.thread_time_ns() - began
+    for simulator in built.simulators:
+        simulator.close()
+    return 1e-9 * spent / max(result.cycles, 1)
+
+
+def _step_alone(rig: Rig, engine: str, cycles: int) -> float:
+    from tautwave.rig.scene import pruned_network, scene_of
+
+    model = SceneModel(
+        pruned_network(rig).network, scene_of(rig).scheme, rig.period_s, keep_books=True
+    )
+    if engine == "compiled":
+        model = _compiled(model)
+    positions = [port.offset for port in scene_of(rig).ports.values()]
+    model.reset(positions)
+    pushes = [0.0] * len(model.network.forced)
+    began = time.thread_time_ns()
+    for _ in range(cycles):
+        model.advance(positions, pushes)
+    return 1e-9 * (time.thread_time_ns() - began) / cycles
+
+
+class Engine(NamedTuple):
+    """What steps the scene of a run, and what is to be said of it."""
+
+    name: str
+    sentences: tuple[str, ...]
+
+
+def choose_engine(rig: Rig, clock: str) -> Engine:
+    """Return the steps that keep a scene's rate.
+
+    Raises
+    ------
+    BusBudgetError
+        On the real clock: not even those keep it.
+    """
+    asked = "python" if rig.scene is None else rig.scene.engine
+    if rig.scene is None or clock != "real":
+        return Engine("compiled" if asked == "compiled" else "python", ())
+    pace = None if asked == "compiled" else scene_pace(rig)
+    if pace is None or (asked == "auto" and pace.share > EASY and _has_numba()):
+        pace = scene_pace(rig, "compiled")
+    if pace.share > 1.0:
+        raise BusBudgetError(f"scene: {pace.words()}, so it cannot keep its rate; {_remedy(pace)}")
+    told = f"scene: {pace.words()}"
+    if pace.share > TIGHT:
+        told += f": it may miss cycles; {_remedy(pace)}"
+    return Engine(pace.engine, (told,))
+
+
+def use_engine(assembly: Assembly, engine: str) -> None:
+    """Let a built scene be stepped by an engine."""
+    scene = assembly.scene
+    if scene is not None and engine == "compiled":
+        scene.model = _compiled(scene.model)
+
+
+def pace_fact(rig: Rig) -> str:
+    """Return what `check` says: the cost in plain Python, and what a run on the real clock does.
+
+    Nothing is compiled for it.
+    """
+    try:
+        pace = scene_pace(rig)
+    except TautwaveError as err:
+        return f"not measured: {err}"
+    told = pace.words()
+    assert rig.scene is not None
+    if pace.share <= EASY and rig.scene.engine != "compiled":
+        return told
+    if rig.scene.engine != "python" and _has_numba():
+        return f"{told}; on the real clock its steps are compiled"
+    if pace.share > TIGHT:
+        word = "cannot" if pace.share > 1.0 else "may not"
+        return f"{told}: on the real clock it {word} keep its rate; {_remedy(pace)}"
+    return told
+
+
+def _remedy(pace: ScenePace) -> str:
+    rate = TIGHT / pace.cycle_s
+    told = f"--clock fake, fewer masses, or a rate_hz of at most {float(f'{rate:.2g}'):.0f}"
+    if pace.engine == "python":
+        told += ", or scene.engine auto" + ("" if _has_numba() else f" with numba: {INSTALL}")
+    return told
+
+
+def _has_numba() -> bool:
+    return find_spec("numba") is not None
+
+
+def _compiled(model: SceneModel) -> SceneModel:
+    from tautwave.offline.ticking import CompiledScene  # numba is imported where it is wanted
+
+    return CompiledScene(model.network, model.scheme, model.period)
