@@ -8,6 +8,7 @@ matplotlib: a hundred frames take a second.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -94,7 +95,7 @@ def _draw(view: SceneView, frame: _Frame, row: int, title: str) -> Image.Image:
         pen.ellipse((x - size, y - size, x + size, y + size), fill=_MASS, outline=_INK, width=OVER)
     words = f"{title}{view.time[row]:.4f} s"
     pen.text((0.01 * WIDTH * OVER, 0.93 * HEIGHT * OVER), words, fill=_TEXT, font_size=13 * OVER)
-    return image.resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS)
+    return image.reduce(OVER)
 
 
 def _bar(pen: ImageDraw.ImageDraw, name: str, y: float, *, ground: bool) -> None:
@@ -172,7 +173,20 @@ def write_animation(view: SceneView, path: Path) -> None:
     picked = np.unique(np.linspace(first, first + rows - 1, FRAMES).astype(int))
     slow = FRAMES * FRAME_MS * 1e-3 * view.rig.rate_hz / rows
     title = f"{slow:.3g} times slower,  " if slow > 1.05 else ""
-    images = [
-        _draw(view, frame, int(row), title).quantize(32, dither=Image.Dither.NONE) for row in picked
-    ]
+    drawn = [_draw(view, frame, int(row), title) for row in picked]
+    palette, plain = _palette(drawn), Image.Dither.NONE
+    images = [image.quantize(palette=palette, dither=plain) for image in drawn]
     images[0].save(path, save_all=True, append_images=images[1:], duration=FRAME_MS, loop=0)
+
+
+def _palette(drawn: Sequence[Image.Image]) -> Image.Image:
+    """Return the colours of a few frames: in every one are the same things."""
+    some = drawn[:: max(1, len(drawn) // 4)]
+    strip = Image.new("RGB", (WIDTH, HEIGHT * len(some)))
+    for at, image in enumerate(some):
+        strip.paste(image, (0, HEIGHT * at))
+    found = np.array(strip.quantize(32, dither=Image.Dither.NONE).getpalette()).reshape(-1, 3)
+    found[found.min(axis=1) > 244] = 255  # the mean of white and next to white
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(found.ravel().tolist())
+    return palette
