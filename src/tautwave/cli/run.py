@@ -42,6 +42,9 @@ from tautwave.errors import ConfigError
     is_flag=True,
     help="Use simulated devices that `tautwave sim RIG` serves already, in another terminal.",
 )
+@click.option(
+    "--play", is_flag=True, help="Play the sound of a scene after the run, where there is a device."
+)
 @click.pass_context
 def run(
     ctx: click.Context,
@@ -54,6 +57,7 @@ def run(
     allow_unwatched: bool,
     configure: bool,
     attach: bool,
+    play: bool,
 ) -> None:
     """Run RIG: check it, move, record, report.
 
@@ -65,6 +69,7 @@ def run(
         tautwave run configs/bench-1dof-loopback.yaml
         tautwave run rig.yaml --clock fake --duration 2 --out runs/quick
         tautwave run rig.yaml --set coupling.delay_s=0.1 --set rate_hz=500
+        tautwave run configs/scene-granular.yaml --play
     """
     from tautwave.cli.progress import Progress
     from tautwave.cli.show import show
@@ -72,6 +77,8 @@ def run(
     from tautwave.config import load_rig
 
     loaded = load_rig(rig, overrides)
+    if play and loaded.scene is None:
+        raise ConfigError("--play: this rig has no scene, so there is no sound to play")
     directory = fresh_directory(out, loaded.name)
 
     from tautwave import session
@@ -105,6 +112,11 @@ def run(
         for note in bus.get("notes", ()):
             if note.startswith(("UNWATCHED", "NOT WATCHED")):
                 click.echo(note, err=True)
+    for told in result.summary.get("realtime", ()):
+        if "may miss cycles" in told:
+            click.echo(told, err=True)
+    if play:
+        click.echo(_played(result.directory), err=True)
     if result.exit_code:
         word, sentence = outcome(result.summary, result.exit_code)
         if result.exit_code == 3:
@@ -112,6 +124,16 @@ def run(
             sentence = "\n".join(after.get("sentences", ())) or sentence
         click.echo(sentence or f"{loaded.name}: {word}", err=True)
     ctx.exit(result.exit_code)
+
+
+def _played(directory: Path) -> str:
+    """Play the sound of a run; return what is to be said about it."""
+    from tautwave.cli.play import play_sound
+
+    sound = directory / "output.wav"
+    if not sound.exists():
+        return "not played: this run left no sound"
+    return play_sound(sound) or f"played {sound}"
 
 
 def fresh_directory(out: Path | None, name: str) -> Path:
