@@ -14,6 +14,7 @@ from tautwave.bench.workprecision_plain import (
     NAME,
     PLAIN,
     SET,
+    START,
     WHOLE,
     Charge,
     charges,
@@ -21,10 +22,12 @@ from tautwave.bench.workprecision_plain import (
     mujoco_goals,
     mujoco_table,
     plain_scene,
+    run_devices,
 )
 from tautwave.bench.workprecision_points import Point, Scene
 from tautwave.bench.workprecision_rig import WAVE_WALL
 from tautwave.models.integrators import EXACT
+from tautwave.models.plant_params import plant_cache
 
 
 def point(method: str, step: float, error: float, cpu_s: float) -> Point:
@@ -84,6 +87,15 @@ def test_only_the_slave_has_a_wall() -> None:
     master, slave = plain_plants(SET)
     assert (master.wall_stiffness, slave.wall_stiffness) == (0.0, SET.stiffness)
     assert (master.mass, slave.mass) == (SET.mass_1, SET.mass)
+
+
+def test_devices_alone_move() -> None:
+    plants = plain_plants(SET)
+    caches = [plant_cache(plant, 1e-3) for plant in plants]
+    state = [0.0] * 4
+    given = [0.0, 0.0, 0.0, SET.mass, 0.0, 0.0]
+    assert run_devices(plants, caches, given, state, 100, 1e-3) == 100
+    assert state == pytest.approx([START + 0.1, 1.0, START + 0.105, 1.1], abs=1e-12)
 
 
 @pytest.mark.slow

@@ -65,6 +65,7 @@ def error_figure(scenes: Sequence[Scene], max_error: float) -> Figure:
 
 def energy_figure(scenes: Sequence[Scene]) -> Figure:
     """Return the energy that each scheme made or took, over its step or tolerance."""
+    scenes = [scene for scene in scenes if any(_place(p, "energy") for p in scene.points)]
     figure, panels = canvas.panels(
         [3.1] * len(scenes), "Energy made or taken by the scheme, by step", False
     )

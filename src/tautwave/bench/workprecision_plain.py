@@ -9,13 +9,12 @@ where its least `solimp` makes the wall a ten-thousandth stiffer than asked.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, MutableSequence, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from tautwave.bench import peers_mujoco
-from tautwave.bench import workprecision_runs as runs
 from tautwave.bench.lanes import as_records, compiled_plain, plain_aims
 from tautwave.bench.plain_scene import DELAY, plain_set
 from tautwave.bench.plain_truth import plain_error, plain_truth
@@ -24,6 +23,7 @@ from tautwave.bench.workprecision_contact import compiled, records
 from tautwave.bench.workprecision_points import Point, Scene, cheapest, cpu_time
 from tautwave.bench.workprecision_rig import WAVE_WALL, RigScene
 from tautwave.models.integrators import DORMAND_PRINCE
+from tautwave.models.plant import plant_step
 from tautwave.models.plant_params import PlantCache, PlantParams, plant_cache
 
 NAME = "wave-plain"
@@ -59,22 +59,45 @@ def devices_alone(scene: RigScene, rounds: int) -> float:
     """Return CPU time per simulated second [s] of a rig's devices by `simulate`'s exact step."""
     from tautwave.offline.pack import pack_rig
 
-    job = pack_rig(scene.load(), 1.0)
-    spent = 0.0
-    for device in job.devices:
-        t = device.period
-        plants = records(PlantParams, device.plant)
-        caches = records(PlantCache, plant_cache(device.plant, t))
-        out = np.zeros(2)
-        sizes = np.array([1, STEPS, 1])
-        run = _run(plants, caches, np.array([START]), out, sizes, t)
-        spent += cpu_time(run, STEPS * t, rounds)
-    return spent
+    one, two = pack_rig(scene.load(), 1.0).devices
+    t = one.period
+    plants = np.concatenate([records(PlantParams, d.plant) for d in (one, two)])
+    caches = np.concatenate([records(PlantCache, plant_cache(d.plant, t)) for d in (one, two)])
+    run = compiled(run_devices)
+    given, state = np.zeros(6), np.zeros(4)
+    return cpu_time(lambda: run(plants, caches, given, state, STEPS, t), STEPS * t, rounds)
 
 
-def _run(*tables: object) -> Callable[[], int]:
-    step = compiled(runs.run_exact)
-    return lambda: step(*tables)
+def run_devices(
+    plants: Sequence[PlantParams],
+    caches: Sequence[PlantCache],
+    given: Sequence[float],
+    state: MutableSequence[float],
+    n: int,
+    t: float,
+) -> int:
+    """Move two devices `n` steps of `t` [s] from 1 rad/s; `state` takes x and v of both.
+
+    `given`: effort, the hand's position and its rate, of each, the same in every step.
+    """
+    x = START
+    y = START
+    v = 1.0
+    w = 1.0
+    one = 0
+    two = 0
+    for _ in range(n):
+        x, v, one, _, _, _, _, _ = plant_step(
+            plants[0], caches[0], x, v, one, given[0], given[1], given[2], t
+        )
+        y, w, two, _, _, _, _, _ = plant_step(
+            plants[1], caches[1], y, w, two, given[3], given[4], given[5], t
+        )
+    state[0] = x
+    state[1] = v
+    state[2] = y
+    state[3] = w
+    return n
 
 
 class Charge(NamedTuple):
