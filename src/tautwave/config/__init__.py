@@ -24,6 +24,7 @@ from tautwave.config.keys.simulation import (
     SolidWall,
     Spring,
 )
+from tautwave.config.keys.space import SpaceLink, SpaceScene, Vector
 from tautwave.config.load import load_rig, parse_rig
 from tautwave.config.resolved import resolved_yaml
 from tautwave.config.schema import rig_schema
@@ -57,7 +58,10 @@ __all__ = [
     "Side",
     "Simulation",
     "SolidWall",
+    "SpaceLink",
+    "SpaceScene",
     "Spring",
+    "Vector",
     "Wall",
     "bus_spec",
     "load_rig",

@@ -7,6 +7,7 @@ from typing import Any
 
 from tautwave.config.checks_scene import check_presence, check_scene
 from tautwave.config.checks_simulation import check_simulation
+from tautwave.config.checks_space import check_dimension, check_space
 from tautwave.config.document import Document, nearest, show_path, show_value
 from tautwave.config.keys.coupling import Pair, Wall
 from tautwave.config.keys.devices import Axis
@@ -23,7 +24,10 @@ def check_parts(document: Document, parts: Parts) -> None:
     for side, name, axis in parts.axes():
         _check_axis(document, parts, side, name, axis)
     if check_presence(document):
+        check_dimension(document)
         check_scene(document, parts)
+        if parts.space is not None:
+            check_space(document, parts, parts.space)
     _check_coupling(document, parts)
     _check_names(document, parts)
     for name, pair in (parts.pairs or {}).items():

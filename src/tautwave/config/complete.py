@@ -11,6 +11,7 @@ from tautwave.config.keys.coupling import Pair
 from tautwave.config.keys.rig import Rig, bus_spec, simulation_of
 from tautwave.config.keys.scene import Scene
 from tautwave.config.keys.simulation import AxisSimulation, Hand, Recording, Simulation
+from tautwave.config.keys.space import SpaceScene
 from tautwave.config.recordings import find_recording
 from tautwave.config.sounds import complete_sound
 from tautwave.contracts import AxisFacts, DriverPlugin
@@ -94,8 +95,9 @@ def axis_facts(rig: Rig, plugins: dict[str, DriverPlugin | None]) -> dict[str, A
     return known
 
 
-def _complete_scene(document: Document, scene: Scene) -> Scene:
-    port = scene.output.port or next(iter(scene.ports))
+def _complete_scene(document: Document, scene: Scene | SpaceScene) -> Scene | SpaceScene:
+    axes = scene.axes() if isinstance(scene, SpaceScene) else list(scene.ports)
+    port = scene.output.port or axes[0]
     forces = {
         name: complete_sound(document, name, force) if force.type == "sound" else force
         for name, force in scene.forces.items()

@@ -22,6 +22,7 @@ from tautwave.config.keys.simulation import (
     SolidWall,
     Spring,
 )
+from tautwave.config.keys.space import SpaceScene
 from tautwave.config.messages import salvage
 from tautwave.contracts import DriverPlugin
 
@@ -54,6 +55,7 @@ class Parts(NamedTuple):
     hands: dict[str, Hand | None]
     environments: dict[str, Block | None]
     scene: Scene | None = None
+    space: SpaceScene | None = None
 
     def axes(self) -> Iterator[tuple[str, str, Axis]]:
         """Give side, name and axis of every axis that is right by itself."""
@@ -99,6 +101,7 @@ def take_apart(document: Document, plugins: dict[str, DriverPlugin | None]) -> P
         hands={name: salvage(Hand, block) for name, block in _named(get(("simulation", "hand")))},
         environments=environments,
         scene=salvage(Scene, get(("scene",))),
+        space=salvage(SpaceScene, get(("scene",))),
     )
 
 

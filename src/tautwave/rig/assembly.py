@@ -102,7 +102,11 @@ def build_rig(
     if rig.scene is not None:
         from tautwave.rig.scene import build_scene
 
-        built = build_scene(rig, sites, order, cycles)
+        build = build_scene
+        if rig.scene.dimension == 3:
+            from tautwave.rig.space import build_space as build
+
+        built = build(rig, sites, order, cycles)
         scene = built.run
         pairs.extend(built.pairs)
         rows.append(built.row)

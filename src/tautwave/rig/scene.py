@@ -21,7 +21,7 @@ from tautwave.laws.wave import filter_gain
 from tautwave.rig.controller import NO_WALL, limit_params, velocity_gain
 from tautwave.rig.truth import SEED_WORD
 from tautwave.runtime.loop import LoopPair
-from tautwave.runtime.scene import SceneAxis, ScenePort, SceneRow, SceneRun
+from tautwave.runtime.scene import MOST_NODES, SceneAxis, ScenePort, SceneRow, SceneRun
 from tautwave.runtime.site import SiteAxis
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import GROUND, Link, Mass, Network, String
@@ -35,7 +35,7 @@ COUPLING = "coupling"
 
 def scene_of(rig: Rig) -> Scene:
     """Return the scene of a rig that has one."""
-    assert rig.scene is not None
+    assert isinstance(rig.scene, Scene)
     return rig.scene
 
 
@@ -124,7 +124,7 @@ def scene_forces(rig: Rig, network: Network, cycles: int) -> list[Sequence[float
     scene = scene_of(rig)
     total: dict[str, Any] = {}
     sounds = {
-        name: _sound(keys, rig.rate_hz, cycles)
+        name: sound_force(keys, rig.rate_hz, cycles)
         for name, keys in scene.forces.items()
         if keys.type == "sound"
     }
@@ -142,7 +142,7 @@ def scene_forces(rig: Rig, network: Network, cycles: int) -> list[Sequence[float
     return [array("d", total[node].tobytes()) for node in network.forced]
 
 
-def _sound(keys: SoundForce, rate_hz: float, cycles: int) -> Any:
+def sound_force(keys: SoundForce, rate_hz: float, cycles: int) -> Any:
     """Return the force of a sound over a run [N].
 
     Raises
@@ -234,4 +234,5 @@ def build_scene(
     for port, name in enumerate(network.ports):
         at = order.index(f"master.{name}")
         pairs.append(LoopPair(ScenePort(name, run, port), at, at, None, math.inf))
-    return BuiltScene(run, pairs, SceneRow(run))
+    row = SceneRow(run, network.ports, model.compiled.masses[:MOST_NODES])
+    return BuiltScene(run, pairs, row)

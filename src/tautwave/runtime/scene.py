@@ -9,6 +9,7 @@ gave and what the network got: `hold`.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from tautwave.contracts import Row
 from tautwave.laws.limit import RUNAWAY, RUNAWAY_TIMES, guard_axis, limit_effort
@@ -18,6 +19,9 @@ from tautwave.runtime.site import SiteAxis
 from tautwave.scene.ledger import Ledger
 from tautwave.scene.live import SceneModel
 from tautwave.types import JointState
+
+if TYPE_CHECKING:  # a scene of one dimension loads nothing of three
+    from tautwave.scene.space.live import SpaceModel
 
 MOST_NODES = 100
 """Positions of more nodes are not recorded."""
@@ -48,10 +52,10 @@ class SceneRun:
 
     Parameters
     ----------
-    model : SceneModel
+    model : SceneModel or SpaceModel
         With books.
     sites : sequence of SceneAxis
-        One per port of the network, in its order.
+        One per port of the network, in its order; one per axis of a port in three dimensions.
     scales, offsets : sequences of float
         Position in the scene: scale * position of the axis + offset.
     forces : sequence of sequences of float
@@ -60,7 +64,7 @@ class SceneRun:
 
     def __init__(
         self,
-        model: SceneModel,
+        model: SceneModel | SpaceModel,
         sites: Sequence[SceneAxis],
         scales: Sequence[float],
         offsets: Sequence[float],
@@ -196,15 +200,13 @@ class SceneRow:
     """The columns of a scene: its axes, its energies, where its nodes are.
 
     `scene.hold` is what the devices gave less what the network got; `scene.asked.PORT` what the
-    scene asked for before ramp and limits.
+    scene asked for before ramp and limits. `ports` are the names of the axes, `names` those of the
+    first entries of the network's positions.
     """
 
-    def __init__(self, run: SceneRun) -> None:
+    def __init__(self, run: SceneRun, ports: Sequence[str], names: Sequence[str]) -> None:
         self._run = run
-        model = run.model
-        names = model.compiled.masses[:MOST_NODES]
         self._nodes = range(len(names))
-        ports = model.network.ports
         self.columns: list[str] = []
         for port, site in zip(ports, run.sites, strict=True):
             self.columns += axis_columns(f"master.{port}", site)

@@ -6,13 +6,14 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
-from pydantic import Field, PrivateAttr
+from pydantic import Discriminator, Field, PrivateAttr, Tag
 
 from tautwave.config.keys.common import Block, Name, Positive
 from tautwave.config.keys.coupling import Coupling, Loop
 from tautwave.config.keys.devices import Axis, Bus, Side
 from tautwave.config.keys.scene import Scene
 from tautwave.config.keys.simulation import AxisSimulation, Simulation
+from tautwave.config.keys.space import SpaceScene, scene_kind
 from tautwave.contracts import AxisSpec, BusSpec
 
 VELOCITY_TIME_CONSTANT_S = 0.002
@@ -25,6 +26,12 @@ def _no_slave() -> Side:
 
 def _no_coupling() -> Coupling:
     return Coupling(pairs={})
+
+
+AnyScene = Annotated[
+    Annotated[Scene, Tag("Scene")] | Annotated[SpaceScene, Tag("SpaceScene")],
+    Discriminator(scene_kind),
+]
 
 
 class Rig(Block):
@@ -52,7 +59,7 @@ class Rig(Block):
         default_factory=_no_coupling,
         description="How they are coupled; required without a scene.",
     )
-    scene: Scene | None = Field(
+    scene: AnyScene | None = Field(
         default=None, description="A network of masses and links to touch, instead of a slave."
     )
     loop: Loop = Field(default_factory=Loop, description="How the loop is run.")

@@ -228,6 +228,9 @@ class SceneOutput(Block):
 class Scene(Block):
     """A mass-interaction network under the hand."""
 
+    dimension: Literal[1] = Field(
+        default=1, exclude=True, description="1, or 3: points in space, with keys of their own."
+    )
     scheme: Literal["exact", "symplectic", "discrete_gradient"] = Field(
         default="discrete_gradient",
         description="exact: linear networks, any rate; symplectic: the standard one, w T < 2; "

@@ -90,8 +90,6 @@ def problems_of_space(network: SpaceNetwork) -> list[str]:
     for port in network.ports:
         if not 1 <= len(port.axes) <= 3 or len(port.directions) < len(port.axes):
             told.append(f"port {port.name!r}: one to three axes, and a direction for each")
-        elif not _independent(port.directions[: len(port.axes)]):
-            told.append(f"port {port.name!r}: its directions do not span as many dimensions")
     told += [
         f"link {link.name!r}: between points a contact needs a rest above 0 (both radii), or a "
         "normal"
@@ -99,20 +97,6 @@ def problems_of_space(network: SpaceNetwork) -> list[str]:
         if link.kind == "contact" and link.normal is None and not link.rest > 0.0
     ]
     return told
-
-
-def _independent(directions: tuple[Vector, ...]) -> bool:
-    """Return whether some directions span as many dimensions, by Gram and Schmidt."""
-    kept: list[Vector] = []
-    for direction in directions:
-        rest = list(unit(direction))
-        for other in kept:
-            along = sum(one * two for one, two in zip(rest, other, strict=True))
-            rest = [one - along * two for one, two in zip(rest, other, strict=True)]
-        if not math.sqrt(sum(part * part for part in rest)) > 1e-6:
-            return False
-        kept.append(unit((rest[0], rest[1], rest[2])))
-    return True
 
 
 def prune_space(network: SpaceNetwork, *, merge: bool = True) -> PrunedSpace:
