@@ -71,7 +71,7 @@ def run_sweep(
     engine : str, optional
         Of `simulate`; by default the fastest there is, plain Python for a small sweep.
     progress : callable, optional
-        Called now and then with the share done and a word.
+        Called now and then with the share done of what was left to do, and a word or more.
 
     Raises
     ------
@@ -95,13 +95,15 @@ def run_sweep(
             begin = functools.partial(_Piecework, points, header, plan.sweep.measures, name)
             run = executor or (in_process if here else ProcessPool(min(jobs, len(pieces))))
             interrupted = False
+            left = total - resumed  # what was there already says nothing about the time left
+            word = f"simulating the other {left} points" if resumed else "simulating"
             work = run(begin, pieces) if pieces else None
             try:
                 for finished in work or ():
                     table.append(*finished)
                     done += len(finished.numbers)
                     if progress is not None:
-                        progress(done / total, "simulating")
+                        progress((done - resumed) / left, word)
             except KeyboardInterrupt:
                 interrupted = True
             finally:
