@@ -109,7 +109,7 @@ def run(
     if rig.scene is not None:
         from tautwave.session.scene_pace import choose_engine, use_engine
 
-        if progress is not None:
+        if progress is not None and clock == "real":
             progress(0.0, "measuring the scene")
         engine = choose_engine(rig, clock)
     directory = Path(out)

@@ -6,7 +6,7 @@ import time
 from importlib.util import find_spec
 from typing import NamedTuple
 
-from tautwave.config import Rig
+from tautwave.config import Rig, Scene
 from tautwave.errors import BusBudgetError, TautwaveError
 from tautwave.rig import Assembly, build_rig, served_buses
 from tautwave.runtime.loop import Loop
@@ -60,10 +60,9 @@ def scene_pace(rig: Rig, engine: str = "python") -> ScenePace:
 
     Devices that are served elsewhere, and real ones, cost nothing here: the scene alone is stepped.
     """
-    one = _step_alone(rig, engine, 3)
-    cycles = max(min(CYCLES, int(LONG_S / one)), 3)
     alone = rig.simulation is None or bool(served_buses(rig))
     measure = _step_alone if alone else _run_whole
+    cycles = max(min(CYCLES, int(LONG_S / measure(rig, engine, 3))), 3)
     least = min(measure(rig, engine, cycles) for _ in range(ROUNDS))
     return ScenePace(least, rig.period_s, engine)
 
@@ -114,24 +113,26 @@ def choose_engine(rig: Rig, clock: str) -> Engine:
     BusBudgetError
         On the real clock: not even those keep it.
     """
-    asked = "python" if rig.scene is None else rig.scene.engine
-    if rig.scene is None or clock != "real":
+    asked = _asked(rig)
+    if clock != "real" or not _known(rig):
         return Engine("compiled" if asked == "compiled" else "python", ())
     pace = None if asked == "compiled" else scene_pace(rig)
     if pace is None or (asked == "auto" and pace.share > EASY and _has_numba()):
         pace = scene_pace(rig, "compiled")
     if pace.share > 1.0:
-        raise BusBudgetError(f"scene: {pace.words()}, so it cannot keep its rate; {_remedy(pace)}")
+        raise BusBudgetError(
+            f"scene: {pace.words()}, so it cannot keep its rate; {_remedy(rig, pace)}"
+        )
     told = f"scene: {pace.words()}"
     if pace.share > TIGHT:
-        told += f": it may miss cycles; {_remedy(pace)}"
+        told += f": it may miss cycles; {_remedy(rig, pace)}"
     return Engine(pace.engine, (told,))
 
 
 def use_engine(assembly: Assembly, engine: str) -> None:
     """Let a built scene be stepped by an engine."""
     scene = assembly.scene
-    if scene is not None and engine == "compiled":
+    if scene is not None and engine == "compiled" and isinstance(scene.model, SceneModel):
         scene.model = _compiled(scene.model)
 
 
@@ -140,28 +141,39 @@ def pace_fact(rig: Rig) -> str:
 
     Nothing is compiled for it.
     """
+    if not _known(rig):
+        return "not measured: its devices are real"
     try:
         pace = scene_pace(rig)
     except TautwaveError as err:
         return f"not measured: {err}"
     told = pace.words()
-    assert rig.scene is not None
-    if pace.share <= EASY and rig.scene.engine != "compiled":
+    if pace.share <= EASY and _asked(rig) != "compiled":
         return told
-    if rig.scene.engine != "python" and _has_numba():
+    if _asked(rig) != "python" and _has_numba():
         return f"{told}; on the real clock its steps are compiled"
     if pace.share > TIGHT:
         word = "cannot" if pace.share > 1.0 else "may not"
-        return f"{told}: on the real clock it {word} keep its rate; {_remedy(pace)}"
+        return f"{told}: on the real clock it {word} keep its rate; {_remedy(rig, pace)}"
     return told
 
 
-def _remedy(pace: ScenePace) -> str:
+def _remedy(rig: Rig, pace: ScenePace) -> str:
     rate = TIGHT / pace.cycle_s
     told = f"--clock fake, fewer masses, or a rate_hz of at most {float(f'{rate:.2g}'):.0f}"
-    if pace.engine == "python":
+    if pace.engine == "python" and isinstance(rig.scene, Scene):
         told += ", or scene.engine auto" + ("" if _has_numba() else f" with numba: {INSTALL}")
     return told
+
+
+def _asked(rig: Rig) -> str:
+    """Return the engine a rig names; points in space have one only."""
+    return rig.scene.engine if isinstance(rig.scene, Scene) else "python"
+
+
+def _known(rig: Rig) -> bool:
+    """Return whether a scene can be stepped here without its devices."""
+    return isinstance(rig.scene, Scene) or (rig.simulation is not None and not served_buses(rig))
 
 
 def _has_numba() -> bool:
