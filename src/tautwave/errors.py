@@ -3,7 +3,7 @@
 TautwaveError
 ├── ConfigError (ValueError)          2  the rig file or an argument is wrong
 ├── NotCertifiedError                 3  the rig is not certified, or no longer
-├── BusBudgetError                    4  the rig is faster than its bus
+├── BusBudgetError                    4  the rig is faster than its bus, or than this machine
 ├── DriverError                       5  a bus or a device failed
 │   ├── BusTimeout (TimeoutError)     5  nothing answered in time
 │   └── DeviceFault                   5  a device reported a fault
@@ -45,7 +45,7 @@ class NotCertifiedError(TautwaveError):
 
 
 class BusBudgetError(TautwaveError):
-    """The rig's rate does not fit on its bus."""
+    """The rig's rate does not fit on its bus, or this machine cannot step its scene that fast."""
 
     exit_code = 4
 
