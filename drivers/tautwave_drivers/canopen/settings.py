@@ -107,18 +107,17 @@ def check_identity(drive: RemoteDrive, axis: Axis) -> list[str]:
     checked = "not compared: the rig gives no identity" if wanted is None else "as the rig says"
     notes = [f"{drive.name}: {words or 'no 1018h'} ({checked})"]
     modes = drive.find(o.SUPPORTED_MODES)
-    needed = [axis.mode]
+    needed = [(axis.mode, f"an {axis.spec.causality} axis")]
     if axis.node.homing is not None:
-        needed.append(Mode.HM)
+        needed.append((Mode.HM, "homing"))
     if axis.node.move is not None:
-        needed.append(Mode.CSP if axis.node.move.mode == "csp" else Mode.PV)
+        needed.append((Mode.CSP if axis.node.move.mode == "csp" else Mode.PV, "move"))
     if modes is None:
         return [*notes, f"{drive.name} has no 6502:00: its modes show when it is enabled"]
-    for mode in needed:
+    for mode, who in needed:
         if not supports(modes, mode):
-            way = "admittance" if axis.servo else "impedance"
             raise DeviceFault(
-                f"{drive.name} has no {mode_name(mode)}, which an {way} axis needs; 6502:00 "
+                f"{drive.name} has no {mode_name(mode)}, which {who} needs; 6502:00 "
                 f"(0x{modes:X}) names: {supported_words(modes)}"
             )
     return [*notes, f"{drive.name}: modes {supported_words(modes)}"]

@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field
 
 from tautwave.clock import MonotonicClock
 from tautwave.contracts import BytePort, Clock
-from tautwave_drivers.dynamixel import packet
+from tautwave_drivers.dynamixel import packet, packet1
 from tautwave_drivers.dynamixel import registers as reg
 from tautwave_drivers.dynamixel.ftdi import latency_timer_s
 from tautwave_drivers.dynamixel.line import FirstLine, OwnLine
@@ -73,15 +73,16 @@ def scan(options: ScanOptions) -> Sequence[dict[str, Any]]:
                 port.set_baud(baud)
             except OSError:
                 continue  # the adapter does not know this rate
-            found.extend(_at_baud(port, clock, baud, options, latency_s))
+            found.extend(find_at_baud(port, clock, baud, options, latency_s))
     finally:
         port.close()
     return found
 
 
-def _at_baud(
+def find_at_baud(
     port: BytePort, clock: Clock, baud: int, options: ScanOptions, latency_s: float
 ) -> Iterator[dict[str, Any]]:
+    """Yield a row for every servo that answers on an open line."""
     if options.protocol != 1.0:
         line = OwnLine(port, clock, baud, latency_s)
         seen = set()
@@ -158,6 +159,8 @@ def _first(line: FirstLine, baud: int, device_id: int) -> dict[str, Any] | None:
     if found is None:
         return None
     identity = line.read(device_id, 0, 3)
+    if identity is None and found.error == packet1.PING:
+        return None  # our own question: in this protocol an echoed ping looks like an answer
     row: dict[str, Any] = {"id": device_id, "model": "not told", "protocol": 1.0, "baud": baud}
     if identity is not None:
         number = reg.FIRST_MODEL_NUMBER.decode(identity.data)

@@ -28,11 +28,11 @@ class Scale(NamedTuple):
     zero_counts: int
 
     def current_counts(self, command: AxisCommand, limit: int = CURRENT_RANGE) -> int:
-        """Return the goal current nearest to an effort, at most `limit`; 0 for NaN."""
+        """Return the goal current nearest to an effort, at most `limit`; 0 where not finite."""
         return self.direction * _nearest(command.effort / self.effort, limit)
 
     def velocity_counts(self, command: AxisCommand, limit: int = 2**31 - 1) -> int:
-        """Return the goal velocity nearest to a velocity, at most `limit`; 0 for NaN."""
+        """Return the goal velocity nearest to a velocity, at most `limit`; 0 where not finite."""
         return self.direction * _nearest(command.velocity / self.velocity, limit)
 
 
@@ -55,6 +55,6 @@ def scale_of(servo: Servo) -> Scale:
 def _nearest(count: float, limit: int) -> int:
     if -limit <= count <= limit:
         return math.floor(count + 0.5)
-    if count != count:
-        return 0
+    if not math.isfinite(count):
+        return 0  # no number, or no end: nobody means that
     return limit if count > 0.0 else -limit

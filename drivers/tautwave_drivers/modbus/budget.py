@@ -137,7 +137,7 @@ def _fitting_divisor(
 ) -> int:
     """Return the least divisor of the rig's rate at which the bus has time enough."""
     rate = bus.rate_hz * bus.divisor
-    nth = 1
+    nth = max(1, math.floor(cycle_s(options, drives, 0.0) * rate))  # no less can be enough
     while needed_s(options, drives, bus._replace(rate_hz=rate / nth, divisor=nth)) > nth / rate:
         nth += 1
     return nth

@@ -14,7 +14,8 @@ from tautwave_drivers.modbus.profile import Profile, Register, load_profile
 from tautwave_drivers.modbus.registers import bounds
 
 Positive = Annotated[float, Field(gt=0.0)]
-Seconds = Annotated[float, Field(ge=0.0)]
+Pause = Annotated[float, Field(gt=0.0, le=60.0)]
+"""[s] Longer than anybody waits for a drive is a mistake in writing."""
 TCP = "tcp://"
 PORT = 502
 
@@ -59,24 +60,24 @@ class ModbusOptions(Block):
     baud: Annotated[int, Field(ge=300, le=10_000_000)] = 115_200
     parity: Literal["N", "E", "O"] = "N"
     stop_bits: Annotated[int, Field(ge=1, le=2)] = 1
-    turnaround_s: Seconds | None = None
+    turnaround_s: Annotated[float, Field(ge=0.0, le=10.0)] | None = None
     """[s] From the end of a request until the drive answers; for TCP with everything on the way.
     Not given: 0 on a serial line, where the silence it needs is counted apart, 1 ms on TCP."""
-    gap_s: Positive | None = None
+    gap_s: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
     """[s] Silence between frames on a serial line; 3.5 characters, 1.75 ms above 19200 baud, if
     not given."""
     usb_latency_s: Annotated[float, Field(ge=0.0, le=0.1)] | None = None
     """[s] Latency timer of the USB adapter; not given: 0.001 for /dev/ttyUSB* and /dev/ttyACM*."""
-    late_s: Positive = 0.02
+    late_s: Pause = 0.02
     """[s] Longest time a drive ever takes to answer. After a request without an answer, a serial
     line is left alone for so long, since a late answer could not be told from the next one's."""
-    comm_timeout_s: Positive = 0.1
+    comm_timeout_s: Pause = 0.1
     """[s] Silence after which a drive shall stop by itself, where it can."""
     reconnect: Literal["stop", "reconnect"] = "stop"
     """When the link is lost: end the run, or try again while the loop counts missing samples."""
-    silence_s: Positive = 0.25
+    silence_s: Pause = 0.25
     """[s] Without any answer, after which a link counts as dead although nobody closed it."""
-    connect_timeout_s: Positive = 2.0
+    connect_timeout_s: Pause = 2.0
     devices: Annotated[list[DeviceOptions], Field(min_length=1)]
     simulator: dict[str, Any] = Field(default_factory=dict)
     """For simulated drives only."""

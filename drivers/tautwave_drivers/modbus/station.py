@@ -162,17 +162,17 @@ class Station:
             self.plan.command.put(to_words(counts, self._kind, self._low_first))
 
     def command(self, command: AxisCommand) -> None:
-        """Stage a command; zero where it is no number, or the drive is not ours."""
+        """Stage a command; zero where it is not finite, or the drive is not ours."""
         count = (command.effort if self._impedance else command.velocity) / self._quantum
         most = self._most
         if not self.on or self.failed:
             whole = 0
         elif -most <= count <= most:
             whole = math.floor(count + 0.5)
-        elif count > most:
-            whole = most
+        elif math.isfinite(count):
+            whole = most if count > 0.0 else -most
         else:
-            whole = -most if count < -most else 0
+            whole = 0
         self.stage(whole * self._sign)
 
     def exchange(self) -> Sequence[Question]:

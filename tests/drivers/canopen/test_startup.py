@@ -39,7 +39,7 @@ IDENTITY = {"vendor": 0xFB, "product": 0x10}
             "is another device: 1018:02 product code is 0x99, the rig says 0x10",
         ),
         ({"lacks_modes": [10]}, {}, "has no CST cyclic synchronous torque, which an impedance"),
-        ({"lacks_modes": [6]}, {"homing": {"method": 35}}, "has no HM homing"),
+        ({"lacks_modes": [6]}, {"homing": {"method": 35}}, "has no HM homing, which homing needs"),
         (
             {"heartbeat_consumer": False, "rpdo_timer": "no_subindex"},
             {},

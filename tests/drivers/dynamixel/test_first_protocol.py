@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tautwave.clock import FakeClock
 from tautwave_drivers.dynamixel import packet1
+from tautwave_drivers.dynamixel.scan import ScanOptions, find_at_baud
 from tautwave_drivers.dynamixel.words import first_words
 
 INSTRUCTIONS = {
@@ -63,3 +65,35 @@ def test_bytes_never_raise_and_a_packet_comes_through(noise: bytes, params: byte
     while (one := packet1.take_packet(buffer)) is not None:
         found.append((one.device_id, one.params))
     assert (7, b"\0" + params) in found
+
+
+class Echo:
+    """A half-duplex adapter without servos, which hears itself."""
+
+    def __init__(self) -> None:
+        self.heard = b""
+
+    def write(self, data: bytes) -> None:
+        self.heard += data
+
+    def read(self) -> bytes:
+        heard, self.heard = self.heard, b""
+        return heard
+
+    def readable(self) -> bool:
+        return bool(self.heard)
+
+    def next_event_ns(self) -> int | None:
+        return None
+
+    def advance(self, to_ns: int) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize("protocol", [1.0, 2.0])
+def test_an_adapter_that_echoes_is_no_servo(protocol: float) -> None:
+    options = ScanOptions(port="echo", protocol=protocol, ids=[1, 2])
+    assert list(find_at_baud(Echo(), FakeClock(), 1_000_000, options, 0.0)) == []

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 import yaml
+from pydantic import ValidationError
 
 from tautwave.contracts import READ_SHARE, BusSpec
 from tautwave_drivers.modbus.budget import (
@@ -79,6 +80,19 @@ def test_the_divisor_it_names_fits_and_the_one_before_does_not() -> None:
             cost = made(axes, 1000.0 / divisor, divisor, **RTU, profile=profile)
             assert (cost.time_s <= divisor / 1000.0) == fits, (profile, divisor)
         assert found.greatest_rate_hz <= 1000.0 / (nth - 1)
+
+
+@pytest.mark.parametrize("key", ["turnaround_s", "gap_s", "late_s", "comm_timeout_s"])
+def test_a_time_that_nobody_waits_is_refused(key: str) -> None:
+    """1e30 s once kept the search for a divisor going for ever."""
+    with pytest.raises(ValidationError, match=key):
+        made(1, 50.0, **(RTU | {key: 1e30}))
+
+
+def test_the_slowest_drive_there_may_be_has_its_divisor_at_once() -> None:
+    found = made(1, 10_000.0, turnaround_s=10.0)
+    nth = int(found.remedy.split("divisor: ")[1].split()[0])
+    assert 100_000 < nth < 101_000
 
 
 def test_over_tcp_the_slowest_drive_counts_and_not_their_number() -> None:
