@@ -249,18 +249,18 @@ def settle(rig: Rig, certificate: Certificate) -> Account:
     flow, wall, port, used = 0.0, -math.inf, -math.inf, 0.0
     for side, weight in (("master", 1.0), ("slave", 1.0 / power)):
         work, lost = (
-            weight * _gain(run, f"plant.{side}.a.{key}") for key in ("motor_work", "viscous_loss")
+            weight * gain(run, f"plant.{side}.a.{key}") for key in ("motor_work", "viscous_loss")
         )
         given = given + work - lost
         flow += float(np.abs(np.diff(work)).sum())
         # The books of the elements are in the master's units already.
         if _has(run, f"wall_{side}"):
-            wall = max(wall, float(np.max(-_gain(run, f"a.wall_{side}.absorbed") - lost)))
-        owed = -_gain(run, f"a.port_{side}.absorbed")
+            wall = max(wall, float(np.max(-gain(run, f"a.wall_{side}.absorbed") - lost)))
+        owed = -gain(run, f"a.port_{side}.absorbed")
         if _has(run, f"damper_{side}"):
-            owed = owed - _gain(run, f"a.damper_{side}.absorbed")
-        may = _allowed(run, side, weight, rig.period_s, certificate)
-        bound = bound + may + weight * _feigned(certificate, side, len(run))
+            owed = owed - gain(run, f"a.damper_{side}.absorbed")
+        may = allowed(run, side, weight, rig.period_s, certificate)
+        bound = bound + may + weight * feigned(certificate, side, len(run))
         port = max(port, float(np.max(owed - may)))
         used = max(used, float(np.max(owed / np.maximum(may, 1e-300))))
     if flow == 0.0:
@@ -273,12 +273,12 @@ def _has(run: Simulation, element: str) -> bool:
     return f"a.{element}.absorbed" in run.columns
 
 
-def _gain(run: Simulation, column: str) -> Array:
+def gain(run: Simulation, column: str) -> Array:
     found: Array = run[column] - run[column][0]
     return found
 
 
-def _allowed(
+def allowed(
     run: Simulation, side: str, weight: float, period: float, certificate: Certificate
 ) -> Array:
     """Return what the account of a port may owe, row by row [J, master's units as the books]."""
@@ -294,7 +294,7 @@ def _allowed(
     return out
 
 
-def _feigned(certificate: Certificate, side: str, rows: int) -> Array:
+def feigned(certificate: Certificate, side: str, rows: int) -> Array:
     """Return what encoder steps let out, row by row [J]: of the port, and of a wall."""
     periods = np.arange(float(rows))
     out: Array = port_numbers(certificate, side)["allowance_j_per_period"] * periods
