@@ -14,6 +14,9 @@ RUNAWAY_TIMES = 1e6
 """A scene that asks for so many times an axis' effort limit, or for no number, has run away: an
 unstable instrument. The guard's code for it is `RUNAWAY`, after those of `guard_axis`."""
 
+OVERDRAWN = 5
+"""The guard's code for a scene whose held efforts have created more than its allowance."""
+
 
 class LimitParams(NamedTuple):
     """Limits of an axis; an absent one is infinite.

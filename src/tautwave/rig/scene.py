@@ -20,17 +20,21 @@ from tautwave.laws.site import SiteParams
 from tautwave.laws.wave import filter_gain
 from tautwave.rig.controller import NO_WALL, limit_params, velocity_gain
 from tautwave.rig.truth import SEED_WORD
+from tautwave.runtime.hold import HoldAccount
 from tautwave.runtime.loop import LoopPair
 from tautwave.runtime.scene import MOST_NODES, SceneAxis, ScenePort, SceneRow, SceneRun
 from tautwave.runtime.site import SiteAxis
 from tautwave.scene.live import SceneModel
-from tautwave.scene.network import GROUND, Link, Mass, Network, String
+from tautwave.scene.network import ACTIVE, GROUND, Link, Mass, Network, String
 from tautwave.scene.pruning import Pruned, prune
 from tautwave.scene.signals import force_signal, sound_signal
 from tautwave.types import CommandDelay
 
 COUPLING = "coupling"
 """What a port's own spring is called: `coupling of NAME`."""
+
+HOLD_SPEED = 0.1
+"""Of its velocity limit: by the energy of a device that fast a scene may be overdrawn."""
 
 
 def scene_of(rig: Rig) -> Scene:
@@ -209,6 +213,32 @@ class BuiltScene(NamedTuple):
     row: SceneRow
 
 
+def hold_account(rig: Rig, network: Network, axes: Sequence[SceneAxis]) -> HoldAccount | None:
+    """Return what bounds the energy that held efforts create; None for instruments that feed.
+
+    The allowance is the energy of all devices at `HOLD_SPEED` of their velocity limits.
+    """
+    if any(link.kind in ACTIVE for link in network.links):
+        return None  # nothing is certified of these, and their energy has no bound to keep
+    keys = [rig.axes[f"master.{name}"] for name in network.ports]
+    allowance = 0.0
+    for axis in keys:
+        assert axis.inertia is not None
+        mass = axis.inertia.lower
+        speed = axis.velocity_limit
+        if speed is None:
+            speed = 0.1 * (axis.effort_limit or math.inf) / mass
+        allowance += 0.5 * mass * (HOLD_SPEED * speed) ** 2
+    return HoldAccount(
+        axes,
+        [axis.command_delay for axis in axes],
+        [axis.damping.lower for axis in keys],
+        rig.period_s,
+        allowance,
+        holds_forces=scene_of(rig).scheme == "symplectic",
+    )
+
+
 def build_scene(
     rig: Rig, sites: Mapping[str, SiteAxis], order: Sequence[str], cycles: int
 ) -> BuiltScene:
@@ -222,13 +252,15 @@ def build_scene(
     scene = scene_of(rig)
     network = pruned_network(rig).network
     model = SceneModel(network, scene.scheme, rig.period_s, keep_books=True)
-    axes = [sites[f"master.{name}"] for name in network.ports]
+    found = [sites[f"master.{name}"] for name in network.ports]
+    axes = [axis for axis in found if isinstance(axis, SceneAxis)]
     run = SceneRun(
         model,
-        [axis for axis in axes if isinstance(axis, SceneAxis)],
+        axes,
         [scene.ports[name].position_scale for name in network.ports],
         [scene.ports[name].offset for name in network.ports],
         scene_forces(rig, network, cycles),
+        hold_account(rig, network, axes),
     )
     pairs = []
     for port, name in enumerate(network.ports):

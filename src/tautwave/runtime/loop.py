@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 
 from tautwave.contracts import READ_SHARE, Clock, Row, RowSource
 from tautwave.errors import BusTimeout, SafetyStop, TautwaveError
-from tautwave.laws.limit import RUNAWAY
+from tautwave.laws.limit import OVERDRAWN, RUNAWAY
 from tautwave.runtime.pair import Pair
 from tautwave.runtime.sensing import LoopBus, Sensing
 from tautwave.runtime.timing import Histogram
@@ -29,6 +29,8 @@ GUARDS = {
     2: "exceeded its velocity limit",
     3: "is not finite",
     RUNAWAY: "is asked by its scene for over a million times its effort limit",
+    OVERDRAWN: "got more energy out of its scene than went in, since efforts are held for a period "
+    "(raise rate_hz, or lower the stiffness that it meets),",
 }
 TIMING_COLUMNS = ("time_s", "lateness_us", "compute_us", "skipped_slots")
 

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from tautwave.contracts import Row
-from tautwave.laws.limit import RUNAWAY, RUNAWAY_TIMES, guard_axis, limit_effort
+from tautwave.laws.limit import OVERDRAWN, RUNAWAY, RUNAWAY_TIMES, guard_axis, limit_effort
 from tautwave.runtime.books import axis_columns, fill_axis
+from tautwave.runtime.hold import HoldAccount
 from tautwave.runtime.pair import Pair, PairScale
 from tautwave.runtime.site import SiteAxis
 from tautwave.scene.ledger import Ledger
@@ -31,6 +32,11 @@ class SceneAxis(SiteAxis):
     """An impedance axis that renders an effort from elsewhere, within its limits."""
 
     __slots__ = ()
+
+    @property
+    def command_delay(self) -> tuple[int, float]:
+        """Whole periods until a command acts, and the rest as a share of one."""
+        return len(self._pipe), self._late
 
     def render(self, effort: float, ceiling: float) -> int:
         """Send a resisting effort [N m or N]; return the guard's code (0: all is well)."""
@@ -60,6 +66,8 @@ class SceneRun:
         Position in the scene: scale * position of the axis + offset.
     forces : sequence of sequences of float
         Outside force on each forced mass by slot [N]; 0 after its end.
+    account : HoldAccount, optional
+        Ends the run where holding the efforts has created too much.
     """
 
     def __init__(
@@ -69,8 +77,10 @@ class SceneRun:
         scales: Sequence[float],
         offsets: Sequence[float],
         forces: Sequence[Sequence[float]],
+        account: HoldAccount | None = None,
     ) -> None:
         self.model = model
+        self.account = account
         self.sites = sites
         self._scales = scales
         self._offsets = offsets
@@ -81,7 +91,7 @@ class SceneRun:
         self.efforts = [0.0] * len(sites)
         self.guards = [0] * len(sites)
         self._most = [RUNAWAY_TIMES * site.params.limit.effort for site in sites]
-        self._lost = False
+        self._ended = 0
 
     def place(self, port: int) -> None:
         """Take where an axis was measured."""
@@ -91,7 +101,9 @@ class SceneRun:
         """Start the scene with the ports where they are."""
         self.model.reset(self.positions)
         self.slot = 0
-        self._lost = False
+        self._ended = 0
+        if self.account is not None:
+            self.account.begin()
 
     def resting(self, port: int) -> float:
         """Return what the scene at rest would ask of an axis [N m or N]."""
@@ -99,22 +111,23 @@ class SceneRun:
 
     def think(self, skipped: int, ramp: float) -> None:
         """Advance over the slots that went by and this one; render what the scene answers."""
-        if not self._lost:
-            self._lost = not self._advance(skipped)
+        if not self._ended:
+            self._ended = self._advance(skipped)
         for port, site in enumerate(self.sites):
             effort = self.efforts[port]
-            if self._lost and not site.stopping:
-                self.guards[port] = RUNAWAY
+            if self._ended and not site.stopping:
+                self.guards[port] = self._ended
                 site.stop_command(ramp * site.ceiling)
             elif site.valid:
                 self.guards[port] = site.render(effort, ramp * site.ceiling)
             elif site.stopping:
                 site.fade(ramp * site.ceiling)
 
-    def _advance(self, skipped: int) -> bool:
-        """Step the network; return False where it has run away, and leave the efforts as they were.
+    def _advance(self, skipped: int) -> int:
+        """Step the network; return 0, or a guard's code and leave the efforts as they were.
 
-        Its state is not finite or grows beyond all scales: an unstable instrument.
+        RUNAWAY: its state is not finite or grows beyond all scales, an unstable instrument.
+        OVERDRAWN: holding its efforts has created more energy than can be answered for.
         """
         try:
             for _ in range(skipped + 1):
@@ -125,12 +138,15 @@ class SceneRun:
                 )
                 pulls = self.model.advance(self.positions, pushes)
         except ArithmeticError:  # powers of floats raise where products are infinite
-            return False
+            return RUNAWAY
         asked = [scale * pull for scale, pull in zip(self._scales, pulls, strict=True)]
         if not all(-most <= one <= most for most, one in zip(self._most, asked, strict=True)):
-            return False  # NaN as well
+            return RUNAWAY  # NaN as well
+        account = self.account
+        if account is not None and account.overdrawn(self.efforts, skipped + 1, self.model.booked):
+            return OVERDRAWN
         self.efforts[:] = asked
-        return True
+        return 0
 
     @property
     def _silence(self) -> list[float]:

@@ -1,0 +1,129 @@
+"""What held efforts create: the account of a scene, and the stop of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tautwave import simulate
+from tautwave.certificate import certify
+from tautwave.config import load_rig
+from tautwave.errors import SafetyStop
+from tautwave.rig import build_rig
+from tautwave.runtime.hold import HoldAccount
+from tautwave.scene.ledger import Ledger
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+PERIOD = 1e-3
+STIFFNESS = 2000.0
+NOTHING = Ledger(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def account(damping: float, delay: tuple[int, float] = (0, 0.0), **more: Any) -> Any:
+    site = SimpleNamespace(position=0.0, valid=True)
+    made = HoldAccount([site], [delay], [damping], PERIOD, 1e-3, **more)  # type: ignore[list-item]
+    return made, site
+
+
+def swing(made: Any, site: Any, delay: int = 0, late: float = 0.0, missing: int = 0) -> float:
+    """Move a port that a plain spring holds; return what the hold created [J], by definition."""
+    asked = [0.0] * (delay + 2)
+    told, created, before, given = NOTHING, 0.0, 0.0, 0.0
+    efforts: list[float] = []
+    for slot, x in enumerate(0.01 * np.sin(np.arange(200) * 0.1)):
+        acting = late * asked[-2 - delay] if late else 0.0
+        acting += (1.0 - late) * asked[-1 - delay]
+        efforts.append(acting)
+        site.valid = not missing or slot % missing == 0
+        if site.valid:
+            site.position = float(x)
+            given += float(np.mean(efforts)) * (site.position - before)
+            before = site.position
+            efforts = []
+            told = NOTHING._replace(port_work=0.5 * STIFFNESS * before * before)
+        created = told.port_work - given
+        made.overdrawn([asked[-1]], 1, told)
+        asked.append(STIFFNESS * site.position)
+    return created
+
+
+@pytest.mark.parametrize(
+    ("delay", "late", "missing"), [(0, 0.0, 0), (2, 0.0, 0), (1, 0.3, 0), (0, 0.0, 3)]
+)
+def test_without_damping_the_debt_is_what_was_created(
+    delay: int, late: float, missing: int
+) -> None:
+    made, site = account(0.0, (delay, late))
+    created = swing(made, site, delay, late, missing)
+    assert created > 1e-4
+    assert made.debt == pytest.approx(created, rel=1e-9)
+
+
+def test_a_sampled_spring_owes_nothing_where_colgate_s_condition_holds() -> None:
+    """A spring k, held for T, creates k dx**2 / 2 a step: b >= k T / 2 takes it."""
+    enough = 0.5 * STIFFNESS * PERIOD
+    made, site = account(1.0001 * enough)
+    swing(made, site)
+    assert made.debt < 1e-12
+    made, site = account(0.9 * enough)
+    created = swing(made, site)
+    assert made.debt == pytest.approx(0.1 * created, rel=1e-6)
+
+
+def test_calm_times_earn_no_credit() -> None:
+    made, site = account(10.0)
+    for x in np.linspace(0.0, 1.0, 50):  # free, and damped: nothing is owed
+        site.position = float(x)
+        assert not made.overdrawn([0.0], 1, NOTHING)
+    assert made.debt == 0.0
+    assert made.overdrawn([0.0], 1, NOTHING._replace(port_work=2e-3))
+    assert made.debt == pytest.approx(2e-3)
+
+
+def test_what_the_scene_loses_is_taken_off_and_what_its_scheme_makes_is_put_on() -> None:
+    made, _ = account(0.0)
+    assert not made.overdrawn([0.0], 1, NOTHING._replace(port_work=3e-3, lost=2.5e-3))
+    assert made.debt == pytest.approx(5e-4)
+    assert made.overdrawn([0.0], 1, NOTHING._replace(port_work=3e-3, lost=2.5e-3, numeric=1e-3))
+
+
+def test_a_scheme_that_holds_forces_may_swing_with_its_energy() -> None:
+    told = NOTHING._replace(numeric=2e-3, kinetic=8e-3)
+    assert account(0.0)[0].overdrawn([0.0], 1, told)
+    assert not account(0.0, holds_forces=True)[0].overdrawn([0.0], 1, told)
+
+
+STIFF = "{type: contact, between: [stick, ring1], stiffness: 1.0e9, exponent: 1.5}"
+DOWN = "simulation.hand.stick.reference.waypoints=[[0.0, 0.0], [0.06, -0.02], [0.12, 0.01]]"
+
+
+def test_a_certificate_that_rests_on_the_account_is_held_to_it() -> None:
+    """A contact too stiff for its rate is certified, if little is created, and stops when not."""
+    path = CONFIGS / "scene-drum.yaml"
+    rig = load_rig(path, [DOWN, f"scene.links.felt={STIFF}", "duration_s=0.15"])
+    verdict = certify(rig).verdicts["coupled_stable"]
+    assert verdict.passed
+    assert any("stops where it is too much" in condition for condition in verdict.conditions)
+    rows = simulate(rig, engine="python")
+    assert isinstance(rows.error, SafetyStop)
+    assert "got more energy out of its scene than went in" in str(rows.error)
+    built = build_rig(rig, clock="fake")
+    assert built.scene is not None
+    assert built.scene.account is not None
+    # At the stop it was overdrawn by one sample's creation, not by the whole contact's 1.5 J.
+    assert -rows["scene.hold"].min() < 4.0 * built.scene.account.allowance
+    late = rows["master.stick.commanded"][-5:]
+    assert np.abs(late).max() < 1.0  # ramped down, not stopped dead
+
+
+def test_an_instrument_that_feeds_has_no_account() -> None:
+    path = CONFIGS / "scene-resonator.yaml"
+    link = "scene.links.feed={type: negative_damper, between: [object, ground], damping: 0.01}"
+    rig = load_rig(path, [link, "scene.scheme=discrete_gradient"])
+    built = build_rig(rig, clock="fake")
+    assert built.scene is not None
+    assert built.scene.account is None
