@@ -44,6 +44,10 @@ def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certific
     friction = {name: axis.coulomb.lower for name, axis in rig.axes.items()}
     friction.update(coulomb or {})
     delays = declared_delays(rig)
+    if rig.scene is not None and rig.scene.dimension == 3:
+        from tautwave.certificate.spaces import space_certificate
+
+        return space_certificate(rig, delays, PASSES)
     if rig.scene is not None:
         from tautwave.certificate.scenes import scene_certificate  # only what a rig has is loaded
 

@@ -60,6 +60,9 @@ def _coupling(rig: Rig) -> Iterator[PlanItem]:
 
 
 def _scene(rig: Rig) -> Iterator[PlanItem]:
+    if rig.scene is not None and rig.scene.dimension == 3:
+        yield from _space(rig)
+        return
     from tautwave.rig.scene import pruned_network, scene_of
 
     keys = scene_of(rig)
@@ -74,6 +77,32 @@ def _scene(rig: Rig) -> Iterator[PlanItem]:
         why = "" if port.stiffness is None else f"k_c {port.stiffness:g} to {port.to}"
         yield _item(f"coupling spring of {name}", port.to is not None, why, "links are at the axis")
     yield _item("gravity", keys.gravity != 0.0, f"{keys.gravity:g} m/s^2", "0")
+    for name, force in keys.forces.items():
+        yield _item(f"force {name}", True, f"{force.type} on {force.on}")
+    for sentence in pruned.left_out:
+        part, _, reason = sentence.partition(": ")
+        yield PlanItem(part, "left out", reason)
+    yield _item("engage ramp", keys.engage_ramp_s > 0, f"{keys.engage_ramp_s:g} s", "its time is 0")
+    yield _item(
+        "release ramp", keys.release_ramp_s > 0, f"{keys.release_ramp_s:g} s", "its time is 0"
+    )
+
+
+def _space(rig: Rig) -> Iterator[PlanItem]:
+    from tautwave.rig.space import pruned_space, space_of
+
+    keys = space_of(rig)
+    pruned = pruned_space(rig)
+    network = pruned.network
+    yield _item(f"scheme {keys.scheme}", True, "of the scene, in three dimensions")
+    words = f"{len(network.masses)} masses, {len(network.links)} links"
+    yield _item("scene", True, words)
+    for name, port in keys.ports.items():
+        yield _item(f"port {name}", True, f"moved by {', '.join(keys.axes_of(name))}")
+        why = "" if port.stiffness is None else f"k_c {port.stiffness:g} to {port.to}"
+        yield _item(f"coupling spring of {name}", port.to is not None, why, "links are at the port")
+    pulls = ", ".join(f"{part:g}" for part in network.gravity)
+    yield _item("gravity", any(network.gravity), f"[{pulls}] m/s^2", "0")
     for name, force in keys.forces.items():
         yield _item(f"force {name}", True, f"{force.type} on {force.on}")
     for sentence in pruned.left_out:
