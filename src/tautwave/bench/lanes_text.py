@@ -3,7 +3,8 @@
 Both loops are made of the same lines. In lanes every set computes both of what the slave could do
 and keeps one; a set that meets the wall or leaves it in this step, about one step in 200, is put
 right afterwards by `plain_scene.meet_wall`, one at a time. Operands stand in the order of
-`plain_scene.plain_step`, so that all of them give the same bits.
+`plain_scene.plain_step`, so that all of them give the same bits. In turn, too, both are computed:
+branching instead was measured and is no faster (7.1 ns a step either way).
 """
 
 from __future__ import annotations
