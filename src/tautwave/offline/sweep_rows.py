@@ -11,7 +11,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from importlib.util import find_spec
 from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from tautwave.offline.sweep_family import Family
 from tautwave.offline.sweep_library import kept_kernel
 from tautwave.offline.sweep_measure import BOOKS, Columns, Scales, scales_of
 from tautwave.offline.sweep_points import Points
-from tautwave.offline.sweep_stencil import Pressed, Stencil
+from tautwave.offline.sweep_stencil import Pressed, Stencil, Stencils
 from tautwave.offline.tables import Tables, record_tables
 
 WORTH_COMPILING = 1_000_000
@@ -85,7 +84,7 @@ class Simulator:
         self._out = np.empty(0)
         self._turned = np.empty((0, 0))
         self._known: tuple[list[Any], RigFacts] | None = None
-        self._stencils: WeakKeyDictionary[Family, Stencil | None] = WeakKeyDictionary()
+        self._stencils: tuple[Points, Stencils] | None = None
 
     def __call__(self, points: Points, number: int) -> tuple[Scales, Run]:
         """Simulate a point of a sweep; the columns hold until the next call.
@@ -99,7 +98,7 @@ class Simulator:
         if found is not None:
             family, values = found
             pair = points.pair_of(family.base)
-            stencil = self._stencil(family, pair, points.duration_of(family.base))
+            stencil = self._stencils_of(points).of(family)
             pressed = None
             if stencil is not None:
                 seed = points.seed_at(number, family.base.seed) if stencil.is_drawn else 0
@@ -124,16 +123,20 @@ class Simulator:
         run = job.run._replace(measured=list(rig.coupling.pairs).index(pair))
         return job._replace(run=run, columns=measured_columns(pair))
 
-    def _stencil(self, family: Family, pair: str, duration_s: float) -> Stencil | None:
-        """Return what the points of a family are packed with; None if each is packed alone."""
-        if family not in self._stencils:
-            stencil = None
-            with suppress(ConfigError):  # the family's own rig; another of its points may do
-                facts = self._facts(family.base)
-                job = self._measured(family.base, pair, duration_s, facts)
-                stencil = Stencil(family, job, facts)
-            self._stencils[family] = stencil
-        return self._stencils[family]
+    def _stencils_of(self, points: Points) -> Stencils:
+        """Return the stencils of a sweep."""
+        if self._stencils is None or self._stencils[0] is not points:
+
+            def make(family: Family) -> Stencil | None:
+                rig = family.base
+                with suppress(ConfigError):  # the family's own rig; another of its points may do
+                    facts = self._facts(rig)
+                    pair, duration_s = points.pair_of(rig), points.duration_of(rig)
+                    return Stencil(family, self._measured(rig, pair, duration_s, facts), facts)
+                return None
+
+            self._stencils = points, Stencils(make)
+        return self._stencils[1]
 
     def _pressed(self, stencil: Stencil, pressed: Pressed) -> Run:
         if self._records:

@@ -6,6 +6,8 @@ the same values: on a grid of 100 by 100 every device and every side is packed 1
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +28,7 @@ from tautwave.offline.pack import (
     true_model,
 )
 from tautwave.offline.records import DeviceParams
+from tautwave.offline.sweep_family import KEPT as FAMILIES
 from tautwave.offline.sweep_family import Family, Values
 from tautwave.offline.sweep_near import DEVICE, PAIR, SIDE, Part
 from tautwave.offline.tables import Form, Tables, image_of
@@ -33,6 +36,10 @@ from tautwave.rig import SEED_WORD
 
 KEPT = 4096
 """Records of one part that are kept, some 5 kB each: those of two axes of 60 values."""
+
+
+MEMORY = 64_000_000
+"""Bytes of tables that the stencils of several families may hold; a single one may hold more."""
 
 
 class Made(NamedTuple):
@@ -120,6 +127,11 @@ class Stencil:
         return Pressed(found, *self._draw(seed))
 
     @property
+    def size(self) -> int:
+        """Bytes of its tables, twice: as they are before a run, and after."""
+        return 2 * int(self.job.table.nbytes + self.job.flags.nbytes)
+
+    @property
     def is_drawn(self) -> bool:
         """Whether there is noise or a mishap, which each point draws for itself by its seed."""
         return self.job.run.overruns or bool(self._drawn)
@@ -186,3 +198,30 @@ class Stencil:
                 self._form.write(reached.part.kind, reached.number, made.image)
                 self._written[at] = made
         return self._form.begin(pressed.table, pressed.flags)
+
+
+class Stencils:
+    """The stencils of the families that came last.
+
+    Parameters
+    ----------
+    make : callable
+        Returns the stencil of a family, None where each point is packed alone.
+    """
+
+    def __init__(self, make: Callable[[Family], Stencil | None]) -> None:
+        self._make = make
+        self._found: OrderedDict[Family, Stencil | None] = OrderedDict()
+        self._size = 0
+
+    def of(self, family: Family) -> Stencil | None:
+        """Return the stencil of a family, made if it is not there any more."""
+        if family in self._found:
+            self._found.move_to_end(family)
+            return self._found[family]
+        stencil = self._found[family] = self._make(family)
+        self._size += stencil.size if stencil is not None else 0
+        while len(self._found) > 1 and (self._size > MEMORY or len(self._found) > FAMILIES):
+            _, oldest = self._found.popitem(last=False)
+            self._size -= oldest.size if oldest is not None else 0
+        return stencil
