@@ -25,7 +25,7 @@ from tautwave.config.keys.simulation import AxisSimulation, Environment, Hand
 from tautwave.errors import ConfigError
 from tautwave.offline.pack import Job, RigFacts, pack_rig, rig_facts
 from tautwave.offline.sweep import run_sweep, simulate_point
-from tautwave.offline.sweep_family import KEPT, Families, shape_of
+from tautwave.offline.sweep_family import Families, shape_of
 from tautwave.offline.sweep_file import load_sweep
 from tautwave.offline.sweep_near import near_key, near_keys, read_value
 from tautwave.offline.sweep_points import Points
@@ -243,27 +243,35 @@ def test_a_value_is_read_as_the_file_would_read_it() -> None:
         assert read_value(rig, near, value) is None
 
 
-def test_families_are_forgotten() -> None:
-    path = next(path for path in SHIPPED if path.stem == "delay-stability")
-    axes = [
-        ("simulation.axes.master.cart.inertia", [0.5, 0.6]),
-        ("duration_s", [1.0 + at for at in range(2 * KEPT)]),
-    ]
-    points = points_of(path, axes)
-    for number in range(len(points)):
-        points.family(number)
-    families: Families = points._families
-    assert len(families._found) == KEPT
-    assert shape_of(points._recipes[0]).is_near == (True, False)
+@pytest.fixture
+def few_are_kept(monkeypatch: pytest.MonkeyPatch) -> int:
+    monkeypatch.setattr("tautwave.offline.sweep_family.KEPT", 5)
+    monkeypatch.setattr("tautwave.offline.sweep_stencil.FAMILIES", 5)
+    return 5
 
 
-def test_what_is_kept_for_families_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+def far_points(count: int) -> Points:
     path = next(path for path in SHIPPED if path.stem == "delay-stability")
     axes: list[tuple[str, Sequence[Any]]] = [
         ("simulation.axes.master.cart.inertia", [0.5, 0.6]),
-        ("coupling.engage_ramp_s", [0.001 * at for at in range(2 * KEPT)]),
+        ("coupling.engage_ramp_s", [0.001 * at for at in range(count)]),
     ]
-    points = points_of(path, axes)
+    return points_of(path, axes)
+
+
+def test_families_are_forgotten(few_are_kept: int) -> None:
+    points = far_points(10)
+    for number in range(len(points)):
+        points.family(number)
+    families: Families = points._families
+    assert len(families._found) == few_are_kept
+    assert shape_of(points._recipes[0]).is_near == (True, False)
+
+
+def test_what_is_kept_for_families_is_bounded(
+    few_are_kept: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = far_points(10)
     simulate = Simulator("python", whole=False)
     made: list[weakref.ref[Stencil]] = []
     begin = Stencil.__init__
@@ -280,7 +288,7 @@ def test_what_is_kept_for_families_is_bounded(monkeypatch: pytest.MonkeyPatch) -
     for number in range(len(points)):
         simulate(points, number)
     assert len(made) == len(points)  # they come back too late to be there
-    assert alive() == KEPT
+    assert alive() == few_are_kept
     stencil = made[-1]()
     assert stencil is not None
     monkeypatch.setattr("tautwave.offline.sweep_stencil.MEMORY", 3 * stencil.size)

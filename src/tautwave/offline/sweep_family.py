@@ -10,7 +10,7 @@ from tautwave.config import Rig
 from tautwave.offline.sweep_near import Near, near_keys, read_value, with_values
 from tautwave.offline.sweep_recipe import Recipe
 
-KEPT = 32
+KEPT = 128
 """Families that are remembered; a sweep comes back to one after its innermost far axis."""
 
 Values = tuple[Any, ...]
