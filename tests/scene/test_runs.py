@@ -22,7 +22,6 @@ from tautwave.rig.scene import scene_forces
 from tautwave.runtime.loop import Loop
 from tautwave.runtime.scene import SceneAxis
 from tautwave.scene.live import SceneModel
-from tautwave.session.identifying import identify_device
 from tautwave.session.running import run
 from tests.commands import keep_in_one_process
 
@@ -217,8 +216,6 @@ def test_what_needs_a_pair_says_that_a_scene_is_none(tmp_path):
     rig = CONFIGS / "scene-resonator.yaml"
     with pytest.raises(ConfigError, match="a scene is simulated by the live loop only"):
         pack_rig(load_rig(rig))
-    with pytest.raises(ConfigError, match="identify shakes the axes of pairs"):
-        identify_device(load_rig(rig), out=tmp_path, clock="fake")
     sweep = tmp_path / "sweep.yaml"
     cases = "cases: {a: {columns: {seed: [1, 2]}}}"
     sweep.write_text(f"name: s\nrig: {rig}\nmeasures: [growth_rate]\n{cases}\n")

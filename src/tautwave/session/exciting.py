@@ -17,12 +17,13 @@ from tautwave.config import Rig
 from tautwave.contracts import Row
 from tautwave.errors import SafetyStop
 from tautwave.laws.limit import guard_axis
+from tautwave.laws.site import SiteParams
 from tautwave.rig import Assembly, pair_scale, site_params
 from tautwave.runtime.books import axis_columns, fill_axis
 from tautwave.runtime.loop import LoopPair
 from tautwave.runtime.pair import Pair, PairScale
 from tautwave.runtime.site import SiteAxis
-from tautwave.types import JointState
+from tautwave.types import CommandDelay, JointState
 
 LINES = 8
 """Frequencies of the multisine."""
@@ -184,7 +185,8 @@ class ExcitedPair(Pair):
     ) -> None:
         super().__init__(name, master, slave, scale)
         self._sides = []
-        for side, site in (("master", master), ("slave", slave)):
+        both = (("master", master), ("slave", slave))
+        for side, site in both[: 1 if master is slave else 2]:  # a scene's port is one axis
             plan = plans.get(f"{side}.{name}")
             shaken = None if plan is None else Excitation(plan)
             self._sides.append((site, shaken, 1.0 if plan is None else plan.stiffness))
@@ -192,7 +194,7 @@ class ExcitedPair(Pair):
     def start(self, master: JointState, slave: JointState, offset: float | None) -> None:
         """Begin at the measured positions, whatever they are to each other."""
         super().start(master, slave, None)
-        for (_, shaken, _), state in zip(self._sides, (master, slave), strict=True):
+        for (_, shaken, _), state in zip(self._sides, (master, slave), strict=False):
             if shaken is not None:
                 shaken.start(state.position)
 
@@ -202,7 +204,7 @@ class ExcitedPair(Pair):
     def cycle(self, master: JointState, slave: JointState, skipped: int, ramp: float) -> None:
         """Run one cycle on fresh samples; `skipped` slots went by unseen before this one."""
         codes = []
-        for (site, shaken, stiffness), state in zip(self._sides, (master, slave), strict=True):
+        for (site, shaken, stiffness), state in zip(self._sides, (master, slave), strict=False):
             for _ in range(1 + skipped):
                 site.pass_slot()
             if shaken is not None:
@@ -220,18 +222,18 @@ class ExcitedPair(Pair):
                     effort = shaken.effort(site.position, site.velocity)
                     code = site.think(shaken.centre + effort / stiffness, 0.0, ramp * site.ceiling)
             codes.append(code)
-        self.guard = codes[0] + 8 * codes[1]
+        self.guard = sum(code << 3 * at for at, code in enumerate(codes))
 
 
 class ExcitedRow:
     """The columns of both axes of a pair; there is no coupling to keep books of."""
 
     def __init__(self, pair: Pair) -> None:
-        self._sites = (pair.master, pair.slave)
-        self.columns = [
-            *axis_columns(f"master.{pair.name}", pair.master),
-            *axis_columns(f"slave.{pair.name}", pair.slave),
-        ]
+        self._sites = [pair.master]
+        self.columns = list(axis_columns(f"master.{pair.name}", pair.master))
+        if pair.slave is not pair.master:
+            self._sites.append(pair.slave)
+            self.columns += axis_columns(f"slave.{pair.name}", pair.slave)
 
     def fill(self, row: Row, at: int) -> None:
         """Write all columns at index `at`."""
@@ -240,14 +242,14 @@ class ExcitedRow:
 
 
 def excite(rig: Rig, assembly: Assembly, plan: Plan) -> Assembly:
-    """Return the assembly with every pair's coupling replaced by `ExcitedPair`."""
+    """Return the assembly with every pair's coupling, or its scene, replaced by `ExcitedPair`."""
     sites = {}
     buses = []
     for bus in assembly.buses:
         delay = bus.driver.command_delay
         for name in bus.axes:
             shaken = name == plan.axis
-            params = site_params(rig, name, delay)._replace(
+            params = _params(rig, name, delay)._replace(
                 has_wall=False,
                 stiffness=plan.stiffness if shaken else 0.0,
                 damping=plan.damping if shaken else 0.0,
@@ -260,25 +262,29 @@ def excite(rig: Rig, assembly: Assembly, plan: Plan) -> Assembly:
                 late_share=delay.remainder_s / rig.period_s,
             )
         buses.append(bus._replace(sites=[sites[name] for name in bus.axes]))
-    pairs = [
-        LoopPair(
-            ExcitedPair(
-                at.pair.name,
-                sites[f"master.{at.pair.name}"],
-                sites[f"slave.{at.pair.name}"],
-                pair_scale(rig.coupling.pairs[at.pair.name]),
-                {plan.axis: plan},
-            ),
-            at.master_at,
-            at.slave_at,
-            None,
-            math.inf,
-        )
-        for at in assembly.pairs
-    ]
+    pairs = []
+    for at in assembly.pairs:
+        name = at.pair.name
+        master = sites[f"master.{name}"]
+        slave = sites.get(f"slave.{name}", master)
+        scale = PairScale(1.0, 1.0, 1.0, 1.0)
+        if rig.scene is None:
+            scale = pair_scale(rig.coupling.pairs[name])
+        pair = ExcitedPair(name, master, slave, scale, {plan.axis: plan})
+        pairs.append(LoopPair(pair, at.master_at, at.slave_at, None, math.inf))
     rows = [ExcitedRow(at.pair) for at in pairs]
-    sources = [*rows, *assembly.sources[len(assembly.pairs) :]]
+    # A pair has a row of its own, a scene one for all its ports.
+    replaced = len(assembly.pairs) if rig.scene is None else 1
+    sources = [*rows, *assembly.sources[replaced:]]
     before = sum(len(source.columns) for source in assembly.sources)
     timing = assembly.columns[: len(assembly.columns) - before]
     columns = [*timing, *(name for source in sources for name in source.columns)]
-    return assembly._replace(buses=buses, pairs=pairs, sources=sources, columns=columns)
+    return assembly._replace(buses=buses, pairs=pairs, sources=sources, columns=columns, scene=None)
+
+
+def _params(rig: Rig, name: str, delay: CommandDelay) -> SiteParams:
+    if rig.scene is None:
+        return site_params(rig, name, delay)
+    from tautwave.rig.scene import scene_site
+
+    return scene_site(rig, name, delay).params

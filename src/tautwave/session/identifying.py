@@ -156,9 +156,9 @@ def identify_device(
 ) -> DeviceResult:
     """Shake one axis of a rig and fit inertia, viscous and Coulomb friction.
 
-    The coupling is off; all other axes are enabled and get no effort. A simulated hand lets go
-    and a simulated environment is taken away. Driver, limits, guards, ramps and the safe end are
-    those of a run.
+    Coupling or scene are off; all other axes are enabled and get no effort. A simulated hand lets
+    go and a simulated environment is taken away. Driver, limits, guards, ramps and the safe end
+    are those of a run.
 
     Parameters
     ----------
@@ -192,16 +192,12 @@ def identify_device(
                 f"buses.{bus_name}.divisor: identify serves every bus in every cycle; run it with "
                 f"--set buses.{bus_name}.divisor=1 --set rate_hz={rig.rate_hz / bus.divisor:g}"
             )
-    if rig.scene is not None:
-        raise ConfigError(
-            f"{rig.name}: identify shakes the axes of pairs, and this rig has a scene; name the "
-            "device in a rig with a coupling"
-        )
     name = axis_to_identify(rig, axis)
     hardware = any(load_driver(bus.driver).hardware for bus in rig.buses.values())
     if hardware and rig.simulation is None and not allow_uncertified:
         refuse_uncertified(rig, certificate_of(rig))
-    notes = ["The coupling was off; the other axes were enabled without effort."]
+    off = "coupling" if rig.scene is None else "scene"
+    notes = [f"The {off} was off; the other axes were enabled without effort."]
     if rig.simulation is not None:
         free = rig.simulation.model_copy(update={"hand": {}, "environment": {}})
         rig = rig.model_copy(update={"simulation": free})
