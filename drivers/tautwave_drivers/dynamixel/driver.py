@@ -12,7 +12,6 @@ from it on.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Sequence
 
 from tautwave.contracts import BusSpec, BytePort, Clock
@@ -31,6 +30,7 @@ from tautwave_drivers.dynamixel.port import SerialPort
 from tautwave_drivers.dynamixel.units import CURRENT_RANGE, Scale, scale_of
 from tautwave_drivers.dynamixel.usual import FIELDS, STATUS_FIELDS
 from tautwave_drivers.dynamixel.watching import Watch
+from tautwave_drivers.dynamixel.words import status_words
 
 NAN = float("nan")
 MISSING = JointState(0.0, NAN, NAN, False, 0)
@@ -312,20 +312,35 @@ class DynamixelDriver:
         self._on = False
         self._enabling = None
         if self._gone:
+            self.notes.append(f"bus {self._bus.name}: torque was not switched off: {self._gone}")
             return
         self._zero_goals()
-        with contextlib.suppress(DriverError):
+        try:
             port.write(self._packed_goals() + self._torque(0))
-            for device_id in self._ids:
-                answer = self._line.write(device_id, reg.TORQUE_ENABLE.address, b"\x00")
-                if answer is not None and not answer.number:
-                    self._line.write(device_id, reg.BUS_WATCHDOG.address, b"\x00")
-                # Else its torque may be on: its watchdog goes on and stops it.
+            for servo in self._servos:
+                self._let_go(servo)
+        except DriverError as err:
+            self.notes.append(f"bus {self._bus.name}: torque was not switched off: {err}")
+
+    def _let_go(self, servo: Servo) -> None:
+        """See that a servo's torque is off, then disarm its watchdog, which ends it else."""
+        device_id = servo.options.id
+        answer = self._line.write(device_id, reg.TORQUE_ENABLE.address, b"\x00")
+        if answer is not None and not answer.number:
+            self._line.write(device_id, reg.BUS_WATCHDOG.address, b"\x00")
+            return
+        why = "no answer" if answer is None else status_words(answer.error)
+        self.notes.append(
+            f"{servo.axis.name} (servo {device_id}) was not seen to switch its torque off ({why}); "
+            "its bus watchdog stays armed and stops it"
+        )
 
     def close(self) -> None:
         """Disable and release the line; idempotent, never raises."""
-        with contextlib.suppress(Exception):
+        try:
             self.disable()
+        except Exception as err:  # noqa: BLE001  the way out must not end in the middle
+            self.notes.append(f"bus {self._bus.name}: closing: {err}")
         self._on = False
         self._enabling = None
         port, self._port = self._port, None

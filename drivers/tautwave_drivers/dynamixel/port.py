@@ -50,6 +50,12 @@ class SerialPort:
         except OSError as err:
             raise DriverError(_no_port(path, err)) from err
         try:
+            # As pyserial does with `exclusive`: also among programs of root, whom TIOCEXCL lets in.
+            fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as err:
+            os.close(self._fd)
+            raise DriverError(_no_port(path, err)) from err
+        try:
             fcntl.ioctl(self._fd, termios.TIOCEXCL)
             self.set_baud(baud)
         except OSError as err:
@@ -118,6 +124,9 @@ def _no_port(path: str, err: OSError) -> str:
         return f"{path}: there is no such device; plug the adapter in, or correct its path"
     if err.errno == errno.EACCES:
         return f"{path}: not permitted; add yourself to its group: sudo usermod -aG dialout $USER"
-    if err.errno == errno.EBUSY:
-        return f"{path}: another program has it open; close that first"
+    if err.errno in (errno.EBUSY, errno.EAGAIN):
+        return (
+            f"{path}: another program has it open, or another bus of this rig; close that, or list "
+            "all devices of a line on one bus"
+        )
     return f"{path}: cannot be opened: {err.strerror}"

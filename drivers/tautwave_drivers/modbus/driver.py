@@ -15,7 +15,7 @@ from typing import Any
 from tautwave.contracts import READ_SHARE, BusSpec, Clock, Row
 from tautwave.errors import BusBudgetError, BusTimeout, DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
-from tautwave_drivers.modbus.asking import Asker
+from tautwave_drivers.modbus.asking import Asker, Link
 from tautwave_drivers.modbus.enabling import Enabling
 from tautwave_drivers.modbus.links import Links
 from tautwave_drivers.modbus.options import ModbusOptions, match_devices
@@ -264,13 +264,23 @@ class ModbusDriver:
                 links.reach(link, LEAVE_S)
             asker = Asker(link, self._clock, LEAVE_S, LEAVE_TRIES)
             for station in stations:
-                if station.walk is not None and not link.lost:
-                    with contextlib.suppress(Exception):
-                        self._let_go(asker, station)
+                if station.walk is not None:
+                    self._leave(link, asker, station)
                 station.walk = None
                 station.on = False
         self._forget()
         self._enabling = self._fresh(links)
+
+    def _leave(self, link: Link, asker: Asker, station: Station) -> None:
+        """Have a drive let go; a note says so where it was not seen to."""
+        why = link.lost
+        if not why:
+            try:
+                self._let_go(asker, station)
+            except Exception as err:  # noqa: BLE001  the others have to be left too
+                why = str(err)
+        if why:
+            self.notes.append(f"{station.label} was not seen to switch off: {why}")
 
     def _let_go(self, asker: Asker, station: Station) -> None:
         """Zero command first, whatever the rest of it meets."""
@@ -294,8 +304,10 @@ class ModbusDriver:
 
     def close(self) -> None:
         """Disable and release the bus; idempotent, never raises."""
-        with contextlib.suppress(Exception):
+        try:
             self.disable()
+        except Exception as err:  # noqa: BLE001  the way out must not end in the middle
+            self.notes.append(f"bus {self._bus.name}: closing: {err}")
         links, self._links = self._links, None
         self._on = False
         self._enabling = None

@@ -206,7 +206,7 @@ class Links:
     def close(self) -> None:
         """Release everything; idempotent."""
         for link, _ in self.groups:
-            with contextlib.suppress(Exception):
+            with contextlib.suppress(DriverError, OSError):
                 link.abandon()
                 link.close()
         self.groups = []

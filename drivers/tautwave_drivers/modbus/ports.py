@@ -213,7 +213,10 @@ def _not_open(path: str, err: Exception) -> str:
     if code == errno.EACCES:
         return f"{path}: not permitted; add yourself to its group: sudo usermod -aG dialout $USER"
     if code in (errno.EBUSY, errno.EAGAIN):
-        return f"{path}: another program has it open; close that first"
+        return (
+            f"{path}: another program has it open, or another bus of this rig; close that, or list "
+            "all devices of a line on one bus"
+        )
     return f"{path}: cannot be opened: {err}"
 
 

@@ -8,11 +8,13 @@ import os
 import signal
 import subprocess
 import sys
+import termios
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
+import serial  # type: ignore[import-untyped]
 
 from tautwave.clock import MonotonicClock
 from tautwave.errors import DriverError
@@ -76,7 +78,13 @@ def test_a_port_is_ours_alone(line: tuple[int, str]) -> None:
     port = SerialPort(line[1], 57_600)
     exclusive = fcntl.ioctl(port.fileno(), TIOCGEXCL, bytes(4))
     assert int.from_bytes(exclusive, sys.byteorder) == 1
+    fcntl.ioctl(port.fileno(), termios.TIOCNXCL)  # root is let in anyway
+    with pytest.raises(DriverError, match="another program has it open, or another bus"):
+        SerialPort(line[1], 57_600)
+    with pytest.raises(serial.SerialException, match="lock"):
+        serial.Serial(line[1], exclusive=True)
     port.close()
+    SerialPort(line[1], 57_600).close()
 
 
 def test_a_closed_other_end_is_told(line: tuple[int, str]) -> None:

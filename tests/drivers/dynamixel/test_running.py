@@ -244,6 +244,9 @@ def test_a_watchdog_goes_on_where_torque_was_not_seen_to_go_off() -> None:
     made.driver._line.write = deaf  # type: ignore[method-assign]
     made.driver.disable()
     assert [made.peek(index, "Bus Watchdog") for index in range(3)] == [0, 5, 0]
+    told = [note for note in made.driver.notes if "was not seen to switch its torque off" in note]
+    assert len(told) == 1
+    assert "(servo 2)" in told[0]
 
 
 def test_an_answer_to_an_earlier_question_confirms_nothing() -> None:
@@ -321,6 +324,7 @@ def test_unplugged_in_memory_is_one_fatal_fault_and_close_is_quiet(transport: st
     assert fault.fatal
     assert "unplugged" in fault.text
     made.driver.close()
+    assert "torque was not switched off" in made.driver.notes[-1]
     made.world.line.plugged = True
     made.enable()
     assert valid(made.cycle(0.1, 0.1)) == [True, True]

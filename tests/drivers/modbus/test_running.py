@@ -214,6 +214,25 @@ def test_a_drive_whose_connection_broke_is_told_to_let_go_over_a_new_one() -> No
     made.driver.close()
 
 
+def test_a_drive_that_was_not_seen_to_let_go_is_told_and_the_next_one_is_left() -> None:
+    made = bench(spec(1), spec(2), **FAST_RTU)
+    made.enable()
+    made.run(5, 0.1)
+    let_go = made.driver._let_go
+
+    def failing(asker: Any, station: Any) -> None:
+        if station.device.unit == 1:
+            raise ZeroDivisionError("an error of ours")
+        let_go(asker, station)
+
+    made.driver._let_go = failing  # type: ignore[method-assign]
+    made.driver.close()
+    assert [note for note in made.driver.notes if "switch off" in note] == [
+        "slave.a1 (unit 1) was not seen to switch off: an error of ours"
+    ]
+    assert not made.world.bus.drives[2].on
+
+
 def test_an_answer_that_comes_twice_answers_no_later_question() -> None:
     made = bench(spec(1), **FAST_RTU)
     made.enable()
