@@ -67,6 +67,9 @@ def test_a_tight_scene_says_so_and_one_that_is_too_slow_is_refused(costs):
         "90% of the period of 22.68 us: it may miss cycles; --clock fake, fewer masses, or a "
         "rate_hz of at most 37000"
     )
+    assert chosen().warnings() == [told]
+    share["compiled"] = 0.5
+    assert chosen().warnings() == []
     share["numba"] = False
     with pytest.raises(BusBudgetError) as caught:
         chosen()

@@ -112,9 +112,6 @@ def run(
         for note in bus.get("notes", ()):
             if note.startswith(("UNWATCHED", "NOT WATCHED")):
                 click.echo(note, err=True)
-    for told in result.summary.get("realtime", ()):
-        if "may miss cycles" in told:
-            click.echo(told, err=True)
     if play:
         click.echo(_played(result.directory), err=True)
     if result.exit_code:

@@ -112,6 +112,9 @@ def run(
         if progress is not None and clock == "real":
             progress(0.0, "measuring the scene")
         engine = choose_engine(rig, clock)
+        if progress is not None:
+            for sentence in engine.warnings():
+                progress(0.0, sentence)
     directory = Path(out)
     started = datetime.now(UTC)
     try:

@@ -21,6 +21,7 @@ EASY = 0.5
 """Share of a period up to which plain Python is left alone."""
 TIGHT = 0.75
 """Share of a period above which a run says that it may miss cycles."""
+MAY_MISS = "may miss cycles"
 INSTALL = "pip install 'tautwave[fast]'"
 
 
@@ -104,6 +105,10 @@ class Engine(NamedTuple):
     name: str
     sentences: tuple[str, ...]
 
+    def warnings(self) -> list[str]:
+        """Return what has to be said before the run."""
+        return [sentence for sentence in self.sentences if MAY_MISS in sentence]
+
 
 def choose_engine(rig: Rig, clock: str) -> Engine:
     """Return the steps that keep a scene's rate.
@@ -125,7 +130,7 @@ def choose_engine(rig: Rig, clock: str) -> Engine:
         )
     told = f"scene: {pace.words()}"
     if pace.share > TIGHT:
-        told += f": it may miss cycles; {_remedy(rig, pace)}"
+        told += f": it {MAY_MISS}; {_remedy(rig, pace)}"
     return Engine(pace.engine, (told,))
 
 
