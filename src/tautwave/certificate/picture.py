@@ -42,6 +42,11 @@ def draw_certificate(rig: Rig, path: Path) -> None:
     from matplotlib.figure import Figure
 
     delays = declared_delays(rig)
+    if rig.scene is not None and rig.scene.dimension == 3:
+        from tautwave.certificate.space_picture import draw_space_certificate
+
+        draw_space_certificate(rig, path, delays)
+        return
     if rig.scene is not None:
         from tautwave.certificate.scene_picture import draw_scene_certificate
 

@@ -20,7 +20,7 @@ from tautwave.report.html import (
     verdict_rows,
 )
 from tautwave.report.loading import load_run
-from tautwave.report.rundir import Run
+from tautwave.report.rundir import Run, is_space
 from tautwave.report.units import plural, quantity
 from tautwave.report.verdicts import describe_pair, invalidated, outcome, uncertified, verdicts
 from tautwave.report.views import PairView, view_energy, view_pair
@@ -202,6 +202,9 @@ def _scene(run: Run, dpi: float) -> Iterator[str | Picture]:
     from tautwave.report.canvas import png
 
     yield '<h2 id="scene">Scene</h2>'
+    if is_space(run):
+        yield from _space(run, dpi)
+        return
     view = scene_view.view_scene(run)
     if view is None:
         yield '<p class="note">Nothing of the scene was recorded.</p>'
@@ -215,6 +218,25 @@ def _scene(run: Run, dpi: float) -> Iterator[str | Picture]:
     yield Picture("scene.png", png(scene_figure.scene_figure(view), dpi), alt, "")
     caption = "The scene when the device felt most; scene.gif moves, output.wav sounds."
     yield Picture("scene-still.png", scene_figure.still(view), "the scene, drawn", caption)
+    yield table(tables.scene_table(run))
+
+
+def _space(run: Run, dpi: float) -> Iterator[str | Picture]:
+    from tautwave.report import space_drawing, space_figure, space_view
+    from tautwave.report.canvas import png
+
+    view = space_view.view_space(run)
+    if view is None:
+        yield '<p class="note">Nothing of the scene was recorded.</p>'
+        return
+    network = view.network
+    ports = ", ".join(f"{port.name} ({', '.join(port.axes)})" for port in network.ports)
+    told = f"{len(network.masses)} masses and {len(network.links)} links in space under {ports}."
+    yield f'<p class="soft">{escape(told)}</p>'
+    alt = "heights, efforts and energies of the scene"
+    yield Picture("scene.png", png(space_figure.space_figure(view), dpi), alt, "")
+    caption = "The scene when the device felt most; scene.gif moves, output.wav sounds."
+    yield Picture("scene-still.png", space_drawing.space_still(view), "the scene, drawn", caption)
     yield table(tables.scene_table(run))
 
 

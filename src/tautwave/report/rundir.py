@@ -100,7 +100,10 @@ class Run:
     @property
     def ports(self) -> list[str]:
         """Names of the axes that touch a scene, in the rig's order; none without a scene."""
-        return list(block(self.rig, "scene", "ports"))
+        ports = block(self.rig, "scene", "ports")
+        # In three dimensions a port has several axes, or one that is called as it is.
+        axes = [block(ports, name).get("axes") or [name] for name in ports]
+        return [name for of_port in axes for name in of_port]
 
     def elements(self, pair: str) -> list[str]:
         """Controller elements of `pair` with an energy account, from summary and recording."""
@@ -117,6 +120,11 @@ def block(tree: Any, *keys: str) -> dict[str, Any]:
     for key in keys:
         tree = tree.get(key) if isinstance(tree, Mapping) else None
     return dict(tree) if isinstance(tree, Mapping) else {}
+
+
+def is_space(run: Run) -> bool:
+    """Whether a run had a scene of three dimensions."""
+    return block(run.rig, "scene").get("dimension") == 3
 
 
 def pair_settings(run: Run, pair: str) -> dict[str, Any]:

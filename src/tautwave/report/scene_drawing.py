@@ -10,13 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from PIL import Image, ImageDraw
 
 from tautwave.report.scene_view import SceneView
 
+if TYPE_CHECKING:
+    from tautwave.report.space_view import SpaceView
+
+Ints = npt.NDArray[np.int64]
 WIDTH, HEIGHT = 480, 320
 OVER = 2  # drawn twice as large, then scaled down: smooth edges
 FRAMES = 90
@@ -154,7 +159,7 @@ def _dashes(pen: ImageDraw.ImageDraw, x1: float, y1: float, x2: float, y2: float
         )
 
 
-def liveliest(view: SceneView, rows: int) -> int:
+def liveliest(view: SceneView | SpaceView, rows: int) -> int:
     """Return the first of the `rows` rows in which the device felt most."""
     total = sum(np.abs(values) for values in view.efforts.values())
     power = np.concatenate([[0.0], np.cumsum(np.asarray(total, np.float64) ** 2)])
@@ -167,13 +172,22 @@ def liveliest(view: SceneView, rows: int) -> int:
 
 def write_animation(view: SceneView, path: Path) -> None:
     """Write scene.gif: the whole run, or the liveliest half second of a long one, slowed down."""
+    picked, title = pick_rows(view)
+    frame = _layout(view, slice(int(picked[0]), int(picked[-1]) + 1))
+    save_frames([_draw(view, frame, int(row), title) for row in picked], path)
+
+
+def pick_rows(view: SceneView | SpaceView) -> tuple[Ints, str]:
+    """Return the rows of an animation's frames, and how much it is slowed down in words."""
     rows = min(len(view.time), max(round(0.5 * view.rig.rate_hz), FRAMES))
     first = liveliest(view, rows)
-    frame = _layout(view, slice(first, first + rows))
     picked = np.unique(np.linspace(first, first + rows - 1, FRAMES).astype(int))
     slow = FRAMES * FRAME_MS * 1e-3 * view.rig.rate_hz / rows
-    title = f"{slow:.3g} times slower,  " if slow > 1.05 else ""
-    drawn = [_draw(view, frame, int(row), title) for row in picked]
+    return picked, f"{slow:.3g} times slower,  " if slow > 1.05 else ""
+
+
+def save_frames(drawn: Sequence[Image.Image], path: Path) -> None:
+    """Write frames as a GIF with one palette."""
     palette, plain = _palette(drawn), Image.Dither.NONE
     images = [image.quantize(palette=palette, dither=plain) for image in drawn]
     images[0].save(path, save_all=True, append_images=images[1:], duration=FRAME_MS, loop=0)

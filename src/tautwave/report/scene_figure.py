@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from tautwave.report.space_view import SpaceView
+
 MOST_POINTS = 3000
 _STYLE = {
     "kinetic": (MASTER, "kinetic"),
@@ -42,7 +44,7 @@ _STYLE = {
 }
 
 
-def _thin(*series: Floats) -> list[Floats]:
+def thin(*series: Floats) -> list[Floats]:
     """Return the extremes of every stretch, so that no peak is lost."""
     count = len(series[0])
     if count <= MOST_POINTS:
@@ -60,16 +62,22 @@ def scene_figure(view: SceneView) -> Figure:
     """Return the figure: positions, effort and sound, energies, and the scene at its liveliest."""
     figure, (place, effort, energy) = panels([2.4, 1.7, 2.0], "The scene")
     _positions(place, view)
-    for name, values in view.efforts.items():
-        time, thin = _thin(view.time, values)
-        effort.plot(time, thin, color=MASTER, linewidth=0.9, label=f"{name}, resisting")
-    time, thin = _thin(view.time, output_signal(view))
-    effort.plot(time, thin, color=SLAVE, linewidth=0.6, alpha=0.8, label="heard, high-passed")
-    effort.set_ylabel("effort [N]")
-    heading(effort, "What the device feels")
-    draw_legend(effort)
-    _energies(energy, view)
+    draw_efforts(effort, view)
+    draw_energies(energy, view)
     return figure
+
+
+def draw_efforts(axes: Axes, view: SceneView | SpaceView) -> None:
+    """Draw what every axis feels, and what is heard."""
+    for at, (name, values) in enumerate(view.efforts.items()):
+        time, shown = thin(view.time, values)
+        style = ("-", "--", ":")[at % 3]
+        axes.plot(time, shown, style, color=MASTER, linewidth=0.9, label=f"{name}, resisting")
+    time, shown = thin(view.time, output_signal(view))
+    axes.plot(time, shown, color=SLAVE, linewidth=0.6, alpha=0.8, label="heard, high-passed")
+    axes.set_ylabel("effort [N]")
+    heading(axes, "What the device feels")
+    draw_legend(axes)
 
 
 def _positions(axes: Axes, view: SceneView) -> None:
@@ -79,20 +87,20 @@ def _positions(axes: Axes, view: SceneView) -> None:
     factor, unit = scale_for(peak, "m")
     masses = [name for name in view.at if name not in fixed and name not in view.network.ports]
     for at, name in enumerate(masses):
-        time, thin = _thin(view.time, view.at[name])
+        time, shown = thin(view.time, view.at[name])
         shade = 0.35 + 0.5 * at / max(len(masses), 1)
         label = f"{len(masses)} masses" if len(masses) > 1 else name
         axes.plot(
             time,
-            factor * thin,
+            factor * shown,
             color=SLAVE,
             alpha=shade if len(masses) > 1 else 1.0,
             linewidth=0.8,
             label=label if at == 0 else None,
         )
     for name in view.network.ports:
-        time, thin = _thin(view.time, view.at[name])
-        axes.plot(time, factor * thin, color=MASTER, linewidth=1.6, label=f"{name}, in the hand")
+        time, shown = thin(view.time, view.at[name])
+        axes.plot(time, factor * shown, color=MASTER, linewidth=1.6, label=f"{name}, in the hand")
     for name in sorted(fixed & used):
         axes.axhline(factor * float(view.at[name][0]), color=SOFT, linewidth=1.2, label=name)
     axes.set_ylabel(f"position [{unit}]")
@@ -100,17 +108,20 @@ def _positions(axes: Axes, view: SceneView) -> None:
     draw_legend(axes)
 
 
-def _energies(axes: Axes, view: SceneView) -> None:
-    shown = {name: values for name, values in view.energies.items() if name in _STYLE}
-    peak = max((float(np.abs(values - values[0]).max()) for values in shown.values()), default=0.0)
+def draw_energies(
+    axes: Axes, view: SceneView | SpaceView, since_start: tuple[str, ...] = ("lifted",)
+) -> None:
+    """Draw where the energy came from; some of it less what was there at the start."""
+    styled = {name: values for name, values in view.energies.items() if name in _STYLE}
+    peak = max((float(np.abs(values - values[0]).max()) for values in styled.values()), default=0.0)
     factor, unit = scale_for(peak, "J")
-    for name, values in shown.items():
+    for name, values in styled.items():
         if np.abs(values - values[0]).max() <= 1e-6 * peak:
             continue
         colour, label = _STYLE[name]
-        start = values[0] if name == "lifted" else 0.0
-        time, thin = _thin(view.time, values - start)
-        axes.plot(time, factor * thin, color=colour, linewidth=1.2, label=label)
+        start = values[0] if name in since_start else 0.0
+        time, shown = thin(view.time, values - start)
+        axes.plot(time, factor * shown, color=colour, linewidth=1.2, label=label)
     axes.set_ylabel(f"energy [{unit}]")
     axes.set_xlabel("time [s]")
     heading(axes, "Where the energy came from, and where it is")

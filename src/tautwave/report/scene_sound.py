@@ -5,22 +5,26 @@ from __future__ import annotations
 import math
 import wave
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tautwave.report.envelope import Floats
 from tautwave.report.scene_view import SceneView
-from tautwave.rig.scene import scene_of
+
+if TYPE_CHECKING:
+    from tautwave.report.space_view import SpaceView
 
 SOUND_HZ = 44_100
 PEAK = 0.9
 """Of full scale; the loudest sample is there, so the file says nothing about newtons."""
 
 
-def output_signal(view: SceneView) -> Floats:
+def output_signal(view: SceneView | SpaceView) -> Floats:
     """Return the high-passed force on the port that is heard, at the rig's rate [N]."""
-    keys = scene_of(view.rig).output
-    name = keys.port if keys.port is not None else view.network.ports[0]
+    assert view.rig.scene is not None
+    keys = view.rig.scene.output
+    name = keys.port if keys.port is not None else next(iter(view.efforts))
     return high_pass(view.efforts[name], keys.highpass_hz, view.rig.rate_hz)
 
 
@@ -58,7 +62,7 @@ def resample(signal: Floats, rate_hz: float, target_hz: float) -> Floats:
     return np.asarray(np.fft.irfft(kept, count) * (count / len(signal)))
 
 
-def write_sound(view: SceneView, path: Path) -> None:
+def write_sound(view: SceneView | SpaceView, path: Path) -> None:
     """Write output.wav: one channel, 16 bits, 44.1 kHz, as loud as it goes."""
     signal = resample(output_signal(view), view.rig.rate_hz, SOUND_HZ)
     peak = float(np.abs(signal).max()) if len(signal) else 0.0
