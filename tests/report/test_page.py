@@ -117,8 +117,8 @@ def test_a_certificate_that_is_not_evaluated_never_passes(reported):
     assert "passed" not in page.text.lower()
 
 
-def test_what_a_driver_found_and_set_is_told(tmp_path):
-    make_run(tmp_path, rows=300)
+def test_what_a_driver_found_and_set_is_told(tmp_path, columns):
+    make_summary(tmp_path, columns)
     path = tmp_path / "summary.json"
     summary = json.loads(path.read_text())
     summary["buses"] = {"can": {"notes": ["6072:00 = 900 <read back>"]}, "none": {"notes": []}}
@@ -195,6 +195,7 @@ def without(columns, *parts):
     return {name: c for name, c in columns.items() if not any(part in name for part in parts)}
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_hardware_without_truth_or_walls(tmp_path, columns):
     few = without(columns, "true.", "plant.", "wall_", "gross_flow", "port_energy")
     make_run(tmp_path, rows=3000, delay=20, columns={**few, **_accounts(columns)})
@@ -220,6 +221,7 @@ def test_no_line_means_no_expected_offset(tmp_path, columns):
     assert "no delay line" in page.text
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_without_summary_the_recording_speaks(tmp_path, columns):
     told = make_run(tmp_path, columns=columns)
     (tmp_path / "summary.json").unlink()

@@ -105,6 +105,7 @@ def test_another_law_does_not(simulated: tuple[Rig, Path]) -> None:
     assert found["pairs"]["lever"]["slave"]["replayed"] > 1e-3
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_the_page_says_it(simulated: tuple[Rig, Path], told: dict[str, Any]) -> None:
     assert told
     page = write_report(simulated[1]).read_text()
