@@ -100,6 +100,7 @@ def test_check_of_two_axes_is_light() -> None:
         ("scene-granular", ("conditional", "conditional")),
         ("scene-string", ("conditional", "conditional")),
         ("scene-drum", ("conditional", "conditional")),
+        ("scene-net", ("conditional", "conditional")),
     ],
 )
 def test_shipped_rigs_certify_as_stated(name: str, state: tuple[str, str]) -> None:
