@@ -37,6 +37,8 @@ Report = pytest.TestReport | pytest.CollectReport
 
 # `.ci/vcan` sets it: there a skipped vcan test is a hole in the net, and fails.
 VCAN_REQUIRED = os.environ.get("TAUTWAVE_VCAN") == "required"
+# `.ci/run` sets it: it has installed every library, so a test that misses one is another hole.
+LIBRARIES_REQUIRED = os.environ.get("TAUTWAVE_LIBRARIES") == "required"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -58,11 +60,18 @@ def pytest_make_collect_report(collector: pytest.Collector) -> Generator[None, R
 
 
 def forbid_skip(report: Report, about_vcan: bool) -> Report:
-    """Turn a skip into a failure, whoever asked for it, where vcan is required."""
-    if VCAN_REQUIRED and about_vcan and report.skipped and not hasattr(report, "wasxfail"):
-        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else report.longrepr
+    """Turn a skip into a failure, whoever asked for it, where what it misses is required."""
+    if not report.skipped or hasattr(report, "wasxfail"):
+        return report
+    reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+    required = ""
+    if VCAN_REQUIRED and about_vcan:
+        required = "TAUTWAVE_VCAN"
+    elif LIBRARIES_REQUIRED and "could not import" in reason:
+        required = "TAUTWAVE_LIBRARIES"
+    if required:
         report.outcome = "failed"
-        report.longrepr = f"TAUTWAVE_VCAN=required, but: {reason}"
+        report.longrepr = f"{required}=required, but: {reason}"
     return report
 
 

@@ -1,4 +1,4 @@
-"""Where vcan is required (`.ci/vcan`), no way of skipping a vcan test ends in success."""
+"""Where vcan or all libraries are required (`.ci/`), no way of skipping ends in success."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ GOOD = {
 }
 
 
-def run_pytest(folder: Path, bodies: dict[str, str], vcan: str) -> tuple[int, str]:
+def run_pytest(
+    folder: Path, bodies: dict[str, str], vcan: str, libraries: str = ""
+) -> tuple[int, str]:
     """Run modules of vcan tests under the conftest of this project."""
     (folder / "vcan").mkdir()
     (folder / "conftest.py").write_text(CONFTEST.read_text())
@@ -35,7 +37,8 @@ def run_pytest(folder: Path, bodies: dict[str, str], vcan: str) -> tuple[int, st
         *(sys.executable, "-m", "pytest", "-p", "there", "-p", "no:cacheprovider", "-ra"),
         "--continue-on-collection-errors",
     ]
-    environment = {**os.environ, "TAUTWAVE_VCAN": vcan, "PYTHONPATH": str(folder)}
+    required = {"TAUTWAVE_VCAN": vcan, "TAUTWAVE_LIBRARIES": libraries}
+    environment = {**os.environ, **required, "PYTHONPATH": str(folder)}
     environment.pop("PYTEST_ADDOPTS", None)
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     return done.returncode, done.stdout
@@ -63,3 +66,15 @@ def test_a_skip_is_a_skip_elsewhere(tmp_path: Path) -> None:
     status, text = run_pytest(tmp_path, SKIPS, vcan="")
     assert status == 0, text
     assert "3 skipped" in text
+
+
+def test_a_missing_library_is_a_failure_where_all_are_required(tmp_path: Path) -> None:
+    missing = {
+        "in_its_body": "def test_it(): pytest.importorskip('no_such_module')",
+        "with_its_module": "pytest.importorskip('no_such_module')",
+        "for_another_reason": "def test_it(): pytest.skip('no data')",
+    }
+    status, text = run_pytest(tmp_path, missing, vcan="", libraries="required")
+    assert status == 1, text
+    assert text.count("TAUTWAVE_LIBRARIES=required, but: Skipped: could not import") >= 2
+    assert "1 failed, 1 skipped, 1 error" in text or "1 failed, 1 error, 1 skipped" in text, text
