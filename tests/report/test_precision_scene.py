@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 from tautwave.config import Rig, load_rig, resolved_yaml
-from tautwave.report import precision_scene, write_report
+from tautwave.report import precision_scene, scene_inputs, write_report
 from tautwave.report.loading import load_run
 from tautwave.report.precision import measure_precision
 from tautwave.report.precision_scene_table import scene_sentences, scene_tables
 from tautwave.rig import build_rig
-from tautwave.rig.scene import pruned_network
 from tautwave.runtime.loop import Loop
 from tests.report.synthetic import write_recording
 
@@ -162,12 +161,12 @@ def test_a_string_is_told_its_pitch(tmp_path: Path) -> None:
 def test_samples_before_the_scene_began_are_passed_over(tmp_path: Path) -> None:
     """A hand that leans on the coupling spring keeps the scene from starting."""
     rig = load_rig(CONFIGS / "scene-resonator.yaml", ["duration_s=0.05"])
-    network = pruned_network(rig).network
+    stage = scene_inputs.stage_of(rig)
     ports = np.array([[1.0], [1.0], [0.0], [1.0]])
     seen = np.array([[True], [True], [False], [True]])
-    assert precision_scene._armed(rig, network, ports, seen) is None
+    assert scene_inputs.armed_row(rig, stage, ports, seen) is None
     ports[1] = 1e-6
-    assert precision_scene._armed(rig, network, ports, seen) == 1
+    assert scene_inputs.armed_row(rig, stage, ports, seen) == 1
 
 
 def test_slots_that_were_skipped_are_made_up(tmp_path: Path) -> None:
@@ -177,6 +176,17 @@ def test_slots_that_were_skipped_are_made_up(tmp_path: Path) -> None:
     assert told["replayed_equal"] is True
     assert load_run(directory).read("skipped_slots")["skipped_slots"].sum() > 0
     assert told["span_s"] == pytest.approx(0.08, abs=1e-3)
+
+
+def test_a_scene_in_space_is_replayed_alike(tmp_path: Path) -> None:
+    moved = "simulation.hand.up.reference.waypoints=[[0.0, 0.0], [0.05, -0.03]]"
+    directory = leave_run(tmp_path / "net", "net", 0.06, moved)
+    told = told_of(directory)
+    assert told["replayed_equal"] is True
+    assert told["scheme"] == told["oracle"]["scheme"] == "symplectic"
+    assert told["effort"] > 0.0
+    assert 0.0 < told["doubt"]["position_rms"] < 0.5 * told["oracle"]["position_rms"]
+    assert told["double"]["position_rms"] < told["half"]["position_rms"]
 
 
 def test_samples_that_were_lost_leave_the_port_where_it_was(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from tautwave.scene.exact import exact_islands
 from tautwave.scene.ledger import Ledger, take_ledger
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Network
+from tautwave.scene.space.live import SpaceModel
 from tautwave.scene.stepping import pull_links
 
 Floats = npt.NDArray[np.float64]
@@ -35,8 +36,8 @@ class Played(NamedTuple):
     """What a network did.
 
     `efforts` (rows, p) resisting [N], the mean over each row's steps; `places` (rows, n) of the
-    masses and strings after them [m]; its account at the end and at the start; CPU time of the
-    steps [s].
+    masses and strings after them [m], (rows, 3 n) in three dimensions; its account at the end and
+    at the start; CPU time of the steps [s].
     """
 
     efforts: Floats
@@ -60,7 +61,7 @@ def compiled_play() -> Callable[..., int]:
 
 
 def play(
-    model: SceneModel,
+    model: SceneModel | SpaceModel,
     ports: Floats,
     pushes: Floats | None = None,
     *,
@@ -100,6 +101,8 @@ def play(
         return _live(model, ports, pushes, stride, seconds)
     if engine != "compiled":
         raise ConfigError(f"unknown engine {engine!r}; engines: {', '.join(ENGINES)}")
+    if isinstance(model, SpaceModel):
+        raise ConfigError("a network in three dimensions has no compiled steps; use python")
     scheme = SCHEMES[model.scheme]
     arrays, lines = as_arrays(model.arrays), lines_of(model.network)
     flows = flows_of(model)
@@ -120,13 +123,15 @@ def play(
     return Played(efforts, places, Ledger(*map(float, told)), model.start, spent)
 
 
-def _live(model: SceneModel, ports: Floats, pushes: Floats, stride: int, seconds: float) -> Played:
+def _live(
+    model: SceneModel | SpaceModel, ports: Floats, pushes: Floats, stride: int, seconds: float
+) -> Played:
     """Advance a live model."""
     efforts: list[list[float]] = []
     places: list[list[float]] = []
     given = list(zip(ports.tolist(), pushes.tolist(), strict=True))
     limit_ns = min(1e9 * seconds, 1e18)
-    count = len(model.compiled.masses)
+    count = len(model.compiled.masses) * (3 if isinstance(model, SpaceModel) else 1)
     began = time.thread_time_ns()
     for at in range(0, len(given) - stride + 1, stride):
         total = [0.0] * ports.shape[1]
@@ -139,7 +144,7 @@ def _live(model: SceneModel, ports: Floats, pushes: Floats, stride: int, seconds
             break
     spent = 1e-9 * (time.thread_time_ns() - began)
     if model.scheme == "symplectic":
-        pull_links(model.arrays)
+        model.residual()  # its account is a step behind
     shape = (len(efforts), -1)
     return Played(
         np.array(efforts, np.float64).reshape(shape),

@@ -17,6 +17,7 @@ from tautwave.errors import ConfigError, TautwaveError
 from tautwave.offline.ticking import CompiledScene, can_tick
 from tautwave.rig import build_rig
 from tautwave.runtime.loop import Loop
+from tautwave.scene.live import SceneModel
 
 if TYPE_CHECKING:
     from tautwave.offline.simulation import Simulation
@@ -43,7 +44,8 @@ class KeptRows:
 def simulate_scene(rig: Rig, duration_s: float | None, engine: str) -> Simulation:
     """Return the rows of a rig with a scene; see `offline.simulation.simulate`.
 
-    `compiled` steps the scene by numba where it is installed, and everything else in Python.
+    `compiled` steps a scene of one dimension by numba where that is installed, and everything else
+    in Python.
 
     Raises
     ------
@@ -64,8 +66,8 @@ def simulate_scene(rig: Rig, duration_s: float | None, engine: str) -> Simulatio
         )
     built = build_rig(rig, clock="fake", duration_s=duration_s)
     assert built.scene is not None
-    if engine == "compiled" and can_tick():
-        model = built.scene.model
+    model = built.scene.model
+    if engine == "compiled" and can_tick() and isinstance(model, SceneModel):
         built.scene.model = CompiledScene(model.network, model.scheme, model.period)
     sink = KeptRows(len(built.columns))
     loop = Loop(built.clock, built.settings, built.buses, built.pairs, built.sources, sink)

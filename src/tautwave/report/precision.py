@@ -72,8 +72,6 @@ def precision_of(run: Run, rig: Rig) -> dict[str, Any]:
     TautwaveError
         The rig cannot be replayed.
     """
-    if rig.scene is not None and rig.scene.dimension == 3:
-        return {"error": "a scene in three dimensions is not replayed; its account is above"}
     if rig.scene is not None:
         from tautwave.report.precision_scene import scene_precision
 

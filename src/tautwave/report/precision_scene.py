@@ -19,11 +19,10 @@ from tautwave.offline.playing import Played, is_kept, play
 from tautwave.report.envelope import Floats
 from tautwave.report.resampling import resampled
 from tautwave.report.rundir import Run
-from tautwave.rig.scene import pruned_network, scene_forces, scene_of
-from tautwave.runtime.loop import ARM_SHARE
-from tautwave.scene.exact import MOST
+from tautwave.report.scene_inputs import Inputs, Model, Stage, inputs_of, stage_of
+from tautwave.rig.scene import scene_of
 from tautwave.scene.live import SceneModel
-from tautwave.scene.network import LINEAR, Network
+from tautwave.scene.network import Network
 
 SECONDS = {"compiled": 4.0, "python": 4.0}
 """CPU time that all replays together may take, about [s]."""
@@ -41,22 +40,6 @@ _BLOCK = 256
 FACTORS = {"half": 0.5, "double": 2.0}
 
 
-class Inputs(NamedTuple):
-    """What moved a scene, at each slot of the loop from its first on.
-
-    `ports` (slots, p) where the ports were [m]; `pushes` (slots, f) outside forces [N]; `asked`
-    (slots, p) recorded efforts [N] of the scene, NaN in slots that were skipped.
-    """
-
-    ports: Floats
-    pushes: Floats
-    asked: Floats
-
-    def part(self, first: int, last: int) -> Inputs:
-        """Return the slots from `first` to `last`."""
-        return Inputs(*(values[first:last] for values in self))
-
-
 def scene_precision(run: Run, rig: Rig) -> dict[str, Any]:
     """Return how exact a run of a scene was, as plain numbers.
 
@@ -65,14 +48,13 @@ def scene_precision(run: Run, rig: Rig) -> dict[str, Any]:
     TautwaveError
         The rig cannot be replayed.
     """
-    scene = scene_of(rig)
-    network = pruned_network(rig).network
-    inputs = inputs_of(run, rig, network)
+    stage = stage_of(rig)
+    inputs = inputs_of(run, rig, stage)
     if inputs is None or len(inputs.ports) < 4:
         return {"error": "the ports were not recorded, or hardly a row of them"}
-    engine = "compiled" if is_kept() else "python"
+    engine = "compiled" if isinstance(stage.network, Network) and is_kept() else "python"
     budget = SECONDS[engine]
-    model = _model(network, scene.scheme, rig.period_s, inputs)
+    model = _model(stage, rig.period_s, inputs)
     base, kept = _base(model, inputs, engine, 0.4 * budget)
     # From here on everything costs as many steps as the base run, times these.
     fine = FINE[engine]
@@ -81,12 +63,12 @@ def scene_precision(run: Run, rig: Rig) -> dict[str, Any]:
     afford = max(64, int(0.6 * budget / (replays * max(each, 1e-8))))
     first, last = _window(base, afford, kept)
     if kept:
-        model = _model(network, scene.scheme, rig.period_s, inputs, kept[first // _BLOCK])
+        model = _model(stage, rig.period_s, inputs, kept[first // _BLOCK])
     window = inputs.part(first, last)
     own = base._replace(efforts=base.efforts[first:last], places=base.places[first:last])
     told: dict[str, Any] = {
         "kind": "scene",
-        "scheme": scene.scheme,
+        "scheme": stage.scheme,
         "span_s": len(window.ports) * rig.period_s,
         "begins_s": first * rig.period_s,
         "whole": first == 0 and last == len(inputs.ports),
@@ -96,12 +78,12 @@ def scene_precision(run: Run, rig: Rig) -> dict[str, Any]:
     }
     told["travel"] = float(np.ptp(own.places, axis=0).max()) if own.places.size else 0.0
     told["effort"] = _greatest(own.efforts)
-    replay = _Replay(rig, network, window, model, engine)
+    replay = _Replay(rig, stage, window, model, engine)
     oracle, doubted = replay.fine(fine), replay.fine(fine // 2)
     apart = _apart(own, oracle, told["travel"])
     known = _apart(doubted, oracle, told["travel"])
     told["oracle"] = _differences(oracle, own, told["travel"], rig.period_s)
-    told["oracle"]["scheme"] = replay.oracle_scheme
+    told["oracle"]["scheme"] = stage.oracle
     told["oracle"]["steps"] = fine
     told["doubt"] = _differences(oracle, doubted, told["travel"], rig.period_s, apart)
     if known is not None:
@@ -118,18 +100,10 @@ class _Replay(NamedTuple):
     """Runs a window of a scene again, at other steps."""
 
     rig: Rig
-    network: Network
+    stage: Stage
     window: Inputs
-    model: SceneModel
+    model: Model
     engine: str
-
-    @property
-    def oracle_scheme(self) -> str:
-        """The exact scheme where the network is linear, discrete gradients elsewhere."""
-        linear = all(link.kind in LINEAR for link in self.network.links)
-        if linear and not self.network.strings and len(self.network.masses) <= MOST:
-            return "exact"
-        return "discrete_gradient"
 
     def fine(self, steps: int) -> Played:
         """Return the run with several steps a period, its ports moving within it."""
@@ -140,16 +114,20 @@ class _Replay(NamedTuple):
                 far=steps * (string.far + 1) - 1,
                 smoothing=1.0 - (1.0 - string.smoothing) ** (1.0 / steps),
             )
-            for string in self.network.strings
+            for string in self.stage.strings
         )
-        network = self.network._replace(strings=strings)
-        return self._play(network, self.oracle_scheme, steps, 0.5, steps)
+        stage = self.stage
+        if strings and isinstance(stage.network, Network):
+            stage = stage._replace(network=stage.network._replace(strings=strings))
+        # Symplectic steps take forces of their begin, all others act on their middle.
+        within = 0.0 if stage.oracle == "symplectic" else 0.5
+        return self._play(stage, stage.oracle, steps, within, steps)
 
     def at_rate(self, factor: float) -> Played:
         """Return the run at another rate, its efforts and places a row to each slot of the run."""
         other = self.rig.model_copy(update={"rate_hz": factor * self.rig.rate_hz})
-        network = pruned_network(other).network
-        played = self._play(network, self.model.scheme, factor, 0.0, max(1, round(factor)))
+        stage = stage_of(other)
+        played = self._play(stage, stage.scheme, factor, 0.0, max(1, round(factor)))
         if factor >= 1.0:
             return played
         held = round(1.0 / factor)
@@ -159,9 +137,7 @@ class _Replay(NamedTuple):
         places[np.arange(len(places)) % held != held - 1] = np.nan
         return played._replace(efforts=efforts, places=places)
 
-    def _play(
-        self, network: Network, scheme: str, factor: float, within: float, stride: int
-    ) -> Played:
+    def _play(self, stage: Stage, scheme: str, factor: float, within: float, stride: int) -> Played:
         """Play with `factor` steps a slot; ports are seen `within` a step after its begin."""
         slots = len(self.window.ports)
         steps = int(slots * factor)
@@ -171,33 +147,33 @@ class _Replay(NamedTuple):
         pushes = np.zeros((steps, self.window.pushes.shape[1]))
         for at, push in enumerate(self.window.pushes.T):
             pushes[:, at] = np.interp(slot, given, push)
-        model = SceneModel(network, scheme, self.rig.period_s / factor)
+        model = stage.model(scheme, self.rig.period_s / factor)
         model.reset(self.window.ports[0].tolist())
         _take_state(model, self.model)
         return play(model, ports, pushes, engine=self.engine, stride=stride)
 
 
-def _model(
-    network: Network, scheme: str, period: float, inputs: Inputs, state: Any = None
-) -> SceneModel:
-    model = SceneModel(network, scheme, period, keep_books=False)
+def _model(stage: Stage, period: float, inputs: Inputs, state: Any = None) -> Model:
+    model = stage.model(stage.scheme, period)
     model.reset(inputs.ports[0].tolist())
     if state is not None:
         model.arrays = state
     return model
 
 
-def _take_state(model: SceneModel, other: SceneModel) -> None:
+def _take_state(model: Model, other: Model) -> None:
     """Let a model begin where another one is; both have the same masses and links."""
-    if not model.network.strings:
-        model.arrays = type(model.arrays)(*(list(values) for values in other.arrays))
+    if not _strings(model):
+        model.arrays = type(other.arrays)(*(list(values) for values in other.arrays))
 
 
-def _base(
-    model: SceneModel, inputs: Inputs, engine: str, seconds: float
-) -> tuple[Played, list[Any]]:
+def _strings(model: Model) -> bool:
+    return isinstance(model, SceneModel) and bool(model.strings)
+
+
+def _base(model: Model, inputs: Inputs, engine: str, seconds: float) -> tuple[Played, list[Any]]:
     """Return the run at its own rate, and in plain Python its states every `_BLOCK` slots."""
-    if engine == "compiled" or model.network.strings:
+    if engine == "compiled" or _strings(model):
         return play(model, inputs.ports, inputs.pushes, engine=engine, seconds=seconds), []
     parts: list[Played] = []
     states: list[Any] = []
@@ -225,64 +201,6 @@ def _window(base: Played, afford: int, kept: Sequence[Any]) -> tuple[int, int]:
         touched = int(np.argmax(felt > FELT * felt.max()))
         first = min(touched, there - afford) // _BLOCK * _BLOCK
     return first, first + afford
-
-
-def inputs_of(run: Run, rig: Rig, network: Network) -> Inputs | None:
-    """Return what moved the scene of a run; None where it was not recorded."""
-    scene = scene_of(rig)
-    names = list(network.ports)
-    wanted = [f"master.{n}.{leaf}" for n in names for leaf in ("position", "valid")]
-    wanted += [f"scene.asked.{name}" for name in names]
-    read = run.read("skipped_slots", *wanted)
-    if len(read) <= len(wanted):
-        return None
-    scales = np.array([scene.ports[name].position_scale for name in names])
-    offsets = np.array([scene.ports[name].offset for name in names])
-    places = np.stack([read[f"master.{name}.position"] for name in names], axis=1)
-    asked = np.stack([read[f"scene.asked.{name}"] for name in names], axis=1) / scales
-    valid = np.stack([read[f"master.{name}.valid"] for name in names], axis=1) > 0.5
-    first = _armed(rig, network, scales * places + offsets, valid)
-    if first is None:
-        return None
-    places, asked, valid = places[first:], asked[first:], valid[first:]
-    for port in range(len(names)):  # a sample that is missing leaves the port where it was
-        row = np.maximum.accumulate(np.where(valid[:, port], np.arange(len(valid)), 0))
-        places[:, port] = places[row, port]
-    passed = 1 + np.nan_to_num(read["skipped_slots"][first:]).astype(np.int64)
-    passed[0] = 1
-    # Slots that were skipped are made up with what is measured then.
-    ports = np.repeat(scales * places + offsets, passed, axis=0)
-    known = np.full_like(ports, np.nan)
-    known[np.cumsum(passed) - 1] = asked
-    return Inputs(ports, _pushes(run, rig, network, len(ports)), known)
-
-
-def _armed(rig: Rig, network: Network, ports: Floats, valid: Any) -> int | None:
-    """Return the row in which the scene began, by the loop's own rule."""
-    scene = scene_of(rig)
-    limits = [rig.axes[f"master.{name}"].effort_limit or math.inf for name in network.ports]
-    scales = [scene.ports[name].position_scale for name in network.ports]
-    model = SceneModel(network, scene.scheme, rig.period_s)
-    for row in np.flatnonzero(valid.all(axis=1)):
-        model.reset(ports[row].tolist())
-        rest = model.resting_efforts()
-        if all(
-            abs(scale * effort) <= ARM_SHARE * limit
-            for scale, effort, limit in zip(scales, rest, limits, strict=True)
-        ):
-            return int(row)
-    return None
-
-
-def _pushes(run: Run, rig: Rig, network: Network, slots: int) -> Floats:
-    """Return the outside forces of a run, silent after their end, shape (slots, f)."""
-    seconds = run.summary.get("asked_s", rig.duration_s)
-    cycles = max(round(float(seconds) * rig.rate_hz), 1)
-    pushes = np.zeros((slots, len(network.forced)))
-    for at, force in enumerate(scene_forces(rig, network, cycles)):
-        given = np.asarray(force)[:slots]
-        pushes[: len(given), at] = given
-    return pushes
 
 
 def _equal(run: Run, base: Played, inputs: Inputs) -> bool | None:
@@ -356,7 +274,7 @@ def pitches_of(rig: Rig) -> dict[str, dict[str, float]]:
     rates = {"own": 1.0, **FACTORS}
     for rate, factor in rates.items():
         other = rig.model_copy(update={"rate_hz": factor * rig.rate_hz})
-        for string in pruned_network(other).network.strings:
+        for string in stage_of(other).strings:
             asked = scene_of(rig).strings[string.name].frequency_hz
             late = 2.0 * (1.0 - string.smoothing) / string.smoothing
             samples = 2.0 * (string.near + string.far) + 4.0 + late

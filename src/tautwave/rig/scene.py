@@ -213,14 +213,17 @@ class BuiltScene(NamedTuple):
     row: SceneRow
 
 
-def hold_account(rig: Rig, network: Network, axes: Sequence[SceneAxis]) -> HoldAccount | None:
+def hold_account(
+    rig: Rig, links: Sequence[Link], names: Sequence[str], axes: Sequence[SceneAxis], scheme: str
+) -> HoldAccount | None:
     """Return what bounds the energy that held efforts create; None for instruments that feed.
 
-    The allowance is the energy of all devices at `HOLD_SPEED` of their velocity limits.
+    `names` are those of the axes on the master. The allowance is the energy of all devices at
+    `HOLD_SPEED` of their velocity limits.
     """
-    if any(link.kind in ACTIVE for link in network.links):
+    if any(link.kind in ACTIVE for link in links):
         return None  # nothing is certified of these, and their energy has no bound to keep
-    keys = [rig.axes[f"master.{name}"] for name in network.ports]
+    keys = [rig.axes[f"master.{name}"] for name in names]
     allowance = 0.0
     for axis in keys:
         assert axis.inertia is not None
@@ -235,7 +238,7 @@ def hold_account(rig: Rig, network: Network, axes: Sequence[SceneAxis]) -> HoldA
         [axis.damping.lower for axis in keys],
         rig.period_s,
         allowance,
-        holds_forces=scene_of(rig).scheme == "symplectic",
+        holds_forces=scheme == "symplectic",
     )
 
 
@@ -260,7 +263,7 @@ def build_scene(
         [scene.ports[name].position_scale for name in network.ports],
         [scene.ports[name].offset for name in network.ports],
         scene_forces(rig, network, cycles),
-        hold_account(rig, network, axes),
+        hold_account(rig, network.links, network.ports, axes, scene.scheme),
     )
     pairs = []
     for port, name in enumerate(network.ports):

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tautwave.config import Rig, SpaceLink, SpaceScene, Vector
-from tautwave.rig.scene import COUPLING, BuiltScene, sound_force
+from tautwave.rig.scene import COUPLING, BuiltScene, hold_account, sound_force
 from tautwave.rig.truth import SEED_WORD
 from tautwave.runtime.loop import LoopPair
 from tautwave.runtime.scene import MOST_NODES, SceneAxis, ScenePort, SceneRow, SceneRun
@@ -166,13 +166,15 @@ def build_space(
     """Build the scene of a rig around its axes; see `rig.scene.build_scene`."""
     network = pruned_space(rig).network
     model = SpaceModel(network, space_of(rig).scheme, rig.period_s, keep_books=True)
-    axes = [sites[f"master.{name}"] for name in network.axes]
+    found = [sites[f"master.{name}"] for name in network.axes]
+    axes = [axis for axis in found if isinstance(axis, SceneAxis)]
     run = SceneRun(
         model,
-        [axis for axis in axes if isinstance(axis, SceneAxis)],
+        axes,
         axis_scales(rig),
         [0.0] * len(axes),
         space_forces(rig, network, cycles),
+        hold_account(rig, network.links, network.axes, axes, space_of(rig).scheme),
     )
     pairs = []
     for axis, name in enumerate(network.axes):
