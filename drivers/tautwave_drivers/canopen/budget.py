@@ -10,6 +10,7 @@ from __future__ import annotations
 from tautwave.contracts import Budget, BusSpec
 from tautwave_drivers.canopen.mapping import mapping_of
 from tautwave_drivers.canopen.options import CanopenOptions, nodes_of
+from tautwave_drivers.cia402.objects import interpolation_period
 
 FD_SIZES = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 
@@ -82,6 +83,11 @@ def budget(options: CanopenOptions, bus: BusSpec) -> Budget:
         f"({time_s * bus.rate_hz:.0%}); greatest rate that fits: {greatest:.0f} Hz "
         f"({1.0 / exchange:.0f} Hz by process data alone)"
     )
+    if interpolation_period(bus.period_ns) is None:
+        lines.append(
+            f"a drive that has 60C2h cannot hold {bus.period_ns / 1000:g} us in it and will refuse "
+            "this rate: take one such as 1000, 500 or 250 Hz"
+        )
     remedy = _advice(options, bus, shares)
     return Budget(time_s, greatest, "\n".join(lines), remedy)
 

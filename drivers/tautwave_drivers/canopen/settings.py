@@ -188,12 +188,14 @@ def set_period(drive: RemoteDrive, bus: BusSpec) -> list[str]:
     Raises
     ------
     DeviceFault
-        The drive keeps another period.
+        The drive keeps another period, or has 60C2h, which cannot hold this one.
     """
     wanted = o.interpolation_period(bus.period_ns)
     if bus.period_ns % 1_000_000 == 0 and bus.period_ns <= 255_000_000:
         wanted = bus.period_ns // 1_000_000, -3  # some drives know no other unit than ms
     if wanted is None:
+        if drive.find(o.INTERPOLATION_TIME) is None:
+            return [f"{drive.name} has no 60C2:01: nothing there to hold the period"]
         raise DeviceFault(
             f"{drive.name}: {bus.period_ns / 1e3:g} us cannot be written as 60C2h (1 to 255 times "
             "a power of ten); choose another rate_hz, such as 1000, 500 or 250"

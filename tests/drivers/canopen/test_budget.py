@@ -108,6 +108,13 @@ def test_the_arithmetic_is_shown_and_adds_up() -> None:
         assert remedy not in told.arithmetic  # `check` shows both
 
 
+def test_a_rate_that_60c2h_cannot_hold_is_told_before_a_drive_refuses_it() -> None:
+    options, bus = bench(2, "impedance", "full")
+    told = budget(options, bus._replace(rate_hz=1800.0)).arithmetic
+    assert "cannot hold 555.556 us" in told
+    assert "60C2h" not in budget(options, bus._replace(rate_hz=800.0)).arithmetic
+
+
 @pytest.mark.parametrize("axes", [1, 3, 6])
 @pytest.mark.parametrize("sync", [True, False])
 def test_at_the_greatest_rate_the_cycle_just_fits(axes: int, sync: bool) -> None:

@@ -123,6 +123,11 @@ def test_60c2_is_set_to_the_period_of_the_rig() -> None:
 def test_a_period_that_60c2_cannot_hold_is_refused() -> None:
     rig = make(block(node(1)), ("impedance",), rate_hz=1024.0)
     assert "cannot be written as 60C2h" in refused(rig)
+    lacking = block(node(1), simulator={"nodes": {1: {"interpolation_period": False}}})
+    rig = make(lacking, ("impedance",), rate_hz=600.0)
+    rig.driver.open()
+    assert any("has no 60C2:01" in note for note in rig.driver.notes)
+    rig.driver.close()
 
 
 def test_everything_written_is_read_back_and_told() -> None:
