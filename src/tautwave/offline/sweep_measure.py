@@ -64,8 +64,9 @@ def measure_run(
     if count == 0:  # the coupling never engaged
         return {name: 0.0 if name == "stable" else math.nan for name in wanted}
     found: dict[str, float] = {}
-    if names & {"peak_amplitude", "late_amplitude"}:
-        found["peak_amplitude"], found["late_amplitude"] = amplitudes(scales, columns)
+    for name, first in (("peak_amplitude", 0), ("late_amplitude", -max(1, count // 10))):
+        if name in names:
+            found[name] = amplitude(scales, columns, first)
     if names & {"growth_rate", "stable"}:
         energy = moving_energy(scales, columns)
         growth = growth_of(energy, scales.period_s)
@@ -105,18 +106,16 @@ def farthest(values: Floats, origin: float) -> float:
     return float(np.maximum(abs(values.max() - origin), abs(values.min() - origin)))
 
 
-def amplitudes(scales: Scales, columns: Columns) -> tuple[float, float]:
+def amplitude(scales: Scales, columns: Columns, first: int) -> float:
     """Return the largest distance of master or slave from their start [master units].
 
-    Over the whole simulation, and over its last tenth.
+    From cycle `first` on; as an index, so that -10 are the last ten.
     """
     found = []
     for side, unit in (("master", 1.0), ("slave", scales.position_scale)):
         x = columns[f"true.{side}.{scales.pair}.position"]
-        late = x[-max(1, len(x) // 10) :]
-        found.append((farthest(x, x[0]) / unit, farthest(late, x[0]) / unit))
-    peak, late_peak = np.maximum(found[0], found[1]).tolist()
-    return peak, late_peak
+        found.append(farthest(x[first:], x[0]) / unit)
+    return float(np.maximum(found[0], found[1]))
 
 
 class Growth(NamedTuple):
@@ -133,7 +132,7 @@ def growth_of(energy: Floats, period: float) -> Growth:
     `WINDOWS` windows, so that what swings within them does not count as growth; those too small
     or too large for a float are left out. NaN where nothing is left.
     """
-    last = energy[len(energy) // 2 :]
+    last = np.ascontiguousarray(energy[len(energy) // 2 :])
     if len(last) >= 2 * WINDOWS and last.min() > FAINTEST and last.max() < math.inf:
         starts, counts, time = _windows(len(last), period)
     else:

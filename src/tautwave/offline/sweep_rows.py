@@ -82,7 +82,6 @@ class Simulator:
         self._records = self._tables_of is record_tables
         self._whole = whole
         self._out = np.empty(0)
-        self._turned = np.empty((0, 0))
         self._known: tuple[list[Any], RigFacts] | None = None
         self._stencils: tuple[Points, Stencils] | None = None
 
@@ -149,13 +148,7 @@ class Simulator:
         count = self._run(*tables)
         width = len(job.columns)
         rows = np.asarray(tables.out[: count * width], dtype=np.float64).reshape(count, width)
-        table = rows.T
-        if not self._whole:
-            if self._turned.shape[0] != width or self._turned.shape[1] < count:
-                self._turned = np.empty((width, count))
-            np.copyto(self._turned[:, :count], table)
-            table = self._turned[:, :count]
-        columns = dict(zip(job.columns, table, strict=True))
+        columns = dict(zip(job.columns, rows.T, strict=True))
         return Run(columns, count, _outcome(job, tables))
 
     def _facts(self, rig: Rig) -> RigFacts:
