@@ -1,0 +1,64 @@
+"""Links from a port straight to the ground or to another port: felt by every scheme, and booked."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tautwave.models.interaction import elastic_tension
+from tautwave.scene.compiling import LAWS
+from tautwave.scene.live import SceneModel
+from tautwave.scene.network import Link, Mass, Network
+
+PERIOD = 1e-3
+LINKS = {
+    "contact": Link("w", "contact", "hand", "ground", stiffness=2e3, exponent=1.5),
+    "spring": Link("w", "spring", "hand", "ground", stiffness=500.0),
+    "nonlinear": Link("w", "nonlinear", "hand", "ground", stiffness=4e4, exponent=2.0),
+    "between": Link("w", "spring", "hand", "pen", stiffness=500.0),
+    "damper": Link("w", "damper", "hand", "ground", damping=0.5),
+    "friction": Link("w", "friction", "hand", "ground", limit=2.0, scale=1e-3),
+}
+
+
+def run(link: Link, scheme: str) -> tuple[np.ndarray, np.ndarray, SceneModel]:
+    """Move the hand in a sine beside a resonator that it does not touch."""
+    network = Network(
+        (Mass("m", 0.1, 1e-3),),
+        (link, Link("s", "spring", "m", "ground", stiffness=100.0)),
+        ("hand", "pen"),
+    )
+    model = SceneModel(network, scheme, PERIOD)
+    at = 0.01 * np.sin(0.05 * np.arange(400))
+    efforts = np.array([model.advance([x, 0.0])[0] for x in at.tolist()])
+    return at, efforts, model
+
+
+WALLS = ("contact", "spring", "nonlinear", "between")
+CASES = [(name, scheme) for name in WALLS for scheme in ("discrete_gradient", "symplectic")]
+
+
+@pytest.mark.parametrize(("name", "scheme"), [*CASES, ("spring", "exact"), ("between", "exact")])
+def test_a_wall_at_a_port_is_felt(name: str, scheme: str) -> None:
+    link = LINKS[name]
+    at, efforts, model = run(link, scheme)
+    law = LAWS[link.kind]
+    want = [elastic_tension(law, link.stiffness, link.exponent, x) for x in at.tolist()]
+    assert np.abs(efforts).max() > 1.0
+    assert efforts == pytest.approx(np.array(want), abs=1e-12)
+    assert abs(model.residual()) < 1e-14
+
+
+@pytest.mark.parametrize("scheme", ["discrete_gradient", "symplectic"])
+@pytest.mark.parametrize("name", ["damper", "friction"])
+def test_what_drags_at_a_port_is_felt_and_loses(name: str, scheme: str) -> None:
+    at, efforts, model = run(LINKS[name], scheme)
+    speed = np.diff(at, prepend=0.0) / PERIOD
+    want = 0.5 * speed if name == "damper" else 2.0 * speed / np.hypot(speed, 1e-3)
+    assert efforts == pytest.approx(want, abs=1e-12)
+    told = model.ledger()
+    assert told.lost > 0.0
+    assert math.isclose(told.port_work, told.lost, rel_tol=0.05)
+    assert abs(model.residual()) < 1e-14
