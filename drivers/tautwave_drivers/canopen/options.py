@@ -60,9 +60,9 @@ class Node(Block):
     id: NodeId
     rated_torque: Positive
     """[N m] at the motor shaft (rated force of a linear motor [N]): 1000 per mille of 6071h."""
-    counts_per_revolution: Annotated[int, Field(gt=0)]
+    counts_per_revolution: Annotated[int, Field(gt=0, le=0xFFFF_FFFF)]
     """Position counts (6064h) per motor turn, after quadrature."""
-    gear_ratio: Positive = 1.0
+    gear_ratio: Annotated[float, Field(ge=1e-3, le=1e6)] = 1.0
     """Motor turns per turn of the output."""
     feed: Positive | None = None
     """[m] per turn of the output; required for a linear axis."""

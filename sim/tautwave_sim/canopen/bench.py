@@ -36,8 +36,12 @@ class CanopenBench(BaseModel):
         1_000_000, description="[bit/s] that the wire's time is computed from"
     )
     kind: Literal["rotary", "linear"] = Field("rotary", description="of the axes")
-    rated_torque: Positive = Field(0.1, description="[N m] of the motor, 1000 per mille")
-    counts_per_revolution: Annotated[int, Field(gt=0)] = Field(4096, description="per motor turn")
+    rated_torque: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
+        0.1, description="[N m] of the motor, 1000 per mille"
+    )
+    counts_per_revolution: Annotated[int, Field(gt=0, le=0xFFFF_FFFF)] = Field(
+        4096, description="per motor turn"
+    )
     inertia: Positive = Field(1e-4, description="[kg m^2 or kg] of the axis")
     damping: Annotated[float, Field(ge=0.0)] = Field(1e-3, description="[N m s/rad or N s/m]")
     feed: Positive = Field(0.01, description="[m] per turn, of linear axes")

@@ -113,9 +113,6 @@ class Device:
         serial = self.id if known["serial"] is None else known["serial"]
         for sub, word in enumerate((known["vendor"], product, known["revision"], serial), start=1):
             objects.add(0x1018, sub, Entry("U32", "ro", word or 0))
-        # what its name plate and its encoder say, as the rig has it
-        objects.add(0x6076, 0, Entry("U32", "rw", round(1000.0 * node.rated_torque)))
-        objects.add(0x608F, 1, Entry("U32", "rw", node.counts_per_revolution))
         writers = objects.writers
         writers[0x1003, 0] = self._clear_history
         writers[0x1005, 0] = self._take_sync_id

@@ -151,3 +151,13 @@ def test_the_driver_names_the_bus_that_cannot_be_opened() -> None:
     with pytest.raises(DriverError, match=r"^bus can: cannot open serial:0"):
         driver.open()
     driver.close()
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("gear_ratio", 1e-12), ("gear_ratio", 1e12), ("counts_per_revolution", 10**20)],
+)
+def test_what_no_drive_can_hold_is_refused(key: str, value: float) -> None:
+    """A ratio of 1e-12 once ended in ZeroDivisionError."""
+    with pytest.raises(ValidationError, match=key):
+        driver_options(block(node(1, **{key: value})))
