@@ -182,11 +182,17 @@ def _refusal(
     if known == 0.0:
         return where + f"the stall torque of a {model.name} is not known; give torque_constant"
     unit = model.current_unit
-    most = model.current_range * unit * known * servo.gear_ratio
-    if axis.causality == "impedance" and axis.effort_limit >= most + unit * known:
+    count = unit * known * servo.gear_ratio
+    most = model.current_range * count
+    if axis.causality == "impedance" and axis.effort_limit >= most + count:
         return where + (
             f"effort_limit {axis.effort_limit:g} is beyond a {model.name}, whose greatest current "
             f"limit {model.current_range * unit:.3g} A gives {most:.3g}; lower effort_limit"
+        )
+    if axis.causality == "impedance" and axis.effort_limit < count:
+        return where + (
+            f"effort_limit {axis.effort_limit:g} is less than one count of a {model.name}'s goal "
+            f"current ({count:.3g}); raise it, or correct torque_constant and gear_ratio"
         )
     if servo.current_limit is not None and servo.current_limit > (model.current_range + 0.5) * unit:
         return where + (

@@ -46,6 +46,11 @@ def test_an_effort_no_such_servo_gives() -> None:
     assert "1.75 A gives 0.619" in told
 
 
+def test_an_effort_that_is_no_count_of_the_goal() -> None:
+    told = refused(servo(1, gear_ratio=1e6))
+    assert "effort_limit 1 is less than one count of a XM430-W350's goal current (4.8e+03)" in told
+
+
 def test_a_current_limit_beyond_the_model() -> None:
     told = refused(servo(1, current_limit=4.0))
     assert "current_limit 4 is beyond the 3.21 A" in told
