@@ -37,6 +37,7 @@ from tests.offline.live import CONFIGS
 
 DURATION_S = 0.05
 SHIPPED = CONFIGS
+BUSES = [CONFIGS[0].with_name(f"{name}.yaml") for name in ("three-bus-sim", "bench-mixed-sim")]
 FIELDS = {
     "simulation.environment.{pair}": ("stiffness", "damping", "position", "exponent", "loss"),
     "simulation.hand.{pair}": ("mass", "damping", "stiffness"),
@@ -118,7 +119,7 @@ def assert_alike(path: Path, axes: Sequence[tuple[str, Sequence[Any]]]) -> int:
     return pressed_points
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [*SHIPPED, *BUSES], ids=lambda path: path.stem)
 def test_every_near_key_reaches_what_it_says(path: Path) -> None:
     keys = near_keys_of(path)
     assert len(keys) >= 8
