@@ -11,6 +11,8 @@ from tautwave.models.interaction import elastic_tension
 from tautwave.scene.compiling import LAWS
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Link, Mass, Network
+from tautwave.scene.space.live import SpaceModel
+from tautwave.scene.space.network import WAYS, SpaceMass, SpaceNetwork, SpacePort
 
 PERIOD = 1e-3
 LINKS = {
@@ -62,3 +64,23 @@ def test_what_drags_at_a_port_is_felt_and_loses(name: str, scheme: str) -> None:
     assert told.lost > 0.0
     assert math.isclose(told.port_work, told.lost, rel_tol=0.05)
     assert abs(model.residual()) < 1e-14
+
+
+@pytest.mark.parametrize("scheme", ["discrete_gradient", "symplectic"])
+def test_a_wall_at_a_port_in_space_is_felt_along_the_way_to_it(scheme: str) -> None:
+    network = SpaceNetwork(
+        masses=(SpaceMass("m", 0.1, (1.0, 0.0, 0.0)),),
+        links=(
+            Link("w", "spring", "pen", "ground", stiffness=500.0, rest=0.05),
+            Link("s", "spring", "m", "ground", stiffness=100.0, rest=1.0),
+        ),
+        ports=(SpacePort("pen", ("x", "y"), WAYS[:2], (0.03, 0.04, 0.0)),),
+    )
+    model = SpaceModel(network, scheme, PERIOD)
+    for x in (1e-3, -2e-3):
+        x_effort, y_effort = model.advance([x, 0.0])
+        far = math.hypot(0.03 + x, 0.04)
+        pull = 500.0 * (far - 0.05)
+        assert x_effort == pytest.approx(pull * (0.03 + x) / far, rel=1e-12)
+        assert y_effort == pytest.approx(pull * 0.04 / far, rel=1e-12)
+    assert abs(model.residual()) < 1e-15

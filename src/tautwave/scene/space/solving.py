@@ -55,6 +55,10 @@ def step_space_gradient(s: SpaceArrays, period: float) -> int:
             done += size
         if tries > most:
             most = tries
+    for i in range(s.count[2]):
+        if s.a[i] >= s.count[0] and s.b[i] >= s.count[0]:  # at a port: no mass visits it
+            pull_link(s, i, 0, period)
+            book_space_link(s, i, period, 1.0)
     return most
 
 
