@@ -130,7 +130,7 @@ def pull_link(s: SpaceArrays, i: int, row: int, period: float) -> None:
     moved = s.way[at] * sx + s.way[at + 1] * sy + s.way[at + 2] * sz
     s.apart[at] = moved
     kind = s.kind[i]
-    if kind == CONTACT and d >= 0.0 and d + moved >= 0.0:
+    if kind == CONTACT and d >= 0.0 and d + moved >= 0.0 and s.z[i] == 0.0:
         s.tension[i] = s.elastic[i] = s.side[i] = 0.0
         s.bend[at] = s.bend[at + 1] = s.bend[at + 2] = 0.0
         return

@@ -42,12 +42,13 @@ def pull_space(s: SpaceArrays) -> None:
             ny = s.normal[at + 1]
             nz = s.normal[at + 2]
             d = nx * dx + ny * dy + nz * dz - s.rest[i]
-            if kind == CONTACT and d >= 0.0 and s.elastic[i] == 0.0:
+            if kind == CONTACT and d >= 0.0 and s.elastic[i] == 0.0 and s.z[i] == 0.0:
                 continue
         else:
             square = dx * dx + dy * dy + dz * dz
             # An open contact of two spheres needs no root; most are open.
-            if kind == CONTACT and s.elastic[i] == 0.0 and square >= s.rest[i] * s.rest[i]:
+            shut = kind != CONTACT or s.elastic[i] != 0.0 or s.z[i] != 0.0
+            if not shut and square >= s.rest[i] * s.rest[i]:
                 continue
             r = math.sqrt(square)
             d = r - s.rest[i]
