@@ -50,7 +50,8 @@ def test_all_holds_every_run_time_extra() -> None:
     extras = PROJECT["optional-dependencies"]
     (spelled,) = extras["all"]
     named = set(re.findall(r"\w+", spelled.partition("[")[2]))
-    assert named == set(extras) - {"all", "test", "dev", "bench"}
+    # sound: a way out where the system has no player; it needs PortAudio of the system
+    assert named == set(extras) - {"all", "test", "dev", "bench", "sound"}
 
 
 @pytest.mark.parametrize("name", tautwave.__all__)
