@@ -92,6 +92,17 @@ def test_a_string_s_samples_stay_whole_and_its_pitch_the_same() -> None:
     assert list(peers_network.scipy_network(stage, played(stage, "discrete_gradient", 1), ())) == []
 
 
+def test_a_scene_in_space_is_run_at_any_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scenes, "FINEST_IN_SPACE", 8)
+    stage = stage_of(scenes.NET, 0.1, 0.008)
+    oracle = played(stage, "discrete_gradient", 8)
+    errors = [stage.error(played(stage, "symplectic", f).places, oracle) for f in (1, 2, 4)]
+    assert 0.0 < errors[2] < errors[1] < errors[0] < 0.1
+    assert stage.run("symplectic", Fraction(16)) is None  # finer than the oracle
+    assert stage.energy_error(oracle, oracle) < 1e-12
+    assert list(peers_network.scipy_network(stage, oracle, (1e-3,))) == []
+
+
 def test_a_scene_is_told_with_what_its_rig_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     made = Stage.__init__
     monkeypatch.setattr(Stage, "__init__", lambda s, scene: made(s, scene, "python"))

@@ -30,10 +30,12 @@ def scipy_network(stage: Stage, oracle: Played, tolerances: Sequence[float]) -> 
     Every slot of the rig is a stretch of its own: forces have a kink there.
     """
     network = stage.network
-    if missing("scipy") or network.strings or any(k.kind not in KINDS for k in network.links):
+    if missing("scipy") or not isinstance(network, Network) or network.strings:
+        return
+    if any(link.kind not in KINDS for link in network.links):
         return
     integrate: Any = importlib.import_module("scipy.integrate")
-    rates = equations(stage)
+    rates = equations(stage, network)
     start = [mass.position for mass in network.masses] + [mass.velocity for mass in network.masses]
     travel = float(np.ptp(oracle.places, axis=0).max())
     count = len(network.masses)
@@ -65,9 +67,8 @@ def scipy_network(stage: Stage, oracle: Played, tolerances: Sequence[float]) -> 
                 break
 
 
-def equations(stage: Stage) -> Callable[[float, Floats], Floats]:
+def equations(stage: Stage, network: Network) -> Callable[[float, Floats], Floats]:
     """Return d/dt of (positions, velocities) of all masses."""
-    network = stage.network
     count = len(network.masses)
     mass = np.array([part.mass for part in network.masses])
     drag = np.array([part.damping for part in network.masses])

@@ -22,9 +22,10 @@ from tautwave.bench.workprecision_points import Point, Scene
 from tautwave.config import Rig, load_rig
 from tautwave.motion import reference_positions
 from tautwave.offline.playing import Played, play
-from tautwave.rig.scene import pruned_network, scene_forces, scene_of
-from tautwave.scene.live import SceneModel
+from tautwave.report.scene_inputs import stage_of
 from tautwave.scene.network import LINEAR, Network, String
+from tautwave.scene.space.live import SPACE_SCHEMES
+from tautwave.scene.space.network import SpaceNetwork
 
 Array = npt.NDArray[np.float64]
 
@@ -37,6 +38,9 @@ NAMES = {
 
 FINEST = 256
 """Steps to a period of the rig with which the oracle runs."""
+
+FINEST_IN_SPACE = 32
+"""As many in three dimensions, where plain Python takes them."""
 
 _FACTORS = {
     False: tuple(map(Fraction, ("1/8", "1/4", "1/2", "1", "2", "4", "16", "64"))),
@@ -78,11 +82,14 @@ STRING = SceneRig(
     "scene-string", "scene-string.yaml", 0.0, 0.1, "the bow catches the string and lets it go"
 )
 DRUM = SceneRig("scene-drum", "scene-drum.yaml", 0.13, 0.07, "a stroke on the drum and its ringing")
-SCENES = (RESONATOR, GRANULAR, STRING, DRUM)
+NET = SceneRig("scene-net", "scene-net.yaml", 0.1, 0.04, "a ball pressed into the net in space")
+SCENES = (RESONATOR, GRANULAR, STRING, DRUM, NET)
 
 
-def schemes_of(network: Network) -> tuple[str, ...]:
-    """Return the schemes that can run a network."""
+def schemes_of(network: Network | SpaceNetwork) -> tuple[str, ...]:
+    """Return the schemes that can run a network, that of the oracle first."""
+    if isinstance(network, SpaceNetwork):
+        return SPACE_SCHEMES[::-1]
     if network.strings:
         return ("discrete_gradient",)
     linear = all(link.kind in LINEAR for link in network.links)
@@ -99,32 +106,37 @@ def refined(string: String, factor: Fraction) -> String | None:
 
 
 class Stage:
-    """A scene with its inputs, to be run at any step."""
+    """A scene with its inputs, to be run at any step. In three dimensions by plain Python only."""
 
     def __init__(self, scene: SceneRig, engine: str = "compiled") -> None:
         self.scene = scene
-        self.engine = engine
         self.rig = scene.load()
-        self.network = pruned_network(self.rig).network
+        self.parts = stage_of(self.rig)
+        self.network = self.parts.network
+        flat = isinstance(self.network, Network)
+        self.engine = engine if flat else "python"
+        self.finest = FINEST if flat else FINEST_IN_SPACE
         rate = self.rig.rate_hz
         self.slots = round(scene.span_s * rate / 16) * 16
         first = round(scene.begin_s * rate)
-        forces = scene_forces(self.rig, self.network, round(self.rig.duration_s * rate))
+        forces = self.parts.forces(self.rig, round(self.rig.duration_s * rate))
         self.forces = [np.asarray(force)[first : first + self.slots + 1] for force in forces]
         self._fine = self._positions(first)
 
     def _positions(self, first: int) -> Array:
-        """Return where the ports are at half steps of the oracle [m], shape (those, p)."""
+        """Return where the axes are at half steps of the oracle [m], shape (those, p)."""
         assert self.rig.simulation is not None
-        keys = scene_of(self.rig)
-        rate = 2 * FINEST * self.rig.rate_hz
-        begin, last = (2 * FINEST * at for at in (first, first + self.slots))
+        rate = 2 * self.finest * self.rig.rate_hz
+        begin, last = (2 * self.finest * at for at in (first, first + self.slots))
         columns = []
-        for name in self.network.ports:
-            reference = self.rig.simulation.hand[name].reference.model_dump()
-            port = keys.ports[name]
-            places = reference_positions(reference, rate, last, Path())[begin:]
-            columns.append(port.position_scale * places + port.offset)
+        parts = self.parts
+        for name, scale, offset in zip(parts.names, parts.scales, parts.offsets, strict=True):
+            hand = self.rig.simulation.hand.get(name)
+            places = np.zeros(last - begin + 1)
+            if hand is not None:
+                reference = hand.reference.model_dump()
+                places = reference_positions(reference, rate, last, Path())[begin:]
+            columns.append(scale * places + offset)
         return np.stack(columns, axis=1)
 
     @property
@@ -134,7 +146,7 @@ class Stage:
 
     def ports(self, factor: Fraction, within: float) -> Array:
         """Return where the ports are at each step [m], shape (steps, p)."""
-        every = int(2 * FINEST / factor)
+        every = int(2 * self.finest / factor)
         return self._fine[round(within * every) :: every][: int(self.slots * factor)]
 
     def pushes(self, factor: Fraction, within: float) -> Array:
@@ -148,14 +160,14 @@ class Stage:
 
     def moment(self, time_s: float) -> tuple[Array, Array, Array]:
         """Return position and speed of the ports and the outside forces at any time."""
-        at = time_s * self.rig.rate_hz * 2 * FINEST
+        at = time_s * self.rig.rate_hz * 2 * self.finest
         low = min(max(int(at), 0), len(self._fine) - 2)
         rise = self._fine[low + 1] - self._fine[low]
         slot = min(time_s * self.rig.rate_hz, float(self.slots))
         one = min(int(slot), self.slots - 1)
         share = slot - one
         push = [(1.0 - share) * force[one] + share * force[one + 1] for force in self.forces]
-        speed = rise * (self.rig.rate_hz * 2 * FINEST)
+        speed = rise * (self.rig.rate_hz * 2 * self.finest)
         return self._fine[low] + (at - low) * rise, speed, np.array(push)
 
     def run(self, scheme: str, factor: Fraction) -> Played | None:
@@ -163,12 +175,15 @@ class Stage:
 
         Rows are slots of the rig, or steps if those are longer.
         """
-        strings = [refined(string, factor) for string in self.network.strings]
-        if None in strings or (self.slots * factor).denominator > 1:
+        strings = [refined(string, factor) for string in self.parts.strings]
+        if None in strings or (self.slots * factor).denominator > 1 or factor > self.finest:
             return None
-        network = self.network._replace(strings=tuple(s for s in strings if s is not None))
+        parts = self.parts
+        if strings and isinstance(self.network, Network):
+            finer = tuple(string for string in strings if string is not None)
+            parts = parts._replace(network=self.network._replace(strings=finer))
         within = 0.0 if scheme == "symplectic" else 0.5
-        model = SceneModel(network, scheme, float(self.rig.period_s / factor))
+        model = parts.model(scheme, float(self.rig.period_s / factor))
         model.reset(self._fine[0].tolist())
         given = self.ports(factor, within), self.pushes(factor, within)
         return play(model, *given, engine=self.engine, stride=max(1, int(factor)))
@@ -198,6 +213,8 @@ def scheme_points(
     """Yield every scheme of tautwave at every step, but for what is the oracle itself."""
     for scheme in schemes_of(stage.network):
         for factor in factors:
+            if 4 * factor > stage.finest:
+                continue  # too near the oracle to be held against it
             found = timed(stage, scheme, factor, oracle, rounds)
             if found is not None:
                 yield found
@@ -242,11 +259,11 @@ def network_scene(
     from tautwave.bench.peers_network import scipy_network
 
     stage = Stage(scene)
-    oracle = stage.run(schemes_of(stage.network)[0], Fraction(FINEST))
+    oracle = stage.run(schemes_of(stage.network)[0], Fraction(stage.finest))
     assert oracle is not None
     points = list(scheme_points(stage, oracle, _FACTORS[full], rounds))
     points += scipy_network(stage, oracle, tolerances)
-    own = scene_of(stage.rig).scheme
+    own = stage.parts.scheme
     chosen = timed(stage, own, Fraction(1), oracle, rounds)
     assert chosen is not None
     best = min(
@@ -261,14 +278,16 @@ def network_scene(
     what = (
         f"{scene.what} ({scene.shipped}, {scene.span_s:g} s from {scene.begin_s:g} s on); error: "
         "rms distance of all nodes over their travel from "
-        f"{schemes_of(stage.network)[0]} with {FINEST} steps a period, ports moving within a step"
+        f"{schemes_of(stage.network)[0]} with {stage.finest} steps a period, ports moving in them"
     )
     return Scene(scene.name, what, tuple(points), chosen, why, _notes(stage), f"the rig at {rate}")
 
 
 def _notes(stage: Stage) -> tuple[str, ...]:
     notes = []
-    if stage.network.strings:
+    if stage.engine == "python":
+        notes.append("times are those of plain Python: nothing else steps a scene in space")
+    if stage.parts.strings:
         notes.append(
             "a string's samples are whole, so coarser steps would be another pitch; its point has "
             "no mass, and where the bow lets go is found to a sample: first order"

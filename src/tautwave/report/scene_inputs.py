@@ -48,6 +48,12 @@ class Stage(NamedTuple):
             return SceneModel(self.network, scheme, period)
         return SpaceModel(self.network, scheme, period)
 
+    def forces(self, rig: Rig, cycles: int) -> list[Sequence[float]]:
+        """Return the outside forces over a run [N], in the order of `network.forced`."""
+        if isinstance(self.network, Network):
+            return scene_forces(rig, self.network, cycles)
+        return space_forces(rig, self.network, cycles)
+
 
 def stage_of(rig: Rig) -> Stage:
     """Return the network of a rig with a scene, and its ports."""
@@ -135,13 +141,8 @@ def _pushes(run: Run, rig: Rig, stage: Stage, slots: int) -> Floats:
     """Return the outside forces of a run, silent after their end, shape (slots, f)."""
     seconds = run.summary.get("asked_s", rig.duration_s)
     cycles = max(round(float(seconds) * rig.rate_hz), 1)
-    network = stage.network
-    if isinstance(network, Network):
-        forces = scene_forces(rig, network, cycles)
-    else:
-        forces = space_forces(rig, network, cycles)
-    pushes = np.zeros((slots, len(network.forced)))
-    for at, force in enumerate(forces):
+    pushes = np.zeros((slots, len(stage.network.forced)))
+    for at, force in enumerate(stage.forces(rig, cycles)):
         given = np.asarray(force)[:slots]
         pushes[: len(given), at] = given
     return pushes
