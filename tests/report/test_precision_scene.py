@@ -14,7 +14,7 @@ from tautwave.config import Rig, load_rig, resolved_yaml
 from tautwave.report import precision_scene, scene_inputs, write_report
 from tautwave.report.loading import load_run
 from tautwave.report.precision import measure_precision
-from tautwave.report.precision_scene_table import scene_sentences, scene_tables
+from tautwave.report.precision_scene_table import decibels, scene_sentences, scene_tables
 from tautwave.rig import build_rig
 from tautwave.runtime.loop import Loop
 from tests.report.synthetic import write_recording
@@ -187,6 +187,14 @@ def test_a_scene_in_space_is_replayed_alike(tmp_path: Path) -> None:
     assert told["effort"] > 0.0
     assert 0.0 < told["doubt"]["position_rms"] < 0.5 * told["oracle"]["position_rms"]
     assert told["double"]["position_rms"] < told["half"]["position_rms"]
+    words = " ".join(scene_sentences({**told, "whole": False}))
+    assert "stepped by plain Python" in words
+    assert "cache" not in words
+
+
+def test_a_thousandth_of_a_decibel_is_nothing() -> None:
+    assert decibels(-1e-4) == "0 dB"
+    assert decibels(-0.73) == "\N{MINUS SIGN}0.730 dB"
 
 
 def test_samples_that_were_lost_leave_the_port_where_it_was(tmp_path: Path) -> None:

@@ -73,6 +73,7 @@ def scene_precision(run: Run, rig: Rig) -> dict[str, Any]:
         "begins_s": first * rig.period_s,
         "whole": first == 0 and last == len(inputs.ports),
         "engine": engine,
+        "space": not isinstance(stage.network, Network),
         "replayed_equal": _equal(run, base, inputs),
         "replayed": _greatest(base.efforts - inputs.asked[: len(base.efforts)]),
     }

@@ -41,12 +41,15 @@ def scene_sentences(told: dict[str, Any]) -> Iterator[str]:
         "sampling does. Hand and device are no part of it: the ports' motion is given."
     )
     if not told.get("whole"):
-        yield (
-            "No more of it, to keep the report quick: the compiled steps are not in the cache. "
-            "`tautwave bench workprecision` puts them there, and `tautwave report` then takes all."
-            if told.get("engine") == "python"
-            else "No more of it, to keep the report quick."
-        )
+        why = ""
+        if told.get("space"):
+            why = ": a scene in space is stepped by plain Python"
+        elif told.get("engine") == "python":
+            why = (
+                ": the compiled steps are not in the cache. `tautwave bench workprecision` puts "
+                "them there, and `tautwave report` then takes all"
+            )
+        yield f"No more of it, to keep the report quick{why}."
     equal = told.get("replayed_equal")
     if equal is True:
         yield "At its own rate the replay gives the recorded efforts again, to the bit."
@@ -73,7 +76,7 @@ def scene_tables(told: dict[str, Any]) -> Iterator[Table]:
                 quantity(part.get("effort"), "N", 3),
                 quantity(part.get("effort_rms"), "N", 3),
                 share(number(part.get("effort_rms")), greatest),
-                "" if level is None else f"{level:+.3f} dB".replace("-", "\N{MINUS SIGN}"),
+                "" if level is None else decibels(level),
                 "all of it" if apart is None else quantity(apart, "s", 3),
             )
         )
@@ -86,6 +89,13 @@ def scene_tables(told: dict[str, Any]) -> Iterator[Table]:
             for name, pitch in strings.items()
         )
         yield Table("Pitch of a string of whole samples", head, pitches)
+
+
+def decibels(level: float) -> str:
+    """Return a level with its sign, a thousandth of a decibel being nothing."""
+    if abs(level) < 5e-4:
+        return "0 dB"
+    return f"{level:+.3f} dB".replace("-", "\N{MINUS SIGN}")
 
 
 def _note(told: dict[str, Any]) -> str:
