@@ -16,6 +16,7 @@ from tautwave_drivers.cia402.aborts import abort_words
 from tautwave_drivers.cia402.entry import Entry
 from tautwave_drivers.cia402.modes import Mode, mode_name, supported_words, supports
 from tautwave_drivers.cia402.reactions import acts_on_loss, reaction_words
+from tautwave_drivers.cia402.si_units import is_length, unit_words, velocity_unit
 from tautwave_drivers.cia402.units import MICRO, MILLI
 
 CIA_402 = 0x0192
@@ -155,7 +156,7 @@ def check_scale(drive: RemoteDrive, axis: Axis) -> list[str]:
                 f"{counts} in one; correct counts_per_revolution"
             )
         notes.append(f"{drive.name}: 608F has the rig's {counts} counts per motor turn")
-    return [*notes, *_factor_group(drive, axis)]
+    return [*notes, *_factor_group(drive, axis), *_velocity_unit(drive, axis)]
 
 
 def _factor_group(drive: RemoteDrive, axis: Axis) -> list[str]:
@@ -176,6 +177,34 @@ def _factor_group(drive: RemoteDrive, axis: Axis) -> list[str]:
             "set them so that a unit is an encoder increment, or correct counts_per_revolution"
         )
     return [f"{drive.name}: 6091 and 6092 make {counts} units of position a motor turn, as the rig"]
+
+
+def _velocity_unit(drive: RemoteDrive, axis: Axis) -> list[str]:
+    """Compare the unit a drive says it has for velocity (60A9h) with the rig's, where it is used.
+
+    Whether it is that of the motor or of the gear's output the object does not say; both are taken.
+    """
+    node = axis.node
+    if not axis.servo and (node.move is None or node.move.mode != "pv"):
+        return []
+    word = drive.find(o.VELOCITY_UNIT)
+    told = velocity_unit(word) if word else None
+    if word is None or told is None:
+        return []
+    said = axis.scale.velocity_quantum  # at the axis
+    travel = axis.scale.encoder_quantum * node.counts_per_revolution  # of it, per motor turn
+    meant = [told]
+    if not is_length(word):
+        meant = [told * travel / math.tau, told * travel * node.gear_ratio / math.tau]
+    if not any(math.isclose(said, each, rel_tol=1e-3) for each in meant):
+        right = " or ".join(
+            f"{each / axis.scale.encoder_quantum:.6g}" for each in dict.fromkeys(meant)
+        )
+        raise DeviceFault(
+            f"{drive.name}: one unit of velocity is {unit_words(word)} by 60A9:00, which are "
+            f"{right} counts/s; the rig says velocity_factor {node.velocity_factor:g}: correct it"
+        )
+    return [f"{drive.name}: 60A9 unit of velocity {unit_words(word)} is the rig's velocity_factor"]
 
 
 def _step(unit: float, said: float) -> float:

@@ -15,6 +15,7 @@ _UNITS = {  # of a rotary or linear position
     0xC1: ("in", 0.0254),
     0xC2: ("ft", 0.3048),
 }
+_LENGTHS = (0x01, 0xC1, 0xC2)
 _TIMES = {0x00: ("s", 1.0), 0x03: ("s", 1.0), 0x47: ("min", 60.0), 0x48: ("h", 3600.0)}
 
 
@@ -44,6 +45,11 @@ def velocity_unit(word: int) -> float | None:
     if unit is None or time is None:
         return None
     return unit[1] * _prefix(word) / time[1]
+
+
+def is_length(word: int) -> bool:
+    """Return whether the unit of 60A8h or 60A9h is a length, of the axis itself; else an angle."""
+    return word >> 16 & 0xFF in _LENGTHS
 
 
 def unit_words(word: int) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from tautwave.errors import BusTimeout, DeviceFault, DriverError
+from tautwave_sim.canopen.dictionary import Entry
 from tests.drivers.canopen.benches import Rig, block, make, node
 
 NMT_OPERATIONAL, NMT_PRE_OPERATIONAL = 5, 127
@@ -237,3 +238,32 @@ def test_a_move_that_takes_too_long_is_told() -> None:
 def test_homing_by_a_method_that_the_drive_has_not_is_refused() -> None:
     sentence = refused(quirky({}, first={"homing": {"method": 17}}))
     assert "6098:00 homing method" in sentence
+
+
+RPM, TENTH_RPM, INCREMENTS = 0x00B44700, 0xFFB44700, 0x00B50300
+
+
+@pytest.mark.parametrize(
+    ("word", "gear", "factor", "refusal"),
+    [
+        (RPM, 1.0, 4096 / 60, ""),
+        (RPM, 50.0, 4096 / 60, ""),  # of the motor
+        (RPM, 50.0, 50 * 4096 / 60, ""),  # of the gear's output
+        (TENTH_RPM, 1.0, 4096 / 600, ""),
+        (INCREMENTS, 1.0, 7.0, ""),  # 60A9h does not say how many
+        (RPM, 1.0, 1.0, "which are 68.2667 counts/s; the rig says velocity_factor 1:"),
+        (RPM, 50.0, 1.0, "which are 68.2667 or 3413.33 counts/s"),
+    ],
+)
+def test_the_unit_of_velocity_is_held_against_the_drive_s(
+    word: int, gear: float, factor: float, refusal: str
+) -> None:
+    given = node(1, gear_ratio=gear, velocity_factor=factor, rated_torque=0.02)
+    rig = make(block(given), ("admittance",))
+    rig.devices()[0].objects.add(0x60A9, 0, Entry("U32", "rw", word))
+    if refusal:
+        assert refusal in refused(rig)
+        return
+    rig.driver.open()
+    rig.driver.close()
+    assert any("60A9 unit of velocity" in note for note in rig.driver.notes) == (word != INCREMENTS)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tautwave.errors import ConfigError
 from tautwave.models.encoder import quantise
-from tautwave_drivers.cia402.si_units import position_unit, unit_words, velocity_unit
+from tautwave_drivers.cia402.si_units import is_length, position_unit, unit_words, velocity_unit
 from tautwave_drivers.cia402.units import (
     INT16,
     INT32,
@@ -200,6 +200,7 @@ def test_nanotec_unit_words() -> None:
     assert position_unit(0x00B50000) is None  # encoder increments: by 608Fh
     assert velocity_unit(0x00B40300) == math.tau
     assert velocity_unit(0x00B49900) is None
+    assert [is_length(word) for word in (0xFD010300, 0x00B44700)] == [True, False]
     assert unit_words(0xFDB44700) == "10**-3 rev/min"
     assert unit_words(0x00B50000) == "increments"
 
