@@ -107,7 +107,7 @@ def test_a_certificate_that_rests_on_the_account_is_held_to_it() -> None:
     rig = load_rig(path, [DOWN, f"scene.links.felt={STIFF}", "duration_s=0.15"])
     verdict = certify(rig).verdicts["coupled_stable"]
     assert verdict.passed
-    assert any("stops where it is too much" in condition for condition in verdict.conditions)
+    assert any("stops at too much" in condition for condition in verdict.conditions)
     rows = simulate(rig, engine="python")
     assert isinstance(rows.error, SafetyStop)
     assert "got more energy out of its scene than went in" in str(rows.error)

@@ -83,7 +83,7 @@ def _curved(network: Network) -> tuple[str, ...]:
     listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
     return (
         f"what holding the effort creates at {listed} stays small: no theorem bounds it, a run "
-        "books it (scene.hold) and stops where it is too much",
+        "books it (scene.hold) and stops at too much",
     )
 
 

@@ -87,12 +87,12 @@ class _Scene:
         if curved:
             told.append(
                 f"what holding the effort creates at {_listed(curved)} stays small: no theorem "
-                "bounds it, a run books it (scene.hold)"
+                "bounds it, a run books it (scene.hold) and stops at too much"
             )
         if turning:
             told.append(
                 f"what {_listed(turning)} do as they turn away from the start position stays "
-                "small: no theorem bounds it, a run books it (scene.hold)"
+                "small: no theorem bounds it, a run books it (scene.hold) and stops at too much"
             )
         share = symplectic_share(self.arrays, self.rig.period_s)
         if self.scheme == "symplectic" and share >= 1.0:
