@@ -208,3 +208,20 @@ def test_without_positions_it_says_so(resonator: Path) -> None:
     run.columns = tuple(name for name in run.columns if name != "master.stylus.position")
     rig = load_rig(resonator / "rig.yaml")
     assert "not recorded" in precision_scene.scene_precision(run, rig)["error"]
+
+
+def test_runs_that_part_are_explained_by_what_makes_them() -> None:
+    part = {"position_rms": 1e-3, "effort": 1.0, "effort_rms": 0.1, "level_db": 0.1}
+    told: dict[str, Any] = {"travel": 0.01, "effort": 2.0, "doubt": {**part, "position_rms": 1e-5}}
+    told["oracle"] = {**part, "apart_s": 0.4, "scheme": "discrete_gradient"}
+    [table] = scene_tables(told)
+    assert "contacts met again" in table.note
+    assert table.rows[0][-1] == "400 ms"
+    told["oracle"]["scheme"] = "exact"  # linear: nothing doubles there
+    [table] = scene_tables(told)
+    assert "a tenth of their travel" in table.note
+    assert "contacts" not in table.note
+    assert "doubts itself" not in table.note
+    told["doubt"]["position_rms"] = 9e-4
+    [table] = scene_tables(told)
+    assert "doubts itself" in table.note

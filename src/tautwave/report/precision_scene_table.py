@@ -101,11 +101,13 @@ def decibels(level: float) -> str:
 def _note(told: dict[str, Any]) -> str:
     notes = ["Efforts are means over each period of the run; level compares their rms"]
     if any(block(told, key).get("apart_s") is not None for key in _ROWS):
-        notes.append(
-            "errors are counted until the nodes are a tenth of their travel apart. Contacts met "
-            "again and again, and sticking and slipping, double any difference each time, so that "
-            "two runs part at last, however small the step; what they still share is their level"
-        )
+        notes.append("errors are counted until the nodes are a tenth of their travel apart")
+        if block(told, "oracle").get("scheme") != "exact":
+            notes.append(
+                "contacts met again and again, and sticking and slipping, double any difference "
+                "each time, so that two runs part at last, however small the step; what they still "
+                "share is their level"
+            )
     error = number(block(told, "oracle").get("position_rms")) or 0.0
     if (number(block(told, "doubt").get("position_rms")) or 0.0) > 0.5 * error > 0.0:
         notes.append(
