@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tautwave.bench import plain_scene
@@ -88,6 +88,7 @@ def test_without_the_events_it_would_not_be(monkeypatch: pytest.MonkeyPatch) -> 
 motions = st.floats(-2e-3, 2e-3), st.floats(-2.0, 2.0), st.floats(-300.0, 300.0)
 
 
+@example(5e-324, 0.0, 0.0, 5e3)
 @given(*motions, st.sampled_from([200.0, 5e3, 1e6]))
 def test_a_meeting_is_the_plant_s(deep: float, v: float, force: float, stiffness: float) -> None:
     p = plain_set(1e-3, 6.0, 0.4, 0.4, 0.0, stiffness)
@@ -95,7 +96,7 @@ def test_a_meeting_is_the_plant_s(deep: float, v: float, force: float, stiffness
     want = plant_step(plant, plant_cache(plant, 1e-3), deep, v, 0, force, 0.0, 0.0, 1e-3)
     x, speed = meet_wall(p, deep, v, force)
     scale = abs(v) + 1e-3 * abs(force) / p.mass + p.rate * abs(deep)
-    assert abs(speed - want[1]) <= 1e-12 * scale
+    assert abs(speed - want[1]) <= 1e-12 * scale + 1e-300  # of a depth with few bits, too
     assert abs(x - want[0]) <= 1e-15 * scale + 1e-18
 
 
