@@ -15,6 +15,7 @@ from tautwave.report import precision_scene, scene_inputs, write_report
 from tautwave.report.loading import load_run
 from tautwave.report.precision import measure_precision
 from tautwave.report.precision_scene_table import decibels, scene_sentences, scene_tables
+from tautwave.report.units import quantity
 from tautwave.rig import build_rig
 from tautwave.runtime.loop import Loop
 from tests.report.synthetic import write_recording
@@ -216,7 +217,7 @@ def test_runs_that_part_are_explained_by_what_makes_them() -> None:
     told["oracle"] = {**part, "apart_s": 0.4, "scheme": "discrete_gradient"}
     [table] = scene_tables(told)
     assert "contacts met again" in table.note
-    assert table.rows[0][-1] == "400 ms"
+    assert table.rows[0][-1] == quantity(0.4, "s", 3)
     told["oracle"]["scheme"] = "exact"  # linear: nothing doubles there
     [table] = scene_tables(told)
     assert "a tenth of their travel" in table.note
