@@ -112,17 +112,10 @@ class SimulatorOptions(BaseModel):
     """Servos as they leave the factory (return delay 500 us, position mode); else as the bus
     options and the axes want them."""
     faults: FaultOptions = FaultOptions()
-    servos: dict[int, ServoQuirks] = {}
+    servos: dict[Annotated[int, Field(strict=False)], ServoQuirks] = {}  # JSON has text for keys
     """Quirks by id."""
     link: str | None = None
     """A symbolic link to the pseudo-terminal, which stays the same over unplug and replug."""
-
-    @field_validator("servos", mode="before")
-    @classmethod
-    def _whole_ids(cls, given: Any) -> Any:
-        if not isinstance(given, dict):
-            return given  # JSON and YAML written by JSON have no number keys
-        return {int(k) if isinstance(k, str) and k.isdigit() else k: v for k, v in given.items()}
 
 
 class ServoOptions(BaseModel):
@@ -159,7 +152,16 @@ class DynamixelOptions(BaseModel):
     simulator: SimulatorOptions = SimulatorOptions()
 
     @model_validator(mode="after")
-    def _registers_exist(self) -> DynamixelOptions:
+    def _servos_and_registers_exist(self) -> DynamixelOptions:
+        there = {servo.id for servo in self.servos}
+        for device_id in self.simulator.servos:
+            if device_id not in there:
+                raise ValueError(f"simulator.servos names servo {device_id}, which is not listed")
+        for event in self.simulator.faults.events:
+            if event.id is not None and event.id not in there:
+                raise ValueError(
+                    f"simulator.faults: {event.kind} is for servo {event.id}, which is not listed"
+                )
         for servo in self.servos:
             quirks = self.simulator.servos.get(servo.id, ServoQuirks())
             model = find_model(quirks.model or servo.model)

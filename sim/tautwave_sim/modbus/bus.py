@@ -48,6 +48,11 @@ class DriveBus:
                 f"{bus.name}: simulator.devices names unit {unknown[0]}, not a device"
             )
         for event in options.simulator.faults.events:
+            if event.unit is not None and event.unit not in devices:
+                raise ConfigError(
+                    f"{bus.name}: simulator.faults: {event.kind} is for unit {event.unit}, not a "
+                    "device"
+                )
             if event.kind in LINK_FAULTS and (event.kind == "unplugged") != (options.link == "rtu"):
                 raise ConfigError(
                     f"{bus.name}: simulator.faults: {event.kind} is nothing that happens to "

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.errors import ConfigError
 
@@ -120,7 +120,7 @@ class SimulatorKeys(_Keys):
     """The `simulator` block in a Modbus bus' options."""
 
     faults: ModbusFaults = ModbusFaults()
-    devices: dict[int, Quirks] = Field(default_factory=dict)
+    devices: dict[Annotated[int, Field(strict=False)], Quirks] = Field(default_factory=dict)
     """By unit; a drive not listed behaves."""
     server: Literal["own", "pymodbus"] = "own"
     """Who serves TCP in a process of its own; faults of the line are in `own` only."""
@@ -130,13 +130,6 @@ class SimulatorKeys(_Keys):
     """Whether a drive on RTU needs that silence after its own answer too."""
     latency_s: Seconds = 0.0
     """[s] Latency timer of the serial adapter."""
-
-    @field_validator("devices", mode="before")
-    @classmethod
-    def _whole_units(cls, given: Any) -> Any:
-        if not isinstance(given, dict):
-            return given  # a rig file went through JSON, which has no number keys
-        return {int(k) if isinstance(k, str) and k.isdigit() else k: v for k, v in given.items()}
 
 
 class DeviceKeys(_Shared):

@@ -112,6 +112,8 @@ def _sentence(document: Document, place: Place, error: Any) -> tuple[KeyPath, st
         return path, f"Input should have {bound} {wanted} {items} (got {context['actual_length']})"
     if kind == "order":
         return path, error["msg"]
+    if kind == "value_error":
+        return path, str(context["error"])  # a block's own sentence
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         return path, f"Input should be a mapping{got}"
     if kind in ("tuple_type", "list_type", "set_type"):

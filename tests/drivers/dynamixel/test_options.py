@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 from pydantic import ValidationError
 
+from tautwave.config import load_rig
 from tautwave.errors import ConfigError
 from tautwave_drivers.dynamixel.options import DynamixelOptions, match_servos
 from tautwave_drivers.dynamixel.plugin import plugin
@@ -110,3 +112,14 @@ def test_the_facts_are_the_servos_steps() -> None:
     assert two.effort_quantum == 2.0 * one.effort_quantum
     assert one.velocity_quantum == 0.0
     assert two.velocity_quantum == pytest.approx(0.02398 / 2.0, rel=1e-3)
+
+
+def test_a_sentence_of_a_block_stands_for_itself_in_a_rig_file() -> None:
+    """Not as pydantic puts it, `Value error, ... (got a mapping)`."""
+    path = Path(__file__).parents[3] / "configs" / "bench-dynamixel-sim.yaml"
+    with pytest.raises(ConfigError) as caught:
+        load_rig(path, ["buses.servos.options.simulator={servos: {9: {}}}"])
+    [problem] = caught.value.problems
+    assert problem.endswith(
+        "buses.servos.options: simulator.servos names servo 9, which is not listed"
+    )

@@ -159,3 +159,18 @@ def test_a_link_that_another_has_taken_over_is_left_alone(tmp_path: Path) -> Non
 
     serve_line(SerialLine(1_000_000), take_over, lambda: True, link)
     assert str(link.readlink()) == "/dev/pts/4711"
+
+
+@pytest.mark.parametrize(
+    ("simulated", "told"),
+    [
+        ({"servos": {9: {"voltage": 5.0}}}, "simulator.servos names servo 9"),
+        ({"faults": {"events": [{"kind": "lost", "nth": 3, "id": 9}]}}, "lost is for servo 9"),
+    ],
+)
+def test_what_happens_to_a_servo_that_is_not_there_is_refused(
+    simulated: dict[str, Any], told: str
+) -> None:
+    """It would do nothing, and a test that relies on it would pass."""
+    with pytest.raises(ValidationError, match=told):
+        DynamixelOptions.model_validate({**BLOCK, "simulator": simulated})

@@ -224,6 +224,9 @@ def test_an_axis_needs_its_device_and_a_quirk_its_drive() -> None:
         simulator.make(options(devices=[{"unit": 2}]), SPEC, [truth()], clock)
     with pytest.raises(ConfigError, match="names unit 5"):
         simulator.make(options(simulator={"devices": {5: {}}}), SPEC, [truth()], clock)
+    late = {"faults": {"events": [{"kind": "answer_late", "nth": 3, "unit": 5}]}}
+    with pytest.raises(ConfigError, match="answer_late is for unit 5"):
+        simulator.make(options(simulator=late), SPEC, [truth()], clock)
 
 
 def test_keys_that_are_the_drivers_are_none_of_its_business() -> None:
