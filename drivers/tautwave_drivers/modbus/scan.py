@@ -52,12 +52,14 @@ def units_of(text: str, serial: bool) -> list[int]:
         return list(range(1, 248)) if serial else list(range(1, 17))
     found: list[int] = []
     for part in text.split(","):
-        first, dash, last = part.partition("-")
-        if not first.strip().isdigit() or (dash and not last.strip().isdigit()):
+        first, dash, last = (word.strip() for word in part.partition("-"))
+        ends = (first, last) if dash else (first, first)
+        if not all(word.isascii() and word.isdigit() for word in ends):
             raise ConfigError(f"scan modbus: --units {text!r} should be like 1-16 or 1,2,9")
-        found += range(int(first), int(last or first) + 1)
-    if not found or not all(1 <= unit <= 247 for unit in found):
-        raise ConfigError(f"scan modbus: --units {text!r}: unit ids are 1 to 247")
+        begin, end = (int(word) for word in ends)
+        if not 1 <= begin <= end <= 247:
+            raise ConfigError(f"scan modbus: --units {text!r}: unit ids are 1 to 247")
+        found += range(begin, end + 1)
     return found
 
 

@@ -36,7 +36,7 @@ def test_scan_of_a_serial_line(profile: str, state: str) -> None:
 def test_units_are_ranges_and_lists() -> None:
     assert units_of("1-3,9", serial=True) == [1, 2, 3, 9]
     assert len(units_of("", serial=True)) == 247
-    for wrong in ("a", "0", "5-", "240-250", ","):
+    for wrong in ("a", "0", "5-", "240-250", ",", "9-1", "²", "1-99999999999999"):
         with pytest.raises(ConfigError, match=r"--units"):
             units_of(wrong, serial=True)
 
