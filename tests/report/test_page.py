@@ -235,6 +235,7 @@ def test_without_summary_the_recording_speaks(tmp_path, columns):
     assert "Closed: residual" in page.text
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_a_recording_cut_off_is_shown_as_far_as_it_goes(tmp_path, columns):
     make_run(tmp_path, columns=columns)
     write_recording(tmp_path / "recording.mcap", columns, finish=False)
