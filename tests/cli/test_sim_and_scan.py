@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import pytest
 from click.testing import Result
@@ -19,7 +19,9 @@ Cli = Callable[..., Result]
 class Asked(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
-    ids: tuple[int, ...] = Field(default=(1,), description="Numbers on the bus.")
+    ids: tuple[Annotated[int, Field(ge=1)], ...] = Field(
+        default=(1,), min_length=1, description="Numbers on the bus."
+    )
     model: str = Field(description="What they are.")
     baud_rate: int = Field(default=1_000_000, gt=0, description="[bit/s]")
     slow: bool = Field(default=False, description="Answer late.")
@@ -108,6 +110,8 @@ def test_scan_that_finds_nothing_says_so(tautwave_cli: Cli) -> None:
         (["--model", "X", "--baud-rate", "-5"], "greater than 0 (got -5)"),
         (["--model"], "--model needs a value"),
         (["--model", "X", "--ids", "1,two"], "(got 'two')"),
+        (["--model", "X", "--ids", "0"], "--ids: Input should be greater than or equal to 1"),
+        (["--model", "X", "--ids", ""], "at least 1 item"),
         (["stray", "--model", "X"], "no such option stray"),
     ],
 )
@@ -120,6 +124,7 @@ def test_mistakes_are_sentences(
     assert sentence in result.stderr
     assert result.stderr.startswith(f"{command} acme:")
     assert "Traceback" not in result.output
+    assert len(result.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize("command", ["sim", "scan"])

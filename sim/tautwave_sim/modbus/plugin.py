@@ -50,6 +50,8 @@ def _bench(options: ModbusBenchOptions) -> Bench:
 
     if options.rtu and options.tcp is not None:
         raise ConfigError("sim modbus: either --rtu or --tcp, not both")
+    if options.rtu and options.server != "own":
+        raise ConfigError(f"sim modbus: --server {options.server} serves TCP only, not --rtu")
     require_distinct("--units", options.units, "drives")
     load_table(options.profile)
     tcp = options.tcp or "127.0.0.1:0"

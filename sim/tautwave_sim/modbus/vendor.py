@@ -9,6 +9,7 @@ in our own server only.
 from __future__ import annotations
 
 import asyncio
+import logging
 import struct
 from collections.abc import Callable, Coroutine
 from typing import Any
@@ -47,6 +48,8 @@ async def _serve(
 ) -> None:
     from pymodbus.server import ModbusTcpServer
 
+    # Without a handler Python prints a library's warnings on stderr; ours are in sentences.
+    logging.getLogger("pymodbus").addHandler(logging.NullHandler())
     devices = [_device(bus, unit) for unit in sorted(bus.drives)]
     server: Any = ModbusTcpServer(devices, address=address, broadcast_enable=True)
     try:

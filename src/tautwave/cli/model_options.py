@@ -45,7 +45,7 @@ def parse_model(model: type[Any], arguments: Sequence[str], command: str) -> Any
     try:
         return model.model_validate_json(json.dumps(given), strict=True)
     except ValidationError as err:
-        raise ConfigError([_sentence(command, problem) for problem in err.errors()]) from err
+        raise ConfigError([_sentence(command, problem) for problem in _told(err.errors())]) from err
 
 
 def describe_model(model: type[Any]) -> list[tuple[str, str]]:
@@ -84,6 +84,16 @@ def _shown(value: Any) -> str:
     if isinstance(value, tuple | list):
         return ",".join(str(item) for item in value)
     return str(value)
+
+
+def _told(problems: Sequence[Any]) -> list[Any]:
+    """Leave out that a list is too short where that is because its items are wrong."""
+    wrong = {problem["loc"][0] for problem in problems if len(problem["loc"]) > 1}
+    return [
+        problem
+        for problem in problems
+        if problem["type"] != "too_short" or problem["loc"][0] not in wrong
+    ]
 
 
 def _sentence(command: str, problem: Any) -> str:

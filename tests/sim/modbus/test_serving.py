@@ -265,6 +265,7 @@ def test_a_bench_of_drives() -> None:
     ("given", "told"),
     [
         ({"units": (1, 1)}, "--units 1, 1: two drives cannot share an id"),
+        ({"rtu": True, "server": "pymodbus"}, "serves TCP only"),
         ({"tcp": "127.0.0.1"}, "'127.0.0.1' is not HOST:PORT"),
         ({"tcp": "127.0.0.1:99999"}, "'127.0.0.1:99999' is not HOST:PORT"),
     ],
