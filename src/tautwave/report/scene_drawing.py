@@ -7,14 +7,15 @@ matplotlib: a hundred frames take a second.
 
 from __future__ import annotations
 
+import io
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, ImageDraw
+from PIL import Image, ImageChops, ImageDraw
 
 from tautwave.report.scene_view import SceneView
 
@@ -71,7 +72,7 @@ def _layout(view: SceneView, rows: slice) -> _Frame:
 
 
 def draw_frame(view: SceneView, row: int, title: str = "") -> Image.Image:
-    """Return the scene at one row of the recording."""
+    """Return the scene at one row of the recording, `OVER` times as large as in the animation."""
     near = max(round(0.25 * view.rig.rate_hz), 1)
     rows = slice(max(0, row - near), row + near)
     return _draw(view, _layout(view, rows), row, title)
@@ -100,7 +101,7 @@ def _draw(view: SceneView, frame: _Frame, row: int, title: str) -> Image.Image:
         pen.ellipse((x - size, y - size, x + size, y + size), fill=_MASS, outline=_INK, width=OVER)
     words = f"{title}{view.time[row]:.4f} s"
     pen.text((0.01 * WIDTH * OVER, 0.93 * HEIGHT * OVER), words, fill=_TEXT, font_size=13 * OVER)
-    return image.reduce(OVER)
+    return image
 
 
 def _bar(pen: ImageDraw.ImageDraw, name: str, y: float, *, ground: bool) -> None:
@@ -186,10 +187,24 @@ def pick_rows(view: SceneView | SpaceView) -> tuple[Ints, str]:
     return picked, f"{slow:.3g} times slower,  " if slow > 1.05 else ""
 
 
+def still_png(view: SceneView | SpaceView, draw: Callable[[int], Image.Image]) -> bytes:
+    """Return the scene at its liveliest row as PNG, without the empty rows above and below."""
+    window = max(round(0.002 * view.rig.rate_hz), 1)
+    row = min(liveliest(view, window) + window // 2, len(view.time) - 1)
+    image = draw(row)
+    inked = ImageChops.invert(image.convert("L")).getbbox() or (0, 0, *image.size)
+    room = 10 * OVER
+    top, bottom = max(0, inked[1] - room), min(image.height, inked[3] + room)
+    buffer = io.BytesIO()
+    image.crop((0, top, image.width, bottom)).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
 def save_frames(drawn: Sequence[Image.Image], path: Path) -> None:
     """Write frames as a GIF with one palette."""
-    palette, plain = _palette(drawn), Image.Dither.NONE
-    images = [image.quantize(palette=palette, dither=plain) for image in drawn]
+    small = [image.reduce(OVER) for image in drawn]
+    palette, plain = _palette(small), Image.Dither.NONE
+    images = [image.quantize(palette=palette, dither=plain) for image in small]
     images[0].save(path, save_all=True, append_images=images[1:], duration=FRAME_MS, loop=0)
 
 

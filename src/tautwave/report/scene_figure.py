@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,7 @@ from tautwave.report.canvas import (
 )
 from tautwave.report.canvas import legend as draw_legend
 from tautwave.report.envelope import Floats
-from tautwave.report.scene_drawing import draw_frame, liveliest
+from tautwave.report.scene_drawing import draw_frame, still_png
 from tautwave.report.scene_sound import output_signal
 from tautwave.report.scene_view import SceneView
 from tautwave.report.units import scale_for
@@ -130,10 +131,4 @@ def draw_energies(
 
 def still(view: SceneView) -> bytes:
     """Return the scene at its liveliest row as PNG: a frame of the animation."""
-    import io
-
-    window = max(round(0.002 * view.rig.rate_hz), 1)
-    row = min(liveliest(view, window) + window // 2, len(view.time) - 1)
-    buffer = io.BytesIO()
-    draw_frame(view, row).save(buffer, "PNG")
-    return buffer.getvalue()
+    return still_png(view, partial(draw_frame, view))

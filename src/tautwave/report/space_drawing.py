@@ -8,6 +8,7 @@ scenes of one dimension.
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ import numpy as np
 from PIL import Image, ImageColor, ImageDraw
 
 from tautwave.report.envelope import Floats
-from tautwave.report.scene_drawing import HEIGHT, OVER, WIDTH, liveliest, pick_rows, save_frames
+from tautwave.report.scene_drawing import HEIGHT, OVER, WIDTH, pick_rows, save_frames, still_png
 from tautwave.report.space_view import SpaceView, project
 
 _INK, _HAND, _GROUND, _MASS, _TEXT = "#222222", "#0072B2", "#767676", "#D55E00", "#555555"
@@ -42,7 +43,7 @@ class _Frame(NamedTuple):
 
 
 def draw_space_frame(view: SpaceView, row: int, title: str = "") -> Image.Image:
-    """Return the scene at one row of the recording."""
+    """Return the scene at one row of the recording, `OVER` times as large as in the animation."""
     near = max(round(0.25 * view.rig.rate_hz), 1)
     return _draw(view, _layout(view, slice(max(0, row - near), row + near)), row, title)
 
@@ -56,13 +57,7 @@ def write_space_animation(view: SpaceView, path: Path) -> None:
 
 def space_still(view: SpaceView) -> bytes:
     """Return the scene at its liveliest row as PNG."""
-    import io
-
-    window = max(round(0.002 * view.rig.rate_hz), 1)
-    row = min(liveliest(view, window) + window // 2, len(view.time) - 1)
-    buffer = io.BytesIO()
-    draw_space_frame(view, row).save(buffer, "PNG")
-    return buffer.getvalue()
+    return still_png(view, partial(draw_space_frame, view))
 
 
 def _used(view: SpaceView) -> list[str]:
@@ -179,4 +174,4 @@ def _draw(view: SpaceView, frame: _Frame, row: int, title: str) -> Image.Image:
             pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=shine)
     words = f"{title}{view.time[row]:.4f} s"
     pen.text((0.01 * WIDTH * OVER, 0.93 * HEIGHT * OVER), words, fill=_TEXT, font_size=13 * OVER)
-    return image.resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS)
+    return image

@@ -73,7 +73,8 @@ def scene_table(run: Run) -> Table:
     elements = block(run.summary, "scene", "elements")
     keys = ("kinetic", "stored", "lost", "made", "pumped", "work", "numeric")
     rows = []
-    for name, told in list(elements.items())[:MOST_ELEMENTS]:
+    touched = {name: told for name, told in elements.items() if any(told.get(key) for key in keys)}
+    for name, told in list(touched.items())[:MOST_ELEMENTS]:
         cells = [quantity(told[key], "J", 3) if told.get(key) else "–" for key in keys]
         rows.append((name, *cells))
     more = len(elements) - len(rows)
@@ -82,7 +83,9 @@ def scene_table(run: Run) -> Table:
         "Scene, by element",
         ("element", *heads),
         tuple(rows),
-        f"{more} more are in summary.json." if more > 0 else "",
+        f"{more} more, {len(elements) - len(touched)} of them without energy, are in summary.json."
+        if more > 0
+        else "",
     )
 
 
