@@ -13,7 +13,7 @@ from tautwave.contracts import BusSpec, Clock
 from tautwave.errors import BusTimeout, DeviceFault, DriverError
 from tautwave_drivers.canopen.axis import Answer, Axis
 from tautwave_drivers.canopen.frames import Port
-from tautwave_drivers.canopen.health import OPERATIONAL, Health, state_words
+from tautwave_drivers.canopen.health import OPERATIONAL, SYNC_ID, Health, state_words
 from tautwave_drivers.canopen.mapping import RPDO_BASE, Layout
 from tautwave_drivers.canopen.network import AbortError, PolledNetwork, RemoteDrive
 from tautwave_drivers.canopen.options import CanopenOptions
@@ -33,7 +33,6 @@ from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.states import DISABLE_VOLTAGE, TORQUE_STATES, decode, status_words
 
 NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
-SYNC_ID = 0x80
 SYNCHRONOUS, ON_EVENT = 1, 255
 TORQUE_OFF_S = 1.0
 START_S = 1.0

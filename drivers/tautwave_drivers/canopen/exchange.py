@@ -8,11 +8,10 @@ from tautwave.contracts import BusSpec, Clock
 from tautwave.errors import DriverError
 from tautwave_drivers.canopen.axis import Axis
 from tautwave_drivers.canopen.frames import Port
-from tautwave_drivers.canopen.health import OPERATIONAL, Health
+from tautwave_drivers.canopen.health import OPERATIONAL, SYNC_ID, Health
 from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.cia402.states import State
 
-SYNC_ID = 0x80
 HEARTBEAT_ID = 0x700
 NO_DATA = b""
 MODE_POLL_S = 0.1

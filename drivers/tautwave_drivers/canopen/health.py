@@ -14,6 +14,7 @@ from tautwave_drivers.canopen.frames import ERROR_FRAME, Port, error_words
 from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.cia402.emergency import decode_emergency
 
+SYNC_ID = 0x80
 BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 127
 NODE_STATES = {0: "boot-up", 4: "stopped", 5: "operational", 127: "pre-operational"}
 DEAD_CYCLES, DEAD_BEATS = 5, 1.5
@@ -42,6 +43,8 @@ class Health:
         self._options = options
         self._axes = {axis.node.id: axis for axis in axes}
         self._timeout_ns = options.heartbeat_timeout_ms * 1_000_000
+        # udp_multicast gives back what one has sent.
+        self._sync_is_ours = options.sync and options.interface != "udp_multicast"
         beats = DEAD_BEATS * options.heartbeat_ms * 1e6 / period_ns
         self._dead_cycles = max(DEAD_CYCLES, round(beats))
         self.reset()
@@ -86,6 +89,11 @@ class Health:
             return
         axis = self._axes.get(can_id & 0x7F)
         if axis is None:
+            if can_id == SYNC_ID and self._sync_is_ours:
+                self.tell(
+                    "CAN: somebody else sends SYNC (80h) on this bus, and drives act on it too; "
+                    "end the other master, or give each its own bus"
+                )
             return
         service = can_id & ~0x7F
         if service == 0x700 and data:

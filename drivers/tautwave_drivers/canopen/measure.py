@@ -19,8 +19,8 @@ from tautwave.contracts import AxisSpec, BusSpec, Clock, CycleCost
 from tautwave.errors import DriverError
 from tautwave.types import AxisCommand
 from tautwave_drivers.canopen.driver import CanopenDriver
-from tautwave_drivers.canopen.exchange import SYNC_ID
 from tautwave_drivers.canopen.frames import Port, RawPort
+from tautwave_drivers.canopen.health import SYNC_ID
 from tautwave_drivers.canopen.mapping import RPDO_BASE, TPDO_BASE
 from tautwave_drivers.canopen.options import CanopenOptions, Node
 from tautwave_drivers.canopen.python_can import polled

@@ -165,6 +165,19 @@ def test_error_frames_in_words() -> None:
     rig.driver.close()
 
 
+def test_the_sync_of_another_master_is_told_and_stops_nothing() -> None:
+    rig = started(with_faults())
+    told = []
+    for _ in range(20):
+        rig.port.injected.append((0x80, b""))
+        told += rig.run(1, TORQUE)[1]
+    texts = [fault.text for fault in told]
+    assert len(texts) == 2  # at the first one, and at the tenth
+    assert all("somebody else sends SYNC" in text for text in texts)
+    assert not any(fault.fatal for fault in told)
+    rig.driver.close()
+
+
 @pytest.mark.parametrize("can_id", [0x181, 0x081, 0x701, 0x581, 0x000, 0x7FF, 0x20000000, 0x1])
 def test_no_bytes_raise(can_id: int) -> None:
     rig = started(block(node(1, mapping="lean"), node(2)))
