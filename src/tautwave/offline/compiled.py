@@ -35,10 +35,16 @@ from tautwave.offline import (
     records,
     rows,
     side,
+    space_tick,
 )
 from tautwave.scene import batch, gradient, islands, ledger, pulling, stepping
+from tautwave.scene.space import ledger as space_ledger
+from tautwave.scene.space import pulling as space_pulling
+from tautwave.scene.space import solving as space_solving
+from tautwave.scene.space import stepping as space_stepping
 
 KERNEL_MODULES = (records, side, couple, rates, device, rows, kernel)
+SPACE_MODULES = (space_stepping, space_pulling, space_solving, space_ledger, space_tick)
 SCENE_MODULES = (stepping, pulling, islands, gradient, ledger, batch, network_steps, network_tick)
 
 INLINED = {
@@ -60,7 +66,7 @@ def source_modules() -> tuple[ModuleType, ...]:
     for package in (tautwave.laws, tautwave.models):
         names = sorted(info.name for info in pkgutil.iter_modules(package.__path__))
         found += [importlib.import_module(f"{package.__name__}.{name}") for name in names]
-    return (*found, *KERNEL_MODULES, *SCENE_MODULES)
+    return (*found, *KERNEL_MODULES, *SCENE_MODULES, *SPACE_MODULES)
 
 
 def source_hash() -> str:

@@ -47,11 +47,15 @@ class Played(NamedTuple):
     cpu_s: float
 
 
-def is_kept() -> bool:
-    """Return whether the compiled steps lie in the cache, so that using them compiles nothing."""
+def is_kept(*, space: bool = False) -> bool:
+    """Return whether the compiled steps lie in the cache, so that using them compiles nothing.
+
+    `space`: those of three dimensions.
+    """
     if find_spec("numba") is None:
         return False
-    return any(compiled.cache_directory().glob("**/network_steps.play_network*.nbi"))
+    entry = "space_tick.tick_space" if space else "network_steps.play_network"
+    return any(compiled.cache_directory().glob(f"**/{entry}*.nbi"))
 
 
 @functools.cache
@@ -102,7 +106,11 @@ def play(
     if engine != "compiled":
         raise ConfigError(f"unknown engine {engine!r}; engines: {', '.join(ENGINES)}")
     if isinstance(model, SpaceModel):
-        raise ConfigError("a network in three dimensions has no compiled steps; use python")
+        from tautwave.offline.space_ticking import CompiledSpaceModel
+
+        fast = CompiledSpaceModel(model.network, model.scheme, model.period)
+        fast.take_state(model)
+        return _live(fast, ports, pushes, stride, seconds)
     scheme = SCHEMES[model.scheme]
     arrays, lines = as_arrays(model.arrays), lines_of(model.network)
     flows = flows_of(model)
@@ -139,7 +147,7 @@ def _live(
             found = model.advance(where, push)
             total = [sum_ + one / stride for sum_, one in zip(total, found, strict=True)]
         efforts.append(total)
-        places.append(model.arrays.x[:count])
+        places.append(list(model.arrays.x[:count]))
         if time.thread_time_ns() - began > limit_ns:
             break
     spent = 1e-9 * (time.thread_time_ns() - began)

@@ -44,8 +44,7 @@ class KeptRows:
 def simulate_scene(rig: Rig, duration_s: float | None, engine: str) -> Simulation:
     """Return the rows of a rig with a scene; see `offline.simulation.simulate`.
 
-    `compiled` steps a scene of one dimension by numba where that is installed, and everything else
-    in Python.
+    `compiled` steps a scene by numba where that is installed, and everything else in Python.
 
     Raises
     ------
@@ -67,8 +66,13 @@ def simulate_scene(rig: Rig, duration_s: float | None, engine: str) -> Simulatio
     built = build_rig(rig, clock="fake", duration_s=duration_s)
     assert built.scene is not None
     model = built.scene.model
-    if engine == "compiled" and can_tick() and isinstance(model, SceneModel):
-        built.scene.model = CompiledScene(model.network, model.scheme, model.period)
+    if engine == "compiled" and can_tick():
+        if isinstance(model, SceneModel):
+            built.scene.model = CompiledScene(model.network, model.scheme, model.period)
+        else:
+            from tautwave.offline.space_ticking import CompiledSpaceModel
+
+            built.scene.model = CompiledSpaceModel(model.network, model.scheme, model.period)
     sink = KeptRows(len(built.columns))
     loop = Loop(built.clock, built.settings, built.buses, built.pairs, built.sources, sink)
     result = loop.run()

@@ -52,7 +52,8 @@ def scene_precision(run: Run, rig: Rig) -> dict[str, Any]:
     inputs = inputs_of(run, rig, stage)
     if inputs is None or len(inputs.ports) < 4:
         return {"error": "the ports were not recorded, or hardly a row of them"}
-    engine = "compiled" if isinstance(stage.network, Network) and is_kept() else "python"
+    space = not isinstance(stage.network, Network)
+    engine = "compiled" if is_kept(space=space) else "python"
     budget = SECONDS[engine]
     model = _model(stage, rig.period_s, inputs)
     base, kept = _base(model, inputs, engine, 0.4 * budget)
@@ -73,7 +74,7 @@ def scene_precision(run: Run, rig: Rig) -> dict[str, Any]:
         "begins_s": first * rig.period_s,
         "whole": first == 0 and last == len(inputs.ports),
         "engine": engine,
-        "space": not isinstance(stage.network, Network),
+        "space": space,
         "replayed_equal": _equal(run, base, inputs),
         "replayed": _greatest(base.efforts - inputs.asked[: len(base.efforts)]),
     }

@@ -42,12 +42,13 @@ def scene_sentences(told: dict[str, Any]) -> Iterator[str]:
     )
     if not told.get("whole"):
         why = ""
-        if told.get("space"):
-            why = ": a scene in space is stepped by plain Python"
-        elif told.get("engine") == "python":
+        if told.get("engine") == "python":
+            puts = "`tautwave bench workprecision`"
+            if told.get("space"):
+                puts = "A run with `scene.engine: compiled`"
             why = (
-                ": the compiled steps are not in the cache. `tautwave bench workprecision` puts "
-                "them there, and `tautwave report` then takes all"
+                f": the compiled steps are not in the cache. {puts} puts them there, and "
+                "`tautwave report` then takes all"
             )
         yield f"No more of it, to keep the report quick{why}."
     equal = told.get("replayed_equal")

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import time
 from importlib.util import find_spec
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from tautwave.config import Rig, Scene
+from tautwave.config import Rig
 from tautwave.errors import BusBudgetError, TautwaveError
 from tautwave.rig import Assembly, build_rig, served_buses
 from tautwave.runtime.loop import Loop
 from tautwave.runtime.machine import quiet_collector
 from tautwave.scene.live import SceneModel
+
+if TYPE_CHECKING:
+    from tautwave.scene.space.live import SpaceModel
 
 CYCLES = 400
 ROUNDS = 3
@@ -83,20 +86,31 @@ def _run_whole(rig: Rig, engine: str, cycles: int) -> float:
 
 
 def _step_alone(rig: Rig, engine: str, cycles: int) -> float:
-    from tautwave.rig.scene import pruned_network, scene_of
-
-    model = SceneModel(
-        pruned_network(rig).network, scene_of(rig).scheme, rig.period_s, keep_books=True
-    )
+    model, positions = _alone(rig)
     if engine == "compiled":
         model = _compiled(model)
-    positions = [port.offset for port in scene_of(rig).ports.values()]
     model.reset(positions)
     pushes = [0.0] * len(model.network.forced)
     began = time.thread_time_ns()
     for _ in range(cycles):
         model.advance(positions, pushes)
     return 1e-9 * (time.thread_time_ns() - began) / cycles
+
+
+def _alone(rig: Rig) -> tuple[SceneModel | SpaceModel, list[float]]:
+    """Return a rig's scene without its devices, and where its ports are when they read 0."""
+    if rig.scene is not None and rig.scene.dimension == 3:
+        from tautwave.rig.space import pruned_space, space_of
+        from tautwave.scene.space.live import SpaceModel
+
+        network = pruned_space(rig).network
+        space = SpaceModel(network, space_of(rig).scheme, rig.period_s, keep_books=True)
+        return space, [0.0] * len(network.axes)
+    from tautwave.rig.scene import pruned_network, scene_of
+
+    keys = scene_of(rig)
+    model = SceneModel(pruned_network(rig).network, keys.scheme, rig.period_s, keep_books=True)
+    return model, [port.offset for port in keys.ports.values()]
 
 
 class Engine(NamedTuple):
@@ -119,7 +133,7 @@ def choose_engine(rig: Rig, clock: str) -> Engine:
         On the real clock: not even those keep it.
     """
     asked = _asked(rig)
-    if clock != "real" or not _known(rig):
+    if clock != "real" or rig.scene is None:
         return Engine("compiled" if asked == "compiled" else "python", ())
     pace = None if asked == "compiled" else scene_pace(rig)
     if pace is None or (asked == "auto" and pace.share > EASY and _has_numba()):
@@ -137,7 +151,7 @@ def choose_engine(rig: Rig, clock: str) -> Engine:
 def use_engine(assembly: Assembly, engine: str) -> None:
     """Let a built scene be stepped by an engine."""
     scene = assembly.scene
-    if scene is not None and engine == "compiled" and isinstance(scene.model, SceneModel):
+    if scene is not None and engine == "compiled":
         scene.model = _compiled(scene.model)
 
 
@@ -146,8 +160,6 @@ def pace_fact(rig: Rig) -> str:
 
     Nothing is compiled for it.
     """
-    if not _known(rig):
-        return "not measured: its devices are real"
     try:
         pace = scene_pace(rig)
     except TautwaveError as err:
@@ -166,26 +178,25 @@ def pace_fact(rig: Rig) -> str:
 def _remedy(rig: Rig, pace: ScenePace) -> str:
     rate = TIGHT / pace.cycle_s
     told = f"--clock fake, fewer masses, or a rate_hz of at most {float(f'{rate:.2g}'):.0f}"
-    if pace.engine == "python" and isinstance(rig.scene, Scene):
+    if pace.engine == "python":
         told += ", or scene.engine auto" + ("" if _has_numba() else f" with numba: {INSTALL}")
     return told
 
 
 def _asked(rig: Rig) -> str:
-    """Return the engine a rig names; points in space have one only."""
-    return rig.scene.engine if isinstance(rig.scene, Scene) else "python"
-
-
-def _known(rig: Rig) -> bool:
-    """Return whether a scene can be stepped here without its devices."""
-    return isinstance(rig.scene, Scene) or (rig.simulation is not None and not served_buses(rig))
+    """Return the engine a rig names."""
+    return "python" if rig.scene is None else rig.scene.engine
 
 
 def _has_numba() -> bool:
     return find_spec("numba") is not None
 
 
-def _compiled(model: SceneModel) -> SceneModel:
-    from tautwave.offline.ticking import CompiledScene  # numba is imported where it is wanted
+def _compiled(model: SceneModel | SpaceModel) -> SceneModel | SpaceModel:
+    if isinstance(model, SceneModel):
+        from tautwave.offline.ticking import CompiledScene  # numba is imported where it is wanted
 
-    return CompiledScene(model.network, model.scheme, model.period)
+        return CompiledScene(model.network, model.scheme, model.period)
+    from tautwave.offline.space_ticking import CompiledSpaceModel
+
+    return CompiledSpaceModel(model.network, model.scheme, model.period)

@@ -136,8 +136,8 @@ class SpaceScene(Block):
         description="symplectic: the standard one, w T < 2; discrete_gradient: keeps energy, "
         "momentum and angular momentum at any stiffness.",
     )
-    engine: Literal["auto", "python"] = Field(
-        default="auto", description="What steps it: plain Python, either way."
+    engine: Literal["auto", "python", "compiled"] = Field(
+        default="auto", description="What steps it, the same numbers to the bit."
     )
     gravity: float | Vector = Field(
         default=0.0, description="[m/s^2] A number: downwards, along -z; or a vector."
