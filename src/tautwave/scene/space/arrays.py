@@ -7,6 +7,7 @@ same arrays are lists of floats live and NumPy arrays in compiled code (`as_spac
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 from tautwave.models.interaction import elastic_energy
@@ -152,10 +153,10 @@ def compile_space(network: SpaceNetwork, axes_at: Sequence[float] = ()) -> Compi
         loss=[link.loss for link in links],
         limit=[link.limit for link in links],
         scale=[link.scale for link in links],
-        links_first=[sum(map(len, of_node[:node])) for node in range(nodes + 1)],
+        links_first=list(accumulate(map(len, of_node), initial=0)),
         links_of=[index for found in of_node for index in found],
         islands=[mass for island in islands for mass in island],
-        island_first=[sum(map(len, islands[:end])) for end in range(len(islands) + 1)],
+        island_first=list(accumulate(map(len, islands), initial=0)),
         axis_port=axis_port,
         axis_way=_flat(ways),
         origin=_flat([port.offset for port in network.ports]),
