@@ -155,8 +155,8 @@ def _arithmetic(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bu
             f"{_counted(most, 'exchange')}{' one after the other' if most > 1 else ''}, "
             f"{options.turnaround * 1e3:g} ms each (turnaround_s, as "
             f"{'given' if options.turnaround_s is not None else 'assumed; measured when run'}) + "
-            f"{HOST_S * 1e3:g} ms of host and network = {spent * 1e3:.3f} ms; answers have to be "
-            f"in by {READ_SHARE:.0%} of a cycle"
+            f"{HOST_S * 1e3:g} ms of host and network = {spent * 1e3:.3f} ms"
+            + _in_time(options, drives, bus)
         )
     chars = sum(one.sent + one.answered for one in flat)
     wire = chars * options.bits / options.baud
@@ -171,13 +171,23 @@ def _arithmetic(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bu
     if options.latency_s > 0.0:
         text += f" + {len(flat)} x {options.latency_s * 1e3:g} ms USB latency timer"
     total = wire + gaps + len(flat) * (options.turnaround + options.latency_s)
-    text += f" = {total * 1e3:.3f} ms; answers have to be in by {READ_SHARE:.0%} of a cycle"
+    text += f" = {total * 1e3:.3f} ms"
     if bus.divisor > 1:
         slots = cycle_s(options, drives, 1.0 / (bus.rate_hz * bus.divisor))
         text += (
             f"; looked at once a cycle of the rig, all answers are there after {slots * 1e3:.3f} ms"
         )
-    return text
+    return text + _in_time(options, drives, bus)
+
+
+def _in_time(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bus: BusSpec) -> str:
+    """Say what the loop needs besides: its share of a cycle of the rig, after the answers."""
+    share = (bus.divisor - 1.0 + READ_SHARE) / bus.divisor
+    what = "answers" if options.link == "tcp" else "answers, not the last silence,"
+    return (
+        f"; {what} have to be in by {share:.0%} of a period of the bus: "
+        f"{needed_s(options, drives, bus) * 1e3:.3f} ms"
+    )
 
 
 def _counted(count: int, what: str) -> str:

@@ -59,6 +59,9 @@ def test_one_drive_over_rtu() -> None:
     assert found.time_s == pytest.approx(max(spent / READ_SHARE, spent + 1.75e-3))
     assert found.greatest_rate_hz == pytest.approx(1.0 / found.time_s)
     assert "28 characters x 11 bits" in found.arithmetic
+    assert found.arithmetic.endswith(
+        f"have to be in by 80% of a period of the bus: {1e3 * found.time_s:.3f} ms"
+    )
     assert "function code 23" not in found.remedy  # it has it
 
 
