@@ -19,6 +19,7 @@ from tautwave.rig.space import pruned_space, space_forces
 from tautwave.runtime.loop import Loop
 from tautwave.scene.space.live import SpaceModel
 from tautwave.session.running import run
+from tests.commands import keep_in_one_process
 from tests.scene.test_runs import Rows
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -156,7 +157,8 @@ def test_what_runs_away_is_stopped_with_discrete_gradients_as_well():
         assert np.isfinite(data[f"scene.asked.{name}"]).all()
 
 
-def test_an_instrument_that_runs_away_is_stopped_and_reported(tmp_path):
+def test_an_instrument_that_runs_away_is_stopped_and_told(tmp_path, monkeypatch):
+    keep_in_one_process(monkeypatch)
     rig = load_rig(CONFIGS / "scene-net.yaml", RUNAWAY)
     done = run(rig, out=tmp_path / "out", clock="fake", allow_uncertified=True)
     assert done.exit_code == 6
