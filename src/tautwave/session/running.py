@@ -330,20 +330,30 @@ def _report(directory: Path, summary: dict[str, Any], exit_code: int) -> RunResu
     path = directory / "summary.json"
     summary = _written(summary)
     path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    child = subprocess.run(
-        [sys.executable, "-m", "tautwave.report", str(directory)],
-        capture_output=True,
-        text=True,
-        timeout=REPORT_TIMEOUT_S,
-        check=False,
-    )
-    if child.returncode == 0:
+    reason = _complete(directory)
+    if not reason:
         summary = json.loads(path.read_text(encoding="utf-8"))
     else:
-        reason = child.stderr.strip().splitlines()[-1:] or ["no reason given"]
-        summary["report_error"] = f"the report could not be written: {reason[0]}"
+        summary["report_error"] = f"the report could not be written: {reason}"
         path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     after = summary["certificate"].get("after_run", {})
     if exit_code == 0 and after.get("invalidated"):
         exit_code = NotCertifiedError.exit_code
     return RunResult(summary, directory, exit_code)
+
+
+def _complete(directory: Path) -> str:
+    """Have the run's report written; return why it could not be, else ''."""
+    command = [sys.executable, "-m", "tautwave.report", str(directory)]
+    again = f"`tautwave report {directory}` writes it"
+    try:
+        child = subprocess.run(
+            command, capture_output=True, text=True, timeout=REPORT_TIMEOUT_S, check=False
+        )
+    except KeyboardInterrupt:
+        return f"interrupted; {again}"
+    except subprocess.TimeoutExpired:
+        return f"it took over {REPORT_TIMEOUT_S:g} s; {again}"
+    if child.returncode == 0:
+        return ""
+    return (child.stderr.strip().splitlines()[-1:] or ["no reason given"])[0]
