@@ -17,6 +17,7 @@ from tautwave.scene.space.live import SPACE_SCHEMES, SpaceModel
 from tautwave.scene.space.network import (
     SpaceMass,
     SpaceNetwork,
+    SpacePort,
     problems_of_space,
     prune_space,
 )
@@ -139,6 +140,26 @@ def test_a_step_that_does_not_arrive_is_cut_in_pieces(monkeypatch):
     assert counted.count(False) > 0
     assert model.ledger().numeric == 0.0
     assert model.ledger().energy == pytest.approx(model.start.energy, rel=1e-11)
+
+
+def test_a_port_feels_the_mean_over_the_pieces_of_a_step(monkeypatch):
+    """What the axes gave in a step is what the points' momentum changed by, however it was cut."""
+    ring = free_ring(3, 6, 3e4)
+    held = Link("held", "spring", "p", "m0", 3e4, rest=0.02)
+    port = SpacePort("p", ("x", "y", "z"), offset=(0.0, 0.15, 0.0))
+    model = SpaceModel(
+        ring._replace(links=(*ring.links, held), ports=(port,)), "discrete_gradient", 1e-2
+    )
+    whole, cut = solving.solve_space, []
+    monkeypatch.setattr(
+        solving, "solve_space", lambda *given: (cut.append(given[3]), whole(*given))[1]
+    )
+    for _ in range(40):
+        before = momenta(model.arrays)[:3]
+        efforts = model.advance([0.0, 0.0, 0.0])
+        gained = momenta(model.arrays)[:3] - before
+        assert gained == pytest.approx(1e-2 * np.array(efforts), abs=1e-9)
+    assert min(cut) < 1e-2
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, 1e200])

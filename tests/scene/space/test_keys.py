@@ -124,6 +124,7 @@ def test_the_schema_knows_both():
 def test_a_net_is_spelled_out_row_by_row_and_clamped_at_its_rim():
     network = whole_space(load_rig(CONFIGS / "scene-net.yaml"))
     assert problems_of_space(network) == []
+    assert network.gravity == (0.0, 0.0, -9.81)
     assert [mass.name for mass in network.masses][:6] == [
         "knot9", "knot10", "knot11", "knot12", "knot13", "knot16"
     ]  # fmt: skip
@@ -159,3 +160,8 @@ def test_forces_have_directions_and_follow_the_seed():
     assert forces == space_forces(rig, network, 500)
     assert forces[0] != forces[1]
     assert max(forces[25]) == pytest.approx(2.0, rel=1e-6)
+
+
+def test_weight_may_point_anywhere():
+    rig = load_rig(CONFIGS / "scene-net.yaml", ["scene.gravity=[1.0, 0.0, 2.0]"])
+    assert whole_space(rig).gravity == (1.0, 0.0, 2.0)
