@@ -13,7 +13,9 @@ from PIL import Image
 from tautwave.cli import main
 from tautwave.config import load_rig, parse_rig
 from tautwave.offline.simulation import simulate
+from tautwave.report.loading import load_run
 from tautwave.report.recording import read_recording
+from tautwave.report.space_view import project, view_space
 from tautwave.rig import build_rig
 from tautwave.rig.space import pruned_space, space_forces
 from tautwave.runtime.loop import Loop
@@ -125,6 +127,15 @@ def test_what_a_run_leaves_behind(tmp_path):
         assert image.n_frames > 30
     rows = read_recording(out / "recording.mcap")
     assert {f"scene.at.knot25.{c}" for c in "xyz"} <= set(rows.columns)
+    view = view_space(load_run(out))
+    assert view is not None
+    for c, (axis, offset) in enumerate(zip(AXES, (0.004, 0.003, 0.03), strict=True)):
+        assert view.at["finger"][:, c] == pytest.approx(rows[f"master.{axis}.position"] + offset)
+    assert view.at["knot25"].shape == (len(view.time), 3)
+    far, near, high = np.eye(3)[0] * -1.0, np.eye(3)[0], np.eye(3)[2]
+    assert project(near)[2] > project(far)[2]
+    assert project(high)[1] > 0.9
+    assert project(high)[0] == 0.0
 
 
 def test_check_says_what_it_is_and_what_is_left_out():
