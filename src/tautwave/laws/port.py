@@ -121,6 +121,8 @@ def port_debt(p: PortParams, delay_periods: int, gain: float, fastest: float, fl
     The account is exact after each period, but an effort is planned on a predicted velocity. Its
     error e costs b T e v; it is a change of velocity, of which b T (1 + d) v**2 can come together,
     or an effort that something outside balanced, which adds b T (1 + d) / m of that effort's work.
+    A port that owes more lets go in the next period: what it gave in the 1 + d periods until that
+    acts comes on top.
 
     Parameters
     ----------

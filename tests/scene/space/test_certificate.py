@@ -17,7 +17,7 @@ from tautwave.config import load_rig
 from tautwave.scene.network import Link
 from tautwave.scene.space.arrays import compile_space
 from tautwave.scene.space.live import SPACE_SCHEMES, SpaceModel
-from tautwave.scene.space.matrices import symplectic_share, tangent
+from tautwave.scene.space.matrices import steepest, symplectic_share, tangent
 from tautwave.scene.space.network import SpaceMass, SpaceNetwork, SpacePort
 from tautwave.scene.space.stepping import pull_space
 from tests.scene.networks import RESONATOR
@@ -240,3 +240,29 @@ def test_the_certificate_is_drawn(tmp_path, linear):
     with Image.open(tmp_path / "certificate.png") as image:
         assert image.width > 800
         assert len(image.convert("RGB").getcolors(1 << 16) or ()) > 20
+
+
+def test_the_bound_counts_pressed_balls_and_friction_at_rest():
+    """At every depth and rate the derivative of a pull is at most what the bound takes."""
+    links = (
+        Link("balls", "contact", "m", "ground", 4e4, exponent=1.5, rest=0.02, loss=0.5),
+        Link("dry", "friction", "m", "ground", limit=0.2, scale=2e-3),
+        Link("hair", "bow", "m", "ground", limit=0.2, scale=0.05),
+    )
+    for link in links:
+        s = compile_space(SpaceNetwork((SpaceMass("m", 0.01, (0.01, 0.0, 0.0)),), (link,))).arrays
+        k, z = steepest(s, 0)
+        pulls = {}
+        for step, what in ((1e-7, "x"), (1e-7, "v")):
+            for depth in np.linspace(1e-4, 0.0199, 40):
+                for rate in (0.0, -0.3):
+                    ends = []
+                    for sign in (0.5, -0.5):
+                        s.x[0], s.v[0] = 0.02 - float(depth), rate
+                        getattr(s, what)[0] += sign * step
+                        pull_space(s)
+                        ends.append(s.tension[0])
+                    pulls.setdefault((what, rate), []).append((ends[0] - ends[1]) / step)
+        assert max(pulls["x", 0.0]) <= k * (1.0 + 1e-6)
+        assert max(pulls["v", 0.0]) <= z * (1.0 + 1e-6)
+        assert max(*pulls["x", 0.0], *pulls["v", 0.0]) > 0.9 * max(k, z)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.models.interaction import CONTACT, PLASTIC, SPRING
+from tautwave.models.interaction import BOW, CONTACT, FRICTION, PLASTIC, SPRING
 from tautwave.scene.space.arrays import SpaceArrays
 from tautwave.scene.space.pulling import length_of, link_way
 
@@ -64,18 +64,17 @@ def tangent(s: SpaceArrays) -> Tangent:
 def symplectic_share(s: SpaceArrays, period: float) -> float:
     """Return how much of its limit the symplectic scheme may need in any posture; 1 is the limit.
 
-    That is k T**2/m + 2 z T/m over 4, for all springs, plastic links and linear contacts at once,
-    closed and side by side: no posture of links that are not pressed is stiffer. Power laws have
-    no greatest stiffness and are left out.
+    That is k T**2/m + 2 z T/m over 4, for all links at once (`steepest`), closed, sliding and side
+    by side: no posture is stiffer. Springs by a power and contacts by a power on a plane have no
+    greatest stiffness and are left out.
     """
     count = s.count[0]
     whole = np.zeros((count, count))
     for m in range(count):
         whole[m, m] = 2.0 * period * s.drag[m]
     for i in range(s.count[2]):
-        if s.kind[i] not in (SPRING, CONTACT, PLASTIC) or s.e[i] != 1.0:
-            continue
-        size = period * (period * s.k[i] + 2.0 * s.z[i])
+        k, z = steepest(s, i)
+        size = period * (period * k + 2.0 * z)
         ends = [end for end in (s.a[i], s.b[i]) if end < count]
         for row in ends:
             for column in ends:
@@ -87,6 +86,24 @@ def symplectic_share(s: SpaceArrays, period: float) -> float:
     if count > MOST:  # Gershgorin
         return float(np.abs(whole).sum(axis=1).max()) / 4.0
     return float(np.linalg.eigvalsh(whole).max()) / 4.0
+
+
+def steepest(s: SpaceArrays, i: int) -> tuple[float, float]:
+    """Return the greatest stiffness [N/m] and damping [N s/m] of a link, where it has them.
+
+    Two balls are pressed together by their radii at most; friction is steepest at rest.
+    """
+    kind, k, e = s.kind[i], s.k[i], s.e[i]
+    if kind in (SPRING, PLASTIC):
+        return k, s.z[i]
+    if kind == CONTACT and not s.flat[i]:
+        depth = s.rest[i]
+        return e * k * depth ** (e - 1.0), s.loss[i] * k * depth**e
+    if kind == CONTACT and e == 1.0:
+        return k, 0.0
+    if kind in (FRICTION, BOW):
+        return 0.0, (1.0 if kind == FRICTION else 2.0) * s.limit[i] / s.scale[i]
+    return 0.0, 0.0
 
 
 MOST = 400
