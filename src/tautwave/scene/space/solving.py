@@ -21,9 +21,9 @@ from tautwave.scene.space.pulling import book_space_link, pull_link
 
 NEWTON = 30
 PIECES = 64
-_DONE = 2e-15
+_DONE = 5e-16
 _FLOOR = 1e-12
-_INNER = 1e-12
+_INNER = 1e-8
 """Squared: how far the inner equations are solved, as a share of where they began."""
 
 
