@@ -53,8 +53,8 @@ def check_space(document: Document, parts: Parts, scene: SpaceScene) -> None:
     _check_names(document, scene)
     touched: set[str] = set()
     for path, name in _ends(scene):
-        touched.add(name)
-        if name not in known:
+        touched.add(scene.group_of(name))
+        if scene.group_of(name) not in known:
             hint = nearest(name, known) or "."
             document.report(path, f"unknown node {name!r}{hint} Nodes: {', '.join(known)}")
     for kind, block in (("masses", scene.masses), ("ports", scene.ports)):
@@ -113,7 +113,8 @@ def _check_links(document: Document, scene: SpaceScene) -> None:
                 f"groups of {scene.size_of(one)} and {scene.size_of(two)} cannot be linked one "
                 "to one",
             )
-        if one in fixed and two in fixed:
+        still = {end for end in (one, two) if end in fixed or end in scene.rim_of(end)}
+        if still == {one, two}:
             document.report(path, "neither end can move")
         if link.type == "contact":
             if link.normal is not None:
@@ -213,13 +214,13 @@ def _check_forces(document: Document, parts: Parts, scene: SpaceScene) -> None:
     listed = f"Masses: {', '.join(scene.masses) or 'none'}"
     for name, force in scene.forces.items():
         path: KeyPath = ("scene", "forces", name)
-        if force.on not in scene.masses:
+        if scene.group_of(force.on) not in scene.masses:
             hint = nearest(force.on, list(scene.masses)) or "."
             document.report((*path, "on"), f"no mass is named {force.on!r}{hint} {listed}")
         _check_length(document, (*path, "direction"), force.direction)
         if force.type == "sound" and parts.rate_hz is not None:
             check_sound(document, path, force, parts.rate_hz)
     for at, name in enumerate(scene.record):
-        if name not in scene.masses:
+        if scene.group_of(name) not in scene.masses:
             hint = nearest(name, list(scene.masses)) or "."
             document.report(("scene", "record", at), f"no mass is named {name!r}{hint} {listed}")

@@ -165,3 +165,28 @@ def test_forces_have_directions_and_follow_the_seed():
 def test_weight_may_point_anywhere():
     rig = load_rig(CONFIGS / "scene-net.yaml", ["scene.gravity=[1.0, 0.0, 2.0]"])
     assert whole_space(rig).gravity == (1.0, 0.0, 2.0)
+
+
+def test_a_node_of_a_group_may_be_named_by_itself():
+    one = [
+        "scene.ports.finger={axes: [right, away, up], to: knot25, stiffness: 100}",
+        "scene.links.ball={type: spring, between: [knot11, knot4], stiffness: 10}",
+        "scene.forces={hum: {type: sine, 'on': knot12, amplitude: 1, frequency_hz: 50}}",
+        "scene.record=[knot13]",
+    ]
+    network = whole_space(load_rig(CONFIGS / "scene-net.yaml", one))
+    ends = {link.name: (link.a, link.b) for link in network.links}
+    assert ends["coupling of finger"] == ("finger", "knot25")
+    assert ends["ball"] == ("knot11", "knot4")
+    assert network.forced == (("knot12", (0.0, 0.0, 1.0)),)
+    assert network.recorded == ("knot13",)
+    more = ["scene.masses.k2={mass: 1, count: 12}"]
+    more += ["scene.links.k={type: spring, between: [k2, k2], chain: true, stiffness: 1}"]
+    scene = load_rig(CONFIGS / "scene-net.yaml", more).scene
+    assert [scene.group_of(name) for name in ("k25", "k212", "k213", "k2", "k20")] == [
+        "k2", "k2", "k213", "k2", "k20",
+    ]  # fmt: skip
+    for wrong in ("knot50", "knot0", "knot025", "knots"):
+        told = problems(f"scene.links.ball.between=[finger, {wrong}]")
+        assert f"unknown node '{wrong}'" in told
+    assert "neither end can move" in problems("scene.links.ball.between=[ground, knot1]")

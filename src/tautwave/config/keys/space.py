@@ -170,13 +170,24 @@ class SpaceScene(Block):
         mass = self.masses.get(name)
         return 1 if mass is None else mass.count * mass.rows
 
+    def group_of(self, name: str) -> str:
+        """Return the block of masses that a node, such as knot25, belongs to; else the name."""
+        bare = name.rstrip("0123456789")
+        for end in range(len(name) - 1, len(bare) - 1, -1):  # a group's own name may end in digits
+            group, number = name[:end], name[end:]
+            size = self.size_of(group)
+            if name not in self.masses and number[0] != "0" and 1 < size >= int(number):
+                return group
+        return name
+
     def nodes_of(self, name: str) -> list[str]:
-        """Return the nodes a name stands for, row by row."""
+        """Return the nodes a name stands for, row by row; a node stands for itself."""
         size = self.size_of(name)
         return [name] if size == 1 else [f"{name}{at + 1}" for at in range(size)]
 
     def rim_of(self, name: str) -> set[str]:
-        """Return the nodes of a group that are clamped."""
+        """Return the nodes of a group, or of a node's group, that are clamped."""
+        name = self.group_of(name)
         keys = self.masses.get(name)
         if keys is None or not keys.clamped:
             return set()
