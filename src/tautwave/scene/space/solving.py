@@ -4,8 +4,8 @@ Over a step every mass moves by s at the mean velocity s/T (see `tautwave.scene.
 (2 m / T**2 + c / T)(s - free) + pulls(s) = 0 is solved an island at a time: Newton, its equations
 by stabilised biconjugate gradients (the derivative of a turning pull is not symmetric), Jacobi
 preconditioned, backtracking. Where that does not arrive, the step is cut in halves, down to a
-64th: in a short one mass outweighs every smooth pull. What the last resort leaves unsolved is a
-force that its mass is given; the work of that is booked as `mass_numeric`, so the account closes.
+64th: in a short one mass outweighs every smooth pull. The last resort, for a 64th that is not
+solved, is s = 0: all of an island turn round on the spot, as at a wall. That makes no energy.
 
 Scratch rows of `work`, 3 n numbers each: 0 movement, 1 residual, 2 diagonal, 3 direction, 4 rest,
 5 Jacobian times 10, 6 correction, 7 movement without links, 8 first rest, 9 as 5 for the second
@@ -51,7 +51,9 @@ def step_space_gradient(s: SpaceArrays, period: float) -> int:
             if not solved and size > 1:
                 size = size // 2
                 continue
-            commit_space(s, first, last, share * period, share, solved)
+            if not solved:
+                turn_round(s, first, last, share * period)
+            commit_space(s, first, last, share * period, share)
             done += size
         if tries > most:
             most = tries
@@ -283,11 +285,17 @@ def _move(s: SpaceArrays, first: int, last: int, share: float) -> None:
             s.work[c] += share * change
 
 
-def commit_space(
-    s: SpaceArrays, first: int, last: int, period: float, share: float, solved: bool
-) -> None:
+def turn_round(s: SpaceArrays, first: int, last: int, period: float) -> None:
+    """Let the masses islands[first:last] stay where they are, so that their speeds turn over."""
+    for at in range(first, last):
+        m = 3 * s.islands[at]
+        for c in range(m, m + 3):
+            s.work[c] = 0.0
+    residual_of(s, first, last, period)
+
+
+def commit_space(s: SpaceArrays, first: int, last: int, period: float, share: float) -> None:
     """Move the masses islands[first:last] by what was found, and book their links."""
-    n = 3 * s.count[0]
     for at in range(first, last):
         m = s.islands[at]
         for c in range(3 * m, 3 * m + 3):
@@ -295,8 +303,6 @@ def commit_space(
             s.x[c] = s.x[c] + moved
             s.dragged[m] += s.drag[m] * (moved / period) * moved
             s.pumped[m] += s.pushed[c] * moved
-            if not solved:
-                s.mass_numeric[m] += s.work[n + c] * moved
             s.v[c] = s.v[c] + 2.0 * (moved - period * s.v[c]) / period
     for at in range(first, last):
         m = s.islands[at]
