@@ -56,20 +56,26 @@ def test_check_follows_require(tmp_path: Path) -> None:
     assert verdicts["coupled_stable"]["passed"] is True
 
 
-def test_check_of_two_axes_is_light() -> None:
-    """No SciPy (1.3 s of import alone), no matplotlib, and at most 1.5 s of CPU in all."""
-    code = (
+def cpu_and_modules(code: str, *words: str) -> tuple[float, set[str]]:
+    """CPU seconds of a Python process, and the top names of what it has imported."""
+    told = (
         "import sys, atexit, time\n"
         "atexit.register(lambda: print('\\n', time.process_time(), *sys.modules))\n"
-        "from tautwave.cli import main; main(['check', sys.argv[1]], prog_name='tautwave')"
     )
-    bench = str(CONFIGS / "bench-2axis-loopback.yaml")
-    words = [sys.executable, "-c", code, bench]
-    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    command = [sys.executable, "-c", told + code, *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     seconds, *modules = done.stdout.splitlines()[-1].split()
-    roots = {name.partition(".")[0] for name in modules}
-    assert not roots & {"scipy", "numba", "matplotlib"}
-    assert float(seconds) <= 1.5
+    return float(seconds), {name.partition(".")[0] for name in modules}
+
+
+def test_check_of_two_axes_is_light() -> None:
+    """No SciPy (1.3 s of import alone), no matplotlib; a few starts of NumPy and pydantic."""
+    code = "from tautwave.cli import main; main(['check', sys.argv[1]], prog_name='tautwave')"
+    bench = str(CONFIGS / "bench-2axis-loopback.yaml")
+    found = [cpu_and_modules(code, bench) for _ in range(2)]
+    assert not found[0][1] & {"scipy", "numba", "matplotlib"}
+    start = max(cpu_and_modules("import numpy, pydantic")[0] for _ in range(2))
+    assert min(seconds for seconds, _ in found) < 10.0 * start  # about 4 times
 
 
 @pytest.mark.parametrize(
