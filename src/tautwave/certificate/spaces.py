@@ -241,7 +241,13 @@ def _axis(scene: _Scene, at: int, name: str, need: SpaceNeed | None, why: str) -
     quantised = passive
     if axis.encoder_quantum > 0.0 and passive.passed:
         quantised = Verdict(False, f"{title}: encoder steps under a scene are not covered")
-    sentences = (passive.reason, *(f"{title}: if {c}." for c in passive.conditions))
+    shared = scene.conditions() if at else ()
+    told = [f"{title}: if {c}." for c in passive.conditions if c not in shared]
+    if shared and passive.conditions:
+        told.append(
+            f"{title}: under the conditions that {scene.network.axes[0]} has from the scene."
+        )
+    sentences = (passive.reason, *told)
     return Element(title, "scene port", name, passive, quantised, numbers, sentences)
 
 
