@@ -62,8 +62,8 @@ def test_goals_are_at_both_ends_and_say_the_charge() -> None:
     cheap, accurate = mujoco_goals([Charge(SCENE, ALONE, 1e-5)])
     assert (cheap.measured, cheap.met) == (100.0, True)
     assert accurate.measured == pytest.approx(1e4)
-    assert "MuJoCo's cheapest point, MuJoCo Euler at 1 ms (error 2e-03" in cheap.name
-    assert "most accurate point, MuJoCo RK4 at 0.1 ms" in accurate.name
+    assert cheap.name.endswith("MuJoCo Euler 1 ms, its cheapest (errors 1e-03, 2e-03)")
+    assert "MuJoCo RK4 0.1 ms, its most accurate" in accurate.name
     assert ALONE in cheap.name
     assert list(mujoco_goals([Charge(SCENE._replace(points=SCENE.points[:2]), WHOLE)])) == []
 
