@@ -156,7 +156,7 @@ def test_a_killed_writer_loses_at_most_its_open_chunk(tmp_path: Path) -> None:
     dice = random.Random(2)
     columns = (*COLUMNS, *(f"c{k}" for k in range(97)))
     chunk = 65_536 // (35 + 8 * len(columns))
-    for attempt in range(6):
+    for attempt in range(3):
         path = tmp_path / f"{attempt}.mcap"
         recorder = make(path, columns, rows=8192, lossless=False)
         recorder.start()
@@ -169,9 +169,9 @@ def test_a_killed_writer_loses_at_most_its_open_chunk(tmp_path: Path) -> None:
         wait_until(lambda w=words: w[TAIL] == w[HEAD])  # type: ignore[misc]  # all is taken out
         os.kill(recorder.writer_pid, signal.SIGKILL)
         wait_until(lambda r=recorder: r.problem() is not None)  # type: ignore[misc]
-        assert put(recorder, range(cycle, cycle + 10_000)) <= 8192  # the loop goes on
+        assert put(recorder, range(cycle, cycle + 9_000)) <= 8192  # the loop goes on
         stats = recorder.close()
-        assert stats.rows_offered == cycle + 10_000
+        assert stats.rows_offered == cycle + 9_000
         assert stats.rows_dropped == stats.rows_offered - stats.rows_written
         assert cycle - stats.rows_written < chunk
         assert stats.error == (
