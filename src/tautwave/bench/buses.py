@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 from tautwave import registry
 from tautwave.bench.result import Goal, Suite, Table, Value
@@ -10,8 +12,27 @@ from tautwave.contracts import CycleCost
 
 WHAT = (
     "wall time of one exchange of two axes on the host, devices excluded unless named; "
-    "floor: a bare exchange of the same bytes, in turn with it in the same run"
+    "floor: a bare exchange of the same bytes, in turn with it in the same run; all of it on one "
+    "processor"
 )
+
+
+@contextmanager
+def one_processor() -> Iterator[None]:
+    """Keep this process, and those it starts, on one processor, where the system can.
+
+    Else the two ends of an exchange are on one or on two as the scheduler likes, for a whole run:
+    waking another processor takes as long as the exchange itself.
+    """
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(before)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
 
 
 def buses(*, cycles: int = 2000, tell: Callable[[str], None] = lambda _: None) -> Suite:
@@ -34,7 +55,8 @@ def buses(*, cycles: int = 2000, tell: Callable[[str], None] = lambda _: None) -
             costs: Sequence[CycleCost] = [CycleCost(f"{name} exchange", why_not=why)]
         else:
             tell(f"{name}, {cycles} exchanges")
-            costs = plugin.measure(cycles)
+            with one_processor():
+                costs = plugin.measure(cycles)
         if not costs:
             continue
         tables.append(_table(name, costs))
