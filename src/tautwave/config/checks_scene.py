@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tautwave.config.document import Document, nearest
 from tautwave.config.keys.rig import Rig
@@ -12,6 +12,9 @@ from tautwave.config.keys.scene import Scene, ScenePort
 from tautwave.config.parts import Parts
 from tautwave.config.sounds import check_sound
 from tautwave.config.yaml12 import KeyPath
+
+if TYPE_CHECKING:
+    from tautwave.config.keys.space import SpaceScene
 
 GROUND = "ground"
 LINEAR = ("spring", "damper")
@@ -98,25 +101,31 @@ def _check_twice(document: Document, scene: Scene, known: list[str]) -> None:
             document.report(("scene", "grounds", name), f"another node is named {name!r} already")
 
 
+def check_between(document: Document, scene: Scene | SpaceScene, name: str) -> None:
+    """Report ends of a link that cannot be paired, in one dimension and in space."""
+    link = scene.links[name]
+    path: KeyPath = ("scene", "links", name, "between")
+    one, two = link.between
+    sizes = {scene.size_of(one), scene.size_of(two)} - {1}
+    if link.chain:
+        if one != two or scene.size_of(one) < 2:
+            document.report(path, "a chain runs within one group of masses: name it twice")
+    elif one == two:
+        document.report(path, f"both ends are at {one!r}; for a chain write chain: true")
+    elif len(sizes) > 1:
+        document.report(
+            path,
+            f"groups of {scene.size_of(one)} and {scene.size_of(two)} cannot be linked one to one",
+        )
+
+
 def _check_links(document: Document, scene: Scene) -> None:
     for name, link in scene.links.items():
-        path: KeyPath = ("scene", "links", name, "between")
+        check_between(document, scene, name)
         one, two = link.between
-        sizes = {scene.size_of(one), scene.size_of(two)} - {1}
-        if link.chain:
-            if one != two or scene.size_of(one) < 2:
-                document.report(path, "a chain runs within one group of masses: name it twice")
-        elif one == two:
-            document.report(path, f"both ends are at {one!r}; for a chain write chain: true")
-        elif len(sizes) > 1:
-            document.report(
-                path,
-                f"groups of {scene.size_of(one)} and {scene.size_of(two)} cannot be linked one "
-                "to one",
-            )
         fixed = {GROUND, *scene.grounds}
         if one in fixed and two in fixed:
-            document.report(path, "neither end can move")
+            document.report(("scene", "links", name, "between"), "neither end can move")
 
 
 def _check_ports(document: Document, parts: Parts, scene: Scene) -> None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from tautwave.config.checks_scene import check_between
 from tautwave.config.document import Document, nearest, show_path
 from tautwave.config.keys.space import SpaceScene
 from tautwave.config.parts import Parts
@@ -99,23 +100,11 @@ def _check_names(document: Document, scene: SpaceScene) -> None:
 def _check_links(document: Document, scene: SpaceScene) -> None:
     fixed = {GROUND, *scene.grounds}
     for name, link in scene.links.items():
-        path: KeyPath = ("scene", "links", name, "between")
+        check_between(document, scene, name)
         one, two = link.between
-        sizes = {scene.size_of(one), scene.size_of(two)} - {1}
-        if link.chain:
-            if one != two or scene.size_of(one) < 2:
-                document.report(path, "a chain runs within one group of masses: name it twice")
-        elif one == two:
-            document.report(path, f"both ends are at {one!r}; for a chain write chain: true")
-        elif len(sizes) > 1:
-            document.report(
-                path,
-                f"groups of {scene.size_of(one)} and {scene.size_of(two)} cannot be linked one "
-                "to one",
-            )
         still = {end for end in (one, two) if end in fixed or end in scene.rim_of(end)}
         if still == {one, two}:
-            document.report(path, "neither end can move")
+            document.report(("scene", "links", name, "between"), "neither end can move")
         if link.type == "contact":
             if link.normal is not None:
                 _check_length(document, ("scene", "links", name, "normal"), link.normal)

@@ -6,9 +6,8 @@ import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
-
 from tautwave.offline import compiled, space_tick
+from tautwave.offline.blocks import lay_out
 from tautwave.scene.ledger import Ledger
 from tautwave.scene.space.arrays import INDEX_FIELDS, SpaceArrays
 from tautwave.scene.space.live import SpaceModel
@@ -53,26 +52,13 @@ class CompiledSpaceModel(SpaceModel):
             "ledger": [0.0] * len(Ledger._fields),
             "forced": [at for at, _ in self._forced],
         }
-        whole = (*INDEX_FIELDS, "forced")
-        sizes = {True: 0, False: 0}
-        at: list[int] = []
-        for name, values in given.items():
-            kind = name in whole
-            at += [sizes[kind], sizes[kind] + len(values)]
-            sizes[kind] += len(values)
-        blocks: dict[bool, Any] = {True: np.zeros(sizes[True], np.int64)}
-        blocks[False] = np.zeros(sizes[False])
-        views: dict[str, Any] = {}
-        for index, (name, values) in enumerate(given.items()):
-            block = blocks[name in whole]
-            part = slice(at[2 * index], at[2 * index + 1])
-            block[part] = values
-            views[name] = memoryview(block)[part]
+        blocks = lay_out(given, (*INDEX_FIELDS, "forced"))
+        views = blocks.views
         self.arrays = SpaceArrays(*(views[name] for name in SpaceArrays._fields))
         self._axes_in, self._pushes = views["axes_at"], views["pushes"]
         self._efforts, self._told = views["efforts"], views["ledger"]
         number = SCHEMES[self.scheme]
-        self._given = (blocks[False], blocks[True], np.array(at, np.int64), number, self.period)
+        self._given = (blocks.floats, blocks.whole, blocks.at, number, self.period)
 
     def take_state(self, model: SpaceModel) -> None:
         """Go on from the state of another model of the same network."""

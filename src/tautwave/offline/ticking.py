@@ -7,9 +7,8 @@ from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from typing import Any
 
-import numpy as np
-
 from tautwave.offline import compiled, network_tick
+from tautwave.offline.blocks import lay_out
 from tautwave.offline.playing import SCHEMES, flows_of
 from tautwave.scene.compiling import INDEX_FIELDS, Arrays
 from tautwave.scene.ledger import Ledger
@@ -64,25 +63,13 @@ class CompiledScene(SceneModel):
             "ledger": [0.0] * len(Ledger._fields),
             "forced": forced,
         }
-        sizes = {True: 0, False: 0}
-        at: list[int] = []
-        for name, values in given.items():
-            kind = name in _WHOLE
-            at += [sizes[kind], sizes[kind] + len(values)]
-            sizes[kind] += len(values)
-        blocks: dict[bool, Any] = {True: np.zeros(sizes[True], np.int64)}
-        blocks[False] = np.zeros(sizes[False])
-        views: dict[str, Any] = {}
-        for index, (name, values) in enumerate(given.items()):
-            block = blocks[name in _WHOLE]
-            part = slice(at[2 * index], at[2 * index + 1])
-            block[part] = values
-            views[name] = memoryview(block)[part]
+        blocks = lay_out(given, _WHOLE)
+        views = blocks.views
         self.arrays = Arrays(*(views[name] for name in Arrays._fields))
         self._ports_in, self._pushes = views["ports"], views["pushes"]
         self._efforts, self._told = views["efforts"], views["ledger"]
         number = SCHEMES[self.scheme]
-        self._given = (blocks[False], blocks[True], np.array(at, np.int64), number, self.period)
+        self._given = (blocks.floats, blocks.whole, blocks.at, number, self.period)
 
     def advance(self, positions: Sequence[float], pushes: Sequence[float] = ()) -> list[float]:
         """Take where the ports are and what pushes each forced mass; step; give efforts."""

@@ -216,8 +216,7 @@ def _scene(run: Run, dpi: float) -> Iterator[str | Picture]:
     yield f'<p class="soft">{escape(told)} under {escape(ports)}.</p>'
     alt = "positions, effort and energies of the scene"
     yield Picture("scene.png", png(scene_figure.scene_figure(view), dpi), alt, "")
-    caption = "The scene when the device felt most; scene.gif moves, output.wav sounds."
-    yield Picture("scene-still.png", scene_figure.still(view), "the scene, drawn", caption)
+    yield _drawn(scene_figure.still(view))
     yield table(tables.scene_table(run))
 
 
@@ -235,9 +234,13 @@ def _space(run: Run, dpi: float) -> Iterator[str | Picture]:
     yield f'<p class="soft">{escape(told)}</p>'
     alt = "heights, efforts and energies of the scene"
     yield Picture("scene.png", png(space_figure.space_figure(view), dpi), alt, "")
-    caption = "The scene when the device felt most; scene.gif moves, output.wav sounds."
-    yield Picture("scene-still.png", space_drawing.space_still(view), "the scene, drawn", caption)
+    yield _drawn(space_drawing.space_still(view))
     yield table(tables.scene_table(run))
+
+
+def _drawn(still: bytes) -> Picture:
+    caption = "The scene when the device felt most; scene.gif moves, output.wav sounds."
+    return Picture("scene-still.png", still, "the scene, drawn", caption)
 
 
 def _contacts(run: Run, view: PairView) -> Iterator[str]:

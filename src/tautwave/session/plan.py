@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
 from tautwave.config import Axis, Rig, Wall
 from tautwave.config import Pair as PairKeys
 from tautwave.registry import driver_names
 from tautwave.rig import axis_integration
+
+if TYPE_CHECKING:
+    from tautwave.config.keys.scene import Scene
+    from tautwave.config.keys.space import SpaceScene
 
 NOT_IN_RIG = "not in the rig"
 
@@ -77,15 +81,7 @@ def _scene(rig: Rig) -> Iterator[PlanItem]:
         why = "" if port.stiffness is None else f"k_c {port.stiffness:g} to {port.to}"
         yield _item(f"coupling spring of {name}", port.to is not None, why, "links are at the axis")
     yield _item("gravity", keys.gravity != 0.0, f"{keys.gravity:g} m/s^2", "0")
-    for name, force in keys.forces.items():
-        yield _item(f"force {name}", True, f"{force.type} on {force.on}")
-    for sentence in pruned.left_out:
-        part, _, reason = sentence.partition(": ")
-        yield PlanItem(part, "left out", reason)
-    yield _item("engage ramp", keys.engage_ramp_s > 0, f"{keys.engage_ramp_s:g} s", "its time is 0")
-    yield _item(
-        "release ramp", keys.release_ramp_s > 0, f"{keys.release_ramp_s:g} s", "its time is 0"
-    )
+    yield from _around(keys, pruned.left_out)
 
 
 def _space(rig: Rig) -> Iterator[PlanItem]:
@@ -103,9 +99,14 @@ def _space(rig: Rig) -> Iterator[PlanItem]:
         yield _item(f"coupling spring of {name}", port.to is not None, why, "links are at the port")
     pulls = ", ".join(f"{part:g}" for part in network.gravity)
     yield _item("gravity", any(network.gravity), f"[{pulls}] m/s^2", "0")
+    yield from _around(keys, pruned.left_out)
+
+
+def _around(keys: Scene | SpaceScene, sentences: Iterable[str]) -> Iterator[PlanItem]:
+    """What a scene of one dimension and one in space have alike."""
     for name, force in keys.forces.items():
         yield _item(f"force {name}", True, f"{force.type} on {force.on}")
-    for sentence in pruned.left_out:
+    for sentence in sentences:
         part, _, reason = sentence.partition(": ")
         yield PlanItem(part, "left out", reason)
     yield _item("engage ramp", keys.engage_ramp_s > 0, f"{keys.engage_ramp_s:g} s", "its time is 0")
