@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from tautwave.scene.compiling import Arrays
+
+if TYPE_CHECKING:
+    from tautwave.scene.space.arrays import SpaceArrays
 
 
 class Ledger(NamedTuple):
@@ -55,6 +58,21 @@ def tally(s: Arrays) -> tuple[float, float, float, float, float, float, float, f
         dragged += s.dragged[m]
         mass_numeric += s.mass_numeric[m]
         pumped += s.pumped[m]
+    return add_links(s, kinetic, lifted, dragged, mass_numeric, pumped)
+
+
+def add_links(
+    s: Arrays | SpaceArrays,
+    kinetic: float,
+    lifted: float,
+    dragged: float,
+    mass_numeric: float,
+    pumped: float,
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """Return the numbers of a `Ledger`: sums over the masses [J], and those over links and ports.
+
+    `lifted` is weight times height, positive along the weight.
+    """
     stored = 0.0
     lost = 0.0
     made = 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tautwave.scene.ledger import Ledger
+from tautwave.scene.ledger import Ledger, add_links
 from tautwave.scene.space.arrays import SpaceArrays
 
 
@@ -33,25 +33,4 @@ def tally_space(s: SpaceArrays) -> tuple[float, float, float, float, float, floa
         dragged += s.dragged[m]
         mass_numeric += s.mass_numeric[m]
         pumped += s.pumped[m]
-    stored = 0.0
-    lost = 0.0
-    made = 0.0
-    numeric = 0.0
-    for i in range(s.count[2]):
-        stored += s.stored[i]
-        lost += s.lost[i]
-        made += s.made[i]
-        numeric += s.numeric[i]
-    work = 0.0
-    for port in range(s.count[1]):
-        work += s.port_work[port]
-    return (
-        kinetic,
-        stored,
-        -lifted,
-        lost + dragged,
-        made,
-        numeric + mass_numeric,
-        work,
-        pumped,
-    )
+    return add_links(s, kinetic, lifted, dragged, mass_numeric, pumped)
