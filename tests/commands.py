@@ -19,9 +19,9 @@ from tautwave.certificate import certify
 from tautwave.cli import main
 from tautwave.config import Rig
 from tautwave.report import write_report
-from tautwave.report.after_run import recheck_run
-from tautwave.report.complete import complete_summary
-from tautwave.session import running
+from tautwave.report.run.after_run import recheck_run
+from tautwave.report.run.complete import complete_summary
+from tautwave.session import reporting, running
 
 
 def tautwave(*words: object, cwd: Path) -> Result:
@@ -45,7 +45,7 @@ def keep_in_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
         return SimpleNamespace(returncode=0, stderr="")
 
     monkeypatch.setattr(running, "certificate_of", certificate_of)
-    monkeypatch.setattr(running, "subprocess", SimpleNamespace(run=complete))
+    monkeypatch.setattr(reporting, "subprocess", SimpleNamespace(run=complete))
 
 
 def page_of(directory: Path) -> str:

@@ -33,6 +33,10 @@ settings.register_profile(
 settings.register_profile("explore", deadline=None, max_examples=1000, print_blob=True)
 settings.load_profile("steady")
 
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    # Under nohup a program leaves SIGHUP ignored, on purpose; tests of SIGHUP need the default.
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
 Report = pytest.TestReport | pytest.CollectReport
 
 
@@ -80,6 +84,14 @@ def forbid_skip(report: Report, about_vcan: bool) -> Report:
         report.outcome = "failed"
         report.longrepr = f"{required}=required, but: {reason}"
     return report
+
+
+@pytest.fixture(autouse=True, scope="session")
+def alone_with_its_servers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep what this worker serves from being found by others, and theirs by it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
+        yield
 
 
 @pytest.fixture(autouse=True)

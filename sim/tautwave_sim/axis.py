@@ -16,13 +16,15 @@ from tautwave.models.encoder import quantise
 from tautwave.streams import MISSING, NOISE, normal_stream, uniform_stream
 from tautwave.truth import AxisModel
 from tautwave.types import JointState
-from tautwave_sim.physics import FoamPhysics, Physics, PlantPhysics, ServoPhysics
+from tautwave_sim.physics import FoamPhysics, PartPhysics, Physics, PlantPhysics, ServoPhysics
 
 
 def make_physics(truth: AxisModel) -> Physics:
     """Return the physics that the truth asks for, at rest at its start position."""
     if truth.servo is not None:
         return ServoPhysics(truth.servo, truth.start_position)
+    if truth.part is not None:
+        return PartPhysics(truth.plant, truth.part, truth.start_position)
     if truth.foam is not None:
         return FoamPhysics(truth.plant, truth.foam, truth.start_position)
     return PlantPhysics(truth.plant, truth.period, truth.start_position)

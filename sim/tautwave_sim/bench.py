@@ -1,4 +1,4 @@
-"""What `tautwave sim DRIVER` has behind its devices: axes without a rig, with nobody at them."""
+"""What `tautwave sim DRIVER` has behind its devices: axes without a rig and without hands."""
 
 from __future__ import annotations
 

@@ -12,7 +12,17 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from tautwave.contracts import AxisSpec, Budget, BusSpec, Clock, DriverPlugin, SimulatorPlugin
+from tautwave.contracts import (
+    AxisSpec,
+    Budget,
+    BusSpec,
+    Clock,
+    DriverPlugin,
+    Endpoint,
+    ScanProgress,
+    SimulatorPlugin,
+    no_progress,
+)
 from tautwave.errors import DriverError
 from tautwave.truth import AxisModel
 from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, Fault, JointState
@@ -86,7 +96,7 @@ class LoopbackDriver:
         self.command_delay = CommandDelay(periods, rest if rest > 1e-9 * period else 0.0)
 
     def open(self) -> None:
-        """Torque off; the devices stand still until they are enabled."""
+        """Torque off; the devices are held until they are enabled."""
         self._enabled = False
         self._world.rest()
 
@@ -145,7 +155,7 @@ def _budget(options: LoopbackOptions, bus: BusSpec) -> Budget:
     return Budget(0.0, float("inf"), "no bus: nothing is transmitted")
 
 
-def _scan(options: Any) -> Sequence[dict[str, Any]]:
+def _scan(options: Any, progress: ScanProgress = no_progress) -> Sequence[dict[str, Any]]:
     return ()
 
 
@@ -156,6 +166,7 @@ plugin = DriverPlugin(
     scan=_scan,
     hardware=False,
     summary="simulated devices without a bus, in this process",
+    endpoint=lambda options: Endpoint("none"),
 )
 simulator = SimulatorPlugin(
     options=LoopbackOptions, make=_simulate, summary="the devices behind the loopback driver"

@@ -1,4 +1,4 @@
-"""The three physics a simulated axis can have, each the state around a pure model.
+"""The four physics a simulated axis can have, each the state around a pure model.
 
 All offer `step`, `stored` and `forces`; works and losses are running totals [J].
 """
@@ -8,7 +8,8 @@ from __future__ import annotations
 from typing import Protocol
 
 from tautwave.models.foam import FoamParams, foam_forces, foam_stored
-from tautwave.models.integrators import integrate_step
+from tautwave.models.integrators.schemes import integrate_step
+from tautwave.models.part_contact import PartContact, part_forces, part_step, part_stored
 from tautwave.models.plant import plant_forces, plant_step, plant_stored
 from tautwave.models.plant_params import PlantParams, plant_cache
 from tautwave.models.servo import ServoParams, servo_forces, servo_step, servo_stored
@@ -104,6 +105,39 @@ class FoamPhysics:
     def forces(self, reference: float, rate: float) -> tuple[float, float]:
         """Return the efforts of hand and contact."""
         return foam_forces(self._params, self._foam, self.x, self.v, reference, rate)
+
+
+class PartPhysics:
+    """An impedance device at an environment that is a part."""
+
+    def __init__(self, params: PlantParams, part: PartContact, x: float) -> None:
+        self._params = params
+        self._part = part
+        self.x = x
+        self.v = 0.0
+        self.hand_work = self.motor_work = 0.0
+        self.grip_loss = self.viscous_loss = self.coulomb_loss = self.environment_loss = 0.0
+
+    def step(self, command: float, reference: float, rate: float, h: float) -> None:
+        """Move by `h` under a held effort."""
+        before = self.x
+        self.x, self.v, work, grip, viscous, coulomb, environment = part_step(
+            self._params, self._part, before, self.v, command, reference, rate, h
+        )
+        self.motor_work += command * (self.x - before)
+        self.hand_work += work
+        self.grip_loss += grip
+        self.viscous_loss += viscous
+        self.coulomb_loss += coulomb
+        self.environment_loss += environment
+
+    def stored(self, reference: float) -> tuple[float, float, float]:
+        """Return kinetic, grip and environment energy."""
+        return part_stored(self._params, self._part, self.x, self.v, reference)
+
+    def forces(self, reference: float, rate: float) -> tuple[float, float]:
+        """Return the efforts of hand and environment."""
+        return part_forces(self._params, self._part, self.x, self.v, reference, rate)
 
 
 class ServoPhysics:

@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from tautwave.config import Rig, load_rig
     from tautwave.contracts import Driver, DriverPlugin
     from tautwave.errors import ConfigError, DriverError, SafetyStop, TautwaveError
-    from tautwave.offline import simulate
-    from tautwave.report.recording import read_recording
+    from tautwave.report.run.recording import read_recording
     from tautwave.session import check, run
-    from tautwave.types import AxisCommand, JointState, WaveSample
+    from tautwave.simulation import simulate
+    from tautwave.types import AxisCommand, JointState
 
 __version__ = "0.1.0"
 
@@ -30,7 +30,6 @@ __all__ = [
     "Rig",
     "SafetyStop",
     "TautwaveError",
-    "WaveSample",
     "check",
     "load_rig",
     "read_recording",
@@ -43,10 +42,10 @@ _MODULES = {
     "config": ("Rig", "load_rig"),
     "contracts": ("Driver", "DriverPlugin"),
     "errors": ("ConfigError", "DriverError", "SafetyStop", "TautwaveError"),
-    "offline": ("simulate",),
-    "report.recording": ("read_recording",),
+    "simulation": ("simulate",),
+    "report.run.recording": ("read_recording",),
     "session": ("check", "run"),
-    "types": ("AxisCommand", "JointState", "WaveSample"),
+    "types": ("AxisCommand", "JointState"),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 

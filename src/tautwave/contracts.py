@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 
@@ -168,7 +168,7 @@ class Driver(Protocol):
         ...
 
     def faults(self) -> Sequence[Fault]:
-        """Return what was reported since the last call, in words."""
+        """Return the faults reported since the last call."""
         ...
 
     def disable(self) -> None:
@@ -208,6 +208,17 @@ class CycleCost(NamedTuple):
     why_not: str = ""
 
 
+class Endpoint(NamedTuple):
+    """Where the options of a bus lead; `name` is for people, such as `/dev/ttyUSB0`.
+
+    `real`: motors may be behind it, so a run opens it unless told to simulate. `virtual`: only
+    software answers there (vcan, UDP multicast). `none`: it names nothing that could be opened.
+    """
+
+    kind: Literal["real", "virtual", "none"]
+    name: str = ""
+
+
 def _no_costs(cycles: int) -> Sequence[CycleCost]:
     return ()
 
@@ -216,29 +227,42 @@ def _no_facts(options: Any, bus: BusSpec) -> Sequence[AxisFacts]:
     return [AxisFacts()] * len(bus.axes)
 
 
+ScanProgress = Callable[[float, str], None]
+"""Takes the share of a scan that is done (0 to 1) and what it is at."""
+
+
+def no_progress(done: float, text: str) -> None:
+    """Show nothing."""
+
+
 class DriverPlugin(NamedTuple):
     """What a `tautwave.drivers` entry point names.
 
     `options` is the pydantic model of the bus' `options` block; `make(options, bus, clock,
     transport)` builds a driver and touches no device (`transport` is None: the driver opens the
-    real one in `open`); `budget(options, bus)` is pure; `scan(scan_options)` finds devices, one
-    mapping of columns each, and `scan_options` is the pydantic model `tautwave scan` makes its
-    command-line options of. `needs` names the extra's modules; `hardware` is True when motors may
-    move, and then every limit has to be in the rig file. `facts(options, bus)`, pure, tells what
-    the options say of each axis; `measure(cycles)` takes the host's cost of that many exchanges of
-    two axes, for `tautwave bench buses`.
+    real one in `open`); `budget(options, bus)` is pure; `scan(scan_options, progress)` finds
+    devices, one mapping of columns each, and `scan_options` is the pydantic model `tautwave scan`
+    makes its command-line options of. `needs` names the extra's modules; `hardware` is True when
+    motors may move, and then every limit has to be in the rig file. `facts(options, bus)`, pure,
+    tells what the options say of each axis; `measure(cycles)` takes the host's cost of that many
+    exchanges of two axes, for `tautwave bench buses`. `endpoint(options)`, pure, tells where they
+    lead; a driver that does not say is taken at its `hardware`. `files` are the options that may be
+    paths of files, such as `("devices", "*", "profile")`: with a suffix and relative they start at
+    the rig file, and get there as whole paths.
     """
 
     options: type[Any]
     make: Callable[[Any, BusSpec, Clock, Any], Driver]
     budget: Callable[[Any, BusSpec], Budget]
-    scan: Callable[[Any], Sequence[Mapping[str, Any]]]
+    scan: Callable[[Any, ScanProgress], Sequence[Mapping[str, Any]]]
     needs: tuple[str, ...] = ()
     hardware: bool = True
     summary: str = ""
     facts: Callable[[Any, BusSpec], Sequence[AxisFacts]] = _no_facts
     scan_options: type[Any] | None = None
     measure: Callable[[int], Sequence[CycleCost]] = _no_costs
+    endpoint: Callable[[Any], Endpoint] | None = None
+    files: Sequence[Sequence[str]] = ()
 
 
 class Simulator(Protocol):
@@ -263,6 +287,10 @@ def _never(options: Any) -> bool:
     return False
 
 
+def _as_they_are(options: Any) -> Mapping[str, Any]:
+    return {}
+
+
 class SimulatorPlugin(NamedTuple):
     """What a `tautwave.simulators` entry point names.
 
@@ -271,6 +299,8 @@ class SimulatorPlugin(NamedTuple):
     of their own instead: `serve(options, bus, physics, announce, stopped)` runs them on the real
     endpoint until `stopped()`, and first calls `announce` with at least `driver`, `endpoint` (a
     word for people and scripts) and `options`, the bus options that lead a driver there.
+    `instead(options)` gives the bus options that take the place of those that name a real endpoint,
+    where its devices are simulated on the real clock.
     `bench_options` is the pydantic model that `tautwave sim DRIVER` makes its command-line options
     of, `bench(bench_options)` what is served then.
     """
@@ -288,6 +318,48 @@ class SimulatorPlugin(NamedTuple):
     ) = None
     bench_options: type[Any] | None = None
     bench: Callable[[Any], Bench] | None = None
+    instead: Callable[[Any], Mapping[str, Any]] = _as_they_are
+
+
+class CouplingPlugin(NamedTuple):
+    """What a `tautwave.couplings` entry point names: a law that joins a master and a slave axis.
+
+    A text is a `module:attribute`, loaded when asked for, so that naming a law imports none of it;
+    the thing itself serves as well. `keys` is the pydantic block of the rig's `coupling`, a
+    `tautwave.config.Coupling` whose `pairs` may have keys of their own. `constants(pair, side)`
+    returns `PortConstants` in the units of that side's device. `linear(pair, side, device, site,
+    filter_gain)` is one end of the pair, a `LinearEnd` of `tautwave.analysis.ports.sampled_loop`;
+    without it no stability is predicted. `verdict` is a `CouplingVerdict` of
+    `tautwave.certificate.data`, or only its `pair_elements`; without one nothing is ever certified.
+    `words` is a `CouplingWords` of `tautwave.wording`. `carries` says what passes between the
+    sides: `waves`, or `states` (position and velocity). `divisors`: either side may be on a slower
+    bus; `causalities`: of the axes that it can drive.
+    """
+
+    summary: str
+    keys: Any
+    constants: Any
+    carries: str = "states"
+    divisors: bool = False
+    causalities: tuple[str, ...] = ("impedance",)
+    linear: Any = ""
+    verdict: Any = ""
+    words: Any = ""
+
+
+class PortConstants(NamedTuple):
+    """What a coupling makes of its keys for one device, SI of that device.
+
+    `wave_impedance` of its port [N m s/rad or N s/m], `matched`: a matching damper at this end;
+    `stiffness` [N m/rad or N/m] and `damping` [N m s/rad or N s/m] of a coupler, which carries
+    states; `injection` [N m s/rad or N s/m] damps this device against ground.
+    """
+
+    wave_impedance: float = 1.0
+    matched: bool = False
+    stiffness: float = 0.0
+    damping: float = 0.0
+    injection: float = 0.0
 
 
 class Row(Protocol):

@@ -9,7 +9,8 @@ TautwaveError
 │   └── DeviceFault                   5  a device reported a fault
 ├── LinkError                         5  the other site is lost
 ├── SafetyStop                        6  a limit or a guard ended the run
-└── RecordingError (OSError)          2  a recording cannot be read or written
+└── RecordingError (OSError)          2  a recording cannot be read
+    └── WritingError                  7  a recording, or what is made of it, cannot be written
 """
 
 from __future__ import annotations
@@ -77,6 +78,12 @@ class SafetyStop(TautwaveError):
 
 
 class RecordingError(TautwaveError, OSError):
-    """A recording cannot be read or written."""
+    """A recording cannot be read; or not be written, if it is a `WritingError`."""
 
     exit_code = 2
+
+
+class WritingError(RecordingError):
+    """A recording, or a summary, report or table, cannot be written, or not completely."""
+
+    exit_code = 7

@@ -1,6 +1,6 @@
 """Entry points to plugins: looked up by name, imported only when that name is used.
 
-A third party adds a bus with one line in its `pyproject.toml`:
+A third party adds a bus, or a coupling, with one line in its `pyproject.toml`:
 
     [project.entry-points."tautwave.drivers"]
     mybus = "my_package:plugin"
@@ -8,17 +8,32 @@ A third party adds a bus with one line in its `pyproject.toml`:
 
 from __future__ import annotations
 
+import hashlib
+import sys
 from collections.abc import Callable, Iterable
 from functools import lru_cache
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from importlib.util import find_spec
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple
 
-from tautwave.contracts import DriverPlugin, SimulatorPlugin
+from tautwave.contracts import (
+    CouplingPlugin,
+    DriverPlugin,
+    SimulatorPlugin,
+)
 from tautwave.errors import ConfigError
+from tautwave.truth import EnvironmentPlugin, HandPlugin
+from tautwave.wording import CouplingWords
 
 DRIVERS = "tautwave.drivers"
 SIMULATORS = "tautwave.simulators"
+COUPLINGS = "tautwave.couplings"
+ENVIRONMENTS = "tautwave.environments"
+HANDS = "tautwave.hands"
+PARTS = {COUPLINGS: CouplingPlugin, ENVIRONMENTS: EnvironmentPlugin, HANDS: HandPlugin}
 
 
 class Installed(NamedTuple):
@@ -62,9 +77,131 @@ def load_simulator(name: str) -> SimulatorPlugin:
     return plugin
 
 
+def coupling_names() -> list[str]:
+    """Return the names of the installed couplings, sorted."""
+    return sorted(_find(COUPLINGS))
+
+
+def load_coupling(name: str) -> CouplingPlugin:
+    """Return the coupling `name` (or of that file): what it declares, none of its code.
+
+    Raises
+    ------
+    ConfigError
+        As for `load_driver`.
+    """
+    plugin: CouplingPlugin = load_part(COUPLINGS, name)
+    return plugin
+
+
+def part_names(group: str) -> list[str]:
+    """Return the names of the installed parts of a group such as `HANDS`, sorted."""
+    return sorted(_find(group))
+
+
+def load_part(group: str, name: str) -> Any:
+    """Return a part by its name or, where that ends in `.py`, from that file.
+
+    Raises
+    ------
+    ConfigError
+        As for `load_driver`; or the file is none, does not import, or has no `plugin`.
+    """
+    if not is_file_part(name):
+        return _load(group, name, PARTS[group])
+    plugin = getattr(_file_module(name, hash_part(name)), "plugin", None)
+    if not isinstance(plugin, PARTS[group]):
+        raise ConfigError(f"{name}: there is no `plugin`, a tautwave {PARTS[group].__name__}")
+    return plugin
+
+
+def is_file_part(name: str) -> bool:
+    """Return whether a part is named by its file."""
+    return name.endswith(".py")
+
+
+def hash_part(path: str) -> str:
+    """Return the SHA-256 of a part's file, in hexadecimal digits.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be read.
+    """
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except OSError as err:
+        raise ConfigError(f"{path}: cannot be read: {err.strerror}") from err
+
+
+@lru_cache(maxsize=64)
+def _file_module(path: str, digest: str) -> ModuleType:
+    """Import a file under a name of its own, once for each text it has had."""
+    name = f"tautwave_part_{digest[:16]}"
+    spec = spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules[name] = module  # so that what is defined there can be found again
+    try:
+        spec.loader.exec_module(module)
+    except Exception as err:
+        del sys.modules[name]
+        raise ConfigError(f"{path} does not import: {type(err).__name__}: {err}") from err
+    return module
+
+
+def coupling_words(name: str) -> CouplingWords:
+    """Return what the coupling `name` says of itself; few words where its part has none.
+
+    Raises
+    ------
+    ConfigError
+        As for `load_coupling` and `load_named`.
+    """
+    named = load_coupling(name).words
+    words: CouplingWords = load_named(named) if named else CouplingWords()
+    return words
+
+
+@lru_cache(maxsize=256)
+def load_named(text: Any) -> Any:
+    """Return what `module:attribute` names; a part declares its functions so, or as they are.
+
+    Raises
+    ------
+    ConfigError
+        It does not import, or there is no such attribute.
+    """
+    if not isinstance(text, str):
+        return text
+    module, _, attribute = text.partition(":")
+    try:
+        return getattr(import_module(module), attribute)
+    except Exception as err:
+        raise ConfigError(f"{text} does not import: {type(err).__name__}: {err}") from err
+
+
 def list_drivers() -> list[Installed]:
     """Return every installed driver; one that does not load is listed with the reason."""
     return [_describe(name, point) for name, point in sorted(_find(DRIVERS).items())]
+
+
+def unknown_word(what: str, name: str, known: list[str]) -> str:
+    """Return the sentence about a name that nothing installed has, with the nearest that is."""
+    from difflib import get_close_matches
+
+    if not known:
+        again = "" if what in ("hand", "environment") else " (pip install tautwave, once more)"
+        return f"unknown {what} {name!r}; none is installed{again}"
+    close = get_close_matches(name, known, n=1)
+    hint = f"; did you mean {close[0]!r}?" if close else "."
+    return f"unknown {what} {name!r}{hint} Installed: {', '.join(known)}"
+
+
+def list_parts(group: str) -> list[Installed]:
+    """Return every installed part of a group; one that does not load is listed with the reason."""
+    return [_describe_part(group, name, point) for name, point in sorted(_find(group).items())]
 
 
 def missing_modules(needs: Iterable[str]) -> tuple[str, ...]:
@@ -99,7 +236,7 @@ def _load(group: str, name: str, kind: type[Any]) -> Any:
     what = group.removeprefix("tautwave.").removesuffix("s")
     found = _find(group)
     if name not in found:
-        raise ConfigError(_unknown(what, name, sorted(found)))
+        raise ConfigError(unknown_word(what, name, sorted(found)))
     point = found[name]
     try:
         plugin = point.load()
@@ -114,16 +251,6 @@ def _load(group: str, name: str, kind: type[Any]) -> Any:
             f"but of type {type(plugin).__name__}"
         )
     return plugin
-
-
-def _unknown(what: str, name: str, known: list[str]) -> str:
-    from difflib import get_close_matches
-
-    if not known:
-        return f"unknown {what} {name!r}; none is installed (pip install tautwave, once more)"
-    close = get_close_matches(name, known, n=1)
-    hint = f"; did you mean {close[0]!r}?" if close else "."
-    return f"unknown {what} {name!r}{hint} Installed: {', '.join(known)}"
 
 
 def _remedy(point: EntryPoint) -> str:
@@ -146,6 +273,17 @@ def _describe(name: str, point: EntryPoint) -> Installed:
         return Installed(name, package, version, "", True, (str(err),))
     missing = missing_modules(plugin.needs)
     return Installed(name, package, version, plugin.summary, plugin.hardware, missing)
+
+
+def _describe_part(group: str, name: str, point: EntryPoint) -> Installed:
+    package = point.dist.name if point.dist is not None else ""
+    version = point.dist.version if point.dist is not None else ""
+    try:
+        plugin = _load(group, name, PARTS[group])
+        load_named(plugin.keys)
+    except ConfigError as err:
+        return Installed(name, package, version, "", False, (str(err),))
+    return Installed(name, package, version, plugin.summary, False, ())
 
 
 def _importable(module: str) -> bool:

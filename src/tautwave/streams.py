@@ -8,7 +8,7 @@ import numpy as np
 
 BLOCK = 4096  # drawn in blocks; the numbers are those of one long draw
 
-NOISE, MISSING, OVERRUN = 0, 1, 2
+NOISE, MISSING, OVERRUN, HAND = 0, 1, 2, 3
 """Purposes; the last word of a seed."""
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tautwave.models.foam import FoamParams
+from tautwave.models.part_contact import PartContact
 from tautwave.models.plant_params import PlantParams
 from tautwave.models.servo import ServoParams
 
@@ -13,10 +14,10 @@ from tautwave.models.servo import ServoParams
 class AxisModel(NamedTuple):
     """The true device, hand and environment of one axis; SI, rotary N m and rad for N and m.
 
-    Exactly one physics applies: `servo` for an admittance axis, `foam` (with `plant`) for a
-    power-law contact, else `plant`. `reference` is the hand's position at every loop slot, empty
-    without a hand. `command_delay` is in periods, with a fraction. `seed` starts the axis' own
-    random streams: noise and missing samples.
+    Exactly one physics applies: `servo` for an admittance axis, `foam` (with `plant`) for a power-
+    law contact, `part` (with `plant`) for an environment that is a part, else `plant`. `reference`
+    is the hand's position at every loop slot, empty without a hand. `command_delay` is in periods,
+    with a fraction. `seed` starts the axis' own random streams: noise and missing samples.
     """
 
     period: float
@@ -33,3 +34,36 @@ class AxisModel(NamedTuple):
     command_delay: float
     missing_probability: float
     seed: tuple[int, ...]
+    part: PartContact | None = None
+
+
+class HandPlugin(NamedTuple):
+    """What a `tautwave.hands` entry point names: what an operator wants, and how firmly.
+
+    `keys` is the pydantic block, a `tautwave.config.HandPart`: its own keys, and the grip (mass,
+    damping, stiffness, lever arm). `motion(keys, times, seed)` returns the wanted position
+    [rad or m] at each of the times [s]; `seed` is a tuple of integers for random numbers of its
+    own. Both may be `module:attribute`, loaded when asked for.
+    """
+
+    summary: str
+    keys: Any
+    motion: Any
+
+
+class EnvironmentPlugin(NamedTuple):
+    """What a `tautwave.environments` entry point names: what a slave meets.
+
+    `keys` is the pydantic block, a `tautwave.config.EnvironmentPart`; `params(keys)` a tuple of
+    floats p. `stored(p, x)` is the energy [J] held at a position x [rad or m], `force(p, x, v)` the
+    effort on the device [N m or N] at x and a velocity v [rad/s or m/s]; at rest it is the slope of
+    `stored` downwards, and what motion adds opposes it. `kinks(p)` are the positions where either
+    bends or jumps: steps end there. Each may be `module:attribute`, loaded when asked for.
+    """
+
+    summary: str
+    keys: Any
+    params: Any
+    force: Any
+    stored: Any
+    kinks: Any = None

@@ -40,19 +40,11 @@ class CommandDelay(NamedTuple):
 
 
 class Fault(NamedTuple):
-    """Something a device or a bus reported, in words. `axis` is '' for the whole bus."""
+    """A fault that a device or a bus reported, as text. `axis` is '' for the whole bus."""
 
     axis: str
     text: str
     fatal: bool
-
-
-class WaveSample(NamedTuple):
-    """What crosses a link in one direction: sequence number, sender's time, wave [W**0.5]."""
-
-    sequence: int
-    sent_ns: int
-    wave: float
 
 
 SAFE_COMMAND = AxisCommand(0.0, 0.0)

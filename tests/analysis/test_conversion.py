@@ -9,7 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tautwave.analysis.conversion import (
+from tautwave.analysis.walls.sampled import SampledWall
+from tautwave.errors import ConfigError
+from tests.analysis.reference.conversion import (
     conversion_ratio,
     delay_gain,
     held_ratio,
@@ -22,9 +24,7 @@ from tautwave.analysis.conversion import (
     rounding_ratio,
     truncate_wave,
 )
-from tautwave.analysis.planes import additive_factor, planes_leak, stiffest_factor
-from tautwave.analysis.sampled_wall import SampledWall
-from tautwave.errors import ConfigError
+from tests.analysis.reference.planes import additive_factor, planes_leak, stiffest_factor
 
 
 def test_D13_magnitude_of_the_mean() -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tautwave.analysis.contact_model import choose, fit_contact
-from tautwave.analysis.contact_motion import fit_hunt_crossley, motion_of
-from tautwave.analysis.device_model import fit_device
-from tautwave.analysis.regression import (
+from tautwave.analysis.identification.contact_model import choose, fit_contact
+from tautwave.analysis.identification.contact_motion import fit_hunt_crossley, motion_of
+from tautwave.analysis.identification.device_model import fit_device
+from tautwave.analysis.identification.regression import (
     Array,
     Kernel,
     RecursiveLeastSquares,

@@ -7,7 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.analysis.lifted import (
+from tautwave.analysis.ports.loop_modes import spectral_radius
+from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site, close_loop, position_end
+from tautwave.analysis.walls.passivity import wall_leak
+from tautwave.analysis.walls.sampled import SampledWall
+from tautwave.errors import ConfigError
+from tautwave.laws.port import port_params
+from tests.analysis.reference.lifted import (
     PairLaw,
     damping_curve,
     is_pair_passive,
@@ -17,12 +23,6 @@ from tautwave.analysis.lifted import (
     needed_slave_damping,
     spring_pair_damping,
 )
-from tautwave.analysis.loop_modes import spectral_radius
-from tautwave.analysis.sampled_loop import Device, LinearEnd, Site, close_loop, position_end
-from tautwave.analysis.sampled_wall import SampledWall
-from tautwave.analysis.wall_passivity import wall_leak
-from tautwave.errors import ConfigError
-from tautwave.laws.port import port_params
 
 T = 1e-3
 

@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tautwave.analysis.limit_cycle import (
+from tautwave.analysis.ports.sampled_loop import Device
+from tautwave.analysis.walls.limit_cycle import (
     REST,
     UNBOUNDED,
     predict_limit_cycle,
     simulate_limit_cycle,
 )
-from tautwave.analysis.sampled_loop import Device
-from tautwave.analysis.sampled_wall import SampledWall
-from tautwave.analysis.wall_stability import stable_stiffness
+from tautwave.analysis.walls.sampled import SampledWall
+from tautwave.analysis.walls.stability import stable_stiffness
 from tautwave.errors import ConfigError
 
 AGREEMENT = 0.03

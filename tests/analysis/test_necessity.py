@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tautwave.analysis.necessity import (
+from tautwave.analysis.exact.positive_real import positive_real
+from tautwave.analysis.exact.rational import Delayed, Rational, Sampled, rational
+from tautwave.analysis.ports.necessity import (
     Controller,
     User,
     destabilising_hand,
     verified_unstable,
 )
-from tautwave.analysis.necessity_motion import simulate_hand
-from tautwave.analysis.positive_real import positive_real
-from tautwave.analysis.rational import Delayed, Rational, Sampled, rational
-from tautwave.analysis.resonator import controller_impedance, delayed_controller
-from tautwave.analysis.resonator_sampled import sampled_controller
+from tautwave.analysis.ports.necessity_motion import simulate_hand
+from tautwave.analysis.ports.resonator import controller_impedance, delayed_controller
+from tautwave.analysis.ports.resonator_sampled import sampled_controller
 from tautwave.errors import ConfigError
 
 TWENTY_HZ = 40.0 * math.pi

@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tautwave.analysis.networks import (
+from tautwave.analysis.exact.positive_real import LOSSLESS, positive_real
+from tautwave.analysis.exact.rational import rational
+from tautwave.analysis.ports.networks import (
     GROUND,
     Damper,
     Mass,
@@ -18,8 +20,6 @@ from tautwave.analysis.networks import (
     matrices,
     nodes_of,
 )
-from tautwave.analysis.positive_real import LOSSLESS, positive_real
-from tautwave.analysis.rational import rational
 from tautwave.errors import ConfigError
 
 values = st.sampled_from([0.001, 0.143, 0.5, 2.0, 5.0, 538.0, 14200.0])

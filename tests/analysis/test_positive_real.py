@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tautwave.analysis.axis import passivity_margin
-from tautwave.analysis.positive_real import (
+from tautwave.analysis.exact.axis import passivity_margin
+from tautwave.analysis.exact.positive_real import (
     LOSSLESS,
     NOT,
     PLAIN,
@@ -18,8 +18,8 @@ from tautwave.analysis.positive_real import (
     discrete_positive_real,
     positive_real,
 )
-from tautwave.analysis.rational import Rational, S, constant, rational
-from tautwave.analysis.resonator import controller_impedance, device_admittance
+from tautwave.analysis.exact.rational import Rational, S, constant, rational
+from tautwave.analysis.ports.resonator import controller_impedance, device_admittance
 
 PADE = rational(["-0.00025", 1], ["0.00025", 1])  # of half a sample at 1 ms
 PASS = {

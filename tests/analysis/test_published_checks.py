@@ -10,7 +10,33 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.analysis.conversion import (
+from tautwave.analysis.exact.positive_real import positive_real
+from tautwave.analysis.exact.rational import rational
+from tautwave.analysis.ports.resonator import (
+    RESONATOR,
+    Oscillator,
+    closed_loop_poles,
+    controller_impedance,
+    critical_couplings,
+    device_admittance,
+    features,
+)
+from tautwave.analysis.ports.resonator_sampled import (
+    Scheme,
+    cordis_stable,
+    sampled_boundaries,
+    sampled_law,
+)
+from tautwave.analysis.ports.sampled_loop import Device
+from tautwave.analysis.walls.passivity import wall_leak
+from tautwave.analysis.walls.rules import bounce_gain
+from tautwave.analysis.walls.sampled import SampledWall
+from tautwave.analysis.walls.stability import stable_stiffness, wall_mode
+from tautwave.laws.limit import truncate
+from tautwave.models.foam import FoamParams, foam_movement, foam_step, foam_stored
+from tautwave.models.linear import linear_flow
+from tautwave.models.plant import FREE, plant_cache, plant_step
+from tests.analysis.reference.conversion import (
     conversion_ratio,
     held_ratio,
     hold_matrix,
@@ -20,36 +46,10 @@ from tautwave.analysis.conversion import (
     rounding_ratio,
     truncate_wave,
 )
-from tautwave.analysis.positive_real import positive_real
-from tautwave.analysis.rational import rational
-from tautwave.analysis.resonator import (
-    RESONATOR,
-    Oscillator,
-    closed_loop_poles,
-    controller_impedance,
-    critical_couplings,
-    device_admittance,
-    features,
-)
-from tautwave.analysis.resonator_sampled import (
-    Scheme,
-    cordis_stable,
-    sampled_boundaries,
-    sampled_law,
-)
-from tautwave.analysis.sampled_loop import Device
-from tautwave.analysis.sampled_wall import SampledWall
-from tautwave.analysis.wall_passivity import wall_leak
-from tautwave.analysis.wall_rules import bounce_gain
-from tautwave.analysis.wall_stability import stable_stiffness, wall_mode
-from tautwave.laws.limit import truncate
-from tautwave.laws.wave import decode_effort, encode_wave
-from tautwave.models.foam import FoamParams, foam_movement, foam_step, foam_stored
-from tautwave.models.linear import linear_flow
-from tautwave.models.plant import FREE, plant_cache, plant_step
 from tests.laws.test_wall import PHASES, Bounce, wall
-from tests.link.test_memory import clamped, drive, flights, free, matched, rig_admittance
+from tests.laws.waves import decode_effort, encode_wave
 from tests.models.plants import plant
+from tests.scene.test_delay_line import clamped, drive, flights, free, matched, rig_admittance
 
 T = 1e-3
 

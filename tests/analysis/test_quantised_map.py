@@ -8,11 +8,11 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.analysis.quantised_map import adversary_gain, paying_stiffness, quantised_plane
-from tautwave.analysis.sampled_loop import Device
-from tautwave.analysis.sampled_wall import SampledWall
-from tautwave.analysis.stability_map import Column, vary
-from tautwave.analysis.wall_rules import quantised_stiffness
+from tautwave.analysis.maps.quantised import adversary_gain, paying_stiffness, quantised_plane
+from tautwave.analysis.maps.stability import Column, vary
+from tautwave.analysis.ports.sampled_loop import Device
+from tautwave.analysis.walls.rules import quantised_stiffness
+from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.errors import ConfigError
 
 START = Column(0.0, SampledWall(0.0, 0.0, 1e-3), Device(0.1, 0.7), 0.7, 0.03, 1e-4)

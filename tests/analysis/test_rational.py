@@ -11,16 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from tautwave.analysis import polynomials as poly
-from tautwave.analysis.axis import curve, passivity_margin, response, scan_passivity
-from tautwave.analysis.delay_roots import DelayLoop, rightmost_roots, unstable_count
-from tautwave.analysis.loops import (
+from tautwave.analysis.exact import polynomials as poly
+from tautwave.analysis.exact.axis import curve, passivity_margin, response, scan_passivity
+from tautwave.analysis.exact.delay_roots import DelayLoop, rightmost_roots, unstable_count
+from tautwave.analysis.exact.loops import (
     modulus_margin,
     revised_bode,
     stable_gains,
     unconditionally_stable,
 )
-from tautwave.analysis.rational import Delayed, Rational, S, Sampled, bilinear, rational
+from tautwave.analysis.exact.rational import Delayed, Rational, S, Sampled, bilinear, rational
 from tautwave.errors import ConfigError
 
 coefficients = st.lists(st.integers(-4, 4), min_size=2, max_size=7).filter(lambda c: c[0] != 0)
@@ -62,6 +62,26 @@ def test_floats_are_read_as_they_print_and_common_factors_go() -> None:
         rational([1], [0])
     with pytest.raises(ConfigError, match="finite"):
         rational([math.nan], [1])
+
+
+@pytest.mark.parametrize("number", [2, Fraction(2), np.int64(2), np.float64(2.0), 2.0])
+def test_numbers_may_stand_on_either_side(number: Fraction) -> None:
+    f = rational([1, 3], [1, 5, 7])
+    two = rational([2])
+    assert number + f == f + number == two + f
+    assert number - f == two - f == -(f - number)
+    assert number * f == f * number == two * f
+    assert number / f == two / f
+    assert f / number == f / two
+    assert (number * S) * 2**70 == rational([2**71, 0])  # beyond 64 bits
+    assert number * S * S + Fraction(1, 3) / (1 - S) == rational([-6, 6, 0, 1], [-3, 3])
+
+
+@pytest.mark.parametrize("other", [None, [1, 2], 1j])
+def test_what_is_no_number_is_refused_by_name(other: object) -> None:
+    for compute in (lambda: S + other, lambda: other - S, lambda: S * other, lambda: other / S):
+        with pytest.raises(TypeError, match=r"unsupported operand|can't multiply"):
+            compute()
 
 
 @pytest.mark.parametrize(
@@ -161,6 +181,29 @@ def test_argument_and_chebyshev_count_the_same(
     assert unstable_count(loop) == np.sum(right.imag > 0) * 2 + np.sum(right.imag == 0)
     for root in roots[:3]:
         assert abs(loop(complex(root))) < 1e-8 * max(1.0, abs(root)) ** len(corners) * 20
+
+
+@pytest.mark.parametrize(
+    ("now", "late", "delay", "where"),
+    [
+        ([1, 2, -3], [3], 0.1, "at s = 0"),
+        ([1, 1, 0], [1, 0], 0.5, "at s = 0"),
+        ([1, 0], [], 0.2, "at s = 0"),
+        ([1, 0], [], 0.0, "at s = 0"),
+        ([1, 0, 4], [], 0.0, "away from s = 0"),
+        ([1], [-1], 0.0, "zero everywhere"),
+    ],
+)
+def test_a_root_on_the_axis_is_told_without_a_warning(
+    now: list[int], late: list[int], delay: float, where: str
+) -> None:
+    with pytest.raises(ConfigError, match=where):
+        unstable_count(DelayLoop(poly.polynomial(now), poly.polynomial(late), delay))
+
+
+def test_without_a_delay_the_late_part_may_be_of_any_order() -> None:
+    """(s - 1)(s - 2), split so that the late part is of the higher order."""
+    assert unstable_count(DelayLoop(poly.polynomial([-3, 2]), poly.polynomial([1, 0, 0]), 0.0)) == 2
 
 
 def test_modulus_margin_is_least_on_a_grid() -> None:

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from tautwave.analysis.axis import passivity_margin, scan_passivity
-from tautwave.analysis.delay_roots import unstable_count
-from tautwave.analysis.loops import modulus_margin, revised_bode, unconditionally_stable
-from tautwave.analysis.positive_real import positive_real
-from tautwave.analysis.rational import Delayed, angle_of, bilinear, rational
-from tautwave.analysis.resonator import (
+from tautwave.analysis.exact.axis import passivity_margin, scan_passivity
+from tautwave.analysis.exact.delay_roots import unstable_count
+from tautwave.analysis.exact.loops import modulus_margin, revised_bode, unconditionally_stable
+from tautwave.analysis.exact.positive_real import positive_real
+from tautwave.analysis.exact.rational import Delayed, angle_of, bilinear, rational
+from tautwave.analysis.ports.resonator import (
     COUPLING,
     HAND,
     RESONATOR,
@@ -27,7 +27,7 @@ from tautwave.analysis.resonator import (
     loop,
     table,
 )
-from tautwave.analysis.resonator_sampled import (
+from tautwave.analysis.ports.resonator_sampled import (
     Scheme,
     rendered_hz,
     sampled_boundaries,

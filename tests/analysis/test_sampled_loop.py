@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from tautwave.analysis.loop_modes import (
+from tautwave.analysis.ports.loop_modes import (
     least_damped,
     loop_roots,
     mode_of,
@@ -16,7 +16,7 @@ from tautwave.analysis.loop_modes import (
     stability_boundary,
     stability_crossings,
 )
-from tautwave.analysis.sampled_loop import (
+from tautwave.analysis.ports.sampled_loop import (
     Device,
     LinearEnd,
     Site,

@@ -8,11 +8,11 @@ import time
 import numpy as np
 import pytest
 
-from tautwave.analysis.sampled_loop import Device
-from tautwave.analysis.sampled_wall import SampledWall, prompt_bound
-from tautwave.analysis.simulated_map import simulated_growths, simulated_map, time_growth
-from tautwave.analysis.stability_map import Column, stability_plane, vary
-from tautwave.analysis.wall_stability import wall_matrix, wall_mode
+from tautwave.analysis.maps.simulated import simulated_growths, simulated_map, time_growth
+from tautwave.analysis.maps.stability import Column, stability_plane, vary
+from tautwave.analysis.ports.sampled_loop import Device
+from tautwave.analysis.walls.sampled import SampledWall, prompt_bound
+from tautwave.analysis.walls.stability import wall_matrix, wall_mode
 from tautwave.errors import ConfigError
 
 T = 1e-3

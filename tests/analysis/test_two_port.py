@@ -8,19 +8,20 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from tautwave.analysis.delay_roots import DelayLoop, unstable_count
-from tautwave.analysis.polynomials import Poly, add, multiply, scale
-from tautwave.analysis.two_port import (
-    Channels,
+from tautwave.analysis.exact.delay_roots import DelayLoop, unstable_count
+from tautwave.analysis.exact.polynomials import Poly, add, multiply, scale
+from tautwave.analysis.ports.two_port import (
     Ends,
-    Rig,
-    absolute_stability,
     destabilising_ends,
-    four_channel,
     llewellyn,
+)
+from tests.analysis.reference.absolute import absolute_stability, refined_minimum
+from tests.analysis.reference.hybrids import (
+    Channels,
+    Rig,
+    four_channel,
     position_force,
     position_position,
-    refined_minimum,
     scattering_matrix,
     scattering_norm,
     wave_line,

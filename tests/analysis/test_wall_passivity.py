@@ -10,8 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tautwave.analysis.exact_bound import find_negative, is_schur, reduce_fraction
-from tautwave.analysis.sampled_wall import (
+from tautwave.analysis.exact.bounds import find_negative, is_schur, reduce_fraction
+from tautwave.analysis.walls.limits import (
+    greatest_damping,
+    greatest_stiffness,
+    is_passive,
+    least_rate,
+)
+from tautwave.analysis.walls.passivity import needed_damping, wall_leak
+from tautwave.analysis.walls.sampled import (
     PulseTransfer,
     SampledWall,
     lag_rule,
@@ -21,13 +28,6 @@ from tautwave.analysis.sampled_wall import (
     tustin_velocity,
     wall_transfer,
 )
-from tautwave.analysis.wall_limits import (
-    greatest_damping,
-    greatest_stiffness,
-    is_passive,
-    least_rate,
-)
-from tautwave.analysis.wall_passivity import needed_damping, wall_leak
 from tautwave.errors import ConfigError
 
 T = 1e-3

@@ -11,10 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tautwave.analysis.sampled_wall import SampledWall
-from tautwave.analysis.wall_limits import is_passive
-from tautwave.analysis.wall_passivity import wall_leak
-from tautwave.analysis.wall_rules import (
+from tautwave.analysis.walls.limits import is_passive
+from tautwave.analysis.walls.messages import (
+    passivity_sentence,
+    quantum_sentence,
+    stability_sentence,
+)
+from tautwave.analysis.walls.passivity import wall_leak
+from tautwave.analysis.walls.rules import (
     adversarial_energy,
     adversarial_positions,
     best_stroke,
@@ -30,8 +34,8 @@ from tautwave.analysis.wall_rules import (
     swing_threshold,
     velocity_quantum,
 )
-from tautwave.analysis.wall_verdict import WallDevice, assess_wall
-from tautwave.analysis.wall_words import passivity_sentence, quantum_sentence, stability_sentence
+from tautwave.analysis.walls.sampled import SampledWall
+from tautwave.analysis.walls.verdict import WallDevice, assess_wall
 from tautwave.laws.wall import WallParams, wall_depth, wall_effort
 from tautwave.models.encoder import quantise
 from tautwave.models.hand import PAPER_HAND

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tautwave.analysis.sampled_loop import Device
-from tautwave.analysis.sampled_wall import SampledWall, split_delay, velocity_gain
-from tautwave.analysis.wall_rules import linear_rule
-from tautwave.analysis.wall_stability import (
+from tautwave.analysis.ports.sampled_loop import Device
+from tautwave.analysis.walls.rules import linear_rule
+from tautwave.analysis.walls.sampled import SampledWall, split_delay, velocity_gain
+from tautwave.analysis.walls.stability import (
     held_device,
     stable_stiffness,
     wall_matrix,

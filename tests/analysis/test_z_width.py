@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.analysis.two_port import Rig, position_position, wave_line
-from tautwave.analysis.z_width import (
+from tautwave.analysis.ports.z_width import (
     Environment,
     greatest_impedance,
     least_impedance,
@@ -17,6 +16,7 @@ from tautwave.analysis.z_width import (
     transparency_error,
     z_width,
 )
+from tests.analysis.reference.hybrids import Rig, position_position, wave_line
 
 W = np.geomspace(0.1, 200.0, 500)
 

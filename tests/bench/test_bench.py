@@ -11,23 +11,15 @@ import pytest
 from click.testing import CliRunner
 
 from tautwave import bench
-from tautwave.bench import (
-    calls,
-    child,
-    chunks,
-    compiled,
-    live,
-    plain_c,
-    result,
-    rigs,
-    suites,
-    think,
-)
+from tautwave.bench import calls, chunks, compiled, result, rigs, suites
+from tautwave.bench.live import child, think
+from tautwave.bench.live import loop as live
+from tautwave.bench.plain import yardstick as plain_c
 from tautwave.bench.result import Goal, Suite, Table
 from tautwave.cli import bench as cli_bench
 from tautwave.cli import main
 
-OWN = [rigs.HERE / rig.own for rig in rigs.RIGS.values()]
+RIG = rigs.ONE_PAIR.path()
 
 
 def numbers(value: Any) -> list[float]:
@@ -82,7 +74,7 @@ def test_a_compiled_call_runs() -> None:
     assert works["track_velocity"](10) > 0.0
 
 
-@pytest.mark.parametrize("path", OWN, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [rig.path() for rig in rigs.RIGS.values()])
 def test_own_rigs_run_to_their_end(path: Path) -> None:
     found = live.fake_run(path, 0.05)
     assert found["rows_written"] == 50
@@ -90,26 +82,26 @@ def test_own_rigs_run_to_their_end(path: Path) -> None:
 
 
 def test_the_meter_sees_every_cycle() -> None:
-    found = live.cycle_cost(OWN[0], 0.3)
+    found = live.cycle_cost(RIG, 0.3)
     assert found["cycles"] == 300
     assert found["p10_us"] <= found["p50_us"] <= found["p90_us"]
 
 
 def test_the_real_time_run_says_what_it_was_granted() -> None:
-    found = live.realtime_run(OWN[0], 0.05)
+    found = live.realtime_run(RIG, 0.05)
     assert found["cycles"] + found["missed_cycles"] == 50
     assert len(found["realtime"]) == 3
     assert found["error"] is None
 
 
 def test_memory_is_sampled_and_its_slope_told() -> None:
-    found = live.memory(OWN[0], 0.04)
+    found = live.memory(RIG, 0.04)
     assert len(found["resident_mb"]) in (3, 4)
     assert found["growth_mb"] == found["last_mb"] - found["first_mb"]
 
 
 def test_a_measurement_in_a_process_of_its_own() -> None:
-    found = child.measure("fake_run", OWN[0], 0.02)
+    found = child.measure("fake_run", RIG, 0.02)
     assert found["simulated_s"] == pytest.approx(0.02)
 
 
@@ -243,7 +235,7 @@ def test_both_engines_are_timed_on_the_same_tables(same: bool) -> None:
         tables[-1][:] = 1.0 if same else 2.0
         return 1
 
-    rig = rigs.BenchRig("own", "absent.yaml", "one-pair.yaml")
+    rig = rigs.ONE_PAIR
     steps, found, equal = plain_c._measure(rig, {"a": one, "b": other}, 1, 0.002)
     assert steps == 2
     assert set(found) == {"a", "b"}

@@ -13,8 +13,8 @@ from click.testing import CliRunner
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tautwave.bench import plain_scene
-from tautwave.bench.lanes import (
+from tautwave.bench.plain import scene as plain_scene
+from tautwave.bench.plain.lanes import (
     SCALAR,
     _timed,
     _ways,
@@ -24,11 +24,11 @@ from tautwave.bench.lanes import (
     plain_rows,
     plain_sets,
 )
-from tautwave.bench.lanes_text import LANES
-from tautwave.bench.plain_scene import Plain, meet_wall, plain_set, run_plain
-from tautwave.bench.plain_truth import plain_plants, plain_truth
+from tautwave.bench.plain.lanes_text import LANES
+from tautwave.bench.plain.scene import Plain, meet_wall, plain_set, run_plain
+from tautwave.bench.plain.truth import plain_plants, plain_truth
 from tautwave.cli import main
-from tautwave.models.integrators import DORMAND_PRINCE, EXACT
+from tautwave.models.integrators.schemes import DORMAND_PRINCE, EXACT
 from tautwave.models.plant import plant_step
 from tautwave.models.plant_params import plant_cache
 

@@ -14,18 +14,19 @@ import pytest
 from click.testing import CliRunner
 
 from tautwave import bench
-from tautwave.bench import peers, peers_mujoco, workprecision_linear
-from tautwave.bench import workprecision_contact as contact
-from tautwave.bench import workprecision_runs as runs
-from tautwave.bench.workprecision_figure import energy_figure, error_figure
-from tautwave.bench.workprecision_points import Point, Scene, cheapest, cpu_time, pareto
+from tautwave.bench.peers import mujoco as peers_mujoco
+from tautwave.bench.peers import scipy_control as peers
+from tautwave.bench.workprecision import contact, plain_c, runs
+from tautwave.bench.workprecision import linear as workprecision_linear
+from tautwave.bench.workprecision.figure import energy_figure, error_figure
+from tautwave.bench.workprecision.points import Point, Scene, cheapest, cpu_time, pareto
 from tautwave.cli import main
 from tautwave.errors import ConfigError
 from tautwave.models.foam import FoamParams
-from tautwave.models.integrators import DISCRETE_GRADIENT, EXACT, RK4
+from tautwave.models.integrators.schemes import DISCRETE_GRADIENT, EXACT, RK4
 from tautwave.models.plant_params import FlowCache, PlantCache, PlantParams, plant_cache
 
-module = importlib.import_module("tautwave.bench.workprecision")  # hidden by its function
+module = importlib.import_module("tautwave.bench.workprecision.suite")  # hidden by its function
 
 
 def point(error: float, cpu_s: float, method: str = "rk4", **more: Any) -> Point:
@@ -187,7 +188,8 @@ def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     """All of it, without compiling anything."""
     monkeypatch.setattr(module, "_scenes", lambda *_: [SCENE])
     monkeypatch.setattr(
-        "tautwave.bench.workprecision_c.c_costs",
+        plain_c,
+        "c_costs",
         lambda *_: (bench.Table("C", "what", ("scene",), [["wall"]]), []),
     )
 
@@ -213,9 +215,9 @@ def test_it_writes_what_it_measured(tmp_path: Path) -> None:
 def test_the_figure_marks_front_choice_and_real_time() -> None:
     axes = error_figure([SCENE], 1e-4).axes[0]
     lines = {str(line.get_label()): np.asarray(line.get_xydata()) for line in axes.lines}
-    stairs = lines["Pareto front\nof tautwave"]
+    stairs = lines["Pareto front of tautwave"]
     assert np.array_equal(stairs, [[3.0, 1e-4], [1e-2, 1e-4], [1e-4, 1e-3]])
-    assert np.array_equal(lines["auto at 1 ms:\nrk4"], [[1e-4, 1e-3]])
+    assert np.array_equal(lines["what is taken"], [[1e-4, 1e-3]])
     assert any(np.array_equal(np.asarray(line.get_ydata()), [1.0, 1.0]) for line in axes.lines)
     assert len(lines["rk4"]) == 3  # the one that exploded is not drawn
     assert energy_figure([SCENE]).axes
@@ -224,7 +226,7 @@ def test_the_figure_marks_front_choice_and_real_time() -> None:
 @pytest.mark.slow
 def test_every_scene_in_c_has_the_bits_of_numba() -> None:
     pytest.importorskip("numba")
-    from tautwave.bench.workprecision_c import c_costs
+    from tautwave.bench.workprecision.plain_c import c_costs
 
     table, _ = c_costs((contact.WALL, contact.HERTZ), (), 1.0, 1)
     assert {row[5] for row in table.rows} == {"yes"}

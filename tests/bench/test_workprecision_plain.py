@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from tautwave.bench import peers_mujoco
-from tautwave.bench.lanes import plain_aims, plain_rows
-from tautwave.bench.plain_truth import plain_error, plain_plants, plain_truth
-from tautwave.bench.workprecision_plain import (
+from tautwave.bench.peers import mujoco as peers_mujoco
+from tautwave.bench.plain.lanes import plain_aims, plain_rows
+from tautwave.bench.plain.truth import plain_error, plain_plants, plain_truth
+from tautwave.bench.workprecision.plain import (
     ALONE,
     NAME,
     PLAIN,
@@ -24,9 +24,9 @@ from tautwave.bench.workprecision_plain import (
     plain_scene,
     run_devices,
 )
-from tautwave.bench.workprecision_points import Point, Scene
-from tautwave.bench.workprecision_rig import WAVE_WALL
-from tautwave.models.integrators import EXACT
+from tautwave.bench.workprecision.points import Point, Scene
+from tautwave.bench.workprecision.rig import WAVE_WALL
+from tautwave.models.integrators.schemes import EXACT
 from tautwave.models.plant_params import plant_cache
 
 

@@ -9,11 +9,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tautwave.bench import peers_network
-from tautwave.bench import workprecision_scenes as scenes
-from tautwave.bench.workprecision_scenes import DRUM, GRANULAR, RESONATOR, STRING, Stage, refined
-from tautwave.offline.playing import Played
+from tautwave.bench.peers import network as peers_network
+from tautwave.bench.workprecision import scene_points, scenes
+from tautwave.bench.workprecision.scenes import DRUM, GRANULAR, RESONATOR, STRING, Stage, refined
 from tautwave.scene.network import String
+from tautwave.simulation.scene.playing import Played
 
 
 def stage_of(scene: scenes.SceneRig, begin_s: float, span_s: float) -> Stage:
@@ -107,14 +107,17 @@ def test_a_scene_is_told_with_what_its_rig_runs(monkeypatch: pytest.MonkeyPatch)
     made = Stage.__init__
     monkeypatch.setattr(Stage, "__init__", lambda s, scene: made(s, scene, "python"))
     monkeypatch.setattr(scenes, "FINEST", 8)
-    monkeypatch.setattr(scenes, "_FACTORS", {False: (Fraction(1, 2), Fraction(1), Fraction(2))})
+    monkeypatch.setattr(
+        scene_points, "FACTORS", {False: (Fraction(1, 2), Fraction(1), Fraction(2))}
+    )
     short = RESONATOR._replace(begin_s=0.21, span_s=0.01)
-    scene = scenes.network_scene(short, False, 1e-4, 1, ())
+    scene = scene_points.network_scene(short, False, 1e-4, 1, ())
     assert {point.method for point in scene.points} == {
-        *("exact", "discrete_gradient", "symplectic_euler")
+        *("exact", "discrete_gradient", "symplectic_euler", "rk4")
     }
     assert scene.chosen is not None
     assert scene.chosen.step_s == 1e-4
     assert "exact at 10000 Hz is what the rig runs" in scene.why
-    assert scene.label == "the rig at 10 kHz"
+    assert "auto takes exact: springs and dampers only" in scene.why
+    assert scene.label == "auto at 10 kHz"
     assert all(point.cpu_s > 0.0 for point in scene.points)

@@ -15,15 +15,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.analysis.rational import Sampled, rational
-from tautwave.analysis.sampled_loop import Device
-from tautwave.analysis.sampled_wall import SampledWall, wall_transfer
-from tautwave.analysis.wall_passivity import wall_leak
+from tautwave.analysis.exact.rational import Sampled, rational
+from tautwave.analysis.ports.sampled_loop import Device
+from tautwave.analysis.walls.passivity import wall_leak
+from tautwave.analysis.walls.sampled import SampledWall, wall_transfer
 from tautwave.certificate import Certificate
 from tautwave.config import Rig
-from tautwave.offline import simulate
-from tautwave.offline.simulation import Simulation
 from tautwave.rig import pair_scale
+from tautwave.simulation import simulate
+from tautwave.simulation.rows import Simulation
 from tests.rigs.running import Tree, tree
 
 Array = npt.NDArray[np.float64]

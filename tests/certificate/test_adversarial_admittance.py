@@ -16,8 +16,8 @@ import pytest
 
 from tautwave.certificate import Certificate, certify
 from tautwave.config import Rig
-from tautwave.offline import simulate
 from tautwave.rig import pair_scale
+from tautwave.simulation import simulate
 from tests.certificate.adversaries import Draw, allowed, draw_rig, feigned, gain, with_users
 from tests.rigs.running import Tree, rig_of
 

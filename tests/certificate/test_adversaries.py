@@ -12,14 +12,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tautwave.analysis.loop_modes import spectral_radius
-from tautwave.analysis.sampled_loop import Device
-from tautwave.analysis.sampled_wall import SampledWall
-from tautwave.analysis.wall_limits import is_passive
-from tautwave.analysis.wall_passivity import wall_leak
-from tautwave.analysis.wall_stability import wall_matrix, wall_mode
+from tautwave.analysis.ports.loop_modes import spectral_radius
+from tautwave.analysis.ports.sampled_loop import Device
+from tautwave.analysis.walls.limits import is_passive
+from tautwave.analysis.walls.passivity import wall_leak
+from tautwave.analysis.walls.sampled import SampledWall
+from tautwave.analysis.walls.stability import wall_matrix, wall_mode
 from tautwave.laws.port import port_debt, port_params
-from tautwave.offline import simulate
+from tautwave.simulation import simulate
 from tests.certificate.adversaries import tuned
 from tests.rigs.drawing import magnitudes
 from tests.rigs.running import rig_of, tree

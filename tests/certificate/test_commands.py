@@ -147,7 +147,7 @@ def test_run_may_be_allowed_and_carries_a_banner(tmp_path: Path) -> None:
     assert certificate["allowed_uncertified"] is True
     assert certificate["after_run"]["invalidated"] is False  # there was nothing to break
     page = page_of(tmp_path / "out")
-    assert '<div class="banner bad"><b>This rig was not certified' in page
+    assert '<div class="banner bad"><b>This rig was run without certificate' in page
     assert "2.25 x the passive limit 4" in page
 
 
@@ -185,7 +185,7 @@ def test_overruns_in_a_wall_break_the_certificate(tmp_path: Path) -> None:
     assert held["held_s"] == pytest.approx(4e-3)  # three slots skipped: one effort for four
     assert held["needed_damping"] == pytest.approx(3.0 * 4e-3 / 2.0 + 4e-4, rel=1e-6)
     assert "held for 4 ms" in done.stderr
-    assert "breaks its certificate" in page_of(tmp_path / "out")
+    assert "invalidates its certificate" in page_of(tmp_path / "out")
 
 
 @pytest.mark.usefixtures("one_process")

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.analysis.admittance_loop import Outside, admittance_end
-from tautwave.analysis.loop_modes import least_damped
-from tautwave.analysis.sampled_loop import Device, Site, close_loop, reflecting_end, wave_end
-from tautwave.analysis.sampled_wall import SampledWall
-from tautwave.analysis.wall_stability import wall_mode
+from tautwave.analysis.ports.admittance_loop import Outside, admittance_end
+from tautwave.analysis.ports.loop_modes import least_damped
+from tautwave.analysis.ports.sampled_loop import Device, Site, close_loop, reflecting_end, wave_end
+from tautwave.analysis.walls.sampled import SampledWall
+from tautwave.analysis.walls.stability import wall_mode
 from tautwave.certificate.belief import declared_delays
 from tautwave.certificate.loops import believed_end
 from tautwave.laws.admittance import admittance_params, greatest_stiffness
@@ -38,7 +38,7 @@ def test_a_share_of_a_period_is_not_covered() -> None:
     certificate = certified(*NO_WALLS, "buses.arm.options={command_delay_s: 0.0014}")
     port = element(certificate, "slave.lever port")
     assert not certificate.passed
-    assert "1.4 periods late, and the proof is for whole periods" in port.passive.reason
+    assert "1.4 periods late, and the proof covers whole periods only" in port.passive.reason
     assert element(certificate, "master.lever port").passive.passed
 
 
@@ -120,7 +120,7 @@ def test_an_admittance_port_needs_its_bound_and_a_prompt_drive() -> None:
     assert "reaches its velocity within one period" in prompt.passive.conditions[0]
     damped = "simulation.environment.lever={type: wall, position: 0.1, stiffness: 1, damping: 0.1}"
     found = element(certified(f"{key}=1.0e-4", damped, name=name), "slave.lever port")
-    assert "the proof is for a spring outside" in found.passive.reason
+    assert "the proof assumes a pure spring as environment" in found.passive.reason
     bound = "slave.axes.lever.environment_stiffness_upper"
     for value, words in (("0", "nothing is guaranteed"), ("0.5", "has 1 N m/rad, more than")):
         found = element(

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tautwave.certificate import certify
 from tautwave.config import render_stiffness
 from tests.rigs.drawing import rigs
-from tests.rigs.running import Tree, rig_of, run_rig
+from tests.rigs.running import Tree, pair_of, rig_of, run_rig
 
 
 @settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
@@ -33,11 +33,12 @@ def test_motors_give_no_more_than_they_took(data: Tree, damping: float) -> None:
     walls = certificate.walls.items()
     rig = render_stiffness(rig, {axis: wall["rendered_stiffness"] for axis, wall in walls})
     run = run_rig(rig, raises=False)
-    for at in run.assembly.pairs:
+    for name in rig.coupling.pairs:
+        pair = pair_of(run.assembly, name)
         given_out, flow = 0.0, 0.0
-        for side, weight in (("master", 1.0), ("slave", at.pair.weight)):
+        for side, weight in (("master", 1.0), ("slave", pair.params.weight)):
             work, lost = (
-                weight * run[f"plant.{side}.{at.pair.name}.{part}"]
+                weight * run[f"plant.{side}.{name}.{part}"]
                 for part in ("motor_work", "viscous_loss")
             )
             given_out = given_out + (work - work[0]) - (lost - lost[0])

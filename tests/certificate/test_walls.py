@@ -81,7 +81,7 @@ def test_wall_and_port_share_the_damping() -> None:
     assert port.numbers["damping_of_wall"] == pytest.approx(1.9e-3)
     assert port.numbers["damping_left"] == pytest.approx(1e-4)
     told = " ".join(port.sentences)
-    assert "0.0001 N m s/rad of damping that its wall leaves it" in told
+    assert "0.0001 N m s/rad of damping left over by its wall" in told
     # b mu k T / (1 + 2 b mu) = 0.02 * 0.5 * 5 * 1e-3 / 1.02 = 4.9e-5 of the simulation's wall
     assert "takes 0.0019 and its port, held by the simulation's wall, 4.9e-05" in told
     assert "0.001949 in all" in told
@@ -91,7 +91,7 @@ def test_passivity_control_stands_in_for_damping() -> None:
     control, free = "passivity_control: true", "slave.axes.lever.effort_rate_limit="
     limited = element(certified(wall(40.0, 0.0, control)), "slave wall").passive
     assert not limited.passed
-    assert "effort_rate_limit lets it fall by 0.5 per period only; raise that to 1100" in (
+    assert "effort_rate_limit allows a drop of only 0.5 per period; raise that to 1100" in (
         limited.reason
     )
     certificate = certified(wall(40.0, 0.0, control), free)
@@ -103,7 +103,7 @@ def test_passivity_control_stands_in_for_damping() -> None:
     assert element(certificate, "slave.lever port").numbers["damping_of_wall"] == 0.0
     late = element(certified(wall(40.0, 0.0, control), free, LATE), "slave wall")
     assert not late.passive.passed
-    assert "at once only" in late.passive.reason
+    assert "only without command delay" in late.passive.reason
     light = "simulation.axes.slave.lever.inertia=9.0e-4"
     wrong = certified(wall(40.0, 0.0, control), free, light)
     assert not element(wrong, "slave wall").passive.passed
@@ -214,7 +214,7 @@ def test_derate_renders_the_stiffest_passive_wall() -> None:
     assert (told["asked_stiffness"], told["rendered_stiffness"]) == (9.0, pytest.approx(3.2, 1e-5))
     assert told["rendered_stiffness"] <= 3.2
     sentences = element(certificate, "slave wall").sentences
-    assert "K = 9 N m/rad is asked, and derated to 3.2" in sentences[0]
+    assert "K = 9 N m/rad requested, derated to 3.2" in sentences[0]
 
 
 def test_derate_leaves_a_certified_wall_alone() -> None:

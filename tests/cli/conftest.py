@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 import tautwave
+import tautwave.session.facts  # beneath a stub of the session there is no package to find it in
 from tautwave.cli import main
 from tautwave.contracts import Budget
 
@@ -47,6 +48,8 @@ class Backend:
         self.summary = dict(SUMMARY)
         self.exit_code = 0
         self.error: BaseException | None = None
+        self.ways: list[str] = []
+        self.ways_asked: dict[str, Any] = {}
 
     def load_rig(self, path: Path, overrides: Sequence[str] = ()) -> Any:
         self.loaded = (path, overrides)
@@ -62,11 +65,18 @@ class Backend:
             summary=self.summary, directory=arguments["out"], exit_code=self.exit_code
         )
 
-    def check(self, rig: Any) -> Any:
+    def describe_ways(self, rig: Any, **asked: Any) -> list[str]:
+        self.ways_asked = asked
+        return self.ways
+
+    def check(self, rig: Any, **asked: Any) -> Any:
         if self.error is not None:
             raise self.error
         return SimpleNamespace(
-            facts=[("rate", "1000 Hz"), ("delay", "50 ms, 50 samples")],
+            facts=[("rate", "1000 Hz"), ("pair wrist", "50 ms, 50 samples")],
+            pairs=[("wrist", "50 ms", "2.5 rad/(N m)", "98% of the effort")],
+            axes=[("master.wrist", "hand 1", "effort", "1 N m", "no step", "none")],
+            failures=[],
             plan=[
                 ("delay line", "in", "delay_s is 0.05"),
                 ("wall_master", "left out", "the rig has none"),
@@ -83,7 +93,7 @@ def backend(monkeypatch: pytest.MonkeyPatch) -> Backend:
     stub = Backend()
     for name, members in (
         ("config", {"load_rig": stub.load_rig, "rig_schema": lambda: {"title": "Rig"}}),
-        ("session", {"run": stub.run, "check": stub.check}),
+        ("session", {"run": stub.run, "check": stub.check, "describe_ways": stub.describe_ways}),
     ):
         module = ModuleType(f"tautwave.{name}")
         for member, value in members.items():

@@ -46,7 +46,7 @@ def test_version(tautwave_cli: Cli) -> None:
     [
         (["chek", "rig.yaml"], "Did you mean 'check'?"),
         (["rum"], "Did you mean 'run'?"),
-        (["zzz"], "There are run, check, sim, scan, sweep, identify, report, drivers"),
+        (["zzz"], "There are example, run, check, sim, scan, sweep, identify, report, drivers"),
         (["run", "rig.yaml", "--duratoin", "1"], "--duration"),
         (["run", "rig.yaml", "--clock", "fast"], "'real', 'fake'"),
         (["run", "rig.yaml", "--duration", "nan"], "finite number above 0"),
@@ -79,7 +79,18 @@ def test_run_passes_everything_on(tautwave_cli: Cli, backend: Backend, tmp_path:
         "allow_unwatched": False,
         "configure": True,
         "attach": False,
+        "simulate": (),
     }
+
+
+def test_run_says_first_which_way_each_bus_takes(tautwave_cli: Cli, backend: Backend) -> None:
+    backend.ways = ["bus hand  hardware at /dev/ttyUSB0", "bus arm   simulated here, in memory"]
+    result = tautwave_cli("run", "rig.yaml", "--simulate", "arm", "--simulate", "leg", "--attach")
+    assert result.stdout.splitlines()[:2] == backend.ways
+    assert backend.ways_asked == {"clock": "real", "simulate": ("arm", "leg"), "attach": True}
+    assert backend.run_arguments["simulate"] == ("arm", "leg")
+    tautwave_cli("run", "rig.yaml", "--simulate", "--duration", "2")
+    assert backend.run_arguments["simulate"] is True
 
 
 def test_run_shows_the_summary(tautwave_cli: Cli, backend: Backend) -> None:
@@ -106,7 +117,7 @@ def test_what_runs_unwatched_is_said_before_and_after(tautwave_cli: Cli, backend
     assert result.exit_code == 0
     assert backend.run_arguments["allow_unwatched"] is True
     first, *rest = result.stderr.splitlines()
-    assert first.startswith("UNWATCHED: by --allow-unwatched")
+    assert first.startswith("UNWATCHED: --allow-unwatched")
     assert "emergency stop" in first
     assert rest == [loud]
 
@@ -114,15 +125,15 @@ def test_what_runs_unwatched_is_said_before_and_after(tautwave_cli: Cli, backend
 def test_a_run_that_was_stopped_says_so_on_stderr(tautwave_cli: Cli, backend: Backend) -> None:
     sentence = "slave.wrist left its position range at 1.2 s."
     backend.summary["outcome"] = {"kind": "safety_stop", "sentence": sentence}
-    backend.summary["recording"] = {"rows_dropped": 7, "error": "disk full"}
+    backend.summary["incomplete"] = "the recording is incomplete: disk full"
     backend.summary["report_error"] = "the report could not be written: no font"
     backend.exit_code = 6
     result = tautwave_cli("run", "rig.yaml")
     assert result.stdout.startswith("bench / 1dof: safety stop, 2000 cycles")
     assert "the report could not be written: no font." in result.stdout
-    assert "7 rows of the recording were dropped." in result.stdout
-    assert "The recording failed: disk full" in result.stdout
-    assert result.stderr == f"{sentence}\n"
+    assert "The recording is incomplete: disk full." in result.stdout
+    told = "slave.wrist left its position range at 1.2 s; the recording is incomplete: disk full"
+    assert result.stderr == f"{told}\n"
 
 
 def test_a_run_of_which_little_is_known_is_shown_too(tautwave_cli: Cli, backend: Backend) -> None:
@@ -157,7 +168,7 @@ def test_a_directory_that_cannot_be_made_is_one_sentence(
     (tmp_path / "file").write_text("")
     result = tautwave_cli("run", "rig.yaml", "--out", "file/sub")
     assert result.exit_code == 2
-    assert result.stderr == "file/sub: cannot be used as the run's directory: Not a directory\n"
+    assert result.stderr == "file/sub: cannot be a directory: Not a directory\n"
 
 
 @pytest.mark.parametrize(
@@ -208,7 +219,7 @@ def test_an_unexpected_error_is_a_sentence_and_a_file(
 
 
 def test_check_prints_facts_plan_time_and_certificate(tautwave_cli: Cli, backend: Backend) -> None:
-    result = tautwave_cli("check", "rig.yaml")
+    result = tautwave_cli("check", "rig.yaml", "--verbose")
     assert result.exit_code == 0
     for line in (
         r"delay line +in +delay_s is 0\.05",
@@ -220,6 +231,11 @@ def test_check_prints_facts_plan_time_and_certificate(tautwave_cli: Cli, backend
     ):
         assert re.search(line, result.stdout), f"{line} is not in\n{result.stdout}"
     assert "passed" not in result.stdout
+    assert result.stdout.endswith("bench / 1dof: may run.\n")
+    short = tautwave_cli("check", "rig.yaml").stdout
+    assert "4 frames" not in short
+    assert "delay line" not in short
+    assert re.search(r"wrist +50 ms", short)
 
 
 def test_check_json_and_out(tautwave_cli: Cli, backend: Backend, tmp_path: Path) -> None:
@@ -227,6 +243,8 @@ def test_check_json_and_out(tautwave_cli: Cli, backend: Backend, tmp_path: Path)
     printed = json.loads(result.stdout)
     assert printed == {"name": "bench", "plan": [["delay line", "in", ""]]}
     assert json.loads((tmp_path / "a/b/check.json").read_text()) == printed
+    whole = tautwave_cli("check", "rig.yaml", "--verbose").stdout
+    assert (tmp_path / "a/b/check.txt").read_text() == whole
 
 
 def test_check_schema_needs_no_rig(tautwave_cli: Cli, backend: Backend) -> None:

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from tautwave.cli import progress_bar
-from tautwave.cli.progress import Progress
-from tautwave.cli.show import Cell, Section, plain, plain_lines
+from tautwave.cli.terminal import progress_bar
+from tautwave.cli.terminal.progress import Progress
+from tautwave.cli.terminal.show import Cell, Section, plain, plain_lines
 
 TABLE = Section(
     "Tracking", ("pair", ">rms"), [("wrist", "1.5 mrad"), ("elbow", Cell("12 µrad", "red"))]
@@ -39,7 +39,8 @@ def test_plain_figures_can_be_read_by_a_script() -> None:
 
 def test_a_terminal_gets_a_table_with_colours() -> None:
     code = (
-        "from tautwave.cli.show import *; show([Section('Title', ('a',), [(Cell('bad', BAD),)])])"
+        "from tautwave.cli.terminal.show import *\n"
+        "show([Section('Title', ('a',), [(Cell('bad', BAD),)])])"
     )
     main, side = pty.openpty()
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from types import SimpleNamespace
 from typing import Annotated, Any
 
 import pytest
@@ -11,7 +12,14 @@ from click.testing import Result
 from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave import registry
-from tautwave.contracts import Bench, Budget, BusSpec, DriverPlugin, SimulatorPlugin
+from tautwave.contracts import (
+    Bench,
+    Budget,
+    BusSpec,
+    DriverPlugin,
+    ScanProgress,
+    SimulatorPlugin,
+)
 
 Cli = Callable[..., Result]
 
@@ -31,7 +39,8 @@ def _never(*_: Any) -> Any:
     raise NotImplementedError
 
 
-def _scan(options: Asked) -> Sequence[Mapping[str, Any]]:
+def _scan(options: Asked, progress: ScanProgress) -> Sequence[Mapping[str, Any]]:
+    progress(0.5, "1 found")
     if options.slow:
         return []
     return [
@@ -91,6 +100,43 @@ def test_scan_is_a_table_or_json(tautwave_cli: Cli) -> None:
         {"id": 1, "model": "X", "errors": None},
         {"id": 2, "model": "X", "errors": ["hot", "loud"]},
     ]
+
+
+def test_a_scan_shows_how_far_it_is(capfd: pytest.CaptureFixture[str], tautwave_cli: Cli) -> None:
+    tautwave_cli("scan", "acme", "--model", "X")
+    assert "scan acme:  50 %  1 found" in capfd.readouterr().err
+
+
+def test_a_scan_of_others_that_takes_its_options_alone_shows_no_progress(
+    monkeypatch: pytest.MonkeyPatch, tautwave_cli: Cli
+) -> None:
+    old = DRIVER._replace(scan=lambda options: [{"id": 4, "model": options.model}])
+    monkeypatch.setattr(registry, "load_driver", lambda _: old)
+    done = tautwave_cli("scan", "acme", "--model", "X", "--json")
+    assert json.loads(done.stdout) == [{"id": 4, "model": "X"}]
+
+
+@pytest.mark.parametrize(("driver", "option"), [("dynamixel", "--port"), ("modbus", "--endpoint")])
+@pytest.mark.parametrize("found", [[], ["/dev/ttyUSB7"]])
+def test_a_scan_without_a_port_names_those_there_are(
+    tautwave_cli: Cli, monkeypatch: pytest.MonkeyPatch, driver: str, option: str, found: list[str]
+) -> None:
+    ports = [SimpleNamespace(device=name, description="FT232R") for name in found]
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: ports)
+    done = tautwave_cli("scan", driver)
+    assert done.exit_code == 2
+    told = f"scan {driver}: {option} is missing; "
+    told += "serial ports found: /dev/ttyUSB7 (FT232R)" if found else "no serial port is found"
+    assert done.stderr.splitlines()[-1].startswith(told)
+
+
+@pytest.mark.parametrize("driver", ["dynamixel", "modbus", "canopen"])
+def test_help_prints_no_default_that_is_none(tautwave_cli: Cli, driver: str) -> None:
+    for command in ("scan", "sim"):
+        told = tautwave_cli(command, driver, "--help").stdout
+        assert "--" in told
+        assert "None" not in told
+        assert "[default: ]" not in told
 
 
 def test_scan_that_finds_nothing_says_so(tautwave_cli: Cli) -> None:

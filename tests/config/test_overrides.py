@@ -96,7 +96,7 @@ def test_a_right_value_replaces_a_wrong_one() -> None:
         ),
         (
             "loop.cpus=1",
-            "unknown key 'cpus'; did you mean 'cpu'? Allowed: missing_limit, "
+            "unknown key 'cpus'; did you mean 'cpu'? Allowed: engine, missing_limit, "
             "overrun_limit, fifo_priority, cpu, lock_memory, ring_rows",
         ),
         (

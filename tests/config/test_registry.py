@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from importlib.metadata import Distribution, EntryPoint
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tautwave import registry
+from tautwave.config import load_rig, parse_rig
 from tautwave.errors import ConfigError
 from tests.config import plugins
+
+ROOT = Path(__file__).parents[2]
 
 
 def test_load() -> None:
@@ -87,3 +93,36 @@ def test_list_survives_broken_plugins() -> None:
 def test_our_own_loopback_is_installed() -> None:
     assert not registry.load_driver("loopback").hardware
     assert registry.load_simulator("loopback").options is registry.load_driver("loopback").options
+
+
+def test_a_law_that_does_not_load_says_why_with_its_line(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def points(group: str) -> list[EntryPoint]:
+        return [EntryPoint("broken", "no_such_module:plugin", group)]
+
+    monkeypatch.setattr(registry, "entry_points", points)
+    rig = tmp_path / "rig.yaml"
+    rig.write_text("name: bench\ncoupling:\n  law: broken\n  pairs: {}\n")
+    with pytest.raises(ConfigError, match=r"rig.yaml:3: coupling.law: coupling 'broken' .*import"):
+        load_rig(rig)
+
+
+@pytest.mark.installed
+def test_naming_a_law_imports_nothing_of_it() -> None:
+    code = (
+        "import sys; from tautwave import registry; registry.load_coupling('wave');"
+        "print([name for name in sys.modules if name.startswith('tautwave.couplings.wave.')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.installed
+def test_keys_of_other_laws_that_say_nothing_are_read() -> None:
+    path = ROOT / "configs" / "bench-1dof-loopback.yaml"
+    text = path.read_text().replace(
+        "wave_impedance:", "stiffness: null\n      damping: null\n      wave_impedance:"
+    )
+    assert "stiffness: null" in text
+    assert parse_rig(text, path).coupling == load_rig(path).coupling

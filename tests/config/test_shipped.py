@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tautwave.config import Pair, Rig, load_rig, simulation_of
+from tautwave.errors import ConfigError
 
 CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
 pytestmark = pytest.mark.installed
@@ -98,3 +99,20 @@ def test_nothing_heavy_is_imported(action: str, heavy: tuple[str, ...]) -> None:
         [sys.executable, "-c", code, str(bench)], capture_output=True, text=True, check=True
     )
     assert said.stdout == "set()\n"
+
+
+@pytest.mark.parametrize(
+    ("rig", "given", "named"),
+    [
+        ("bench-canopen-virtual", "can.options.simulator={quueue: 3}", "did you mean 'queue'"),
+        ("bench-dynamixel-sim", "servos.options.simulator={faullts: {}}", "unknown key 'faullts'"),
+        ("bench-modbus-tcp-sim", "arm.options.simulator={faullts: {}}", "unknown key 'faullts'"),
+    ],
+)
+def test_keys_of_simulated_devices_are_checked_with_the_rig(
+    rig: str, given: str, named: str
+) -> None:
+    """A driver takes its simulator's block as it is; only the simulator knows what is in it."""
+    path = next(one for one in CONFIGS if one.stem == rig)
+    with pytest.raises(ConfigError, match=named):
+        load_rig(path, [f"buses.{given}"])

@@ -72,7 +72,7 @@ def test_an_alias_bomb_does_not_go_off() -> None:
 
 def test_half_a_surrogate_pair() -> None:
     parsed = parse_yaml(r'name: "\ud800"')
-    assert parsed.problems[0].text == "the text holds half of a surrogate pair"
+    assert parsed.problems[0].text == "the text contains an unpaired surrogate"
 
 
 @pytest.mark.parametrize("text", ["[" * 5000, "- " * 5000, "{a: " * 5000, "[" * 30 + "]" * 30])

@@ -7,9 +7,9 @@ import pytest
 from tautwave.clock import FakeClock
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.errors import DriverError
+from tautwave.testing import DriverBench, DriverContract
 from tautwave.types import SAFE_COMMAND
 from tautwave_sim.loopback import LoopbackDriver, LoopbackOptions, LoopbackSimulator, plugin
-from tests.drivers.contract import DriverBench, DriverContract
 from tests.sim.truths import truth
 
 

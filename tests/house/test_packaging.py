@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import tautwave
-from tautwave.contracts import DriverPlugin, SimulatorPlugin
+from tautwave.contracts import CouplingPlugin, DriverPlugin, SimulatorPlugin
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -21,6 +21,14 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 def test_the_version_is_the_installed_one() -> None:
     assert version("tautwave") == tautwave.__version__
+
+
+def test_the_changelog_begins_with_this_version() -> None:
+    heading = re.search(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert heading is not None
+    when = re.fullmatch(rf"\[{re.escape(tautwave.__version__)}\] - (\S+)", heading[1])
+    assert when is not None, heading[1]
+    assert when[1] == "unreleased" or re.fullmatch(r"\d{4}-\d{2}-\d{2}", when[1])
 
 
 @pytest.mark.parametrize("package", ["tautwave", "tautwave_drivers", "tautwave_sim"])
@@ -32,7 +40,11 @@ def test_each_package_is_typed(package: str) -> None:
 
 @pytest.mark.parametrize(
     ("group", "kind"),
-    [("tautwave.drivers", DriverPlugin), ("tautwave.simulators", SimulatorPlugin)],
+    [
+        ("tautwave.drivers", DriverPlugin),
+        ("tautwave.simulators", SimulatorPlugin),
+        ("tautwave.couplings", CouplingPlugin),
+    ],
 )
 def test_each_entry_point_is_a_plugin(group: str, kind: type) -> None:
     names = {
@@ -51,7 +63,7 @@ def test_all_holds_every_run_time_extra() -> None:
     (spelled,) = extras["all"]
     named = set(re.findall(r"\w+", spelled.partition("[")[2]))
     # sound: a way out where the system has no player; it needs PortAudio of the system
-    assert named == set(extras) - {"all", "test", "dev", "bench", "sound"}
+    assert named == set(extras) - {"all", "test", "dev", "docs", "bench", "sound"}
 
 
 @pytest.mark.parametrize("name", tautwave.__all__)

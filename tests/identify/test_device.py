@@ -14,8 +14,10 @@ from click.testing import CliRunner, Result
 
 from tautwave.cli import main
 from tautwave.config import Rig, load_rig, simulation_of
-from tautwave.errors import ConfigError, NotCertifiedError, SafetyStop
-from tautwave.report.recording import read_recording
+from tautwave.contracts import Endpoint
+from tautwave.errors import BusTimeout, ConfigError, NotCertifiedError, SafetyStop
+from tautwave.report.run.recording import read_recording
+from tautwave.rig import BusWay, Way
 from tautwave.session import identifying
 from tautwave.session.exciting import Excitation, plan_excitation
 from tautwave.session.identifying import identify_device
@@ -98,7 +100,7 @@ def test_leaving_the_range_stops_and_says_what_to_do(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Excitation, "effort", lambda *_: 0.05)  # the gain fails to follow
-    with pytest.raises(SafetyStop, match=r"left its position range .* made safe"):
+    with pytest.raises(SafetyStop, match=r"left its position range.* all axes stopped safely"):
         identify_device(
             load_rig(BENCH), axis="master.lever", out=tmp_path, clock="fake", duration_s=3.0
         )
@@ -142,6 +144,8 @@ def test_an_axis_without_a_range_is_not_shaken() -> None:
 
 def test_uncertified_hardware_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rig = load_rig(BENCH).model_copy(update={"simulation": None})
+    way = BusWay(Way.HARDWARE, Endpoint("real", "/dev/ttyUSB0"))
+    monkeypatch.setattr(identifying, "bus_ways", lambda *_, **__: dict.fromkeys(rig.buses, way))
     plugin: Any = SimpleNamespace(hardware=True)
     monkeypatch.setattr(identifying, "load_driver", lambda _: plugin)
     monkeypatch.setattr(
@@ -193,3 +197,10 @@ def test_the_table_names_what_was_found(cli: Cli) -> None:
         "coupling was off",
     ):
         assert words in done.stdout
+
+
+def test_a_stop_outranks_a_recording_that_is_incomplete_and_names_both() -> None:
+    with pytest.raises(SafetyStop, match=r"too fast; .*smaller --reach or --share; disk full"):
+        identifying._tell("master.lever", SafetyStop("too fast"), "disk full")
+    with pytest.raises(BusTimeout, match=r"^arm: no answer; disk full$"):
+        identifying._tell("master.lever", BusTimeout("arm: no answer"), "disk full")

@@ -83,7 +83,7 @@ def test_free_motion_is_no_contact(name: str, cli: Cli) -> None:
     result = identify_recording(DATA / f"{name}.csv")
     assert not result.found
     assert result.as_dict()["snippet"] is None
-    assert any("No contact is seen" in note for note in result.notes)
+    assert any("No contact found" in note for note in result.notes)
 
 
 @needs_data
@@ -151,7 +151,7 @@ def test_columns_are_told_by_their_names_or_asked_for(cli: Cli, tmp_path: Path) 
     missing = cli("identify", named)
     assert missing.exit_code == 2
     assert missing.stderr.strip() == (
-        f"{named}: no column says that it is the time; name it with --time (there are clock, a, b)"
+        f"{named}: no column is named as the time; name it with --time (there are clock, a, b)"
     )
     wrong = cli("identify", named, "--time", "clock", "--position", "c")
     assert "there is no column 'c'; there are clock, a, b" in wrong.stderr

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave.analysis.conversion import hold_matrix, mean_magnitude, mean_matrix
 from tautwave.laws.conversion import gather_wave, hand_over
+from tests.analysis.reference.conversion import hold_matrix, mean_magnitude, mean_matrix
 
 sizes = st.integers(1, 50)
 numbers = st.floats(-10.0, 10.0)

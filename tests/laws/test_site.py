@@ -19,7 +19,7 @@ WALL = WallParams(0.0, 1.0, 1000.0, 2.0, controlled=False)
 
 
 def params(**changes: object) -> SiteParams:
-    return site(**changes).params  # type: ignore[arg-type]
+    return site(**changes).params.site  # type: ignore[arg-type]
 
 
 @given(st.lists(anything, min_size=8, max_size=8), st.floats(0.0, 5.0), st.booleans())
@@ -90,3 +90,20 @@ def test_coupler_is_a_spring_and_a_damper() -> None:
     )
     assert (total, port, asked) == pytest.approx((2.8, 2.8, 2.8))
     assert wall == 0.0
+
+
+def test_under_a_limit_wall_and_coupler_share_what_is_sent() -> None:
+    """Their shares add up to it; a coupler that pushes with the wall gives way first."""
+    stiff = WALL._replace(damping=0.0)
+    for limit, want in ((5.0, (5.0, 3.0, 2.0)), (1.5, (1.5, 0.0, 1.5))):
+        p = params(wall=stiff, limit=WIDE._replace(effort=limit))._replace(stiffness=2000.0)
+        # 2 mm deep: the wall pushes with 2 N, the coupler, 4 mm from its other end, with 8 N.
+        args = (0.0, 0.002, 0.0, 0.0, 0.0, 0.0, -0.002, 0.0, 0.0, math.inf)
+        total, port, wall, asked = think_position(p, *args)
+        assert asked == pytest.approx(min(2.0, limit) + 8.0)
+        assert (total, port, wall) == pytest.approx(want)
+        # A coupler that pulls against the wall keeps what it planned; the wall gives way.
+        pulls = (0.0, 0.002, 0.0, 0.0, 0.0, 0.0, 0.0025, 0.0, 0.0, math.inf)
+        total, port, wall, _ = think_position(p, *pulls)
+        assert port == pytest.approx(-1.0)
+        assert wall == pytest.approx(total + 1.0)

@@ -9,13 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave.laws.wave import (
-    decode_effort,
-    decode_velocity,
-    encode_wave,
-    filter_gain,
-    filter_step,
-)
+from tautwave.laws.wave_filter import filter_gain, filter_step
+from tests.laws.waves import decode_effort, decode_velocity, encode_wave
 
 numbers = st.floats(-1e3, 1e3)
 impedances = st.floats(1e-3, 1e3)

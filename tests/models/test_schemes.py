@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from tautwave.models.foam import FoamParams, elastic_energy, foam_step, foam_stored
-from tautwave.models.integrator_edges import PRESSING
-from tautwave.models.integrators import (
+from tautwave.models.integrators.adaptive import dormand_prince_substep
+from tautwave.models.integrators.edges import PRESSING
+from tautwave.models.integrators.schemes import (
     DISCRETE_GRADIENT,
     DORMAND_PRINCE,
     IMPLICIT_MIDPOINT,
@@ -20,7 +21,6 @@ from tautwave.models.integrators import (
     SYMPLECTIC_EULER,
     integrate_step,
 )
-from tautwave.models.integrators_adaptive import dormand_prince_substep
 from tautwave.models.linear import linear_flow
 from tautwave.models.plant import PlantParams, plant_cache, plant_step
 from tests.models.plants import plant

@@ -12,7 +12,7 @@ from tautwave.bench.rigs import ONE_PAIR
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError
 from tautwave.models.foam import FoamParams
-from tautwave.models.integrator_bounds import (
+from tautwave.models.integrators.bounds import (
     CONTACT_RATE,
     contact_slope,
     contact_stiffness_limit,
@@ -20,13 +20,18 @@ from tautwave.models.integrator_bounds import (
     greatest_stiffness,
     step_growth,
 )
-from tautwave.models.integrator_choice import (
+from tautwave.models.integrators.choice import (
+    FOUND,
+    Trial,
     bounce_error,
     choose_scheme,
+    exact_bounce,
+    one_bounce,
     refusal,
     smooth_error,
+    try_scheme,
 )
-from tautwave.models.integrators import (
+from tautwave.models.integrators.schemes import (
     DISCRETE_GRADIENT,
     DORMAND_PRINCE,
     EXACT,
@@ -130,6 +135,98 @@ def test_auto_meets_the_error_and_nothing_tried_was_cheaper(
     assert f"<= {max_error:g}" in choice.why
 
 
+def worst_on_a_grid(mass: float, foam: FoamParams, count: float, cells: int = 12) -> float:
+    """Worst error of a bounce over entry phases and half a step more or less than `count`."""
+    p = plant(mass)
+    ended = exact_bounce(p, foam, 1.0)
+    middles = [(i + 0.5) / cells for i in range(cells)]
+    return max(
+        one_bounce(p, foam, 1.0, ended[1] / (count + more - 0.5), phase, *ended)
+        for phase in middles
+        for more in middles
+    )
+
+
+@pytest.mark.parametrize("scheme", [SYMPLECTIC_EULER, RK4, IMPLICIT_MIDPOINT])
+@pytest.mark.parametrize("count", [5.0, 32.0, 32.37])
+@pytest.mark.parametrize(("exponent", "damping"), [(1.0, 0.0), (1.0, 1.0), (1.5, 0.0)])
+def test_the_error_told_is_nearly_that_of_the_worst_entry_and_step(
+    scheme: int, count: float, exponent: float, damping: float
+) -> None:
+    foam = FoamParams(100.0, exponent, 0.0, 0.0, 1.0, 1, damping, scheme)
+    _, length = exact_bounce(plant(0.1), foam, 1.0)
+    found = bounce_error(plant(0.1), foam, 1.0, length / count)
+    assert 0.75 < found / worst_on_a_grid(0.1, foam, count) < 1.34
+
+
+def test_a_step_that_divides_the_contact_gets_no_credit_for_it() -> None:
+    wall = FoamParams(100.0, 1.0, 0.0, 0.0, 1.0, 1, 0.0, RK4)
+    p = plant(0.1)
+    ended = exact_bounce(p, wall, 1.0)
+    lucky = max(one_bounce(p, wall, 1.0, ended[1] / 32.0, i / 8.0, *ended) for i in range(8))
+    assert lucky < 1e-5
+    assert bounce_error(p, wall, 1.0, ended[1] / 32.0) > 3e-4
+    for count in (32.0, 512.0, 2e4):  # those that a long contact is tried with, too
+        at, beside = (bounce_error(p, wall, 1.0, ended[1] / (count + s)) for s in (0.0, 0.37))
+        assert at == pytest.approx(beside, rel=0.2)
+
+
+def test_what_auto_takes_at_a_lucky_step_holds_at_other_stiffnesses() -> None:
+    p = plant(0.1)
+    wall = FoamParams(100.0, 1.0, 0.0, 0.0, 1.0, 1, 0.0, RK4)
+    h = exact_bounce(p, wall, 1.0)[1] / 32.0
+    best = try_scheme(p, wall, RK4, 1.0, h, 1e-4, math.inf)
+    assert best.substeps > 1
+    for share in (0.96, 0.98, 1.0, 1.02, 1.04):
+        other = wall._replace(stiffness=share * wall.stiffness)
+        ended = exact_bounce(p, other, 1.0)
+        errors = [one_bounce(p, other, 1.0, h / best.substeps, i / 8.0, *ended) for i in range(8)]
+        assert max(errors) <= 1e-4
+
+
+def test_what_was_asked_for_holds_beyond_the_entries_that_were_tried() -> None:
+    """Found with random contacts: 32 sub-steps seemed enough by 2 %, and were off by 8 % more."""
+    mass, speed, h, asked = (
+        1.8213689890030294e-4,
+        0.031292776370458256,
+        5.964313061259026e-5,
+        1.91e-5,
+    )
+    wall = FoamParams(9597.138976119224, 1.0, 0.0, 0.0, 1.0, 1, 0.0, SYMPLECTIC_EULER)
+    best = try_scheme(plant(mass), wall, SYMPLECTIC_EULER, speed, h, asked, math.inf)
+    ended = exact_bounce(plant(mass), wall, speed)
+    worst = max(
+        one_bounce(
+            plant(mass), wall, speed, h / best.substeps * (1.0 + 1e-3 * more), i / 40.0, *ended
+        )
+        for i in range(40)
+        for more in (-2, -1, 0, 1, 2)
+    )
+    assert worst <= best.error <= asked
+
+
+@pytest.mark.parametrize("scheme", [DORMAND_PRINCE, SYMPLECTIC_EULER])
+def test_a_trial_that_fails_says_what_it_tried_last(
+    scheme: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def poor(_: Any, foam: FoamParams, *__: float) -> float:
+        asked.append(foam)
+        return 0.25 * FOUND
+
+    monkeypatch.setattr("tautwave.models.integrators.choice.bounce_error", poor)
+    foam = FoamParams(100.0, 1.5, 0.2, 0.0, 1.0, 1)
+    trial = try_scheme(plant(0.01), foam, scheme, 2.0, T, 1e-4, 1000.0)
+    last = asked[-1]
+    tolerance = last.tolerance if scheme == DORMAND_PRINCE else 0.0
+    assert trial == Trial(scheme, last.substeps, tolerance, error=0.25, cost_ns=math.inf)
+    assert scheme != DORMAND_PRINCE or tolerance == pytest.approx(1e-10)
+    if scheme != DORMAND_PRINCE:
+        nothing = try_scheme(plant(0.01), foam, scheme, 2.0, T, 1e-4, 1.0)
+        assert nothing == Trial(scheme, 0, 0.0, error=math.inf, cost_ns=math.inf)
+
+
 def test_a_step_too_short_to_try_out_is_not_called_exact() -> None:
     lossy = FoamParams(1.0, 1.5, 0.2, 0.0, 1.0, 1, 0.0, SYMPLECTIC_EULER)
     tried, beyond = (bounce_error(plant(1.0), lossy, 1.0, h) for h in (2e-4, 1e-5))
@@ -172,7 +269,7 @@ def test_a_rig_names_its_scheme() -> None:
 @pytest.mark.parametrize(
     ("keys", "part"),
     [
-        (("integrator.scheme=exact",), "closed forms for walls and springs only"),
+        (("integrator.scheme=exact",), "exact handles walls and springs only"),
         (
             ("integrator.scheme=symplectic_euler", "environment.lever.stiffness=1e6"),
             "holds a contact of at most",
@@ -198,8 +295,8 @@ def test_what_a_scheme_cannot_hold_is_refused_with_numbers(
     "scheme", ["auto", "symplectic_euler", "implicit_midpoint", "rk4", "dormand_prince"]
 )
 def test_the_kernel_moves_as_the_axis_does(scheme: str) -> None:
-    from tautwave.offline.pack import pack_rig
-    from tautwave.offline.simulation import simulate
+    from tautwave.simulation.kernel.pack import pack_rig
+    from tautwave.simulation.run import simulate
 
     rig = rig_with(f"integrator.scheme={scheme}")
     rows = simulate(rig, duration_s=0.3, engine="python")
@@ -214,7 +311,7 @@ def test_the_kernel_moves_as_the_axis_does(scheme: str) -> None:
 )
 def test_compiled_and_c_give_the_bits_of_plain_python(scheme: str) -> None:
     pytest.importorskip("numba")
-    from tautwave.offline.simulation import simulate
+    from tautwave.simulation.run import simulate
 
     rig = rig_with(f"integrator.scheme={scheme}", file="bench-1dof-loopback.yaml")
     rows = {e: simulate(rig, duration_s=3.0, engine=e) for e in ("compiled", "c", "python")}

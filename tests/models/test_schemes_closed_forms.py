@@ -7,8 +7,8 @@ import math
 import pytest
 
 from tautwave.models.foam import FoamParams, elastic_energy
-from tautwave.models.integrator_bounds import greatest_depth
-from tautwave.models.integrators import (
+from tautwave.models.integrators.bounds import greatest_depth
+from tautwave.models.integrators.schemes import (
     DISCRETE_GRADIENT,
     DORMAND_PRINCE,
     IMPLICIT_MIDPOINT,

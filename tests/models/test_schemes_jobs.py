@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from tautwave.bench.rigs import ONE_PAIR
-from tautwave.models.integrators import DORMAND_PRINCE, EXACT, RK4
-from tautwave.offline.kernel import run_rig
-from tautwave.offline.pack import Job, pack_rig
-from tautwave.offline.records import FOAM, HELD, PLANT
-from tautwave.offline.schemes import contact_of, with_positions, with_scheme
-from tautwave.offline.simulation import engine_of, simulation_of_run
-from tautwave.offline.tables import object_tables
+from tautwave.models.integrators.schemes import DORMAND_PRINCE, EXACT, RK4
+from tautwave.simulation.kernel.pack import Job, pack_rig
+from tautwave.simulation.kernel.records import FOAM, HELD, PLANT
+from tautwave.simulation.kernel.run import run_rig
+from tautwave.simulation.kernel.schemes import contact_of, with_positions, with_scheme
+from tautwave.simulation.kernel.tables import object_tables
+from tautwave.simulation.run import engine_of, simulation_of_run
 
 
 def job_of(seconds: float = 0.4) -> Job:

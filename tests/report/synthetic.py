@@ -180,7 +180,6 @@ def summarize(columns: Columns, pairs: tuple[str, ...], delay: int, **top: Any) 
         "clock": "real",
         "cycles": rows,
         "missed_cycles": int(columns["skipped_slots"].sum()),
-        "skipped_slots": int(columns["skipped_slots"].sum()),
         "rate_hz": RATE_HZ,
         "duration_s": rows / RATE_HZ,
         "wall_time_s": rows / RATE_HZ + 0.213,
@@ -258,6 +257,13 @@ def make_columns(
     return columns
 
 
+class _Plain(yaml.SafeDumper):
+    """Writes what is used twice out twice: rig files have no anchors."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True
+
+
 def make_run(
     directory: Path,
     pairs: tuple[str, ...] = ("wrist",),
@@ -272,7 +278,7 @@ def make_run(
     if columns is None:
         columns = make_columns(pairs, rows, delay)
     told = summarize(columns, pairs, delay, **summary_top)
-    text = yaml.safe_dump(rig(pairs, delay, **(rig_top or {})), sort_keys=False)
+    text = yaml.dump(rig(pairs, delay, **(rig_top or {})), Dumper=_Plain, sort_keys=False)
     (directory / "rig.yaml").write_text(text, encoding="utf-8")
     (directory / "summary.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
     write_recording(directory / "recording.mcap", columns, text)

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave.report.contacts import find_contacts
+from tautwave.report.run.contacts import find_contacts
 
 
 def test_start_duration_peaks():

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from tautwave.report.envelope import decimate, peak, trace
+from tautwave.report.figures.envelope import decimate, peak, trace
 
 numbers = st.floats(-1e12, 1e12) | st.just(float("nan"))
 series = hnp.arrays(np.float64, st.integers(1, 900), elements=numbers)

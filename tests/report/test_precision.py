@@ -12,11 +12,14 @@ import pytest
 
 from tautwave.bench.rigs import ONE_PAIR
 from tautwave.config import Rig, load_rig, resolved_yaml
-from tautwave.offline.simulation import Simulation, simulate
-from tautwave.report import precision, precision_table, write_report
-from tautwave.report.loading import load_run
-from tautwave.report.precision import distance, measure_precision, precision_of, resampled
-from tautwave.report.rundir import Run
+from tautwave.report import write_report
+from tautwave.report.precision import oracle as precision
+from tautwave.report.precision import table as precision_table
+from tautwave.report.precision.oracle import distance, measure_precision, precision_of, resampled
+from tautwave.report.run.loading import load_run
+from tautwave.report.run.rundir import Run
+from tautwave.simulation.rows import Simulation
+from tautwave.simulation.run import simulate
 from tests.report.synthetic import make_run, write_recording
 
 SECONDS = 1.2
@@ -113,7 +116,7 @@ def test_the_page_says_it(simulated: tuple[Rig, Path], told: dict[str, Any]) -> 
     assert "the whole run, 1.2" in part
     assert "at half the rate" in part
     assert "extrapolated, sampling moves the slave by" in part
-    assert "to the bit" in part
+    assert "bit for bit" in part
 
 
 def test_hardware_has_a_table_too(simulated: tuple[Rig, Path]) -> None:
@@ -123,7 +126,9 @@ def test_hardware_has_a_table_too(simulated: tuple[Rig, Path]) -> None:
     run.summary = {**run.summary, "precision": precision_of(run, bare)}
     (table,) = precision_table.precision_tables(run)
     assert [row[0] for row in table.rows] == ["master.lever", "slave.lever"]
-    assert any("run again on the positions" in s for s in precision_table.precision_sentences(run))
+    assert any(
+        "run again on the recorded positions" in s for s in precision_table.precision_sentences(run)
+    )
 
 
 def test_what_cannot_be_replayed_is_said(tmp_path: Path) -> None:
@@ -180,12 +185,12 @@ def test_distance_is_at_common_instants_only() -> None:
 
 def test_the_order_is_that_of_the_two_differences() -> None:
     found = {"half": {"position_rms": 4e-3}, "double": {"position_rms": 1e-3}}
-    (words,) = precision_table.order_words(found, "m")
+    (words,) = precision_table.order_notes(found, "m")
     assert "to the power 2;" in words
     assert "1.3" in words  # 1e-3 * 4 / 3
     found["double"]["position_rms"] = 4e-3
-    (words,) = precision_table.order_words(found, "m")
-    assert "no order" in words
+    (words,) = precision_table.order_notes(found, "m")
+    assert "no convergence order" in words
 
 
 def test_a_run_without_pairs_is_left_alone(simulated: tuple[Rig, Path]) -> None:
@@ -197,7 +202,7 @@ def test_a_run_without_pairs_is_left_alone(simulated: tuple[Rig, Path]) -> None:
 def test_less_than_an_encoder_step_is_called_that(simulated: tuple[Rig, Path]) -> None:
     run = load_run(simulated[1])
     found = {"oracle": {"position": 1e-6}}
-    (words,) = precision_table.step_words(run, "lever", found)
+    (words,) = precision_table.step_notes(run, "lever", found)
     assert "20.9" in words
     found["oracle"]["position"] = 1e-3
-    assert not list(precision_table.step_words(run, "lever", found))
+    assert not list(precision_table.step_notes(run, "lever", found))

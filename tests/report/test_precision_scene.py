@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 
 from tautwave.config import Rig, load_rig, resolved_yaml
-from tautwave.report import precision_scene, scene_inputs, write_report
-from tautwave.report.loading import load_run
-from tautwave.report.precision import measure_precision
-from tautwave.report.precision_scene_table import decibels, scene_sentences, scene_tables
+from tautwave.report import write_report
+from tautwave.report.precision import scene as precision_scene
+from tautwave.report.precision.oracle import measure_precision
+from tautwave.report.precision.scene_table import decibels, scene_sentences, scene_tables
+from tautwave.report.run.loading import load_run
+from tautwave.report.scene import inputs as scene_inputs
 from tautwave.report.units import quantity
 from tautwave.rig import build_rig
 from tautwave.runtime.loop import Loop
@@ -43,8 +45,7 @@ def leave_run(directory: Path, name: str, seconds: float, *given: str, skip: int
 def write_run(directory: Path, rig: Rig, skip: int = 0) -> Path:
     built = build_rig(rig, clock="fake")
     sink = Kept(len(built.columns))
-    settings = built.settings
-    Loop(built.clock, settings, built.buses, built.pairs, built.sources, sink).run()
+    Loop(built.clock, built.buses, built.control, built.sources, sink).run()
     data = np.array(sink.rows)[skip:]
     directory.mkdir(parents=True)
     (directory / "rig.yaml").write_text(resolved_yaml(rig))
@@ -58,7 +59,7 @@ def write_run(directory: Path, rig: Rig, skip: int = 0) -> Path:
 @pytest.fixture(autouse=True)
 def plain(monkeypatch: pytest.MonkeyPatch) -> None:
     """Use plain Python, whatever lies in a cache."""
-    monkeypatch.setattr(precision_scene, "is_kept", lambda space: False)
+    monkeypatch.setattr(precision_scene, "is_kept", lambda scene3d: False)
 
 
 @pytest.fixture(scope="module")
@@ -87,11 +88,23 @@ def test_a_scene_is_replayed_to_the_bit_and_sampling_is_its_error(resonator: Pat
     assert told["doubt"]["apart_s"] is None
 
 
+def test_rk4_is_held_against_the_moment_that_it_has_come_to(
+    resonator: Path, tmp_path: Path
+) -> None:
+    """It carries the scene on to the sample, the others from it: a period, no error of its own."""
+    given = "simulation.hand.stylus.reference.waypoints=[[0.0, 0.0], [0.03, 0.006], [0.06, 0.0]]"
+    told = told_of(leave_run(tmp_path / "one", "resonator", 0.12, given, "scene.scheme=rk4"))
+    assert told["replayed_equal"] is True
+    held = told_of(resonator)["oracle"]["position_rms"]
+    for name in ("oracle", "half", "double"):
+        assert told[name]["position_rms"] < 0.05 * held
+
+
 def test_the_report_tells_it(resonator: Path) -> None:
     told_of(resonator)
     write_report(resonator)
     page = (resonator / "report.html").read_text()
-    assert "gives the recorded efforts again, to the bit" in page
+    assert "reproduces the recorded efforts bit for bit" in page
     assert "error of this run" in page
     assert "doubt of the oracle" in page
     assert "Not computed" not in page
@@ -221,7 +234,10 @@ def test_runs_that_part_are_explained_by_what_makes_them() -> None:
     [table] = scene_tables(told)
     assert "a tenth of their travel" in table.note
     assert "contacts" not in table.note
-    assert "doubts itself" not in table.note
+    assert "the oracle's own uncertainty" not in table.note
+    assert "of its samples" not in table.note
+    [table] = scene_tables({**told, "scheme": "rk4"})
+    assert "half a period's change of the effort counts as error" in table.note
     told["doubt"]["position_rms"] = 9e-4
     [table] = scene_tables(told)
-    assert "doubts itself" in table.note
+    assert "the oracle's own uncertainty" in table.note

@@ -5,7 +5,10 @@ from __future__ import annotations
 import io
 import json
 import random
+import sys
+import time
 import warnings
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +21,11 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 from numpy.typing import NDArray
 
-from tautwave.errors import RecordingError
-from tautwave.report.recording import read_recording
+from tautwave.errors import ConfigError, RecordingError
+from tautwave.report.run.recording import read_recording
 from tautwave.runtime.mcap_file import McapFile
 from tautwave.runtime.mcap_schema import CDR_HEADER
+from tautwave.runtime.recorder import Recorder
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -84,7 +88,7 @@ def test_every_bit_comes_back(sample: Sample) -> None:
     assert recording.data.tobytes() == rows[:, :-1].tobytes()
     assert recording["wrist.position_error"].tobytes() == rows[:, 4].tobytes()
     assert recording.time_s.tobytes() == rows[:, 0].tobytes()
-    assert recording.metadata == {"version": "1.2", "rate_hz": "1000.0"}
+    assert recording.metadata == {"version": "1.2", "rate_hz": "1000.0", "format": "1"}
     assert recording.attachments == {"rig.yaml": b"name: x\n"}
     assert recording.ending == {"rows_written": "2500"}
     assert (recording.truncated, recording.damaged_chunks, recording.missing_rows) == (False, 0, 0)
@@ -309,8 +313,8 @@ def foreign() -> bytes:
         (b"", "is empty"),
         (b"time_s,position\n0,1\n" * 100, "is not an MCAP file"),
         (b"\x89MCA", "is not an MCAP file"),
-        (foreign(), "is an MCAP file, but not a recording of tautwave"),
-        (foreign()[:30], "is an MCAP file, but not a recording of tautwave"),
+        (foreign(), "is an MCAP file, but not a tautwave recording"),
+        (foreign()[:30], "is an MCAP file, but not a tautwave recording"),
     ],
 )
 def test_what_is_no_recording_is_said_in_one_sentence(
@@ -326,7 +330,7 @@ def test_what_is_no_recording_is_said_in_one_sentence(
 def test_no_file_no_rows_no_such_column(sample: Sample, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"nope\.mcap cannot be read: No such file"):
         read_recording(tmp_path / "nope.mcap")
-    with pytest.raises(RecordingError, match="cannot be read: Is a directory"):
+    with pytest.raises(RecordingError, match=r"holds no recording\.mcap; give a recording, or the"):
         read_recording(tmp_path)
     write(tmp_path / "none.mcap", slots(0))
     with pytest.raises(RecordingError, match="holds no rows"):
@@ -343,3 +347,72 @@ def test_the_names_as_they_were_are_in_the_file(sample: Sample) -> None:
     with sample[0].open("rb") as stream:
         names = next(make_reader(stream).iter_metadata()).metadata
     assert json.loads(names["columns"]) == list(COLUMNS)
+
+
+# -- other ways to it ------------------------------------------------------------------------------
+
+
+def test_the_directory_of_a_run_will_do(tmp_path: Path) -> None:
+    write(tmp_path / "recording.mcap", slots(500))
+    again = read_recording(tmp_path, ["wrist.position_error"], rows=slice(100, 200))
+    assert np.array_equal(again["wrist.position_error"], slots(500)[100:200, 4])
+
+
+def test_a_run_that_is_still_going_shows_what_is_in_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "recording.mcap"
+    recorder = Recorder(path, COLUMNS, metadata={}, attachments={}, lossless=True, rate_hz=1e3)
+    recorder.start()
+    try:
+        rows = slots(5000)
+        for row in rows:
+            recorder.row[:] = memoryview(row[:-1].copy())
+            recorder.commit()
+        found = None
+        for _ in range(1000):
+            with suppress(RecordingError):  # no rows yet
+                found = read_recording(tmp_path)
+                break
+            time.sleep(0.01)
+        assert found is not None
+        assert found.truncated
+        assert np.array_equal(found.data, rows[: len(found), :-1])
+    finally:
+        assert recorder.close().error is None
+    assert not read_recording(tmp_path).truncated
+
+
+def test_rows_as_a_data_frame(sample: Sample) -> None:
+    pandas = pytest.importorskip("pandas")
+    recording = read_recording(sample[0])
+    frame = recording.to_pandas()
+    assert isinstance(frame, pandas.DataFrame)
+    assert list(frame.columns) == [name for name in COLUMNS if name != "time_s"]
+    assert np.array_equal(frame.index, recording.time_s)
+    for name in frame.columns:
+        assert np.array_equal(frame[name], recording[name], equal_nan=True)
+    assert frame.attrs["rate_hz"] == "1000.0"
+    part = read_recording(sample[0], ["wrist.position_error"], rows=slice(0, 3)).to_pandas()
+    assert list(part.index) == [0, 1, 2]
+
+
+def test_rows_as_an_arrow_table(sample: Sample) -> None:
+    pytest.importorskip("pyarrow")
+    recording = read_recording(sample[0])
+    table = recording.to_arrow()
+    assert table.column_names == list(COLUMNS)
+    for name in COLUMNS:
+        assert np.array_equal(table[name].to_numpy(), recording[name], equal_nan=True)
+    assert table.schema.metadata[b"rate_hz"] == b"1000.0"
+
+
+@pytest.mark.parametrize(
+    ("library", "method", "extra"),
+    [("pandas", "to_pandas", "pandas"), ("pyarrow", "to_arrow", "parquet")],
+)
+def test_a_library_that_is_missing_is_one_sentence(
+    sample: Sample, monkeypatch: pytest.MonkeyPatch, library: str, method: str, extra: str
+) -> None:
+    monkeypatch.setitem(sys.modules, library, None)
+    told = rf"this needs {library}; pip install 'tautwave\[{extra}\]'"
+    with pytest.raises(ConfigError, match=told):
+        getattr(read_recording(sample[0]), method)()

@@ -1,38 +1,21 @@
-import subprocess
-import sys
-
 import numpy as np
 import pytest
-from PIL import Image
 
-from tautwave.analysis.resonator import PERIODS_S, critical_couplings, features, table
-from tautwave.analysis.resonator_sampled import sampled_boundaries
-from tautwave.errors import RecordingError
-from tautwave.report.resonator_figure import (
-    BODE,
-    COUPLINGS,
+from tautwave.analysis.ports.resonator import PERIODS_S, critical_couplings, features, table
+from tautwave.analysis.ports.resonator_sampled import sampled_boundaries
+from tautwave.report.reproduce.coupling import (
     LOW,
     SCHEMES,
-    bode_figure,
     coupling_figure,
-    draw_resonator,
     sampled_limit,
 )
+from tautwave.report.reproduce.resonator import bode_figure, nyquist_figure
 
 PERIODS = np.array([1e-4, 1e-3])
 
 
 def lines(axes):
     return {str(line.get_label()).replace("\n", " "): line for line in axes.lines}
-
-
-def test_both_files_appear_a_thousand_pixels_wide(tmp_path):
-    paths = draw_resonator(tmp_path / "new" / "figures", PERIODS)
-    assert [path.name for path in paths] == [BODE, COUPLINGS]
-    for path in paths:
-        with Image.open(path) as picture:
-            assert picture.format == "PNG"
-            assert picture.width == 1000
 
 
 def test_the_bode_plot_is_the_table():
@@ -80,7 +63,7 @@ def test_the_limits_are_those_of_the_analysis():
                     sampled_boundaries(t, scheme, delay, points=80)[0].coupling for t in PERIODS
                 ]
                 np.testing.assert_allclose(drawn[name].get_ydata(), wanted, rtol=1e-9)
-    points = prompt["eq. 9: 3986 N/m, 1 ms 15059 N/m, 0.1 ms"]
+    points = prompt["eq. 9: 3986 N/m at 1 ms; 15059 N/m at 0.1 ms"]
     assert points.get_xdata() == pytest.approx([1e3 * t for t in PERIODS_S])
     assert points.get_ydata() == pytest.approx([3986.095, 15058.934], rel=1e-6)
 
@@ -91,13 +74,10 @@ def test_a_limit_below_the_range_is_none_and_above_it_infinite():
     assert sampled_limit(1e-5, "foh", 0) == np.inf
 
 
-def test_a_directory_that_cannot_be_written_is_one_sentence(tmp_path):
-    taken = tmp_path / "taken"
-    taken.write_text("a file")
-    with pytest.raises(RecordingError, match="taken: cannot be written: File exists"):
-        draw_resonator(taken, PERIODS)
-    command = [sys.executable, "-m", "tautwave.report.resonator_figure", str(taken)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr == f"{taken}: cannot be written: File exists\n"
-    assert taken.read_text() == "a file"
+def test_the_loop_s_plot_goes_past_minus_one_at_the_modulus_margin():
+    whole, near = nyquist_figure().axes
+    assert near.get_xlim() == (-2.5, 2.5)
+    for name in ("no delay", "half a sample late, T = 1 ms", "half a sample late, T = 0.1 ms"):
+        got = lines(whole)[name]
+        distance = np.abs(1.0 + got.get_xdata() + 1j * got.get_ydata())
+        assert 0.2 < distance.min() < 0.3

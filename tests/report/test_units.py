@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave.report.units import THIN, count, microseconds, quantity, scale_for
+from tautwave.report.precision.messages import share
+from tautwave.report.units import MISSING, THIN, count, microseconds, quantity, scale_for
 
 
 @pytest.mark.parametrize(
@@ -39,3 +40,9 @@ def test_the_prefix_keeps_the_value(value):
     weight = {"km": 1e3, "m": 1.0, "mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "pm": 1e-12}[unit]
     assert math.isclose(value * factor * weight, value, rel_tol=1e-12)
     assert 0.9 <= value * factor < 1001.0 or value > 1e5
+
+
+def test_a_share_of_nothing_is_no_gap_in_the_recording():
+    assert share(0.0, 0.0) == "both zero"
+    assert share(1e-3, 0.0) == "of zero"
+    assert share(None, 1.0) == share(1.0, None) == MISSING

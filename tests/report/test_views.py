@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from tautwave.report.envelope import trace
-from tautwave.report.loading import load_run
-from tautwave.report.rebuild import periods_us, rebuild_summary
-from tautwave.report.scratch import spread_columns
-from tautwave.report.views import view_energy, view_pair
+from tautwave.report.figures.envelope import trace
+from tautwave.report.run.loading import load_run
+from tautwave.report.run.rebuild import periods_us, rebuild_summary
+from tautwave.report.run.scratch import spread_columns
+from tautwave.report.run.views import view_energy, view_pair
 from tests.report.synthetic import make_run, write_recording
 
 
@@ -85,7 +85,7 @@ def test_periods_count_lateness_only_on_the_grid():
 def test_columns_spread_in_a_file_are_the_columns(tmp_path, columns, monkeypatch):
     path = tmp_path / "recording.mcap"
     write_recording(path, columns)
-    monkeypatch.setattr("tautwave.report.scratch.BLOCK_CELLS", 777 * len(columns))
+    monkeypatch.setattr("tautwave.report.run.scratch.BLOCK_CELLS", 777 * len(columns))
     scratch = spread_columns(path, tuple(columns), 3000)
     for name, values in columns.items():
         assert np.array_equal(scratch.read(name), values)
@@ -101,3 +101,35 @@ def test_noise_is_told_from_a_signal():
     assert rough.is_rough()
     assert np.abs(rough.middle - np.sin(rough.middle_time)).max() < 0.06
     assert not trace(time[:100], noise[:100]).is_rough()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a: &a [x]\nb: [*a, *a]\n", "anchors (&a) are not supported; write it out."),
+        ("a: " + "[" * 50_000, "rig.yaml:1:28: nested deeper than 24 levels."),
+        ("a: [", "rig.yaml:1:5: YAML syntax: "),
+        ("a: 1\na: 2\n", "rig.yaml:2: a: duplicate key 'a', first at line 1."),
+        (b"name: \xff\n", "rig.yaml: not UTF-8 text (byte 0xff at offset 6)."),
+    ],
+    ids=["aliases", "deep", "syntax", "twice", "binary"],
+)
+def test_a_rig_file_that_nobody_can_read_is_a_note(tmp_path, columns, text, said):
+    make_run(tmp_path, columns=columns)
+    (tmp_path / "rig.yaml").write_bytes(text if isinstance(text, bytes) else text.encode())
+    assert any(said in note for note in load_run(tmp_path).notes)
+
+
+def test_numbers_of_the_rig_file_are_those_of_yaml_1_2(tmp_path, columns):
+    make_run(tmp_path, columns=columns)
+    (tmp_path / "rig.yaml").write_text("rate_hz: 1e3\nname: no\nposition: 010\n")
+    assert load_run(tmp_path).rig == {"rate_hz": 1000.0, "name": "no", "position": 10}
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"a": ' * 100_000, "{", '{"a": 1} x'])
+def test_a_summary_that_nobody_can_read_is_a_note(tmp_path, columns, text):
+    make_run(tmp_path, columns=columns)
+    (tmp_path / "summary.json").write_text(text)
+    run = load_run(tmp_path)
+    assert any(note.startswith("summary.json cannot be read: line 1") for note in run.notes)
+    assert run.summary["cycles"] == run.rows

@@ -7,7 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from tautwave.laws.port import port_debt
-from tests.rigs.running import Books, Run, Tree, books, forgiven, run_rig
+from tests.rigs.running import Books, Run, Tree, books, forgiven, pair_of, run_rig
 
 SIDES = ("master", "slave")
 CLOSED = 1e-9  # of gross flow
@@ -90,13 +90,12 @@ def port_bound(run: Run, side: str, name: str = "a") -> float:
 
     An account that owes too much lets go in the next period; commands on their way still act.
     """
-    pair = next(at.pair for at in run.assembly.pairs if at.pair.name == name)
-    site = getattr(pair, side)
-    weight = 1.0 if side == "master" else pair.weight
-    port = site.params.port
+    params, state = pair_of(run.assembly, name).axes[side]
+    weight = params.weight
+    port = params.site.port
     fastest = np.abs(np.diff(run[f"{side}.{name}.position"])).max(initial=0.0) / port.period
-    delay = len(site._pipe) + (1 if site._late else 0)
-    owed = port_debt(port, delay, site.params.gain, fastest, site.gross_flow)
+    delay = params.delay + (1 if params.late else 0)
+    owed = port_debt(port, delay, params.site.gain, fastest, state.gross_flow)
     step = np.abs(np.diff(run[f"{name}.port_{side}.absorbed"])).max(initial=0.0)
     return forgiven(run, side, name) + weight * owed + (1 + delay) * step
 

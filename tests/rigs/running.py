@@ -11,8 +11,9 @@ import yaml
 
 from tautwave.config import Rig, parse_rig
 from tautwave.contracts import RowSource
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
 from tautwave.rig import Assembly, build_rig
-from tautwave.runtime.books import elements_of
+from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.loop import Loop, LoopResult
 
 Tree = dict[str, Any]
@@ -126,11 +127,33 @@ def run_rig(
     sources = (*built.sources, *sources)
     columns = [*built.columns[:4], *(name for source in sources for name in source.columns)]
     sink = ListSink(len(columns))
-    loop = Loop(built.clock, built.settings, built.buses, built.pairs, sources, sink)
+    loop = Loop(built.clock, built.buses, built.control, sources, sink)
     result = loop.run()
     if raises and result.error is not None:
         raise result.error
     return Run(columns, np.array(sink.rows), result, built, loop)
+
+
+class ControlledPair(NamedTuple):
+    """A pair of a run's controller, its constants and state, and those of both axes."""
+
+    control: CoupledControl
+    params: PairParams
+    state: PairState
+    axes: dict[str, tuple[AxisParams, AxisState]]
+
+
+def pair_of(assembly: Assembly, name: str = "a") -> ControlledPair:
+    """Return a pair by name."""
+    control = assembly.control
+    assert isinstance(control, CoupledControl)
+    at = control.pair_names.index(name)
+    q = control.pairs[at]
+    axes = {
+        side: (control.params[which], control.axes[which])
+        for side, which in (("master", q.master), ("slave", q.slave))
+    }
+    return ControlledPair(control, q, control.states[at], axes)
 
 
 class Books(NamedTuple):
@@ -148,12 +171,12 @@ class Books(NamedTuple):
 
 def books(run: Run, name: str = "a") -> Books:
     """Close the books of one pair from the recorded columns alone."""
-    pair = next(at.pair for at in run.assembly.pairs if at.pair.name == name)
+    pair = pair_of(run.assembly, name)
     ports = [f"{side}.{name}.port_energy" for side in ("master", "slave")]
     total = sum(run[port] - run[port][0] for port in ports)
     generated = {}
     worst = 0.0
-    for element in elements_of(pair):
+    for element in pair.control.elements(name):
         absorbed, stored, lost = (
             run[f"{name}.{element}.{part}"] for part in ("absorbed", "stored", "dissipated")
         )
@@ -176,7 +199,7 @@ def books(run: Run, name: str = "a") -> Books:
         spent = sum(value for part, value in parts.items() if not part.endswith("work"))
         plant_residual = max(plant_residual, float(np.abs(gained - spent).max()))
         plant_flow += sum(float(np.abs(np.diff(value)).sum()) for value in parts.values())
-        weight = 1.0 if side == "master" else pair.weight
+        weight = 1.0 if side == "master" else pair.params.weight
         sent = run[f"{side}.{name}.port_energy"]
         gap += float(sent[-1] + weight * parts["motor_work"][-1])
     uncertainty = sum(float(run[f"{side}.{name}.uncertainty"][-1]) for side in ("master", "slave"))

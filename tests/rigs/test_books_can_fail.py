@@ -6,11 +6,9 @@ from typing import Any
 
 import pytest
 
-import tautwave.runtime.site as site_module
+from tautwave.controller import axis, pair, rows
 from tautwave.laws.port import port_close
-from tautwave.link.memory import DelayLine
 from tautwave.rig import Assembly
-from tautwave.runtime.site import SiteAxis
 from tests.rigs.closing import CLOSED, EXACT, MOTION, WALLS, line, port_bound
 from tests.rigs.running import Run, books, run_rig, tree
 
@@ -41,28 +39,28 @@ def test_defect_a_wave_from_the_estimated_velocity(monkeypatch: pytest.MonkeyPat
         leaving = p.root * estimated - wave_sum
         return leaving, account, gap, absorbed, burnt, forgave
 
-    monkeypatch.setattr(site_module, "port_close", defect)
+    monkeypatch.setattr(axis, "port_close", defect)
     assert fails(run_rig(LOSSLESS))
 
 
 def test_defect_a_wave_duplicated_on_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    exchange = DelayLine.exchange
+    exchange = pair.exchange_waves
     last = [0.0]
 
-    def defect(self: DelayLine, one: float, other: float) -> tuple[float, float]:
-        at_master, at_slave = exchange(self, one, other)
+    def defect(*given: Any) -> tuple[float, float]:
+        at_master, at_slave = exchange(*given)
         last.append(at_slave)
         return at_master, last[-2] if len(last) % 50 == 0 else at_slave
 
-    monkeypatch.setattr(DelayLine, "exchange", defect)
+    monkeypatch.setattr(pair, "exchange_waves", defect)
     assert fails(run_rig(LOSSLESS))
 
 
 def test_defect_another_effort_than_was_booked() -> None:
     def tamper(built: Assembly) -> None:
-        axis = built.simulators[0].axes[0]
-        take = axis.command
-        axis.command = lambda value: take(1.001 * value)
+        device = built.simulators[0].axes[0]
+        take = device.command
+        device.command = lambda value: take(1.001 * value)
 
     assert fails(run_rig(LOSSLESS, change=tamper))
 
@@ -73,7 +71,7 @@ def test_defect_a_command_that_acts_later_than_declared() -> None:
 
 
 def test_defect_a_forgotten_wall(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(SiteAxis, "wall_stored", lambda self: 0.0)
+    monkeypatch.setattr(rows, "stored_in_wall", lambda s, p: 0.0)
     assert fails(run_rig(tree(WALLS, {"duration_s": 1.3}, base=LOSSLESS)))
 
 
@@ -94,10 +92,11 @@ def test_the_naive_port_fails_the_same_books(monkeypatch: pytest.MonkeyPatch) ->
         return leaving, account + income - sent, velocity, income - sent, 0.0, 0.0
 
     def believe_infinite_mass(built: Assembly) -> None:
-        for at in built.pairs:
-            for site in (at.pair.master, at.pair.slave):
-                port = site.params.port._replace(half_mobility=0.0)
-                site.__init__(site.params._replace(port=port))
+        control = built.control
+        control.params = [
+            p._replace(site=p.site._replace(port=p.site.port._replace(half_mobility=0.0)))
+            for p in control.params
+        ]
 
     quiet = tree(
         line(2),
@@ -122,7 +121,7 @@ def test_the_naive_port_fails_the_same_books(monkeypatch: pytest.MonkeyPatch) ->
     import tautwave.laws.site as law_module
 
     monkeypatch.setattr(law_module, "port_effort", naive_effort)
-    monkeypatch.setattr(site_module, "port_close", naive_close)
+    monkeypatch.setattr(axis, "port_close", naive_close)
     naive = run_rig(quiet, change=push)
     assert fails(naive)
     assert naive["plant.master.a.kinetic"].max() > 10.0 * start

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from tautwave.rig import Assembly
 from tautwave.session.facts import pair_facts
-from tests.rigs.running import Run, Tree, rig_of, run_rig, tree
+from tests.rigs.running import Run, Tree, pair_of, rig_of, run_rig, tree
 
 LOOSE = {"coupling.pairs.a.wave_impedance": 1e-14}
 """A coupling that transmits nothing to speak of."""
@@ -196,14 +196,14 @@ def left_over(run: Run) -> tuple[float, float]:
     integral that an empty account could not send stays a position error.
     """
     keys = rig_of(
-        tree({"rate_hz": 500.0, "coupling.delay_s": run.assembly.pairs[0].pair.line._samples / 500})
+        tree({"rate_hz": 500.0, "coupling.delay_s": pair_of(run.assembly).params.samples / 500})
     )
-    pair = run.assembly.pairs[0].pair
+    (params, master), (_, slave) = pair_of(run.assembly).axes.values()
     facts = pair_facts(keys, "a", _delays(run))
-    port = pair.master.params.port
+    port = params.site.port
     force = 0.5 * (run["master.a.port_effort"][-1] - run["slave.a.port_effort"][-1])
     offset = force * facts.coupling_delay_s / port.impedance
-    unsent = (pair.master.gap - pair.slave.gap) / port.root
+    unsent = (master.gap - slave.gap) / port.root
     predicted = offset * 2.0 * port.half_mobility * port.impedance + unsent
     return float(run["a.position_error"][-1] - offset), predicted
 

@@ -43,6 +43,7 @@ def one_rate_tree(profile: str, **device: Any) -> Tree:
     del arm["divisor"]
     data["rate_hz"] = 100
     one = {"profile": profile, "rated_torque": 1.0, "gear_ratio": 2.0, **device}
+    arm["options"]["turnaround_s"] = 0.0005  # behind one connection they are asked in turn
     arm["options"]["devices"] = [{"unit": 1, **one}, {"unit": 2, "direction": -1, **one}]
     del data["buses"]["hand"]
     for side, unit in (("master", 1), ("slave", 2)):

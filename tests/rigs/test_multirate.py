@@ -9,12 +9,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tautwave.analysis.conversion import hold_matrix, pick_matrix
 from tautwave.certificate import certify
+from tautwave.controller import rates
 from tautwave.errors import ConfigError
 from tautwave.rig import Assembly
-from tautwave.runtime import rates
 from tautwave.session.identifying import identify_device
+from tests.analysis.reference.conversion import hold_matrix, pick_matrix
 from tests.rigs.closing import (
     ALL,
     CONTACT,

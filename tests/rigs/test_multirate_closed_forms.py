@@ -12,13 +12,13 @@ from tautwave.certificate import certify
 from tautwave.certificate.loops import pair_loop
 from tautwave.certificate.rates import slow_costs
 from tautwave.config import load_rig
-from tautwave.offline.sweep_predict import pair_mode
-from tautwave.report.rundir import Run
-from tautwave.report.verdicts import verdicts
+from tautwave.report.run.rundir import Run
+from tautwave.report.run.verdicts import verdicts
 from tautwave.rig import Assembly, command_delays, one_way_delay
 from tautwave.session import check
+from tautwave.sweep.predict import pair_mode
 from tests.rigs.closing import assert_passive, impedance, line, slow
-from tests.rigs.running import Tree, books, rig_of, run_rig, tree
+from tests.rigs.running import Tree, books, pair_of, rig_of, run_rig, tree
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -77,17 +77,18 @@ def test_constant_force_passes_exactly_and_stands_off_by_f_tau_over_b(
         },
     )  # fmt: skip
     run, rig = run_rig(data), rig_of(data)
-    pair = run.assembly.pairs[0].pair
+    sides = pair_of(run.assembly).axes
     # A port that is held still gives a share of the line's effort (facts: held_share).
     efforts = [
-        side * site.port_effort * (1.0 + 10.0 * site.params.port.period * (1 + delay) / 0.4)
-        for side, site, delay in ((1.0, pair.master, int(master > 1)),
-                                  (-1.0, pair.slave, int(slave > 1)))
+        sign * state.port_effort * (1.0 + 10.0 * params.site.port.period * (1 + delay) / 0.4)
+        for sign, (params, state), delay in ((1.0, sides["master"], int(master > 1)),
+                                             (-1.0, sides["slave"], int(slave > 1)))
     ]  # fmt: skip
     assert efforts[0] > 1.0
     assert efforts[0] == pytest.approx(efforts[1], rel=1e-6)
     tau = one_way_delay(rig, "a", command_delays(rig))
-    unsent = (pair.master.gap - pair.slave.gap) / pair.master.params.port.root
+    (params, one), (_, two) = sides["master"], sides["slave"]
+    unsent = (one.gap - two.gap) / params.site.port.root
     assert run["a.position_error"][-1] - unsent == pytest.approx(efforts[0] * tau / 10.0, rel=1e-5)
 
 

@@ -4,19 +4,48 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from tautwave.clock import FakeClock
+from tautwave.controller.axis import (
+    close_axis,
+    fade_axis,
+    is_calm,
+    miss_sample,
+    pass_slot,
+    receive_wave,
+    start_axis,
+    stop_axis,
+    stored_in_wall,
+    think_axis,
+    waiting_energy,
+)
+from tautwave.controller.pair import (
+    cycle_pair,
+    effort_error,
+    engage_pair,
+    position_error,
+    start_pair,
+)
+from tautwave.controller.records import (
+    PIPE,
+    RINGS,
+    AxisParams,
+    AxisState,
+    PairParams,
+    RunParams,
+    Sample,
+)
+from tautwave.controller.stops import AxisName
 from tautwave.laws.admittance import admittance_params
 from tautwave.laws.limit import LimitParams
 from tautwave.laws.port import port_params, rigid_port
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
-from tautwave.link.memory import DelayLine
-from tautwave.runtime.books import PairRow
-from tautwave.runtime.loop import TIMING_COLUMNS, Loop, LoopPair, LoopSettings
-from tautwave.runtime.pair import PairScale, WavePair
+from tautwave.laws.wave_filter import filter_gain
+from tautwave.runtime.control import CoupledControl
+from tautwave.runtime.loop import TIMING_COLUMNS, Loop
 from tautwave.runtime.sensing import LoopBus
-from tautwave.runtime.site import SiteAxis
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 from tests.rigs.running import ListSink
 
@@ -44,21 +73,157 @@ def site(
     admittance: bool = False,
     upper: float = 0.0,
     velocity_quantum: float = 0.0,
-) -> SiteAxis:
-    """Return one axis of a wave coupling."""
-    port = port_params(T, b, mass, matched, 0.05, allowance)
+    wave: float = 1.0,
+    divisor: int = 1,
+    spring: tuple[float, float] | None = None,
+) -> Axis:
+    """Return one axis of a wave coupling, or of a position coupling with this K and B."""
+    period = divisor * T
+    port = port_params(period, b, mass, matched, 0.05, allowance)
     if admittance:
-        port = rigid_port(T, b, 0.05, allowance)
+        port = rigid_port(period, b, 0.05, allowance)
+    stiffness, damping = spring or (0.0, 0.0)
     params = SiteParams(
-        port, admittance_params(T, b, upper, delay), wall or NO_WALL, limit, gain, 0.0, 0.0,
-        velocity_quantum, has_wall=wall is not None,
+        port, admittance_params(period, b, upper, delay), wall or NO_WALL, limit, gain, stiffness,
+        damping, velocity_quantum, has_wall=wall is not None,
     )  # fmt: skip
-    return SiteAxis(params, delay_periods=delay, late_share=late, impedance=not admittance)
+    return Axis(
+        AxisParams(
+            params, wave, 0.5 * period, late, limit.velocity if admittance else limit.effort, 1.0,
+            delay, 0, spring is None, not admittance, divisor, divisor > 1, 0.5 * T,
+        )
+    )  # fmt: skip
 
 
-def state(position: float = 0.0, effort: float = math.nan, valid: bool = True) -> JointState:
+class Axis:
+    """One axis of the controller with a table of its own; its state's numbers are attributes."""
+
+    def __init__(self, params: AxisParams) -> None:
+        self.params = params
+        self.table = [0.0] * (PIPE * params.delay)
+        self.state = AxisState()
+        self.start(0.0, math.nan, 0.0)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.state, name)
+
+    def start(self, position: float, outside: float, gap: float) -> None:
+        start_axis(self.state, self.params, position, outside, gap)
+
+    def pass_slot(self) -> None:
+        pass_slot(self.state, self.params, self.table)
+
+    def receive(self, wave: float) -> None:
+        receive_wave(self.state, self.params, wave)
+
+    def miss(self) -> None:
+        miss_sample(self.state)
+
+    def close(self, position: float, outside: float) -> None:
+        close_axis(self.state, self.params, position, outside)
+
+    def think(self, ceiling: float) -> int:
+        return think_axis(self.state, self.params, self.table, ceiling)
+
+    def stop(self, ceiling: float) -> None:
+        stop_axis(self.state, self.params, ceiling)
+
+    def fade(self, ceiling: float) -> None:
+        fade_axis(self.state, self.params, ceiling)
+
+    def waiting_energy(self) -> float:
+        return waiting_energy(self.state, self.params, self.table)
+
+    def wall_stored(self) -> float:
+        return stored_in_wall(self.state, self.params)
+
+
+class Pair:
+    """A pair as the controller runs it; the axes given are used up.
+
+    `scale` and `sign` map positions, `power` is the energy of the slave per energy of the pair.
+    `rated` sends even a pair without a slow side through the slots of one.
+    """
+
+    def __init__(
+        self,
+        master: Axis,
+        slave: Axis,
+        *,
+        line: int = 0,
+        filter_hz: float | None = None,
+        scale: float = 1.0,
+        sign: float = 1.0,
+        power: float = 1.0,
+        offset: float | None = None,
+        tolerance: float = math.inf,
+        rated: bool = False,
+        run: RunParams | None = None,
+    ) -> None:
+        one, two = master.params, slave.params
+        rated = rated or max(one.divisor, two.divisor) > 1
+        two = two._replace(pipe=PIPE * one.delay, rated=rated, weight=1.0 / power)
+        one = one._replace(rated=rated)
+        at = PIPE * (one.delay + two.delay)
+        q = PairParams(
+            0, 1, one.by_wave, filter_hz is not None, rated, offset is None, sign * scale, sign,
+            power / scale, sign / scale, 1.0 / power, T, 0.5 * T,
+            1.0 if filter_hz is None else filter_gain(filter_hz, T),
+            0.0 if offset is None else offset, tolerance, line, at,
+        )  # fmt: skip
+        self.control = CoupledControl(
+            run or RunParams(PERIOD_NS, 20, 2, 1, 0, 5, 4, 50, 0.1, 5e9),
+            [AxisName("master.a", "hand", "rad"), AxisName("slave.a", "arm", "rad")],
+            [one, two],
+            ["a"],
+            [q],
+            at + RINGS * line,
+        )
+        self.q, self.c = q, self.control.states[0]
+        self.master, self.slave = (Axis(p) for p in (one, two))
+        for axis, own in zip((self.master, self.slave), self.control.axes, strict=True):
+            axis.state, axis.table = own, self.control.table
+        self.weight = q.weight
+        self.slot = 0
+
+    def _all(self) -> tuple[Any, ...]:
+        one, two = self.master, self.slave
+        return (self.c, self.q, one.state, two.state, one.params, two.params)
+
+    def start(self, master: Sample, slave: Sample) -> None:
+        start_pair(*self._all(), master, slave, self.control.table)
+
+    def engage(self, ramp: float) -> None:
+        engage_pair(*self._all(), self.control.table, ramp)
+
+    def cycle(self, master: Sample, slave: Sample, skipped: int, ramp: float) -> None:
+        self.slot += 1 + skipped
+        cycle_pair(*self._all(), master, slave, self.control.table, self.slot, skipped, ramp)
+
+    def arm(self, share: float) -> bool:
+        return all(is_calm(axis.state, axis.params, share) for axis in (self.master, self.slave))
+
+    def position_error(self) -> float:
+        return position_error(self.c, self.q, self.master.state, self.slave.state)
+
+    def effort_error(self) -> float:
+        return effort_error(self.q, self.master.state, self.slave.state)
+
+    def elements(self) -> dict[str, tuple[float, float, float]]:
+        """Return absorbed, stored and dissipated energy of every element, from their columns."""
+        row = [0.0] * len(self.control.columns)
+        self.control.fill(row, 0)
+        values = dict(zip(self.control.columns, row, strict=True))
+        parts = ("absorbed", "stored", "dissipated")
+        return {
+            name: tuple(values[f"a.{name}.{part}"] for part in parts)  # type: ignore[misc]
+            for name in self.control.elements("a")
+        }
+
+
+def state(position: float = 0.0, effort: float = math.nan, valid: bool = True) -> Sample:
     """Return a fresh sample."""
-    return JointState(position, math.nan, effort, valid, 0)
+    return Sample(position, effort, valid)
 
 
 class ScriptedDriver:
@@ -144,8 +309,8 @@ class Bench(ListSink):
         self,
         *,
         cycles: int = 20,
-        master: SiteAxis | None = None,
-        slave: SiteAxis | None = None,
+        master: Axis | None = None,
+        slave: Axis | None = None,
         line: int = 0,
         offset: float | None = None,
         tolerance: float = math.inf,
@@ -159,27 +324,28 @@ class Bench(ListSink):
         on_commit: Callable[[Bench], object] | None = None,
     ) -> None:
         self.log: list[tuple[str, str]] = []
-        self.master = master or site()
-        self.slave = slave or site()
         self.hand = ScriptedDriver("hand", log=self.log, **(hand or {}))  # type: ignore[arg-type]
         self.arm = ScriptedDriver("arm", log=self.log, **(arm or {}))  # type: ignore[arg-type]
-        self.pair = WavePair(
-            "a", self.master, self.slave, PairScale(1.0, 1.0, 1.0, 1.0),
-            DelayLine(line, T) if line else None, None,
-        )  # fmt: skip
-        source = PairRow(self.pair)
+        self.pair = Pair(
+            master or site(),
+            slave or site(),
+            line=line,
+            offset=offset,
+            tolerance=tolerance,
+            run=RunParams(
+                PERIOD_NS, cycles, 2, 1, engage, release, missing_limit, overrun_limit, 0.1, 5e9
+            ),
+        )
+        self.master, self.slave = self.pair.master, self.pair.slave
+        source = self.pair.control
         self.columns = [*TIMING_COLUMNS, *source.columns]
         super().__init__(len(self.columns))
         self._on_commit = on_commit
         self.clock = FakeClock(oversleep=oversleep)
         self.loop = Loop(
             self.clock,
-            LoopSettings(PERIOD_NS, cycles, engage, release, missing_limit, overrun_limit),
-            [
-                LoopBus("hand", self.hand, [self.master], ["master.a"]),
-                LoopBus("arm", self.arm, [self.slave], ["slave.a"]),
-            ],
-            [LoopPair(self.pair, 0, 1, offset, tolerance)],
+            [LoopBus("hand", self.hand, ["master.a"]), LoopBus("arm", self.arm, ["slave.a"])],
+            source,
             [source],
             self,
         )

@@ -14,7 +14,7 @@ from tautwave.certificate import certify
 from tautwave.config import load_rig
 from tautwave.errors import SafetyStop
 from tautwave.rig import build_rig
-from tautwave.runtime.hold import HoldAccount
+from tautwave.runtime.scene.hold import HoldAccount
 from tautwave.scene.ledger import Ledger
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -107,10 +107,10 @@ def test_a_certificate_that_rests_on_the_account_is_held_to_it() -> None:
     rig = load_rig(path, [DOWN, f"scene.links.felt={STIFF}", "duration_s=0.15"])
     verdict = certify(rig).verdicts["coupled_stable"]
     assert verdict.passed
-    assert any("stops at too much" in condition for condition in verdict.conditions)
+    assert any("stops if it exceeds its limit" in condition for condition in verdict.conditions)
     rows = simulate(rig, engine="python")
     assert isinstance(rows.error, SafetyStop)
-    assert "got more energy out of its scene than went in" in str(rows.error)
+    assert "drew more energy from its scene than it put in" in str(rows.error)
     built = build_rig(rig, clock="fake")
     assert built.scene is not None
     assert built.scene.account is not None

@@ -116,6 +116,26 @@ def test_enabling_that_never_ends_times_out_and_names_the_bus() -> None:
     assert_left_safely(bench)
 
 
+@pytest.mark.parametrize(("takes_ms", "rests_ms"), [(0.25, 0.75), (2.5, 1.0)])
+def test_a_host_that_is_too_slow_gives_drives_time_to_answer_while_it_enables(
+    takes_ms: float, rests_ms: float
+) -> None:
+    bench = Bench(arm={"enable_steps": 20})
+    clock, step = bench.clock, bench.arm.enable_step
+    times: list[tuple[int, int]] = []
+
+    def slow() -> bool:
+        begun = clock.now_ns()
+        clock.sleep_until(begun + round(1e6 * takes_ms))
+        times.append((begun, clock.now_ns()))
+        return step()
+
+    bench.arm.enable_step = slow  # type: ignore[method-assign]
+    assert bench.loop.run().error is None
+    rests = {after[0] - before[1] for before, after in itertools.pairwise(times)}
+    assert rests == {round(1e6 * rests_ms)}
+
+
 def test_a_stop_while_enabling_leaves() -> None:
     bench = Bench(arm={"enable_steps": 10**9})
     step = bench.arm.enable_step
@@ -220,4 +240,15 @@ def test_a_stall_beyond_the_end_of_the_run_ends_it() -> None:
     bench = Bench(cycles=30, oversleep=late_at(10, slots=45.0))
     result = bench.loop.run()
     assert result.cycles == 11
+    assert_left_safely(bench)
+
+
+def test_a_stop_asked_for_before_the_loop_opens_nothing() -> None:
+    bench = Bench(cycles=10)
+    bench.loop.stop()
+    result = bench.loop.run()
+    assert not result.opened
+    assert isinstance(result.error, KeyboardInterrupt)
+    assert ("hand", "open") not in bench.log
+    assert not bench.rows
     assert_left_safely(bench)

@@ -44,6 +44,7 @@ def test_a_sample_lost_for_good_stops_with_the_name_of_its_axis() -> None:
     assert isinstance(result.error, DriverError)
     assert "slave.a" in str(result.error)
     assert "6 cycles" in str(result.error)
+    assert result.stop == (0.035, "slave.a", "no_sample")
     # Found in cycle 35 (30..35 were missing), then the ramp.
     assert result.cycles == 36 + 8
     efforts = [abs(e) for e in bench.efforts(bench.arm)]
@@ -70,8 +71,14 @@ def jump(at: int, value: float):
 @pytest.mark.parametrize(
     ("positions", "told"),
     [
-        (jump(10, 0.7), "left its position range"),
-        (lambda axis, k: 0.03 * max(0, k - 9), "exceeded its velocity limit"),
+        (
+            jump(10, 0.7),
+            "left its position range of -0.5 to 0.5 rad at 0.010 s: position 0.7 rad, velocity ",
+        ),
+        (
+            lambda axis, k: 0.03 * max(0, k - 9),
+            "exceeded its velocity limit of 20 rad/s at 0.010 s: position 0.03 rad, velocity ",
+        ),
     ],
 )
 @pytest.mark.parametrize("bus", ["hand", "arm"])
@@ -90,8 +97,9 @@ def test_a_guard_stops_with_axis_and_value(positions: object, told: str, bus: st
     side = "master" if bus == "hand" else "slave"
     message = str(result.error)
     assert message.startswith(f"{side}.a {told}")
-    assert "position" in message
-    assert "velocity" in message
+    assert message.endswith(" rad/s")
+    reason = "position_range" if "range" in told else "velocity_limit"
+    assert result.stop == (0.01, f"{side}.a", reason)
     assert result.cycles == 11 + 10
     assert_finite_commands(bench)
     assert_left_safely(bench)
@@ -104,7 +112,7 @@ def test_a_sample_that_is_no_number_stops_with_axis_and_value(bad: float, bus: s
     result = bench.loop.run()
     assert isinstance(result.error, SafetyStop)
     side = "master" if bus == "hand" else "slave"
-    assert str(result.error).startswith(f"{side}.a: measured position {bad}")
+    assert str(result.error).startswith(f"{side}.a: measured position {bad} rad, effort nan N m;")
     assert result.cycles == 11 + 10
     assert_finite_commands(bench)
     assert_left_safely(bench)
@@ -177,6 +185,7 @@ def test_a_fault_is_reported_and_a_fatal_one_stops() -> None:
     result = bench.loop.run()
     assert isinstance(result.error, DeviceFault)
     assert str(result.error) == "arm: bus off"
+    assert result.stop == (0.005, "", "device_fault")
     assert result.cycles == 6 + 5
     assert_left_safely(bench)
 
@@ -188,6 +197,7 @@ def test_the_first_reason_is_the_one_that_is_told() -> None:
     )  # fmt: skip
     result = bench.loop.run()
     assert isinstance(result.error, DeviceFault)
+    assert result.stop == (0.005, "slave.a", "device_fault")
 
 
 # -- engaging --------------------------------------------------------------------------------------

@@ -9,29 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tautwave.controller import rates
+from tautwave.controller.records import AxisParams, AxisState, RunParams
+from tautwave.controller.stops import AxisName
 from tautwave.errors import DriverError
-from tautwave.laws.port import port_params
-from tautwave.laws.wave import filter_gain
-from tautwave.link.memory import DelayLine
-from tautwave.runtime.books import PairRow
-from tautwave.runtime.loop import READ_SHARE, TIMING_COLUMNS, Loop, LoopPair, LoopSettings
-from tautwave.runtime.pair import PairScale, WaveFilter, WavePair
-from tautwave.runtime.rates import MultiratePair, RateConverter
+from tautwave.runtime.loop import READ_SHARE, TIMING_COLUMNS, Loop
 from tautwave.runtime.sensing import LoopBus, Sensing
-from tautwave.runtime.site import SiteAxis
 from tautwave.types import CommandDelay, Fault, JointState
 from tests.rigs.running import ListSink
-from tests.runtime.parts import PERIOD_NS, ScriptedDriver, T, site, state
+from tests.runtime.parts import PERIOD_NS, Pair, ScriptedDriver, T, site, state
 
-SCALE = PairScale(2.0, 0.7, -1.0, 1.4)
-ONE = PairScale(1.0, 1.0, 1.0, 1.0)
-
-
-def slow_site(divisor: int, delay: int = 0, gain: float = 1.0) -> SiteAxis:
-    """Return a site whose period is `divisor` times that of the line."""
-    port = port_params(divisor * T, 10.0, 0.5, False, 0.05, 0.0)
-    params = site().params._replace(port=port)
-    return SiteAxis(params, delay_periods=delay, wave_gain=gain)
+SCALED = {"scale": 2.0, "sign": -1.0, "power": 1.4}
 
 
 def multirate(
@@ -39,23 +27,19 @@ def multirate(
     *,
     line: int = 3,
     filtered: bool = False,
-    scale: PairScale = ONE,
+    scaled: bool = False,
     delay: int = 1,
-    always: bool = False,
-) -> MultiratePair:
-    """Return a pair; `always` puts converters even where they have nothing to convert."""
-    gains = (1.0, scale.sign * math.sqrt(scale.power))
+    run: RunParams | None = None,
+) -> Pair:
+    """Return a pair that goes through the slots of one with a slow side, even if none is slow."""
+    gains = (1.0, -math.sqrt(1.4) if scaled else 1.0)
     sites = [
-        slow_site(n, delay if n > 1 else 0, gain) for n, gain in zip(divisors, gains, strict=True)
+        site(divisor=n, delay=delay if n > 1 else 0, wave=gain)
+        for n, gain in zip(divisors, gains, strict=True)
     ]
-    filters = None
-    if filtered:
-        gain = filter_gain(80.0, T)
-        filters = (WaveFilter(gain, T), WaveFilter(gain, T))
-    one, two = (RateConverter(n, T) if n > 1 or always else None for n in divisors)
-    return MultiratePair(
-        "a", *sites, scale, DelayLine(line, T) if line else None, filters, (one, two)
-    )
+    scale = SCALED if scaled else {}
+    corner = 80.0 if filtered else None
+    return Pair(*sites, line=line, filter_hz=corner, rated=True, run=run, **scale)  # type: ignore[arg-type]
 
 
 # -- the pair ------------------------------------------------------------------------------------
@@ -68,19 +52,7 @@ script = st.lists(
 ratios = st.one_of(st.just(1), st.integers(2, 6), st.integers(1, 50))
 
 
-def elements(pair: MultiratePair) -> dict[str, tuple[float, float, float]]:
-    """Return absorbed, stored and dissipated energy of every element, from its books' columns."""
-    source = PairRow(pair)
-    row = [0.0] * len(source.columns)
-    source.fill(row, 0)
-    values = dict(zip(source.columns, row, strict=True))
-    return {
-        name: tuple(values[f"a.{name}.{part}"] for part in ("absorbed", "stored", "dissipated"))
-        for name in source.elements
-    }
-
-
-def motors(pair: MultiratePair) -> tuple[float, float]:
+def motors(pair: Pair) -> tuple[float, float]:
     """Return what both motors took out of their devices [J, pair], and the flow it is part of."""
     one, two = pair.master, pair.slave
     return (
@@ -104,17 +76,15 @@ def test_no_ratio_phase_loss_or_motion_opens_the_books(
     delay: int,
 ) -> None:
     """Positions, losses and skipped slots at random: no device moves like this, all the better."""
-    pair = multirate(
-        (first, second), line=line, filtered=filtered, scale=SCALE if scaled else ONE, delay=delay
-    )
-    pair.start(state(), state(), None)
+    pair = multirate((first, second), line=line, filtered=filtered, scaled=scaled, delay=delay)
+    pair.start(state(), state())
     pair.slot = phase
     pair.engage(1.0)
     lost = {"converter_master": 0.0, "converter_slave": 0.0}
     waves = 0.0
     for one, two, one_valid, two_valid, skipped in moves:
         pair.cycle(state(one, valid=one_valid), state(two, valid=two_valid), skipped, 1.0)
-        told = elements(pair)
+        told = pair.elements()
         taken, flow = motors(pair)
         waves += sum(T * (s.leaving**2 + s.arrived**2) for s in (pair.master, pair.slave))
         scale = flow + 60.0 * waves + 1e-300
@@ -136,65 +106,47 @@ def test_the_wave_integral_is_exact_across_the_converter(
 ) -> None:
     """What the slow side sent and got, times its period, is what the line got and sent."""
     pair = multirate((1, divisor), line=line, filtered=filtered)
-    converter = pair.converters[1]
-    assert converter is not None
-    sums = dict.fromkeys(("load", "give", "take", "over"), 0.0)
+    sums = dict.fromkeys(("load_wave", "give_wave", "take_wave", "hand_over_wave"), 0.0)
     size = [0.0]
-    load, give, take, hand_over = (
-        converter.load, converter.give, converter.take, converter.hand_over
-    )  # fmt: skip
 
-    def count(name: str, wave: float, periods: int) -> float:
-        sums[name] += periods * wave
-        size[0] += abs(wave) * periods
-        return wave
+    def spy(name: str, periods: int) -> Callable[..., float | None]:
+        step = getattr(rates, name)
 
-    class Spy:
-        def __init__(self) -> None:
-            self.divisor = divisor
+        def counted(s: AxisState, p: AxisParams, *wave: float) -> float | None:
+            given: float | None = step(s, p, *wave)
+            moved = wave[0] if wave else given
+            assert moved is not None
+            sums[name] += periods * moved
+            size[0] += abs(moved) * periods
+            return given
 
-        def load(self, wave: float) -> None:
-            load(count("load", wave, divisor))
+        return counted
 
-        def give(self) -> float:
-            return count("give", give(), 1)
-
-        def take(self, wave: float) -> None:
-            take(count("take", wave, 1))
-
-        def hand_over(self) -> float:
-            return count("over", hand_over(), divisor)
-
-    pair.start(state(), state(), None)
+    pair.start(state(), state())
     pair.engage(1.0)
-    pair.converters = (None, Spy())  # type: ignore[assignment]
-    for one, two, one_valid, two_valid, skipped in moves:
-        pair.cycle(state(one, valid=one_valid), state(two, valid=two_valid), skipped, 1.0)
-    under_way = converter._left * converter._held
-    assert sums["load"] - sums["give"] == pytest.approx(under_way, abs=1e-12 * size[0] + 1e-300)
-    block = converter._count * converter._mean
-    assert sums["take"] - sums["over"] == pytest.approx(block, abs=1e-12 * size[0] + 1e-300)
+    slow = {"load_wave": divisor, "give_wave": 1, "take_wave": 1, "hand_over_wave": divisor}
+    with pytest.MonkeyPatch.context() as patch:
+        for name, periods in slow.items():
+            patch.setattr(rates, name, spy(name, periods))
+        for one, two, one_valid, two_valid, skipped in moves:
+            pair.cycle(state(one, valid=one_valid), state(two, valid=two_valid), skipped, 1.0)
+    converter = pair.slave
+    under_way = converter.rate_left * converter.rate_held
+    rounding = 1e-12 * size[0] + 1e-300
+    assert sums["load_wave"] - sums["give_wave"] == pytest.approx(under_way, abs=rounding)
+    block = converter.rate_count * converter.rate_mean
+    assert sums["take_wave"] - sums["hand_over_wave"] == pytest.approx(block, abs=rounding)
 
 
-@given(script, st.sampled_from([0, 1, 4]), st.booleans(), st.booleans())
+@given(script, st.sampled_from([0, 1, 4]), st.booleans())
 def test_a_ratio_of_one_changes_no_bit(
-    moves: list[tuple[float, float, bool, bool, int]], line: int, filtered: bool, always: bool
+    moves: list[tuple[float, float, bool, bool, int]], line: int, filtered: bool
 ) -> None:
-    turned = multirate((1, 1), line=line, filtered=filtered, always=always)
-    if always and filtered:
-        # A held wave passes its filter in skipped slots, too; with ratio 1 it is none.
-        moves = [(*move[:4], 0) for move in moves]
-    filters = None
-    if filtered:
-        gain = filter_gain(80.0, T)
-        filters = (WaveFilter(gain, T), WaveFilter(gain, T))
-    plain = WavePair("a", site(), site(), ONE, DelayLine(line, T) if line else None, filters)
+    turned = multirate((1, 1), line=line, filtered=filtered)
+    plain = Pair(site(), site(), line=line, filter_hz=80.0 if filtered else None)
     for pair in (plain, turned):
-        pair.start(state(), state(), None)
+        pair.start(state(), state())
         pair.engage(1.0)
-    if always:
-        for at in (turned.master, turned.slave):
-            at.think(0.0, 0.0, math.inf)  # a slow side waits with its first thought
     for one, two, one_valid, two_valid, skipped in moves:
         for pair in (plain, turned):
             pair.cycle(state(one, valid=one_valid), state(two, valid=two_valid), skipped, 1.0)
@@ -203,13 +155,25 @@ def test_a_ratio_of_one_changes_no_bit(
                 assert getattr(a, name) == getattr(b, name), name
 
 
+@given(st.lists(st.floats(-10.0, 10.0), min_size=1, max_size=20))
+def test_a_converter_with_nothing_to_convert_hands_on_every_bit(waves: list[float]) -> None:
+    axis = site(divisor=1)
+    for wave in waves:
+        rates.load_wave(axis.state, axis.params, wave)
+        assert rates.give_wave(axis.state, axis.params) == wave
+        rates.take_wave(axis.state, axis.params, wave)
+        assert rates.hand_over_wave(axis.state, axis.params) == wave
+        assert rates.stored_in_converter(axis.state, axis.params) == 0.0
+    assert axis.rate_dissipated == 0.0
+
+
 @given(script, st.integers(2, 50), st.sampled_from([0, 4]))
 def test_master_and_slave_may_change_places(
     moves: list[tuple[float, float, bool, bool, int]], divisor: int, line: int
 ) -> None:
     plain, turned = multirate((1, divisor), line=line), multirate((divisor, 1), line=line)
     for pair in (plain, turned):
-        pair.start(state(), state(), None)
+        pair.start(state(), state())
         pair.engage(1.0)
     for one, two, one_valid, two_valid, skipped in moves:
         first, second = state(one, valid=one_valid), state(two, valid=two_valid)
@@ -264,18 +228,22 @@ class Slots:
         self.fast = Ticking("fast")
         self.slow = Noting("slow", **(slow or {}))  # type: ignore[arg-type]
         self.slow.command_delay = CommandDelay(1, 0.0)
-        self.pair = multirate((1, divisor))
-        source = PairRow(self.pair)
+        run = RunParams(PERIOD_NS, cycles, 2, 1, 0, 5, missing_limit, 100, 0.1, 5e9)
+        self.pair = multirate((1, divisor), run=run)
+        self.pair.control.names = [
+            AxisName("master.a", "fast", "rad"),
+            AxisName("slave.a", "slow", "rad"),
+        ]
+        source = self.pair.control
         self.columns = [*TIMING_COLUMNS, *source.columns]
         self.sink = ListSink(len(self.columns))
         self.loop = Loop(
             clock,
-            LoopSettings(PERIOD_NS, cycles, 0, 5, missing_limit, 100),
             [
-                LoopBus("fast", self.fast, [self.pair.master], ["master.a"]),
-                LoopBus("slow", self.slow, [self.pair.slave], ["slave.a"], divisor),
+                LoopBus("fast", self.fast, ["master.a"]),
+                LoopBus("slow", self.slow, ["slave.a"], divisor),
             ],
-            [LoopPair(self.pair, 0, 1, None, math.inf)],
+            source,
             [source],
             self.sink,
         )
@@ -359,14 +327,13 @@ def test_a_slow_side_engages_with_its_first_sample() -> None:
     position = [row[run.columns.index("slave.a.position")] for row in run.sink.rows]
     assert position[8] == 0.0
     assert position[9:] == [0.25] * 31
-    assert run.pair.slot == 39
 
 
 def test_sensing_without_slow_buses_asks_all_before_it_reads_any() -> None:
     log: list[tuple[str, str]] = []
     drivers = [ScriptedDriver(name, log=log) for name in ("one", "two")]
-    buses = [LoopBus(it.name, it, [site()], [f"{it.name}.a"]) for it in drivers]
-    Sensing(buses, PERIOD_NS, 3).sense(7, 0)
+    buses = [LoopBus(it.name, it, [f"{it.name}.a"]) for it in drivers]
+    Sensing(buses, Pair(site(), site()).control).sense(7, 0)
     assert [call for call in log if call[1] != "faults"] == [
         ("one", "request"), ("two", "request"), ("one", "read"), ("two", "read"),
     ]  # fmt: skip

@@ -8,28 +8,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tautwave.controller.pair import mismatch
 from tautwave.laws.wall import WallParams
-from tautwave.laws.wave import filter_gain
-from tautwave.link.memory import DelayLine
-from tautwave.runtime.pair import PairScale, PositionPair, WaveFilter, WavePair
-from tests.runtime.parts import WIDE, T, site, state
+from tests.runtime.parts import WIDE, Pair, site, state
 
-ONE = PairScale(1.0, 1.0, 1.0, 1.0)
 WALL = WallParams(0.004, 1.0, 800.0, 1.0, controlled=True)
 
 
-def wave_pair(
-    line: int = 3, filtered: bool = False, swap: bool = False, delay: int = 0
-) -> WavePair:
+def wave_pair(line: int = 3, filtered: bool = False, swap: bool = False, delay: int = 0) -> Pair:
     """Return a pair of two unlike sites; `swap` makes the first one the slave."""
     one = site(b=10.0, mass=0.3, wall=WALL, delay=delay)
     two = site(b=10.0, mass=0.9, limit=WIDE._replace(effort=2.0))
-    filters = None
-    if filtered:
-        gain = filter_gain(50.0, T)
-        filters = (WaveFilter(gain, T), WaveFilter(gain, T))
     master, slave = (two, one) if swap else (one, two)
-    return WavePair("a", master, slave, ONE, DelayLine(line, T) if line else None, filters)
+    return Pair(master, slave, line=line, filter_hz=50.0 if filtered else None)
 
 
 samples = st.lists(
@@ -47,7 +38,7 @@ def test_swapping_the_sites_changes_no_bit(
     plain = wave_pair(line, filtered, swap=False, delay=delay)
     turned = wave_pair(line, filtered, swap=True, delay=delay)
     for pair in (plain, turned):
-        pair.start(state(), state(), None)
+        pair.start(state(), state())
         pair.engage(1.0)
     for one, two, one_valid, two_valid, skipped in script:
         first, second = state(one, valid=one_valid), state(two, valid=two_valid)
@@ -63,7 +54,7 @@ def test_a_line_without_delay_hands_over_at_once(
     script: list[tuple[float, float, bool, bool, int]], extra: int
 ) -> None:
     pair = wave_pair(line=0)
-    pair.start(state(), state(), None)
+    pair.start(state(), state())
     pair.engage(1.0)
     for one, two, *_ in script:
         pair.cycle(state(one), state(two), 0, 1.0)
@@ -78,14 +69,11 @@ def test_a_scaled_slave_is_the_same_machine_in_other_units(power: float, sign: f
     scale = 2.0
     force = power / scale
     unit = force / scale  # slave's impedance, mass and energy over position squared
-    plain = WavePair("a", site(b=10.0), site(b=10.0, mass=0.7), ONE, DelayLine(2, T), None)
-    slave = site(b=10.0 * unit, mass=0.7 * unit)
-    slave._wave = sign * math.sqrt(power)
-    scaled = WavePair(
-        "a", site(b=10.0), slave, PairScale(scale, force, sign, power), DelayLine(2, T), None
-    )
+    plain = Pair(site(b=10.0), site(b=10.0, mass=0.7), line=2)
+    slave = site(b=10.0 * unit, mass=0.7 * unit, wave=sign * math.sqrt(power))
+    scaled = Pair(site(b=10.0), slave, line=2, scale=scale, sign=sign, power=power)
     for pair in (plain, scaled):
-        pair.start(state(), state(), None)
+        pair.start(state(), state())
         pair.engage(1.0)
     for k in range(40):
         x, y = 0.01 * math.sin(0.1 * k), 0.008 * math.sin(0.1 * k - 0.3)
@@ -101,60 +89,54 @@ def test_a_scaled_slave_is_the_same_machine_in_other_units(power: float, sign: f
 
 def test_an_offset_at_engagement_is_no_error() -> None:
     pair = wave_pair()
-    pair.start(state(0.1), state(-0.3), None)
+    pair.start(state(0.1), state(-0.3))
     assert pair.position_error() == pytest.approx(0.0, abs=1e-15)
     assert pair.slave.gap == 0.0
 
 
 def test_a_given_offset_is_mended_over_time() -> None:
     """The slave is 1 mm off at the start; the line brings it there, with energy that comes in."""
-    pair = WavePair("a", site(), site(), ONE, None, None)
-    pair.start(state(0.0), state(0.001), 0.0)
-    assert pair.mismatch(0.0, 0.001, 0.0) == pytest.approx(0.001)
-    assert pair.slave.gap == pytest.approx(0.001 * pair.slave.params.port.root)
+    pair = Pair(site(), site(), offset=0.0)
+    pair.start(state(0.0), state(0.001))
+    assert mismatch(pair.q, 0.0, 0.001, 0.0) == pytest.approx(0.001)
+    assert pair.slave.gap == pytest.approx(0.001 * pair.slave.params.site.port.root)
     assert pair.position_error() == pytest.approx(-0.001)
 
 
 def test_it_arms_only_where_both_walls_ask_for_little() -> None:
     limit = WIDE._replace(effort=10.0)
-    pair = WavePair("a", site(limit=limit, wall=WALL), site(limit=limit), ONE, None, None)
+    pair = Pair(site(limit=limit, wall=WALL), site(limit=limit))
     for position, armed in ((0.0, True), (0.0045, True), (0.01, False)):
-        pair.start(state(position), state(), None)
+        pair.start(state(position), state())
         assert pair.arm(0.1) is armed
 
 
 def test_guards_of_both_sides_are_told_apart() -> None:
     limit = WIDE._replace(velocity=1.0)
-    pair = WavePair("a", site(limit=limit), site(limit=limit), ONE, None, None)
-    pair.start(state(), state(), None)
+    pair = Pair(site(limit=limit), site(limit=limit))
+    pair.start(state(), state())
     pair.engage(1.0)
     pair.cycle(state(0.0), state(0.01), 0, 1.0)
-    assert (pair.guard & 7, pair.guard >> 3) == (0, 2)
+    assert (pair.master.guard, pair.slave.guard) == (0, 2)
 
 
 def test_the_ramp_scales_every_limit() -> None:
     limit = WIDE._replace(effort=10.0)
-    pair = WavePair("a", site(b=1e4, limit=limit), site(b=1e4, limit=limit), ONE, None, None)
-    pair.start(state(), state(), None)
+    pair = Pair(site(b=1e4, limit=limit), site(b=1e4, limit=limit))
+    pair.start(state(), state())
     pair.engage(0.1)
     pair.cycle(state(0.01), state(-0.01), 0, 0.1)
     assert pair.master.command == -1.0
     assert pair.slave.command == 1.0
 
 
-def position_pair(samples: int = 0) -> PositionPair:
-    sites = []
-    for _ in range(2):
-        axis = site()
-        axis.params = axis.params._replace(stiffness=100.0, damping=2.0)
-        axis.by_wave = False
-        sites.append(axis)
-    return PositionPair("a", sites[0], sites[1], ONE, samples)
+def position_pair(samples: int = 0) -> Pair:
+    return Pair(site(spring=(100.0, 2.0)), site(spring=(100.0, 2.0)), line=samples)
 
 
 def test_position_coupling_pulls_both_sides_together() -> None:
     pair = position_pair()
-    pair.start(state(0.0), state(0.0), None)
+    pair.start(state(0.0), state(0.0))
     pair.engage(1.0)
     pair.cycle(state(0.001), state(0.0), 0, 1.0)
     # 1 mm ahead at 1 m/s
@@ -164,7 +146,7 @@ def test_position_coupling_pulls_both_sides_together() -> None:
 
 def test_position_coupling_delays_what_the_other_side_sees() -> None:
     pair = position_pair(samples=3)
-    pair.start(state(0.0), state(0.0), None)
+    pair.start(state(0.0), state(0.0))
     pair.engage(1.0)
     seen = []
     for _ in range(6):
@@ -176,11 +158,11 @@ def test_position_coupling_delays_what_the_other_side_sees() -> None:
 
 @pytest.mark.parametrize("skipped", [0, 1, 2, 3])
 def test_a_wave_takes_as_many_slots_whether_they_are_run_or_skipped(skipped: int) -> None:
-    pair = WavePair("a", site(), site(), ONE, DelayLine(6, T), None)
-    pair.start(state(), state(), None)
+    pair = Pair(site(), site(), line=6)
+    pair.start(state(), state())
     pair.engage(1.0)
     pair.cycle(state(0.0), state(), 0, 1.0)
-    pair.master.account = 1.0
+    pair.master.state.account = 1.0
     pair.cycle(state(0.001), state(), 0, 1.0)
     sent = pair.master.leaving
     assert sent > 0.0

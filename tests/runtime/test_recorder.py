@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from tautwave.errors import RecordingError
-from tautwave.report.recording import Recording, read_recording
+from tautwave.report.run.recording import Recording, read_recording
 from tautwave.runtime import recorder as recorder_module
 from tautwave.runtime.recorder import Recorder
 from tautwave.runtime.ring import HEAD, TAIL, WRITTEN
@@ -87,7 +87,12 @@ def test_what_is_put_in_comes_back(tmp_path: Path) -> None:
     recording = read_recording(path)
     expected = [(k * 1e-3, value, -value) for k, value in enumerate(values)]
     assert recording.data.tobytes() == np.array(expected).tobytes()
-    assert recording.metadata == {"version": "0.1", "git": "abc", "rate_hz": "1000.0"}
+    assert recording.metadata == {
+        "version": "0.1",
+        "git": "abc",
+        "rate_hz": "1000.0",
+        "format": "1",
+    }
     assert recording.attachments["rig.yaml"] == b"name: bench\n"
     assert recording.attachments["big.bin"] == bytes(range(256)) * 2000
     assert recording.ending == {
@@ -228,7 +233,10 @@ def test_a_disk_that_fills_up_is_said_and_keeps_what_is_written(tmp_path: Path) 
         time.sleep(0.01)
     put(recorder, range(cycle, cycle + 500))
     stats = recorder.close()
-    assert stats.error == f"the recording {path} cannot be written: File too large"
+    assert stats.error == (
+        f"the recording {path} cannot be written: File too large; {stats.rows_written} rows are in "
+        f"{path}, which `tautwave report` still reads"
+    )
     assert 0 < stats.rows_written < stats.rows_offered
     assert stats.bytes == path.stat().st_size <= 50_000
     recording = read_recording(path)

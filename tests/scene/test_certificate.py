@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tautwave.analysis.resonator_sampled import sampled_law
-from tautwave.analysis.sampled_wall import PulseTransfer
-from tautwave.analysis.wall_passivity import needed_damping
+from tautwave.analysis.ports.resonator_sampled import sampled_law
+from tautwave.analysis.walls.passivity import needed_damping
+from tautwave.analysis.walls.sampled import PulseTransfer
 from tautwave.certificate import certify
 from tautwave.certificate.picture import draw_certificate
-from tautwave.certificate.scene_maps import (
+from tautwave.certificate.scene.maps import (
     leak_over,
     linear_scene,
     loop_poles,
@@ -51,6 +51,18 @@ def test_d9_greatest_couplings(scheme, period, delay, limit):
         assert (radius < 1.0) == (share < 1.0)
 
 
+def test_what_is_certified_of_rk4_is_the_exponential_up_to_its_fourth_term():
+    period = 1e-3
+    scene = linear_scene(RESONATOR, "rk4", period, "hand")
+    rate = np.array([[0.0, 1.0], [-(14200.0 + 3000.0) / 0.004, -0.01 / 0.004]]) * period
+    want, term = np.eye(2), np.eye(2)
+    for at in range(1, 5):
+        term = term @ rate / at
+        want = want + term
+    assert scene.a[:2, :2] == pytest.approx(want, rel=1e-12)
+    assert scene.d == pytest.approx(3000.0 - 3000.0 * scene.b[0])
+
+
 @pytest.mark.parametrize("period", [1e-3, 1e-4])
 def test_needed_damping_is_that_of_the_analysis(period):
     num, den = sampled_law(period, "zoh")
@@ -76,7 +88,7 @@ def test_a_scaled_port_is_a_scaled_impedance():
 def test_the_grid_agrees_with_the_proof(monkeypatch):
     scene = linear_scene(RESONATOR, "discrete_gradient", 1e-3, "hand")
     exact = needed(scene, 0.0)
-    monkeypatch.setattr("tautwave.certificate.scene_maps.EXACT_ORDER", 0)
+    monkeypatch.setattr("tautwave.certificate.scene.maps.EXACT_ORDER", 0)
     found = needed(scene, 0.0)
     assert not found.proved
     assert found.damping == pytest.approx(exact.damping, rel=5e-3)
@@ -118,7 +130,7 @@ def test_nonlinear_links_are_named_as_conditions():
         told = certify(load_rig(CONFIGS / f"scene-{name}.yaml"))
         verdict = told.verdicts["coupled_stable"]
         assert verdict.state == "conditional"
-        assert "no theorem bounds it, a run books it" in verdict.conditions[0]
+        assert "no theorem bounds it; a run measures it" in verdict.conditions[0]
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import yaml
 
-from tautwave.certificate.scene_maps import linear_part
+from tautwave.certificate.scene.maps import linear_part
 from tautwave.config import load_rig, parse_rig, resolved_yaml, rig_schema
 from tautwave.errors import ConfigError
-from tautwave.rig.scene import pruned_network, scene_forces, whole_network
+from tautwave.rig.scene.network import pruned_network, scene_forces, whole_network
 from tautwave.scene.compiling import compile_network
 from tautwave.scene.exact import linear_matrices
 
@@ -54,9 +54,9 @@ def test_zero_masses_are_refused_with_their_place():
 
 def test_disconnected_parts_are_named():
     told = problems(text=RESONATOR.replace("  masses:", "  masses:\n    lonely: {mass: 1}"))
-    assert "scene.masses.lonely: nothing is linked to it; add a link, or remove it" in told
+    assert "scene.masses.lonely: no link ends at it; add one, or remove it" in told
     told = problems("scene.ports.stylus={}")
-    assert "nothing is linked to it" in told
+    assert "no link ends at it" in told
 
 
 @pytest.mark.parametrize(
@@ -77,12 +77,20 @@ def test_disconnected_parts_are_named():
             ["scene.links.c={type: contact, between: [object, ground], stiffness: 1}"],
             "exact is for springs and dampers; links.c needs discrete_gradient",
         ),
+        (
+            [
+                "scene.scheme=rk4",
+                "scene.links.c={type: plastic, between: [object, ground], stiffness: 1, "
+                "yield_force: 1}",
+            ],
+            "rk4 does not do plastic links; links.c needs discrete_gradient",
+        ),
         (["scene.masses.object.count=3", "scene.masses.b={mass: 1, count: 2}",
           "scene.links.c={type: spring, between: [object, b], stiffness: 1}"],
          "groups of 3 and 2 cannot be linked one to one"),
         (["scene.output.port=nose"], "there is no port 'nose'"),
-        (["buses.hand.divisor=2"], "a scene runs at one rate"),
-        (["slave={axes: {}}"], "a rig with a scene has none"),
+        (["buses.hand.divisor=2"], "a scene runs at a single rate"),
+        (["slave={axes: {}}"], "not allowed in a rig with a scene"),
         (["simulation.environment.stylus={type: free}"], "a scene has no slave; remove it"),
         (["simulation.axes.slave.x={}"], "simulation.axes"),
         (["scene.strings.g={impedance: 1, frequency_hz: 5000}"], "a 12th of the rate"),

@@ -26,7 +26,7 @@ def costs(monkeypatch):
     share = {"python": 0.3, "compiled": 0.1}
     measured = []
 
-    def pace(rig, engine="python"):
+    def pace(rig, engine="python", ways=None):
         measured.append(engine)
         return ScenePace(share[engine] * rig.period_s, rig.period_s, engine)
 
@@ -120,9 +120,7 @@ def test_compiled_steps_change_no_row():
     use_engine(built, "compiled")
     assert type(built.scene.model) is not SceneModel
     sink = Rows(len(built.columns))
-    loop = scene_pace.Loop(
-        built.clock, built.settings, built.buses, built.pairs, built.sources, sink
-    )
+    loop = scene_pace.Loop(built.clock, built.buses, built.control, built.sources, sink)
     assert loop.run().error is None
     for name, column in zip(built.columns, zip(*sink.rows, strict=True), strict=True):
         assert tuple(data[name]) == column, name

@@ -9,12 +9,13 @@ import pytest
 
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError
-from tautwave.offline import network_steps, playing
-from tautwave.offline.playing import Played, flows_of, lines_of, play
-from tautwave.rig.scene import pruned_network
+from tautwave.rig.scene.network import pruned_network
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Link, Mass, Network
 from tautwave.scene.stepping import pull_links
+from tautwave.simulation.scene import playing
+from tautwave.simulation.scene import steps as network_steps
+from tautwave.simulation.scene.playing import Played, flows_of, lines_of, play
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STEPS = 240
@@ -74,8 +75,10 @@ CASES = [
     ("damped", "discrete_gradient"),
     ("resonator", "exact"),
     ("granular", "symplectic"),
+    ("granular", "rk4"),
     ("granular", "discrete_gradient"),
     ("string", "discrete_gradient"),
+    ("drum", "rk4"),
     ("drum", "discrete_gradient"),
 ]
 

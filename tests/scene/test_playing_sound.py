@@ -13,9 +13,9 @@ import pytest
 from click.testing import CliRunner
 
 from tautwave.cli import main
-from tautwave.cli import play as playing
-from tautwave.cli.play import play_sound
 from tautwave.cli.run import _played
+from tautwave.cli.terminal import play as playing
+from tautwave.cli.terminal.play import play_sound
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RATTLE = CONFIGS / "sounds" / "rattle.wav"
@@ -54,7 +54,7 @@ def test_the_next_player_is_tried_where_one_has_no_device(players, tmp_path):
 
 def test_without_a_device_it_is_one_sentence(players):
     told = play_sound(RATTLE)
-    assert told.startswith("not played: there is none of paplay, pw-play, aplay, afplay on PATH")
+    assert told.startswith("not played: none of paplay, pw-play, aplay, afplay on PATH")
     assert told.endswith(f"the sound is in {RATTLE}")
     players("aplay", "echo 'aplay: main: audio open error: No such file' >&2; exit 1")
     told = play_sound(RATTLE)
@@ -65,7 +65,7 @@ def test_without_a_device_it_is_one_sentence(players):
 def test_a_player_that_hangs_is_ended(players, monkeypatch):
     players("aplay", "exec /bin/sleep 60")
     monkeypatch.setattr(playing, "PATIENCE_S", -0.4)
-    assert "aplay: did not come to an end within" in play_sound(RATTLE)
+    assert "aplay: did not finish within" in play_sound(RATTLE)
 
 
 def test_the_library_plays_where_no_command_does(players, monkeypatch):

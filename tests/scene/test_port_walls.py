@@ -11,8 +11,8 @@ from tautwave.models.interaction import elastic_tension
 from tautwave.scene.compiling import LAWS
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Link, Mass, Network
-from tautwave.scene.space.live import SpaceModel
-from tautwave.scene.space.network import WAYS, SpaceMass, SpaceNetwork, SpacePort
+from tautwave.scene3d.live import Model3d
+from tautwave.scene3d.network import WAYS, Mass3d, Network3d, Port3d
 
 PERIOD = 1e-3
 LINKS = {
@@ -68,15 +68,15 @@ def test_what_drags_at_a_port_is_felt_and_loses(name: str, scheme: str) -> None:
 
 @pytest.mark.parametrize("scheme", ["discrete_gradient", "symplectic"])
 def test_a_wall_at_a_port_in_space_is_felt_along_the_way_to_it(scheme: str) -> None:
-    network = SpaceNetwork(
-        masses=(SpaceMass("m", 0.1, (1.0, 0.0, 0.0)),),
+    network = Network3d(
+        masses=(Mass3d("m", 0.1, (1.0, 0.0, 0.0)),),
         links=(
             Link("w", "spring", "pen", "ground", stiffness=500.0, rest=0.05),
             Link("s", "spring", "m", "ground", stiffness=100.0, rest=1.0),
         ),
-        ports=(SpacePort("pen", ("x", "y"), WAYS[:2], (0.03, 0.04, 0.0)),),
+        ports=(Port3d("pen", ("x", "y"), WAYS[:2], (0.03, 0.04, 0.0)),),
     )
-    model = SpaceModel(network, scheme, PERIOD)
+    model = Model3d(network, scheme, PERIOD)
     for x in (1e-3, -2e-3):
         x_effort, y_effort = model.advance([x, 0.0])
         far = math.hypot(0.03 + x, 0.04)

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.offline.networks import run_network
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Link, Mass, Network, problems_of
 from tautwave.scene.pruning import prune
+from tautwave.simulation.scene.networks import run_network
 from tests.scene.networks import RESONATOR, everything, granular
 
 

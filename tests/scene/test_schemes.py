@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from tautwave.analysis.resonator_sampled import sampled_law
+from tautwave.analysis.ports.resonator_sampled import sampled_law
 from tautwave.errors import ConfigError
 from tautwave.scene.compiling import compile_network
 from tautwave.scene.exact import exact_islands
@@ -47,10 +48,15 @@ def test_the_exact_scheme_is_the_zoh_law_of_the_analysis(period):
     assert np.abs(u - want / den[0]).max() < 1e-9 * np.abs(want).max()
 
 
-@pytest.mark.parametrize("scheme", ["symplectic", "discrete_gradient"])
+def without_plastic(network):
+    return network._replace(links=tuple(k for k in network.links if k.kind != "plastic"))
+
+
+@pytest.mark.parametrize("scheme", ["symplectic", "rk4", "discrete_gradient"])
 def test_every_kind_of_link_keeps_its_books(scheme):
     period = 1e-4
-    model = SceneModel(everything(), scheme, period)
+    network = without_plastic(everything()) if scheme == "rk4" else everything()
+    model = SceneModel(network, scheme, period)
     for k in range(4000):
         model.advance([0.005 * math.sin(30 * k * period)], [math.sin(200 * k * period)])
         if k % 100 == 0:
@@ -238,5 +244,101 @@ def test_d15_cordis_bound():
 def test_the_exact_scheme_says_what_it_cannot_do():
     with pytest.raises(ConfigError, match="only springs and dampers"):
         exact_islands(compile_network(granular()).arrays, 1e-3)
-    with pytest.raises(ConfigError, match="there are exact, symplectic, discrete_gradient"):
+    with pytest.raises(ConfigError, match="there are exact, symplectic, rk4, discrete_gradient"):
         SceneModel(RESONATOR, "euler", 1e-3)
+
+
+def ringing_error(scheme, period, time_s):
+    """Distance of three linked masses from the exact scheme's, the port held."""
+    masses = tuple(Mass(f"m{at}", 0.01 * (at + 1), 1e-3 * at, 0.1, damping=0.05) for at in range(3))
+    links = (
+        Link("one", "spring", "hand", "m0", stiffness=2000.0, damping=0.1),
+        Link("two", "spring", "m0", "m1", stiffness=1000.0, rest=1e-3),
+        Link("three", "spring", "m1", "m2", stiffness=3000.0, damping=0.2),
+    )
+    network = Network(masses, links, ("hand",), gravity=9.81)
+    model = SceneModel(network, scheme, period)
+    fine = SceneModel(network, "exact", time_s)
+    fine.advance([0.0])
+    for _ in range(round(time_s / period)):
+        model.advance([0.0])
+    return max(abs(a - b) for a, b in zip(model.arrays.x, fine.arrays.x, strict=True))
+
+
+def test_rk4_is_of_fourth_order():
+    errors = [ringing_error("rk4", 0.064 / steps, 0.064) for steps in (128, 256, 512)]
+    assert errors[-1] < 1e-9
+    for coarse, fine in pairwise(errors):
+        assert math.log2(coarse / fine) == pytest.approx(4.0, abs=0.2)
+
+
+def test_rk4_follows_a_port_between_its_samples():
+    """A straight motion of the port is no error: the closed form of a mass that is dragged."""
+    network = Network(
+        (Mass("m", 1.0),), (Link("k", "spring", "hand", "m", stiffness=100.0),), ("hand",)
+    )
+    model = SceneModel(network, "rk4", 1e-2)
+    for k in range(1, 101):
+        effort = model.advance([0.02 * k * 1e-2])[0]
+        t = k * 1e-2
+        want = 0.02 * (t - math.sin(10.0 * t) / 10.0)
+        assert model.arrays.x[0] == pytest.approx(want, abs=1e-7)
+        assert effort == pytest.approx(100.0 * (0.02 * t - model.arrays.x[0]), rel=1e-9, abs=1e-15)
+    assert model.ledger().port_work == pytest.approx(model.ledger().energy, rel=1e-4)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.5, 2.7])
+def test_rk4_takes_energy_of_a_spring_and_makes_none(share):
+    network = Network(
+        (Mass("m", 1.0, 1e-3),), (Link("w", "spring", "m", "ground", stiffness=share**2),)
+    )
+    model = SceneModel(network, "rk4", 1.0)
+    before = model.ledger().energy
+    for _ in range(200):
+        model.advance([])
+        told = model.ledger()
+        assert told.energy < before
+        assert abs(model.residual()) < 1e-18
+        before = told.energy
+    model.reset([])
+    model.advance([])
+    taken = 1.0 - model.ledger().energy / model.start.energy
+    # |R(i y)|**2 = 1 - y**6 / 72 + y**8 / 576, exactly.
+    assert taken == pytest.approx(share**6 / 72.0 - share**8 / 576.0, rel=1e-6)
+
+
+def test_rk4_runs_away_beyond_its_bound():
+    for share, stays in ((2.8, True), (2.86, False)):
+        network = Network(
+            (Mass("m", 1.0, 1e-3),), (Link("w", "spring", "m", "ground", stiffness=share**2),)
+        )
+        model = SceneModel(network, "rk4", 1.0)
+        for _ in range(2000):
+            model.advance([])
+        assert (abs(model.arrays.x[0]) <= 1e-3) == stays
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0])
+def test_rk4_gives_a_bounce_back_at_the_order_of_its_edges(exponent):
+    """Closed form: the speed of a lossless bounce, at steps that divide its time by no luck."""
+    worst = []
+    for period in (2e-4, 5e-5):
+        errors = []
+        for phase in range(7):
+            network = Network(
+                (Mass("m", 0.1, (phase + 0.5) / 7.0 * period, -1.0),),
+                (Link("w", "contact", "m", "ground", stiffness=1e4, exponent=exponent),),
+            )
+            model = SceneModel(network, "rk4", period)
+            while model.arrays.v[0] < 0.0 or model.arrays.x[0] < 0.0:
+                model.advance([])
+            errors.append(abs(model.arrays.v[0] - 1.0))
+            assert abs(model.residual()) < 1e-15
+        worst.append(max(errors))
+    assert worst[0] < 2e-3
+    assert math.log2(worst[0] / worst[1]) / 2.0 > exponent + 0.7
+
+
+def test_rk4_does_no_plastic_links():
+    with pytest.raises(ConfigError, match="rk4 does not do plastic links"):
+        SceneModel(everything(), "rk4", 1e-3)

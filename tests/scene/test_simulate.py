@@ -10,7 +10,7 @@ import pytest
 from tautwave import simulate
 from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError, SafetyStop
-from tautwave.report.recording import read_recording
+from tautwave.report.run.recording import read_recording
 from tautwave.session import running
 from tautwave.session.running import run
 
@@ -25,7 +25,7 @@ def load(name: str, *given: str) -> Rig:
 def test_the_rows_are_those_of_a_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, seconds: float
 ) -> None:
-    monkeypatch.setattr(running, "_report", lambda *_: None)
+    monkeypatch.setattr(running, "report_run", lambda _, summary, code: (summary, code))
     rig = load(name, f"duration_s={seconds}")
     run(rig, out=tmp_path, clock="fake")
     recorded = read_recording(tmp_path / "recording.mcap")

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from tautwave.cli import main
 from tautwave.config import load_rig, resolved_yaml, sounds
 from tautwave.errors import ConfigError
-from tautwave.rig.scene import keep_sounds, pruned_network, scene_forces
+from tautwave.rig.scene.network import keep_sounds, pruned_network, scene_forces
 from tautwave.scene.signals import sound_signal
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -102,12 +102,12 @@ def test_no_bytes_raise_anything_but_a_sentence(tmp_path_factory, garbage, cut):
         (b"", "s.wav is empty"),
         (b"ID3 and so on, no sound", "s.wav is no WAV file"),
         (b"RF64" + wav_bytes(VALUES)[4:], "is an RF64 file; save it as plain WAV"),
-        (wav_bytes([]), "holds no sound"),
-        (wav_bytes(VALUES)[:-4], "cut off: 12 bytes of sound are announced, 8 are there"),
-        (wav_bytes(VALUES)[:40], "is broken: "),
+        (wav_bytes([]), "contains no samples"),
+        (wav_bytes(VALUES)[:-4], "truncated: 12 bytes of sound are announced, 8 are there"),
+        (wav_bytes(VALUES)[:40], "is corrupt: "),
         (wav_bytes(VALUES, kind=6), "coded as A-law; save it as PCM or float"),
-        (wav_bytes(VALUES, bits=16, kind=3)[:20], "is broken"),
-        (wav_bytes([0.0, math.nan], bits=32, kind=3), "no finite numbers"),
+        (wav_bytes(VALUES, bits=16, kind=3)[:20], "is corrupt"),
+        (wav_bytes([0.0, math.nan], bits=32, kind=3), "NaN or infinite"),
     ],
 )
 def test_what_is_wrong_with_a_sound_is_one_sentence_with_its_place(tmp_path, content, sentence):
@@ -190,7 +190,7 @@ def test_a_rig_and_its_sounds_can_go_anywhere(tmp_path):
     original.write_bytes((moved / "sounds" / "rattle.wav").read_bytes())
     assert forces == scene_forces(rig, network, 1000)
     (moved / "sounds" / "rattle.wav").write_bytes(wav_bytes(VALUES))
-    with pytest.raises(ConfigError, match=r"rattle\.sha256: rattle\.wav is not the sound it was"):
+    with pytest.raises(ConfigError, match=r"rattle\.sha256: rattle\.wav has changed"):
         load_rig(moved / "rig.yaml")
     original.unlink()
     with pytest.raises(ConfigError, match=r"s\.wav: cannot be read: No such file"):

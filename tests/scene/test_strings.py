@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from tautwave.link.memory import DelayLine
+from tautwave.scene.delay_line import DelayLine
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Link, Network, String
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tautwave.config import load_rig
-from tautwave.rig.scene import pruned_network
+from tautwave.rig.scene.network import pruned_network
 from tautwave.scene.live import SceneModel
 from tests.scene.networks import everything
 
@@ -20,13 +20,15 @@ def bits(values) -> bytes:
     return struct.pack(f"{len(values)}d", *values)
 
 
-@pytest.mark.slow  # numba compiles for ten seconds and more
+@pytest.mark.slow
+@pytest.mark.timeout(900)  # numba compiles for half a minute, and shares the processor
 @pytest.mark.parametrize(
     ("name", "scheme"),
     [
         ("granular", "discrete_gradient"),
         ("granular", "symplectic"),
         ("drum", "discrete_gradient"),
+        ("drum", "rk4"),
         ("resonator", "exact"),
         ("string", "discrete_gradient"),
         ("everything", "symplectic"),
@@ -35,7 +37,7 @@ def bits(values) -> bytes:
 )
 def test_compiled_ticks_are_the_live_steps_to_the_bit(name, scheme):
     pytest.importorskip("numba")
-    from tautwave.offline.ticking import CompiledScene
+    from tautwave.simulation.scene.ticking import CompiledScene
 
     network, period = everything(), 1e-4
     if name != "everything":

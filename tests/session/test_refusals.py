@@ -8,11 +8,13 @@ import pytest
 
 from tautwave import registry
 from tautwave.config import load_rig
-from tautwave.errors import ConfigError
+from tautwave.errors import ConfigError, DriverError
 from tautwave.session.running import run
 from tests.commands import keep_in_one_process
 
-RIG = Path(__file__).parents[2] / "configs" / "bench-canopen-virtual.yaml"
+CONFIGS = Path(__file__).parents[2] / "configs"
+RIG = CONFIGS / "bench-canopen-virtual.yaml"
+HARDWARE = CONFIGS / "xm430-pair.yaml"
 
 
 def test_a_run_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -33,3 +35,12 @@ def test_a_fault_is_told_with_its_axis(tmp_path: Path, monkeypatch: pytest.Monke
     assert told
     assert all(text.startswith("slave.lever") for text in told)
     assert set(told) <= set(result.summary["faults"])
+
+
+def test_a_bus_that_is_refused_leaves_no_directory(tmp_path: Path) -> None:
+    rig = load_rig(HARDWARE, ["buses.servos.options.port=/dev/no-such-port"])
+    (tmp_path / "mine.txt").write_text("precious")
+    for out in (tmp_path / "new" / "out", tmp_path):
+        with pytest.raises(DriverError, match="/dev/no-such-port: there is no such device"):
+            run(rig, out=out, allow_uncertified=True, allow_unwatched=True)
+        assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]

@@ -8,13 +8,13 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError, DriverError
-from tautwave.rig import served_buses
 from tautwave.session.serving import bus_bench, served
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -40,8 +40,7 @@ def gone(pid: int) -> bool:
 
 
 def test_a_pseudo_terminal_is_there_inside_the_block_only(rig: Rig) -> None:
-    assert served_buses(rig) == ("servos",)
-    with served(rig, served_buses(rig)) as found:
+    with served(rig, ("servos",)) as found:
         port = found["servos"]["options"]["port"]
         assert found["servos"]["endpoint"] == port
         os.close(os.open(port, os.O_RDWR | os.O_NOCTTY))
@@ -50,9 +49,43 @@ def test_a_pseudo_terminal_is_there_inside_the_block_only(rig: Rig) -> None:
 
 def test_a_bus_that_does_not_come_up_is_named(rig: Rig) -> None:
     can = load_rig(CONFIGS / "bench-canopen-vcan.yaml", ["buses.can.options.channel=no-such-can"])
-    told = "bus can: its simulated devices did not come up"
+    told = "bus can: its simulated devices did not start"
     with pytest.raises(DriverError, match=told), served(can, ("can",)):
         pass
+
+
+KILLED_AT_ONCE = """
+import os, subprocess, sys
+from tautwave.config import load_rig
+from tautwave.session import serving
+class Start(subprocess.Popen):
+    def __init__(self, *words, **keys):
+        super().__init__(*words, **{**keys, "stdout": None, "stderr": None})
+        self.stdin.write(text)
+        self.stdin.close()
+        print(self.pid, flush=True)
+        os.kill(os.getpid(), 9)
+serving.subprocess.Popen = Start
+rig = load_rig(sys.argv[1])
+text = serving.resolved_yaml(rig).encode()
+with serving.served(rig, ["servos"]): pass
+"""
+
+
+def test_devices_of_a_run_that_is_killed_before_they_are_up_end_too() -> None:
+    """They ask for a signal of its death when they have begun; it may be dead by then."""
+    rig = str(CONFIGS / "bench-dynamixel-sim.yaml")
+    with subprocess.Popen(
+        [sys.executable, "-c", KILLED_AT_ONCE, rig], stdout=subprocess.PIPE, text=True
+    ) as run:
+        assert run.stdout is not None
+        pid = int(run.stdout.readline())
+        assert run.wait() == -signal.SIGKILL
+        try:
+            assert gone(pid)
+        finally:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
 
 
 def test_devices_end_with_a_run_that_is_killed(tmp_path: Path) -> None:
@@ -82,7 +115,7 @@ def test_devices_end_with_a_run_that_is_killed(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_served_is_told(rig: Rig) -> None:
-    with pytest.raises(ConfigError, match="there is no bus 'none'; servos"):
+    with pytest.raises(ConfigError, match="there is no bus 'none'; the rig has servos"):
         bus_bench(rig, "none")
     hardware = load_rig(CONFIGS / "xm430-pair.yaml")
     with pytest.raises(ConfigError, match="nothing to simulate"):

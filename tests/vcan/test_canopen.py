@@ -185,7 +185,7 @@ def test_a_bus_that_netem_makes_too_slow_is_refused_with_its_time(drives: None) 
     try:
         with (
             netem("vcan0", "delay", "15ms"),
-            pytest.raises(BusTimeout, match=r"answers SYNC after .* us at best.*lower rate_hz"),
+            pytest.raises(BusTimeout, match=r"responds to SYNC after .* us at best.*lower rate_hz"),
         ):
             stepped.driver.open()
     finally:
@@ -207,7 +207,7 @@ def test_a_queue_that_nothing_drains_is_a_dead_bus(drives: None) -> None:
         stepped.run(10, 0.0)
         with netem("vcan0", "delay", "100s", "limit", "3"):
             rows, faults = stepped.run(20, 0.0)
-        assert "dead bus: the transmit queue is full" in faults[0].text
+        assert "dead bus: the transmit queue has been full" in faults[0].text
         assert faults[0].fatal
         assert not any(state.valid for row in rows[1:] for state in row)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tautwave.contracts import CycleCost, DriverPlugin
+from tautwave.contracts import CycleCost, DriverPlugin, Endpoint
 from tautwave_drivers.canopen.budget import budget
 from tautwave_drivers.canopen.driver import CanopenDriver
 from tautwave_drivers.canopen.options import CanopenOptions, facts
@@ -15,6 +15,14 @@ def _measure(cycles: int) -> Sequence[CycleCost]:
     from tautwave_drivers.canopen.measure import measure
 
     return measure(cycles)
+
+
+def _endpoint(options: CanopenOptions) -> Endpoint:
+    software = options.interface in ("virtual", "udp_multicast")
+    if options.interface == "socketcan":
+        software = options.channel.startswith(("vcan", "vxcan"))
+    name = f"{options.interface}:{options.channel}"
+    return Endpoint("virtual" if software else "real", name)
 
 
 plugin = DriverPlugin(
@@ -28,6 +36,8 @@ plugin = DriverPlugin(
     facts=facts,
     scan_options=ScanOptions,
     measure=_measure,
+    endpoint=_endpoint,
+    files=(("nodes", "*", "eds"),),
 )
 
 __all__ = ["CanopenDriver", "CanopenOptions", "ScanOptions", "plugin"]

@@ -1,4 +1,4 @@
-"""One drive inside the cycle: its PDOs as bytes, its state machine, and what it last told."""
+"""One drive inside the cycle: its PDOs as bytes, its state machine, and what it last reported."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.machine import Machine
 from tautwave_drivers.cia402.modes import Mode
 from tautwave_drivers.cia402.states import MODE_BIT_12
-from tautwave_drivers.cia402.terms import Habits, Patience
+from tautwave_drivers.cia402.terms import Quirks, Timeouts
 from tautwave_drivers.cia402.units import INT16, INT32
 
 _floor = math.floor
 _finite = math.isfinite
 
 
-class Answer(NamedTuple):
-    """How soon a drive answers SYNC, as measured [ns].
+class ResponseTime(NamedTuple):
+    """How soon a drive responds to SYNC, as measured [ns].
 
-    Nothing comes before `floor`; between `earliest` and `latest` it usually does.
+    Nothing comes before `floor`; it usually comes between `earliest` and `latest`.
     """
 
     floor_ns: int = 0
@@ -38,17 +38,17 @@ class Axis:
     Attributes
     ----------
     values : list of int
-        What the next RPDO holds; the controlword is at 0, the target at 1.
+        Contents of the next RPDO; the controlword is at 0, the target at 1.
     fresh : bool
-        A TPDO that answers the last SYNC has come.
+        The TPDO for the last SYNC has come.
     outstanding : int
-        SYNCs sent and not answered.
+        SYNCs without a TPDO so far.
     heard_ns : int
         When its last heartbeat came.
     doubtful : bool
-        Answers are missing, and what comes may be of an older SYNC.
+        TPDOs are missing, and the next may belong to an older SYNC.
     late, short, lost : int
-        TPDOs that answered an older SYNC, had too few bytes, or did not come.
+        TPDOs for an older SYNC, with too few bytes, or missing.
     """
 
     def __init__(self, spec: AxisSpec, node: Node, options: CanopenOptions, rate_hz: float) -> None:
@@ -80,23 +80,23 @@ class Axis:
         self._sign = sign
         self._quantum = self.scale.velocity_quantum if self.servo else self.scale.effort_quantum
         self._most = INT32 if self.servo else min(INT16, limit_permille(node, spec))
-        self.answer = Answer()
+        self.response_time = ResponseTime()
         self.errors: list[Fault] = []
         self.reset()
 
     def new_machine(self, quick_stop_option: int | None) -> Machine:
         """Return a state machine at rest for this drive."""
-        habits = Habits(
+        quirks = Quirks(
             quick_stop_option=quick_stop_option,
             fault_resets=self.fault_resets,
-            patience=Patience.at_rate(self.rate_hz),
+            timeouts=Timeouts.at_rate(self.rate_hz),
         )
-        return Machine(self.label, habits)
+        return Machine(self.label, quirks)
 
     def reset(self) -> None:
         """Forget everything heard so far."""
         self.values[:] = [0] * len(self.values)
-        self.told: tuple[int, ...] = ()
+        self.reported: tuple[int, ...] = ()
         self.statusword = -1
         self.display: int | None = None
         self.error_code = 0
@@ -120,35 +120,37 @@ class Axis:
         self._steady = False
         self.errors.clear()
 
-    # -- what came ----------------------------------------------------------------------------
+    # -- TPDOs --------------------------------------------------------------------------------
 
     def take(self, data: bytes, arrival_ns: int, sync_ns: int) -> bool:
-        """Take a TPDO; return True if the axis has become fresh by it.
+        """Take a TPDO; return True if it makes the axis fresh.
 
-        A TPDO does not tell which SYNC it answers. One that comes sooner than this drive can answer
-        is of an older one. After a single SYNC without an answer, one that comes when it usually
-        does stands by: if another follows it was old, if none does the missing one is lost. At any
-        other time, and after more of them, it is not used at all: a cycle without SYNC has to show
-        which are on their way.
-        (A delay by one period, to some 30 us, that sets in while running looks like one lost TPDO.)
+        A TPDO carries no number of its SYNC. One that comes sooner than this drive can respond
+        belongs to an older one. After a single SYNC without a TPDO, one at the usual time is kept
+        as a candidate: if another follows, it was old; if none does, the missing one is lost. At
+        any other time, or after several missing ones, it is not used at all: a cycle without SYNC
+        has to show which are still on their way.
+        (A delay of one period, within some 30 us, that sets in while running looks like a loss.)
         """
         if len(data) < self._size:
             self.short += 1
             return False
         if self.fresh:
-            self._accept(data, arrival_ns, sync_ns)  # what was taken before was an older answer
+            self._accept(
+                data, arrival_ns, sync_ns
+            )  # the one taken before belonged to an older SYNC
             self.late += 1
             return False
         latency = arrival_ns - sync_ns
         waiting = self.outstanding
         if waiting > 0:
             self.outstanding = waiting - 1
-        answer = self.answer
-        if latency < answer.floor_ns:
+        response_time = self.response_time
+        if latency < response_time.floor_ns:
             self.late += 1
             return False
         if waiting > 1:
-            usual = answer.earliest_ns <= latency <= answer.latest_ns
+            usual = response_time.earliest_ns <= latency <= response_time.latest_ns
             if waiting == 2 and usual and not self._strict:
                 self._candidate = (data, arrival_ns)
                 return False
@@ -159,8 +161,8 @@ class Axis:
         self._accept(data, arrival_ns, sync_ns)
         return True
 
-    def take_old(self, *, quiet: bool) -> None:
-        """Take note of a TPDO that came when its cycle was over, or without any SYNC."""
+    def take_late(self, *, quiet: bool) -> None:
+        """Count a TPDO that came after its cycle, or without any SYNC."""
         self._backlog = self._backlog or quiet
         if self.outstanding > 0:
             self.outstanding -= 1
@@ -169,7 +171,7 @@ class Axis:
     def resolve(self) -> bool:
         """After a cycle without SYNC: what did not come then is lost, what came was late.
 
-        True if something came: this drive answers late, and may go on doing so.
+        True if something came: this drive is late, and may be late again.
         """
         late = self._backlog
         if self.doubtful:
@@ -180,7 +182,7 @@ class Axis:
         return late
 
     def take_event(self, data: bytes, arrival_ns: int) -> bool:
-        """Take a TPDO where nobody sends SYNC: the newest counts; True if it is the first."""
+        """Take a TPDO on a bus without SYNC: the newest counts; True if it is the first."""
         if len(data) < self._size:
             self.short += 1
             return False
@@ -189,15 +191,15 @@ class Axis:
         return first
 
     def _accept(self, data: bytes, arrival_ns: int, sampled_ns: int) -> None:
-        self.told = told = self._unpack(data)
+        self.reported = reported = self._unpack(data)
         self.fresh = True
         self.sampled_ns = sampled_ns
         self.arrived_ns = arrival_ns
-        self.position = told[1] * self._position_step
+        self.position = reported[1] * self._position_step
         if self._torque_at >= 0:
-            self.effort = told[self._torque_at] * self._effort_step
+            self.effort = reported[self._torque_at] * self._effort_step
 
-    # -- what follows -------------------------------------------------------------------------
+    # -- state machine -----------------------------------------------------------------------
 
     def settle(self, cycle: int, sync_ns: int) -> None:
         """Step the state machine by what this cycle brought."""
@@ -207,20 +209,20 @@ class Axis:
         self._candidate = None
         machine = self.machine
         if not self.fresh:
-            if self._steady:  # it was heard until the last cycle, though not stepped
+            if self._steady:  # it was heard up to the last cycle, but not stepped
                 self._step(cycle - 1)
             self._steady = False
             machine.step(None, None, cycle)
             self.lost += 1
         else:
-            told = self.told
-            word = told[0]
+            reported = self.reported
+            word = reported[0]
             at = self._display_at
-            display = told[at] if at >= 0 else self.display
+            display = reported[at] if at >= 0 else self.display
             if word == self.statusword and display == self.display and self._steady:
                 return  # nothing has changed: neither does the controlword
             if self.polls_mode and self.statusword & ~word & MODE_BIT_12:
-                display = None  # it no longer follows: ask for its mode at once
+                display = None  # it no longer follows: read its mode at once
             self.statusword = word
             self.display = display
             self._step(cycle)
@@ -243,16 +245,16 @@ class Axis:
         self.machine.step(self.statusword, display, cycle, self.mode_bits, self.error_code)
 
     def _mode_known(self, cycle: int) -> bool:
-        """6061h says something only after 6060h has had time to arrive."""
+        """6061h is valid only once 6060h has had time to arrive."""
         return cycle >= self.mode_since + 2
 
-    def aim(self, mode: int) -> None:
+    def enable(self, mode: int) -> None:
         """Work towards OPERATION ENABLED in `mode`."""
         self.machine.enable(mode)
         self._steady = False
 
-    def shake(self) -> None:
-        """Have the state machine look again in the next cycle, whatever it is told."""
+    def force_step(self) -> None:
+        """Step the state machine in the next cycle even if nothing changes."""
         self._steady = False
 
     def _collect_events(self) -> None:
@@ -264,10 +266,10 @@ class Axis:
         if not self.failed:
             self.failed = True
             self.errors.append(Fault(self.spec.name, f"{self.label}: {text}", True))
-        self.rest(stop)
+        self.stop_drive(stop)
 
-    def rest(self, stop: str) -> None:
-        """Have the drive stop as the rig says; commands are zero from now on."""
+    def stop_drive(self, stop: str) -> None:
+        """Stop the drive with the rig's method; commands are zero from now on."""
         if stop == "quick_stop" and self.machine.commanding:
             self.machine.quick_stop()
             self.values[0] = 0x02
@@ -278,7 +280,7 @@ class Axis:
         self._steady = False
 
     def set_target(self, command: AxisCommand) -> None:
-        """Put a command into the next RPDO; zero unless the drive is ours to command."""
+        """Put a command into the next RPDO; zero unless commanding."""
         if not self.machine.commanding:
             self.values[1] = 0
             return
@@ -290,12 +292,12 @@ class Axis:
         elif _finite(value):
             self.values[1] = self._sign * (most if count > 0.0 else -most)
         else:
-            self.values[1] = 0  # no number, or no end
+            self.values[1] = 0  # NaN or infinite
 
     def history(self) -> str:
         """Return what was lost and late, for the notes; '' if nothing was."""
-        told = ((self.lost, "missing"), (self.late, "late"), (self.short, "too short"))
-        words = ", ".join(f"{count} {word}" for count, word in told if count)
+        reported = ((self.lost, "missing"), (self.late, "late"), (self.short, "too short"))
+        words = ", ".join(f"{count} {word}" for count, word in reported if count)
         return f"{self.label}: TPDOs {words}" if words else ""
 
     def state(self, now_ns: int) -> JointState:

@@ -56,7 +56,7 @@ def exchange_s(options: CanopenOptions, bus: BusSpec) -> float:
 
 
 def budget(options: CanopenOptions, bus: BusSpec) -> Budget:
-    """Return the bus time of one cycle, the greatest rate that fits, and the arithmetic."""
+    """Return the bus time of one cycle, the highest rate that fits, and the arithmetic."""
     bitrate, data = options.bitrate, options.data_bitrate
     rpdos, tpdos = cycle_sizes(options, bus)
     kind = "classic CAN" if data is None else f"CAN FD, data {data / 1e6:g} Mbit/s"
@@ -80,13 +80,13 @@ def budget(options: CanopenOptions, bus: BusSpec) -> Budget:
     greatest = max(0.0, 1.0 - shares) / exchange
     lines.append(
         f"sum at {bus.rate_hz:g} Hz: {_us(time_s)} of {_us(1.0 / bus.rate_hz)} "
-        f"({time_s * bus.rate_hz:.0%}); greatest rate that fits: {greatest:.0f} Hz "
+        f"({time_s * bus.rate_hz:.0%}); highest rate that fits: {greatest:.0f} Hz "
         f"({1.0 / exchange:.0f} Hz by process data alone)"
     )
     if interpolation_period(bus.period_ns) is None:
         lines.append(
             f"a drive that has 60C2h cannot hold {bus.period_ns / 1000:g} us in it and will refuse "
-            "this rate: take one such as 1000, 500 or 250 Hz"
+            "this rate: use one such as 1000, 500 or 250 Hz"
         )
     remedy = _advice(options, bus, shares)
     return Budget(time_s, greatest, "\n".join(lines), remedy)
@@ -104,7 +104,7 @@ def _arithmetic(size: int, bitrate: int, data_bitrate: int | None) -> str:
 
 
 def _advice(options: CanopenOptions, bus: BusSpec, shares: float) -> str:
-    """Say what would fit more axes, or a higher rate, with the numbers of each way."""
+    """Say what would fit more axes, or a higher rate, with the numbers of each option."""
     ways = []
     room = max(0.0, 1.0 - shares)
     if any(node.mapping == "full" for node in nodes_of(options, bus)):
@@ -122,7 +122,7 @@ def _advice(options: CanopenOptions, bus: BusSpec, shares: float) -> str:
         ways.append(f"two buses ({room / exchange_s(two, half):.0f} Hz)")
     if options.data_bitrate is None:
         fd = options.model_copy(update={"data_bitrate": 5_000_000})
-        ways.append(f"CAN FD at 5 Mbit/s ({room / exchange_s(fd, bus):.0f} Hz), not spoken yet")
+        ways.append(f"CAN FD at 5 Mbit/s ({room / exchange_s(fd, bus):.0f} Hz), not supported yet")
     ways.append("a lower rate_hz")
     return "more axes or a higher rate, each alone: " + ", ".join(ways)
 

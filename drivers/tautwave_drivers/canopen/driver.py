@@ -1,7 +1,7 @@
 """The driver: SYNC out, TPDOs in, RPDOs out, in the control thread and without waiting for others.
 
 One cycle: `request` sends SYNC, on which every drive latches its position and begins to use the
-RPDO it got before; `read` matches TPDOs until all are in or the patience is over and steps each
+RPDO it got before; `read` matches TPDOs until all are in or the time is up and steps each
 state machine; `write` sends the RPDOs at once. With synchronous RPDOs a command acts one period
 after it was written, with event-driven ones on receipt.
 """
@@ -13,19 +13,20 @@ import socket
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from tautwave.contracts import BusSpec, Clock, Row
+from tautwave.contracts import BusSpec, Clock, FramePort, Row
 from tautwave.errors import BusTimeout, DeviceFault, DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.canopen.axis import Axis
 from tautwave_drivers.canopen.budget import exchange_s
+from tautwave_drivers.canopen.bus.frames import RawPort
+from tautwave_drivers.canopen.bus.opening import open_port
 from tautwave_drivers.canopen.exchange import Exchange
-from tautwave_drivers.canopen.frames import Port, RawPort, open_port
 from tautwave_drivers.canopen.health import Health
 from tautwave_drivers.canopen.options import CanopenOptions, nodes_of
-from tautwave_drivers.canopen.startup import StartUp
+from tautwave_drivers.canopen.setup.startup import StartUp
 
 if TYPE_CHECKING:
-    from tautwave_drivers.canopen.network import PolledNetwork
+    from tautwave_drivers.canopen.bus.network import PolledNetwork
 
 STOP_LIMIT_S = {"disable_voltage": 0.25, "quick_stop": 1.0}
 
@@ -48,7 +49,7 @@ class CanopenDriver:
     Raises
     ------
     ConfigError
-        Options and axes do not belong together.
+        Options and axes do not match.
     """
 
     def __init__(self, options: CanopenOptions, bus: BusSpec, clock: Clock, transport: Any) -> None:
@@ -56,7 +57,7 @@ class CanopenDriver:
         self._bus = bus
         self._clock = clock
         self._now = clock.now_ns
-        self._transport: Port | socket.socket | None = transport
+        self._transport: FramePort | socket.socket | None = transport
         self._exchange: Exchange | None = None
         self._net: PolledNetwork | None = None
         self._period_ns = bus.period_ns
@@ -68,7 +69,7 @@ class CanopenDriver:
         self._health = Health(options, self._axes, bus.period_ns)
         self._startups = [StartUp(axis, options, bus.period_ns) for axis in self._axes]
         self._sync = options.sync
-        self._patience_ns = int(options.answer_share * bus.period_ns)
+        self._timeout_ns = int(options.answer_share * bus.period_ns)
         self._synced = False
         self._enabled = False
         self.notes: list[str] = []
@@ -87,14 +88,14 @@ class CanopenDriver:
         Raises
         ------
         DriverError
-            The bus cannot be opened, or a drive is missing, is another one, or refuses.
+            The bus cannot be opened, or a drive is missing, not the expected one, or refuses.
         """
-        from tautwave_drivers.canopen.bringup import bring_up
+        from tautwave_drivers.canopen.setup.bringup import bring_up
 
         if self._options.data_bitrate is not None:
             raise DriverError(
-                f"bus {self._bus.name}: data_bitrate is for `tautwave check` only, drives are "
-                "spoken to in classic CAN; remove it to run"
+                f"bus {self._bus.name}: data_bitrate is for `tautwave check` only; this driver "
+                "uses classic CAN: remove it to run"
             )
         if self._exchange is not None:
             self.close()
@@ -112,7 +113,7 @@ class CanopenDriver:
             axis.heard_ns = now
             axis.errors.clear()
 
-    def _connect(self) -> Port:
+    def _connect(self) -> FramePort:
         if isinstance(self._transport, socket.socket):  # frames of SocketCAN on any datagram socket
             return RawPort(self._transport.dup(), self._clock, self._bus.name)
         if self._transport is not None:
@@ -122,8 +123,8 @@ class CanopenDriver:
         except DriverError as err:
             raise DriverError(f"bus {self._bus.name}: {err}") from err
 
-    def attach(self, port: Port) -> None:
-        """Take a port whose drives are set up already, or are none: measurements, tests."""
+    def attach(self, port: FramePort) -> None:
+        """Take a port whose drives are already set up: measurements, tests."""
         self._reset()
         self._exchange = Exchange(
             port, self._clock, self._axes, self._health, self._options, self._bus
@@ -148,13 +149,13 @@ class CanopenDriver:
         Raises
         ------
         DeviceFault
-            A drive cannot be enabled; the sentence has its state and its error.
+            A drive cannot be enabled; the message has its state and its error.
         DriverError
             The bus is lost, or the driver is not open.
         """
         exchange = self._exchange
         if exchange is None:
-            raise DriverError(f"bus {self._bus.name}: enabled before it was opened")
+            raise DriverError(f"bus {self._bus.name}: enable_step before open")
         self._health.running = True
         exchange.catch_up()
         for axis, startup in zip(self._axes, self._startups, strict=True):
@@ -176,8 +177,8 @@ class CanopenDriver:
         return done
 
     def _raise_failures(self) -> None:
-        told = [fault for axis in self._axes for fault in axis.errors]
-        fatal = [fault.text for fault in told if fault.fatal]
+        reported = [fault for axis in self._axes for fault in axis.errors]
+        fatal = [fault.text for fault in reported if fault.fatal]
         if self._health.lost:
             raise DriverError(f"bus {self._bus.name}: {self._health.lost}")
         if fatal:
@@ -189,7 +190,7 @@ class CanopenDriver:
     # -- the cycle ----------------------------------------------------------------------------
 
     def request(self) -> None:
-        """Put aside what is left of the last cycle, then send SYNC."""
+        """Drain what is left of the last cycle, then send SYNC."""
         exchange = self._exchange
         if exchange is None:
             return
@@ -197,11 +198,11 @@ class CanopenDriver:
             self._synced = False
             if self._now() - exchange.sync_ns < self._period_ns // 2:
                 return  # enabling has sent the SYNC of this cycle
-        exchange.put_aside()
+        exchange.drain()
         exchange.begin()
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:
-        """Match TPDOs until all are in or the patience is over; step the state machines."""
+        """Match TPDOs until all are in or the time is up; step the state machines."""
         exchange = self._exchange
         axes = self._axes
         if exchange is None:
@@ -209,8 +210,8 @@ class CanopenDriver:
             return [axis.state(now) for axis in axes]
         sync_ns = exchange.sync_ns
         if exchange.missing:
-            patience_ns = sync_ns + self._patience_ns
-            exchange.collect(deadline_ns if deadline_ns < patience_ns else patience_ns)
+            timeout_ns = sync_ns + self._timeout_ns
+            exchange.collect(deadline_ns if deadline_ns < timeout_ns else timeout_ns)
         now = self._now()
         if not self._health.lost:
             self._health.watch(now)
@@ -230,7 +231,7 @@ class CanopenDriver:
         if len(commands) != len(self._rpdos):
             raise DriverError(
                 f"bus {self._bus.name}: {len(commands)} commands for {len(self._rpdos)} axes; "
-                "write one command per axis, in the order of the rig file"
+                "write one per axis, in the order of the rig file"
             )
         exchange = self._exchange
         if exchange is None or not self._enabled or self._health.full_cycles:
@@ -243,7 +244,7 @@ class CanopenDriver:
                 axis.fresh = False
 
     def faults(self) -> Sequence[Fault]:
-        """Return what was told since the last call: EMCY, heartbeats, states, the bus itself."""
+        """Return the reports since the last call: EMCY, heartbeats, states, the bus itself."""
         found = self._health.faults
         for axis in self._axes:
             if axis.errors:
@@ -255,7 +256,7 @@ class CanopenDriver:
         return found
 
     def fill(self, row: Row, at: int) -> None:
-        """Record how long after SYNC each answer came [us]; NaN where none did."""
+        """Record how long after SYNC each TPDO came [us]; NaN where none did."""
         begun_ns = 0 if self._exchange is None else self._exchange.sync_ns
         for axis in self._axes:
             row[at] = (axis.arrived_ns - begun_ns) * 1e-3 if axis.fresh else math.nan
@@ -271,10 +272,10 @@ class CanopenDriver:
             return
         health = self._health
         health.full_cycles = 0
-        for way in dict.fromkeys((self._options.stop, "disable_voltage")):
+        for method in dict.fromkeys((self._options.stop, "disable_voltage")):
             for axis in self._axes:
-                axis.rest(way)
-            exchange.run_out(self._now() + round(STOP_LIMIT_S[way] * 1e9))
+                axis.stop_drive(method)
+            exchange.run_out(self._now() + round(STOP_LIMIT_S[method] * 1e9))
         health.running = False
 
     def close(self) -> None:
@@ -285,11 +286,11 @@ class CanopenDriver:
         try:
             self.disable()
             if self._net is not None and not self._health.lost:
-                from tautwave_drivers.canopen.bringup import lay_down
+                from tautwave_drivers.canopen.setup.bringup import shut_down
 
-                self.notes += lay_down(self._net, self._axes, self._bus)
-        except Exception as err:  # noqa: BLE001  the way out must not end in the middle
-            self._health.tell(f"closing: {err}")
+                self.notes += shut_down(self._net, self._axes, self._bus)
+        except Exception as err:  # noqa: BLE001  everything has to be released
+            self._health.report(f"closing: {err}")
         self._release()
 
     def _release(self) -> None:
@@ -299,4 +300,4 @@ class CanopenDriver:
             try:
                 exchange.port.close()
             except Exception as err:  # noqa: BLE001  whatever a vendor's driver raises
-                self._health.tell(f"closing: {err}")
+                self._health.report(f"closing: {err}")

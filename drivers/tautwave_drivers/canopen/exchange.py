@@ -1,13 +1,12 @@
-"""One cycle on the bus: SYNC, heartbeat and RPDOs out, TPDOs matched to the SYNC they answer."""
+"""One cycle on the bus: SYNC, heartbeat and RPDOs out, TPDOs matched to their SYNC."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tautwave.contracts import BusSpec, Clock
+from tautwave.contracts import BusSpec, Clock, FramePort
 from tautwave.errors import DriverError
 from tautwave_drivers.canopen.axis import Axis
-from tautwave_drivers.canopen.frames import Port
 from tautwave_drivers.canopen.health import OPERATIONAL, SYNC_ID, Health
 from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.cia402.states import State
@@ -16,29 +15,29 @@ HEARTBEAT_ID = 0x700
 NO_DATA = b""
 MODE_POLL_S = 0.1
 FIRST_BEATS = 4
-"""Cycles from the first one on that have a heartbeat each: a drive watches from its first one on,
-and has to when it is enabled."""
+"""Cycles from the first one on that have a heartbeat each: a drive's watchdog starts with the first
+one, and has to run before it is enabled."""
 QUIET_EVERY = 10
-"""Cycles from one cycle without SYNC to the next, at least, where drives were found to be late.
-Where frames were found to be lost the next one may come at once: it costs less than not knowing."""
+"""Least cycles between two cycles without SYNC, if drives were late. If frames were lost the next
+may follow at once: it costs less than the doubt."""
 _BEAT = bytes((OPERATIONAL,))
 _READ_MODE_DISPLAY = bytes.fromhex("4061600000000000")  # SDO upload of 6061h (CiA 301, 7.2.4.3.5)
 
 
 class Exchange:
-    """Frames of one bus from `open` to `close`; whatever the port raises ends in `health.lost`.
+    """Frames of one bus from `open` to `close`; errors of the port end in `health.lost`.
 
     Attributes
     ----------
     cycle : int
-        Exchanges begun.
+        Exchanges started.
     sync_ns : int
         When the last one began.
     """
 
     def __init__(
         self,
-        port: Port,
+        port: FramePort,
         clock: Clock,
         axes: Sequence[Axis],
         health: Health,
@@ -75,8 +74,8 @@ class Exchange:
         self._health.refused()
         return False
 
-    def put_aside(self) -> None:
-        """Take what is left of the last cycle: it answers no SYNC to come."""
+    def drain(self) -> None:
+        """Take in the frames left over from the last cycle; they belong to no later SYNC."""
         port, by_tpdo, health = self.port, self._by_tpdo, self._health
         try:
             if self._quiet:
@@ -87,7 +86,7 @@ class Exchange:
                 if axis is None:
                     health.take(*frame)
                 elif self._sync:
-                    axis.take_old(quiet=self._quiet)
+                    axis.take_late(quiet=self._quiet)
                 else:
                     axis.take_event(frame[1], frame[2])
         except DriverError as err:
@@ -97,11 +96,11 @@ class Exchange:
                 axis.fresh = False
 
     def begin(self) -> None:
-        """Begin a cycle: SYNC, and now and then a heartbeat and a question for the mode."""
+        """Begin a cycle: SYNC, and now and then a heartbeat and a read of the mode."""
         self.cycle = cycle = self.cycle + 1
         health = self._health
         self.missing = 0
-        self.sync_ns = self._now()  # before SYNC is sent: answers are matched to it by time
+        self.sync_ns = self._now()  # before SYNC is sent: TPDOs are matched to it by time
         if health.lost or (health.full_cycles and not self._rearm()):
             return
         if not self._sync:
@@ -116,9 +115,9 @@ class Exchange:
             self._ask_modes(cycle)
 
     def _stay_quiet(self) -> bool:
-        """Leave one SYNC out where nobody knows which one is being answered.
+        """Leave one SYNC out if it is unclear to which one the TPDOs belong.
 
-        What comes all the same answers an older one; if nothing comes, the older answers are lost.
+        What still comes belongs to an older one; if nothing comes, the older TPDOs are lost.
         """
         if self._quiet:
             late = [axis.resolve() for axis in self._axes]
@@ -129,7 +128,7 @@ class Exchange:
         return wanted
 
     def _ask_modes(self, cycle: int) -> None:
-        """Ask one drive for its mode where no PDO tells: often until it is known, then seldom."""
+        """Read the mode of one drive if no PDO has it: often until it is known, then rarely."""
         for at, axis in enumerate(self._axes):
             if axis.polls_mode and cycle >= axis.mode_since + 2:
                 unknown = axis.display != axis.machine.mode_wanted
@@ -137,7 +136,7 @@ class Exchange:
                     self.send(0x600 + axis.node.id, _READ_MODE_DISPLAY)
 
     def _rearm(self) -> bool:
-        """Return whether a full queue has drained; then zero goes out before anything acts."""
+        """Return whether a full queue has drained; then zero goes out before any command acts."""
         if not self._health.may_send(self.port):
             return False
         for axis in self._axes:
@@ -148,7 +147,7 @@ class Exchange:
         return True
 
     def catch_up(self) -> None:
-        """Take in everything that has arrived, without waiting, as answers to the last SYNC."""
+        """Take in everything that has arrived, without waiting, as of the last SYNC."""
         try:
             self._clock.wait(self.port, self._now())  # runs a simulated bus up to now
             while (frame := self.port.receive()) is not None:
@@ -156,8 +155,8 @@ class Exchange:
         except DriverError as err:
             self._health.lose(str(err))
 
-    def collect(self, patience_ns: int) -> None:
-        """Take TPDOs until those of all axes are in, or the patience is over."""
+    def collect(self, timeout_ns: int) -> None:
+        """Take TPDOs until those of all axes are in, or the time is up."""
         receive = self.port.receive
         by_tpdo = self._by_tpdo
         health = self._health
@@ -166,7 +165,7 @@ class Exchange:
             while self.missing:
                 frame = receive()
                 if frame is None:
-                    if not self._clock.wait(self.port, patience_ns):
+                    if not self._clock.wait(self.port, timeout_ns):
                         return
                     continue
                 can_id, data, arrival_ns = frame
@@ -192,9 +191,9 @@ class Exchange:
             self.missing -= 1
 
     def run_out(self, until_ns: int) -> None:
-        """Cycle with zero commands until every drive has stopped, or the time is over."""
+        """Cycle with zero commands until every drive has stopped, or the time is up."""
         axes = self._axes
-        least = self.cycle + (1 if self._sync else 2)  # without SYNC a word may be taken up later
+        least = self.cycle + (1 if self._sync else 2)  # without SYNC a controlword may act later
         while not self._health.lost:
             for axis in axes:
                 axis.values[1] = 0

@@ -1,4 +1,4 @@
-"""What a PDO holds, as data, and its bytes by one precompiled `struct`.
+"""Contents of a PDO as data, and its bytes by one precompiled `struct`.
 
 Source: CiA 301 v4.2, 7.2.2 and 7.5.2.36: objects follow each other without gaps, little endian.
 """
@@ -35,13 +35,13 @@ class Layout(NamedTuple):
         """Return the place of an object, -1 where it is not mapped."""
         return self.entries.index(wanted) if wanted in self.entries else -1
 
-    def words(self) -> str:
-        """Return the objects as a person reads them."""
+    def text(self) -> str:
+        """Return the objects as text."""
         return ", ".join(f"{entry.index:04X} {entry.name}" for entry in self.entries)
 
 
 class Mapping(NamedTuple):
-    """Cyclic PDOs of one drive: what it gets, what it sends."""
+    """Cyclic PDOs of one drive: received and sent."""
 
     rpdo: Layout
     tpdo: Layout
@@ -55,7 +55,7 @@ _MAPPINGS = {
         Layout((o.CONTROLWORD, o.TARGET_TORQUE, o.MODE)),
         Layout((o.STATUSWORD, o.POSITION, o.MODE_DISPLAY)),
     ),
-    # An admittance axis is nothing without its measured effort, so both have 6077h.
+    # An admittance axis needs its measured effort, so both have 6077h.
     ("admittance", "lean"): Mapping(
         Layout((o.CONTROLWORD, o.TARGET_VELOCITY)), Layout((o.STATUSWORD, o.POSITION, o.TORQUE))
     ),

@@ -1,6 +1,6 @@
-"""What a cycle of two axes costs this host, the drives' part left out: for `tautwave bench buses`.
+"""The host's cost of a cycle of two axes, drives excluded: for `tautwave bench buses`.
 
-Stand-ins of drives answer between the three calls of a cycle, so that nothing of theirs is timed.
+Stand-ins of drives respond between the three calls of a cycle, so that their work is not timed.
 """
 
 from __future__ import annotations
@@ -8,23 +8,24 @@ from __future__ import annotations
 import socket
 import struct
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import Protocol
 
 import can
 
 from tautwave.clock import MonotonicClock
-from tautwave.contracts import AxisSpec, BusSpec, Clock, CycleCost
+from tautwave.contracts import AxisSpec, BusSpec, Clock, CycleCost, FramePort
 from tautwave.errors import DriverError
 from tautwave.types import AxisCommand
+from tautwave_drivers.canopen.bus.frames import RawPort
+from tautwave_drivers.canopen.bus.python_can import polled
 from tautwave_drivers.canopen.driver import CanopenDriver
-from tautwave_drivers.canopen.frames import Port, RawPort
 from tautwave_drivers.canopen.health import SYNC_ID
 from tautwave_drivers.canopen.mapping import RPDO_BASE, TPDO_BASE
 from tautwave_drivers.canopen.options import CanopenOptions, Node
-from tautwave_drivers.canopen.python_can import polled
 from tautwave_drivers.cia402.states import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON
+from tautwave_drivers.cost import Cycle, in_turn
 
 NODES = (1, 2)
 RAW_GOAL_US, VIRTUAL_GOAL_US = 25.0, 60.0
@@ -36,12 +37,8 @@ _STATES = {SHUTDOWN: 0x0231, SWITCH_ON: 0x0233, ENABLE_OPERATION: 0x1237}
 _FAR_NS = 1_000_000_000
 
 
-Cycle = Callable[[], int]
-"""One cycle; returns the time it took [ns]."""
-
-
 class End(Protocol):
-    """An end of a transport, as bare as it can be."""
+    """A bare end of a transport."""
 
     def put(self, can_id: int, data: bytes) -> None: ...  # noqa: D102
 
@@ -95,7 +92,7 @@ class BusEnd:
 
 
 class StandIns:
-    """Drives that do what the controlword says, and answer SYNC."""
+    """Drives that follow the controlword, and respond to SYNC."""
 
     def __init__(self, end: End) -> None:
         self._end = end
@@ -103,21 +100,21 @@ class StandIns:
         self._position = 0
 
     def work(self) -> None:
-        """Answer all that has come."""
+        """Respond to all that has come."""
         while (frame := self._end.take()) is not None:
             can_id, data = frame
             if can_id == SYNC_ID:
                 self._position += 1  # moves, as a drive in use does
                 for node in NODES:
-                    answer = _TPDO.pack(self._words[node], self._position, 10)
-                    self._end.put(TPDO_BASE[0] + node, answer)
+                    response = _TPDO.pack(self._words[node], self._position, 10)
+                    self._end.put(TPDO_BASE[0] + node, response)
             elif can_id - RPDO_BASE[0] in self._words:
                 word = int.from_bytes(data[:2], "little")
                 self._words[can_id - RPDO_BASE[0]] = _STATES.get(word & 0x8F, 0x0250)
 
 
 def driver_cycle(driver: CanopenDriver, clock: Clock, end: End) -> Cycle:
-    """Return the work of a cycle: request, read and write, all answers there; returns its time."""
+    """Return the work of a cycle: request, read and write, with all TPDOs in; returns its time."""
     drives = StandIns(end)
     for _ in range(100):
         if driver.enable_step():
@@ -139,7 +136,7 @@ def driver_cycle(driver: CanopenDriver, clock: Clock, end: End) -> Cycle:
         spent += tick() - first
         drives.work()
         if not all(state.valid for state in states):
-            raise DriverError(f"bench: an answer is missing: {list(driver.faults())}")
+            raise DriverError(f"bench: a TPDO is missing: {list(driver.faults())}")
         return spent
 
     return cycle
@@ -168,18 +165,7 @@ def bare_cycle(master: End, end: End) -> Cycle:
     return cycle
 
 
-def in_turn(cycles: int, one: Cycle, other: Cycle) -> tuple[list[float], list[float]]:
-    """Return the times [us] of both, taken in turn."""
-    taken: tuple[list[float], list[float]] = ([], [])
-    for at in range(-(-cycles // IN_TURN) + 1):
-        for cycle, times in zip((one, other), taken, strict=True):
-            spent = [cycle() * 1e-3 for _ in range(IN_TURN)]
-            if at:  # the first turn warms up
-                times += spent
-    return taken[0][:cycles], taken[1][:cycles]
-
-
-def _driver(clock: Clock, port: Port) -> CanopenDriver:
+def _driver(clock: Clock, port: FramePort) -> CanopenDriver:
     axes = tuple(AxisSpec(f"bench.{node}", node, "rotary", "impedance", 1.0) for node in NODES)
     nodes = tuple(Node(id=node, rated_torque=0.5, counts_per_revolution=4096) for node in NODES)
     options = CanopenOptions(interface="virtual", channel=CHANNEL, nodes=nodes)
@@ -197,14 +183,16 @@ def measure(cycles: int) -> Sequence[CycleCost]:
         for end in (end for both in ends for end in both):
             stack.callback(end.close)
         driver = _driver(clock, RawPort(pairs[0][0], clock, "bench"))
-        raw = in_turn(cycles, driver_cycle(driver, clock, ends[0][1]), bare_cycle(*ends[1]))
+        raw = in_turn(
+            cycles, driver_cycle(driver, clock, ends[0][1]), bare_cycle(*ends[1]), IN_TURN
+        )
     with ExitStack() as stack:
         buses = [BusEnd(f"{CHANNEL}-{at // 2}") for at in range(4)]
         for bus in buses:
             stack.callback(bus.close)
         driver = _driver(clock, polled(buses[0].bus, clock, "bench"))
         virtual = in_turn(
-            cycles, driver_cycle(driver, clock, buses[1]), bare_cycle(buses[2], buses[3])
+            cycles, driver_cycle(driver, clock, buses[1]), bare_cycle(buses[2], buses[3]), IN_TURN
         )
     return [
         CycleCost("cycle, raw socket (datagram pair)", *raw, goal_us=RAW_GOAL_US),

@@ -1,10 +1,11 @@
-"""Options of a CANopen bus: the `options` block of a rig file, and what it says of each axis."""
+"""Options of a CANopen bus: the `options` block of a rig file, and what it means for each axis."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import cache
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -27,35 +28,48 @@ class Block(BaseModel):
 
 
 class Identity(Block):
-    """What 1018h has to hold; what is not given is not compared."""
+    """Required contents of 1018h; missing keys are not compared."""
 
     vendor: Byte4
+    """1018h:01."""
     product: Byte4
+    """1018h:02."""
     revision: Byte4 | None = None
+    """1018h:03."""
     serial: Byte4 | None = None
+    """1018h:04."""
 
 
 class Homing(Block):
     """Home the drive before it is enabled in its own mode; speeds in the drive's units."""
 
     method: Annotated[int, Field(ge=-128, le=127)]
+    """6098h."""
     fast: Byte4 | None = None
+    """6099h:01, speed towards the switch."""
     slow: Byte4 | None = None
+    """6099h:02, speed towards zero."""
     acceleration: Byte4 | None = None
+    """609Ah."""
     timeout_s: Positive = 8.0
+    """[s] After which homing has failed."""
 
 
 class Move(Block):
     """Move the axis to `position` [rad or m] at `velocity` [rad/s or m/s] before enabling it."""
 
     position: float
+    """[rad | m] Where to."""
     velocity: Positive
+    """[rad/s | m/s] How fast."""
     mode: Literal["csp", "pv"] = "csp"
+    """Cyclic synchronous position, or profile velocity."""
     timeout_s: Positive = 8.0
+    """[s] After which the move has failed."""
 
 
 class Node(Block):
-    """One drive: what is not on the bus but has to be known, and what has to be checked."""
+    """One drive: what cannot be read from the bus, and what has to be checked."""
 
     id: NodeId
     rated_torque: Positive
@@ -85,7 +99,7 @@ class CanopenOptions(Block):
     channel: str = "can0"
     bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
     data_bitrate: Annotated[int, Field(ge=10_000, le=8_000_000)] | None = None
-    """For the budget only: what CAN FD would allow. No drive is spoken to in FD."""
+    """For the budget only: what CAN FD would allow; the driver uses classic CAN."""
     backend: Literal["auto", "python-can", "raw"] = "auto"
     sync: bool = True
     """This master sends SYNC; false: TPDOs by the drive's event timer, RPDOs act on receipt."""
@@ -99,11 +113,11 @@ class CanopenOptions(Block):
     quick_stop_option: Annotated[int, Field(ge=-32768, le=32767)] = 2
     stop: Literal["disable_voltage", "quick_stop"] = "disable_voltage"
     fault_resets: Annotated[int, Field(ge=0, le=10)] = 3
-    # A tuple, so that options are hashable and nobody changes them; a rig file has lists.
+    # A tuple, so that options are hashable and immutable; a rig file has lists.
     tolerated_emergencies: Annotated[
         tuple[Annotated[int, Field(ge=1, le=0xFFFF)], ...], Field(strict=False)
     ] = ()
-    """EMCY codes that are told but stop nothing (warnings of a manufacturer)."""
+    """EMCY codes that are reported but do not stop the run (a manufacturer's warnings)."""
     answer_share: Annotated[float, Field(gt=0.0, le=0.7)] = 0.6
     """Share of a period after SYNC in which TPDOs are waited for."""
     sdo_timeout_s: Positive = 0.3
@@ -123,10 +137,10 @@ def transmission(node: Node, kind: str) -> Transmission:
 
 @cache
 def _scale(node: Node, kind: str) -> AxisScale:
-    way = transmission(node, kind)
-    quantum = way.travel / node.counts_per_revolution
+    gear = transmission(node, kind)
+    quantum = gear.travel / node.counts_per_revolution
     return axis_scale(
-        way,
+        gear,
         node.counts_per_revolution,
         node.rated_torque,
         velocity_quantum=quantum * node.velocity_factor,
@@ -135,7 +149,7 @@ def _scale(node: Node, kind: str) -> AxisScale:
 
 
 def scale(node: Node, axis: AxisSpec) -> AxisScale:
-    """Return what one count of this node is worth at the axis."""
+    """Return the value of one count of this node at the axis."""
     return _scale(node, axis.kind)
 
 
@@ -145,7 +159,7 @@ def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
     Raises
     ------
     ConfigError
-        The block and the rig's axes do not belong together.
+        The block and the rig's axes do not match.
     """
     known: dict[int, Node] = {}
     problems = []
@@ -154,12 +168,15 @@ def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
             problems.append(f"bus {bus.name}: node {node.id} is listed twice in options.nodes")
         if node.id == options.master_id:
             problems.append(
-                f"bus {bus.name}: node {node.id} has the id of this master; give another master_id"
+                f"bus {bus.name}: node {node.id} has the id of this master; choose another "
+                "master_id"
             )
         known[node.id] = node
     if options.data_bitrate is None and options.bitrate not in CLASSIC_RATES:
         rates = ", ".join(str(rate) for rate in CLASSIC_RATES)
-        problems.append(f"bus {bus.name}: bitrate {options.bitrate} is none of CANopen's: {rates}")
+        problems.append(
+            f"bus {bus.name}: bitrate {options.bitrate} is not one of CANopen's: {rates}"
+        )
     if options.heartbeat_timeout_ms < 2 * options.heartbeat_ms:
         problems.append(
             f"bus {bus.name}: heartbeat_timeout_ms {options.heartbeat_timeout_ms} has to be at "
@@ -167,11 +184,11 @@ def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
         )
     if not options.sync:
         if options.rpdo == "sync":
-            problems.append(f"bus {bus.name}: without SYNC (sync: false) rpdo has to be event")
+            problems.append(f"bus {bus.name}: without SYNC (sync: false) rpdo must be event")
         if bus.period_ns % 1_000_000:
             problems.append(
                 f"bus {bus.name}: without SYNC drives send by an event timer in whole ms; "
-                f"{bus.rate_hz:g} Hz is not: use sync: true or another rate"
+                f"{bus.rate_hz:g} Hz is not possible: use sync: true or another rate"
             )
     for axis in bus.axes:
         found = known.get(axis.device_id)
@@ -184,7 +201,7 @@ def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
         elif axis.kind == "linear" and found.feed is None:
             problems.append(
                 f"bus {bus.name}: {axis.name} is linear, but node {found.id} has no feed; "
-                "give the way per turn of its output [m]"
+                "set it to the travel per turn of its output [m]"
             )
         elif axis.kind == "rotary" and found.feed is not None:
             problems.append(
@@ -193,7 +210,7 @@ def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
             )
         elif found.mapping == "lean" and (found.homing or found.move):
             problems.append(
-                f"bus {bus.name}: node {found.id}: homing and move change the mode on the way, "
+                f"bus {bus.name}: node {found.id}: homing and move change the mode, "
                 "which needs mapping: full"
             )
         elif axis.causality == "impedance" and not 1 <= limit_permille(found, axis) < INT16:
@@ -204,7 +221,7 @@ def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
             )
     used = {axis.device_id for axis in bus.axes}
     problems.extend(
-        f"bus {bus.name}: node {number} in options.nodes is no axis of the rig; remove it there"
+        f"bus {bus.name}: node {number} in options.nodes is not an axis of the rig; remove it there"
         for number in known
         if bus.axes and number not in used
     )
@@ -219,7 +236,16 @@ def limit_permille(node: Node, axis: AxisSpec) -> int:
 
 
 def facts(options: CanopenOptions, bus: BusSpec) -> Sequence[AxisFacts]:
-    """Return the steps of each axis' sensors and commands [SI]."""
+    """Return the steps of each axis' sensors and commands [SI].
+
+    Raises
+    ------
+    ConfigError
+        The EDS of a node is not there.
+    """
+    for axis, node in zip(bus.axes, nodes_of(options, bus), strict=True):
+        if node.eds is not None and not Path(node.eds).is_file():
+            raise ConfigError(f"{axis.name}: {node.eds}: no such EDS or DCF file")
     return [
         AxisFacts(one.encoder_quantum, one.effort_quantum, one.velocity_quantum)
         if axis.causality == "admittance"

@@ -1,4 +1,4 @@
-"""`tautwave scan canopen`: who is on a bus; nothing is enabled, nothing is written."""
+"""`tautwave scan canopen`: the nodes on a bus; nothing is enabled or written."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.clock import MonotonicClock
-from tautwave.contracts import Clock
+from tautwave.contracts import Clock, FramePort, ScanProgress, no_progress
 from tautwave.errors import DriverError
-from tautwave_drivers.canopen.frames import Port, open_port
-from tautwave_drivers.canopen.health import state_words
+from tautwave_drivers.canopen.bus.opening import open_port
+from tautwave_drivers.canopen.health import state_text
 from tautwave_drivers.cia402 import communication as c
 from tautwave_drivers.cia402 import objects as o
-from tautwave_drivers.cia402.emergency import decode_emergency, error_words, register_words
+from tautwave_drivers.cia402.emergency import decode_emergency, error_text, register_text
 from tautwave_drivers.cia402.entry import Entry
 from tautwave_drivers.cia402.modes import mode_name
 from tautwave_drivers.cia402.states import decode
@@ -38,26 +38,27 @@ class ScanOptions(BaseModel):
         default="auto", description="auto, raw or python-can"
     )
     listen_s: Annotated[float, Field(gt=0.0)] = Field(
-        default=1.2, description="[s] how long heartbeats are listened for"
+        default=1.2, description="[s] how long to listen for heartbeats"
     )
     timeout_s: Annotated[float, Field(gt=0.0)] = Field(
-        default=0.1, description="[s] how long an object is waited for"
+        default=0.1, description="[s] how long to wait for an object"
     )
 
 
-def scan(options: ScanOptions) -> Sequence[Mapping[str, Any]]:
-    """Return one row per node that answers or is heard."""
+def scan(options: ScanOptions, progress: ScanProgress = no_progress) -> Sequence[Mapping[str, Any]]:
+    """Return one row per node that responds or is heard."""
     clock = MonotonicClock()
     port = open_port(options, clock)
+    progress(0.0, f"listening for {options.listen_s:g} s")
     try:
         return look(port, clock, options)
     finally:
         port.close()
 
 
-def look(port: Port, clock: Clock, options: ScanOptions) -> Sequence[Mapping[str, Any]]:
-    """Ask every id for its device type, listen, then read what those that are there tell."""
-    from tautwave_drivers.canopen.network import PolledNetwork
+def look(port: FramePort, clock: Clock, options: ScanOptions) -> Sequence[Mapping[str, Any]]:
+    """Read the device type of every id, listen, then read the objects of those found."""
+    from tautwave_drivers.canopen.bus.network import PolledNetwork
 
     answered: set[int] = set()
     states: dict[int, int] = {}
@@ -65,14 +66,16 @@ def look(port: Port, clock: Clock, options: ScanOptions) -> Sequence[Mapping[str
 
     def hear(can_id: int, data: bytes, arrival_ns: int) -> None:
         node, service = can_id & 0x7F, can_id & ~0x7F
+        if not node:  # 0 addresses all nodes, so it is not an id (CiA 301, 7.3.5)
+            return
         if service == 0x580:
             answered.add(node)
         elif service == 0x700 and data:
             states[node] = data[0] & 0x7F
-        elif service == 0x80 and node:
-            told = decode_emergency(data)
-            if told is not None:
-                emergencies[node] = told.code
+        elif service == 0x80:
+            reported = decode_emergency(data)
+            if reported is not None:
+                emergencies[node] = reported.code
 
     net = PolledNetwork(port, clock, hear, options.timeout_s)
     end = clock.now_ns() + round(options.listen_s * 1e9)
@@ -92,16 +95,24 @@ def look(port: Port, clock: Clock, options: ScanOptions) -> Sequence[Mapping[str
 def _row(
     net: Any, node: int, state: int | None, emergency: int | None, answers: bool
 ) -> dict[str, Any]:
-    row: dict[str, Any] = {"node": node, "nmt": state_words(state)}
+    row: dict[str, Any] = {"node": node, "nmt": state_text(state)}
     if not answers:
-        return {**row, "device": "heard, but answers no SDO"}
+        return {**row, "device": "heard, but no SDO response"}
+    from tautwave_drivers.canopen.bus.network import EndlessError
+
     drive = net.remote(node, f"node {node}")
+    endless: list[Entry] = []
 
     def value(entry: Entry) -> Any:
+        if endless:
+            return None
         try:
             return drive.read(entry)
-        except DriverError:  # refused, or silent: a scan shows what there is
-            return None
+        except EndlessError:
+            endless.append(entry)
+        except DriverError:  # refused or silent: a scan shows what it finds
+            pass
+        return None
 
     def hexed(entry: Entry) -> str | None:
         found = value(entry)
@@ -117,10 +128,11 @@ def _row(
     register = value(c.ERROR_REGISTER)
     errors = []
     if isinstance(code, int) and code:
-        errors.append(error_words(code))
+        errors.append(error_text(code))
     if isinstance(register, int) and register:
-        errors.append(f"register: {register_words(register)}")
+        errors.append(f"register: {register_text(register)}")
     if emergency:
-        errors.append(f"EMCY {error_words(emergency)}")
+        errors.append(f"EMCY {error_text(emergency)}")
+    errors += [f"answers {entry.address} {entry.name} without end" for entry in endless]
     row["errors"] = "; ".join(dict.fromkeys(errors)) or "none"
     return row

@@ -1,6 +1,6 @@
 """The drive profile CiA 402 without a bus: for CANopen drives and Modbus drives that speak it.
 
-    machine = Machine("slave.wrist (node 5)", Habits(patience=Patience.at_rate(500.0)))
+    machine = Machine("slave.wrist (node 5)", Quirks(timeouts=Timeouts.at_rate(500.0)))
     machine.enable(Mode.CST)
     scale = axis_scale(Transmission(gear_motor=23), 4096, rated_torque=533 * MILLI)
     # every cycle, one machine per drive:
@@ -14,12 +14,12 @@ Nothing here knows a bus or a vendor's library. `objects` and `communication` ho
 `states`, `modes` and `reactions` the words, `emergency` and `aborts` the errors.
 """
 
-from tautwave_drivers.cia402.aborts import abort_words
+from tautwave_drivers.cia402.aborts import abort_text
 from tautwave_drivers.cia402.emergency import (
     Emergency,
     decode_emergency,
-    error_words,
-    register_words,
+    error_text,
+    register_text,
 )
 from tautwave_drivers.cia402.entry import Entry, pack, unpack
 from tautwave_drivers.cia402.machine import Machine
@@ -31,9 +31,9 @@ from tautwave_drivers.cia402.modes import (
     supported_modes,
     supports,
 )
-from tautwave_drivers.cia402.reactions import acts_on_loss, reaction_words
-from tautwave_drivers.cia402.states import State, command_words, decode, status_words
-from tautwave_drivers.cia402.terms import Event, Goal, Habits, Patience, Way
+from tautwave_drivers.cia402.reactions import acts_on_loss, reaction_text
+from tautwave_drivers.cia402.states import State, command_text, decode, status_text
+from tautwave_drivers.cia402.terms import DisableMethod, Event, Goal, Quirks, Timeouts
 from tautwave_drivers.cia402.units import (
     MICRO,
     MILLI,
@@ -47,32 +47,32 @@ __all__ = [
     "MICRO",
     "MILLI",
     "AxisScale",
+    "DisableMethod",
     "Emergency",
     "Entry",
     "Event",
     "Goal",
-    "Habits",
     "Homing",
     "Machine",
     "Mode",
-    "Patience",
+    "Quirks",
     "SetPoint",
     "State",
+    "Timeouts",
     "Transmission",
-    "Way",
-    "abort_words",
+    "abort_text",
     "acts_on_loss",
     "axis_scale",
-    "command_words",
+    "command_text",
     "decode",
     "decode_emergency",
-    "error_words",
+    "error_text",
     "limit_counts",
     "mode_name",
     "pack",
-    "reaction_words",
-    "register_words",
-    "status_words",
+    "reaction_text",
+    "register_text",
+    "status_text",
     "supported_modes",
     "supports",
     "unpack",

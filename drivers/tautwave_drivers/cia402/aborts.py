@@ -1,4 +1,4 @@
-"""SDO abort codes in words, and what a person can do about them.
+"""SDO abort codes as text, and what to do about them.
 
 Source: CiA 301 v4.2, table of SDO abort codes.
 """
@@ -58,8 +58,8 @@ _REMEDIES = {
 }
 
 
-def abort_words(code: int) -> str:
-    """Return an SDO abort code in words, with a remedy where there is one."""
+def abort_text(code: int) -> str:
+    """Return an SDO abort code as text, with a remedy where there is one."""
     words = ABORT_CODES.get(code)
     if words is None:
         return f"0x{code:08X}: not an abort code of CiA 301; see the drive's manual"

@@ -1,33 +1,33 @@
-"""Sentences about a drive that hangs or falls: what it shows, what was sent, where to look."""
+"""Messages about a drive that is stuck or faulted: what it shows, what was sent, where to look."""
 
 from __future__ import annotations
 
-from tautwave_drivers.cia402.emergency import error_words
+from tautwave_drivers.cia402.emergency import error_text
 from tautwave_drivers.cia402.modes import mode_name
 from tautwave_drivers.cia402.states import (
     REMOTE,
     VOLTAGE_ENABLED,
     State,
-    command_words,
+    command_text,
     decode,
-    status_words,
+    status_text,
 )
 
 _LOOK = {
-    State.NOT_READY: "it is starting or testing itself: look at its logic supply and its display",
+    State.NOT_READY: "it is starting or testing itself: check its logic supply and display",
     State.SWITCH_ON_DISABLED: (
-        "look at STO and the enable and quick stop inputs, and whether 6040h reaches the drive "
+        "check STO and the enable and quick stop inputs, and that 6040h reaches the drive "
         "(RPDO mapped and valid, node operational, SYNC sent)"
     ),
-    State.READY: "look at the power supply, its contactor and the charging of the DC link",
+    State.READY: "check the power supply, its contactor and the charging of the DC link",
     State.SWITCHED_ON: (
-        "look at STO, the brake, commutation, and the interpolation period 60C2h against SYNC"
+        "check STO, the brake, commutation, and the interpolation period 60C2h against SYNC"
     ),
-    State.OPERATION_ENABLED: "look whether 6040h still reaches the drive",
-    State.QUICK_STOP_ACTIVE: "look at the quick stop input and option 605Ah",
-    State.FAULT_REACTION_ACTIVE: "look at fault reaction 605Eh: the axis may not come to rest",
-    State.FAULT: "the cause is still there: see the error code's remedy in the drive's manual",
-    State.UNKNOWN: "look whether 6041h is mapped where the master reads it",
+    State.OPERATION_ENABLED: "check that 6040h still reaches the drive",
+    State.QUICK_STOP_ACTIVE: "check the quick stop input and option 605Ah",
+    State.FAULT_REACTION_ACTIVE: "check fault reaction 605Eh: the axis may not come to rest",
+    State.FAULT: "the cause persists: see the error code in the drive's manual",
+    State.UNKNOWN: "check that 6041h is mapped where the master reads it",
 }
 
 
@@ -41,56 +41,56 @@ def hang_text(
     display: int | None,
     error_code: int,
 ) -> str:
-    """Return the sentence for a drive that stays in its state for `cycles` cycles."""
+    """Return the message for a drive that stays in its state for `cycles` cycles."""
     state = decode(statusword)
     text = (
-        f"{name} hangs in {status_words(statusword)} for {cycles} cycles, "
-        f"last sent {command_words(sent)}"
+        f"{name} is stuck in {status_text(statusword)} for {cycles} cycles, "
+        f"last sent {command_text(sent)}"
     )
     if error_code:
-        text += f", error {error_words(error_code)}"
+        text += f", error {error_text(error_code)}"
     if state is State.SWITCHED_ON and display != mode:
         return (
-            f"{text}: {mode_name(mode)} is asked for in 6060h, 6061h shows {mode_name(display)}; "
-            "look whether 6502h has the mode, halt is off and 6060h is written"
+            f"{text}: {mode_name(mode)} is requested in 6060h, but 6061h shows "
+            f"{mode_name(display)}; check that 6502h has the mode, halt is off and 6060h is written"
         )
     if state not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
         if not statusword & REMOTE:
-            text += "; it does not listen to the bus (remote, bit 9): look for local control"
+            text += "; it ignores the bus (remote, bit 9, is 0): look for local control"
         if state is not State.NOT_READY and not statusword & VOLTAGE_ENABLED:
-            text += "; it has no power voltage (bit 4): look at the supply, fuses and STO"
+            text += "; it has no power voltage (bit 4): check the supply, fuses and STO"
     return f"{text}; {_LOOK[state]}"
 
 
 def silence_text(name: str, sent: int, cycles: int) -> str:
-    """Return the sentence for a drive whose statusword does not come."""
+    """Return the message for a drive whose statusword does not come."""
     return (
-        f"{name}: no statusword for {cycles} cycles, last sent {command_words(sent)}; look at "
-        "power, node id and bit rate, whether the TPDO with 6041h is valid, the node operational "
+        f"{name}: no statusword for {cycles} cycles, last sent {command_text(sent)}; check "
+        "power, node id and bit rate, and that the TPDO with 6041h is valid, the node operational "
         "and SYNC sent"
     )
 
 
 def fall_text(name: str, statusword: int, error_code: int) -> str:
-    """Return the sentence for a drive that left OPERATION ENABLED by itself."""
+    """Return the message for a drive that left OPERATION ENABLED by itself."""
     state = decode(statusword)
-    text = f"{name} left OPERATION ENABLED by itself for {status_words(statusword)}"
+    text = f"{name} left OPERATION ENABLED by itself and is in {status_text(statusword)}"
     if error_code:
-        text += f", error {error_words(error_code)}"
+        text += f", error {error_text(error_code)}"
     if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-        return text if error_code else f"{text}: a fault; its error code is in 603Fh"
+        return text if error_code else f"{text}: a fault; read its error code from 603Fh"
     if state is State.NOT_READY:
         return f"{text}: it was reset or lost its logic supply"
     if state is State.QUICK_STOP_ACTIVE:
-        return f"{text}: a quick stop of its own; look at its inputs and limit switches"
+        return f"{text}: a quick stop by the drive itself; check its inputs and limit switches"
     if state is State.UNKNOWN:
         return f"{text}; {_LOOK[state]}"
-    return f"{text}: its power stage was dropped; look at STO, enable input and power voltage"
+    return f"{text}: its power stage was switched off; check STO, enable input and power voltage"
 
 
 def mode_lost_text(name: str, mode: int, display: int | None) -> str:
-    """Return the sentence for a drive that left its mode while enabled."""
+    """Return the message for a drive that left its mode while enabled."""
     return (
-        f"{name} left {mode_name(mode)} for {mode_name(display)} while enabled; look for a second "
-        "master, a reset, or 6060h mapped and sent as something else"
+        f"{name} changed from {mode_name(mode)} to {mode_name(display)} while enabled; "
+        "look for a second master, a reset, or 6060h mapped and sent as something else"
     )

@@ -1,4 +1,4 @@
-"""Emergency frames, error codes (EMCY and 603Fh) and the error register, in words.
+"""Emergency frames, error codes (EMCY and 603Fh) and the error register, as text.
 
 Source: CiA 301 v4.2, table of emergency error code classes and object 1001h; CiA 402-2 v3.0
 (IEC 61800-7-201), error codes of object 603Fh.
@@ -157,13 +157,13 @@ ERROR_CODES = {
     0xF004: "control function",
     0xFF00: "the manufacturer's own",
 }
-"""Error codes of CiA 301 and CiA 402; codes between belong to the next rounder one."""
+"""Error codes of CiA 301 and CiA 402; codes in between belong to the rounder one below."""
 
 _MASKS = (0xFFFF, 0xFFF0, 0xFF00, 0xF000)
 
 
-def error_words(code: int) -> str:
-    """Return an error code (EMCY, 603Fh, 1003h) in words, by its class where it has none itself."""
+def error_text(code: int) -> str:
+    """Return an error code (EMCY, 603Fh, 1003h) as text, by its class if it has none of its own."""
     code &= 0xFFFF
     if code & 0xFF00 == 0:
         return f"0x{code:04X}: no error, or errors reset"
@@ -188,8 +188,8 @@ REGISTER_BITS = (
 """Bits 0 to 7 of the error register 1001h."""
 
 
-def register_words(register: int) -> str:
-    """Return the error register 1001h in words."""
+def register_text(register: int) -> str:
+    """Return the error register 1001h as text."""
     words = [name for bit, name in enumerate(REGISTER_BITS) if register >> bit & 1]
     return ", ".join(words) or "no error"
 
@@ -203,14 +203,14 @@ class Emergency(NamedTuple):
 
     @property
     def cleared(self) -> bool:
-        """True for "errors reset": the drive has no error any more."""
+        """True for "errors reset": the drive has no error left."""
         return self.code & 0xFF00 == 0
 
     @property
-    def words(self) -> str:
-        """The frame as a person reads it."""
+    def text(self) -> str:
+        """The frame as text."""
         vendor = f", vendor bytes {self.vendor.hex(' ')}" if any(self.vendor) else ""
-        return f"{error_words(self.code)} (register: {register_words(self.register)}{vendor})"
+        return f"{error_text(self.code)} (register: {register_text(self.register)}{vendor})"
 
 
 _FRAME = struct.Struct("<HB5s")

@@ -46,7 +46,7 @@ class Entry:
 
     @property
     def address(self) -> str:
-        """Index and sub-index as a person reads them: `6040:00`."""
+        """Index and sub-index as text: `6040:00`."""
         return f"{self.index:04X}:{self.sub:02X}"
 
     def on_axis(self, axis: int) -> Entry:
@@ -71,7 +71,7 @@ def pack(entry: Entry, value: int) -> bytes:
 def unpack(entry: Entry, data: bytes) -> int | str | None:
     """Return the value in `data`; None where there are too few bytes. Bytes never raise.
 
-    More bytes than the type has are allowed: an expedited SDO answer need not state its length.
+    More bytes than the type has are allowed: an expedited SDO response need not state its length.
     """
     if entry.type not in _STRUCTS:
         return bytes(data).split(b"\0", 1)[0].decode("ascii", "replace")

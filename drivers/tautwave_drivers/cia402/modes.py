@@ -1,4 +1,4 @@
-"""Modes of operation (6060h): which a drive has, and the control and status bits each one uses.
+"""Modes of operation (6060h): which a drive has, and the control and status bits of each.
 
 Source: CiA 402-2 v3.0, objects 6060h, 6502h and the clause of each mode.
 """
@@ -79,14 +79,14 @@ def control_mask(mode: int) -> int:
 
 
 def mode_name(mode: int | None) -> str:
-    """Return a mode as a person reads it."""
+    """Return a mode as text."""
     if mode is None:
         return "nothing"
     return MODE_NAMES.get(mode, f"mode {mode} (the manufacturer's)" if mode < 0 else f"mode {mode}")
 
 
 def supports(supported: int, mode: int) -> bool:
-    """Tell whether 6502h = `supported` has `mode`; bit n-1 stands for mode n."""
+    """Return whether 6502h = `supported` has `mode`; bit n-1 stands for mode n."""
     return mode >= 1 and bool(supported >> (mode - 1) & 1)
 
 
@@ -95,13 +95,13 @@ def supported_modes(supported: int) -> tuple[int, ...]:
     return tuple(mode for mode in range(1, 17) if supports(supported, mode))
 
 
-def supported_words(supported: int) -> str:
-    """Return 6502h in words."""
+def supported_text(supported: int) -> str:
+    """Return 6502h as text."""
     names = ", ".join(mode_name(mode) for mode in supported_modes(supported))
     return names or "no standard mode"
 
 
-def mode_status_words(statusword: int, mode: int) -> tuple[str, ...]:
+def mode_status_text(statusword: int, mode: int) -> tuple[str, ...]:
     """Return the mode-specific flags (bits 12 and 13) set in a statusword."""
     return tuple(words for bit, words in STATUS_BITS.get(mode, ()) if statusword >> bit & 1)
 
@@ -124,7 +124,9 @@ class SetPoint:
         """Return the controlword bits of this cycle, for `Machine.step(mode_bits=...)`."""
         acknowledged = bool(statusword & MODE_BIT_12)
         if not self._raised:
-            self._raised = not acknowledged  # a rising edge needs the last one to be over
+            self._raised = (
+                not acknowledged
+            )  # the last acknowledge has to be over before a rising edge
         elif not self._taken:
             self._taken = acknowledged
         elif not acknowledged:
@@ -136,8 +138,8 @@ class Homing:
     """Runs the drive's homing: start (bit 4) until attained (12 and 10) or error (13).
 
     Non-blocking, one `step` per cycle while the mode in force is HM. Bit 4 is held at 1: taking it
-    back would interrupt the search. Attained bits still set from an earlier homing are not
-    believed: they have to have been seen at 0, or to stay for `settle_cycles` after the start.
+    back would interrupt the search. Attained bits still set from an earlier homing do not
+    count: they have to have been 0, or to stay for `settle_cycles` after the start.
     """
 
     def __init__(self, settle_cycles: int = 50) -> None:

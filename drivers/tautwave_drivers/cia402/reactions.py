@@ -1,4 +1,4 @@
-"""What a drive does when something happens: option codes 6007h and 605Ah to 605Eh, in words.
+"""What a drive does when something happens: option codes 6007h and 605Ah to 605Eh, as text.
 
 Source: CiA 402-2, objects 6007h and 605Ah to 605Eh; negative values are the manufacturer's.
 """
@@ -11,7 +11,7 @@ _RAMPS = {
     3: "slows down at the current limit",
     4: "slows down at the voltage limit",
 }
-_FREE = "disables the power stage, the motor turns freely"
+_FREE = "disables the power stage, the motor coasts"
 _THEN_OFF = ", then SWITCH ON DISABLED"
 _THEN_STAYS = ", then stays in QUICK STOP ACTIVE"
 
@@ -23,9 +23,9 @@ REACTIONS: dict[int, tuple[str, dict[int, str]]] = {
     0x6007: (
         "loss of the bus",
         {
-            0: "does nothing: goes on with the last command",
+            0: "does nothing: keeps following the last command",
             1: "malfunction: fault reaction 605Eh",
-            2: "disables voltage, the motor turns freely",
+            2: "disables voltage, the motor coasts",
             3: "quick stop by 605Ah",
         },
     ),
@@ -38,7 +38,7 @@ REACTIONS: dict[int, tuple[str, dict[int, str]]] = {
 """Option object to its occasion and the meaning of its values."""
 
 
-def reaction_words(index: int, value: int) -> str:
+def reaction_text(index: int, value: int) -> str:
     """Return what the drive does by option code `value` of object `index`."""
     if index not in REACTIONS:
         return f"{index:04X} = {value}: not an option code of CiA 402"
@@ -50,15 +50,15 @@ def reaction_words(index: int, value: int) -> str:
 
 
 def acts_on_loss(value: int) -> bool:
-    """Tell whether 6007h = `value` surely ends the torque when the bus is lost."""
+    """Return whether 6007h = `value` surely ends the torque when the bus is lost."""
     return value in (1, 2, 3)
 
 
 def stays_in_quick_stop(value: int | None) -> bool:
-    """Tell whether 605Ah = `value` lets a drive rest in QUICK STOP ACTIVE (5 to 8)."""
+    """Return whether 605Ah = `value` lets a drive rest in QUICK STOP ACTIVE (5 to 8)."""
     return value is not None and 5 <= value <= 8
 
 
 def leaves_quick_stop(value: int | None) -> bool:
-    """Tell whether 605Ah = `value` ends a quick stop in SWITCH ON DISABLED by itself (1 to 4)."""
+    """Return whether 605Ah = `value` ends a quick stop in SWITCH ON DISABLED by itself (1 to 4)."""
     return value is not None and 1 <= value <= 4

@@ -52,8 +52,8 @@ def is_length(word: int) -> bool:
     return word >> 16 & 0xFF in _LENGTHS
 
 
-def unit_words(word: int) -> str:
-    """Return a unit word as a person reads it: `10**-3 rev/min`."""
+def unit_text(word: int) -> str:
+    """Return a unit as text: `10**-3 rev/min`."""
     exponent = word >> 24 & 0xFF
     power = exponent - 0x100 if exponent >= 0x80 else exponent
     unit = _UNITS.get(word >> 16 & 0xFF, ("increments",))[0]

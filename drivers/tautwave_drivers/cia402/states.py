@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 
 class State(enum.Enum):
-    """State of a drive; UNKNOWN is a statusword that the standard gives no meaning."""
+    """State of a drive; UNKNOWN is a statusword without a meaning in the standard."""
 
     NOT_READY = "NOT READY TO SWITCH ON"
     SWITCH_ON_DISABLED = "SWITCH ON DISABLED"
@@ -49,7 +49,7 @@ _BY_BITS = tuple(_state_of(word) for word in range(_STATE_BITS + 1))
 
 
 def decode(statusword: int) -> State:
-    """Return the state that a statusword tells."""
+    """Return the state in a statusword."""
     return _BY_BITS[statusword & _STATE_BITS]
 
 
@@ -86,8 +86,8 @@ _COMMANDS = (
 )
 
 
-def command_words(controlword: int) -> str:
-    """Return a controlword as a person reads it: `0x000F (enable operation)`."""
+def command_text(controlword: int) -> str:
+    """Return a controlword as text: `0x000F (enable operation)`."""
     for mask, value, words in _COMMANDS:
         if controlword & mask == value:
             halt = ", halt" if controlword & HALT else ""
@@ -95,8 +95,8 @@ def command_words(controlword: int) -> str:
     return f"0x{controlword:04X}"
 
 
-def status_words(statusword: int) -> str:
-    """Return a statusword as a person reads it: state, then the flags every mode has."""
+def status_text(statusword: int) -> str:
+    """Return a statusword as text: state, then the flags common to all modes."""
     flags = [
         "voltage on" if statusword & VOLTAGE_ENABLED else "no voltage",
         "remote" if statusword & REMOTE else "not remote",

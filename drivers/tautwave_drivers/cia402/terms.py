@@ -1,4 +1,4 @@
-"""What a state machine can be asked for, what it may take, and what it tells."""
+"""What a state machine is asked for, how long it waits, and the events it reports."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Goal(enum.Enum):
     QUICK_STOP = "quick stop"
 
 
-class Way(enum.Enum):
+class DisableMethod(enum.Enum):
     """How to disable: at once (9), by shutdown (8, 7), or by disable operation (5, 6, 7)."""
 
     COAST = "disable voltage"
@@ -22,7 +22,7 @@ class Way(enum.Enum):
     RAMP = "disable operation"
 
 
-class Patience(NamedTuple):
+class Timeouts(NamedTuple):
     """How long things may take, in cycles of the caller."""
 
     transition: int = 2000
@@ -35,12 +35,12 @@ class Patience(NamedTuple):
     total: int = 30000
 
     @classmethod
-    def at_rate(cls, rate_hz: float) -> Patience:
+    def at_rate(cls, rate_hz: float) -> Timeouts:
         """Return the default times (defaults are those of 1 kHz) at another rate, >= 2 cycles."""
         return cls(*(max(2, round(cycles * rate_hz / 1000.0)) for cycles in cls()))
 
 
-class Habits(NamedTuple):
+class Quirks(NamedTuple):
     """What is particular about one drive.
 
     `quick_stop_option` is 605Ah as read, None if unknown; `resume` allows transition 16 where that
@@ -51,11 +51,11 @@ class Habits(NamedTuple):
     quick_stop_option: int | None = None
     resume: bool = False
     fault_resets: int = 3
-    patience: Patience = Patience()
+    timeouts: Timeouts = Timeouts()
 
 
 class Event(NamedTuple):
-    """Something that happened, in words; `fatal` if the axis is no longer what was asked for."""
+    """Something that happened, as a sentence; `fatal` if the axis has left the state asked for."""
 
     text: str
     fatal: bool

@@ -25,7 +25,7 @@ MICRO = 1e-6
 
 
 class AxisScale(NamedTuple):
-    """What one count is worth at the axis, in SI.
+    """Value of one count at the axis, in SI.
 
     `encoder_quantum` [rad or m] of 6064h and 607Ah, `velocity_quantum` [rad/s or m/s] of 606Ch and
     60FFh, `effort_quantum` [N m or N] of 6071h, 6077h and 60B2h (1/1000 of rated). `direction` is
@@ -61,7 +61,7 @@ class AxisScale(NamedTuple):
         return self.direction * to_counts(velocity, self.velocity_quantum, min(limit, INT32))
 
     def position_counts(self, position: float, hold_counts: int) -> int:
-        """Return the counts for `position` [rad or m]; `hold_counts` if it is no finite number.
+        """Return the counts for `position` [rad or m]; `hold_counts` if it is not finite.
 
         There is no safe number among positions but the one the axis has, so the caller gives it.
         """
@@ -109,7 +109,7 @@ class Transmission(NamedTuple):
 
     @property
     def travel(self) -> float:
-        """Way of the axis per motor turn [rad or m]."""
+        """Travel of the axis per motor turn [rad or m]."""
         shaft = Fraction(self.gear_shaft, self.gear_motor)
         if self.feed_m > 0.0:
             return float(Fraction(self.feed_m) * shaft / self.feed_revolutions)

@@ -1,4 +1,4 @@
-"""What is checked and set before torque: the right servo, healthy, in the right mode, watched.
+"""Checks and settings before torque: the right servo, healthy, in the right mode, watched.
 
 Lasting registers (EEPROM) are compared, and written only where `configure` allows it; they wear
 out and survive the run. Everything else is RAM and is set on every start. Sources: e-manual, X
@@ -13,13 +13,13 @@ from typing import NamedTuple
 
 from tautwave.contracts import BusSpec
 from tautwave.errors import DeviceFault, DriverError
-from tautwave_drivers.dynamixel import registers as reg
-from tautwave_drivers.dynamixel.line import Line
-from tautwave_drivers.dynamixel.models import CAVEAT, VELOCITY_UNIT, model_name
+from tautwave_drivers.dynamixel.line.transactions import Line
 from tautwave_drivers.dynamixel.options import DynamixelOptions, Servo
-from tautwave_drivers.dynamixel.registers import Register
-from tautwave_drivers.dynamixel.units import Scale
-from tautwave_drivers.dynamixel.words import hardware_words, status_words
+from tautwave_drivers.dynamixel.protocol import registers as reg
+from tautwave_drivers.dynamixel.protocol.messages import hardware_text, status_text
+from tautwave_drivers.dynamixel.protocol.models import CAVEAT, VELOCITY_UNIT, model_name
+from tautwave_drivers.dynamixel.protocol.registers import Register
+from tautwave_drivers.dynamixel.protocol.units import Scale
 
 REVERSED = 0x01
 TORQUE_BY_GOAL = 0x08
@@ -42,7 +42,7 @@ class Bringup:
     Parameters
     ----------
     line : Line
-        How they are spoken to.
+        Transactions with them.
     options : DynamixelOptions
         The bus' options.
     bus : BusSpec
@@ -65,7 +65,7 @@ class Bringup:
         DeviceFault
             A servo reports a hardware error.
         DriverError
-            A servo is missing, is another one, or would have to be configured.
+            A servo is missing, is not the expected model, or needs --configure.
         """
         for servo in servos:
             self._identify(servo)
@@ -74,9 +74,10 @@ class Bringup:
         for servo in servos:
             self._lasting(servo)
         if self._changes:
+            listed = "".join(f"\n  {change}" for change in self._changes)
             raise DriverError(
-                f"bus {self._bus.name}: lasting settings differ: {'; '.join(self._changes)}; "
-                "run once with --configure to write them into the servos"
+                f"bus {self._bus.name}: lasting settings differ:{listed}\n"
+                "run `tautwave run RIG --configure` once to write them into the servos"
             )
         return [self._prepare(*pair) for pair in zip(servos, scales, strict=True)]
 
@@ -88,7 +89,7 @@ class Bringup:
         if found is None:
             raise DriverError(
                 f"{where}: no answer at {self._options.baud} baud; check its power and cable, and "
-                f"find its id and baud rate with: tautwave scan dynamixel --port "
+                f"its id and baud rate with: tautwave scan dynamixel --port "
                 f"{self._options.port}"
             )
         # Below level 2 it would not answer what follows.
@@ -97,7 +98,7 @@ class Bringup:
         firmware = found.data[2]
         if number != servo.model.number:
             raise DriverError(
-                f"{where}: is a {model_name(number)} (model number {number}), the rig says "
+                f"{where}: is a {model_name(number)} (model number {number}), but the rig says "
                 f"{servo.model.name}; correct options.servos, or exchange the servo"
             )
         self._healthy(servo)
@@ -105,8 +106,8 @@ class Bringup:
         if not watched and not self._bus.allow_unwatched:
             raise DriverError(
                 f"{where}: firmware {firmware} has no bus watchdog (from "
-                f"{reg.WATCHDOG_FIRMWARE} on), so it would go on when the host stops; update it, "
-                "or run with --allow-unwatched"
+                f"{reg.WATCHDOG_FIRMWARE} on), so it would keep moving if the host stops; update "
+                "it, or run with --allow-unwatched"
             )
         volts = 0.1 * self._get(servo, reg.PRESENT_VOLTAGE)
         degrees = self._get(servo, reg.PRESENT_TEMPERATURE)
@@ -119,7 +120,7 @@ class Bringup:
             return
         if self._get(servo, reg.BUS_WATCHDOG) == reg.WATCHDOG_TRIPPED:
             self.notes.append(f"{where}: its bus watchdog had tripped; armed again")
-        # Off while nobody feeds it; a tripped one locks the goals until 0 is written.
+        # Off while no packets reach it; a tripped one locks the goals until 0 is written.
         self._put(servo, reg.BUS_WATCHDOG, 0)
 
     def _healthy(self, servo: Servo) -> None:
@@ -127,19 +128,19 @@ class Bringup:
         error = self._get(servo, reg.HARDWARE_ERROR)
         if not error:
             return
-        words = hardware_words(error, self._get(servo, reg.SHUTDOWN))
+        fault = hardware_text(error, self._get(servo, reg.SHUTDOWN))
         if self._options.reboot:
             self._line.reboot(servo.options.id)
             for _ in range(REBOOT_PINGS):
                 if self._line.ping(servo.options.id) is not None:
                     break
             self._line.write(servo.options.id, reg.STATUS_RETURN_LEVEL.address, b"\x02")
-            self.notes.append(f"{self._where(servo)}: {words}; rebooted")
+            self.notes.append(f"{self._where(servo)}: {fault}; rebooted")
             if not self._get(servo, reg.HARDWARE_ERROR):
                 return
-            words += ", also after a reboot"
+            fault += ", even after a reboot"
         raise DeviceFault(
-            f"{self._where(servo)}: {words}; remove the cause, then switch the servo's power off "
+            f"{self._where(servo)}: {fault}; remove the cause, then switch the servo's power off "
             "and on, or set reboot: true in the bus' options"
         )
 
@@ -160,7 +161,7 @@ class Bringup:
         if drive_mode & REVERSED:
             self.notes.append(
                 f"{self._where(servo)}: drive mode is reversed in the servo; options.direction "
-                "comes on top of that"
+                "applies on top of it"
             )
 
     def _keep(self, servo: Servo, register: Register, wanted: int) -> None:
@@ -178,7 +179,7 @@ class Bringup:
         self.notes.append(f"{change} written")
 
     def _prepare(self, servo: Servo, scale: Scale) -> Limits:
-        """Set the RAM; return the greatest goals."""
+        """Set the RAM; return the largest goals."""
         self._put(servo, reg.STATUS_RETURN_LEVEL, 2)
         if servo.impedance:
             limits = self._current_limit(servo, scale)
@@ -187,7 +188,7 @@ class Bringup:
             limits = self._velocity_limit(servo, scale)
             self._put(servo, reg.PROFILE_ACCELERATION, 0)
             self._put(servo, reg.GOAL_VELOCITY, 0)
-        self._tell(servo, limits)
+        self._note_limits(servo, limits)
         if servo.options.torque_constant is None:
             self.notes.append(
                 f"{self._where(servo)}: torque constant {servo.torque_constant:.3g} N m/A is "
@@ -195,7 +196,7 @@ class Bringup:
             )
         return limits
 
-    def _tell(self, servo: Servo, limits: Limits) -> None:
+    def _note_limits(self, servo: Servo, limits: Limits) -> None:
         if servo.impedance:
             mode, register, unit = reg.CURRENT_MODE, reg.CURRENT_LIMIT, servo.model.current_unit
             used, name = limits.current * unit, "A"
@@ -210,7 +211,7 @@ class Bringup:
         )
 
     def arm(self, servo: Servo) -> None:
-        """Write the bus watchdog and read it back; it counts once torque is on."""
+        """Write the bus watchdog and read it back; it runs once torque is on."""
         if servo.options.id in self._unwatched:
             return
         units = max(1, math.ceil(self._options.watchdog_s / reg.WATCHDOG_UNIT_S - 1e-9))
@@ -239,7 +240,7 @@ class Bringup:
         limit = self._get(servo, reg.VELOCITY_LIMIT)
         if servo.axis.velocity_limit > (limit + 0.5) * scale.velocity:
             raise DriverError(
-                f"{self._where(servo)}: velocity_limit {servo.axis.velocity_limit:g} is beyond "
+                f"{self._where(servo)}: velocity_limit {servo.axis.velocity_limit:g} exceeds "
                 f"its velocity limit(44), {limit} = {limit * scale.velocity:.4g}; lower "
                 "velocity_limit, or raise the servo's with the vendor's wizard"
             )
@@ -248,26 +249,26 @@ class Bringup:
     # -- registers --------------------------------------------------------------------------
 
     def _get(self, servo: Servo, register: Register) -> int:
-        answer = self._line.read(servo.options.id, register.address, register.size)
-        if answer is None:
-            raise DriverError(f"{self._where(servo)}: no answer when reading {register.name}")
-        if answer.number or len(answer.data) < register.size:
+        response = self._line.read(servo.options.id, register.address, register.size)
+        if response is None:
+            raise DriverError(f"{self._where(servo)}: no response when reading {register.name}")
+        if response.number or len(response.data) < register.size:
             raise DriverError(
                 f"{self._where(servo)}: {register.name}({register.address}) cannot be read: "
-                f"{status_words(answer.error)}"
+                f"{status_text(response.error)}"
             )
-        return register.decode(answer.data)
+        return register.decode(response.data)
 
     def _put(self, servo: Servo, register: Register, value: int) -> None:
         """Write a register and read it back."""
         device_id = servo.options.id
         data = register.encode(value)
-        # No answer is no failure yet: a status return level below 2 answers no write.
-        answer = self._line.write(device_id, register.address, data)
-        if answer is not None and answer.number:
+        # No response is not yet a failure: below status return level 2 writes have none.
+        response = self._line.write(device_id, register.address, data)
+        if response is not None and response.number:
             raise DriverError(
-                f"{self._where(servo)}: {register.name}({register.address}) does not take "
-                f"{value}: {status_words(answer.error)}"
+                f"{self._where(servo)}: {register.name}({register.address}) rejects "
+                f"{value}: {status_text(response.error)}"
             )
         found = self._get(servo, register)
         if found != value:

@@ -23,7 +23,7 @@ STATUS_BLOCK = 12
 
 
 class Traffic(NamedTuple):
-    """What one cycle puts on the line: servos by what they are told, bytes read of each, how."""
+    """What one cycle puts on the line: servos by command, bytes read of each, and how."""
 
     impedance: int
     admittance: int
@@ -32,7 +32,7 @@ class Traffic(NamedTuple):
 
     @property
     def servos(self) -> int:
-        """How many are asked."""
+        """How many are read."""
         return self.impedance + self.admittance
 
     @property
@@ -45,7 +45,7 @@ class Traffic(NamedTuple):
         return count
 
     @property
-    def answered(self) -> int:
+    def received(self) -> int:
         """Bytes from the servos."""
         if self.fast:
             return 8 + self.servos * (self.size + 4)
@@ -58,7 +58,7 @@ class Traffic(NamedTuple):
 
     def time_s(self, baud: int, return_delay_s: float, latency_s: float) -> float:
         """Return the time from the first byte sent to the last byte handed to the host [s]."""
-        wire = (self.sent + self.answered) * BITS_PER_BYTE / baud
+        wire = (self.sent + self.received) * BITS_PER_BYTE / baud
         return wire + self.delays * return_delay_s + latency_s
 
 
@@ -83,12 +83,12 @@ def budget(options: DynamixelOptions, bus: BusSpec) -> Budget:
     needed = exchange / READ_SHARE
     lines = [_arithmetic(options, traffic, exchange)]
     lines.append(
-        f"answers have to be in by {READ_SHARE:.0%} of the period: "
+        f"responses have to be in by {READ_SHARE:.0%} of the period: "
         f"{exchange * 1e3:.3f} ms / {READ_SHARE:g} = {needed * 1e3:.3f} ms, at most "
         f"{1.0 / needed:.0f} Hz"
     )
-    told = _remedies(options, bus, traffic)
-    remedy = f"more axes or a higher rate, each alone: {', '.join(told)}" if told else ""
+    remedies = _remedies(options, bus, traffic)
+    remedy = f"more axes or a higher rate, each alone: {', '.join(remedies)}" if remedies else ""
     return Budget(needed, 1.0 / needed, "\n".join(lines), remedy)
 
 
@@ -97,11 +97,11 @@ def _exchange_s(options: DynamixelOptions, traffic: Traffic) -> float:
 
 
 def _arithmetic(options: DynamixelOptions, traffic: Traffic, exchange: float) -> str:
-    count = traffic.sent + traffic.answered
+    count = traffic.sent + traffic.received
     wire = count * BITS_PER_BYTE / options.baud
     servos = "1 servo" if traffic.servos == 1 else f"{traffic.servos} servos"
     text = (
-        f"{servos}: {traffic.sent} bytes out, {traffic.answered} back, "
+        f"{servos}: {traffic.sent} bytes out, {traffic.received} back, "
         f"{count} x {BITS_PER_BYTE} bits at {options.baud} baud = {wire * 1e3:.3f} ms"
     )
     if options.return_delay_s > 0.0:
@@ -119,33 +119,35 @@ def _remedies(options: DynamixelOptions, bus: BusSpec, traffic: Traffic) -> list
     def rate(changed: DynamixelOptions, load: Traffic) -> str:
         return f"{READ_SHARE / _exchange_s(changed, load):.0f} Hz"
 
-    told = []
+    remedies = []
     fastest = min((s.model.fastest_baud for s in match_servos(options, bus)), default=4_000_000)
     fastest = min(fastest, 4_000_000)
     if options.baud < fastest:
         changed = options.model_copy(update={"baud": fastest})
-        told.append(f"baud: {fastest} gives {rate(changed, traffic)}")
+        remedies.append(f"baud: {fastest} gives {rate(changed, traffic)}")
     if options.return_delay_s > 0.0:
         changed = options.model_copy(update={"return_delay_s": 0.0})
-        told.append(f"return_delay_s: 0 gives {rate(changed, traffic)}")
+        remedies.append(f"return_delay_s: 0 gives {rate(changed, traffic)}")
     if options.latency_s > 0.001:
         changed = options.model_copy(update={"usb_latency_s": 0.001})
-        told.append(f"a USB latency timer of 1 ms gives {rate(changed, traffic)}")
+        remedies.append(f"a USB latency timer of 1 ms gives {rate(changed, traffic)}")
     if options.latency_s > 0.0:
         changed = options.model_copy(update={"usb_latency_s": 0.0})
-        told.append(f"a real UART instead of USB gives {rate(changed, traffic)}")
+        remedies.append(f"a real UART instead of USB gives {rate(changed, traffic)}")
     if not traffic.fast and traffic.servos > 1:
-        told.append(f"read: fast_sync gives {rate(options, traffic._replace(fast=True))}")
+        remedies.append(f"read: fast_sync gives {rate(options, traffic._replace(fast=True))}")
     if options.status_block:
-        told.append(f"status_block: false gives {rate(options, traffic._replace(size=BLOCK))}")
+        remedies.append(f"status_block: false gives {rate(options, traffic._replace(size=BLOCK))}")
     if traffic.servos > 1:
         fewer = (
             traffic._replace(impedance=traffic.impedance - 1)
             if traffic.impedance
             else traffic._replace(admittance=traffic.admittance - 1)
         )
-        told.append(f"one axis less on this bus gives {rate(options, fewer)}")
+        remedies.append(f"one axis fewer on this bus gives {rate(options, fewer)}")
     nth = math.ceil(_exchange_s(options, traffic) * bus.rate_hz / READ_SHARE)
     if nth > 1:
-        told.append(f"divisor: {nth * bus.divisor} on this bus ({bus.rate_hz / nth:.0f} Hz) fits")
-    return told
+        remedies.append(
+            f"divisor: {nth * bus.divisor} on this bus ({bus.rate_hz / nth:.0f} Hz) fits"
+        )
+    return remedies

@@ -1,11 +1,11 @@
 """The driver the loop sees: Dynamixel X servos on one line.
 
-A command that `write` takes goes out first in the next `request`, with the question for that
-cycle's sample behind it, and acts from there on: one whole period, the declared command delay.
+A command that `write` takes goes out first in the next `request`, followed by the sync read
+of that cycle's samples, and acts from there on: one whole period, the declared command delay.
 Impedance axes run in current mode: effort = goal current * torque constant * gear ratio. Admittance
 axes run in velocity mode and measure effort as motor current (see `units`).
 
-What is simulated agrees on this: torque is switched on with the goals at zero; slot 0 is the first
+The simulation agrees on this: torque is switched on with the goals at zero; slot 0 is the first
 sync read after that; a sync write and the sync read behind it belong to one slot, the goals act
 from it on.
 """
@@ -17,25 +17,25 @@ from collections.abc import Sequence
 from tautwave.contracts import BusSpec, BytePort, Clock
 from tautwave.errors import DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
-from tautwave_drivers.dynamixel import packet
-from tautwave_drivers.dynamixel import registers as reg
 from tautwave_drivers.dynamixel.bringup import Bringup, Limits
 from tautwave_drivers.dynamixel.enabling import Enabling
 from tautwave_drivers.dynamixel.exchange import Exchange, Goals, Timing
-from tautwave_drivers.dynamixel.ftdi import set_latency_timer
-from tautwave_drivers.dynamixel.indirect import map_status_block
-from tautwave_drivers.dynamixel.line import Line, OwnLine
+from tautwave_drivers.dynamixel.fast_path import FIELDS, STATUS_FIELDS
+from tautwave_drivers.dynamixel.line.ftdi import set_latency_timer
+from tautwave_drivers.dynamixel.line.transactions import Line, PacketLine
 from tautwave_drivers.dynamixel.options import DynamixelOptions, Servo, match_servos
-from tautwave_drivers.dynamixel.port import SerialPort
-from tautwave_drivers.dynamixel.units import CURRENT_RANGE, Scale, scale_of
-from tautwave_drivers.dynamixel.usual import FIELDS, STATUS_FIELDS
+from tautwave_drivers.dynamixel.protocol import packet
+from tautwave_drivers.dynamixel.protocol import registers as reg
+from tautwave_drivers.dynamixel.protocol.indirect import map_status_block
+from tautwave_drivers.dynamixel.protocol.messages import status_text
+from tautwave_drivers.dynamixel.protocol.units import CURRENT_RANGE, Scale, scale_of
 from tautwave_drivers.dynamixel.watching import Watch
-from tautwave_drivers.dynamixel.words import status_words
+from tautwave_drivers.serial_port import SerialPort
 
 NAN = float("nan")
 MISSING = JointState(0.0, NAN, NAN, False, 0)
-FEED_SHARE = 0.25
-"""Of the bus watchdog's time, between two packets while other buses are still enabling."""
+KEEP_ALIVE_SHARE = 0.25
+"""Share of the bus watchdog's time between two packets while other buses are enabling."""
 
 
 class DynamixelDriver:
@@ -66,7 +66,7 @@ class DynamixelDriver:
         self._options = options
         self._bus = bus
         self._clock = clock
-        self._given = transport
+        self._transport = transport
         self._servos = match_servos(options, bus)
         self._scales = [scale_of(servo) for servo in self._servos]
         self._units = [_units(*pair) for pair in zip(self._servos, self._scales, strict=True)]
@@ -78,7 +78,7 @@ class DynamixelDriver:
         self._sent_ns = 0
         self._status_block = options.status_block
         self._watchdog_ns = round(options.watchdog_s * 1e9)
-        self._gone = ""
+        self._lost = ""
         self._faults: list[Fault] = []
         self.notes: list[str] = []
 
@@ -87,15 +87,15 @@ class DynamixelDriver:
     def open(self) -> None:
         """Open the line, check and set every servo with its torque off; see `Bringup`."""
         self.close()
-        self._gone = ""
+        self._lost = ""
         self._faults.clear()
         self.notes = []
         port = self._port = self._open_port()
         try:
-            self._line = OwnLine(port, self._clock, self._options.baud, self._options.latency_s)
+            self._line = PacketLine(port, self._clock, self._options.baud, self._options.latency_s)
             slow: Line = self._line
             if self._options.transport == "sdk":
-                from tautwave_drivers.dynamixel.sdk import SdkLine
+                from tautwave_drivers.dynamixel.line.sdk import SdkLine
 
                 slow = SdkLine(port, self._clock, self._options.baud, self._options.latency_s)
             bringup = Bringup(slow, self._options, self._bus)
@@ -112,13 +112,13 @@ class DynamixelDriver:
             raise
 
     def _open_port(self) -> BytePort:
-        if self._given is not None:
-            return self._given
+        if self._transport is not None:
+            return self._transport
         path = self._options.port
         if path == "sim":
             raise DriverError(
-                f"bus {self._bus.name}: port: sim has no servos here; add a simulation block to "
-                "the rig, or name a device"
+                f"bus {self._bus.name}: port: sim needs simulated servos, but this rig has none; "
+                "add a simulation block, or name a device"
             )
         note = set_latency_timer(path, self._options.latency_s)
         if note:
@@ -129,7 +129,7 @@ class DynamixelDriver:
             raise DriverError(f"bus {self._bus.name}: {err}") from err
 
     def _build(self, port: BytePort) -> None:
-        """Make what every cycle uses."""
+        """Build what every cycle uses."""
         options = self._options
         status = options.status_block
         self._exchange = Exchange(
@@ -159,8 +159,8 @@ class DynamixelDriver:
         self._watch = Watch(self._line, self._clock, self._servos, self._bus, options)
 
     def attach(self, port: BytePort) -> None:
-        """Take a line as it is, enabled, without asking any servo: to measure a cycle."""
-        self._line = OwnLine(port, self._clock, self._options.baud, self._options.latency_s)
+        """Take a line with servos taken for enabled, without a packet: to measure a cycle."""
+        self._line = PacketLine(port, self._clock, self._options.baud, self._options.latency_s)
         self._limits = [Limits(CURRENT_RANGE, CURRENT_RANGE)] * len(self._servos)
         self._port = port
         self._build(port)
@@ -168,25 +168,25 @@ class DynamixelDriver:
         self._on = True
 
     def detach(self) -> None:
-        """Release such a line, saying nothing to any servo."""
+        """Release such a line without a packet."""
         self._on = False
         port, self._port = self._port, None
         if port is not None:
             port.close()
 
     def _try_reading(self) -> None:
-        """Read once as every cycle will: old firmware knows no fast sync read."""
+        """Read once as every cycle will: old firmware has no fast sync read."""
         exchange = self._exchange
         for _ in range(3):
             now = self._clock.now_ns()
             exchange.send(b"", now)
             until = now + round(1e9 * (self._options.latency_s + 0.03))
             if not exchange.collect(until):
-                exchange.on_wire = exchange.keeps_wire_time(self._clock.now_ns())
+                exchange.on_wire = exchange.takes_wire_time(self._clock.now_ns())
                 if not exchange.on_wire:
                     self.notes.append(
-                        f"bus {self._bus.name}: answers come sooner than {self._options.baud} baud "
-                        "allow, so this is no real line; a late answer cannot be told by its time"
+                        f"bus {self._bus.name}: responses come faster than {self._options.baud} "
+                        "baud allows, so this is not a real line; late ones cannot be told apart"
                     )
                 return
         silent = [
@@ -198,18 +198,18 @@ class DynamixelDriver:
         if self._options.read == "fast_sync":
             remedy = "its firmware may be too old for a fast sync read: use read: sync"
         raise DriverError(
-            f"bus {self._bus.name}: no answer to a {self._options.read.replace('_', ' ')} read "
+            f"bus {self._bus.name}: no response to a {self._options.read.replace('_', ' ')} read "
             f"from {', '.join(silent)}; {remedy}"
         )
 
     def enable_step(self) -> bool:
-        """Switch torque on and see that it is, a packet at a time; then keep the watchdogs fed."""
+        """Switch torque on and verify it, packet by packet; then keep the watchdogs fed."""
         port = self._port
         if port is None:
-            raise DriverError(f"bus {self._bus.name}: enabled before it was opened")
+            raise DriverError(f"bus {self._bus.name}: enable_step before open")
         now = self._clock.now_ns()
         if self._on:
-            if now - self._sent_ns > FEED_SHARE * 1e9 * self._options.watchdog_s:
+            if now - self._sent_ns > KEEP_ALIVE_SHARE * 1e9 * self._options.watchdog_s:
                 port.write(self._torque(1))
                 self._sent_ns = now
             return True
@@ -224,8 +224,8 @@ class DynamixelDriver:
     # -- every cycle ----------------------------------------------------------------------
 
     def request(self) -> None:
-        """Send the staged goals and ask for the samples."""
-        if self._port is None or self._gone:
+        """Send the staged goals and request the samples."""
+        if self._port is None or self._lost:
             return
         try:
             now, before = self._clock.now_ns(), self._sent_ns
@@ -234,8 +234,8 @@ class DynamixelDriver:
                 return
             self._sent_ns = now
             if now - before > self._watchdog_ns:
-                self._watch.silence(now - before)
-            if self._watch.questions and self._watch.urgent:
+                self._watch.note_silence(now - before)
+            if self._watch.requests and self._watch.urgent:
                 self._port.write(self._packed_goals())
             else:
                 self._exchange.send(self._packed_goals(), now)
@@ -243,13 +243,13 @@ class DynamixelDriver:
             self._lose(err)
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:
-        """Return what the servos measured; who has not answered by the deadline is not valid."""
-        if self._port is None or self._gone:
+        """Return the measured states; not valid where no response came by the deadline."""
+        if self._port is None or self._lost:
             return [MISSING] * len(self._servos)
         watch = self._watch
         try:
-            if watch.questions and watch.urgent:
-                watch.ask(deadline_ns, self._faults)
+            if watch.requests and watch.urgent:
+                watch.read_pending(deadline_ns, self._faults)
                 return [MISSING] * len(self._servos)
             self._exchange.collect(deadline_ns)
             states = []
@@ -271,11 +271,11 @@ class DynamixelDriver:
                     )
                 )
             if self._exchange.returned:
-                self._watch.back(self._exchange.returned, self._watchdog_ns)
+                self._watch.note_returned(self._exchange.returned, self._watchdog_ns)
                 self._exchange.returned.clear()
-            if self._on and (alert or watch.questions or self._exchange.refusals):
+            if self._on and (alert or watch.requests or self._exchange.refusals):
                 watch.alerts(self._exchange.values, self._exchange.refusals)
-                watch.ask(deadline_ns, self._faults)
+                watch.read_pending(deadline_ns, self._faults)
             if self._status_block:
                 watch.status(self._exchange.values, self._faults)
         except DriverError as err:
@@ -288,7 +288,7 @@ class DynamixelDriver:
         if len(commands) != len(self._servos):
             raise DriverError(
                 f"dynamixel: {len(commands)} commands for {len(self._servos)} axes; write one "
-                "command per axis, in the order of the rig file"
+                "per axis, in the order of the rig file"
             )
         if not self._on:
             return
@@ -305,33 +305,33 @@ class DynamixelDriver:
     # -- afterwards -----------------------------------------------------------------------
 
     def disable(self) -> None:
-        """Goals to zero, torque off, then its watchdog off; a line that is gone is left alone."""
+        """Goals to zero, torque off, then its watchdog off; a lost line is left alone."""
         port = self._port
         if port is None or not (self._on or self._enabling is not None):
             return
         self._on = False
         self._enabling = None
-        if self._gone:
-            self.notes.append(f"bus {self._bus.name}: torque was not switched off: {self._gone}")
+        if self._lost:
+            self.notes.append(f"bus {self._bus.name}: torque was not switched off: {self._lost}")
             return
         self._zero_goals()
         try:
             port.write(self._packed_goals() + self._torque(0))
             for servo in self._servos:
-                self._let_go(servo)
+                self._switch_off(servo)
         except DriverError as err:
             self.notes.append(f"bus {self._bus.name}: torque was not switched off: {err}")
 
-    def _let_go(self, servo: Servo) -> None:
-        """See that a servo's torque is off, then disarm its watchdog, which ends it else."""
+    def _switch_off(self, servo: Servo) -> None:
+        """Verify that a servo's torque is off, then disarm its watchdog; else that stops it."""
         device_id = servo.options.id
-        answer = self._line.write(device_id, reg.TORQUE_ENABLE.address, b"\x00")
-        if answer is not None and not answer.number:
+        response = self._line.write(device_id, reg.TORQUE_ENABLE.address, b"\x00")
+        if response is not None and not response.number:
             self._line.write(device_id, reg.BUS_WATCHDOG.address, b"\x00")
             return
-        why = "no answer" if answer is None else status_words(answer.error)
+        why = "no answer" if response is None else status_text(response.error)
         self.notes.append(
-            f"{servo.axis.name} (servo {device_id}) was not seen to switch its torque off ({why}); "
+            f"{servo.axis.name} (servo {device_id}): torque off was not confirmed ({why}); "
             "its bus watchdog stays armed and stops it"
         )
 
@@ -339,12 +339,12 @@ class DynamixelDriver:
         """Disable and release the line; idempotent, never raises."""
         try:
             self.disable()
-        except Exception as err:  # noqa: BLE001  the way out must not end in the middle
+        except Exception as err:  # noqa: BLE001  everything has to be released
             self.notes.append(f"bus {self._bus.name}: closing: {err}")
         self._on = False
         self._enabling = None
         port, self._port = self._port, None
-        if port is not None and self._given is None:
+        if port is not None and self._transport is None:
             port.close()
 
     # -- parts ------------------------------------------------------------------------------
@@ -362,9 +362,9 @@ class DynamixelDriver:
         return packet.sync_write_packet(reg.TORQUE_ENABLE.address, 1, pairs)
 
     def _lose(self, err: DriverError) -> None:
-        """Note that the line is gone, once; the loop ends the run in its passive way."""
-        self._gone = str(err)
-        self._faults.append(Fault("", self._gone, fatal=True))
+        """Report once that the line is lost; the loop then stops passively."""
+        self._lost = str(err)
+        self._faults.append(Fault("", self._lost, fatal=True))
 
 
 def _units(servo: Servo, scale: Scale) -> tuple[float, float, float, int]:

@@ -1,4 +1,4 @@
-"""Seeing that torque is on, servo by servo, without ever waiting."""
+"""Verifying that torque is on, servo by servo, without ever waiting."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from tautwave.contracts import BusSpec, BytePort, Clock
 from tautwave.errors import DeviceFault, DriverError
-from tautwave_drivers.dynamixel import packet
-from tautwave_drivers.dynamixel import registers as reg
 from tautwave_drivers.dynamixel.options import Servo
-from tautwave_drivers.dynamixel.words import hardware_words
+from tautwave_drivers.dynamixel.protocol import packet
+from tautwave_drivers.dynamixel.protocol import registers as reg
+from tautwave_drivers.dynamixel.protocol.messages import hardware_text
 
 FIRST = reg.TORQUE_ENABLE.address
 SIZE = reg.HARDWARE_ERROR.address - FIRST + 1
@@ -18,10 +18,10 @@ TRIES = 20
 
 
 class Enabling:
-    """Asks one servo after the other whether its torque is on; it has just been told to be.
+    """Reads from one servo after the other whether its torque, just switched on, is on.
 
-    Nothing is on its way any more when `step` returns True, so that the loop's first question
-    collides with no answer.
+    Nothing is pending when `step` returns True, so that the loop's first request collides with
+    no response.
     """
 
     def __init__(self, port: BytePort, clock: Clock, servos: Sequence[Servo], bus: BusSpec) -> None:
@@ -31,60 +31,60 @@ class Enabling:
         self._bus = bus
         self._buffer = bytearray()
         self._at = 0
-        self._asked_ns: int | None = None
+        self._sent_ns: int | None = None
         self._tries = 0
 
     def step(self) -> bool:
-        """Go one step on; return True when every servo has said that it is on.
+        """Do one step; return True when every servo has confirmed that it is on.
 
         Raises
         ------
         DeviceFault
             A servo reports a hardware error.
         DriverError
-            A servo does not answer, or stays off.
+            A servo does not respond, or stays off.
         """
         self._buffer += self._port.read()
         while (found := packet.take_packet(self._buffer)) is not None:
-            self._hear(found)
+            self._receive(found)
         if self._at == len(self._servos):
             return True
         now = self._clock.now_ns()
-        if self._asked_ns is None or now - self._asked_ns > AGAIN_NS:
-            self._ask(now)
+        if self._sent_ns is None or now - self._sent_ns > AGAIN_NS:
+            self._send(now)
         return False
 
-    def _hear(self, found: packet.Packet) -> None:
-        if self._at == len(self._servos) or self._asked_ns is None:
+    def _receive(self, found: packet.Packet) -> None:
+        if self._at == len(self._servos) or self._sent_ns is None:
             return
         servo = self._servos[self._at]
         if found.device_id != servo.options.id or found.instruction != packet.STATUS:
             return
         if len(found.data) != SIZE:
-            return  # late, and the answer to something else
-        self._asked_ns = None
+            return  # late, and the response to another request
+        self._sent_ns = None
         error = found.data[SIZE - 1]
         if error:
-            raise DeviceFault(f"{self._where(servo)}: {hardware_words(error)}; torque stays off")
+            raise DeviceFault(f"{self._where(servo)}: {hardware_text(error)}; torque stays off")
         if found.data[0]:
             self._at += 1
             self._tries = 0
 
-    def _ask(self, now_ns: int) -> None:
+    def _send(self, now_ns: int) -> None:
         servo = self._servos[self._at]
         self._tries += 1
         if self._tries > TRIES:
             raise DriverError(
-                f"{self._where(servo)}: torque does not come on, or it no longer answers; check "
+                f"{self._where(servo)}: torque does not switch on, or it stopped answering; check "
                 "its power and cable"
             )
         device_id = servo.options.id
         message = packet.read_packet(device_id, FIRST, SIZE)
         if self._tries > 1:
-            # The order may have been lost on the way.
+            # The command may have been lost.
             message = packet.sync_write_packet(FIRST, 1, [(device_id, b"\x01")]) + message
         self._port.write(message)
-        self._asked_ns = now_ns
+        self._sent_ns = now_ns
 
     def _where(self, servo: Servo) -> str:
         return f"{servo.axis.name} (bus {self._bus.name}, servo {servo.options.id})"

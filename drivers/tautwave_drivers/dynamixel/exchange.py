@@ -1,17 +1,17 @@
 """One cycle on the line: one sync write of the goals, one sync read of all servos.
 
-What dynamixel-sdk's group classes do not do: every servo's answer counts by itself, a missing one
-costs no other; its error byte is kept; what is sent is stuffed; the host waits in the kernel.
+Unlike dynamixel-sdk's group classes: every servo's response counts by itself, a missing one costs
+no other; its error byte is kept; packets sent are stuffed; the host waits in the kernel.
 
-Servos answer in the order asked, and some wait for the one before them (in a fast read all do). So
-who did not answer last time is asked last, where it can hold nobody up. A late answer may be the
-host's fault and is waited for until the deadline; who has missed `ABSENT` cycles running is gone:
-it is waited for only as long as its answer takes on the wire, but for every `AGAIN`th time.
+Servos respond in the order requested, and some wait for the one before them (in a fast read all
+do). So a servo that was silent last time comes last, where it delays no other. A late response may
+be the host's fault and is waited for until the deadline; a servo that missed `ABSENT` cycles in a
+row is waited for only as long as its response takes on the wire, except every `AGAIN`th time.
 
-An answer has no number, so one that comes a cycle late could pass for the next. No byte that comes
-before the question itself is through the wire belongs to its answer: such bytes are dropped. Of two
-answers with one id in a cycle at least one is another's, and neither is believed; after an answer
-of one who was not asked, nobody is.
+A response carries no number, so one that comes a cycle late could pass for the next. Bytes that
+arrive before the request itself has left the wire cannot belong to its response: they are dropped.
+If two responses in a cycle have the same id, neither is believed; after a response from a servo
+that was not asked, none is.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from tautwave.contracts import BytePort, Clock
-from tautwave_drivers.dynamixel import packet
 from tautwave_drivers.dynamixel.budget import BITS_PER_BYTE
-from tautwave_drivers.dynamixel.fast import FastStatus
-from tautwave_drivers.dynamixel.registers import Register
-from tautwave_drivers.dynamixel.usual import Usual, Values
+from tautwave_drivers.dynamixel.fast_path import FastPath, Values
+from tautwave_drivers.dynamixel.protocol import packet
+from tautwave_drivers.dynamixel.protocol.fast import FastStatus
+from tautwave_drivers.dynamixel.protocol.registers import Register
 
 SLACK_NS = 100_000
-"""Beyond its wire time, for a servo that is gone: turn-around and host."""
+"""Beyond its wire time, for an absent servo: turn-around and host."""
 
 WORD = struct.Struct("<H")
 
@@ -37,7 +37,7 @@ AGAIN = 8
 
 
 class Timing(NamedTuple):
-    """Baud rate; time of a servo before it answers, of the adapter before it hands bytes on [s]."""
+    """Baud rate; return delay of a servo, latency of the adapter [s]."""
 
     baud: int
     return_delay_s: float
@@ -52,7 +52,7 @@ class Goals:
     register : Register
         What is written.
     ids : sequence of int
-        Of whom.
+        Of these servos.
     """
 
     def __init__(self, register: Register, ids: Sequence[int]) -> None:
@@ -83,13 +83,12 @@ class Goals:
 
 
 class Exchange:
-    """Sends the question of every cycle and sorts the answers.
+    """Sends the request of every cycle and sorts the responses.
 
-    After `collect`, `values[i]` holds what servo i sent, None where nothing right came;
-    `refusals` the error bytes of those that answered without data, by index; `returned` who answers
-    again and after how many cycles without, until somebody clears it. With `on_wire` set,
-    bytes that come sooner than the wire allows are dropped; without, only what came before the
-    question.
+    After `collect`, `values[i]` holds what servo i sent, None without a valid response;
+    `refusals` the error bytes of responses without data, by index; `returned` the servos that are
+    back and after how many missed cycles, until the reader clears it. With `on_wire` set, bytes
+    that arrive sooner than the wire allows are dropped; without, only those before the request.
 
     Parameters
     ----------
@@ -104,9 +103,9 @@ class Exchange:
     fields : str
         What it holds, as `struct` names it.
     timing : Timing
-        What time things take.
+        Of the line.
     fast : bool
-        One answer for all (fast sync read) instead of one each.
+        One response for all (fast sync read) instead of one each.
     """
 
     def __init__(
@@ -130,19 +129,19 @@ class Exchange:
         # Data of all FF FF FD would grow by a third.
         self._longest = size + size // 3 + 4
         self._fast = FastStatus(len(ids), size) if fast else None
-        self._usual = Usual(ids, fields, fast=fast)
+        self._fast_path = FastPath(ids, fields, fast=fast)
         delays = 1 if fast else len(ids)
-        answer_s = delays * timing.return_delay_s + timing.latency_s
+        response_s = delays * timing.return_delay_s + timing.latency_s
         self._byte_ns = round(BITS_PER_BYTE * 1e9 / timing.baud)
-        self._wire_ns = self._usual.size * self._byte_ns
+        self._wire_ns = self._fast_path.size * self._byte_ns
         self._block_ns = (11 + self._size) * self._byte_ns
-        self._answer_ns = self._wire_ns + round(answer_s * 1e9) + SLACK_NS
+        self._response_ns = self._wire_ns + round(response_s * 1e9) + SLACK_NS
         self._buffer = bytearray()
         self._missed = [0] * len(ids)
         self._order = self._ids
-        self._questions: dict[tuple[int, ...], bytes] = {}
-        self._question = self._ask(self._order)
-        self._asked_ns = 0
+        self._requests: dict[tuple[int, ...], bytes] = {}
+        self._request = self._request_for(self._order)
+        self._sent_ns = 0
         self._due_ns = 0
         self._earliest_ns = 0
         self._complete = False
@@ -155,50 +154,50 @@ class Exchange:
         self._doubtful: set[int] = set()
 
     def send(self, goals: bytes, now_ns: int) -> None:
-        """Drop what has come, then send the goals and the question.
+        """Drop what has come, then send the goals and the request.
 
         Raises
         ------
         DriverError
-            The line is gone.
+            The line is lost.
         """
-        if not self._settled:  # one that came late may have left the right one behind it
+        if not self._settled:  # a late response may have left the right one behind it
             self.stale += len(self._port.read()) + len(self._buffer)
             self._buffer.clear()
-        message = goals + self._question
+        message = goals + self._request
         self._port.write(message)
-        self._asked_ns = now_ns + len(message) * self._byte_ns
-        self._due_ns = self._asked_ns + self._answer_ns
-        self._earliest_ns = self._asked_ns if self.on_wire else now_ns
+        self._sent_ns = now_ns + len(message) * self._byte_ns
+        self._due_ns = self._sent_ns + self._response_ns
+        self._earliest_ns = self._sent_ns if self.on_wire else now_ns
 
-    def keeps_wire_time(self, now_ns: int) -> bool:
-        """Return whether a whole answer that has just come took as long as on a wire."""
+    def takes_wire_time(self, now_ns: int) -> bool:
+        """Return whether a complete response that has just come took as long as on a wire."""
         margin_ns = self._wire_ns // 10
-        return now_ns >= self._asked_ns + self._wire_ns - margin_ns
+        return now_ns >= self._sent_ns + self._wire_ns - margin_ns
 
     def collect(self, deadline_ns: int) -> int:
-        """Take the answers in as they come; return how many servos are missing.
+        """Take the responses as they come; return how many servos are missing.
 
         Raises
         ------
         DriverError
-            The line is gone.
+            The line is lost.
         """
         if self._complete and self._clock.wait(self._port, deadline_ns):
             chunk = self._port.read()
             if self._clock.now_ns() >= self._earliest_ns:
-                usual = self._usual.take(chunk)
-                if usual is not None:
+                values = self._fast_path.take(chunk)
+                if values is not None:
                     self._settled = True
-                    self.values = usual  # type: ignore[assignment]  # nobody writes into it
+                    self.values = values  # type: ignore[assignment]  # it is never written to
                     return 0
                 self._buffer += chunk
             else:
                 self.stale += len(chunk)
-        return self._collect_carefully(deadline_ns)
+        return self._collect_bytewise(deadline_ns)
 
-    def _collect_carefully(self, deadline_ns: int) -> int:
-        """Take the answers in byte by byte, whatever is between them."""
+    def _collect_bytewise(self, deadline_ns: int) -> int:
+        """Take the responses byte by byte, whatever is between them."""
         port, clock, buffer = self._port, self._clock, self._buffer
         left = len(self._ids)
         self._settled = False
@@ -218,9 +217,9 @@ class Exchange:
                 left, last = take(left)
                 if left == 0:
                     break
-                if last:  # one more may come, where somebody answered under this one's id
+                if last:  # another may follow if two servos share this id
                     limit = min(limit, clock.now_ns() + self._block_ns + SLACK_NS)
-            if self._due_ns < limit and not self._awaited():
+            if self._due_ns < limit and not self._still_waiting():
                 limit = self._due_ns
             if not clock.wait(port, limit):
                 break
@@ -233,7 +232,7 @@ class Exchange:
         return left
 
     def _take(self, left: int) -> tuple[int, bool]:
-        """Sort the status packets that are whole; return how many lack, and if the last came."""
+        """Sort the complete status packets; return how many are missing, and if the last came."""
         last = False
         while (found := packet.take_packet(self._buffer, self._longest)) is not None:
             index = self._index.get(found.device_id)
@@ -269,38 +268,38 @@ class Exchange:
             self._buffer.clear()
         return left, False
 
-    def _awaited(self) -> bool:
-        """Return whether a servo that is not gone has not answered yet."""
+    def _still_waiting(self) -> bool:
+        """Return whether a response is missing from a servo that is not absent."""
         for values, missed in zip(self.values, self._missed, strict=True):
             if values is None and (missed < ABSENT or missed % AGAIN == 0):
                 return True
         return False
 
     def _reorder(self) -> None:
-        """Ask those last that did not answer, and the first of them behind the others.
+        """Put silent servos last, and the first of them behind the others.
 
-        It is the one that may have silenced those who wait for it; each of them gets its turn.
+        That one may have silenced those that wait for it; each of them gets its turn.
         """
         here: list[int] = []
         silent: list[int] = []
         for one in self._order:
             index = self._index[one]
-            answered = self.values[index] is not None
-            if answered and self._missed[index]:
+            received = self.values[index] is not None
+            if received and self._missed[index]:
                 self.returned.append((index, self._missed[index]))
-            self._missed[index] = 0 if answered else self._missed[index] + 1
-            (here if answered else silent).append(one)
+            self._missed[index] = 0 if received else self._missed[index] + 1
+            (here if received else silent).append(one)
         here.sort(key=self._index.__getitem__)
         order = (*here, *silent[1:], *silent[:1])
         if order != self._order:
             self._order = order
-            self._question = self._ask(order)
+            self._request = self._request_for(order)
 
-    def _ask(self, order: tuple[int, ...]) -> bytes:
-        question = self._questions.get(order)
-        if question is None:
-            question = packet.sync_read_packet(
+    def _request_for(self, order: tuple[int, ...]) -> bytes:
+        request = self._requests.get(order)
+        if request is None:
+            request = packet.sync_read_packet(
                 order, self._address, self._size, fast=self._fast is not None
             )
-            self._questions[order] = question
-        return question
+            self._requests[order] = request
+        return request

@@ -1,54 +1,28 @@
-"""The host's cost of one exchange of two servos over a pseudo-terminal, device excluded.
-
-The other end is a process that answers the same bytes to every question of the right length, so
-nothing but our side differs between the driver, dynamixel-sdk and the floor: the same bytes written
-and read back with nothing made of them. They take turns in short chunks in one run.
-"""
+"""The host's cost of one exchange of two servos over a pseudo-terminal; dynamixel-sdk beside it."""
 
 from __future__ import annotations
 
-import contextlib
-import gc
 import importlib.util
-import os
-import select
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from tautwave.clock import MonotonicClock
 from tautwave.contracts import AxisSpec, BusSpec, CycleCost
 from tautwave.types import AxisCommand
-from tautwave_drivers.dynamixel import packet
-from tautwave_drivers.dynamixel import registers as reg
+from tautwave_drivers.cost import LIMIT_NS, bare_exchange, in_turn, responder_on_pty, timed
 from tautwave_drivers.dynamixel.driver import DynamixelDriver
 from tautwave_drivers.dynamixel.exchange import Goals
-from tautwave_drivers.dynamixel.line import Line, OwnLine
+from tautwave_drivers.dynamixel.line.sdk import SdkLine
+from tautwave_drivers.dynamixel.line.transactions import Line, PacketLine
 from tautwave_drivers.dynamixel.options import DynamixelOptions
-from tautwave_drivers.dynamixel.port import SerialPort
-from tautwave_drivers.dynamixel.sdk import SdkLine
+from tautwave_drivers.dynamixel.protocol import packet
+from tautwave_drivers.dynamixel.protocol import registers as reg
+from tautwave_drivers.serial_port import SerialPort
 
 IDS = (1, 2)
 BAUD = 4_000_000
-CHUNK = 20
-"""Exchanges of one kind in a row, before the next has its turn."""
 GOAL_RATIO = 1.5
-LIMIT_NS = 50_000_000
-
-RESPONDER = """
-import os, sys
-port, question, answer = int(sys.argv[1]), int(sys.argv[2]), bytes.fromhex(sys.argv[3])
-have = 0
-while True:
-    have += len(os.read(port, 4096))
-    while have >= question:
-        have -= question
-        os.write(port, answer)
-"""
-
-Cycle = Callable[[], None]
+Work = Callable[[], None]
 
 
 def measure(cycles: int) -> Sequence[CycleCost]:
@@ -82,91 +56,47 @@ def _has_sdk() -> bool:
 
 
 def _in_turn(
-    make: Callable[[str], tuple[Cycle, Cycle]], traffic: tuple[bytes, bytes], cycles: int
+    make: Callable[[str], tuple[Work, Work]], traffic: tuple[bytes, bytes], cycles: int
 ) -> tuple[list[float], list[float]]:
-    """Return the times of one kind of cycle and of its floor [us], in turns of `CHUNK`."""
-    spent: list[float] = []
-    floor: list[float] = []
-    question, answer = traffic
-    with _responder(len(question), answer) as (path, port):
+    """Return the times of one kind of cycle and of its floor [us]."""
+    request, response = traffic
+    with responder_on_pty(len(request), response) as (path, end):
         cycle, release = make(path)
-        gc.collect()
-        gc.disable()  # as in the loop
         try:
-            for _ in range(CHUNK):
-                cycle()
-            while len(spent) < cycles:
-                _timed(cycle, spent)
-                _timed(lambda: _bare(port, question, len(answer)), floor)
+            floor = timed(lambda: bare_exchange(end, request, len(response)))
+            return in_turn(cycles, timed(cycle), floor)
         finally:
-            gc.enable()
             release()
-    return spent[:cycles], floor[:cycles]
-
-
-def _timed(cycle: Cycle, into: list[float]) -> None:
-    for _ in range(CHUNK):
-        began = time.perf_counter_ns()
-        cycle()
-        into.append((time.perf_counter_ns() - began) * 1e-3)
 
 
 def _bytes(kind: str) -> tuple[bytes, bytes]:
-    """Return what the host sends in a cycle, and what is answered."""
+    """Return request and response of a cycle."""
     if kind.startswith("1"):
-        answer = packet.build(1, packet.STATUS, bytes(5))
-        return packet.read_packet(1, reg.PRESENT_POSITION.address, 4), answer
+        response = packet.build(1, packet.STATUS, bytes(5))
+        return packet.read_packet(1, reg.PRESENT_POSITION.address, 4), response
     fast = "fast" in kind
     goals = Goals(reg.GOAL_CURRENT, IDS).packet()
-    question = packet.sync_read_packet(IDS, reg.PRESENT.address, reg.PRESENT.size, fast=fast)
+    request = packet.sync_read_packet(IDS, reg.PRESENT.address, reg.PRESENT.size, fast=fast)
     data = [bytes((one, 0, 3, 0, 0, 0, 0, 8, 0, 0)) for one in IDS]
     if not fast:
         pairs = zip(IDS, data, strict=True)
-        answers = [packet.build(one, packet.STATUS, b"\0" + block) for one, block in pairs]
-        return goals + question, b"".join(answers)
+        responses = [packet.build(one, packet.STATUS, b"\0" + block) for one, block in pairs]
+        return goals + request, b"".join(responses)
     length = len(IDS) * (reg.PRESENT.size + 4) + 1
-    told = packet.HEADER + bytes((packet.BROADCAST, length, 0, packet.STATUS))
+    joined = packet.HEADER + bytes((packet.BROADCAST, length, 0, packet.STATUS))
     for one, block in zip(IDS, data, strict=True):
-        told += bytes((0, one)) + block
-        told += packet.crc16(told).to_bytes(2, "little")
-    return goals + question, told
+        joined += bytes((0, one)) + block
+        joined += packet.crc16(joined).to_bytes(2, "little")
+    return goals + request, joined
 
 
-@contextlib.contextmanager
-def _responder(question: int, answer: bytes) -> Iterator[tuple[str, int]]:
-    """Give the path of a pseudo-terminal behind which a process answers, and one open end of it."""
-    master, slave = os.openpty()
-    words = [sys.executable, "-S", "-c", RESPONDER, str(master), str(question), answer.hex()]
-    with contextlib.ExitStack() as stack:
-        stack.callback(os.close, slave)
-        try:
-            child = subprocess.Popen(words, pass_fds=(master,), stderr=subprocess.DEVNULL)
-        finally:
-            os.close(master)
-        stack.callback(child.wait)
-        stack.callback(child.kill)
-        path = os.ttyname(slave)
-        SerialPort(path, BAUD).close()
-        yield path, slave
-
-
-def _bare(port: int, question: bytes, count: int) -> None:
-    """Write the question and read the answer, blocking, and make nothing of it."""
-    os.write(port, question)
-    while count > 0:
-        ready, _, _ = select.select([port], [], [], LIMIT_NS * 1e-9)
-        if not ready:
-            return
-        count -= len(os.read(port, 4096))
-
-
-def _own_read(path: str) -> tuple[Cycle, Cycle]:
+def _own_read(path: str) -> tuple[Work, Work]:
     port = SerialPort(path, BAUD)
-    line = OwnLine(port, MonotonicClock(), BAUD)
+    line = PacketLine(port, MonotonicClock(), BAUD)
     return lambda: _read(line), port.close
 
 
-def _sdk_read(path: str) -> tuple[Cycle, Cycle]:
+def _sdk_read(path: str) -> tuple[Work, Work]:
     port = SerialPort(path, BAUD)
     line = SdkLine(port, MonotonicClock(), BAUD)
     return lambda: _read(line), port.close
@@ -176,29 +106,29 @@ def _read(line: Line) -> None:
     line.read(1, reg.PRESENT_POSITION.address, 4)
 
 
-def _own_sync(path: str) -> tuple[Cycle, Cycle]:
+def _own_sync(path: str) -> tuple[Work, Work]:
     return _own_cycle(path, fast=False)
 
 
-def _own_fast(path: str) -> tuple[Cycle, Cycle]:
+def _own_fast(path: str) -> tuple[Work, Work]:
     return _own_cycle(path, fast=True)
 
 
-def _sdk_sync(path: str) -> tuple[Cycle, Cycle]:
+def _sdk_sync(path: str) -> tuple[Work, Work]:
     return _sdk_cycle(path, fast=False)
 
 
-def _sdk_fast(path: str) -> tuple[Cycle, Cycle]:
+def _sdk_fast(path: str) -> tuple[Work, Work]:
     return _sdk_cycle(path, fast=True)
 
 
-def _own_cycle(path: str, *, fast: bool) -> tuple[Cycle, Cycle]:
+def _own_cycle(path: str, *, fast: bool) -> tuple[Work, Work]:
     """Return what the driver does in a cycle: goals from SI, exchange, samples in SI."""
     options = DynamixelOptions.model_validate(
         {
             "port": path,
             "baud": BAUD,
-            "watchdog_s": 2.54,  # a stalled machine is no silence to be looked into here
+            "watchdog_s": 2.54,  # a stalled machine must not count as silence here
             "read": "fast_sync" if fast else "sync",
             "servos": [{"id": one, "model": "XM430-W350"} for one in IDS],
         }
@@ -218,7 +148,7 @@ def _own_cycle(path: str, *, fast: bool) -> tuple[Cycle, Cycle]:
     return cycle, driver.detach
 
 
-def _sdk_cycle(path: str, *, fast: bool) -> tuple[Cycle, Cycle]:
+def _sdk_cycle(path: str, *, fast: bool) -> tuple[Work, Work]:
     """Return what the SDK's group classes do in a cycle."""
     sdk: Any = importlib.import_module("dynamixel_sdk")
     port = sdk.PortHandler(path)

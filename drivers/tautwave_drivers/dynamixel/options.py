@@ -1,4 +1,4 @@
-"""Options of a Dynamixel bus, and what they have to say of each axis of the rig."""
+"""Options of a Dynamixel bus, and what they mean for each axis of the rig."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.errors import ConfigError
-from tautwave_drivers.dynamixel.models import MODELS, Model
+from tautwave_drivers.dynamixel.protocol.models import MODELS, Model
 
 STRICT = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
@@ -25,7 +25,7 @@ def _known(version: float) -> float:
 Protocol = Annotated[float, AfterValidator(_known)]
 
 WATCHED_PERIODS = 3
-"""Fewest periods of the bus that its servos' watchdogs have to wait."""
+"""Shortest watchdog, in periods of the bus."""
 
 USB_LATENCY_S = 0.001
 """Latency timer of a USB adapter as it should be set; FTDI's default is 0.016."""
@@ -49,8 +49,7 @@ class ServoOptions(BaseModel):
     zero_counts: int = 2048
     """Position of the servo at the axis' zero [pulse]."""
     current_limit: Positive | None = None
-    """[A] Current Limit(38) that the servo shall have; if not given, the one it has is only
-    checked."""
+    """[A] Current Limit(38) to set in the servo; if not given, the servo's own is only checked."""
 
 
 class DynamixelOptions(BaseModel):
@@ -73,14 +72,14 @@ class DynamixelOptions(BaseModel):
     """[s] Latency timer of the USB adapter; 0: a real UART. Not given: 0.001 for /dev/ttyUSB*
     and /dev/ttyACM*, 0 else."""
     return_delay_s: Annotated[float, Field(ge=0.0, le=508e-6)] = 0.0
-    """[s] Return Delay Time(9) that the servos shall have, in steps of 2 us."""
+    """[s] Return Delay Time(9) to set in the servos, in steps of 2 us."""
     watchdog_s: Annotated[float, Field(ge=0.02, le=2.54)] = 0.1
-    """[s] Bus Watchdog(98): a servo that hears nothing for that long stops."""
+    """[s] Bus Watchdog(98): a servo that gets no packet for that long stops."""
     reboot: bool = False
-    """Reboot a servo that reports a hardware error when the bus is opened; else that is refused."""
+    """Reboot a servo that reports a hardware error when the bus is opened; otherwise refuse it."""
     transport: Literal["own", "sdk"] = "own"
-    """Who speaks before the loop: this package, or dynamixel-sdk. The loop's bytes are always
-    our own."""
+    """What talks to the servos before the loop: this package, or dynamixel-sdk. In the loop it is
+    always this package."""
     simulator: dict[str, Any] = {}
     """For the simulated servos only."""
 
@@ -117,16 +116,16 @@ def match_servos(options: DynamixelOptions, bus: BusSpec) -> list[Servo]:
     Raises
     ------
     ConfigError
-        An axis has no servo, a model is unknown or cannot do what the axis asks; all at once.
+        An axis has no servo, a model is unknown or cannot do what the axis needs; all at once.
     """
     by_id: dict[int, ServoOptions] = {}
     problems = []
-    patience_s = WATCHED_PERIODS / bus.rate_hz
-    if options.watchdog_s < patience_s * (1.0 - 1e-9):
+    timeout_s = WATCHED_PERIODS / bus.rate_hz
+    if options.watchdog_s < timeout_s * (1.0 - 1e-9):
         problems.append(
-            f"bus {bus.name}: watchdog_s {options.watchdog_s:g} is less than {WATCHED_PERIODS} "
-            f"periods at {bus.rate_hz:g} Hz, so servos would stop in a run; give at least "
-            f"{patience_s:.3g}"
+            f"bus {bus.name}: watchdog_s {options.watchdog_s:g} is shorter than {WATCHED_PERIODS} "
+            f"periods at {bus.rate_hz:g} Hz, so servos would stop during a run; set it to "
+            f"{timeout_s:.3g} or more"
         )
     for servo in options.servos:
         if servo.id in by_id:
@@ -186,7 +185,7 @@ def _refusal(
     most = model.current_range * count
     if axis.causality == "impedance" and axis.effort_limit >= most + count:
         return where + (
-            f"effort_limit {axis.effort_limit:g} is beyond a {model.name}, whose greatest current "
+            f"effort_limit {axis.effort_limit:g} exceeds a {model.name}, whose highest current "
             f"limit {model.current_range * unit:.3g} A gives {most:.3g}; lower effort_limit"
         )
     if axis.causality == "impedance" and axis.effort_limit < count:
@@ -196,7 +195,7 @@ def _refusal(
         )
     if servo.current_limit is not None and servo.current_limit > (model.current_range + 0.5) * unit:
         return where + (
-            f"current_limit {servo.current_limit:g} is beyond the {model.current_range * unit:.3g} "
+            f"current_limit {servo.current_limit:g} exceeds the {model.current_range * unit:.3g} "
             f"A of a {model.name}"
         )
     if options.baud > model.fastest_baud:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tautwave.contracts import AxisFacts, BusSpec, CycleCost, DriverPlugin
+from tautwave.contracts import AxisFacts, BusSpec, CycleCost, DriverPlugin, Endpoint
 from tautwave_drivers.dynamixel.budget import budget
 from tautwave_drivers.dynamixel.driver import DynamixelDriver
-from tautwave_drivers.dynamixel.indirect import check_one_family
 from tautwave_drivers.dynamixel.options import DynamixelOptions, match_servos
+from tautwave_drivers.dynamixel.protocol.indirect import check_one_family
+from tautwave_drivers.dynamixel.protocol.units import scale_of
 from tautwave_drivers.dynamixel.scan import ScanOptions, scan
-from tautwave_drivers.dynamixel.units import scale_of
 
 
 def _facts(options: DynamixelOptions, bus: BusSpec) -> Sequence[AxisFacts]:
@@ -31,6 +31,10 @@ def _measure(cycles: int) -> Sequence[CycleCost]:
     return measure(cycles)
 
 
+def _endpoint(options: DynamixelOptions) -> Endpoint:
+    return Endpoint("none") if options.port == "sim" else Endpoint("real", options.port)
+
+
 plugin = DriverPlugin(
     options=DynamixelOptions,
     make=DynamixelDriver,
@@ -43,4 +47,5 @@ plugin = DriverPlugin(
     facts=_facts,
     scan_options=ScanOptions,
     measure=_measure,
+    endpoint=_endpoint,
 )

@@ -8,31 +8,33 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field
 
 from tautwave.clock import MonotonicClock
-from tautwave.contracts import BytePort, Clock
-from tautwave_drivers.dynamixel import packet, packet1
-from tautwave_drivers.dynamixel import registers as reg
-from tautwave_drivers.dynamixel.ftdi import latency_timer_s
-from tautwave_drivers.dynamixel.line import FirstLine, OwnLine
-from tautwave_drivers.dynamixel.models import model_name
+from tautwave.contracts import BytePort, Clock, ScanProgress, no_progress
+from tautwave.errors import ConfigError
+from tautwave_drivers.dynamixel.line.ftdi import latency_timer_s
+from tautwave_drivers.dynamixel.line.transactions import PacketLine, Protocol1Line
 from tautwave_drivers.dynamixel.options import STRICT, Protocol
-from tautwave_drivers.dynamixel.port import SerialPort
-from tautwave_drivers.dynamixel.words import first_words, hardware_words
+from tautwave_drivers.dynamixel.protocol import packet, packet1
+from tautwave_drivers.dynamixel.protocol import registers as reg
+from tautwave_drivers.dynamixel.protocol.messages import hardware_text, protocol1_text
+from tautwave_drivers.dynamixel.protocol.models import model_name
+from tautwave_drivers.serial_port import SerialPort
+from tautwave_drivers.serial_ports import ports_found
 
 LATENCY_S = 0.002
-"""Of adapters that do not tell their latency timer; FTDI's do, 16 ms unless set."""
+"""Of adapters with an unknown latency timer; FTDI's is known, 16 ms unless set."""
 
 HOST_S = 0.005
-"""Of this machine, for each of the many ids that nobody answers to in protocol 1.0."""
+"""Of this machine, for each of the many unused ids in protocol 1.0."""
 
 LONGEST_S = 0.017
 """The longest latency timer, for the one broadcast ping of protocol 2.0."""
 
 TURN_S = 0.003
-"""Time every id has to answer a broadcast ping in, as dynamixel-sdk counts it."""
+"""Time slot of every id after a broadcast ping, as dynamixel-sdk counts it."""
 
 
-ASKED = 3
-"""How often an id that was given is asked for; a busy host can miss an answer."""
+TRIES = 3
+"""Pings of an id that was given; a busy host can miss a response."""
 
 
 class ScanOptions(BaseModel):
@@ -40,7 +42,9 @@ class ScanOptions(BaseModel):
 
     model_config = STRICT
 
-    port: str = Field(description="Serial device, e.g. /dev/ttyUSB0.")
+    port: str = Field(
+        default="", description="Serial device, e.g. /dev/ttyUSB0; left out: names those there are."
+    )
     baud: Annotated[int, Field(ge=9600)] | None = Field(
         default=None, description="Only this baud rate; else all of the X series."
     )
@@ -52,14 +56,18 @@ class ScanOptions(BaseModel):
     )
 
 
-def scan(options: ScanOptions) -> Sequence[dict[str, Any]]:
+def scan(options: ScanOptions, progress: ScanProgress = no_progress) -> Sequence[dict[str, Any]]:
     """Return every servo found: baud, protocol, id, model, firmware, supply and errors.
 
     Raises
     ------
+    ConfigError
+        No port is given; it names those that are found.
     DriverError
-        The device cannot be opened, or is gone.
+        The device cannot be opened, or was lost.
     """
+    if not options.port:
+        raise ConfigError(f"scan dynamixel: --port is missing; {ports_found()}")
     clock = MonotonicClock()
     bauds = [options.baud] if options.baud else list(reg.BAUDS.values())
     found: list[dict[str, Any]] = []
@@ -68,11 +76,12 @@ def scan(options: ScanOptions) -> Sequence[dict[str, Any]]:
         latency_s = LATENCY_S
     port = SerialPort(options.port, bauds[0])
     try:
-        for baud in bauds:
+        for at, baud in enumerate(bauds):
+            progress(at / len(bauds), f"{baud} baud, {len(found)} found")
             try:
                 port.set_baud(baud)
             except OSError:
-                continue  # the adapter does not know this rate
+                continue  # the adapter does not support this rate
             found.extend(find_at_baud(port, clock, baud, options, latency_s))
     finally:
         port.close()
@@ -84,34 +93,34 @@ def find_at_baud(
 ) -> Iterator[dict[str, Any]]:
     """Yield a row for every servo that answers on an open line."""
     if options.protocol != 1.0:
-        line = OwnLine(port, clock, baud, latency_s)
+        line = PacketLine(port, clock, baud, latency_s)
         seen = set()
-        for device_id, number, firmware in _second(port, clock, baud, line, options.ids):
+        for device_id, number, firmware in _ping_all(port, clock, baud, line, options.ids):
             if device_id in seen:
                 continue
             seen.add(device_id)
             yield _row(line, baud, device_id, number, firmware)
     if options.protocol != 2.0:
-        first = FirstLine(port, clock, baud, latency_s, HOST_S)
-        times = ASKED if options.ids else 1
+        first = Protocol1Line(port, clock, baud, latency_s, HOST_S)
+        times = TRIES if options.ids else 1
         for device_id in options.ids or range(253):
-            rows = (_first(first, baud, device_id) for _ in range(times))
+            rows = (_protocol1_row(first, baud, device_id) for _ in range(times))
             if (row := next(filter(None, rows), None)) is not None:
                 yield row
 
 
-def _second(
-    port: BytePort, clock: Clock, baud: int, line: OwnLine, ids: Sequence[int]
+def _ping_all(
+    port: BytePort, clock: Clock, baud: int, line: PacketLine, ids: Sequence[int]
 ) -> list[tuple[int, int, int]]:
     """Return id, model number and firmware of all that answer a ping."""
     found = []
     if ids:
         for device_id in ids:
-            answers = (line.ping(device_id) for _ in range(ASKED))
-            answer = next(filter(None, answers), None)
-            if answer is not None and not answer.number:
-                number = reg.MODEL_NUMBER.decode(answer.data)
-                found.append((device_id, number, answer.data[2]))
+            responses = (line.ping(device_id) for _ in range(TRIES))
+            response = next(filter(None, responses), None)
+            if response is not None and not response.number:
+                number = reg.MODEL_NUMBER.decode(response.data)
+                found.append((device_id, number, response.data[2]))
         return found
     port.read()
     port.write(packet.build(packet.BROADCAST, packet.PING))
@@ -128,7 +137,7 @@ def _second(
     return found
 
 
-def _row(line: OwnLine, baud: int, device_id: int, number: int, firmware: int) -> dict[str, Any]:
+def _row(line: PacketLine, baud: int, device_id: int, number: int, firmware: int) -> dict[str, Any]:
     row: dict[str, Any] = {
         "id": device_id,
         "model": model_name(number),
@@ -148,20 +157,20 @@ def _row(line: OwnLine, baud: int, device_id: int, number: int, firmware: int) -
         row["voltage"] = round(0.1 * reg.PRESENT_VOLTAGE.decode(supply.data), 1)
         row["temperature_degc"] = supply.data[2]
     error = line.read(device_id, reg.HARDWARE_ERROR.address, 1)
-    row["errors"] = "not told"
+    row["errors"] = "unknown"
     if error is not None and error.data:
-        row["errors"] = hardware_words(error.data[0]) if error.data[0] else ""
+        row["errors"] = hardware_text(error.data[0]) if error.data[0] else ""
     return row
 
 
-def _first(line: FirstLine, baud: int, device_id: int) -> dict[str, Any] | None:
+def _protocol1_row(line: Protocol1Line, baud: int, device_id: int) -> dict[str, Any] | None:
     found = line.ping(device_id)
     if found is None:
         return None
     identity = line.read(device_id, 0, 3)
     if identity is None and found.error == packet1.PING:
-        return None  # our own question: in this protocol an echoed ping looks like an answer
-    row: dict[str, Any] = {"id": device_id, "model": "not told", "protocol": 1.0, "baud": baud}
+        return None  # our own request: in this protocol an echoed ping looks like a response
+    row: dict[str, Any] = {"id": device_id, "model": "unknown", "protocol": 1.0, "baud": baud}
     if identity is not None:
         number = reg.FIRST_MODEL_NUMBER.decode(identity.data)
         row.update(model=model_name(number, 1.0), model_number=number, firmware=identity.data[2])
@@ -174,5 +183,5 @@ def _first(line: FirstLine, baud: int, device_id: int) -> dict[str, Any] | None:
         row["load_percent"] = round((-0.1 if load & 0x400 else 0.1) * (load & 0x3FF), 1)
         row["voltage"] = round(0.1 * data[6], 1)
         row["temperature_degc"] = data[7]
-    row["errors"] = first_words(found.error) if found.error else ""
+    row["errors"] = protocol1_text(found.error) if found.error else ""
     return row

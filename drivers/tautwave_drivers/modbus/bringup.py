@@ -1,4 +1,4 @@
-"""What is asked and set before enabling, drive by drive, waiting for each answer.
+"""Checks and settings before enabling, drive by drive, waiting for each response.
 
 Nothing is written before the drive is known to be of its family; nothing that lasts is written
 without --configure, unless the drive keeps it out of its EEPROM.
@@ -11,10 +11,10 @@ from collections.abc import Sequence
 
 from tautwave.contracts import BusSpec, Clock
 from tautwave.errors import BusTimeout, DeviceFault, DriverError
-from tautwave_drivers.modbus import frames
-from tautwave_drivers.modbus.asking import Asker
+from tautwave_drivers.modbus.line.client import Client
 from tautwave_drivers.modbus.options import ModbusOptions
 from tautwave_drivers.modbus.profile import Register, Setting, Step
+from tautwave_drivers.modbus.protocol import frames
 from tautwave_drivers.modbus.sequence import Steps, refusal
 from tautwave_drivers.modbus.station import Station
 
@@ -29,8 +29,8 @@ class Bringup:
     ----------
     station : Station
         The drive.
-    asker : Asker
-        How it is spoken to.
+    client : Client
+        Sends its requests.
     options : ModbusOptions
         The bus' options.
     bus : BusSpec
@@ -40,12 +40,12 @@ class Bringup:
     """
 
     def __init__(
-        self, station: Station, asker: Asker, options: ModbusOptions, bus: BusSpec, clock: Clock
+        self, station: Station, client: Client, options: ModbusOptions, bus: BusSpec, clock: Clock
     ) -> None:
         self._station = station
         self._device = station.device
         self._profile = station.device.profile
-        self._asker = asker
+        self._client = client
         self._options = options
         self._bus = bus
         self._clock = clock
@@ -62,22 +62,23 @@ class Bringup:
         DeviceFault
             It has a fault that a reset does not clear, or refuses.
         DriverError
-            It does not answer, is another one, or would have to be configured.
+            It does not answer, is not the expected drive, or needs --configure.
         """
         self._identify()
         profile = self._profile
         if profile.eeprom_off is not None:
             self._put(profile.eeprom_off.register_name, profile.eeprom_off.value)
             self._volatile = True
-            self.notes.append(f"{self._where}: what is written stays out of its EEPROM")
+            self.notes.append(f"{self._where}: settings are kept out of its EEPROM")
         self._switch_off()
         for setting in profile.expected:
             self._expect(setting)
         self._set_up()
         if self._changes:
+            listed = "".join(f"\n  {change}" for change in self._changes)
             raise DriverError(
-                f"{self._where}: lasting settings differ: {'; '.join(self._changes)}; run once "
-                "with --configure to write them into the drive"
+                f"{self._where}: lasting settings differ:{listed}\n"
+                "run `tautwave run RIG --configure` once to write them into the drive"
             )
         self._watchdog()
         self._put_zero()
@@ -92,17 +93,17 @@ class Bringup:
             found = self._get(name)
             if wanted is not None and found != wanted:
                 raise DriverError(
-                    f"{self._where}: {name} reads {found:#x}, a {profile.family} drive has "
+                    f"{self._where}: {name} reads {found:#x}, but a {profile.family} drive has "
                     f"{wanted:#x}; correct its profile, or the unit id"
                 )
-        told = [f"{words} {self._get(name)}" for name, words in profile.told.items()]
-        self.notes.append(f"{self._where}: {profile.family}" + "".join(f", {one}" for one in told))
+        reported = [f"{words} {self._get(name)}" for name, words in profile.told.items()]
+        self.notes.append(", ".join((f"{self._where}: {profile.family}", *reported)))
         rated = profile.register_of("rated_torque")
         if rated is not None and device.options.rated_torque is not None:
             drive = self._get(profile.roles["rated_torque"]) * rated.scale
             if abs(drive - device.options.rated_torque) > 1.001 * rated.scale:
                 raise DriverError(
-                    f"{self._where}: its rated torque is {drive:g} N m, the rig says "
+                    f"{self._where}: its rated torque is {drive:g} N m, but the rig says "
                     f"{device.options.rated_torque:g}; correct rated_torque"
                 )
         if profile.register_of("counts") is not None:
@@ -110,44 +111,42 @@ class Bringup:
             wanted_counts = device.options.counts_per_revolution or profile.counts_per_revolution
             if counts != wanted_counts:
                 raise DriverError(
-                    f"{self._where}: it counts {counts} per revolution, the rig has "
+                    f"{self._where}: it has {counts} counts per revolution, but the rig says "
                     f"{wanted_counts:g}; correct counts_per_revolution"
                 )
 
     def _switch_off(self) -> None:
-        """Have it let go, whatever it was doing, and clear a fault once."""
+        """Disable it, whatever it was doing, and reset a fault once."""
         machine = self._station.machine
         if machine is not None:
             machine.reset()
             machine.disable()
-            self._asker.walk(self._station, machine, 2.0)
+            self._client.run(self._station, machine, 2.0)
             machine.reset()
             return
         profile = self._profile
-        self._walk("prepare", (*profile.prepare, *profile.disable))
+        self._run_steps("prepare", (*profile.prepare, *profile.disable))
         status = self._get(profile.roles["status"])
         states = profile.states
         assert states is not None
         if not states.fault.fits(status):
             return
         code = self._get(profile.roles["fault"]) if "fault" in profile.roles else None
-        words = self._station.fault_words(code)
+        fault = self._station.fault_text(code)
         if not profile.fault_reset:
-            raise DeviceFault(f"{self._where}: has a fault: {words}; clear it at the drive")
+            raise DeviceFault(f"{self._where}: is in fault: {fault}; clear the fault at the drive")
         try:
-            self._walk("fault reset", profile.fault_reset)
+            self._run_steps("fault reset", profile.fault_reset)
         except BusTimeout as err:
-            raise DeviceFault(
-                f"{self._where}: has a fault that a reset does not clear: {words}"
-            ) from err
-        self.notes.append(f"{self._where}: had a fault, now reset: {words}")
+            raise DeviceFault(f"{self._where}: is still in fault after a reset: {fault}") from err
+        self.notes.append(f"{self._where}: was in fault, now reset: {fault}")
 
-    def _walk(self, what: str, steps: Sequence[Step]) -> None:
+    def _run_steps(self, what: str, steps: Sequence[Step]) -> None:
         station = self._station
-        walk = Steps(station.label, what, station.speech, steps, self._clock)
-        self._asker.walk(station, walk, sum(step.timeout_s for step in steps) + 1.0)
+        procedure = Steps(station.label, what, station.codec, steps, self._clock)
+        self._client.run(station, procedure, sum(step.timeout_s for step in steps) + 1.0)
 
-    # -- what it is told -------------------------------------------------------------------
+    # -- settings --------------------------------------------------------------------------
 
     def _set_up(self) -> None:
         profile, device = self._profile, self._device
@@ -165,7 +164,7 @@ class Bringup:
                 self._limit(name, device.axis.velocity_limit)
 
     def _limit(self, name: str, limit: float) -> None:
-        """Have the drive keep the rig's limit too; rounded up, so that it never clips first."""
+        """Set the rig's limit in the drive too, rounded up so that the drive never clips first."""
         register = self._profile.registers[name]
         quantum = self._quantum(register)
         if not math.isfinite(limit) or quantum <= 0.0:
@@ -203,21 +202,21 @@ class Bringup:
         found = self._get(setting.register_name)
         if found & setting.mask != setting.value & setting.mask:
             raise DriverError(
-                f"{self._where}: {setting.register_name} is {found}, but has to be "
+                f"{self._where}: {setting.register_name} is {found}, but must be "
                 f"{setting.value}: {setting.why}; set it with the vendor's program"
             )
 
     def _watchdog(self) -> None:
-        """Try the comm-loss timeout and have it armed when the drive is enabled."""
+        """Test the comm-loss timeout; enabling the drive will arm it."""
         comm_loss = self._profile.comm_loss
         if comm_loss is None:
             text = (
-                f"{self._where}: has no comm-loss timeout: when cable, host or program fails it "
-                "goes on with its last command"
+                f"{self._where}: has no comm-loss timeout: if cable, host or program fails, it "
+                "keeps following its last command"
             )
             if not self._bus.allow_unwatched:
                 raise DriverError(
-                    f"{text}; put a hardware emergency stop within reach and run with "
+                    f"{text}; keep a hardware emergency stop within reach and run with "
                     "--allow-unwatched"
                 )
             self.notes.append(f"NOT WATCHED: {text}")
@@ -226,8 +225,8 @@ class Bringup:
         least = PERIODS / self._bus.rate_hz
         if seconds < least:
             raise DriverError(
-                f"{self._where}: comm_timeout_s {seconds:g} is less than {PERIODS} periods of the "
-                f"bus; make it at least {least:g}"
+                f"{self._where}: comm_timeout_s {seconds:g} is shorter than {PERIODS} periods of "
+                f"the bus; set it to {least:g} or more"
             )
         name = comm_loss.register_name
         register = self._profile.registers[name]
@@ -236,12 +235,12 @@ class Bringup:
             self._keep(name, units, "comm-loss timeout")
             if self._changes:
                 raise DriverError(
-                    f"{self._where}: lasting settings differ: {self._changes[0]}; run once with "
-                    "--configure to write it into the drive"
+                    f"{self._where}: lasting settings differ:\n  {self._changes[0]}\n"
+                    "run `tautwave run RIG --configure` once to write it into the drive"
                 )
         else:
             self._put(name, units)
-            self._put(name, comm_loss.off)  # nobody speaks to it while others are brought up
+            self._put(name, comm_loss.off)  # no requests reach it while others are brought up
             self._station.arming = (
                 Step(write=name, value=units),
                 Step(wait=name, value=units, timeout_s=0.5),
@@ -258,16 +257,16 @@ class Bringup:
     # -- registers --------------------------------------------------------------------------
 
     def _get(self, name: str) -> int:
-        speech = self._station.speech
-        pdu = self._asker.ask(self._station, speech.read(name))
+        codec = self._station.codec
+        pdu = self._client.request(self._station, codec.read(name))
         if pdu[0] & frames.REFUSED:
             raise DriverError(f"{self._where}: {name} cannot be read: {refusal(pdu)}")
-        return speech.decode(name, pdu)
+        return codec.decode(name, pdu)
 
     def _put(self, name: str, value: int) -> None:
         """Write a register and read it back."""
-        speech = self._station.speech
-        pdu = self._asker.ask(self._station, speech.write(name, value))
+        codec = self._station.codec
+        pdu = self._client.request(self._station, codec.write(name, value))
         if pdu[0] & frames.REFUSED:
             raise DriverError(f"{self._where}: {name} does not take {value}: {refusal(pdu)}")
         if "r" not in self._profile.registers[name].access:

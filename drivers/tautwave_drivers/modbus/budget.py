@@ -1,8 +1,9 @@
-"""Bus time of one cycle: characters and silences on a serial line, answers over TCP.
+"""Bus time of one cycle: characters and silences on a serial line, responses over TCP.
 
-Serial: each request and each answer is followed by 3.5 characters of silence (1.75 ms above 19200
+Serial: each request and each response is followed by 3.5 characters of silence (1.75 ms above 19200
 baud), after which the other side knows that the frame is over; then the drive takes its turnaround.
-TCP: the drive's own answer time, as given; connections are asked at the same time.
+TCP: the drive's own response time, as given; connections run in parallel, drives behind
+one connection as many at once as its server takes (`outstanding` of the profile).
 Source: MODBUS over Serial Line V1.02, 2.5.1.1.
 """
 
@@ -14,17 +15,17 @@ from typing import NamedTuple
 
 from tautwave.contracts import READ_SHARE, Budget, BusSpec
 from tautwave_drivers.modbus.options import Device, ModbusOptions, match_devices
-from tautwave_drivers.modbus.registers import blocks_of
+from tautwave_drivers.modbus.protocol.registers import blocks_of
 
 BRIDGE = 16
-"""Words read for nothing to save a request of their own: some 20 characters and two silences."""
+"""Words read in vain to save another request, which costs some 20 characters and two silences."""
 
 HOST_S = 1.5e-4
 """What the host and its network add to an exchange over TCP; measured 0.03 to 0.13 ms."""
 
 
 class Exchange(NamedTuple):
-    """One request and its answer: characters of an RTU frame each way, and the function code."""
+    """One request and its response: characters of an RTU frame each way, and the function code."""
 
     sent: int
     answered: int
@@ -33,6 +34,40 @@ class Exchange(NamedTuple):
     def time_s(self, char_s: float, gap_s: float, turnaround_s: float) -> float:
         """Return the time on a serial line from the first character to the last silence [s]."""
         return (self.sent + self.answered) * char_s + 2.0 * gap_s + turnaround_s
+
+
+class Load(NamedTuple):
+    """The requests of a cycle to one drive, its connection, and how many may be outstanding."""
+
+    exchanges: list[Exchange]
+    endpoint: str
+    outstanding: int
+
+
+def load_of(device: Device, functions: Sequence[int] | None = None) -> Load:
+    """Return the requests of a cycle to one drive."""
+    return Load(exchanges_of(device, functions), device.endpoint, device.profile.outstanding)
+
+
+def rounds(counts: Sequence[int], outstanding: int) -> int:
+    """Return how many exchanges follow each other on a connection, drive by drive in its places."""
+    places = [0] * outstanding
+    for count in counts:
+        places[places.index(min(places))] += count
+    return max(places)
+
+
+def _greatest_rounds(drives: Sequence[Load]) -> int:
+    behind: dict[str, list[Load]] = {}
+    for one in drives:
+        behind.setdefault(one.endpoint, []).append(one)
+    return max(
+        (
+            rounds([len(one.exchanges) for one in group], min(one.outstanding for one in group))
+            for group in behind.values()
+        ),
+        default=0,
+    )
 
 
 def read_exchange(words: int) -> Exchange:
@@ -51,7 +86,7 @@ def both_exchange(read: int, written: int) -> Exchange:
 
 
 def exchanges_of(device: Device, functions: Sequence[int] | None = None) -> list[Exchange]:
-    """Return what a cycle asks of one drive."""
+    """Return the requests of a cycle to one drive."""
     functions = device.functions if functions is None else functions
     profile = device.profile
     roles = ["position", "status"] + ([] if device.impedance else ["effort"])
@@ -69,22 +104,20 @@ def exchanges_of(device: Device, functions: Sequence[int] | None = None) -> list
     return [write_exchange(words, 16 in functions), *reads]
 
 
-def cycle_s(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], slot_s: float) -> float:
-    """Return the time of one cycle [s]: from the request until the last answer is there.
+def cycle_s(options: ModbusOptions, drives: Sequence[Load], slot_s: float) -> float:
+    """Return the time of one cycle [s]: from the request until the last response is in.
 
     With a divisor (`slot_s` above 0) the loop looks at the line once a slot: every exchange but
     the last takes whole slots, and so does the silence after it.
     """
     if options.link == "tcp":
-        most = 0.0
-        for exchanges in drives:
-            spent = options.turnaround + HOST_S
-            each = math.ceil(spent / slot_s) * slot_s if slot_s > 0.0 else spent
-            most = max(most, each * (len(exchanges) - 1) + spent)
-        return most
+        count = _greatest_rounds(drives)
+        spent = options.turnaround + HOST_S
+        each = math.ceil(spent / slot_s) * slot_s if slot_s > 0.0 else spent
+        return each * (count - 1) + spent if count else 0.0
     char, gap = options.bits / options.baud, options.gap
     spent = 0.0
-    flat = [one for exchanges in drives for one in exchanges]
+    flat = [one for drive in drives for one in drive.exchanges]
     for number, one in enumerate(flat):
         spent += one.time_s(char, gap, options.turnaround) - gap + options.latency_s
         if number == len(flat) - 1:
@@ -106,16 +139,16 @@ def budget(options: ModbusOptions, bus: BusSpec) -> Budget:
         The axes do not go with the devices.
     """
     devices = match_devices(options, bus)
-    drives = [exchanges_of(device) for device in devices]
+    drives = [load_of(device) for device in devices]
     spent = needed_s(options, drives, bus)
-    told = _remedies(options, devices, bus)
-    remedy = f"more axes or a higher rate, each alone: {', '.join(told)}" if told else ""
+    remedies = _remedies(options, devices, bus)
+    remedy = f"more axes or a higher rate, each alone: {', '.join(remedies)}" if remedies else ""
     greatest = _greatest_hz(options, drives, bus)
     return Budget(spent, greatest, _arithmetic(options, drives, bus), remedy)
 
 
-def needed_s(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bus: BusSpec) -> float:
-    """Return the least period of the bus [s] that leaves time for the answers."""
+def needed_s(options: ModbusOptions, drives: Sequence[Load], bus: BusSpec) -> float:
+    """Return the least period of the bus [s] that leaves time for the responses."""
     slot = 1.0 / (bus.rate_hz * bus.divisor) if bus.divisor > 1 else 0.0
     spent = cycle_s(options, drives, slot)
     share = (bus.divisor - 1.0 + READ_SHARE) / bus.divisor
@@ -123,18 +156,14 @@ def needed_s(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bus: 
     return max(spent / share, spent + gap)
 
 
-def _greatest_hz(
-    options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bus: BusSpec
-) -> float:
+def _greatest_hz(options: ModbusOptions, drives: Sequence[Load], bus: BusSpec) -> float:
     if bus.divisor == 1:
         return 1.0 / needed_s(options, drives, bus)
     nth = _fitting_divisor(options, drives, bus)
     return bus.rate_hz * bus.divisor / nth
 
 
-def _fitting_divisor(
-    options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bus: BusSpec
-) -> int:
+def _fitting_divisor(options: ModbusOptions, drives: Sequence[Load], bus: BusSpec) -> int:
     """Return the least divisor of the rig's rate at which the bus has time enough."""
     rate = bus.rate_hz * bus.divisor
     nth = max(1, math.floor(cycle_s(options, drives, 0.0) * rate))  # no less can be enough
@@ -143,15 +172,15 @@ def _fitting_divisor(
     return nth
 
 
-def _arithmetic(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bus: BusSpec) -> str:
-    flat = [one for exchanges in drives for one in exchanges]
-    drives_told = _counted(len(drives), "drive")
-    codes = " + ".join(f"FC {one.function}" for one in drives[0]) if drives else "nothing"
+def _arithmetic(options: ModbusOptions, drives: Sequence[Load], bus: BusSpec) -> str:
+    flat = [one for drive in drives for one in drive.exchanges]
+    drive_count = _counted(len(drives), "drive")
+    codes = " + ".join(f"FC {one.function}" for one in drives[0].exchanges) if drives else "nothing"
     if options.link == "tcp":
-        most = max((len(one) for one in drives), default=0)
+        most = _greatest_rounds(drives)
         spent = cycle_s(options, drives, 0.0)
         return (
-            f"TCP: {drives_told}{' asked at the same time' if len(drives) > 1 else ''} ({codes}), "
+            f"TCP: {drive_count}{_together(drives)} ({codes}), "
             f"{_counted(most, 'exchange')}{' one after the other' if most > 1 else ''}, "
             f"{options.turnaround * 1e3:g} ms each (turnaround_s, as "
             f"{'given' if options.turnaround_s is not None else 'assumed; measured when run'}) + "
@@ -162,7 +191,7 @@ def _arithmetic(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bu
     wire = chars * options.bits / options.baud
     gaps = 2 * len(flat) * options.gap
     text = (
-        f"RTU: {drives_told} ({codes}), {chars} characters x {options.bits} bits at "
+        f"RTU: {drive_count} ({codes}), {chars} characters x {options.bits} bits at "
         f"{options.baud} baud = {wire * 1e3:.3f} ms + {2 * len(flat)} silences of "
         f"{options.gap * 1e3:.3f} ms"
     )
@@ -174,16 +203,27 @@ def _arithmetic(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bu
     text += f" = {total * 1e3:.3f} ms"
     if bus.divisor > 1:
         slots = cycle_s(options, drives, 1.0 / (bus.rate_hz * bus.divisor))
-        text += (
-            f"; looked at once a cycle of the rig, all answers are there after {slots * 1e3:.3f} ms"
-        )
+        text += f"; polled once per cycle of the rig, all are in after {slots * 1e3:.3f} ms"
     return text + _in_time(options, drives, bus)
 
 
-def _in_time(options: ModbusOptions, drives: Sequence[Sequence[Exchange]], bus: BusSpec) -> str:
-    """Say what the loop needs besides: its share of a cycle of the rig, after the answers."""
+def _together(drives: Sequence[Load]) -> str:
+    """Say which drives wait for others."""
+    if len(drives) < 2:
+        return ""
+    if _greatest_rounds(drives) == max(len(one.exchanges) for one in drives):
+        return " in parallel"
+    least = min(one.outstanding for one in drives)
+    return (
+        f" in turn, {_counted(least, 'request')} outstanding per connection (outstanding in the "
+        "profile)"
+    )
+
+
+def _in_time(options: ModbusOptions, drives: Sequence[Load], bus: BusSpec) -> str:
+    """Say when the responses have to be in, so that the loop has its share of the cycle."""
     share = (bus.divisor - 1.0 + READ_SHARE) / bus.divisor
-    what = "answers" if options.link == "tcp" else "answers, not the last silence,"
+    what = "responses" if options.link == "tcp" else "responses, without the last silence,"
     return (
         f"; {what} have to be in by {share:.0%} of a period of the bus: "
         f"{needed_s(options, drives, bus) * 1e3:.3f} ms"
@@ -196,34 +236,42 @@ def _counted(count: int, what: str) -> str:
 
 def _remedies(options: ModbusOptions, devices: Sequence[Device], bus: BusSpec) -> list[str]:
     """Return what each single change would bring, and the divisor that needs none."""
-    drives = [exchanges_of(device) for device in devices]
+    drives = [load_of(device) for device in devices]
 
-    def rate(changed: ModbusOptions, load: Sequence[Sequence[Exchange]]) -> str:
+    def rate(changed: ModbusOptions, load: Sequence[Load]) -> str:
         return f"{_greatest_hz(changed, load, bus):.0f} Hz"
 
-    told = []
+    remedies = []
     if options.link == "rtu":
         for baud in (115_200, 1_000_000):
             if options.baud < baud:
                 changed = options.model_copy(update={"baud": baud})
-                told.append(f"baud: {baud} gives {rate(changed, drives)}")
+                remedies.append(f"baud: {baud} gives {rate(changed, drives)}")
         scaled = 3.5 * options.bits / options.baud
         if options.gap > 1.01 * scaled:
             changed = options.model_copy(update={"gap_s": scaled})
-            told.append(
+            remedies.append(
                 f"gap_s: {scaled:.3g} (3.5 characters, if the drives take it) gives "
                 f"{rate(changed, drives)}"
             )
         if len(devices) > 1:
-            told.append(f"one drive less on this line gives {rate(options, drives[:-1])}")
-    both = [exchanges_of(device, (3, 16, 23)) for device in devices]
+            remedies.append(f"one drive fewer on this line gives {rate(options, drives[:-1])}")
+    both = [load_of(device, (3, 16, 23)) for device in devices]
     if both != drives:
-        told.append(f"drives that accept function code 23 give {rate(options, both)}")
+        remedies.append(f"drives that accept function code 23 give {rate(options, both)}")
+    at_once = [one._replace(outstanding=len(drives)) for one in drives]
+    if options.link == "tcp" and _greatest_rounds(at_once) < _greatest_rounds(drives):
+        remedies.append(
+            f"outstanding: {len(drives)} in the profile, if the server takes that many requests at "
+            f"once, gives {rate(options, at_once)}"
+        )
     if options.turnaround > 0.0:
         changed = options.model_copy(update={"turnaround_s": 0.0})
-        told.append(f"drives that answer at once give {rate(changed, drives)}")
+        remedies.append(f"drives without turnaround give {rate(changed, drives)}")
     nth = _fitting_divisor(options, drives, bus)
     master = bus.rate_hz * bus.divisor
     if nth != bus.divisor:
-        told.append(f"divisor: {nth} on this bus ({master / nth:.3g} Hz) fits as it is")
-    return told
+        remedies.append(
+            f"divisor: {nth} on this bus ({master / nth:.3g} Hz) fits without other changes"
+        )
+    return remedies

@@ -2,7 +2,7 @@
 
 A command that `write` takes goes out with the next `request`, in the same exchange that reads the
 state, and acts from there on: one whole period of the bus, the declared command delay. What is
-asked of a drive is in `station`, how it gets there in `transaction_tcp` and `transaction_rtu`.
+requested of a drive is in `station`, how it gets there in `line.tcp` and `line.rtu`.
 """
 
 from __future__ import annotations
@@ -15,19 +15,38 @@ from typing import Any
 from tautwave.contracts import READ_SHARE, BusSpec, Clock, Row
 from tautwave.errors import BusBudgetError, BusTimeout, DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
-from tautwave_drivers.modbus.asking import Asker, Link
+from tautwave_drivers.modbus.budget import rounds
 from tautwave_drivers.modbus.enabling import Enabling
-from tautwave_drivers.modbus.links import Links
+from tautwave_drivers.modbus.line.client import Client
+from tautwave_drivers.modbus.line.link import Link
+from tautwave_drivers.modbus.line.links import Links
+from tautwave_drivers.modbus.line.tcp import TcpLink
 from tautwave_drivers.modbus.options import ModbusOptions, match_devices
 from tautwave_drivers.modbus.sequence import Steps
 from tautwave_drivers.modbus.station import MISSING, Station
 
-ANSWER_S = 0.1
-"""Patience with a drive before and after the loop, beyond what it takes on the wire."""
+RESPONSE_S = 0.1
+"""Timeout of a response before and after the loop, beyond the time on the wire."""
 LEAVE_S, LEAVE_TRIES = 0.15, 2
-"""Patience with a drive that has to be left, and how often it is told."""
-LOOKS = 5
-"""Exchanges in `open` by which a TCP drive's answer time is measured."""
+"""Timeout and number of tries when a drive is switched off."""
+TRIALS = 5
+"""Exchanges in `open` that measure the response time of TCP drives."""
+
+
+def _likely_cause(links: Links, silent: Sequence[str]) -> str:
+    """Say why drives may be silent that responded before."""
+    for link, stations in links.groups:
+        behind = [station.label for station in stations]
+        if isinstance(link, TcpLink) and link.outstanding > 1 and set(behind) & set(silent):
+            return (
+                f"their profile says outstanding: {link.outstanding}, but many servers and "
+                "gateways answer only the first of several simultaneous requests: set "
+                "outstanding: 1"
+            )
+    return (
+        "check that late_s is long enough and that they accept that many registers in one "
+        "request; tautwave scan modbus lists the units that answer"
+    )
 
 
 class ModbusDriver:
@@ -74,7 +93,7 @@ class ModbusDriver:
         Raises
         ------
         DriverError
-            A drive cannot be reached, or is not as it should be.
+            A drive cannot be reached, or is not what the rig expects.
         BusBudgetError
             TCP drives answer too slowly for the rate.
         """
@@ -87,20 +106,20 @@ class ModbusDriver:
         try:
             for link, stations in links.groups:
                 links.connect(link)
-                asker = Asker(link, self._clock, self._patience_s)
+                client = Client(link, self._clock, self._timeout_s)
                 for station in stations:
-                    bringup = Bringup(station, asker, self._options, self._bus, self._clock)
+                    bringup = Bringup(station, client, self._options, self._bus, self._clock)
                     bringup.notes = self.notes
                     bringup.run()
             links.gather()
-            self._look(links)
-            self._enabling = self._fresh(links)
+            self._try_exchange(links)
+            self._enabling = self._new_enabling(links)
         except BaseException:
             self.close()
             raise
 
     def attach(self) -> None:
-        """Take drives as they are, enabled, without asking them anything: to measure a cycle."""
+        """Take drives for enabled without a request: to measure a cycle."""
         links = self._links = self._make_links()
         for link, _ in links.groups:
             links.connect(link)
@@ -110,7 +129,7 @@ class ModbusDriver:
             station.on = True
 
     def detach(self) -> None:
-        """Release such drives, saying nothing to them."""
+        """Release such drives without a request."""
         self._on = False
         links, self._links = self._links, None
         if links is not None:
@@ -120,60 +139,70 @@ class ModbusDriver:
         self.stations = self.make_stations()
         return Links(self._options, self._bus, self._clock, self._transport, self.stations)
 
-    def _fresh(self, links: Links) -> Enabling:
-        return Enabling(links, self._options, self._bus, self._clock, self._patience_s)
+    def _new_enabling(self, links: Links) -> Enabling:
+        return Enabling(links, self._options, self._bus, self._clock, self._timeout_s)
 
     def make_stations(self) -> list[Station]:
         """Return a fresh station for every device."""
         return [Station(device, self._bus.rate_hz, self._clock) for device in self._devices]
 
     @property
-    def _patience_s(self) -> float:
+    def _timeout_s(self) -> float:
         options = self._options
         wire = 80.0 * options.bits / options.baud if options.link == "rtu" else 0.0
-        return ANSWER_S + wire + options.turnaround + options.late_s
+        return RESPONSE_S + wire + options.turnaround + options.late_s
 
-    def _look(self, links: Links) -> None:
+    def _try_exchange(self, links: Links) -> None:
         """Exchange a few times as every cycle will, and see that TCP drives are fast enough."""
         spans: list[int] = []
-        for number in range(LOOKS):
+        for number in range(TRIALS):
             began = self._clock.now_ns()
             links.start()
-            links.collect(began + round(1e9 * self._patience_s))
-            silent = [station.label for station in self.stations if not station.errand.whole]
+            links.collect(began + round(1e9 * self._timeout_s))
+            silent = [
+                station.label for station in self.stations if not station.transaction.complete
+            ]
             if not silent:
                 spans.append(self._clock.now_ns() - began)
                 if self._options.link == "rtu":
                     break
-            elif not spans and number == LOOKS - 1:
-                raise BusTimeout(f"{', '.join(silent)}: no answer to the request of every cycle")
-        self._forget()
+            elif not spans and number == TRIALS - 1:
+                raise BusTimeout(
+                    f"{', '.join(silent)}: no response to the cyclic request, although each "
+                    f"drive responded on its own; {_likely_cause(links, silent)}"
+                )
+        self._reset_stations()
         if self._options.link == "tcp":
-            self._check_time(statistics.median(spans) * 1e-9)
+            self._check_time(links, statistics.median(spans) * 1e-9)
 
-    def _check_time(self, spent_s: float) -> None:
+    def _check_time(self, links: Links, spent_s: float) -> None:
         bus = self._bus
-        reads = max(len(station.plan.reads) for station in self.stations)
-        asked = max(len(station.plan.questions) for station in self.stations)
-        spent_s *= asked / reads
+        requests = reads = 1
+        for link, stations in links.groups:
+            if isinstance(link, TcpLink):
+                plans = [station.plan for station in stations]
+                at_once = link.outstanding
+                requests = max(requests, rounds([len(plan.requests) for plan in plans], at_once))
+                reads = max(reads, rounds([len(plan.reads) for plan in plans], at_once))
+        spent_s *= requests / reads
         allowed = (bus.divisor - 1.0 + READ_SHARE) / (bus.rate_hz * bus.divisor)
         self.notes.append(
-            f"bus {bus.name}: an exchange takes {spent_s * 1e3:.3g} ms (measured), "
-            f"{allowed * 1e3:.3g} ms are there"
+            f"bus {bus.name}: an exchange takes {spent_s * 1e3:.3g} ms (measured) of "
+            f"{allowed * 1e3:.3g} ms available"
         )
         if spent_s > allowed:
             nth = 1
             while (nth - 1.0 + READ_SHARE) / (bus.rate_hz * bus.divisor) < spent_s:
                 nth += 1
             raise BusBudgetError(
-                f"bus {bus.name}: an exchange takes {spent_s * 1e3:.3g} ms (measured), which does "
-                f"not fit in {allowed * 1e3:.3g} ms; divisor: {nth} on this bus fits"
+                f"bus {bus.name}: an exchange takes {spent_s * 1e3:.3g} ms (measured), but only "
+                f"{allowed * 1e3:.3g} ms are available; divisor: {nth} on this bus fits"
             )
 
     # -- enabling ---------------------------------------------------------------------------
 
     def enable_step(self) -> bool:
-        """Send and take what enabling asks, a step at a time; then keep the watchdogs fed.
+        """Enable step by step, then keep the watchdogs from expiring.
 
         Raises
         ------
@@ -182,7 +211,7 @@ class ModbusDriver:
         """
         links, enabling = self._links, self._enabling
         if links is None or enabling is None:
-            raise DriverError(f"bus {self._bus.name}: enabled before it was opened")
+            raise DriverError(f"bus {self._bus.name}: enable_step before open")
         ready = enabling.step()
         self._on = links.watching = enabling.done
         return ready
@@ -190,12 +219,12 @@ class ModbusDriver:
     # -- every cycle ----------------------------------------------------------------------
 
     def request(self) -> None:
-        """Send the staged commands and ask for the state; TCP drives are all sent to."""
+        """Send the staged commands and request the state, of TCP drives all at once."""
         if self._links is not None:
             self._links.start()
 
     def poll(self) -> None:
-        """Take in what has come and ask what follows; between `request` and `read`, never waits."""
+        """Take in what has come and send what follows; called between `request` and `read`."""
         if self._links is not None:
             self._links.poll()
 
@@ -228,7 +257,7 @@ class ModbusDriver:
         if len(commands) != len(self._devices):
             raise DriverError(
                 f"bus {self._bus.name}: {len(commands)} commands for {len(self._devices)} axes; "
-                "write one command per axis, in the order of the rig file"
+                "write one per axis, in the order of the rig file"
             )
         if self._on:
             for station, command in zip(self.stations, commands, strict=True):
@@ -242,11 +271,15 @@ class ModbusDriver:
         return found
 
     def fill(self, row: Row, at: int) -> None:
-        """Record how long after its question each answer came [us]; NaN where none did."""
+        """Record the response time of each drive [us]; NaN where none came."""
         for station in self.stations:
-            errand = station.errand
-            whole = errand.whole and bool(errand.asked_ns)
-            row[at] = (errand.came_ns - errand.asked_ns[0]) * 1e-3 if whole else float("nan")
+            transaction = station.transaction
+            complete = transaction.complete and bool(transaction.sent_ns)
+            row[at] = (
+                (transaction.received_ns - transaction.sent_ns[0]) * 1e-3
+                if complete
+                else float("nan")
+            )
             at += 1
 
     # -- afterwards -----------------------------------------------------------------------
@@ -255,50 +288,52 @@ class ModbusDriver:
         """Safe command, then off, and watchdogs off; a link that is gone is tried once more."""
         links = self._links
         self._on = False
-        if links is None or not any(station.walk is not None for station in self.stations):
+        if links is None or not any(station.procedure is not None for station in self.stations):
             return
         links.watching = False
         for link, stations in sorted(links.groups, key=lambda group: bool(group[0].lost)):
             link.abandon()
             if link.lost:
                 links.reach(link, LEAVE_S)
-            asker = Asker(link, self._clock, LEAVE_S, LEAVE_TRIES)
+            client = Client(link, self._clock, LEAVE_S, LEAVE_TRIES)
             for station in stations:
-                if station.walk is not None:
-                    self._leave(link, asker, station)
-                station.walk = None
+                if station.procedure is not None:
+                    self._leave(link, client, station)
+                station.procedure = None
                 station.on = False
-        self._forget()
-        self._enabling = self._fresh(links)
+        self._reset_stations()
+        self._enabling = self._new_enabling(links)
 
-    def _leave(self, link: Link, asker: Asker, station: Station) -> None:
-        """Have a drive let go; a note says so where it was not seen to."""
+    def _leave(self, link: Link, client: Client, station: Station) -> None:
+        """Switch a drive off; a note says so where that was not confirmed."""
         why = link.lost
         if not why:
             try:
-                self._let_go(asker, station)
-            except Exception as err:  # noqa: BLE001  the others have to be left too
+                self._switch_off(client, station)
+            except Exception as err:  # noqa: BLE001  the others have to be switched off too
                 why = str(err)
         if why:
-            self.notes.append(f"{station.label} was not seen to switch off: {why}")
+            self.notes.append(f"{station.label}: switching off was not confirmed: {why}")
 
-    def _let_go(self, asker: Asker, station: Station) -> None:
-        """Zero command first, whatever the rest of it meets."""
-        profile, speech = station.device.profile, station.speech
+    def _switch_off(self, client: Client, station: Station) -> None:
+        """Zero command first, whatever happens after it."""
+        profile, codec = station.device.profile, station.codec
         role = "command_effort" if station.device.impedance else "command_velocity"
         station.stage(0)
         with contextlib.suppress(DriverError):
-            asker.ask(station, speech.write(profile.roles[role], 0))  # type: ignore[index]
+            client.request(station, codec.write(profile.roles[role], 0))  # type: ignore[index]
         if station.machine is not None:
             station.machine.disable()
-            asker.walk(station, station.machine, 0.5)
+            client.run(station, station.machine, 0.5)
         else:
-            steps = Steps(station.label, "disable", speech, profile.disable, self._clock)
-            asker.walk(station, steps, 1.0)
+            steps = Steps(station.label, "disable", codec, profile.disable, self._clock)
+            client.run(station, steps, 1.0)
         if station.arming and profile.comm_loss is not None:
-            asker.ask(station, speech.write(profile.comm_loss.register_name, profile.comm_loss.off))
+            client.request(
+                station, codec.write(profile.comm_loss.register_name, profile.comm_loss.off)
+            )
 
-    def _forget(self) -> None:
+    def _reset_stations(self) -> None:
         for station in self.stations:
             station.reset()
 
@@ -306,7 +341,7 @@ class ModbusDriver:
         """Disable and release the bus; idempotent, never raises."""
         try:
             self.disable()
-        except Exception as err:  # noqa: BLE001  the way out must not end in the middle
+        except Exception as err:  # noqa: BLE001  everything has to be released
             self.notes.append(f"bus {self._bus.name}: closing: {err}")
         links, self._links = self._links, None
         self._on = False

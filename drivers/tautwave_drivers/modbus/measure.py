@@ -1,52 +1,36 @@
-"""The host's cost of one exchange of two drives, device excluded.
-
-The other end is a process that answers the same bytes to every request of the right length, with
-the request's transaction numbers; so nothing but our side differs between the driver, pymodbus's
-synchronous client and the floor: the same bytes written and read back with nothing made of them.
-They take turns in short chunks in one run.
-"""
+"""The host's cost of one exchange with a drive over TCP and RTU; pymodbus's client beside it."""
 
 from __future__ import annotations
 
 import contextlib
-import gc
 import os
-import select
 import socket
 import subprocess
 import sys
-import time
-import tty
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from tautwave.clock import MonotonicClock
 from tautwave.contracts import AxisSpec, BusSpec, CycleCost
 from tautwave.types import AxisCommand
+from tautwave_drivers.cost import (
+    CHUNK,
+    LIMIT_NS,
+    RESPONDER,
+    bare_exchange,
+    in_turn,
+    responder_on_pty,
+    timed,
+)
 from tautwave_drivers.modbus.driver import ModbusDriver
-from tautwave_drivers.modbus.frames import rtu_frame, tcp_frame
 from tautwave_drivers.modbus.options import ModbusOptions
+from tautwave_drivers.modbus.protocol.frames import rtu_frame, tcp_frame
 
-CHUNK = 20
-"""Exchanges of one kind in a row, before the next has its turn."""
 TCP_RATIO, RTU_RATIO = 2.0, 1.5
-LIMIT_NS = 200_000_000
 UNIT = 1
 
-RESPONDER = """
-import os, sys
-link, question, answer = int(sys.argv[1]), int(sys.argv[2]), bytes.fromhex(sys.argv[3])
-numbered = len(sys.argv) > 4
-held = b""
-while True:
-    held += os.read(link, 4096)
-    while len(held) >= question:
-        os.write(link, held[:2] + answer if numbered else answer)
-        held = held[question:]
-"""
-
-Cycle = Callable[[], None]
-ANSWER = bytes((23, 8, 0, 3, 0, 0, 0, 0, 4, 210))
+Work = Callable[[], None]
+RESPONSE = bytes((23, 8, 0, 3, 0, 0, 0, 0, 4, 210))
 """Status, fault code and position of the generic profile."""
 
 
@@ -66,42 +50,25 @@ def measure(cycles: int) -> Sequence[CycleCost]:
         ratio = RTU_RATIO if rtu else TCP_RATIO
         costs.append(CycleCost(what, spent, floor, goal_ratio=ratio))
         theirs = what.replace("ours", "pymodbus (synchronous client)")
-        # Two sleeps of a millisecond each: a tenth of the exchanges tells as much.
+        # It sleeps twice for a millisecond: a tenth of the exchanges is enough.
         spent, floor = _in_turn(_sync_cycle, rtu, max(CHUNK, cycles // 10 if rtu else cycles))
         costs.append(CycleCost(theirs, spent, floor))
     return costs
 
 
 def _in_turn(
-    make: Callable[[str, bool], tuple[Cycle, Cycle]], rtu: bool, cycles: int
+    make: Callable[[str, bool], tuple[Work, Work]], rtu: bool, cycles: int
 ) -> tuple[list[float], list[float]]:
-    """Return the times of one kind of cycle and of its floor [us], in turns of `CHUNK`."""
-    spent: list[float] = []
-    floor: list[float] = []
-    question, answer = _bytes(rtu)
+    """Return the times of one kind of cycle and of its floor [us]."""
+    request, response = _bytes(rtu)
     with contextlib.ExitStack() as stack:
-        path = stack.enter_context(_responder(rtu, len(question), answer))
+        path = stack.enter_context(_responder(rtu, len(request), response))
         cycle, release = make(path, rtu)
         stack.callback(release)
-        bare = stack.enter_context(_bare_end(path, rtu))
-        size = len(answer) + (0 if rtu else 2)
-        for _ in range(CHUNK):
-            cycle()
-        while len(spent) < cycles:
-            _timed(cycle, spent)
-            _timed(lambda: _bare(bare, question, size), floor)
-    return spent[:cycles], floor[:cycles]
-
-
-def _timed(cycle: Cycle, into: list[float]) -> None:
-    gc.disable()
-    try:
-        for _ in range(CHUNK):
-            began = time.perf_counter_ns()
-            cycle()
-            into.append((time.perf_counter_ns() - began) * 1e-3)
-    finally:
-        gc.enable()
+        end = stack.enter_context(_bare_end(path, rtu))
+        size = len(response) + (0 if rtu else 2)
+        floor = timed(lambda: bare_exchange(end, request, size))
+        return in_turn(cycles, timed(cycle), floor)
 
 
 def _options(path: str, rtu: bool) -> ModbusOptions:
@@ -123,39 +90,31 @@ def _driver(path: str, rtu: bool) -> ModbusDriver:
 
 
 def _bytes(rtu: bool) -> tuple[bytes, bytes]:
-    """Return the request of a cycle and the answer, without transaction number where there is."""
+    """Return request and response of a cycle, the response without its transaction identifier."""
     driver = _driver("tcp://127.0.0.1:1", False)
-    question = bytes(driver.make_stations()[0].plan.questions[0].pdu)
+    request = bytes(driver.make_stations()[0].plan.requests[0].pdu)
     if rtu:
-        return rtu_frame(UNIT, question), rtu_frame(UNIT, ANSWER)
-    return tcp_frame(1, UNIT, question), tcp_frame(0, UNIT, ANSWER)[2:]
+        return rtu_frame(UNIT, request), rtu_frame(UNIT, RESPONSE)
+    return tcp_frame(1, UNIT, request), tcp_frame(0, UNIT, RESPONSE)[2:]
 
 
 @contextlib.contextmanager
-def _responder(rtu: bool, question: int, answer: bytes) -> Iterator[str]:
-    """Give the endpoint behind which a process answers; a TCP one answers two connections."""
+def _responder(rtu: bool, request: int, response: bytes) -> Iterator[str]:
+    """Yield an endpoint with a process that responds, over TCP on two connections."""
     with contextlib.ExitStack() as stack:
-        ends = []
         if rtu:
-            master, slave = os.openpty()
-            stack.callback(os.close, slave)
-            tty.setraw(slave)
-            ends.append(master)
-            path = os.ttyname(slave)
+            path, _ = stack.enter_context(responder_on_pty(request, response))
         else:
             listener = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
             path = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
-        if rtu:
-            _start(stack, ends.pop(), question, answer, numbered=False)
-        else:
-            _serve(stack, listener, question, answer)
+            _serve(stack, listener, request, response)
         yield path
 
 
 def _serve(
-    stack: contextlib.ExitStack, listener: socket.socket, question: int, answer: bytes
+    stack: contextlib.ExitStack, listener: socket.socket, request: int, response: bytes
 ) -> None:
-    """Have one process per connection answer, each as soon as it is made."""
+    """Start one responding process per connection."""
     code = (
         "import os, socket, sys\n"
         "listener = socket.socket(fileno=int(sys.argv[1]))\n"
@@ -166,7 +125,7 @@ def _serve(
         "        break\n"
         "sys.argv[1] = str(peer.fileno())\n"
     ) + RESPONDER.replace("os.read(link, 4096)", "os.read(link, 4096) or os._exit(0)")
-    words = [sys.executable, "-S", "-c", code, str(listener.fileno()), str(question), answer.hex()]
+    words = [sys.executable, "-S", "-c", code, str(listener.fileno()), str(request), response.hex()]
     child = subprocess.Popen(
         [*words, "numbered"], pass_fds=(listener.fileno(),), stderr=subprocess.DEVNULL
     )
@@ -174,21 +133,9 @@ def _serve(
     stack.callback(child.kill)
 
 
-def _start(
-    stack: contextlib.ExitStack, end: int, question: int, answer: bytes, *, numbered: bool
-) -> None:
-    words = [sys.executable, "-S", "-c", RESPONDER, str(end), str(question), answer.hex()]
-    try:
-        child = subprocess.Popen(words, pass_fds=(end,), stderr=subprocess.DEVNULL)
-    finally:
-        os.close(end)
-    stack.callback(child.wait)
-    stack.callback(child.kill)
-
-
 @contextlib.contextmanager
 def _bare_end(path: str, rtu: bool) -> Iterator[int]:
-    """Give a file descriptor of one's own to the responder."""
+    """Yield a file descriptor to the responder."""
     if rtu:
         end = os.open(path, os.O_RDWR | os.O_NOCTTY)
         try:
@@ -202,17 +149,7 @@ def _bare_end(path: str, rtu: bool) -> Iterator[int]:
         yield link.fileno()
 
 
-def _bare(end: int, question: bytes, count: int) -> None:
-    """Write the request and read the answer, blocking, and make nothing of it."""
-    os.write(end, question)
-    while count > 0:
-        ready, _, _ = select.select([end], [], [], LIMIT_NS * 1e-9)
-        if not ready:
-            return
-        count -= len(os.read(end, 4096))
-
-
-def _own_cycle(path: str, rtu: bool) -> tuple[Cycle, Cycle]:
+def _own_cycle(path: str, rtu: bool) -> tuple[Work, Work]:
     """Return what the driver does in a cycle: command from SI, exchange, sample in SI."""
     driver = _driver(path, rtu)
     driver.attach()
@@ -227,7 +164,7 @@ def _own_cycle(path: str, rtu: bool) -> tuple[Cycle, Cycle]:
     return cycle, driver.detach
 
 
-def _sync_cycle(path: str, rtu: bool) -> tuple[Cycle, Cycle]:
+def _sync_cycle(path: str, rtu: bool) -> tuple[Work, Work]:
     """Return what pymodbus's synchronous client does for the same exchange."""
     from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
@@ -240,9 +177,9 @@ def _sync_cycle(path: str, rtu: bool) -> tuple[Cycle, Cycle]:
     client.connect()
 
     def cycle() -> None:
-        answer = client.readwrite_registers(
+        response = client.readwrite_registers(
             read_address=2, read_count=4, write_address=18, values=[50], device_id=UNIT
         )
-        client.convert_from_registers(answer.registers[2:4], client.DATATYPE.INT32)
+        client.convert_from_registers(response.registers[2:4], client.DATATYPE.INT32)
 
     return cycle, client.close

@@ -1,4 +1,4 @@
-"""Options of a Modbus bus, and what they have to say of each axis of the rig."""
+"""Options of a Modbus bus, and what they mean for each axis of the rig."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from tautwave.contracts import AxisFacts, AxisSpec, BusSpec
 from tautwave.errors import ConfigError
 from tautwave_drivers.cia402.units import INT16, INT32, limit_counts
 from tautwave_drivers.modbus.profile import Profile, Register, load_profile
-from tautwave_drivers.modbus.registers import bounds
+from tautwave_drivers.modbus.protocol.registers import bounds
 
 Positive = Annotated[float, Field(gt=0.0)]
 Pause = Annotated[float, Field(gt=0.0, le=60.0)]
-"""[s] Longer than anybody waits for a drive is a mistake in writing."""
+"""[s] More than a minute is a typing error."""
 TCP = "tcp://"
 PORT = 502
 
@@ -36,7 +36,7 @@ class DeviceOptions(Block):
     endpoint: str | None = None
     """tcp://HOST:PORT of a drive with a connection of its own; the bus' endpoint if not given."""
     rated_torque: Positive | None = None
-    """[N m] At the motor's shaft; compared with the drive's where it tells it."""
+    """[N m] At the motor's shaft; compared with the drive's own where it can be read."""
     torque_constant: Positive | None = None
     """[N m/A] Of the motor, where the drive measures or takes current."""
     counts_per_revolution: Positive | None = None
@@ -61,7 +61,7 @@ class ModbusOptions(Block):
     parity: Literal["N", "E", "O"] = "N"
     stop_bits: Annotated[int, Field(ge=1, le=2)] = 1
     turnaround_s: Annotated[float, Field(ge=0.0, le=10.0)] | None = None
-    """[s] From the end of a request until the drive answers; for TCP with everything on the way.
+    """[s] From the end of a request until the drive responds; for TCP including the network.
     Not given: 0 on a serial line, where the silence it needs is counted apart, 1 ms on TCP."""
     gap_s: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
     """[s] Silence between frames on a serial line; 3.5 characters, 1.75 ms above 19200 baud, if
@@ -69,14 +69,14 @@ class ModbusOptions(Block):
     usb_latency_s: Annotated[float, Field(ge=0.0, le=0.1)] | None = None
     """[s] Latency timer of the USB adapter; not given: 0.001 for /dev/ttyUSB* and /dev/ttyACM*."""
     late_s: Pause = 0.02
-    """[s] Longest time a drive ever takes to answer. After a request without an answer, a serial
-    line is left alone for so long, since a late answer could not be told from the next one's."""
+    """[s] Longest time a drive ever takes to respond. After a request without a response its
+    drive is left alone that long, since a late response could be taken for the next one's."""
     comm_timeout_s: Pause = 0.1
     """[s] Silence after which a drive shall stop by itself, where it can."""
     reconnect: Literal["stop", "reconnect"] = "stop"
     """When the link is lost: end the run, or try again while the loop counts missing samples."""
     silence_s: Pause = 0.25
-    """[s] Without any answer, after which a link counts as dead although nobody closed it."""
+    """[s] Without any response, after which a link counts as dead although it is not closed."""
     connect_timeout_s: Pause = 2.0
     devices: Annotated[list[DeviceOptions], Field(min_length=1)]
     simulator: dict[str, Any] = Field(default_factory=dict)
@@ -96,7 +96,7 @@ class ModbusOptions(Block):
 
     @property
     def turnaround(self) -> float:
-        """[s] What a drive takes to answer."""
+        """[s] What a drive takes to respond."""
         if self.turnaround_s is not None:
             return self.turnaround_s
         return 0.0 if self.link == "rtu" else 1e-3
@@ -110,7 +110,7 @@ class ModbusOptions(Block):
 
 
 class Scale(NamedTuple):
-    """What one count is worth at the axis in SI; `direction` is -1 where the drive counts back.
+    """Value of one count at the axis in SI; `direction` is -1 where the drive counts backwards.
 
     `position` [rad or m], `velocity` and `velocity_command` [rad/s or m/s], `effort` and
     `effort_command` [N m or N]; 0 where the drive has no such register.
@@ -128,7 +128,7 @@ class Device(NamedTuple):
     """One axis of the rig with the drive that moves it.
 
     `functions` are those it accepts; `command` its register for torque or velocity, `quantum` and
-    `most` what a count of it is worth and how many the rig allows.
+    `most` the value of one count and how many counts the rig allows.
     """
 
     axis: AxisSpec
@@ -153,7 +153,7 @@ class Device(NamedTuple):
 
     @property
     def label(self) -> str:
-        """How people know it."""
+        """Axis and unit, for messages."""
         return f"{self.axis.name} (unit {self.unit})"
 
 
@@ -163,21 +163,21 @@ def scale_of(axis: AxisSpec, options: DeviceOptions, profile: Profile) -> Scale:
     Raises
     ------
     ConfigError
-        Something that has to be known of the drive is not given.
+        A property of the drive is missing.
     """
     counts = options.counts_per_revolution or profile.counts_per_revolution
     rated = options.rated_torque
     problems = []
     if counts is None:
-        problems.append("counts_per_revolution has to be given; its profile does not know it")
+        problems.append("counts_per_revolution is required; its profile does not have it")
     used = [profile.register_of("effort"), profile.register_of("command_effort")]
     if rated is None and any(one is not None and one.unit == "rated" for one in used):
-        problems.append("rated_torque [N m] has to be given: the drive counts in shares of it")
+        problems.append("rated_torque [N m] is required: the drive reports effort as a share of it")
     constant = options.torque_constant
     if constant is None and any(one is not None and one.unit == "A" for one in used):
-        problems.append("torque_constant [N m/A] has to be given: the drive counts in amperes")
+        problems.append("torque_constant [N m/A] is required: the drive reports effort in amperes")
     if axis.kind == "linear" and options.feed is None:
-        problems.append("feed [m per turn of the output] has to be given, since the axis is linear")
+        problems.append("feed [m per turn of the output] is required for a linear axis")
     if axis.kind == "rotary" and options.feed is not None:
         problems.append("feed is for linear axes; remove it, or make the axis linear")
     if problems:
@@ -216,8 +216,8 @@ def match_devices(options: ModbusOptions, bus: BusSpec) -> list[Device]:
     Raises
     ------
     ConfigError
-        Options and axes do not belong together, or a drive cannot do what its axis asks; all
-        problems at once.
+        Options and axes do not match, or a drive cannot do what its axis needs; all problems
+        at once.
     """
     problems = _link_problems(options, bus)
     by_unit: dict[tuple[str, int], DeviceOptions] = {}
@@ -252,9 +252,11 @@ def _link_problems(options: ModbusOptions, bus: BusSpec) -> list[str]:
     problems = []
     if options.link == "rtu":
         if endpoints:
-            problems.append("endpoint of a device is for TCP; on a serial line all share the bus'")
+            problems.append(
+                "endpoint of a device is for TCP; on a serial line all drives share that of the bus"
+            )
         if options.endpoint.startswith(TCP):
-            problems.append(f"endpoint {options.endpoint} is no serial device; use link: tcp")
+            problems.append(f"endpoint {options.endpoint} is not a serial device; use link: tcp")
     else:
         for one in {options.endpoint, *endpoints} - {"sim"}:
             try:
@@ -287,15 +289,15 @@ def _matched(options: ModbusOptions, axis: AxisSpec, device: DeviceOptions) -> D
     functions = tuple(device.function_codes or profile.functions)
     if not {3, 4} & set(functions) or not {6, 16} & set(functions):
         raise ConfigError(
-            f"function_codes {list(functions)}: it takes one that reads (3, 4) and one that writes "
-            "(6, 16)"
+            f"function_codes {list(functions)}: one that reads (3, 4) and one that writes (6, 16) "
+            "are required"
         )
     if register.words == 2 and 16 not in functions:
         raise ConfigError("a command of 32 bits needs function code 16")
     low, high = bounds(register.type)
     room = min(high, -low - 1) if low < 0 else 0
     if room < 1:
-        raise ConfigError(f"profile {profile.family}: its command register has no sign")
+        raise ConfigError(f"profile {profile.family}: its command register is unsigned")
     impedance = axis.causality == "impedance"
     quantum = scale.effort_command if impedance else scale.velocity_command
     limit = axis.effort_limit if impedance else axis.velocity_limit
@@ -313,7 +315,7 @@ def _matched(options: ModbusOptions, axis: AxisSpec, device: DeviceOptions) -> D
 
 
 def _command(axis: AxisSpec, profile: Profile) -> Register:
-    """Return the register that the axis commands; refuse what is no port."""
+    """Return the register that the axis commands; a position servo is refused."""
     effort = profile.register_of("command_effort")
     velocity = profile.register_of("command_velocity")
     if effort is None and velocity is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from tautwave.contracts import BusSpec, Clock, CycleCost, Driver, DriverPlugin
+from tautwave.contracts import BusSpec, Clock, CycleCost, Driver, DriverPlugin, Endpoint
 from tautwave_drivers.modbus.budget import budget
 from tautwave_drivers.modbus.options import ModbusOptions, facts
 from tautwave_drivers.modbus.scan import ScanOptions, scan
@@ -23,6 +23,12 @@ def _measure(cycles: int) -> Sequence[CycleCost]:
     return measure(cycles)
 
 
+def _endpoint(options: ModbusOptions) -> Endpoint:
+    used = dict.fromkeys(device.endpoint or options.endpoint for device in options.devices)
+    named = [one for one in used if one != "sim"]
+    return Endpoint("real", ", ".join(named)) if named else Endpoint("none")
+
+
 plugin = DriverPlugin(
     options=ModbusOptions,
     make=_make,
@@ -34,4 +40,6 @@ plugin = DriverPlugin(
     facts=facts,
     scan_options=ScanOptions,
     measure=_measure,
+    endpoint=_endpoint,
+    files=(("devices", "*", "profile"),),
 )

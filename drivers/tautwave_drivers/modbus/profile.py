@@ -1,26 +1,27 @@
 """What a family of drives has in which register, as data: YAML files, ours and other people's.
 
 A profile says where position, effort and commands are, how the drive is enabled and disabled, what
-it watches, and what wears it out. `profiles/generic.yaml` is written to be copied; every key is
-explained here, and a file of one's own is named by its path in `devices: [{profile: ...}]`.
+it watches, and what wears it out. `profiles/generic.yaml` is written to be copied and explains
+every key; a file of one's own is named by its path in `devices: [{profile: ...}]`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from tautwave.errors import ConfigError
-from tautwave_drivers.modbus.registers import KINDS
+from tautwave_drivers.modbus.protocol.registers import KINDS
 
 SHIPPED = ("generic", "dsy-rs", "cia402")
 
-Word = Annotated[int, Field(ge=0, le=0xFFFF)]
+LAST = 0xFFFF
+Word = Annotated[int, Field(ge=0, le=LAST)]
 Value = Annotated[int, Field(ge=-(2**31), le=2**32 - 1)]
 Positive = Annotated[float, Field(gt=0.0)]
 Role = Literal[
@@ -29,6 +30,17 @@ Role = Literal[
 ]  # fmt: skip
 Unit = Literal["", "counts", "counts/s", "rpm", "rated", "N m", "s", "V", "A", "degC"]
 Functions = tuple[Literal[3, 4, 6, 16, 23], ...]
+
+
+KeyPath = tuple[str | int, ...]
+
+
+def _number(key: Any) -> Any:
+    """Return a key that is a number, as YAML reads it: keys come as text."""
+    from tautwave.config.yaml12 import read_scalar
+
+    found = read_scalar(key) if isinstance(key, str) else key
+    return found if isinstance(found, int) and not isinstance(found, bool) else key
 
 
 class Keys(BaseModel):
@@ -50,6 +62,12 @@ class Register(Keys):
     lasting: bool = False
     """A write to it goes to the EEPROM, unless `eeprom_off` says how to keep it out."""
 
+    @model_validator(mode="after")
+    def _ends(self) -> Register:
+        if self.address + self.words > LAST + 1:
+            raise ValueError(f"a value of 32 bits takes two words; {LAST:#x} is the last address")
+        return self
+
     @property
     def words(self) -> int:
         """Words that it takes."""
@@ -68,7 +86,7 @@ class Step(Keys):
     @model_validator(mode="after")
     def _one(self) -> Step:
         if (self.write is None) == (self.wait is None):
-            raise ValueError("should have either write or wait, the name of a register")
+            raise ValueError("needs either write or wait, the name of a register")
         return self
 
     @property
@@ -89,7 +107,7 @@ class Pattern(Keys):
 
 
 class States(Keys):
-    """How the status register tells what the drive does."""
+    """How the status register shows the drive's state."""
 
     enabled: Pattern
     fault: Pattern
@@ -97,7 +115,7 @@ class States(Keys):
 
 
 class Setting(Keys):
-    """A register that has to hold a value; `why` is told where it does not."""
+    """A register that has to hold a value; `why` is reported where it does not."""
 
     register_name: Annotated[str, Field(alias="register")]
     value: Value
@@ -106,21 +124,21 @@ class Setting(Keys):
 
 
 class CommLoss(Keys):
-    """The register that has the drive stop when nobody speaks to it."""
+    """The register that makes the drive stop when no requests come."""
 
     register_name: Annotated[str, Field(alias="register")]
     reaction: str
-    """What the drive does then, in words."""
+    """What the drive does then, as text."""
     off: Value = 0
-    """What switches it off."""
+    """The value that switches it off."""
 
 
 class Identity(Keys):
-    """Which register tells that a drive is of this family, and with which value."""
+    """Which register identifies a drive of this family, and its value."""
 
     register_name: Annotated[str, Field(alias="register")]
     value: Value | None = None
-    """Nothing is compared if not given; it is told."""
+    """If not given it is reported, not compared."""
 
 
 class Limits(Keys):
@@ -135,14 +153,16 @@ class Profile(Keys):
 
     family: Annotated[str, Field(min_length=1)]
     source: Annotated[str, Field(min_length=1)]
-    """Where the table is from, for whoever doubts it."""
+    """Where the table is from."""
     functions: Annotated[Functions, Field(min_length=1)]
     """Function codes that the drive accepts."""
     word_order: Literal["high_first", "low_first"] = "high_first"
     gaps: Literal["refused", "readable"] = "refused"
     """Whether addresses between its registers can be read."""
+    outstanding: Annotated[int, Field(ge=1, le=64)] = 1
+    """Requests that may be outstanding on a TCP connection, over all units behind it."""
     machine: Literal["steps", "cia402"] = "steps"
-    """Who enables it: the sequences below, or the state machine of CiA 402."""
+    """What enables it: the sequences below, or the state machine of CiA 402."""
     object_address: str | None = None
     """For the reader: how the family makes addresses."""
     registers: Annotated[dict[str, Register], Field(min_length=1)]
@@ -157,8 +177,8 @@ class Profile(Keys):
     enable: tuple[Step, ...] = ()
     disable: tuple[Step, ...] = ()
     fault_reset: tuple[Step, ...] = ()
-    faults: dict[int, str] = Field(default_factory=dict)
-    """Codes of the fault register in words."""
+    faults: dict[Annotated[int, BeforeValidator(_number)], str] = Field(default_factory=dict)
+    """Codes of the fault register as text."""
     eeprom_off: Setting | None = None
     """What keeps writes out of the EEPROM; written first, and read back."""
     settings: tuple[Setting, ...] = ()
@@ -173,67 +193,64 @@ class Profile(Keys):
     identity: Identity | None = None
     limits: Limits = Limits()
     told: dict[str, str] = Field(default_factory=dict)
-    """Registers that are read before enabling and told, with a word for each."""
+    """Registers that are read and reported before enabling, with a label for each."""
     caveats: tuple[str, ...] = ()
-    """What somebody who uses the drive has to know; told in the notes of each run."""
+    """What a user of the drive has to know; in the notes of each run."""
 
-    @model_validator(mode="after")
-    def _whole(self) -> Profile:
-        problems = list(self._unknown_names())
-        problems += [
-            f"roles: {role} is missing; every drive has to tell it"
-            for role in ("position", "status")
-            if role not in self.roles
-        ]
-        problems += self._without_mode()
+    def mistakes(self) -> Iterator[tuple[KeyPath, str]]:
+        """Yield what single keys cannot show: where, and what is wrong, as a sentence."""
+        yield from self._unknown_names()
+        for role in ("position", "status"):
+            if role not in self.roles:
+                yield ("roles",), f"{role} is missing; every profile needs it"
+        yield from self._without_mode()
         if self.machine == "cia402":
             lacking = {"control", "mode", "mode_display"} - set(self.roles)
             if lacking:
-                problems.append(f"roles: {', '.join(sorted(lacking))} missing for machine: cia402")
+                missing = ", ".join(sorted(lacking))
+                yield ("roles",), f"{missing} missing; machine: cia402 needs them"
         elif not self.enable or not self.disable or self.states is None:
-            problems.append("enable, disable and states are required, unless machine is cia402")
+            yield (), "enable, disable and states are required, unless machine is cia402"
         if not {3, 4} & set(self.functions) or not {6, 16} & set(self.functions):
-            problems.append(
-                "functions: it takes one that reads (3 or 4) and one that writes (6, 16)"
-            )
-        if problems:
-            raise ValueError("; ".join(problems))
-        return self
+            yield ("functions",), "one that reads (3 or 4) and one that writes (6, 16) are required"
 
-    def _without_mode(self) -> list[str]:
-        problems = []
+    def _without_mode(self) -> Iterator[tuple[KeyPath, str]]:
         for kind in ("effort", "velocity"):
-            register = self.register_of(
-                "command_effort" if kind == "effort" else "command_velocity"
-            )
+            register = self.registers.get(self.roles.get(f"command_{kind}", ""))  # type: ignore[call-overload]
             if register is None:
                 continue
             if kind not in self.modes and "mode" in self.roles:
-                problems.append(f"modes: {kind} is missing, but roles has command_{kind}")
+                yield ("modes",), f"{kind} is missing, but roles has command_{kind}"
             if register.lasting and self.eeprom_off is None:
-                problems.append(
-                    f"roles: command_{kind} is a lasting register, and there is no eeprom_off: "
-                    "each cycle would wear the drive's EEPROM"
+                yield (
+                    ("roles", f"command_{kind}"),
+                    "is lasting and there is no eeprom_off: each cycle would wear the drive's "
+                    "EEPROM",
                 )
-        return problems
 
-    def _unknown_names(self) -> list[str]:
-        named = [(f"roles.{role}", name) for role, name in self.roles.items()]
+    def _unknown_names(self) -> Iterator[tuple[KeyPath, str]]:
+        from tautwave.config.document import nearest
+
+        named: list[tuple[KeyPath, str]] = [
+            (("roles", role), name) for role, name in self.roles.items()
+        ]
         for key in ("prepare", "enable", "disable", "fault_reset"):
-            named += [(key, step.register_name) for step in getattr(self, key)]
+            for number, step in enumerate(getattr(self, key)):
+                named.append(((key, number, "write" if step.write else "wait"), step.register_name))
         for key in ("settings", "settings_effort", "settings_velocity", "expected"):
-            named += [(key, setting.register_name) for setting in getattr(self, key)]
+            for number, setting in enumerate(getattr(self, key)):
+                named.append(((key, number, "register"), setting.register_name))
         for key in ("eeprom_off", "comm_loss", "identity"):
             part = getattr(self, key)
             if part is not None:
-                named.append((key, part.register_name))
-        named += [("limits", one) for one in (*self.limits.effort, *self.limits.velocity)]
-        named += [("told", one) for one in self.told]
-        return [
-            f"{where}: there is no register {name!r}"
-            for where, name in named
-            if name not in self.registers
-        ]
+                named.append(((key, "register"), part.register_name))
+        for kind in ("effort", "velocity"):
+            names = getattr(self.limits, kind)
+            named += [(("limits", kind, number), name) for number, name in enumerate(names)]
+        named += [(("told", name), name) for name in self.told]
+        for where, name in named:
+            if name not in self.registers:
+                yield where, f"there is no register {name!r}{nearest(name, [*self.registers])}"
 
     def register_of(self, role: Role) -> Register | None:
         """Return the register of a role, None where the drive has none."""
@@ -256,28 +273,27 @@ class Profile(Keys):
 
 
 def parse_profile(text: str, where: str) -> Profile:
-    """Return a profile from YAML.
+    """Return a profile from YAML, read as rig files are.
 
     Raises
     ------
     ConfigError
-        It is none: file, key and what is wrong, one sentence for each mistake.
+        It is not valid: file, line, key and what is wrong, one sentence for each mistake.
     """
-    try:
-        keys: Any = yaml.safe_load(text)
-    except yaml.YAMLError as err:
-        raise ConfigError(f"{where}: is no YAML: {err}") from err
-    if not isinstance(keys, dict):
-        raise ConfigError(f"{where}: should hold keys such as family and registers")
-    try:
-        return Profile.model_validate(_hashable(keys))
-    except ValidationError as err:
-        raise ConfigError([_sentence(where, problem) for problem in err.errors()]) from err
+    from tautwave.config.messages import read_model  # most importers read no profile
+
+    document, profile = read_model(text, where, "profile", Profile)
+    for path, sentence in profile.mistakes():
+        document.report(path, sentence)
+    if document.problems:
+        raise ConfigError(document.sentences())
+    found: Profile = profile
+    return found
 
 
 @cache
 def load_profile(name: str) -> Profile:
-    """Return a shipped profile by name, or somebody's by the path of its file.
+    """Return a shipped profile by name, or any other by the path of its file.
 
     Raises
     ------
@@ -290,28 +306,9 @@ def load_profile(name: str) -> Profile:
     path = Path(name)
     if path.suffix not in (".yaml", ".yml"):
         raise ConfigError(
-            f"modbus: there is no profile {name!r}; shipped are {', '.join(SHIPPED)}, and the path "
-            "of a .yaml file is another"
+            f"modbus: there is no profile {name!r}; use one of {', '.join(SHIPPED)}, or the path "
+            "of a .yaml file"
         )
-    try:
-        text = path.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as err:
-        raise ConfigError(f"modbus: profile {name}: cannot be read: {err}") from err
-    return parse_profile(text, name)
+    from tautwave.config.document import read_text
 
-
-def _hashable(value: Any) -> Any:
-    """Return YAML's lists as tuples, as strict models want them."""
-    if isinstance(value, dict):
-        return {key: _hashable(one) for key, one in value.items()}
-    if isinstance(value, list):
-        return tuple(_hashable(one) for one in value)
-    return value
-
-
-def _sentence(where: str, problem: Any) -> str:
-    key = ".".join(str(part) for part in problem["loc"])
-    got = problem.get("input")
-    shown = f" (got {got!r})" if isinstance(got, str | int | float) else ""
-    message = problem["msg"].removeprefix("Value error, ")
-    return f"{where}: {key + ': ' if key else ''}{message}{shown}"
+    return parse_profile(read_text(path, "profile"), name)

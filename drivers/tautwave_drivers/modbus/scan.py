@@ -1,21 +1,24 @@
-"""`tautwave scan modbus`: which units answer on a line or at hosts, and what they seem to be."""
+"""`tautwave scan modbus`: which units answer on a line or at hosts, and which profile fits."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from tautwave.contracts import ScanProgress, no_progress
 from tautwave.errors import ConfigError, DriverError
+from tautwave_drivers.serial_ports import ports_found
 
 if TYPE_CHECKING:
     from tautwave.contracts import Clock
-    from tautwave_drivers.modbus.asking import Link
+    from tautwave_drivers.modbus.line.link import Link
     from tautwave_drivers.modbus.profile import Profile
 
 NOBODY = 11
-"""What a gateway answers for a unit that is not there."""
+"""Exception of a gateway for a unit that is not there."""
 
 
 class ScanOptions(BaseModel):
@@ -24,7 +27,9 @@ class ScanOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
     endpoint: list[str] = Field(
-        description="tcp://HOST:PORT, several with commas, or a serial device, e.g. /dev/ttyUSB0."
+        default=[],
+        description="tcp://HOST:PORT, several with commas, or a serial device, e.g. /dev/ttyUSB0; "
+        "left out: names the serial ports there are.",
     )
     units: str = Field(
         default="", description="Units to ask, e.g. 1-16 or 1,2,9; all of 1-247 on a serial line."
@@ -33,7 +38,7 @@ class ScanOptions(BaseModel):
     parity: Literal["N", "E", "O"] = Field(default="N", description="Of a serial line.")
     stop_bits: Annotated[int, Field(ge=1, le=2)] = Field(default=1, description="Of a serial line.")
     timeout_s: Annotated[float, Field(gt=0.0)] = Field(
-        default=0.05, description="For an answer of one unit [s]."
+        default=0.05, description="How long to wait for each unit [s]."
     )
     profiles: list[str] = Field(
         default=[], description="Files of profiles to try besides those that are shipped."
@@ -63,7 +68,7 @@ def units_of(text: str, serial: bool) -> list[int]:
     return found
 
 
-def scan(options: ScanOptions) -> Sequence[dict[str, Any]]:
+def scan(options: ScanOptions, progress: ScanProgress = no_progress) -> Sequence[dict[str, Any]]:
     """Return every unit that answers: endpoint, profile or identity, state and fault.
 
     Nothing is written. An endpoint that cannot be reached, where others can, has a row of its own.
@@ -71,10 +76,12 @@ def scan(options: ScanOptions) -> Sequence[dict[str, Any]]:
     Raises
     ------
     ConfigError
-        An option makes no sense.
+        An option is wrong.
     DriverError
         A line cannot be opened, or no host can be reached.
     """
+    if not options.endpoint:
+        raise ConfigError(f"scan modbus: --endpoint is missing; {ports_found()}")
     from tautwave.clock import MonotonicClock
     from tautwave_drivers.modbus.profile import SHIPPED, load_profile
 
@@ -90,7 +97,8 @@ def scan(options: ScanOptions) -> Sequence[dict[str, Any]]:
             failed[endpoint] = str(err)
             continue
         try:
-            for unit in units:
+            for at, unit in enumerate(units):
+                progress(at / len(units), f"{endpoint}, unit {unit}, {len(found)} found")
                 found += _at_unit(link, clock, options, endpoint, unit, profiles)
         finally:
             link.close()
@@ -103,10 +111,11 @@ def scan(options: ScanOptions) -> Sequence[dict[str, Any]]:
 
 
 def _open(endpoint: str, options: ScanOptions, clock: Clock) -> Link:
+    from tautwave_drivers.modbus.line.ports import TcpPort
+    from tautwave_drivers.modbus.line.rtu import RtuLink
+    from tautwave_drivers.modbus.line.tcp import TcpLink
     from tautwave_drivers.modbus.options import DeviceOptions, ModbusOptions
-    from tautwave_drivers.modbus.ports import SerialPort, TcpPort
-    from tautwave_drivers.modbus.transaction_rtu import RtuLink
-    from tautwave_drivers.modbus.transaction_tcp import TcpLink
+    from tautwave_drivers.serial_port import SerialPort
 
     if not endpoint.startswith("tcp://"):
         if not endpoint.startswith(("/", ".")) and endpoint.rpartition(":")[2].isdigit():
@@ -120,7 +129,8 @@ def _open(endpoint: str, options: ScanOptions, clock: Clock) -> Link:
             late_s=options.timeout_s,
             devices=[DeviceOptions(unit=1)],
         )
-        serial = RtuLink(lambda: SerialPort(endpoint, line), clock, line)
+        opener = partial(SerialPort, endpoint, line.baud, line.parity, line.stop_bits)
+        serial = RtuLink(opener, clock, line)
         serial.connect()
         return serial
     link = TcpLink(lambda: TcpPort(endpoint), clock, 3600.0)
@@ -144,21 +154,21 @@ class _Unit:
         self._unit = unit
         self._timeout_ns = round(1e9 * timeout_s)
 
-    def ask(self, question: Any) -> bytes:
-        """Return the answer, b'' if there is none."""
-        from tautwave_drivers.modbus.asking import ask_once
+    def request(self, request: Any) -> bytes:
+        """Return the response, b'' if there is none."""
+        from tautwave_drivers.modbus.line.client import request_once
 
         limit = self._clock.now_ns() + self._timeout_ns
-        return ask_once(self._link, self._clock, self._unit, question, limit)
+        return request_once(self._link, self._clock, self._unit, request, limit)
 
     def value(self, profile: Profile, name: str) -> int | None:
         """Return the value of a register, None where it refuses."""
-        from tautwave_drivers.modbus.frames import REFUSED
-        from tautwave_drivers.modbus.sequence import Speech
+        from tautwave_drivers.modbus.protocol.frames import REFUSED
+        from tautwave_drivers.modbus.sequence import RegisterCodec
 
-        speech = Speech(profile, profile.functions)
-        pdu = self.ask(speech.read(name))
-        return None if not pdu or pdu[0] & REFUSED else speech.decode(name, pdu)
+        codec = RegisterCodec(profile, profile.functions)
+        pdu = self.request(codec.read(name))
+        return None if not pdu or pdu[0] & REFUSED else codec.decode(name, pdu)
 
 
 def _at_unit(
@@ -169,25 +179,25 @@ def _at_unit(
     unit: int,
     profiles: Sequence[Profile],
 ) -> Iterator[dict[str, Any]]:
-    from tautwave_drivers.modbus import frames
+    from tautwave_drivers.modbus.protocol import frames
 
     one = _Unit(link, clock, unit, options.timeout_s)
-    first = one.ask(frames.read(3, 0, 1))
+    first = one.request(frames.read(3, 0, 1))
     if not first or (first[0] & frames.REFUSED and first[1] in (10, NOBODY)):
         return
     row: dict[str, Any] = {"endpoint": endpoint, "unit": unit}
-    told = one.ask(frames.identify())
-    if told and not told[0] & frames.REFUSED:
-        row["identity"] = ", ".join(frames.identity_of(told).values())
+    identity = one.request(frames.identify())
+    if identity and not identity[0] & frames.REFUSED:
+        row["identity"] = ", ".join(frames.identity_of(identity).values())
     for profile in profiles:
-        if _seems(one, profile):
+        if _matches(one, profile):
             row["profile"] = profile.family
             _state(one, profile, row)
             break
     yield row
 
 
-def _seems(one: _Unit, profile: Profile) -> bool:
+def _matches(one: _Unit, profile: Profile) -> bool:
     """Return whether a unit has every register of a profile that says what it is and does."""
     if profile.identity is not None:
         found = one.value(profile, profile.identity.register_name)
@@ -200,9 +210,9 @@ def _seems(one: _Unit, profile: Profile) -> bool:
 def _state(one: _Unit, profile: Profile, row: dict[str, Any]) -> None:
     status = one.value(profile, profile.roles["status"]) or 0
     if profile.machine == "cia402":
-        from tautwave_drivers.cia402.states import status_words
+        from tautwave_drivers.cia402.states import status_text
 
-        row["state"] = status_words(status)
+        row["state"] = status_text(status)
     elif profile.states is not None:
         states = profile.states
         row["state"] = (
@@ -218,6 +228,6 @@ def _state(one: _Unit, profile: Profile, row: dict[str, Any]) -> None:
     if code:
         row["fault"] = profile.faults.get(code, f"code {code:#x}")
         if profile.machine == "cia402":
-            from tautwave_drivers.cia402.emergency import error_words
+            from tautwave_drivers.cia402.emergency import error_text
 
-            row["fault"] = error_words(code)
+            row["fault"] = error_text(code)

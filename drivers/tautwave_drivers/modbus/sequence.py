@@ -7,32 +7,32 @@ from typing import Protocol
 
 from tautwave.contracts import Clock
 from tautwave.errors import BusTimeout, DeviceFault
-from tautwave_drivers.modbus import frames
-from tautwave_drivers.modbus.frames import Question
 from tautwave_drivers.modbus.profile import Profile, Step
-from tautwave_drivers.modbus.registers import from_words, to_words
-from tautwave_drivers.modbus.words import exception_words, function_words
+from tautwave_drivers.modbus.protocol import frames
+from tautwave_drivers.modbus.protocol.frames import Request
+from tautwave_drivers.modbus.protocol.messages import exception_text, function_text
+from tautwave_drivers.modbus.protocol.registers import from_words, to_words
 
 
-class Walk(Protocol):
-    """Something that goes on with every errand until it is done."""
+class Procedure(Protocol):
+    """Something that takes transaction after transaction until it is done."""
 
     @property
     def done(self) -> bool:
         """Whether there is nothing left to do."""
         ...
 
-    def questions(self) -> Sequence[Question]:
-        """Return what is to be asked next."""
+    def requests(self) -> Sequence[Request]:
+        """Return the next requests."""
         ...
 
-    def take(self, answers: Sequence[bytes]) -> None:
-        """Take the answers; raises `DeviceFault` or `BusTimeout`."""
+    def take(self, responses: Sequence[bytes]) -> None:
+        """Take the responses; raises `DeviceFault` or `BusTimeout`."""
         ...
 
 
-class Speech:
-    """How registers of one drive are asked for and set.
+class RegisterCodec:
+    """Makes the requests that read and write the registers of one drive, and decodes responses.
 
     Parameters
     ----------
@@ -48,13 +48,13 @@ class Speech:
         self.several = 16 in functions
         self.both = 23 in functions and self.several and self.reading == 3
 
-    def read(self, name: str) -> Question:
-        """Return the question for one register."""
+    def read(self, name: str) -> Request:
+        """Return the request that reads one register."""
         register = self.profile.registers[name]
         return frames.read(self.reading, register.address, register.words)
 
-    def write(self, name: str, value: int) -> Question:
-        """Return the question that sets one register."""
+    def write(self, name: str, value: int) -> Request:
+        """Return the request that writes one register."""
         register = self.profile.registers[name]
         words = to_words(value, register.type, self.profile.low_first(register))
         if self.several:
@@ -62,35 +62,35 @@ class Speech:
         return frames.write_one(register.address, words[0])
 
     def decode(self, name: str, pdu: bytes) -> int:
-        """Return the value in an answer."""
+        """Return the value in a response."""
         register = self.profile.registers[name]
         words = frames.words_of(pdu)
         return from_words(words, register.type, self.profile.low_first(register))
 
 
 def refusal(pdu: bytes) -> str:
-    """Return the exception in a PDU in words, '' if it is none."""
+    """Return the exception in a PDU as text, '' if it is none."""
     if pdu[0] & frames.REFUSED:
-        return f"{exception_words(pdu[1])} to {function_words(pdu[0] & ~frames.REFUSED)}"
+        return f"{exception_text(pdu[1])} to {function_text(pdu[0] & ~frames.REFUSED)}"
     return ""
 
 
 def is_busy(pdu: bytes) -> bool:
-    """Return whether a drive only asks for patience: acknowledge (05) or busy (06)."""
+    """Return whether a drive only needs more time: acknowledge (05) or busy (06)."""
     return bool(pdu[0] & frames.REFUSED) and pdu[1] in (5, 6)
 
 
 class Steps:
-    """The walk through a sequence.
+    """Runs a sequence of a profile.
 
     Parameters
     ----------
     label : str
-        Of the drive, for sentences.
+        Of the drive, for messages.
     what : str
         Of the sequence: `enable`.
-    speech : Speech
-        How the drive is spoken to.
+    codec : RegisterCodec
+        Makes the requests.
     steps : sequence of Step
         What to do.
     clock : Clock
@@ -98,11 +98,11 @@ class Steps:
     """
 
     def __init__(
-        self, label: str, what: str, speech: Speech, steps: Sequence[Step], clock: Clock
+        self, label: str, what: str, codec: RegisterCodec, steps: Sequence[Step], clock: Clock
     ) -> None:
         self._label = label
         self._what = what
-        self._speech = speech
+        self._codec = codec
         self._steps = list(steps)
         self._clock = clock
         self._at = 0
@@ -114,43 +114,43 @@ class Steps:
         """Whether every step is done."""
         return self._at == len(self._steps)
 
-    def questions(self) -> Sequence[Question]:
+    def requests(self) -> Sequence[Request]:
         """Return the write of this step, or the read of what it waits for."""
         if self.done:
             return ()
         if self._failed:
-            return (self._speech.read(self._speech.profile.roles["fault"]),)
+            return (self._codec.read(self._codec.profile.roles["fault"]),)
         step = self._steps[self._at]
         if self._since_ns is None:
             self._since_ns = self._clock.now_ns()
         if step.write is not None:
-            return (self._speech.write(step.write, step.value),)
-        return (self._speech.read(step.register_name),)
+            return (self._codec.write(step.write, step.value),)
+        return (self._codec.read(step.register_name),)
 
-    def take(self, answers: Sequence[bytes]) -> None:
-        """Go on if the step is done.
+    def take(self, responses: Sequence[bytes]) -> None:
+        """Go to the next step if this one is done.
 
         Raises
         ------
         DeviceFault
             The drive refuses, or goes into fault instead.
         BusTimeout
-            What is waited for does not come.
+            The awaited value does not come.
         """
-        if not answers or self.done:
+        if not responses or self.done:
             return
         if self._failed:
-            raise DeviceFault(f"{self._failed}: {self._fault_words(answers[0])}")
+            raise DeviceFault(f"{self._failed}: {self._fault_text(responses[0])}")
         step = self._steps[self._at]
         name = step.register_name
         where = f"{self._label}: {self._what}, step {self._at + 1} ({name})"
-        refused = refusal(answers[0])
-        if refused and not (is_busy(answers[0]) and not self._expired(step)):
+        refused = refusal(responses[0])
+        if refused and not (is_busy(responses[0]) and not self._expired(step)):
             raise DeviceFault(f"{where}: {refused}")
         if refused:
             return
         if step.write is None:
-            found = self._speech.decode(name, answers[0])
+            found = self._codec.decode(name, responses[0])
             if found & step.mask != step.value & step.mask:
                 self._wait(step, found, where)
                 return
@@ -162,30 +162,30 @@ class Steps:
         return since is not None and self._clock.now_ns() - since > step.timeout_s * 1e9
 
     def _wait(self, step: Step, found: int, where: str) -> None:
-        profile = self._speech.profile
+        profile = self._codec.profile
         states = profile.states if step.wait == profile.roles["status"] else None
         if self._what == "enable" and states is not None and states.fault.fits(found):
-            self._failed = f"{where}: it goes into fault instead (status {found:#x})"
+            self._failed = f"{where}: went into fault instead (status {found:#x})"
             if "fault" not in profile.roles:
                 raise DeviceFault(f"{self._failed}; look at the drive's display")
             return
         if self._expired(step):
             raise BusTimeout(
-                f"{where}: still reads {found:#x} after {step.timeout_s:g} s, expected "
+                f"{where}: still {found:#x} after {step.timeout_s:g} s, expected "
                 f"{step.value:#x} in the bits {step.mask & 0xFFFF:#x}; look at the drive's supply "
                 "and display"
             )
 
-    def _fault_words(self, pdu: bytes) -> str:
+    def _fault_text(self, pdu: bytes) -> str:
         if refusal(pdu):
             return refusal(pdu)
-        code = self._speech.decode(self._speech.profile.roles["fault"], pdu)
-        return fault_words(self._speech.profile, code)
+        code = self._codec.decode(self._codec.profile.roles["fault"], pdu)
+        return fault_text(self._codec.profile, code)
 
 
-def fault_words(profile: Profile, code: int | None) -> str:
-    """Return a fault's code in words, None where the drive does not tell it."""
+def fault_text(profile: Profile, code: int | None) -> str:
+    """Return a fault's code as text; None is an unknown code."""
     if code is None:
-        return "this drive does not tell which; look at its display"
-    told = profile.faults.get(code, "no table knows this code; look at its manual")
-    return f"{told} (code {code:#x})"
+        return "this drive does not report which; look at its display"
+    meaning = profile.faults.get(code, "not in the profile; look it up in the drive's manual")
+    return f"{meaning} (code {code:#x})"

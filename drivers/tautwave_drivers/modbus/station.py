@@ -1,4 +1,4 @@
-"""One drive inside the cycle: what it is asked and told, what that means, how it is enabled."""
+"""One drive inside the cycle: its requests, what its responses mean, how it is enabled."""
 
 from __future__ import annotations
 
@@ -7,34 +7,34 @@ from collections.abc import Callable, Sequence
 
 from tautwave.contracts import Clock
 from tautwave.types import AxisCommand, Fault, JointState
-from tautwave_drivers.modbus import frames
 from tautwave_drivers.modbus.budget import BRIDGE
-from tautwave_drivers.modbus.errand import Errand
-from tautwave_drivers.modbus.frames import Question
 from tautwave_drivers.modbus.machine402 import Drive402
 from tautwave_drivers.modbus.options import Device
 from tautwave_drivers.modbus.profile import Step
-from tautwave_drivers.modbus.registers import Block, Place, blocks_of, to_words
-from tautwave_drivers.modbus.sequence import Speech, Steps, Walk, fault_words, refusal
+from tautwave_drivers.modbus.protocol import frames
+from tautwave_drivers.modbus.protocol.frames import Request
+from tautwave_drivers.modbus.protocol.registers import Block, Place, blocks_of, to_words
+from tautwave_drivers.modbus.protocol.transaction import Transaction
+from tautwave_drivers.modbus.sequence import Procedure, RegisterCodec, Steps, fault_text, refusal
 
 NAN = math.nan
 MISSING = JointState(0.0, NAN, NAN, False, 0)
 REFUSALS = 3
-"""Commands refused in a row that end the run."""
+"""Refused commands in a row that end the run."""
 
 
 class Plan:
-    """What a cycle asks of one drive: blocks that are read, and the command's place.
+    """The requests of a cycle to one drive: blocks that are read, and the command.
 
     Parameters
     ----------
     device : Device
         The drive.
-    speech : Speech
+    codec : RegisterCodec
         Its function codes.
     """
 
-    def __init__(self, device: Device, speech: Speech) -> None:
+    def __init__(self, device: Device, codec: RegisterCodec) -> None:
         profile = device.profile
         roles = ["position", "status"] + ([] if device.impedance else ["effort"])
         wanted = []
@@ -46,26 +46,26 @@ class Plan:
         # The block with the position first: function code 23 reads it with the command.
         first = next(one for one in blocks if profile.roles["position"] in one.names)
         self.blocks: list[Block] = [first, *(one for one in blocks if one is not first)]
-        self.reads = [frames.read(speech.reading, one.address, one.words) for one in self.blocks]
+        self.reads = [frames.read(codec.reading, one.address, one.words) for one in self.blocks]
         self._profile = profile
         address, zero = device.command.address, (0,) * device.command.words
-        self.both: Question | None = None
-        if speech.both:
+        self.both: Request | None = None
+        if codec.both:
             self.both = frames.read_write(first.address, first.words, address, zero)
             self.command = self.both
-            self.questions = [self.both, *self.reads[1:]]
+            self.requests = [self.both, *self.reads[1:]]
         else:
-            several = speech.several
+            several = codec.several
             self.command = frames.write(address, zero) if several else frames.write_one(address, 0)
-            self.questions = [self.command, *self.reads]
-        self.skip = 0 if speech.both else 1
-        """Answers before that with the position."""
+            self.requests = [self.command, *self.reads]
+        self.skip = 0 if codec.both else 1
+        """Responses before that with the position."""
         self.position = self._place("position")
         self.status = self._place("status")
         self.effort = None if device.impedance else self._place("effort")
 
     def _place(self, role: str) -> tuple[int, Callable[[bytes], int]]:
-        """Return the block of a role, and what takes its value out of that block's answer."""
+        """Return the block of a role, and a function from that block's response to its value."""
         name = self._profile.roles[role]  # type: ignore[index]
         register = self._profile.registers[name]
         for number, block in enumerate(self.blocks):
@@ -92,9 +92,9 @@ class Station:
     def __init__(self, device: Device, rate_hz: float, clock: Clock) -> None:
         self.device = device
         self.label = device.label
-        self.errand = Errand(device.unit)
-        self.speech = Speech(device.profile, device.functions)
-        self.plan = Plan(device, self.speech)
+        self.transaction = Transaction(device.unit)
+        self.codec = RegisterCodec(device.profile, device.functions)
+        self.plan = Plan(device, self.codec)
         self._clock = clock
         self._low_first = device.profile.low_first(device.command)
         self._kind = device.command.type
@@ -109,10 +109,10 @@ class Station:
         self.machine: Drive402 | None = None
         if device.profile.machine == "cia402":
             mode = device.profile.modes["effort" if device.impedance else "velocity"]
-            self.machine = Drive402(self.label, self.speech, mode, rate_hz, clock)
+            self.machine = Drive402(self.label, self.codec, mode, rate_hz, clock)
         self.arming: tuple[Step, ...] = ()
         """Steps that switch its comm-loss watchdog on."""
-        self.walk: Walk | None = None
+        self.procedure: Procedure | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -120,13 +120,13 @@ class Station:
         self.on = False
         self.failed = False
         self.resumed = False
-        self.walk = None
+        self.procedure = None
         self.faults: list[Fault] = []
         self._refused = 0
         self._last_status = -1
         self._code_wanted = False
-        self._orders: list[tuple[str, int]] = []
-        self._told: set[str] = set()
+        self._writes: list[tuple[str, int]] = []
+        self._reported: set[str] = set()
         if self.machine is not None:
             self.machine.reset()
         self.stage(0)
@@ -134,20 +134,20 @@ class Station:
     # -- enabling -----------------------------------------------------------------------------
 
     def begin_enabling(self) -> None:
-        """Set out to be enabled."""
+        """Begin to enable it."""
         if self.machine is not None:
             self.machine.enable()
-            self.walk = self.machine
+            self.procedure = self.machine
             return
         steps = (*self.arming, *self.device.profile.enable)
-        self.walk = Steps(self.label, "enable", self.speech, steps, self._clock)
+        self.procedure = Steps(self.label, "enable", self.codec, steps, self._clock)
 
     def enabling(self) -> bool:
-        """Take what the last errand brought; return whether it is enabled. Raises on failure."""
-        if self.on or self.walk is None:
+        """Take the last responses; return whether it is enabled. Raises on failure."""
+        if self.on or self.procedure is None:
             return self.on
-        self.walk.take(self.errand.answers if self.errand.whole else ())
-        self.on = self.walk.done
+        self.procedure.take(self.transaction.responses if self.transaction.complete else ())
+        self.on = self.procedure.done
         if self.machine is not None:
             self._collect_events()
         return self.on
@@ -155,79 +155,79 @@ class Station:
     # -- the cycle ----------------------------------------------------------------------------
 
     def stage(self, counts: int) -> None:
-        """Have the next exchange command this."""
+        """Set the command of the next exchange."""
         if self._short:
             self.plan.command.put((counts & 0xFFFF,))
         else:
             self.plan.command.put(to_words(counts, self._kind, self._low_first))
 
     def command(self, command: AxisCommand) -> None:
-        """Stage a command; zero where it is not finite, or the drive is not ours."""
+        """Stage a command; zero where it is not finite or the drive is not enabled."""
         count = (command.effort if self._impedance else command.velocity) / self._quantum
         most = self._most
         if not self.on or self.failed:
-            whole = 0
+            complete = 0
         elif -most <= count <= most:
-            whole = math.floor(count + 0.5)
+            complete = math.floor(count + 0.5)
         elif math.isfinite(count):
-            whole = most if count > 0.0 else -most
+            complete = most if count > 0.0 else -most
         else:
-            whole = 0
-        self.stage(whole * self._sign)
+            complete = 0
+        self.stage(complete * self._sign)
 
-    def exchange(self) -> Sequence[Question]:
-        """Return what this cycle asks: command, state, and what a fault makes worth asking."""
+    def exchange(self) -> Sequence[Request]:
+        """Return the requests of this cycle: command, state, and a fault's code if any."""
         machine = self.machine
         if not self.on:
             return self.plan.reads
         if machine is None and not self._code_wanted:
-            return self.plan.questions
-        questions = list(self.plan.questions)
-        self._orders = machine.orders() if machine is not None else []
-        if self._orders:
-            questions += [self.speech.write(name, value) for name, value in self._orders]
+            return self.plan.requests
+        requests = list(self.plan.requests)
+        self._writes = machine.writes() if machine is not None else []
+        if self._writes:
+            requests += [self.codec.write(name, value) for name, value in self._writes]
         if self._code_wanted:
-            questions.append(self.speech.read(self.device.profile.roles["fault"]))
-        return questions
+            requests.append(self.codec.read(self.device.profile.roles["fault"]))
+        return requests
 
     def settle(self, now_ns: int) -> JointState:
-        """Return what the exchange measured; not valid where a sample did not come."""
-        errand, plan = self.errand, self.plan
-        answers = errand.answers
+        """Return the measured state; not valid where no sample came."""
+        transaction, plan = self.transaction, self.plan
+        responses = transaction.responses
         skip = plan.skip if self.on else 0
         end = skip + len(plan.blocks)
-        if len(answers) < end:
+        if len(responses) < end:
             if self.machine is not None and self.on:
                 self.machine.step(None, None)
                 self._collect_events()
             return MISSING
         for number in range(end):
-            if answers[number][0] & frames.REFUSED:
-                self._refuse(answers[number])
-                if number >= skip or any(one[0] & frames.REFUSED for one in answers[skip:end]):
+            if responses[number][0] & frames.REFUSED:
+                self._refuse(responses[number])
+                if number >= skip or any(one[0] & frames.REFUSED for one in responses[skip:end]):
                     return MISSING
                 break
         else:
             self._refused = 0
         number, read = plan.position
-        position = read(answers[skip + number]) * self._position_step
+        position = read(responses[skip + number]) * self._position_step
         effort = NAN
         if plan.effort is not None:
             number, read = plan.effort
-            effort = read(answers[skip + number]) * self._effort_step
+            effort = read(responses[skip + number]) * self._effort_step
         if self.on:
             number, read = plan.status
-            self._watch(read(answers[skip + number]), answers[end:])
-        return JointState(position, NAN, effort, True, now_ns - errand.asked_ns[skip])
+            self._watch(read(responses[skip + number]), responses[end:])
+        return JointState(position, NAN, effort, True, now_ns - transaction.sent_ns[skip])
 
     def _watch(self, status: int, more: Sequence[bytes]) -> None:
-        """Take the status and what was asked besides."""
+        """Take the status and the additional responses."""
         if not more and status == self._last_status and self.machine is None:
             return  # as in the cycle before
         code: int | None = None
-        if self._code_wanted and len(more) == len(self._orders) + 1:
+        if self._code_wanted and len(more) == len(self._writes) + 1:
             self._code_wanted = False
-            code = 0 if refusal(more[-1]) else self.speech.decode(self._fault_name, more[-1])
+            code = 0 if refusal(more[-1]) else self.codec.decode(self._fault_name, more[-1])
         if self.machine is not None:
             self._watch_machine(self.machine, status, code, more)
         elif not self.failed:
@@ -241,12 +241,12 @@ class Station:
     def _watch_machine(
         self, machine: Drive402, status: int, code: int | None, more: Sequence[bytes]
     ) -> None:
-        for (name, value), pdu in zip(self._orders, more, strict=False):
+        for (name, value), pdu in zip(self._writes, more, strict=False):
             if not refusal(pdu):
-                machine.ordered(name, value)
-        self._orders = []
+                machine.written(name, value)
+        self._writes = []
         if machine.in_fault(status) and code is None and self._fault_name and not self.failed:
-            self._code_wanted = True  # the machine is told when the code is known
+            self._code_wanted = True  # the machine steps once the code is known
             return
         machine.step(status, None, code or 0)
         self._collect_events()
@@ -267,34 +267,34 @@ class Station:
             if code is None and self._fault_name:
                 self._code_wanted = True
                 return
-            self.fail(f"has a fault: {self.fault_words(code)}")
+            self.fail(f"is in fault: {self.fault_text(code)}")
         elif not states.enabled.fits(status) and not limited:
             again = " since the connection came back" if self.resumed else ""
-            self.fail(f"has switched itself off{again} (status {status:#x}); run again")
+            self.fail(f"switched itself off{again} (status {status:#x}); run again")
         if limited:
-            self.tell(f"one of its limits is active, or it warns (status {status:#x})")
+            self.report(f"a limit or a warning is active (status {status:#x})")
 
-    def fault_words(self, code: int | None) -> str:
-        """Return a fault's code in words."""
-        return fault_words(self.device.profile, code)
+    def fault_text(self, code: int | None) -> str:
+        """Return a fault's code as text."""
+        return fault_text(self.device.profile, code)
 
     def _refuse(self, pdu: bytes) -> None:
         self._refused += 1
         if self._refused >= REFUSALS and not self.failed:
             self.fail(f"{refusal(pdu)}, {self._refused} times in a row")
         else:
-            self.tell(refusal(pdu))
+            self.report(refusal(pdu))
 
-    def tell(self, text: str) -> None:
-        """Note something that stops nothing, once."""
-        if text not in self._told:
-            self._told.add(text)
+    def report(self, text: str) -> None:
+        """Report something that does not stop the run, once."""
+        if text not in self._reported:
+            self._reported.add(text)
             self.faults.append(
                 Fault(self.device.axis.name, f"unit {self.device.unit}: {text}", False)
             )
 
     def fail(self, text: str) -> None:
-        """Note why this axis is of no more use, once; its command is the safe one from now on."""
+        """Report why this axis failed, once; its command is the safe one from now on."""
         if not self.failed:
             self.failed = True
             self.stage(0)

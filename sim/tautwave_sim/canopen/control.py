@@ -57,7 +57,7 @@ class Control:
 
     @property
     def demand(self) -> Setpoint:
-        """What is asked for in this slot."""
+        """Set-point of this slot."""
         return self._now
 
     def take_over(self) -> None:
@@ -69,7 +69,7 @@ class Control:
         self.limited = False
 
     def _begin(self, slot: int) -> Setpoint:
-        """Return the state at the begin of this slot, however often it is asked for."""
+        """Return the state at the beginning of this slot, the same on every call."""
         if slot == self._slot:
             return self._before
         self._slot = slot
@@ -92,7 +92,7 @@ class Control:
         return velocity == 0.0
 
     def run(self, slot: int, mode: int, *, halt: bool) -> None:
-        """Act as the mode asks."""
+        """Act according to the mode."""
         before = self._begin(slot)
         if mode in (CST, PT):
             self._torque(before, mode, halt)

@@ -33,7 +33,7 @@ _WRITTEN = (0x60, 0x20, 0x30)
 
 
 class Nmt(IntEnum):
-    """States as a heartbeat tells them."""
+    """States as in a heartbeat."""
 
     INITIALISING = 0
     STOPPED = 4
@@ -68,7 +68,7 @@ class Device:
         self.nmt = Nmt.INITIALISING
         self.silent = False
         self.beats = True
-        """Whether it still sends heartbeats when it is asked to."""
+        """Whether it still sends heartbeats."""
         self._quirks = quirks
         self._send = send
         self._now_ns = 0
@@ -130,7 +130,7 @@ class Device:
     # -- power and NMT --------------------------------------------------------------------
 
     def power_on(self, now_ns: int, delay_ns: int = 0) -> None:
-        """Begin with everything at its default, and tell so after `delay_ns`."""
+        """Begin with everything at its default; the boot-up frame follows after `delay_ns`."""
         self._now_ns = now_ns
         self.drive.at(now_ns)
         self.objects.restore()
@@ -210,9 +210,9 @@ class Device:
                 if rpdo.valid and rpdo.deadline_ns is not None and now_ns >= rpdo.deadline_ns:
                     rpdo.deadline_ns = None
                     self._lose_connection(RPDO_LATE)
-            self.tell_changes()
+            self.send_changes()
 
-    def tell_changes(self) -> None:
+    def send_changes(self) -> None:
         """Send the TPDOs whose content has changed, or whose time is over."""
         if self.nmt is not Nmt.OPERATIONAL or self.silent:
             return
@@ -223,10 +223,10 @@ class Device:
 
     def _send_pdo(self, tpdo: Tpdo, data: bytes) -> None:
         if tpdo.carries(0x6041):
-            self._note_told()
+            self._note_reported()
         self._send(tpdo.cob_id, data)
 
-    def _note_told(self) -> None:
+    def _note_reported(self) -> None:
         if self.drive.machine.state is State.ENABLED:
             self.drive.told_enabled = True
 
@@ -239,7 +239,7 @@ class Device:
         return can_id == self.objects.number(0x1005) & 0x7FF
 
     def receive(self, now_ns: int, can_id: int, data: bytes) -> None:
-        """Take a frame that is no SYNC; whatever is wrong with it stays without effect."""
+        """Take any frame but SYNC; malformed ones have no effect."""
         if self.silent:
             return
         self._now_ns = now_ns
@@ -248,25 +248,25 @@ class Device:
             if len(data) == 2 and data[1] in (0, self.id) and self.nmt is not Nmt.INITIALISING:
                 self._command(data[0])
         elif can_id == 0x600 + self.id:
-            self._answer_sdo(data)
+            self._respond_sdo(data)
         elif 0x700 < can_id < 0x780:
             self._hear_heartbeat(can_id - 0x700)
         elif self.nmt is Nmt.OPERATIONAL:
             for rpdo in self.rpdos:
                 if rpdo.valid and rpdo.cob_id == can_id:
                     self._receive_pdo(rpdo, data)
-        self.tell_changes()
+        self.send_changes()
 
-    def _answer_sdo(self, data: bytes) -> None:
+    def _respond_sdo(self, data: bytes) -> None:
         if self.nmt not in (Nmt.PRE_OPERATIONAL, Nmt.OPERATIONAL):
             return
-        answer = self._sdo.answer(data)
-        if answer is None:
+        response = self._sdo.respond(data)
+        if response is None:
             return
-        self.drive.changed = self.drive.changed or answer[0] in _WRITTEN
-        if answer[1:4] == b"\x41\x60\x00" and answer[0] & 0xE0 == 0x40:
-            self._note_told()
-        self._send(0x580 + self.id, answer)
+        self.drive.changed = self.drive.changed or response[0] in _WRITTEN
+        if response[1:4] == b"\x41\x60\x00" and response[0] & 0xE0 == 0x40:
+            self._note_reported()
+        self._send(0x580 + self.id, response)
 
     def _receive_pdo(self, rpdo: Rpdo, data: bytes) -> None:
         if len(data) < rpdo.size:
@@ -277,7 +277,7 @@ class Device:
             self.drive.changed = True
 
     def sync(self, now_ns: int) -> None:
-        """Take a SYNC: what has come acts, and what is measured is sent."""
+        """Take a SYNC: received RPDOs act, and samples are sent."""
         self._now_ns = now_ns
         self.drive.at(now_ns)
         for rpdo in self.rpdos:
@@ -285,13 +285,13 @@ class Device:
                 rpdo.act()
         self.drive.at(now_ns)
 
-    def answer_sync(self) -> None:
+    def on_sync(self) -> None:
         """Send the TPDOs of this SYNC."""
         for tpdo in self.tpdos:
             data = tpdo.at_sync()
             if data is not None and self.drive.motor.valid:
                 self._send_pdo(tpdo, data)
-        self.tell_changes()
+        self.send_changes()
 
     # -- heartbeat and errors -------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""An object dictionary: typed values with access rights, and what to answer to a wrong access.
+"""An object dictionary: typed values with access rights, and the abort codes of a wrong access.
 
 Source of types, access and abort codes: CiA 301 v4.2.0, 7.4 and 7.2.4.3.17.
 """
@@ -81,15 +81,15 @@ class Entry(NamedTuple):
 
 
 class ObjectDictionary:
-    """Values by index and sub-index, and who is asked or told when they are read or written."""
+    """Values by index and sub-index, with callbacks on reading and writing."""
 
     def __init__(self) -> None:
         self.entries: dict[int, dict[int, Entry]] = {}
         self.values: dict[tuple[int, int], Value] = {}
         self.readers: dict[tuple[int, int], Callable[[], int]] = {}
-        """Asked for a value that is measured or computed."""
+        """Called for a value that is measured or computed."""
         self.writers: dict[tuple[int, int], Callable[[int], None]] = {}
-        """Told of a value before it is stored; refuses with `SdoAbort`."""
+        """Called with a value before it is stored; refuses with `SdoAbort`."""
         self.refusals: dict[tuple[int, int], int] = {}
         """Abort codes of a drive that has its own idea of what is missing."""
         self._saved: dict[tuple[int, int], Value] = {}
@@ -173,7 +173,7 @@ class ObjectDictionary:
         self.write(index, sub, entry, entry.decode(data))
 
     def write(self, index: int, sub: int, entry: Entry, value: Value) -> None:
-        """Check a value, tell who wants to know, and store it."""
+        """Check a value, call its callback, and store it."""
         if isinstance(value, int):
             if entry.high is not None and value > entry.high:
                 raise SdoAbort(TOO_HIGH)

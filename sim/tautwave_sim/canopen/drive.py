@@ -32,7 +32,7 @@ class Drive:
     quirks : Quirks
         How it misbehaves.
     report : callable
-        Told the code of an error that the drive has by itself (EMCY).
+        Called with the code of an error of the drive itself (EMCY).
     """
 
     def __init__(
@@ -49,9 +49,9 @@ class Drive:
         self.mode = 0
         self.voltage = True
         self.changed = False
-        """Whether something was told or done that the motor has not felt yet."""
+        """Whether there is a command or event that the motor has not seen yet."""
         self.told_enabled = False
-        """Whether the master has been told, since power-on, that it is enabled."""
+        """Whether the master knows, since power-on, that it is enabled."""
         self._quirks = quirks
         self._report = report
         self._word = 0
@@ -160,7 +160,7 @@ class Drive:
         self.control.take_over()
 
     def lose_mode(self) -> None:
-        """Drop out of the mode, as a drive with an opinion of its own."""
+        """Drop out of the mode, as faulty drives do."""
         self._enter(0)
         self._mode_lost = True
 
@@ -208,10 +208,10 @@ class Drive:
         self._settle()
 
     def _settle(self) -> None:
-        """End what waits for a motor that nobody moves."""
+        """End what waits for the motor while it is held."""
         self.changed = True
         if self.machine.braking and not self.motor.free:
-            self.machine.stood()
+            self.machine.come_to_rest()
 
     # -- slot by slot ---------------------------------------------------------------------
 
@@ -235,7 +235,7 @@ class Drive:
         if machine.braking:
             quick = machine.braking == "quick"
             if control.brake(slot, self.objects.number(0x6085 if quick else 0x6084)):
-                machine.stood()
+                machine.come_to_rest()
                 self._was_on = machine.state in POWERED
                 if not self._was_on:
                     control.rest()
@@ -266,7 +266,7 @@ class Drive:
         counts = round(self.control.demand.position / motor.scale.position)
         return motor.scale.direction * counts - motor.origin_counts
 
-    # -- what it tells --------------------------------------------------------------------
+    # -- what it reports -----------------------------------------------------------------
 
     def statusword(self) -> int:
         """Return 6041h."""

@@ -67,7 +67,7 @@ class DriveAxis(SimulatedAxis):
         if not self._changes:
             super().pass_slot()
             return
-        if self._pipe or self._late > 0.0:  # a drive that is slow itself takes it up in the next
+        if self._pipe or self._late > 0.0:  # a drive that is slow itself takes it in the next
             super().pass_slot()
         else:
             reference, rate = self._hand
@@ -111,16 +111,16 @@ class Motor:
         self._effort = 0.0
 
     def pass_slot(self) -> None:
-        """Move by one slot, if nobody holds it."""
+        """Move by one slot, unless it is held."""
         self.share = 0.0
         if self.free:
             self.axis.pass_slot()
             self._measured = None
 
     def measure(self) -> float:
-        """Take what encoder and force say at this slot, once per slot; return the position."""
+        """Sample encoder and force, once per slot; return the position."""
         if not self.free:
-            return self.axis.physics.x  # nobody looks yet: no random number is spent
+            return self.axis.physics.x  # not sampled yet: no random number is used
         if self._measured is None:
             state = self.axis.measure()
             self._measured, self.valid = state.position, state.valid
@@ -148,11 +148,11 @@ class Motor:
         return -self.scale.direction * math.floor(self._effort / self.scale.effort + 0.5)
 
     def velocity(self) -> float:
-        """Return the speed [rad/s or m/s], as a fine encoder would tell it."""
+        """Return the speed [rad/s or m/s], as a fine encoder would show it."""
         return self.axis.physics.v if self.free else 0.0
 
     def position(self) -> float:
-        """Return the position [rad or m], as a fine encoder would tell it."""
+        """Return the position [rad or m], as a fine encoder would show it."""
         return self.axis.physics.x
 
     def drive_torque(self, counts: int) -> None:

@@ -1,7 +1,7 @@
 """The objects of a simulated drive, with types, access and defaults.
 
 Sources: CiA 301 v4.2.0, 7.5.2 (communication area); CiA 402-2 v3.0 (drive profile). Values that
-depend on the drive (identity, factors, modes) are set by who builds it.
+depend on the drive (identity, factors, modes) are set by the caller.
 """
 
 from __future__ import annotations

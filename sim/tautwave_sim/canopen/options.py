@@ -29,15 +29,15 @@ class Quirks(_Keys):
     """How one drive misbehaves. Times are [s] after the drives began to move."""
 
     transition_ms: Annotated[int, Field(ge=0)] = 0
-    """Each change of state takes so long."""
+    """[s] Time of each change of state."""
     mode_switch_ms: Annotated[int, Field(ge=0)] = 0
-    """A change of mode takes so long."""
+    """[s] Time of a change of mode."""
     refuses_modes: Annotated[tuple[int, ...], Listed] = ()
     """Modes in 6502h that it does not go into all the same."""
     lacks_modes: Annotated[tuple[int, ...], Listed] = ()
     """Modes that are missing in 6502h."""
     fault_resets: Annotated[int, Field(ge=1)] = 1
-    """So many edges of fault reset it takes."""
+    """Edges of fault reset that a fault needs."""
     starts_in_fault: bool = False
     torque_step_permille: Annotated[int, Field(ge=1)] = 1
     """Its torque is a multiple of that, to the nearest."""
@@ -55,9 +55,9 @@ class Quirks(_Keys):
     mode_lost_at_s: AtSeconds | None = None
     """It drops out of its mode then: 6061h shows 0 and no set-point is followed."""
     emergency_at_s: AtSeconds | None = None
-    """It sends an EMCY then, with `fault_code`, but goes on."""
+    """It sends an EMCY then, with `fault_code`, but keeps running."""
     rpdo_timer: Literal["yes", "no_subindex", "no_object"] = "yes"
-    """Whether 1400h:05 and its like exist, as deadline timers; without them a drive answers
+    """Whether 1400h:05 and its like exist, as deadline timers; without them a drive responds
     06090011h, some 06020000h."""
     heartbeat_consumer: bool = True
     """Whether 1016h exists."""
@@ -84,7 +84,7 @@ class SimulatorKeys(_Keys):
     nodes: dict[Annotated[int, Listed], Quirks] = Field(default_factory=dict)
     """By node id; a drive not listed behaves."""
     free: bool = False
-    """Time goes on without SYNC from the first enabling on, in slots of the bus' period."""
+    """Without SYNC time runs from the first enabling on, in slots of the bus' period."""
     queue: Annotated[int, Field(ge=1)] = 10
     """Frames that the master's queue holds (txqueuelen)."""
 

@@ -228,14 +228,14 @@ class Tpdo(Pdo):
         since = None if self._sent_ns is None else now_ns - self._sent_ns
         if since is not None and since < self.inhibit_ns:
             return None
-        told = self._events()
-        if told == self._last and not (since is not None and 0 < self.timer_ns <= since):
+        events = self._events()
+        if events == self._last and not (since is not None and 0 < self.timer_ns <= since):
             return None
-        self._last, self._sent_ns = told, now_ns
+        self._last, self._sent_ns = events, now_ns
         return self.pack()
 
     def _events(self) -> bytes:
-        """Return what has to change to be told; with a timer, measured values wait for that."""
+        """Return what has to change to be events; with a timer, measured values wait for that."""
         number = self._objects.number
         return b"".join(
             entry.encode(number(index, sub))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from tautwave.contracts import BusSpec, Clock, SimulatorPlugin
 from tautwave.truth import AxisModel
@@ -58,6 +59,10 @@ def _served(options: SimulatedCanopenOptions) -> bool:
     return options.interface != "virtual"
 
 
+def _instead(options: SimulatedCanopenOptions) -> Mapping[str, Any]:
+    return {"interface": "virtual"}  # only this process can be on it
+
+
 simulator = SimulatorPlugin(
     options=SimulatedCanopenOptions,
     make=CanopenSimulator,
@@ -66,4 +71,5 @@ simulator = SimulatorPlugin(
     serve=serve,
     bench_options=CanopenBench,
     bench=bench,
+    instead=_instead,
 )

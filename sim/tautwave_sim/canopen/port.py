@@ -16,7 +16,7 @@ ERROR_FRAME = 0x20000000
 CONTROLLER, BUS_OFF = 0x04, 0x40
 """Classes of error frames, in their identifier (CAN_ERR_CRTL, CAN_ERR_BUSOFF)."""
 TX_PASSIVE, ACTIVE = 0x20, 0x40
-"""What byte 1 tells of the controller; byte 6 has its transmit errors (<linux/can/error.h>)."""
+"""Byte 1: state of the controller; byte 6: its transmit errors (<linux/can/error.h>)."""
 
 Received = tuple[int, bytes, int]
 
@@ -24,7 +24,7 @@ Received = tuple[int, bytes, int]
 class MasterPort:
     """The master's end of a simulated bus: a `FramePort` that is `InMemory`.
 
-    A change of its controller's state is told by an error frame, as Linux does it.
+    A change of its controller's state makes an error frame, as on Linux.
 
     Parameters
     ----------
@@ -50,10 +50,10 @@ class MasterPort:
     @property
     def error_state(self) -> str:
         """`active`, `passive` or `off`, as the controller's error counter has it."""
-        self._world.trouble(self._port)
+        self._world.port_fault(self._port)
         return self._port.error_state
 
-    def _tell_errors(self) -> None:
+    def _send_error_frames(self) -> None:
         state = self._port.error_state
         if state == self._told:
             return
@@ -74,7 +74,7 @@ class MasterPort:
         """
         world = self._world
         world.advance(self._clock.now_ns())
-        ails = world.trouble(self._port)
+        ails = world.port_fault(self._port)
         if ails == "bus_down":
             raise DriverError("the CAN interface is gone or down; look at the cable and `ip link`")
         if ails == "bus_off":
@@ -103,9 +103,9 @@ class MasterPort:
 
     def advance(self, to_ns: int) -> None:
         """Let the bus go on to `to_ns`."""
-        self._world.trouble(self._port)
+        self._world.port_fault(self._port)
         self._world.advance(to_ns)
-        self._tell_errors()
+        self._send_error_frames()
 
     def close(self) -> None:
         """Forget what has come."""
@@ -115,7 +115,7 @@ class MasterPort:
 class VirtualPort(MasterPort):
     """As `MasterPort`, with python-can's virtual bus between master and drives.
 
-    Whoever else joins the channel in this process sees every frame and may send its own.
+    Others that join the channel in this process see every frame and may send their own.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ GREATEST_DOWNLOAD = 4096
 
 
 class SdoServer:
-    """Answers one request at a time; block transfer is refused.
+    """Responds to one request at a time; block transfer is refused.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class SdoServer:
         self._announced = 0
         self._toggle = 0
 
-    def answer(self, request: bytes) -> bytes | None:
+    def respond(self, request: bytes) -> bytes | None:
         """Return the response to a request; None where there is none to give."""
         if len(request) != 8:
             return None  # an SDO always has 8 bytes

@@ -1,7 +1,7 @@
 """Simulated drives on a CAN interface that other processes share, with the wire's time kept.
 
-Frames from the interface pass the simulated wire before a drive hears them, and those of the drives
-before they are sent: nobody answers earlier than the bit rate allows.
+Frames from the interface pass the simulated wire before a drive gets them, and those of the drives
+before they are sent: no response is earlier than the bit rate allows.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tautwave_sim.canopen.world import DriveBus
 LOOK_NS = 50_000_000
 """[ns] How often it looks whether it was stopped."""
 POLL_NS = 500_000
-"""[ns] How often an interface is asked that cannot be waited for."""
+"""[ns] Polling interval of an interface that cannot be waited for."""
 
 
 def open_bus(options: SimulatedCanopenOptions) -> Any:
@@ -36,7 +36,7 @@ def open_bus(options: SimulatedCanopenOptions) -> Any:
         import can
     except ImportError as err:
         raise DriverError("canopen needs python-can: pip install tautwave[canopen]") from err
-    # Without a handler Python prints a library's warnings on stderr; ours are in sentences.
+    # Without a handler Python prints the library's warnings on stderr.
     logging.getLogger("can").addHandler(logging.NullHandler())
     keys: dict[str, Any] = {}
     if options.interface not in ("socketcan", "udp_multicast", "virtual"):
@@ -71,7 +71,7 @@ class Gateway:
         self._sent: set[int] = set()
         self._port = world.medium.port(self._out)
         self.dropped = 0
-        """Frames that the interface did not take."""
+        """Frames that the interface rejected."""
 
     def _out(self, now_ns: int, can_id: int, data: bytes) -> None:
         self._sent.add(can_id)
@@ -82,12 +82,12 @@ class Gateway:
             self.dropped += 1  # full or down: the frame is lost, as on a wire
 
     def run(self, now_ns: int) -> None:
-        """Take what has come and let the wire go on to `now_ns`."""
-        self._world.trouble(self._port)  # of the plan's port faults, what breaks the wire
+        """Take what has come and advance the wire to `now_ns`."""
+        self._world.port_fault(self._port)  # of the plan's port faults, what breaks the wire
         self._world.advance(now_ns)
         try:
             while (message := self._bus.recv(0.0)) is not None:
-                # udp_multicast returns one's own frames; nobody else sends with their identifiers.
+                # udp_multicast echoes the sender's own frames; no other node uses their ids.
                 if is_data_frame(message) and message.arbitration_id not in self._sent:
                     self._port.send(message.arbitration_id, bytes(message.data))
         except (self._can.CanError, OSError):
@@ -147,5 +147,5 @@ def serve(
 def _can_be_waited_for(interface: Any) -> bool:
     try:
         return bool(interface.fileno() >= 0)
-    except NotImplementedError:  # python-can's way to say that an interface has no descriptor
+    except NotImplementedError:  # how python-can says that an interface has no descriptor
         return False

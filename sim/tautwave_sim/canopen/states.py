@@ -33,14 +33,14 @@ class StateMachine:
     """From controlwords to states.
 
     A state that the drive has to stop for is reached in two steps: `braking` names how it stops
-    and `aim` where it goes once it stands; `stood` ends that.
+    and `next_state` where it goes once it is at rest; `come_to_rest` ends that.
 
     Parameters
     ----------
     delay_ns : int
         Time that each transition takes.
     resets : int
-        Edges of fault reset that a fault takes.
+        Edges of fault reset that a fault needs.
     """
 
     def __init__(self, delay_ns: int = 0, resets: int = 1) -> None:
@@ -50,7 +50,7 @@ class StateMachine:
         self._word = 0
         self._due_ns: int | None = None
         self.state = State.SWITCH_ON_DISABLED
-        self.aim: State | None = None
+        self.next_state: State | None = None
         self.braking = ""
         self.transitions: list[int] = []
         """Numbers of the transitions gone through, as in the standard's figure."""
@@ -62,7 +62,7 @@ class StateMachine:
     def restart(self) -> None:
         """Begin as after power-on: transitions 0 and 1."""
         self.state = State.SWITCH_ON_DISABLED
-        self.aim, self.braking, self._due_ns = None, "", None
+        self.next_state, self.braking, self._due_ns = None, "", None
         self._word = self._edges = 0
         self.transitions += [0, 1]
 
@@ -81,8 +81,8 @@ class StateMachine:
         """Take a controlword."""
         edge = bool(word & RESET) and not self._word & RESET
         self._word = word
-        if self.aim is not None and (word & 2 or self.state is State.FAULT_REACTION):
-            return  # on its way already; only taking its voltage is quicker
+        if self.next_state is not None and (word & 2 or self.state is State.FAULT_REACTION):
+            return  # under way already; only disable voltage is quicker
         if self.state is State.FAULT:
             if edge:
                 self._edges += 1
@@ -136,7 +136,7 @@ class StateMachine:
             self._go(12, State.SWITCH_ON_DISABLED, now_ns)
             return
         self.braking = "ramp" if option in (1, 5) else "quick"
-        self.aim = None if option in STAYING_OPTIONS else State.SWITCH_ON_DISABLED
+        self.next_state = None if option in STAYING_OPTIONS else State.SWITCH_ON_DISABLED
 
     def fault(self, option: int | None = None) -> None:
         """Go into fault, with the reaction of 605Eh or the given one (transition 13)."""
@@ -147,10 +147,10 @@ class StateMachine:
         self._edges = 0
         self.transitions.append(13)
         option = self.fault_option if option is None else option
-        self.state, self.aim = State.FAULT_REACTION, State.FAULT
+        self.state, self.next_state = State.FAULT_REACTION, State.FAULT
         self.braking = ("", "ramp", "quick")[option] if was_on else ""
         if not self.braking:
-            self.stood()
+            self.come_to_rest()
 
     def drop(self) -> None:
         """Lose the voltage of the power stage: at once, whatever was going on."""
@@ -159,29 +159,29 @@ class StateMachine:
         if self.state is not State.SWITCH_ON_DISABLED:
             numbers = {State.READY: 7, State.ENABLED: 9, State.SWITCHED_ON: 10}
             self.transitions.append(numbers.get(self.state, 12))
-        self.state, self.aim = State.SWITCH_ON_DISABLED, None
+        self.state, self.next_state = State.SWITCH_ON_DISABLED, None
         self.braking, self._due_ns = "", None
 
     def stop(self, now_ns: int) -> None:
         """Quick stop from inside the drive (6007h = 3)."""
-        if self.state is State.ENABLED and self.aim is None:
+        if self.state is State.ENABLED and self.next_state is None:
             self._quick_stop(now_ns)
         elif self.state in (State.READY, State.SWITCHED_ON):
             self.drop()
 
-    def stood(self) -> None:
-        """Note that the motor stands: what waited for that happens."""
+    def come_to_rest(self) -> None:
+        """The motor is at rest: take the transition that waited for it."""
         self.braking = ""
-        if self.aim is not None:
+        if self.next_state is not None:
             if self.state is State.FAULT_REACTION:
                 self.transitions.append(14)
             elif self.state is State.QUICK_STOP:
                 self.transitions.append(12)
             self._arrive()
 
-    def _go(self, number: int, aim: State, now_ns: int, braking: str = "") -> None:
+    def _go(self, number: int, next_state: State, now_ns: int, braking: str = "") -> None:
         self.transitions.append(number)
-        self.aim, self.braking = aim, braking
+        self.next_state, self.braking = next_state, braking
         if braking:
             return
         if self._delay_ns > 0:
@@ -190,6 +190,6 @@ class StateMachine:
         self._arrive()
 
     def _arrive(self) -> None:
-        if self.aim is not None:
-            self.state, self.aim = self.aim, None
+        if self.next_state is not None:
+            self.state, self.next_state = self.next_state, None
         self.braking = ""

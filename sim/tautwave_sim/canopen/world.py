@@ -3,8 +3,8 @@
 The slots are those of the bus' period. A SYNC latches: at its arrival all axes move to the slot
 nearest to it, are measured there, and what was received before it acts from that slot on. What
 does not wait for SYNC (an asynchronous RPDO, an SDO, a watchdog) acts within the slot. The slots
-begin with the first SYNC after every operational drive has told that it is enabled; until then
-somebody holds the axes. Without SYNC they begin when a drive is enabled.
+begin with the first SYNC after every operational drive has reported that it is enabled; until then
+the axes are held. Without SYNC they begin when a drive is enabled.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class DriveBus:
         self._braking.append(False)
         self._due += [
             (round(at_s * 1e9), at, action)
-            for at_s, action in _misfortunes(device, quirks)
+            for at_s, action in _planned_faults(device, quirks)
             if at_s is not None
         ]
         self._due.sort(key=lambda due: due[:2])
@@ -98,7 +98,7 @@ class DriveBus:
         """Return the time since the drives began to move [ns], None before."""
         return None if self._origin_ns is None else t_ns - self._origin_ns
 
-    def trouble(self, port: MediumPort) -> str:
+    def port_fault(self, port: MediumPort) -> str:
         """Return what ails the master's `port` now: '', `queue_full`, `bus_off` or `bus_down`."""
         if self.plan.idle:
             return "bus_off" if port.off else ""
@@ -203,7 +203,7 @@ class DriveBus:
             self._begin(now_ns)
 
     def _act(self, at: int, now_ns: int) -> None:
-        """Let what a device was told or did between two latches act from now on."""
+        """Apply what a device received or did between two latches."""
         drive = self.devices[at].drive
         if not drive.changed or self._origin_ns is None:
             return
@@ -224,10 +224,10 @@ class DriveBus:
         if self._origin_ns is not None:
             self._motors[at].share = 0.0
             device.drive.begin_slot(self._slot)
-        device.answer_sync()
+        device.on_sync()
 
 
-def _misfortunes(
+def _planned_faults(
     device: Device, quirks: Quirks
 ) -> list[tuple[float | None, Callable[[int], None]]]:
     """Return what befalls a device, and when [s]."""

@@ -1,4 +1,4 @@
-"""All servos of a line: who is addressed, who answers when, and on which slot they are."""
+"""All servos of a line: addressing, responses and their times, and slots."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class ServoBus:
     period_ns : int
         Length of a slot [ns].
     late_ns : int
-        How late a late answer is [ns].
+        How late a late response is [ns].
     free : bool
         Move from the beginning on, torque or not; else from the first exchange with torque on.
     """
@@ -82,7 +82,7 @@ class ServoBus:
         line.listener = self
 
     def start(self, now_ns: int) -> None:
-        """Begin to move freely, where that is asked for."""
+        """Begin to move freely, if requested."""
         if self._free:
             self._begin(now_ns)
             self._run_free(now_ns)
@@ -116,7 +116,7 @@ class ServoBus:
             self._line.call_at(at_ns, partial(self._happen, event, at_ns))
 
     def _rest(self) -> None:
-        """Stand still once all torque was switched off, until it is on again."""
+        """Hold still once all torque was switched off, until it is on again."""
         if self._free or self._origin_ns is None:
             return
         if not any(servo.torque_on or servo.errors for servo in self.servos):
@@ -189,7 +189,7 @@ class ServoBus:
     def _refuse(self, listening: list[Servo], packet: Packet, now_ns: int) -> None:
         for servo in listening:
             if servo.device_id == packet.device_id and servo.level == 2:
-                self._answer(servo, servo.device_id, Reply(p2.CRC_ERROR), now_ns)
+                self._respond(servo, servo.device_id, Reply(p2.CRC_ERROR), now_ns)
 
     # --------------------------------------------------------------------------- one servo
 
@@ -200,21 +200,23 @@ class ServoBus:
             return
         if broadcast and packet.instruction == p2.READ:
             return
+        if broadcast and packet.instruction == p2.FACTORY_RESET and packet.params in (b"", b"\xff"):
+            return  # all servos with one id would be lost: they do not (e-manual, 0x06)
         for servo in able:
             own, level, delay_ns = servo.device_id, servo.level, servo.delay_ns
-            # Framed by what it was when asked: id, baud rate and protocol may be what is written.
+            # Framed as of the request: the write may change id, baud rate or protocol.
             spoken = (servo.baud, servo.protocol)
             reply = execute(servo, packet.instruction, packet.params, now_ns)
             if reply is None or packet.device_id != own or not _wanted(packet.instruction, level):
                 continue
-            self._answer(servo, own, reply, now_ns + delay_ns, spoken)
+            self._respond(servo, own, reply, now_ns + delay_ns, spoken)
 
     def _ping_all(self, able: list[Servo], now_ns: int) -> None:
         at_ns = now_ns
         for servo in sorted(able, key=lambda one: one.device_id):
-            at_ns = self._answer(servo, servo.device_id, servo.ping(), at_ns + servo.delay_ns)
+            at_ns = self._respond(servo, servo.device_id, servo.ping(), at_ns + servo.delay_ns)
 
-    def _answer(
+    def _respond(
         self,
         servo: Servo,
         device_id: int,
@@ -224,12 +226,12 @@ class ServoBus:
     ) -> int:
         """Send a status packet; return when the line is free again if nothing goes wrong."""
         baud, protocol = spoken or (servo.baud, servo.protocol)
-        kind = self._plan.answer(device_id, self._time_s(at_ns))
+        kind = self._plan.response_fault(device_id, self._time_s(at_ns))
         shown = (device_id + 1) % 253 if kind == "wrong_id" else device_id
         whole = servo.frame(shown, reply, protocol)
-        data = self._plan.spoil(kind, whole)
+        data = self._plan.corrupt(kind, whole)
         if data:
-            self._line.answer(data, at_ns, baud, self._late_ns if kind == "late" else 0)
+            self._line.respond(data, at_ns, baud, self._late_ns if kind == "late" else 0)
         return at_ns + wire_ns(max(len(whole), len(data)), baud)
 
     # -------------------------------------------------------------------------- many servos
@@ -255,7 +257,7 @@ class ServoBus:
         if self._origin_ns is None and asked and all(servo.torque_on for servo in asked):
             self._begin(heard.begun_ns)
         if packet.instruction in (p2.FAST_SYNC_READ, p2.FAST_BULK_READ):
-            self._answer_fast(by_id, parts, now_ns)
+            self._respond_fast(by_id, parts, now_ns)
             return
         at_ns = now_ns
         for device_id, address, length in parts:
@@ -264,12 +266,12 @@ class ServoBus:
             if servo is not None and servo.level >= 1:
                 reply = servo.read(address, length, now_ns)
             if servo is None or reply is None:
-                # The next one waits as long as the missing answer would have taken.
+                # The next one waits as long as the missing response would have taken.
                 at_ns += wire_ns(STATUS_BYTES + length, heard.sent.baud)
                 continue
-            at_ns = self._answer(servo, device_id, reply, at_ns + servo.delay_ns)
+            at_ns = self._respond(servo, device_id, reply, at_ns + servo.delay_ns)
 
-    def _answer_fast(self, by_id: dict[int, Servo], parts: list[Part], now_ns: int) -> None:
+    def _respond_fast(self, by_id: dict[int, Servo], parts: list[Part], now_ns: int) -> None:
         """Send the one packet of a fast read; it ends before the first servo that is silent.
 
         The servos behind it cannot go on: each checksum covers all bytes before.
@@ -282,7 +284,7 @@ class ServoBus:
             if servo is None or servo.level < 1 or servo.firmware < servo.model.fast_firmware:
                 break
             reply = servo.read(address, length, now_ns)
-            kind = self._plan.answer(device_id, self._time_s(now_ns))
+            kind = self._plan.response_fault(device_id, self._time_s(now_ns))
             if reply is None or kind == "lost":
                 break
             if not pieces:
@@ -296,14 +298,14 @@ class ServoBus:
         total = 1 + sum(4 + length for _, _, length in parts)
         sent = b""
         for kind, piece in zip(kinds, p2.fast_status(pieces, total), strict=True):
-            sent += self._plan.spoil(kind, piece)
+            sent += self._plan.corrupt(kind, piece)
             if kind == "truncated":
                 break
-        self._line.answer(sent, start_ns, baud, self._late_ns if "late" in kinds else 0)
+        self._line.respond(sent, start_ns, baud, self._late_ns if "late" in kinds else 0)
 
 
 def _wanted(instruction: int, level: int) -> bool:
-    """Return whether Status Return Level lets a servo answer this instruction."""
+    """Return whether Status Return Level lets a servo respond to this instruction."""
     if instruction == p2.PING:
         return True
     return level >= (1 if instruction == p2.READ else 2)
@@ -314,7 +316,7 @@ def _word(data: bytes, at: int) -> int:
 
 
 def _parts(packet: Packet) -> list[Part]:
-    """Return what a sync or bulk read asks of whom."""
+    """Return the address and size that a sync or bulk read wants from each servo."""
     params = packet.params
     if packet.instruction in (p2.SYNC_READ, p2.FAST_SYNC_READ):
         if len(params) < 5:

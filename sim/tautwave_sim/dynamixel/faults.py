@@ -16,7 +16,7 @@ from tautwave_sim.dynamixel.motor import (
 )
 
 ANSWER_KINDS = ("lost", "late", "truncated", "corrupted", "wrong_id", "extra_bytes")
-"""Of one answer of a servo."""
+"""Faults of one response of a servo."""
 DEAF = "deaf"
 """The servo misses an instruction."""
 HARDWARE_KINDS = {
@@ -37,7 +37,7 @@ DETAIL = "detail"
 class Event(NamedTuple):
     """One scripted fault.
 
-    `at_s` [s] after slot 0, or `nth`: the answer (or, for `deaf`, the instruction) with that
+    `at_s` [s] after slot 0, or `nth`: the response (or, for `deaf`, the instruction) with that
     number, from 1 on. `device_id` None: any servo.
     """
 
@@ -48,14 +48,14 @@ class Event(NamedTuple):
 
 
 class FaultPlan:
-    """Decides which packets suffer, the same way for the same seed.
+    """Decides which packets are disturbed, the same for the same seed.
 
     Parameters
     ----------
     seed : tuple of int
         Begins the random streams, one for each kind.
     chances : mapping
-        Probability of each kind, per answer (`deaf`: per instruction and servo).
+        Probability of each kind, per response (`deaf`: per instruction and servo).
     events : sequence of Event
         Scripted faults of packets.
     """
@@ -71,8 +71,8 @@ class FaultPlan:
         self._events = [event for event in events if event.kind in PACKET_KINDS]
         self._counts: dict[tuple[bool, int | None], int] = {}
 
-    def answer(self, device_id: int, time_s: float) -> str:
-        """Return what happens to the next answer of a servo: a kind, or nothing."""
+    def response_fault(self, device_id: int, time_s: float) -> str:
+        """Return the fault of a servo's next response: a kind, or ''."""
         return self._decide(device_id, time_s, ANSWER_KINDS)
 
     def deaf(self, device_id: int, time_s: float) -> bool:
@@ -99,8 +99,8 @@ class FaultPlan:
                 found = found or kind
         return found
 
-    def spoil(self, kind: str, packet: bytes) -> bytes:
-        """Return what is left of an answer; a wrong id or a delay are not its bytes' business."""
+    def corrupt(self, kind: str, packet: bytes) -> bytes:
+        """Return a response with its bytes disturbed; a wrong id or a delay are done elsewhere."""
         if kind == "lost":
             return b""
         if kind == "truncated":

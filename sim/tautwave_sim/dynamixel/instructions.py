@@ -6,11 +6,19 @@ from tautwave_sim.dynamixel import packets as p2
 from tautwave_sim.dynamixel.servo import Reply, Servo
 
 CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
-"""What Clear (0x10) wants to hear, so that noise clears nothing."""
+"""Required by Clear (0x10), so that noise clears nothing."""
+
+RESET_ALL = b"\xff"
+RESETS: dict[bytes, tuple[str, ...]] = {
+    RESET_ALL: (),
+    b"\x01": ("ID",),
+    b"\x02": ("ID", "Baud Rate"),
+}
+"""What Factory Reset (0x06) leaves as it is, by its parameter (protocol 1.0 has none: nothing)."""
 
 
 def execute(servo: Servo, instruction: int, params: bytes, now_ns: int) -> Reply | None:
-    """Do what an instruction asks, and return what the servo has to say; None: it keeps silent."""
+    """Execute an instruction and return the servo's reply; None: it stays silent."""
     if instruction == p2.PING:
         return servo.ping()
     if instruction == p2.READ:
@@ -20,13 +28,26 @@ def execute(servo: Servo, instruction: int, params: bytes, now_ns: int) -> Reply
     if instruction == p2.ACTION:
         return _action(servo, now_ns)
     if instruction == p2.FACTORY_RESET:
-        return Reply(p2.RESULT_FAIL)  # a simulated servo keeps what its rig file says
+        return _factory_reset(servo, params, now_ns)
     if servo.protocol >= 2.0 and instruction == p2.REBOOT:
         servo.reboot(now_ns)
         return Reply(0)
     if servo.protocol >= 2.0 and instruction == p2.CLEAR:
         return _clear(servo, params)
     return Reply(p2.INSTRUCTION_ERROR)
+
+
+def _factory_reset(servo: Servo, params: bytes, now_ns: int) -> Reply:
+    if servo.protocol < 2.0:
+        kept = RESETS[RESET_ALL] if not params else None
+    else:
+        kept = RESETS.get(params)
+    if kept is None:
+        return Reply(p2.RANGE_ERROR if len(params) == 1 else p2.LENGTH_ERROR)
+    if servo.torque_on:
+        return Reply(p2.RESULT_FAIL)
+    servo.factory_reset(kept, now_ns)
+    return Reply(0)
 
 
 def _width(servo: Servo) -> int:

@@ -11,7 +11,7 @@ EEPROM, RAM = "EEPROM", "RAM"
 class Item(NamedTuple):
     """One item of a control table, as its e-manual page lists it.
 
-    `low` and `high` are what may be written; `unit` is for people. `limit` names the item whose
+    `low` and `high` are the range for writing; `unit` is for readers. `limit` names the item whose
     value bounds this one to both sides.
     """
 

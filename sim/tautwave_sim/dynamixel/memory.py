@@ -7,7 +7,7 @@ addresses that the indirect addresses name, and obey the rules there.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from tautwave_sim.dynamixel.items import EEPROM, RW, Item, Model, R
 from tautwave_sim.dynamixel.packets import ACCESS_ERROR, LENGTH_ERROR, LIMIT_ERROR, RANGE_ERROR
@@ -63,6 +63,12 @@ class Memory:
             self.poke("Torque Limit", self.peek("Max Torque"))
         self.registered = None
 
+    def factory_reset(self, kept: Sequence[str]) -> None:
+        """Set all that can be written in the EEPROM to what the model has, but for `kept`."""
+        for item in self.model.items:
+            if item.area == EEPROM and item.access == RW and item.name not in kept:
+                self.poke(item.name, item.initial)
+
     def has(self, name: str) -> bool:
         """Return whether the table has this item."""
         return name in self.items
@@ -79,7 +85,7 @@ class Memory:
             self._bytes[item.address : item.end] = item.encode(value)
 
     def target(self, address: int) -> int:
-        """Return the address that an address of indirect data stands for; itself otherwise."""
+        """Return the address behind an address of indirect data; any other unchanged."""
         pointer = self._data.get(address)
         if pointer is None:
             return address

@@ -25,7 +25,7 @@ PROFILE_ACCELERATION_UNIT = 214.577 * math.tau / 3600.0
 """[rad/s2] 214.577 rev/min2."""
 
 FOLLOW = 12.0
-"""[1/s] Velocity asked for per position missing."""
+"""[1/s] Velocity demand per position error."""
 SETTLE = 5.0
 """Periods in which the velocity loop removes its error."""
 
@@ -94,7 +94,7 @@ class Motor:
         self.configure()
 
     def configure(self) -> None:
-        """Take over what was written to the registers."""
+        """Apply what was written to the registers."""
         memory = self.memory
         on = memory.peek("Torque Enable") == 1
         if self.model.protocol < 2.0:
@@ -141,7 +141,7 @@ class Motor:
             self.target = joint.to_position(memory.peek("Goal Position"))
 
     def goal_written(self, name: str, value: int) -> None:
-        """Take over one goal, quickly."""
+        """Apply one goal, quickly."""
         if name == "Goal Current":
             limit = self.memory.peek("Current Limit")
             self.goal_current = max(-limit, min(limit, value))
@@ -191,8 +191,8 @@ class Motor:
         """Account for the slot that has passed; return the bits of hardware errors it brought."""
         self._measure_current()
         share = abs(self.current_counts) / self._stall_counts
-        aim = self.heat.ambient_c + self.heat.rise_k * share * share
-        self.temperature_c += (aim - self.temperature_c) * self._period / self.heat.time_s
+        next_state = self.heat.ambient_c + self.heat.rise_k * share * share
+        self.temperature_c += (next_state - self.temperature_c) * self._period / self.heat.time_s
         stuck = abs(self.axis.physics.v) < 0.05 * self._no_load
         if share >= self.overload_share and stuck and self.torque_on:
             self._overload_time += self._period
@@ -217,7 +217,7 @@ class Motor:
             self.current_counts = 0
         elif self._admittance:
             reference, rate = self.axis.hand()
-            self.feel(sum(self.axis.physics.forces(reference, rate)))
+            self.hold_against(sum(self.axis.physics.forces(reference, rate)))
         elif self.mode == CURRENT:
             self.current_counts = self.goal_current
         else:
@@ -225,8 +225,8 @@ class Motor:
                 self.commanded / self.joint.effort + 0.5
             )
 
-    def feel(self, outside: float) -> None:
-        """Take the current that holds an effort from outside; only an admittance axis does."""
+    def hold_against(self, outside: float) -> None:
+        """Draw the current that holds an outside effort; only an admittance axis does."""
         if self._admittance and self.torque_on and math.isfinite(outside):
             counts = math.floor(outside / self.joint.effort + 0.5)
             self.current_counts = -self.joint.direction * counts
@@ -271,7 +271,7 @@ class Motor:
         return stall * (duty - self.axis.physics.v / self._no_load)
 
     def duty(self) -> int:
-        """Return the PWM that the torque takes at this speed [0.113 %]."""
+        """Return the PWM that the torque needs at this speed [0.113 %]."""
         if not self.torque_on:
             return 0
         turning = self.joint.direction * self.axis.physics.v / self._no_load

@@ -75,7 +75,7 @@ MX_CHANGES: dict[str, dict[str, int]] = {
 
 
 def old_series() -> tuple[Model, ...]:
-    """Return the models that speak protocol 1.0."""
+    """Return the models with protocol 1.0."""
     mx = tuple(item._replace(**MX_CHANGES.get(item.name, {})) for item in COMMON)  # type: ignore[arg-type]
     return (
         Model(

@@ -32,7 +32,7 @@ class EventOptions(BaseModel):
     at_s: Annotated[float, Field(ge=0.0)] | None = None
     """[s] After slot 0; a packet fault hits the first packet from then on."""
     nth: Annotated[int, Field(ge=1)] | None = None
-    """The answer with this number; for `deaf` the instruction."""
+    """The response with this number; for `deaf` the instruction."""
     id: DeviceId | None = None
     """The servo; not given: any, or all."""
 
@@ -50,7 +50,7 @@ class EventOptions(BaseModel):
 
 
 class FaultOptions(BaseModel):
-    """Chances per answer (`deaf`: per instruction and servo), and the script."""
+    """Chances per response (`deaf`: per instruction and servo), and the script."""
 
     model_config = STRICT
 
@@ -63,7 +63,7 @@ class FaultOptions(BaseModel):
     extra_bytes: Chance = 0.0
     deaf: Chance = 0.0
     late_s: Annotated[float, Field(gt=0.0)] = 0.005
-    """[s] How late a late answer is."""
+    """[s] How late a late response is."""
     events: list[EventOptions] = []
 
     def chances(self) -> dict[str, float]:
@@ -93,7 +93,7 @@ class ServoQuirks(BaseModel):
     """Share of the stall current that, standing still, is an overload after `overload_s`."""
     overload_s: Annotated[float, Field(gt=0.0)] = 1.0
     reboot_s: Annotated[float, Field(ge=0.0)] = 0.2
-    """[s] How long a reboot takes."""
+    """[s] Time of a reboot."""
 
     @field_validator("model")
     @classmethod

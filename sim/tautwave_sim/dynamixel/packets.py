@@ -1,4 +1,4 @@
-"""Protocol 2.0 as a servo speaks it: packets, byte stuffing, checksum, and finding packets again.
+"""Protocol 2.0, the servo's side: packets, byte stuffing, checksum, and finding packets again.
 
 Source: e-manual, "DYNAMIXEL Protocol 2.0" (docs/en/dxl/protocol2) and "CRC Calculation".
 """
@@ -76,14 +76,14 @@ def status(device_id: int, error: int, params: bytes = b"") -> bytes:
 
 
 def fast_status(pieces: list[tuple[int, int, bytes]], length: int) -> list[bytes]:
-    """Return the pieces of a fast sync or bulk answer, one per servo, never stuffed.
+    """Return the pieces of a fast sync or bulk response, one per servo, never stuffed.
 
     Parameters
     ----------
     pieces : list
-        Id, error and data of those who answer, in their order.
+        Id, error and data of those that respond, in their order.
     length : int
-        LENGTH of the whole packet as it was asked for, silent servos included.
+        LENGTH of the whole packet as requested, silent servos included.
     """
     crc = 0
     sent = []

@@ -1,4 +1,4 @@
-"""Protocol 1.0 as a servo speaks it.
+"""Protocol 1.0, the servo's side.
 
 Source: e-manual, "DYNAMIXEL Protocol 1.0" (docs/en/dxl/protocol1).
 """

@@ -1,10 +1,11 @@
 """One servo: its registers, what it measures, and what time does to it.
 
-Time is the bus' [ns]. The servo does not know when its answers are on the wire: `ServoBus` does.
+Time is the bus' [ns]. The servo does not know when its responses are on the wire: `ServoBus` does.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from tautwave.truth import AxisModel
@@ -121,7 +122,7 @@ class Servo:
             self._watchdog_ns = memory.peek("Bus Watchdog") * WATCHDOG_UNIT_NS
 
     def _update_joint(self) -> None:
-        """Shift and turn the counts as Homing Offset(20), Drive Mode(10) and Clear ask."""
+        """Shift and turn the counts by Homing Offset(20), Drive Mode(10) and Clear."""
         memory, joint = self.memory, self._mounted
         if memory.has("Homing Offset"):
             zero = joint.zero + memory.peek("Homing Offset") + self._turns * self.model.counts
@@ -184,10 +185,16 @@ class Servo:
         self._born_ns = now_ns
         self._deaf_until_ns = now_ns + self._reboot_ns
 
-    # ------------------------------------------------------------------ asked by the host
+    def factory_reset(self, kept: Sequence[str], now_ns: int) -> None:
+        """Set the EEPROM as it left the factory, but for the items `kept`; then reboot."""
+        self.memory.factory_reset(kept)
+        self._turns = 0
+        self.reboot(now_ns)
+
+    # ------------------------------------------------------------------ from the host
 
     def listen(self, now_ns: int) -> None:
-        """Take notice that an instruction was addressed to it: feeds the bus watchdog."""
+        """Note that an instruction was addressed to it: feeds the bus watchdog."""
         self._watch(now_ns)
         self._heard_ns = now_ns
 
@@ -206,7 +213,7 @@ class Servo:
         return status(device_id, self.alert(reply.error, protocol), reply.params)
 
     def ping(self) -> Reply:
-        """Answer a ping."""
+        """Respond to a ping."""
         if self.protocol < 2.0:
             return Reply(0)
         return Reply(0, self.model.number.to_bytes(2, "little") + bytes((self.firmware,)))
@@ -217,7 +224,7 @@ class Servo:
         return self.memory.peek("Firmware Version")
 
     def read(self, address: int, length: int, now_ns: int) -> Reply | None:
-        """Answer a read; None where no fresh sample came, and the servo keeps silent."""
+        """Respond to a read; None where no fresh sample came, and the servo stays silent."""
         if not self._refresh(now_ns):
             return None
         data = self.memory.read(address, length)
@@ -266,7 +273,7 @@ class Servo:
             memory.poke("Goal Current", memory.peek("Current Limit"))
 
     def clear_turns(self) -> bool:
-        """Take whole turns away from the position; False: it moves, and keeps them."""
+        """Remove whole turns from the position; False: it moves, and keeps them."""
         if self._moving():
             return False
         self._turns -= self.motor.position_counts() // self.model.counts
@@ -291,7 +298,9 @@ class Servo:
     def _refresh(self, now_ns: int) -> bool:
         """Bring the registers of present values up to this slot; False: there is no sample."""
         sample = self._measure()
-        self.motor.feel(sample.effort)  # not once per slot: the torque may have come on since
+        self.motor.hold_against(
+            sample.effort
+        )  # not once per slot: the torque may have come on since
         motor, memory, joint = self.motor, self.memory, self.joint
         if self.model.protocol < 2.0:
             self._refresh_first(sample)

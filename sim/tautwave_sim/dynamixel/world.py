@@ -124,7 +124,7 @@ def _servo(
 def _registers(
     options: DynamixelOptions, given: ServoOptions, model: Model, spec: AxisSpec
 ) -> dict[str, int]:
-    """Return what somebody has set before: id and baud rate, and what the rig wants."""
+    """Return the settings made before: id and baud rate, and what the rig needs."""
     registers = {"ID": given.id}
     for code, baud in model.bauds:
         if abs(baud - options.baud) < 0.03 * options.baud:
@@ -183,7 +183,7 @@ def serve(
     clock = MonotonicClock()
     world = ServoWorld(options, bus, physics, clock, free=options.port != "sim")
 
-    def tell(path: str) -> None:
+    def report(path: str) -> None:
         announce(
             {
                 "driver": "dynamixel",
@@ -194,7 +194,7 @@ def serve(
         )
 
     link = options.simulator.link
-    serve_line(world.line, tell, stopped, None if link is None else Path(link), clock)
+    serve_line(world.line, report, stopped, None if link is None else Path(link), clock)
 
 
 def bench(options: BenchOptions) -> Bench:
@@ -216,7 +216,7 @@ def bench(options: BenchOptions) -> Bench:
     try:
         faults = FaultOptions.model_validate({"seed": options.seed, **options.faults})
     except ValidationError as err:
-        raise ConfigError([_sentence(problem) for problem in err.errors()]) from err
+        raise ConfigError([_message(problem) for problem in err.errors()]) from err
     delay = {"Return Delay Time": options.return_delay_us // 2}
     quirks = {one: ServoQuirks(registers=delay) for one in options.ids}
     bus = DynamixelOptions(
@@ -235,7 +235,7 @@ def bench(options: BenchOptions) -> Bench:
     return Bench(bus, BusSpec("bench", axes, 1.0 / BENCH_PERIOD_S), truths)
 
 
-def _sentence(problem: Any) -> str:
+def _message(problem: Any) -> str:
     where = ".".join(str(part) for part in problem["loc"])
     return f"sim dynamixel: --faults: {where}: {problem['msg']} (got {problem['input']!r})"
 

@@ -128,7 +128,7 @@ FIRST_WATCHDOG = 38
 
 
 class Figures(NamedTuple):
-    """What tells one model of a family from the others: numbers of its page."""
+    """What differs between the models of a family: numbers of its page."""
 
     name: str
     number: int

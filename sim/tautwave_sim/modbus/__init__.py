@@ -6,9 +6,9 @@ command register (FC 6, 16 or 23): that request's sample is slot 0's, its comman
 on. A later command belongs to the slot that its first byte's time since then is nearest to; what
 only reads belongs to the slot of the last command, unless whole periods have passed. The first
 request in a new slot, to whichever drive, lets all drives pass it and sample. So every drive may be
-asked at a phase of its own, the command first; host lateness below half a period moves nothing; and
+polled at a phase of its own, command first; host lateness below half a period moves nothing; and
 what a loop writes in cycle k acts from slot k + 1 on: a command delay of one period of the bus.
-Until slot 0 an axis is held where it stands; switched off and on again it is held anew.
+Until slot 0 an axis is held where it is; switched off and on again it is held again.
 """
 
 from tautwave_sim.modbus.plugin import simulator

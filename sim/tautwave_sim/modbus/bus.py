@@ -3,9 +3,9 @@
 A drive begins to move with the first request that finds it on and writes a command: that is slot 0,
 a sample is taken in it, and the command acts from it on. From then on the slot of a request that
 writes a command is the nearest whole number of periods since that first one, so that each drive may
-be told at a phase of its own; what only reads belongs to the slot of the last command, unless whole
-periods have passed since. The first request in a new slot, to whichever drive, has all of them pass
-it and sample at the same time. A request counts with its first byte.
+have commands at a phase of its own; what only reads belongs to the slot of the last command, unless
+whole periods have passed since. The first request in a new slot, to whichever drive, makes all of
+them pass it and sample at the same time. A request counts with its first byte.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from tautwave.contracts import BusSpec
 from tautwave.errors import ConfigError
 from tautwave.truth import AxisModel
 from tautwave_sim.modbus.drive import Drive
-from tautwave_sim.modbus.faults import Fate, FaultPlan
+from tautwave_sim.modbus.faults import FaultPlan, Outcome
 from tautwave_sim.modbus.options import LINK_FAULTS, Quirks, SimulatedModbusOptions
-from tautwave_sim.modbus.protocol import READS, Request, answer, exception, parse
 from tautwave_sim.modbus.registers import Refusal
+from tautwave_sim.modbus.wire.protocol import READS, Request, exception, parse, respond
 
 BROADCAST = 0
 
@@ -71,7 +71,7 @@ class DriveBus:
             )
         self._period_ns = round(truths[0].period * 1e9) if truths else bus.period_ns
         turnaround_s = options.turnaround_s or 0.0
-        self._answer_ns = {
+        self._response_ns = {
             unit: round(
                 1e9 * _first(options.simulator.devices.get(unit, Quirks()).answer_s, turnaround_s)
             )
@@ -80,23 +80,23 @@ class DriveBus:
         self._slot = 0
         self._began_ns: int | None = None
 
-    def answer_ns(self, unit: int) -> int:
-        """Return how long a drive takes from the end of a request to its answer [ns]."""
-        return self._answer_ns[unit]
+    def response_ns(self, unit: int) -> int:
+        """Return how long a drive takes from the end of a request to its response [ns]."""
+        return self._response_ns[unit]
 
     def elapsed_ns(self, now_ns: int) -> int | None:
         """Return the time since the drives began to move; None before."""
         return None if self._began_ns is None else now_ns - self._began_ns
 
     def latch(self, unit: int, pdu: bytes, now_ns: int) -> None:
-        """Take note of a request's first byte: a slot may have begun."""
+        """Note a request's first byte: a slot may have begun."""
         drive = self.drives.get(unit)
         if drive is None:
             return
         request = self._parsed(drive, pdu)
-        tells = request is not None and drive.told_by(request)
+        commanding = request is not None and drive.commanded_by(request)
         if drive.origin_ns is not None:
-            if tells:
+            if commanding:
                 since = now_ns - drive.origin_ns
                 slot = drive.base + (since + self._period_ns // 2) // self._period_ns
                 drive.told_ns, drive.told_slot = now_ns, slot
@@ -104,7 +104,7 @@ class DriveBus:
                 slot = drive.told_slot + (now_ns - drive.told_ns) // self._period_ns
             self._pass(slot, now_ns)
         drive.settle(now_ns)
-        if drive.origin_ns is None and drive.on and tells:
+        if drive.origin_ns is None and drive.on and commanding:
             drive.origin_ns = drive.told_ns = now_ns
             drive.base = drive.told_slot = self._slot
             drive.motor.free = True
@@ -133,31 +133,31 @@ class DriveBus:
         for drive in moving:
             drive.latch()
 
-    def handle(self, unit: int, pdu: bytes, now_ns: int) -> tuple[bytes | None, Fate]:
-        """Take a whole request; return the response, None where there is none, and its fate."""
+    def handle(self, unit: int, pdu: bytes, now_ns: int) -> tuple[bytes | None, Outcome]:
+        """Take a complete request; return the response or None, and the outcome."""
         elapsed_ns = self.elapsed_ns(now_ns)
-        fate = self.plan.request(unit, elapsed_ns)
-        if fate.lost:
-            return None, fate
+        outcome = self.plan.request(unit, elapsed_ns)
+        if outcome.lost:
+            return None, outcome
         if unit == BROADCAST:
             for drive in self.drives.values():
                 drive.hear(now_ns)
                 request = self._parsed(drive, pdu)
                 if request is not None and request.function not in READS:
-                    answer(drive, pdu)
-            return None, fate
+                    respond(drive, pdu)
+            return None, outcome
         found = self.drives.get(unit)
         if found is None:
-            return None, fate
+            return None, outcome
         found.hear(now_ns)
         for kind, code in self.plan.drive_events(unit, elapsed_ns):
-            found.befall(kind, code)
-        if fate.code is not None:
-            return exception(pdu, fate.code), fate
-        response = answer(found, pdu)
+            found.inject(kind, code)
+        if outcome.code is not None:
+            return exception(pdu, outcome.code), outcome
+        response = respond(found, pdu)
         request = self._parsed(found, pdu)
         missing = not found.motor.valid and request is not None and found.shows_position(request)
-        return None if missing or fate.unanswered else response, fate
+        return None if missing or outcome.unanswered else response, outcome
 
 
 def _first(value: float | None, otherwise: float) -> float:

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 from tautwave.errors import ConfigError
 from tautwave.truth import AxisModel
+from tautwave_sim.modbus.families import load_table
 from tautwave_sim.modbus.machines import Machine, make_machine
 from tautwave_sim.modbus.motor import Motor
 from tautwave_sim.modbus.options import DeviceKeys, Quirks
-from tautwave_sim.modbus.protocol import Request
 from tautwave_sim.modbus.registers import DEVICE_BUSY, DEVICE_FAILURE, Refusal, RegisterBank
-from tautwave_sim.modbus.table import Table, load_table
+from tautwave_sim.modbus.table import Table
 from tautwave_sim.modbus.units import drive_scale
+from tautwave_sim.modbus.wire.protocol import Request
 
 COMMANDS = ("command_effort", "command_velocity", "command_position")
 OVERCURRENT = 0x2310
@@ -45,7 +46,7 @@ class Drive:
         self.table: Table = load_table(device.profile)
         self.functions = device.function_codes or self.table.functions
         self.bank = RegisterBank(self.table.registers)
-        self.bank.gaps_read_zero = quirks.gaps_read_zero
+        self.bank.gaps_read_zero = quirks.gaps_read_zero or self.table.gaps_read_zero
         self._quirks = quirks
         self._prime(device)
         rated = self._rated(device)
@@ -116,7 +117,7 @@ class Drive:
             return code
         return self.table.faults.get("overcurrent", OVERCURRENT)
 
-    def befall(self, kind: str, code: int | None) -> None:
+    def inject(self, kind: str, code: int | None) -> None:
         """Have something scripted happen to it."""
         if kind == "power_cycle":
             self.bank.values.update(self._first)
@@ -152,7 +153,7 @@ class Drive:
         self.settle(now_ns)
         self._heard_ns = now_ns
 
-    def told_by(self, request: Request) -> bool:
+    def commanded_by(self, request: Request) -> bool:
         """Return whether a request writes a command."""
         roles, count = self.table.roles, len(request.words)
         return any(
@@ -196,7 +197,7 @@ class Drive:
             fresh.pop(self.table.roles.get("comm_timeout", ""), None)
         for name, value in fresh.items():
             self.bank.store(name, value)
-        self.machine.told(set(fresh), self.now_ns)
+        self.machine.on_write(set(fresh), self.now_ns)
         self._follow()
 
     def _stores(self) -> bool:
@@ -217,9 +218,9 @@ class Drive:
         if self._positioning:
             return
         if how == ("velocity" if self.motor.servo else "effort"):
-            self.motor.tell(counts)
+            self.motor.command(counts)
         else:
-            self.motor.tell(0)
+            self.motor.command(0)
 
     def _command(self) -> tuple[int, str]:
         roles, values = self.table.roles, self.bank.values
@@ -259,6 +260,6 @@ class Drive:
         self.motor.pass_slot()
 
     def latch(self) -> None:
-        """Take the sample of a slot; what a limit says may have changed with it."""
+        """Sample a slot; limits may have changed with it."""
         self.motor.latch()
         self._follow()

@@ -25,8 +25,8 @@ class LinkFailure(NamedTuple):
     span_ns: int
 
 
-class Fate(NamedTuple):
-    """What becomes of one request and its answer."""
+class Outcome(NamedTuple):
+    """What happens to one request and its response."""
 
     lost: bool = False
     unanswered: bool = False
@@ -34,16 +34,16 @@ class Fate(NamedTuple):
     noise: bytes = b""
     wrong_unit: bool = False
     keep: float = 1.0
-    """Share of the answer's bytes that arrive; at least one is missing below 1."""
+    """Share of the response's bytes that arrive; at least one is missing below 1."""
     flip: float | None = None
     """Where the wrong bit is, as a share of what can be wrong."""
     code: int | None = None
-    """Of the exception that is answered instead."""
+    """Of the exception sent instead."""
     link: LinkFailure | None = None
-    """How the link fails with this request, which then has no answer."""
+    """How the link fails with this request, which then has no response."""
 
 
-WELL = Fate()
+UNDISTURBED = Outcome()
 
 
 class FaultPlan:
@@ -68,10 +68,10 @@ class FaultPlan:
         self._place = uniform_stream((faults.seed, zlib.crc32(b"place")))
         self._idle = not self._events and not self._streams
 
-    def request(self, unit: int, t_ns: int | None) -> Fate:
+    def request(self, unit: int, t_ns: int | None) -> Outcome:
         """Decide on a request to a unit, `t_ns` after the drives began to move (None: not yet)."""
         if self._idle:
-            return WELL
+            return UNDISTURBED
         kinds = {
             kind: self._code
             for kind, (probability, stream) in self._streams.items()
@@ -80,13 +80,13 @@ class FaultPlan:
         link = None
         for event in self._events:
             if event.kind in LINK_FAULTS:
-                if event.by_request and event.strikes(unit, t_ns):
+                if event.by_request and event.applies(unit, t_ns):
                     link = event.failure
-            elif event.kind in REQUEST_FAULTS and event.strikes(unit, t_ns):
+            elif event.kind in REQUEST_FAULTS and event.applies(unit, t_ns):
                 kinds[event.kind] = event.code or 4
         if not kinds and link is None:
-            return WELL
-        return Fate(
+            return UNDISTURBED
+        return Outcome(
             lost="request_lost" in kinds,
             unanswered="answer_lost" in kinds,
             late_ns=self._late_ns if "answer_late" in kinds else 0,
@@ -115,20 +115,20 @@ class FaultPlan:
         return [
             (event.kind, event.code)
             for event in self._events
-            if event.kind in DRIVE_FAULTS and event.befalls(unit, t_ns)
+            if event.kind in DRIVE_FAULTS and event.applies_to(unit, t_ns)
         ]
 
 
-def spoil(frame: bytes, fate: Fate) -> bytes:
-    """Return what arrives of an answer's frame."""
-    if fate.flip is not None and frame:
-        bit = int(fate.flip * 8 * len(frame))
+def corrupt(frame: bytes, outcome: Outcome) -> bytes:
+    """Return what arrives of a response's frame."""
+    if outcome.flip is not None and frame:
+        bit = int(outcome.flip * 8 * len(frame))
         spoilt = bytearray(frame)
         spoilt[bit // 8] ^= 1 << bit % 8
         frame = bytes(spoilt)
-    if fate.keep < 1.0:
-        frame = frame[: int(fate.keep * len(frame))]
-    return fate.noise + frame
+    if outcome.keep < 1.0:
+        frame = frame[: int(outcome.keep * len(frame))]
+    return outcome.noise + frame
 
 
 class _Event:
@@ -147,7 +147,7 @@ class _Event:
         self._seen = 0
         self._began_ns: int | None = None
 
-    def strikes(self, unit: int, t_ns: int | None) -> bool:
+    def applies(self, unit: int, t_ns: int | None) -> bool:
         """Note a request; return whether it is meant."""
         if self._unit is not None and unit != self._unit:
             return False
@@ -170,8 +170,8 @@ class _Event:
         self._left = 0
         return True
 
-    def befalls(self, unit: int, t_ns: int | None) -> bool:
+    def applies_to(self, unit: int, t_ns: int | None) -> bool:
         """Return whether a drive has it now, once."""
         if self.by_request:
-            return self.strikes(unit, t_ns)
+            return self.applies(unit, t_ns)
         return (self._unit is None or unit == self._unit) and self.comes(t_ns)

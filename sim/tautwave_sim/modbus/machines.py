@@ -24,8 +24,8 @@ class Machine(Protocol):
         """`off`, `on` or `fault`."""
         ...
 
-    def told(self, fresh: set[str], now_ns: int) -> None:
-        """Take note of registers that were just written."""
+    def on_write(self, fresh: set[str], now_ns: int) -> None:
+        """Note registers that were just written."""
         ...
 
     def fail(self, code: int) -> None:
@@ -42,7 +42,7 @@ class Machine(Protocol):
 
 
 class PlainMachine(ABC):
-    """Off, on after a while, fault; a reset is taken only while the drive is told to be off.
+    """Off, on after a while, fault; a reset is accepted only while the drive is commanded off.
 
     Parameters
     ----------
@@ -76,26 +76,26 @@ class PlainMachine(ABC):
         """Return the word that the status register shows."""
         return self._states[self._state]
 
-    def wants(self) -> bool:
-        """Return whether the registers tell it to be on."""
+    def commanded_on(self) -> bool:
+        """Return whether the registers command it on."""
         return bool(self._bank.values["control"] & 1)
 
     @abstractmethod
-    def asked_to_reset(self, fresh: set[str]) -> bool:
-        """Return whether a fault reset was just asked for."""
+    def reset_requested(self, fresh: set[str]) -> bool:
+        """Return whether a fault reset was just requested."""
 
-    def told(self, fresh: set[str], now_ns: int) -> None:
-        """Take note of registers that were just written."""
-        reset = self.asked_to_reset(fresh)
+    def on_write(self, fresh: set[str], now_ns: int) -> None:
+        """Note registers that were just written."""
+        reset = self.reset_requested(fresh)
         if self.state == "fault":
-            if reset and not self.wants():
+            if reset and not self.commanded_on():
                 self._edges += 1
                 if self._edges >= self._resets:
                     self._state, self._edges = "off", 0
                     if self._fault:
                         self._bank.store(self._fault, 0)
             return
-        if not self.wants():
+        if not self.commanded_on():
             self._state, self._due_ns = "off", None
         elif self.state == "off" and self._due_ns is None and not self._refuses:
             self._due_ns = now_ns + self._enable_ns
@@ -124,7 +124,7 @@ class GenericMachine(PlainMachine):
 
     _before = 0
 
-    def asked_to_reset(self, fresh: set[str]) -> bool:
+    def reset_requested(self, fresh: set[str]) -> bool:
         """Return whether bit 1 rose."""
         word = self._bank.values["control"]
         rose = bool(word & 2 and not self._before & 2)
@@ -138,7 +138,7 @@ class DsyMachine(PlainMachine):
     Nothing is wired to the inputs: they are high unless P11.10 and P11.11 force them.
     """
 
-    def wants(self) -> bool:
+    def commanded_on(self) -> bool:
         """Return whether servo-on is active and no emergency stop is set."""
         values = self._bank.values
         levels = values["forced_inputs"] if values["forced_io"] & 1 else INPUTS_OPEN
@@ -152,7 +152,7 @@ class DsyMachine(PlainMachine):
             on = bool(values["unassigned_low"] & 1)
         return on and not values["emergency_stop"]
 
-    def asked_to_reset(self, fresh: set[str]) -> bool:
+    def reset_requested(self, fresh: set[str]) -> bool:
         """Return whether 1 was written to P11.01, which falls back to 0."""
         if "fault_reset" not in fresh or not self._bank.values["fault_reset"]:
             return False
@@ -168,19 +168,19 @@ class StepsMachine(PlainMachine):
         self._sequences = table.sequences
         super().__init__(bank, table, quirks)
 
-    def wants(self) -> bool:
+    def commanded_on(self) -> bool:
         """Return whether all that enabling writes is there."""
         values = self._bank.values
         return all(values[name] == value for name, value in self._sequences.on.items())
 
-    def asked_to_reset(self, fresh: set[str]) -> bool:
+    def reset_requested(self, fresh: set[str]) -> bool:
         """Return whether the write that resets was just made."""
         values = self._bank.values
         return any(name in fresh and values[name] == to for name, to in self._sequences.resets)
 
 
 class Cia402Machine:
-    """The state machine of CiA 402, told by 6040h; stops are at once."""
+    """The state machine of CiA 402, commanded by 6040h; stops are at once."""
 
     _STATUS = 0x1010
     """Bits 4 (voltage) and 12 (it follows the command) besides those of the state."""
@@ -211,7 +211,7 @@ class Cia402Machine:
         mode = self._bank.values[self._roles["mode"]]
         return mode if mode in self._modes else 0
 
-    def told(self, fresh: set[str], now_ns: int) -> None:
+    def on_write(self, fresh: set[str], now_ns: int) -> None:
         """Take a controlword."""
         if self._roles["control"] not in fresh:
             return
@@ -220,7 +220,7 @@ class Cia402Machine:
             word &= ~0x08
         before = self.state
         self._machine.control(word, now_ns)
-        self._stand()
+        self._come_to_rest()
         if before == "fault" and self.state != "fault":
             self._note(0)
 
@@ -241,11 +241,11 @@ class Cia402Machine:
     def run(self, now_ns: int) -> None:
         """Let a slow transition end."""
         self._machine.run(now_ns)
-        self._stand()
+        self._come_to_rest()
 
-    def _stand(self) -> None:
+    def _come_to_rest(self) -> None:
         if self._machine.braking:
-            self._machine.stood()
+            self._machine.come_to_rest()
 
 
 def make_machine(bank: RegisterBank, table: Table, quirks: Quirks) -> Machine:

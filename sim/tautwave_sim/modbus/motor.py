@@ -13,7 +13,7 @@ LOOP = 0.2
 class Motor:
     """One simulated axis as its drive sees it, sample by sample.
 
-    Until `free` is set somebody holds it where it is. What is told acts from the present slot on.
+    It is held where it is until `free` is set. A command acts from the present slot on.
     """
 
     def __init__(self, name: str, truth: AxisModel, scale: Scale) -> None:
@@ -27,35 +27,35 @@ class Motor:
         self.velocity_counts = 0
         self.torque_counts = 0
         """The motor's own; of a servo what it holds against hand and environment."""
-        self.told = 0
-        """What it is told [counts]: torque, or velocity of a servo."""
-        self._look(self.axis.physics.x, 0.0, 0.0)
+        self.setpoint = 0
+        """Commanded torque, or velocity of a servo [counts]."""
+        self._latch(self.axis.physics.x, 0.0, 0.0)
 
     def pass_slot(self) -> None:
-        """Move by one slot, if nobody holds it."""
+        """Move by one slot, unless it is held."""
         if self.free:
             self.axis.pass_slot()
 
     def latch(self) -> None:
-        """Take a sample; once a slot, as it costs random numbers."""
+        """Sample; once a slot, since it uses random numbers."""
         if not self.free:
             return
         state = self.axis.measure()
         self.valid = state.valid
-        self._look(state.position, self.axis.physics.v, state.effort if self.servo else 0.0)
+        self._latch(state.position, self.axis.physics.v, state.effort if self.servo else 0.0)
 
-    def _look(self, position: float, velocity: float, effort: float) -> None:
+    def _latch(self, position: float, velocity: float, effort: float) -> None:
         scale = self.scale
         self.position_counts = scale.direction * to_counts(position, scale.position)
         self.velocity_counts = scale.direction * to_counts(velocity, scale.velocity)
         if self.servo:
             self.torque_counts = -scale.direction * to_counts(effort, scale.effort)
         else:
-            self.torque_counts = self.told
+            self.torque_counts = self.setpoint
 
-    def tell(self, counts: int) -> None:
+    def command(self, counts: int) -> None:
         """Follow a torque, or as a servo a velocity [counts]."""
-        self.told = counts
+        self.setpoint = counts
         quantum = self.scale.velocity if self.servo else self.scale.effort
         self.axis.command(self.scale.direction * counts * quantum)
 
@@ -63,4 +63,4 @@ class Motor:
         """Go towards a position as a servo [counts], for one slot."""
         target = self.scale.direction * counts * self.scale.position
         self.axis.command(LOOP * (target - self.axis.physics.x) / self.axis.period)
-        self.told = 0
+        self.setpoint = 0

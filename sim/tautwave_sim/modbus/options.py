@@ -54,10 +54,10 @@ class FaultEvent(_Keys):
     """Something that goes wrong once, at a time or at a request."""
 
     kind: RequestFault | LinkFault | DriveFault
-    """`request_lost`: no drive hears it; `answer_lost`: what was written acts, nothing comes back;
-    `answer_late`: by `late_s`; `noise`: random bytes in front of the answer; `wrong_unit`: the
-    answer bears another address; `truncated`: its end is missing; `corrupted`: one bit is wrong
-    (RTU: the CRC tells; TCP: in the transaction number); `exception`: exception `code` instead.
+    """`request_lost`: no drive gets it; `answer_lost`: the write acts, but no response comes;
+    `answer_late`: by `late_s`; `noise`: random bytes before the response; `wrong_unit`: the
+    response has another address; `truncated`: its end is missing; `corrupted`: one bit is wrong
+    (RTU: detected by the CRC; TCP: in the transaction id); `exception`: exception `code` instead.
     `reset`: the TCP connection is reset; `refused`: new ones are; `half_open`: nothing comes any
     more, and no end either; `gone`: reset, then refused; `unplugged`: the serial adapter is gone.
     `drive_fault`: the drive has a fault, `code` in its fault register; `power_cycle`: it begins
@@ -88,7 +88,7 @@ class ModbusFaults(_Keys):
     corrupted: Probability = 0.0
     exception: Probability = 0.0
     late_s: Positive = 0.02
-    """[s] How late a late answer comes."""
+    """[s] How late a late response is."""
     exception_code: Annotated[int, Field(ge=1, le=255)] = 6
     events: Annotated[tuple[FaultEvent, ...], Field(strict=False)] = ()
 
@@ -99,15 +99,15 @@ class Quirks(_Keys):
     registers: dict[str, int] = Field(default_factory=dict)
     """Values at power-on, by the name of the register."""
     answer_s: Seconds | None = None
-    """[s] From the end of a request to its answer, instead of `turnaround_s`."""
+    """[s] From the end of a request to its response, instead of `turnaround_s`."""
     enable_s: Seconds = 0.0
-    """[s] Until it is on after it was told."""
+    """[s] From the command until it is on."""
     refuses_to_enable: bool = False
     starts_in_fault: bool = False
     resets: Annotated[int, Field(ge=1)] = 1
-    """So many fault resets it takes."""
+    """Fault resets that a fault needs."""
     busy_after_write_s: Seconds = 0.0
-    """[s] It answers exception 6 for so long after each write that went to its EEPROM."""
+    """[s] It responds with exception 6 that long after each write to its EEPROM."""
     eeprom_life: Annotated[int, Field(ge=1)] | None = None
     """Writes to EEPROM that it survives; from then on they end in exception 4."""
     gaps_read_zero: bool = False
@@ -123,11 +123,11 @@ class SimulatorKeys(_Keys):
     devices: dict[Annotated[int, Field(strict=False)], Quirks] = Field(default_factory=dict)
     """By unit; a drive not listed behaves."""
     server: Literal["own", "pymodbus"] = "own"
-    """Who serves TCP in a process of its own; faults of the line are in `own` only."""
+    """The TCP server, in a process of its own; only `own` has line faults."""
     silent_s: Seconds | None = None
     """[s] Silence that ends an RTU frame, instead of the standard's."""
     strict: bool = False
-    """Whether a drive on RTU needs that silence after its own answer too."""
+    """Whether a drive on RTU needs that silence after its own response too."""
     latency_s: Seconds = 0.0
     """[s] Latency timer of the serial adapter."""
 
@@ -171,13 +171,15 @@ class ModbusBenchOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
     profile: str = Field("generic", description="generic, dsy-rs, cia402, or a profile's file")
-    tcp: str | None = Field(None, description="HOST:PORT to listen on; port 0 takes a free one")
+    tcp: str | None = Field(None, description="HOST:PORT to listen on; port 0 picks a free one")
     rtu: bool = Field(False, description="serve RTU on a pseudo-terminal")
     units: tuple[Unit, ...] = Field((1,), min_length=1, description="unit ids")
     baud: int = Field(115200, ge=300, description="of the RTU line")
-    parity: Literal["N", "E", "O"] = Field("N", description="of the RTU line")
+    parity: Literal["N", "E", "O"] = Field(
+        "N", description="of the RTU line's time; a pseudo-terminal has none: open it with N"
+    )
     stop_bits: int = Field(1, ge=1, le=2, description="of the RTU line")
-    turnaround_s: float = Field(0.0, ge=0.0, description="time a drive takes to answer [s]")
+    turnaround_s: float = Field(0.0, ge=0.0, description="time a drive takes to respond [s]")
     silent_s: float | None = Field(
         None, ge=0.0, description="silence that ends an RTU frame [s], if not the standard's"
     )
@@ -187,7 +189,7 @@ class ModbusBenchOptions(BaseModel):
     rate_hz: float = Field(1000.0, gt=0.0, description="slots of the physics a second")
     inertia: float = Field(1e-3, gt=0.0, description="of each motor [kg m2]")
     damping: float = Field(1e-3, ge=0.0, description="of each motor [N m s/rad]")
-    server: Literal["own", "pymodbus"] = Field("own", description="who serves TCP")
+    server: Literal["own", "pymodbus"] = Field("own", description="TCP server")
 
 
 def host_port(endpoint: str) -> tuple[str, int]:
@@ -200,5 +202,7 @@ def host_port(endpoint: str) -> tuple[str, int]:
     """
     host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
     if not host or not (port.isascii() and port.isdigit()) or int(port) > 0xFFFF:
-        raise ConfigError(f"modbus: {endpoint!r} is not HOST:PORT to listen on; port 0 takes any")
+        raise ConfigError(
+            f"modbus: {endpoint!r} is not HOST:PORT to listen on; port 0 picks a free one"
+        )
     return host, int(port)

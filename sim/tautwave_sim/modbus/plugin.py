@@ -30,7 +30,12 @@ def _make(
 
 
 def _served(options: SimulatedModbusOptions) -> bool:
-    return options.endpoint == "sim"
+    # There is one server for all: drives with connections of their own stay in the run's process.
+    return options.endpoint == "sim" and all(one.endpoint is None for one in options.devices)
+
+
+def _instead(options: SimulatedModbusOptions) -> Mapping[str, Any]:
+    return {"endpoint": "sim"}
 
 
 def _serve(
@@ -40,13 +45,13 @@ def _serve(
     announce: Callable[[Mapping[str, Any]], None],
     stopped: Callable[[], bool],
 ) -> None:
-    from tautwave_sim.modbus.serving import serve_bus
+    from tautwave_sim.modbus.wire.serving import serve_bus
 
     serve_bus(options, bus, physics, announce, stopped)
 
 
 def _bench(options: ModbusBenchOptions) -> Bench:
-    from tautwave_sim.modbus.table import load_table
+    from tautwave_sim.modbus.families import load_table
 
     if options.rtu and options.tcp is not None:
         raise ConfigError("sim modbus: either --rtu or --tcp, not both")
@@ -95,4 +100,5 @@ simulator = SimulatorPlugin(
     serve=_serve,
     bench_options=ModbusBenchOptions,
     bench=_bench,
+    instead=_instead,
 )

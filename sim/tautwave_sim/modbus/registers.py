@@ -27,7 +27,7 @@ class Refusal(Exception):
 class Register(NamedTuple):
     """One value: `kind` u16, i16, u32 or i32; `access` r, w or rw; `low` and `high` bound it.
 
-    `eeprom`: a write to it wears the drive's EEPROM, where the drive is told to store.
+    `eeprom`: a write to it wears the drive's EEPROM if storing is on.
     """
 
     name: str
@@ -42,7 +42,7 @@ class Register(NamedTuple):
 
     @property
     def words(self) -> int:
-        """Registers of 16 bits that it takes."""
+        """Number of 16-bit words."""
         return TYPES[self.kind][0]
 
     def encode(self, value: int) -> list[int]:
@@ -84,7 +84,7 @@ class RegisterBank:
         self.registers = dict(registers)
         self.values = {name: one.default for name, one in registers.items()}
         self.readers: dict[str, Callable[[], int]] = {}
-        """Asked for a value that is measured or computed."""
+        """Called for a value that is measured or computed."""
         self.gaps_read_zero = False
         """Whether words between registers read as 0, as in some drives, instead of exception 2."""
         self._at: dict[int, tuple[Register, int]] = {}

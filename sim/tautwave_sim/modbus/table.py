@@ -1,19 +1,11 @@
-"""Families of drives as data: their registers and what each is for."""
+"""What is known of a family of drives: its registers and what each is for."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
-from importlib.resources import files
-from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
-
-from tautwave.errors import ConfigError
 from tautwave_sim.modbus.registers import Register, bounds
-
-FAMILIES = ("generic", "dsy-rs", "cia402")
 
 
 class Sequences(NamedTuple):
@@ -42,11 +34,13 @@ class Table(NamedTuple):
     states: Mapping[str, int]
     faults: Mapping[str, int]
     scale: Mapping[str, Any]
-    counts_per_revolution: int
+    counts_per_revolution: float
     limit_bit: int = 0
     eeprom_off: int = 0
+    gaps_read_zero: bool = False
+    """Whether words between its registers can be read."""
     sequences: Sequences | None = None
-    """Of a drive that is told by a third party's profile."""
+    """Of a drive that a third party's profile describes."""
 
 
 def make_register(name: str, keys: Mapping[str, Any], low_first: bool) -> Register:
@@ -63,41 +57,4 @@ def make_register(name: str, keys: Mapping[str, Any], low_first: bool) -> Regist
         keys.get("high", high),
         keys.get("default", 0),
         keys.get("eeprom", False),
-    )
-
-
-@cache
-def load_table(family: str) -> Table:
-    """Return the table of a family.
-
-    Raises
-    ------
-    ConfigError
-        There is none.
-    """
-    if Path(family).suffix in (".yaml", ".yml"):
-        from tautwave_sim.modbus.foreign import load_profile
-
-        return load_profile(Path(family))
-    if family not in FAMILIES:
-        raise ConfigError(
-            f"modbus: no simulated drives of profile {family!r}; there are {', '.join(FAMILIES)}, "
-            "and the path of a profile's .yaml file"
-        )
-    text = files("tautwave_sim.modbus").joinpath(f"tables/{family}.yaml").read_text("utf-8")
-    keys = yaml.safe_load(text)
-    low_first = keys["word_order"] == "low_first"
-    return Table(
-        family=keys["family"],
-        functions=tuple(keys["functions"]),
-        registers={
-            name: make_register(name, one, low_first) for name, one in keys["registers"].items()
-        },
-        roles=keys["roles"],
-        modes=keys["modes"],
-        states=keys.get("states", {}),
-        faults=keys.get("faults", {}),
-        scale=keys["scale"],
-        counts_per_revolution=keys["counts_per_revolution"],
-        limit_bit=keys.get("limit_bit", 0),
     )

@@ -10,8 +10,8 @@ from tautwave.truth import AxisModel
 from tautwave_sim.axis import SimulatedAxis
 from tautwave_sim.modbus.bus import DriveBus
 from tautwave_sim.modbus.options import SimulatedModbusOptions
-from tautwave_sim.modbus.rtu import RtuStation
-from tautwave_sim.modbus.tcp import TcpMemoryPort, TcpSide
+from tautwave_sim.modbus.wire.rtu import RtuStation
+from tautwave_sim.modbus.wire.tcp import TcpMemoryPort, TcpSide
 from tautwave_sim.wire.serial import MemoryPort, SerialLine
 
 

@@ -1,1 +1,1 @@
-"""What a wire does to frames and bytes: it takes time, and now and then it fails."""
+"""What a wire does to frames and bytes: delay, and faults now and then."""

@@ -125,5 +125,5 @@ class CanTiming:
         return round(1e9 * (nominal / self.bitrate + fast / self.data_bitrate))
 
     def bits_ns(self, bits: int) -> int:
-        """Return how long nominal bits take [ns]."""
+        """Return the time of nominal bits [ns]."""
         return (bits * 1_000_000_000 + self.bitrate // 2) // self.bitrate

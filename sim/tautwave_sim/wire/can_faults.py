@@ -34,9 +34,9 @@ class FaultEvent(_Keys):
     """Something that goes wrong once, at a time or at a frame."""
 
     kind: FrameFault | PortFault
-    """`lost`: gone on its way, nobody knows; `delayed`: arrives `delay_s` late; `duplicated`:
+    """`lost`: gone, unnoticed; `delayed`: arrives `delay_s` late; `duplicated`:
     arrives twice; `corrupted`: arrives with a wrong bit in its data (beyond what a CRC finds);
-    `error_frame`: destroyed, its CRC tells, its sender repeats it; `sync_lost`: as `lost`, of a
+    `error_frame`: destroyed (CRC error), its sender repeats it; `sync_lost`: as `lost`, of a
     SYNC; `queue_full`: nothing more can be sent; `bus_off`: the master's controller leaves the
     bus; `bus_down`: the interface is gone."""
     at_s: Annotated[float, Field(ge=0.0)] | None = None
@@ -75,7 +75,7 @@ class CanFaults(_Keys):
     events: Annotated[tuple[FaultEvent, ...], Field(strict=False)] = ()
 
 
-class Fate(NamedTuple):
+class Outcome(NamedTuple):
     """What becomes of one frame."""
 
     lost: bool = False
@@ -86,7 +86,7 @@ class Fate(NamedTuple):
     """What arrives instead of its data."""
 
 
-WELL = Fate()
+UNDISTURBED = Outcome()
 
 
 class CanFaultPlan:
@@ -118,27 +118,27 @@ class CanFaultPlan:
         probability, stream = self._streams[kind]
         return next(stream) < probability
 
-    def frame(self, t_ns: int | None, can_id: int, data: bytes) -> Fate:
+    def frame(self, t_ns: int | None, can_id: int, data: bytes) -> Outcome:
         """Decide on a frame whose bits are over at `t_ns`, None before anything moved."""
         if self.idle:
-            return WELL
+            return UNDISTURBED
         kinds = {kind for kind in FRAME_FAULTS[:-1] if self._draw(kind)}
         if can_id == SYNC_ID and self._draw("sync_lost"):
             kinds.add("lost")
         for event in self._events:
-            if event.kind in FRAME_FAULTS and event.strikes(t_ns, can_id):
+            if event.kind in FRAME_FAULTS and event.applies(t_ns, can_id):
                 kinds.add("lost" if event.kind == "sync_lost" else event.kind)
         if not kinds:
-            return WELL
-        return Fate(
+            return UNDISTURBED
+        return Outcome(
             lost="lost" in kinds,
             destroyed="error_frame" in kinds,
             late_ns=self._delay_ns if "delayed" in kinds else 0,
             twice="duplicated" in kinds,
-            data=self._spoilt(data) if "corrupted" in kinds else None,
+            data=self._corrupted(data) if "corrupted" in kinds else None,
         )
 
-    def _spoilt(self, data: bytes) -> bytes:
+    def _corrupted(self, data: bytes) -> bytes:
         if not data:
             return data
         bit = int(next(self._place) * 8 * len(data))
@@ -172,7 +172,7 @@ class _Event:
         self._seen = 0
         self._began_ns: int | None = None
 
-    def strikes(self, t_ns: int | None, can_id: int) -> bool:
+    def applies(self, t_ns: int | None, can_id: int) -> bool:
         if self._can_id is not None and can_id != self._can_id:
             return False
         self._seen += 1

@@ -78,7 +78,7 @@ class MediumPort:
         self._back_ns = now_ns + self._medium.timing.bits_ns(RECOVERY_BITS)
 
     def present(self, now_ns: int) -> bool:
-        """Return whether it takes part; lets it come back where it does so by itself."""
+        """Return whether it is on the bus; lets it come back where it does so by itself."""
         if self.off and self._recovers and now_ns >= self._back_ns:
             self.restart()
         return not self.off
@@ -156,7 +156,7 @@ class CanMedium:
     def step(self, at_ns: int) -> None:
         """Let one thing happen, which is due at `at_ns`."""
         self.now_ns = max(self.now_ns, at_ns)
-        # All answer to a frame before any of them wins the bus.
+        # All respond to a frame before any of them wins the bus.
         self._held = True
         if self._later and self._later[0][0] <= at_ns:
             _, _, sender, frame = heapq.heappop(self._later)
@@ -187,8 +187,8 @@ class CanMedium:
         if sender is None or self.down or not sender.queue or sender.queue[0] is not self._frame:
             return  # the bus was torn down, or its sender left, while it was on its way
         can_id, data = self._frame
-        fate = self.plan.frame(self.elapsed(self.now_ns), can_id, data)
-        if fate.destroyed:
+        outcome = self.plan.frame(self.elapsed(self.now_ns), can_id, data)
+        if outcome.destroyed:
             sender.fail(self.now_ns)  # and the frame stays where it was, to be sent again
             self._free_ns = self.now_ns + self.timing.bits_ns(ERROR_FRAME)
             return
@@ -196,13 +196,13 @@ class CanMedium:
         sender.errors = max(0, sender.errors - 1)
         for listener in self.listeners:
             listener(self.now_ns, can_id, data)
-        if fate.lost:
+        if outcome.lost:
             return
-        frame = (can_id, data if fate.data is None else fate.data)
-        for _ in range(2 if fate.twice else 1):
-            if fate.late_ns:
+        frame = (can_id, data if outcome.data is None else outcome.data)
+        for _ in range(2 if outcome.twice else 1):
+            if outcome.late_ns:
                 self._count += 1
-                due = (self.now_ns + fate.late_ns, self._count, sender, frame)
+                due = (self.now_ns + outcome.late_ns, self._count, sender, frame)
                 heapq.heappush(self._later, due)
             else:
                 self._deliver(sender, frame)

@@ -47,7 +47,7 @@ class Pty:
         return self._master
 
     def baud(self) -> int:
-        """Return the baud rate that whoever opened `path` has set."""
+        """Return the baud rate that the program at `path` has set."""
         settings = bytearray(TERMIOS2)
         fcntl.ioctl(self._master, TCGETS2, settings)
         return int(struct.unpack_from("=II", settings, SPEEDS_AT)[1])
@@ -64,12 +64,12 @@ class Pty:
             return b""
 
     def write(self, data: bytes) -> None:
-        """Make bytes readable at `path`; what a full buffer does not take is lost, as on a UART."""
+        """Make bytes readable at `path`; what a full buffer does not hold is lost, as on a UART."""
         with contextlib.suppress(OSError):
             os.write(self._master, data)
 
     def close(self) -> None:
-        """Close both ends; whoever has `path` open reads an error, as of an unplugged adapter."""
+        """Close both ends; a program with `path` open gets an error, as of an unplugged adapter."""
         for fd in (self._master, self._slave):
             with contextlib.suppress(OSError):
                 os.close(fd)

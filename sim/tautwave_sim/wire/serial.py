@@ -1,9 +1,8 @@
 """A half-duplex serial line, bytes at their baud rate, with the adapter at the host's end.
 
-Ten bits a byte (8N1) unless told otherwise. The line knows nothing of protocols: what stands on it
-is a `Listener`, told of what the host sends when its first byte leaves, and answers through
-`SerialLine.answer`. Whoever sends while another still does garbles both; whoever only waits to
-answer gives up.
+Ten bits a byte (8N1) by default. The line knows no protocols: what is on it is a `Listener`, which
+is called when the first byte from the host leaves, and responds through `SerialLine.respond`. Two
+that send at once garble both; one that only waits to respond gives up.
 """
 
 from __future__ import annotations
@@ -63,10 +62,10 @@ class Transmission:
 
 
 class Listener(Protocol):
-    """What stands on the line, all devices together."""
+    """All devices on the line together."""
 
     def hear(self, sent: Transmission) -> None:
-        """Take notice of what the host sends; called when its first byte leaves."""
+        """Note what the host sends; called when its first byte leaves."""
         ...
 
 
@@ -98,7 +97,7 @@ class SerialLine:
         self._tick_due = False
         self._last_arrival_ns = 0
         self._host: Transmission | None = None
-        self._answers: list[Transmission] = []
+        self._responses: list[Transmission] = []
         self._now_ns = 0
 
     # ------------------------------------------------------------------------------- time
@@ -130,13 +129,15 @@ class SerialLine:
         if self._host is not None:
             start_ns = max(start_ns, self._host.end_ns)
         sent = Transmission(data, start_ns, self.baud, bits=self.bits)
-        for answer in self._answers:
-            if answer.start_ns >= start_ns:
-                answer.cancelled = True
-            elif answer.end_ns > start_ns:
-                answer.garble_from(start_ns)
+        for response in self._responses:
+            if response.start_ns >= start_ns:
+                response.cancelled = True
+            elif response.end_ns > start_ns:
+                response.garble_from(start_ns)
                 sent.garble_from(start_ns)
-        self._answers = [one for one in self._answers if one.end_ns > now_ns and not one.cancelled]
+        self._responses = [
+            one for one in self._responses if one.end_ns > now_ns and not one.cancelled
+        ]
         self._host = sent
         if self.listener is not None:
             self.listener.hear(sent)
@@ -154,28 +155,28 @@ class SerialLine:
     def unplug(self) -> None:
         """Lose the adapter with all that is in it and on the wire."""
         self.plugged = False
-        for answer in self._answers:
-            answer.cancelled = True
-        self._answers.clear()
+        for response in self._responses:
+            response.cancelled = True
+        self._responses.clear()
         self._host = None
         self._inbox.clear()
         self._held.clear()
 
     # ---------------------------------------------------------------------- the devices' end
 
-    def answer(self, data: bytes, at_ns: int, baud: int, late_ns: int = 0) -> Transmission:
+    def respond(self, data: bytes, at_ns: int, baud: int, late_ns: int = 0) -> Transmission:
         """Send bytes from a device at `at_ns`; `late_ns` is lost behind the wire, in the adapter.
 
         The one transmission returned may still be `cancelled` before it begins.
         """
         sent = Transmission(data, at_ns, baud, late_ns, self.bits)
-        others = self._answers if self._host is None else [self._host, *self._answers]
+        others = self._responses if self._host is None else [self._host, *self._responses]
         for other in others:
             if other.start_ns < sent.end_ns and other.end_ns > at_ns and not other.cancelled:
                 both_ns = max(other.start_ns, at_ns)
                 other.garble_from(both_ns)
                 sent.garble_from(both_ns)
-        self._answers.append(sent)
+        self._responses.append(sent)
         self.call_at(at_ns, lambda: self._begin(sent))
         return sent
 
@@ -208,8 +209,8 @@ class SerialLine:
     def _arrive(self, sent: Transmission, first: int, last: int, time_ns: int) -> None:
         if sent.cancelled or not self.plugged:
             return
-        if sent.end_ns <= time_ns and sent in self._answers:
-            self._answers.remove(sent)
+        if sent.end_ns <= time_ns and sent in self._responses:
+            self._responses.remove(sent)
         if not self.latency_ns:
             self._inbox += sent.data[first:last]
             return

@@ -8,12 +8,12 @@ enforced: a measurement has no exit code.
 from __future__ import annotations
 
 from tautwave.bench.buses import buses
-from tautwave.bench.extremes import extremes
-from tautwave.bench.lanes import lanes
+from tautwave.bench.extremes.suite import extremes
 from tautwave.bench.networks import networks
+from tautwave.bench.plain.lanes import lanes
 from tautwave.bench.result import Goal, Suite, Table
-from tautwave.bench.suites import laws, loop
-from tautwave.bench.workprecision import workprecision
+from tautwave.bench.suites import laws, loop, rates
+from tautwave.bench.workprecision.suite import workprecision
 
 __all__ = [
     "Goal",
@@ -25,5 +25,6 @@ __all__ = [
     "laws",
     "loop",
     "networks",
+    "rates",
     "workprecision",
 ]

@@ -43,7 +43,7 @@ def buses(*, cycles: int = 2000, tell: Callable[[str], None] = lambda _: None) -
     cycles : int
         Exchanges per figure.
     tell : callable
-        Told what is being measured.
+        Called with the name of each measurement as it starts.
     """
     tables: list[Table] = []
     goals: list[Goal] = []

@@ -11,7 +11,7 @@ from tautwave.laws.limit import LimitParams, guard_axis, limit_effort, share_eff
 from tautwave.laws.port import port_close, port_effort, port_params, rigid_port, track_velocity
 from tautwave.laws.site import SiteParams, think_admittance, think_position, think_wave
 from tautwave.laws.wall import WallParams, control_wall, wall_depth, wall_effort, wall_loss
-from tautwave.laws.wave import filter_step
+from tautwave.laws.wave_filter import filter_step
 from tautwave.models.encoder import quantise
 from tautwave.models.foam import FoamParams, foam_step
 from tautwave.models.plant import plant_forces, plant_step, plant_stored

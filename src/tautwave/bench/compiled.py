@@ -24,7 +24,7 @@ def kernels(calls: tuple[Call, ...]) -> dict[str, Work]:
     Each turn's argument along the chain depends on the result of the turn before, so the
     compiler can neither drop nor overlap the calls; the time is that of a step in a simulation.
     """
-    from tautwave.offline.compiled import compiled_kernel
+    from tautwave.simulation.kernel.compiled import compiled_kernel
 
     numba: Any = importlib.import_module("numba")
     compiled_kernel()  # makes laws and models known to numba, with the simulation's own settings

@@ -76,7 +76,7 @@ def networks(*, rounds: int = 30, sizes: tuple[int, ...] = SIZES, tell: Tell = s
     sizes : tuple of int
         Masses of the chains.
     tell : callable
-        Told what is being measured.
+        Called with the name of each measurement as it starts.
     """
     fast = compiled.has_numba()
     tell("granular scene")
@@ -143,7 +143,7 @@ def _live(scheme: str) -> Work:
 
 
 def _compiled(network: Network, scheme: str, *, grains: bool = False) -> Work:
-    from tautwave.offline.networks import compiled_batch
+    from tautwave.simulation.scene.networks import compiled_batch
 
     rows = int(AUDIO_HZ)
     bar, push = _motion(rows)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tautwave.bench import calls, child, compiled, think
+from tautwave.bench import calls, compiled
 from tautwave.bench.chunks import Cost, calling, costs
-from tautwave.bench.plain_c import simulate_costs
+from tautwave.bench.live import child, think
+from tautwave.bench.plain.yardstick import simulate_costs
 from tautwave.bench.result import Goal, Suite, Table, Value
 from tautwave.bench.rigs import ONE_PAIR, RIGS, TWO_PAIRS
 
@@ -33,7 +34,7 @@ def laws(*, rounds: int = 40, compile_laws: bool = True, tell: Tell = silent) ->
     compile_laws : bool
         Measure what numba and the C compiler make of them too, where they are installed.
     tell : callable
-        Told what is being measured.
+        Called with the name of each measurement as it starts.
     """
     tell("think part, live")
     site_costs = costs(think.works(), rounds)
@@ -78,7 +79,7 @@ def loop(
     rounds : int
         How often each command is started.
     tell : callable
-        Told what is being measured.
+        Called with the name of each measurement as it starts.
     """
     tell("one cycle, CPU time")
     cycles = {
@@ -86,6 +87,11 @@ def loop(
     }
     tell("FakeClock run with recording")
     fake = {name: child.measure("fake_run", rig.path(), simulated_s) for name, rig in RIGS.items()}
+    fast = f"{TWO_PAIRS.name}, compiled"
+    with_numba = compiled.has_numba()
+    if with_numba:
+        tell("FakeClock run, compiled (numba compiles for a while, once)")
+        fake[fast] = child.measure("fake_run_compiled", TWO_PAIRS.path(), simulated_s)
     tell(f"real time, {duration_s:g} s")
     real = child.measure("realtime_run", TWO_PAIRS.path(), duration_s)
     tell("starting")
@@ -128,12 +134,29 @@ def loop(
                 fake[pair]["times_real_wall"],
                 at_least=True,
             ),
+            Goal(
+                f"FakeClock run of {fast}, with recording, loop's CPU",
+                40.0,
+                "times real time",
+                fake[fast]["times_real_cpu"] if with_numba else None,
+                at_least=True,
+                why_not="" if with_numba else compiled.NO_NUMBA,
+            ),
             Goal("tautwave --help, CPU", 0.2, "s", starts["tautwave --help"].median_ns / 1e9),
             Goal("tautwave check, CPU", 0.7, "s", starts["tautwave check"].median_ns / 1e9),
             Goal(f"resident size{hour}", 300.0, "MB", memory["greatest_mb"]),
             Goal(f"growth of the resident size{hour}", 1.0, "MB", memory["growth_mb"]),
         ],
     )
+
+
+def rates(*, duration_s: float = 10.0, tell: Tell = silent) -> Suite:
+    """Measure how fast the live loop can go, `duration_s` for each engine and case."""
+    from tautwave.bench.live.rate import rate_suite
+
+    tell(f"1, 2 and 6 pairs at 1, 2, 4 and 10 kHz, {duration_s:g} s each, in turns")
+    rounds = max(1, round(duration_s / 2.0))
+    return rate_suite(child.rates(duration_s / rounds, rounds))
 
 
 def _think_table(site: dict[str, Cost]) -> Table:
@@ -143,7 +166,7 @@ def _think_table(site: dict[str, Cost]) -> Table:
         rows.append([case.name, close.median_ns, decide.median_ns, both.median_ns, both.best_ns])
     return Table(
         "Think part of one axis in one cycle, live plain Python",
-        "SiteAxis as the loop calls it: pass_slot and close, receive and think, both together; "
+        "the controller's steps as the loop calls them: slot and close, receive and think, both; "
         + CHUNKS,
         ("axis", "close_ns", "think_ns", "both_ns", "both_best_ns"),
         rows,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from tautwave.analysis.sampled_wall import SampledWall
-from tautwave.analysis.wall_passivity import wall_leak
+from tautwave.analysis.walls.passivity import wall_leak
+from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.certificate.belief import declared_delays, delay_in_periods
-from tautwave.certificate.certify import certify
+from tautwave.certificate.verdict import certify
 from tautwave.certificate.walls import wall_name
 from tautwave.config import Rig, Wall, local_wall
 from tautwave.rig import at_axis_rate
@@ -75,10 +75,10 @@ def recheck(rig: Rig, measured: Measured) -> dict[str, Any]:
             # A slow axis waits its cycles, and one of them may be late.
             held = max(held, own.period_s - rig.period_s + measured.worst_period_s)
         delay = delay_in_periods(own, delays[axis_name])
-        told = _wall(own, axis_name, wall, delay, held, measured)
-        walls[axis_name] = told
-        if not told["passed"] and rig.require != "coupled_stable":
-            sentences.append(told["sentence"])
+        recomputed = _wall(own, axis_name, wall, delay, held, measured)
+        walls[axis_name] = recomputed
+        if not recomputed["passed"] and rig.require != "coupled_stable":
+            sentences.append(recomputed["sentence"])
     return {
         "passed": certificate.passed and not sentences,
         "sentences": sentences,
@@ -118,7 +118,9 @@ def _wall(
         sentence += "from a sample up to a period old, "
     sentence += f"which needs {needed:.4g} {unit} of the device's {present:.4g}."
     if not passed:
-        sentence += " Sampling may have created energy: lower K, or keep the loop in time."
+        sentence += (
+            " Sampling may have created energy: lower K, or make the loop keep its deadlines."
+        )
     return {
         "held_s": held,
         "needed_damping": needed,

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
+
+from tautwave.types import CommandDelay
 
 VERDICTS = ("passive", "passive_quantised", "coupled_stable")
 """Of a rig, always all three; `require` names the one that has to pass."""
@@ -107,6 +109,41 @@ class PairLoop(NamedTuple):
             "hand": self.hand,
             "cases": [case._asdict() for case in self.cases],
         }
+
+
+def _nothing(*_: Any) -> Iterable[Element]:
+    return ()
+
+
+def _no_remedy(rig: Any, pair: str) -> str:
+    return "Lower the coupling's stiffness or the delay, or raise the damping."
+
+
+class CouplingVerdict(NamedTuple):
+    """What the part of a law says of its own passivity: its `verdict`.
+
+    Attributes
+    ----------
+    pair_elements : callable
+        `(rig, pair, delays)`: the elements that belong to neither axis, at least one.
+    axis_elements : callable
+        `(rig, axis_name, delays, damping)`: those of one axis, `damping` of its device being
+        taken by its local wall [N m s/rad or N s/m].
+    remedy : callable
+        `(rig, pair)`: what to change in an unstable pair, a sentence.
+    contracting : bool
+        What travels are waves: where both ends return less than arrives, any delay is stable.
+    picture : str
+        What the picture says where there is no wall; empty: it draws the waves that ports return.
+    """
+
+    pair_elements: Callable[[Any, str, Mapping[str, CommandDelay]], Iterable[Element]]
+    axis_elements: Callable[[Any, str, Mapping[str, CommandDelay], float], Iterable[Element]] = (
+        _nothing
+    )
+    remedy: Callable[[Any, str], str] = _no_remedy
+    contracting: bool = False
+    picture: str = "no picture for this coupling"
 
 
 class Certificate(NamedTuple):

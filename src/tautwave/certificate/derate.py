@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from tautwave.analysis.sampled_wall import SampledWall
-from tautwave.analysis.wall_limits import TIGHT, greatest_stiffness, is_passive
-from tautwave.analysis.wall_rules import quantum_force
+from tautwave.analysis.walls.limits import TIGHT, greatest_stiffness, is_passive
+from tautwave.analysis.walls.rules import quantum_force
+from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.certificate.loops import pair_loop
 from tautwave.certificate.walls import sampled_wall
 from tautwave.config import Axis, Rig, Wall, local_wall, replace_wall

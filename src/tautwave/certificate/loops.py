@@ -2,7 +2,7 @@
 
 The device is what the rig believes: damping's lower bound, and both the lower bound of the mass
 and its best value. A local wall is pressed all the time (bilateral), as is what the slave meets.
-Linear regime: see `tautwave.analysis.sampled_loop`.
+Linear regime: see `tautwave.analysis.ports.sampled_loop`.
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from tautwave.analysis.admittance_loop import Outside, admittance_end
-from tautwave.analysis.loop_modes import least_damped, transfer
-from tautwave.analysis.multirate import RatedEnd, least_damped_rated
-from tautwave.analysis.sampled_loop import Device, LinearEnd, Site, position_end, wave_end
+from tautwave import registry
+from tautwave.analysis.ports.admittance_loop import Outside, admittance_end
+from tautwave.analysis.ports.loop_modes import least_damped, transfer
+from tautwave.analysis.ports.multirate import RatedEnd, least_damped_rated
+from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site
 from tautwave.certificate.belief import (
     SIDES,
     Contact,
@@ -26,10 +27,10 @@ from tautwave.certificate.belief import (
     stated_environment,
     stated_hand,
 )
+from tautwave.certificate.couplings import coupling_verdict, is_silent, silence
 from tautwave.certificate.data import LoopCase, PairLoop, Verdict
-from tautwave.config import Rig, Wall, local_wall
-from tautwave.laws.wave import filter_gain
-from tautwave.rig import at_axis_rate, pair_scale, site_params, wave_gain
+from tautwave.config import EnvironmentPart, Rig, Wall, local_wall
+from tautwave.rig import at_axis_rate, coupling_part, pair_scale, site_params, wave_gain
 from tautwave.types import CommandDelay
 
 STABLE = 1e-9
@@ -44,40 +45,48 @@ Delays = Mapping[str, CommandDelay]
 def pair_loop(rig: Rig, name: str, delays: Delays) -> PairLoop:
     """Return the coupled stability of one pair."""
     hand = stated_hand(rig, name)
+    if is_silent(rig) or not coupling_part(rig).linear:
+        reason = silence(rig, name)
+        if not is_silent(rig):
+            reason = (
+                f"pair {name}: law {rig.coupling.law} has no linear model (its part provides "
+                f"none), so its stability is unknown"
+            )
+        return PairLoop(name, Verdict(False, reason), hand.text, ())
     cases = tuple(_cases(rig, name, delays, hand))
     conditions: list[str] = []
     for side in SIDES:
         axis_name = f"{side}.{name}"
         conditions += assumed(rig.axes[axis_name], axis_name, inertia=True, damping=True)
+    met = None if rig.simulation is None else rig.simulation.environment.get(name)
+    if isinstance(met, EnvironmentPart):
+        conditions.append(f"part {met.part}, which slave.{name} meets, keeps it stable as well")
     unstable = [case for case in cases if not case.stable]
     if unstable:
         worst = max(unstable, key=lambda case: case.radius)
         reason = (
-            f"pair {name}: unstable, {worst.contact}, with {hand.text}: its swing at "
+            f"pair {name}: unstable, {worst.contact}, with {hand.text}: its oscillation at "
             f"{worst.frequency:.3g} Hz grows by {worst.growth:.3g} per second "
             f"(|z| = {worst.radius:.6f}). {_remedy(rig, name, worst)}"
         )
         return PairLoop(name, Verdict(False, reason, margin=1.0 - worst.radius), hand.text, cases)
     known = [case for case in cases if not math.isnan(case.radius)]
-    tail, margin = "both ends return less than arrives at every frequency", None
+    tail, margin = "both ends reflect less than they receive at every frequency", None
     if known:
         worst = max(known, key=lambda case: case.radius)
         margin = 1.0 - worst.radius
         tail = (
-            f"its least damped motion, {worst.contact}, at {worst.frequency:.3g} Hz, "
-            f"dies out at {-worst.growth:.3g} per second"
+            f"its least damped mode, {worst.contact}, at {worst.frequency:.3g} Hz, "
+            f"decays at {-worst.growth:.3g} per second"
         )
     reason = f"pair {name}: stable with {hand.text}: {tail}."
     return PairLoop(name, Verdict(True, reason, tuple(conditions), margin), hand.text, cases)
 
 
 def _remedy(rig: Rig, name: str, worst: LoopCase) -> str:
-    keys = rig.coupling.pairs[name]
     if any(f"the {side}'s wall" in worst.contact for side in SIDES):
         return "Lower the wall's stiffness, or raise the rate."
-    if rig.coupling.law == "position":
-        return "Lower the stiffness or the delay, raise the damping, or use law wave."
-    return f"Lower wave_impedance {keys.wave_impedance:g} or velocity_filter_s."
+    return coupling_verdict(rig).remedy(rig, name)
 
 
 def _cases(rig: Rig, name: str, delays: Delays, hand: StatedHand) -> Iterator[LoopCase]:
@@ -117,11 +126,11 @@ def _mode(
 ) -> LoopCase:
     samples = rig.delay_samples
     divisors = [rig.axis_divisor(f"{side}.{name}") for side in SIDES]
-    if samples > LONG and rig.coupling.law == "wave" and _small_gain(ends):
+    if samples > LONG and coupling_verdict(rig).contracting and _small_gain(ends):
         return LoopCase(where, bound, True, math.nan, math.nan, math.nan)
     if max(divisors) > 1:
         one, two = (
-            RatedEnd(end, n, 1.0 if n == 1 else wave_filter(rig))
+            RatedEnd(end, n, 1.0 if n == 1 else rig.coupling.filter_step(rig.period_s))
             for end, n in zip(ends, divisors, strict=True)
         )
         mode = least_damped_rated(one, two, samples, rig.period_s)
@@ -181,8 +190,8 @@ def believed_end(
     side, name = axis_name.split(".")
     axis, delay = rig.axes[axis_name], delays[axis_name]
     params = site_params(rig, axis_name, delay)
-    scale = pair_scale(rig.coupling.pairs[name])
-    filtered = wave_filter(rig)
+    keys = rig.coupling.pairs[name]
+    filtered = rig.coupling.filter_step(rig.period_s)
     if axis.inertia is None:
         held = Contact(0.0, 0.0, "") if contact is None else contact
         mass = _hand_mass(rig, axis_name, contact)
@@ -192,24 +201,13 @@ def believed_end(
             params.port,
             params.admittance,
             delay_periods=delay.periods,
-            wave_gain=wave_gain(scale, side),
+            wave_gain=wave_gain(pair_scale(keys), side),
             filter_gain=filtered,
         )
     device, site = believed_parts(rig, axis_name, delays, bound, contact, wall, damping=damping)
-    if rig.coupling.law == "wave":
-        return wave_end(device, site, wave_gain=wave_gain(scale, side), filter_gain=filtered)
-    far = "slave" if side == "master" else "master"
-    other = site_params(rig, f"{far}.{name}", delays[f"{far}.{name}"])
-    ratio = scale.sign * scale.scale
-    back = ratio if side == "master" else 1.0 / ratio
-    return position_end(
-        device,
-        site,
-        stiffness=params.stiffness,
-        damping=params.damping,
-        sent_stiffness=other.stiffness * back,
-        sent_damping=other.damping * back,
-    )
+    linear = registry.load_named(coupling_part(rig).linear)
+    end: LinearEnd = linear(keys, side, device, site, filtered)
+    return end
 
 
 def believed_parts(
@@ -243,12 +241,6 @@ def believed_parts(
         0.0 if wall is None else wall.damping,
     )
     return device, site
-
-
-def wave_filter(rig: Rig) -> float:
-    """Return the step of the wave filter, 1 without one."""
-    corner = rig.coupling.wave_filter_hz
-    return 1.0 if corner is None else filter_gain(corner, rig.period_s)
 
 
 def _hand_mass(rig: Rig, axis_name: str, contact: Contact | None) -> float:

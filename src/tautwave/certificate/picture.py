@@ -3,84 +3,160 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tautwave.analysis.exact_bound import reduce_fraction
-from tautwave.analysis.loop_modes import transfer
-from tautwave.analysis.sampled_wall import wall_transfer
-from tautwave.analysis.wall_limits import greatest_stiffness
-from tautwave.analysis.wall_passivity import leak_form
-from tautwave.analysis.wall_stability import held_device, stable_stiffness
-from tautwave.analysis.wall_verdict import WallVerdict
+from tautwave.analysis.exact.bounds import reduce_fraction
+from tautwave.analysis.ports.loop_modes import transfer
+from tautwave.analysis.walls.limits import greatest_stiffness
+from tautwave.analysis.walls.passivity import leak_form
+from tautwave.analysis.walls.sampled import wall_transfer
+from tautwave.analysis.walls.stability import held_device, stable_stiffness
+from tautwave.analysis.walls.verdict import WallVerdict
+from tautwave.canvas import (
+    DAMPER,
+    FILTER,
+    INK,
+    LINE,
+    MASTER,
+    PAPER,
+    SLAVE,
+    SOFT,
+    WALL,
+    WALL_SHADE,
+    heading,
+    legend,
+    note,
+    panels,
+    plain,
+    png,
+    text_panel,
+)
 from tautwave.certificate.belief import Contact, declared_delays, stated_contact
+from tautwave.certificate.couplings import coupling_verdict
 from tautwave.certificate.derate import derate_walls
 from tautwave.certificate.loops import believed_end
+from tautwave.certificate.panels import SCENE, decades
 from tautwave.certificate.walls import wall_name, wall_verdict
 from tautwave.config import Rig, local_wall
+from tautwave.files import write_bytes
 from tautwave.rig import at_axis_rate
 from tautwave.types import CommandDelay
 
+Floats = NDArray[np.float64]
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-INK, GOOD, BAD, SOFT = "#222222", "#009E73", "#D55E00", "#0072B2"
-ROW, WIDTH = 3.1, 9.8
-DAMPINGS = 21
+WALLS = (
+    "K and B are a virtual wall's spring [effort per depth] and damper [effort per velocity]: its "
+    "effort is K times the depth plus B times the velocity. Left: the damping that the sampled "
+    "wall requires of its device at each frequency; it is passive for any hand where the device "
+    "has more. Right: which K and B pass."
+)
+PORTS = (
+    "A port is passive where it reflects no more of a wave than arrives, a ratio of 1. Its "
+    "energy account has to withhold anything above."
+)
+MOST = 65
+"""Points of a limit over B at most, more where it bends: a corner that is drawn is the law's."""
 
 
 def draw_certificate(rig: Rig, path: Path) -> None:
-    """Write the picture of a rig's certificate as a PNG.
+    """Write the picture of a rig's certificate as a PNG."""
+    write_bytes(path, png(certificate_figure(rig)))
+
+
+def explanation(rig: Rig) -> list[str]:
+    """Return what the figure shows, for who has not read the paper."""
+    if rig.scene is not None:
+        return [SCENE]
+    texts = [WALLS] if _walls(rig) else []
+    return texts if coupling_verdict(rig).picture else [*texts, PORTS]
+
+
+def certificate_figure(rig: Rig) -> Figure:
+    """Return the picture of a rig's certificate.
 
     A row per local wall: the device damping that it needs at each frequency beside what the
     device has, and the plane of K and B with both limits. A row for the ports of a wave line.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     delays = declared_delays(rig)
     if rig.scene is not None and rig.scene.dimension == 3:
-        from tautwave.certificate.space_picture import draw_space_certificate
+        from tautwave.certificate.scene3d.picture import scene3d_certificate
 
-        draw_space_certificate(rig, path, delays)
-        return
+        return scene3d_certificate(rig, delays)
     if rig.scene is not None:
-        from tautwave.certificate.scene_picture import draw_scene_certificate
+        from tautwave.certificate.scene.picture import scene_certificate
 
-        draw_scene_certificate(rig, path, delays)
-        return
+        return scene_certificate(rig, delays)
     asked = rig
     rig, _ = derate_walls(rig, delays, {})
     rows: list[tuple[str, WallVerdict]] = []
-    for axis_name, axis in rig.axes.items():
+    for axis_name in _walls(rig):
         wall = local_wall(rig, axis_name)
-        if wall is not None and axis.causality == "impedance":
-            own = at_axis_rate(rig, axis_name)
-            rows.append((axis_name, wall_verdict(own, axis_name, wall, delays, {})))
-    waves = rig.coupling.law == "wave"
+        assert wall is not None
+        own = at_axis_rate(rig, axis_name)
+        rows.append((axis_name, wall_verdict(own, axis_name, wall, delays, {})))
+    instead = coupling_verdict(rig).picture
+    waves = not instead
     count = max(1, len(rows) + waves)
-    figure = Figure(figsize=(WIDTH, ROW * count + 0.5), layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle(f"{rig.name}: what is certified".replace("$", r"\$"), fontsize=12)
-    panels = figure.subplots(count, 2, squeeze=False)
-    for (axis_name, found), (left, right) in zip(rows, panels, strict=False):
+    title = f"{rig.name}: what is certified"
+    figure, axes = panels([2.1] * count + [0.1], title, False, columns=2)
+    text_panel(axes[-2], [(SOFT, text) for text in explanation(rig)])
+    axes[-1].set_axis_off()
+    for at, (axis_name, found) in enumerate(rows):
+        left, right = axes[2 * at : 2 * at + 2]
         rotary = rig.axes[axis_name].kind == "rotary"
         units = ("N m/rad", "N m s/rad") if rotary else ("N/m", "N s/m")
-        left.set_title(wall_name(rig, axis_name), loc="left", fontsize=10)
+        name = plain(wall_name(rig, axis_name))
+        heading(left, f"{name}: damping needed")
+        heading(right, f"{name}: K and B that pass")
         _needed(left, found, units[1])
         before = local_wall(asked, axis_name)
         _plane(right, found, units, found.wall.stiffness if before is None else before.stiffness)
     if waves:
-        for side, panel in zip(("master", "slave"), panels[len(rows)], strict=True):
+        for side, panel in zip(("master", "slave"), axes[2 * len(rows) :], strict=False):
             _ports(panel, rig, side, delays)
     elif not rows:
-        for panel in panels[0]:
-            panel.text(0.5, 0.5, "a position coupling: never certified as passive", ha="center")
-            panel.set_axis_off()
-    figure.savefig(path, format="png", dpi=110)
+        note(axes[0], instead)
+        axes[1].set_axis_off()
+    return figure
+
+
+def _walls(rig: Rig) -> list[str]:
+    return [
+        name
+        for name, axis in rig.axes.items()
+        if local_wall(rig, name) is not None and axis.causality == "impedance"
+    ]
+
+
+def bend(limit: Callable[[float], float], low: float, high: float) -> tuple[Floats, Floats]:
+    """Return a limit over an interval, with points where it bends.
+
+    Every piece is halved until its middle lies on its chord to a 500th of the whole range, or
+    there are `MOST` points. Parameters and results in the limit's own units.
+    """
+    known = {x: limit(x) for x in np.linspace(low, high, 5).tolist()}
+    pieces = list(pairwise(sorted(known)))
+    while pieces and len(known) < MOST:
+        a, b = pieces.pop(0)
+        middle = 0.5 * (a + b)
+        known[middle] = limit(middle)
+        values = [value for value in known.values() if math.isfinite(value)]
+        scale = max(values) - min(values) if values else 0.0
+        chord = 0.5 * (known[a] + known[b])
+        if not abs(known[middle] - chord) <= 0.002 * scale:
+            pieces += [(a, middle), (middle, b)]
+    x = np.array(sorted(known))
+    return x, np.array([known[one] for one in x.tolist()])
 
 
 def _needed(panel: Axes, found: WallVerdict, unit: str) -> None:
@@ -90,49 +166,85 @@ def _needed(panel: Axes, found: WallVerdict, unit: str) -> None:
     needed = 0.5 * wall.period * leak_form(top, bottom, wall.delay).values(theta)
     hertz = theta / (2.0 * math.pi * wall.period)
     present = found.device.damping
-    low, high = min(0.0, float(needed.min())), 1.2 * max(float(needed.max()), present, 1e-12)
-    panel.axhspan(low, present, color=GOOD, alpha=0.12, label="passive")
-    panel.axhline(present, color=GOOD, linewidth=1.2, label="device damping, certain")
-    panel.semilogx(hertz, needed, color=SOFT if found.passive else BAD, label="needed by the wall")
+    greatest = max(float(needed.max()), present, 1e-12)
+    low, high = min(0.0, float(needed.min())), 1.2 * greatest
+    if low < -2.0 * high:  # damping that a wall has to spare says nothing more
+        low = -0.5 * high
+    factor, shown = _scaled(greatest, unit)
+    panel.axhspan(factor * low, factor * present, color=WALL_SHADE, alpha=0.45, label="passive")
+    panel.axhline(factor * present, color=WALL, linewidth=1.4, label="the device has, certain")
+    colour = MASTER if found.passive else SLAVE
+    label = "the wall needs"
+    panel.semilogx(hertz, factor * needed, color=colour, label=label)
     if math.isfinite(found.leak.damping):
-        panel.plot(max(found.leak.frequency, hertz[0]), found.leak.supremum, "o", color=INK, ms=4)
-    panel.set(xlabel="frequency [Hz]", ylabel=f"damping [{unit}]", ylim=(low, high))
-    panel.legend(fontsize=8, frameon=False)
+        at = max(found.leak.frequency, hertz[0])
+        panel.plot(at, factor * found.leak.supremum, "o", color=INK, ms=4, label="greatest need")
+    panel.set(xlabel="frequency [Hz]", ylabel=f"damping [{shown}]")
+    panel.set_ylim(factor * low, factor * high)
+    decades(panel)
+    legend(panel)
+
+
+def _scaled(greatest: float, unit: str) -> tuple[float, str]:
+    """Return factor and unit of an axis; a power of ten instead of a prefix on a product."""
+    if not 0.0 < greatest < 0.01:
+        return 1.0, unit
+    power = 3 * math.floor(math.log10(greatest) / 3.0)
+    return 10.0**-power, f"10{str(power).translate(_RAISED)} {unit}"
+
+
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def _plane(panel: Axes, found: WallVerdict, units: tuple[str, str], asked: float) -> None:
     wall, device = found.wall, found.device
     held = held_device(device.mass, device.damping, found.hand)
     widest = 1.3 * max(wall.damping, device.damping, 1e-9)
-    dampings = np.linspace(0.0, widest, DAMPINGS)
-    passive, stable = [], []
-    for damping in dampings.tolist():
-        here = wall._replace(damping=damping)
-        passive.append(greatest_stiffness(here, device.damping))
-        stable.append(stable_stiffness(here, held).limit)
-    finite = [value for value in (*passive, *stable) if 0.0 < value < math.inf]
-    floor = 0.3 * min([wall.stiffness, *finite])
-    panel.fill_between(dampings, floor, np.maximum(passive, floor), color=GOOD, alpha=0.15)
-    panel.plot(dampings, np.maximum(passive, floor), color=GOOD, label="passive for any hand")
+
+    def passive(damping: float) -> float:
+        return greatest_stiffness(wall._replace(damping=damping), device.damping)
+
+    def stable(damping: float) -> float:
+        return stable_stiffness(wall._replace(damping=damping), held).limit
+
+    dampings, limits = bend(passive, 0.0, widest)
+    finite = limits[np.isfinite(limits)]
+    high = 1.25 * max(asked, wall.stiffness, float(finite.max()) if len(finite) else 0.0)
+    across, shown = _scaled(widest, units[1])
+    limits = np.minimum(limits, 10.0 * high)
+    panel.fill_between(
+        across * dampings, 0.0, limits, color=WALL_SHADE, alpha=0.45, linewidth=0, label="passive"
+    )  # fmt: skip
+    panel.plot(across * dampings, limits, color=WALL, label="largest K for any hand")
     who = "with the stated hand" if found.hand is not None else "without a hand"
-    if any(math.isfinite(value) for value in stable):
-        panel.plot(dampings, stable, color=SOFT, linestyle="--", label=f"stable {who}")
-    colour = GOOD if found.passive else BAD
-    panel.plot(wall.damping, wall.stiffness, "o", color=colour, label="this wall", clip_on=False)
+    ends = [stable(0.0), stable(widest)]
+    if min(ends) > high:
+        # Far above the frame in a panel of its own scale: a number says more than a line.
+        far = f"{who}: stable to K = {min(ends):.3g}"
+        panel.plot([], [], " ", label=far if math.isfinite(min(ends)) else f"{who}: always stable")
+    else:
+        x, y = bend(stable, 0.0, widest)
+        panel.plot(across * x, y, color=MASTER, linestyle="--", label=f"stable {who}")
+    colour = MASTER if found.passive else SLAVE
+    style: Any = {"markersize": 8, "markeredgecolor": PAPER, "zorder": 4, "clip_on": False}
+    panel.plot(
+        across * wall.damping, wall.stiffness, "o", color=colour, label="this wall", **style
+    )  # fmt: skip
     if asked > wall.stiffness:
-        panel.plot(wall.damping, asked, "x", color=BAD, label="asked", clip_on=False)
-    panel.set_yscale("log")
-    panel.set(xlabel=f"B [{units[1]}]", ylabel=f"K [{units[0]}]", xlim=(0.0, widest))
-    panel.set_ylim(bottom=floor)
-    panel.legend(fontsize=8, frameon=False)
+        panel.plot(across * wall.damping, asked, "X", color=SLAVE, label="asked", **style)
+    panel.set(xlabel=f"damping B [{shown}]", ylabel=f"stiffness K [{units[0]}]")
+    panel.set_xlim(0.0, across * widest)
+    panel.set_ylim(0.0, high)
+    legend(panel)
 
 
 def _ports(panel: Axes, rig: Rig, side: str, delays: Mapping[str, CommandDelay]) -> None:
     theta = np.concatenate([np.geomspace(1e-4, 0.1, 150), np.linspace(0.1, math.pi, 250)])
-    panel.axhspan(0.0, 1.0, color=GOOD, alpha=0.12)
-    panel.axhline(1.0, color=GOOD, linewidth=1.2)
+    panel.axhspan(0.0, 1.0, color=WALL_SHADE, alpha=0.45)
+    panel.axhline(1.0, color=WALL, linewidth=1.4)
     highest = 1.0
-    for name in rig.coupling.pairs:
+    colours = (MASTER, SLAVE, LINE, DAMPER, FILTER, INK)
+    for at, name in enumerate(rig.coupling.pairs):
         axis_name = f"{side}.{name}"
         cases: list[tuple[str, Contact | None, str]] = [("free", None, "-")]
         contact = stated_contact(rig, axis_name)
@@ -144,7 +256,9 @@ def _ports(panel: Axes, rig: Rig, side: str, delays: Mapping[str, CommandDelay])
             hertz = theta / (2.0 * math.pi * own.period_s)
             share = np.abs(transfer(end, np.exp(1j * theta))[0])
             highest = max(highest, float(share.max()))
-            panel.semilogx(hertz, share, style, label=f"{name}, {label}", linewidth=1.2)
-    panel.set_title(f"{side} ports", loc="left", fontsize=10)
-    panel.set(xlabel="frequency [Hz]", ylabel="returned share of a wave", ylim=(0.0, 1.1 * highest))
-    panel.legend(fontsize=8, frameon=False)
+            text, colour = f"{plain(name)}, {label}", colours[at % len(colours)]
+            panel.semilogx(hertz, share, style, color=colour, label=text, linewidth=1.3)
+    heading(panel, f"{side} ports: reflected share of a wave")
+    panel.set(xlabel="frequency [Hz]", ylabel="returned share", ylim=(0.0, 1.1 * highest))
+    decades(panel)
+    legend(panel)

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
-from tautwave.analysis.sampled_loop import wave_end
-from tautwave.analysis.scattering import greatest_gain, port_scattering, spring_damping
+from tautwave.analysis.ports.sampled_loop import wave_end
+from tautwave.analysis.ports.scattering import greatest_gain, port_scattering, spring_damping
 from tautwave.certificate.belief import (
     Contact,
     assumed,
@@ -25,17 +25,16 @@ from tautwave.certificate.data import Element, Verdict
 from tautwave.certificate.loops import (
     believed_parts,
     scattering_norm,
-    wave_filter,
 )
 from tautwave.config import Rig
-from tautwave.laws.port import port_debt, sensor_allowance
-from tautwave.rig import device_impedance, site_params, velocity_gain
+from tautwave.laws.port import sensor_allowance
+from tautwave.rig import debt_rates, port_constants, velocity_gain
 from tautwave.types import CommandDelay
 
 UNITY = 1e-6
 """By how much a norm may exceed 1 for rounding and the grid."""
 
-ACCOUNT = "waves that leave rest on the port's energy account"
+ACCOUNT = "leaving waves are limited by the port's energy account"
 STIFFEST_STEPS = 8
 STRIDE = 1.6
 
@@ -84,38 +83,16 @@ def port_element(rig: Rig, axis_name: str, delays: Delays, wall_needs: float) ->
     )
 
 
-class DebtRates(NamedTuple):
-    """What the account of a port may owe for a while, `laws.port.port_debt`, as the rig is.
-
-    debt_per_speed_squared [kg or kg m^2]: times the square of the greatest speed, in J;
-    debt_per_flow [1]: and times the energy that went to and fro.
-    """
-
-    debt_per_speed_squared: float
-    debt_per_flow: float
-
-
-def debt_rates(rig: Rig, axis_name: str, delays: Delays) -> DebtRates:
-    """Return what the account of an impedance axis' port may owe."""
-    delay = delays[axis_name]
-    site = site_params(rig, axis_name, delay)
-    periods = delay.periods + (1 if delay.remainder_s > 0.0 else 0)
-    return DebtRates(
-        port_debt(site.port, periods, site.gain, 1.0, 0.0),
-        port_debt(site.port, periods, site.gain, 0.0, 1.0),
-    )
-
-
 def _bears(
     axis_name: str, stiffest: float, left: float, wall_needs: float, unit: str, damper: str
 ) -> str:
     """Return what may hold the axis before its port's energy account has to step in."""
     head = f"{axis_name} port: held, "
-    whose = "that its wall leaves it" if wall_needs > 0.0 else "of the device"
+    whose = "left over by its wall" if wall_needs > 0.0 else "of the device"
     if stiffest == 0.0:
-        return f"{head}it rests on its energy account: {left:.4g} {damper} of damping {whose}."
+        return f"{head}it depends on its energy account: {left:.4g} {damper} of damping {whose}."
     return (
-        f"{head}it bears springs up to {stiffest:.4g} {unit} without help of its energy account, "
+        f"{head}it tolerates springs up to {stiffest:.4g} {unit} without its energy account, "
         f"with the {left:.4g} {damper} of damping {whose}."
     )
 
@@ -128,8 +105,9 @@ def _passive(rig: Rig, axis_name: str, delays: Delays, norms: dict[str, Any]) ->
         share = delay.remainder_s / rig.period_s
         return Verdict(
             False,
-            f"{name}: its commands act {delay.periods + share:.3g} periods late, and the proof is "
-            f"for whole periods; let the drive latch its commands, or choose rate_hz so that the "
+            f"{name}: its commands act {delay.periods + share:.3g} periods late, and the proof "
+            f"covers whole periods only; let the drive latch its commands, or choose rate_hz so "
+            f"that the "
             f"delay of {delay.periods * rig.period_s + delay.remainder_s:.4g} s is a whole number",
         )
     for broken in (broken_inertia(rig, axis_name), broken_delay(rig, axis_name, delay)):
@@ -138,7 +116,7 @@ def _passive(rig: Rig, axis_name: str, delays: Delays, norms: dict[str, Any]) ->
     if norms["free"] > 1.0 + UNITY:
         return Verdict(
             False,
-            f"{name}: on a free device it returns up to {norms['free']:.4g} of a wave; take away "
+            f"{name}: on a free device it returns up to {norms['free']:.4g} of a wave; remove "
             f"velocity_filter_s, or lower wave_impedance",
         )
     unit = "kg m^2" if axis.kind == "rotary" else "kg"
@@ -161,8 +139,8 @@ def _passive(rig: Rig, axis_name: str, delays: Delays, norms: dict[str, Any]) ->
             f"fastest ({rates.debt_per_speed_squared:.3g} v^2 J)"
         )
         if kinetic >= 1.0:
-            pair = rig.coupling.pairs[axis_name.split(".")[1]]
-            most = 0.99 * (pair.wave_impedance or 0.0) / kinetic
+            pair = axis_name.split(".")[1]
+            most = 0.99 * _impedance(rig, f"master.{pair}") / kinetic
             return Verdict(
                 False,
                 f"{name}: {would}, and {owes}; lower wave_impedance to {most:.3g}, "
@@ -200,7 +178,8 @@ def _proved(
 ) -> float:
     """Return the greatest share of a wave that an end returns, its filter included, proved."""
     device, site = believed_parts(rig, axis_name, delays, bound, contact, damping=damping)
-    return greatest_gain(port_scattering(device, site, filter_gain=wave_filter(rig))).upper
+    filtered = rig.coupling.filter_step(rig.period_s)
+    return greatest_gain(port_scattering(device, site, filter_gain=filtered)).upper
 
 
 def _stiffest(rig: Rig, axis_name: str, delays: Delays, left: float) -> float:
@@ -213,7 +192,7 @@ def _stiffest(rig: Rig, axis_name: str, delays: Delays, left: float) -> float:
     if left == 0.0:
         return 0.0
     device, site = believed_parts(rig, axis_name, delays, "lower", damping=left)
-    period, filtered = rig.period_s, wave_filter(rig)
+    period, filtered = rig.period_s, rig.coupling.filter_step(rig.period_s)
     rule = 2.0 * device.mass * left / (_impedance(rig, axis_name) * period**2)
     top = device.mass * (math.pi / period) ** 2
     low = min((0.1 if site.gain == 1.0 else 1e-4) * rule, 1e-3 * top)
@@ -237,7 +216,7 @@ def _stiffest(rig: Rig, axis_name: str, delays: Delays, left: float) -> float:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if fine(middle) else (low, middle)
         high = low
-    # What the grid says is proved for the spring that is told.
+    # The grid only suggests a spring; the one returned is proved.
     for _ in range(STIFFEST_STEPS):
         held = device._replace(stiffness=high)
         if greatest_gain(port_scattering(held, site, filter_gain=filtered)).upper <= 1.0 + UNITY:
@@ -251,8 +230,8 @@ def _quantised(axis_name: str, passive: Verdict, allowance: float) -> Verdict:
         return passive
     return Verdict(
         False,
-        f"{axis_name} port: encoder step and noise feign losses; its account forgives up to "
-        f"{allowance:.3g} J per period, which may come out (booked as generated).",
+        f"{axis_name} port: encoder step and noise look like losses; its account forgives up to "
+        f"{allowance:.3g} J per period, which may be released (booked as generated).",
         margin=-allowance,
     )
 
@@ -269,9 +248,7 @@ def _allowance(rig: Rig, axis_name: str) -> float:
 
 
 def _impedance(rig: Rig, axis_name: str) -> float:
-    side, pair = axis_name.split(".")
-    keys = rig.coupling.pairs[pair]
-    return device_impedance(keys, side, keys.wave_impedance or 1.0)
+    return port_constants(rig, axis_name).wave_impedance
 
 
 def _admittance(rig: Rig, axis_name: str, delays: Delays) -> Element:
@@ -298,7 +275,7 @@ def _admittance(rig: Rig, axis_name: str, delays: Delays) -> Element:
     )
     passive = Verdict(True, f"{reason}.", conditions)
     if upper == 0.0:
-        text = f"{name}: nothing is guaranteed without environment_stiffness_upper; give it"
+        text = f"{name}: nothing is guaranteed without environment_stiffness_upper; set it"
         passive = Verdict(False, text)
     elif contact is not None and contact.stiffness > upper:
         passive = Verdict(
@@ -309,13 +286,15 @@ def _admittance(rig: Rig, axis_name: str, delays: Delays) -> Element:
     elif contact is not None and contact.damping > 0.0:
         passive = Verdict(
             False,
-            f"{name}: the proof is for a spring outside; {contact.text} has a damper. Require "
+            f"{name}: the proof assumes a pure spring as environment; {contact.text} has a "
+            f"damper. Require "
             "coupled_stable",
         )
     elif delay.remainder_s > 0.0:
         passive = Verdict(
             False,
-            f"{name}: its commands act a share of a period late; the proof is for whole periods",
+            f"{name}: its commands act a fraction of a period late, and the proof covers whole "
+            f"periods only",
         )
     elif lag is not None and REACHED * lag > rig.period_s:
         passive = Verdict(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from tautwave.analysis.wall_limits import greatest_stiffness
+from tautwave.analysis.walls.limits import greatest_stiffness
 from tautwave.certificate.data import Element, Verdict
 from tautwave.certificate.walls import sampled_wall
 from tautwave.config import Rig, Wall, local_wall
@@ -13,9 +13,8 @@ from tautwave.rig import (
     at_axis_rate,
     at_full_rate,
     command_delays,
-    device_impedance,
-    held_share,
     one_way_delay,
+    standing_offset,
 )
 from tautwave.types import CommandDelay
 
@@ -36,9 +35,9 @@ def converter_element(rig: Rig, axis_name: str, delays: Delays) -> Element | Non
         f"{name}: means of {divisor} waves lose what is not constant over them, a wave held for "
         f"{divisor} slots keeps its energy, and both keep the wave integral (Cauchy and Schwarz)."
     )
-    told = Verdict(True, reason)
+    verdict = Verdict(True, reason)
     sentences = (reason, _cost(rig, axis_name, divisor, numbers))
-    return Element(name, "converter", axis_name, told, told, numbers, sentences)
+    return Element(name, "converter", axis_name, verdict, verdict, numbers, sentences)
 
 
 def slow_costs(rig: Rig, axis_name: str, delays: Delays) -> dict[str, Any]:
@@ -46,16 +45,13 @@ def slow_costs(rig: Rig, axis_name: str, delays: Delays) -> dict[str, Any]:
 
     delay_s: one-way delay of its pair [s], all in; wall_stiffness: the stiffest passive local wall
     on it, None without device damping or on an admittance axis; rigid_stiffness: what the master
-    feels of a rigid environment behind the line, held still: b / tau times the share of its port.
+    feels of a rigid environment behind the line, held still: effort given per standing offset.
     """
     pair = axis_name.partition(".")[2]
     full = at_full_rate(rig)
     prompt = command_delays(full)
-    keys = rig.coupling.pairs[pair]
-    impedance = device_impedance(keys, "master", keys.wave_impedance or 1.0)
     taus = one_way_delay(rig, pair, delays), one_way_delay(full, pair, prompt)
-    master = f"master.{pair}"
-    shares = held_share(rig, master, delays[master]), held_share(full, master, prompt[master])
+    offsets = standing_offset(rig, pair, delays), standing_offset(full, pair, prompt)
     walls = None
     axis = rig.axes[axis_name]
     if axis.causality == "impedance" and axis.damping.lower > 0.0:
@@ -72,9 +68,7 @@ def slow_costs(rig: Rig, axis_name: str, delays: Delays) -> dict[str, Any]:
         "rate_hz": 1.0 / rig.axis_period_s(axis_name),
         "delay_s": taus,
         "wall_stiffness": walls,
-        "rigid_stiffness": tuple(
-            share * impedance / tau for share, tau in zip(shares, taus, strict=True)
-        ),
+        "rigid_stiffness": tuple(1.0 / offset for offset in offsets),
     }
 
 

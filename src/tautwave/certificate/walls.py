@@ -9,9 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from tautwave.analysis.sampled_wall import SampledWall, wall_transfer
-from tautwave.analysis.wall_verdict import WallDevice, WallVerdict, assess_wall
-from tautwave.analysis.wall_words import passivity_sentence, quantum_sentence, stability_sentence
+from tautwave.analysis.walls.messages import (
+    passivity_sentence,
+    quantum_sentence,
+    stability_sentence,
+)
+from tautwave.analysis.walls.sampled import SampledWall, wall_transfer
+from tautwave.analysis.walls.verdict import WallDevice, WallVerdict, assess_wall
 from tautwave.certificate.belief import (
     assumed,
     broken_coulomb,
@@ -86,12 +90,12 @@ def wall_element(
     axis = rig.axes[axis_name]
     if axis.causality == "admittance":
         reason = (
-            f"{name}: no theorem here covers a local wall on an admittance axis; "
-            "put it on the other side, or require coupled_stable"
+            f"{name}: no theorem covers a local wall on an admittance axis; move it to the other "
+            f"side, or require coupled_stable"
         )
-        told = Verdict(False, reason)
+        verdict = Verdict(False, reason)
         numbers = {"stiffness": wall.stiffness, "damping": wall.damping}
-        return Element(name, "wall", axis_name, told, told, numbers, (reason,))
+        return Element(name, "wall", axis_name, verdict, verdict, numbers, (reason,))
     found = wall_verdict(rig, axis_name, wall, delays, coulomb)
     rotary = axis.kind == "rotary"
     passive = _passive(rig, axis_name, wall, found, name, rotary)
@@ -101,7 +105,7 @@ def wall_element(
         unit = "N m/rad" if rotary else "N/m"
         sentences.insert(
             0,
-            f"{name}: K = {asked:.6g} {unit} is asked, and derated to {wall.stiffness:.6g}, the "
+            f"{name}: K = {asked:.6g} {unit} requested, derated to {wall.stiffness:.6g}, the "
             f"stiffest that is {rig.require.replace('_', ' ')}.",
         )
     if not passive.passed:
@@ -124,8 +128,8 @@ def adversary(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay, name: s
     The hand is one mass on a spring and a damper, found by the necessity theorem's construction
     (`analysis.necessity`) and verified on the exact sampled loop.
     """
-    from tautwave.analysis.necessity import User, destabilising_hand
-    from tautwave.analysis.rational import Sampled, rational
+    from tautwave.analysis.exact.rational import Sampled, rational
+    from tautwave.analysis.ports.necessity import User, destabilising_hand
 
     axis = rig.axes[axis_name]
     assert axis.inertia is not None
@@ -141,8 +145,10 @@ def adversary(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay, name: s
     )
     if found is None:
         return []
-    told = found.sentence(rotary=axis.kind == "rotary").partition(" is unstable against this hand")
-    return [f"{name}: unstable against this hand on the device{told[2]}."]
+    numbers = found.sentence(rotary=axis.kind == "rotary").partition(
+        " is unstable against this hand"
+    )
+    return [f"{name}: unstable against this hand on the device{numbers[2]}."]
 
 
 def _quantised(
@@ -176,8 +182,8 @@ def _passive(
     if found.wall.delay > 0.0:
         return Verdict(
             False,
-            f"{sentence} Its passivity control is exact for commands that act at once only, these "
-            f"act {found.wall.delay:g} periods late.",
+            f"{sentence} Its passivity control is exact only without command delay; these "
+            f"commands act {found.wall.delay:g} periods late.",
             margin=found.margin,
         )
     broken = broken_inertia(rig, axis_name)
@@ -187,16 +193,17 @@ def _passive(
     if limit is not None and limit * rig.period_s < axis.effort_limit:
         return Verdict(
             False,
-            f"{sentence} Its passivity control has to take the effort away at once, but "
-            f"effort_rate_limit lets it fall by {limit * rig.period_s:.4g} per period only; raise "
-            f"that to {axis.effort_limit * rig.rate_hz:.4g}.",
+            f"{sentence} Its passivity control must remove the effort at once, but "
+            f"effort_rate_limit allows a drop of only {limit * rig.period_s:.4g} per period; "
+            f"raise that to {axis.effort_limit * rig.rate_hz:.4g}.",
             margin=found.margin,
         )
     unit = "N m/rad" if rotary else "N/m"
     assert axis.inertia is not None
     reason = (
-        f"{name}: K = {wall.stiffness:g} {unit} gives back no more than it took, by its exact "
-        f"energy observer and controller (Hannaford and Ryu 2002), on a device of at least "
+        f"{name}: K = {wall.stiffness:g} {unit} gives back no more energy than it received, by "
+        f"its exact energy observer and controller (Hannaford and Ryu 2002), on a device of at "
+        f"least "
         f"{axis.inertia.lower:g}; damping alone would allow {found.passive_stiffness:.4g}."
     )
     conditions = (FREE_FLIGHT, *assumed(axis, axis_name, inertia=True))

@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from tautwave.cli.options import echo_json, json_option, out_option, positive
-from tautwave.cli.show import BAD, GOOD, NOTE, Cell, Section, show
+from tautwave.cli.terminal.show import BAD, GOOD, NOTE, Cell, Section, show
 
 QUICK_REALTIME_S = 5.0
 QUICK_MEMORY_S = 60.0
@@ -24,7 +24,7 @@ duration_option = click.option(
     show_default=True,
     callback=positive,
     metavar="S",
-    help="How long the real-time loop runs [s]; 60 for figures worth quoting.",
+    help="Duration of the real-time loop [s]; 60 for quotable figures.",
 )
 
 
@@ -60,23 +60,33 @@ def bench(ctx: click.Context, as_json: bool) -> None:
     _print(suites, as_json)
 
 
-@bench.command(short_help="Cycle, real time, FakeClock run, starting and memory of the live loop.")
+@bench.command(short_help="Live loop: cycle time, lateness, fake-clock speed, start-up, memory.")
 @duration_option
 @click.option(
     "--hour",
     is_flag=True,
     help="Watch the resident size over a simulated hour; takes minutes. [default: 2 minutes]",
 )
+@click.option(
+    "--rate",
+    is_flag=True,
+    help="How fast it can go instead: 1, 2 and 6 pairs at 1 to 10 kHz, in Python and compiled, "
+    "--duration for each.",
+)
 @json_option
-def loop(duration: float, hour: bool, as_json: bool) -> None:
+def loop(duration: float, hour: bool, rate: bool, as_json: bool) -> None:
     """Run the live loop on loopback devices, recorder running, and time it.
 
     \b
     Examples:
         tautwave bench loop --duration 60
+        tautwave bench loop --rate --duration 10
         tautwave bench loop --hour
     """
     backend = _backend()
+    if rate:
+        _print([backend.rates(duration_s=duration, tell=_tell)], as_json)
+        return
     more = {"memory_s": HOUR_S} if hour else {}
     _print([backend.loop(duration_s=duration, tell=_tell, **more)], as_json)
 
@@ -93,7 +103,7 @@ def laws(as_json: bool) -> None:
     _print([_backend().laws(tell=_tell)], as_json)
 
 
-@bench.command(short_help="The host's cost of one exchange on each bus.")
+@bench.command(short_help="Host CPU cost of one exchange on each bus.")
 @click.option("--cycles", type=click.IntRange(100), default=2000, show_default=True)
 @json_option
 def buses(cycles: int, as_json: bool) -> None:
@@ -119,7 +129,7 @@ def buses(cycles: int, as_json: bool) -> None:
     default=1e-4,
     show_default=True,
     callback=positive,
-    help="What the chosen point of each scene has to meet.",
+    help="Error bound for the chosen point of each scene.",
 )
 @json_option
 def workprecision(full: bool, out: Path | None, max_error: float, as_json: bool) -> None:
@@ -136,9 +146,9 @@ def workprecision(full: bool, out: Path | None, max_error: float, as_json: bool)
     _print([suite], as_json)
 
 
-@bench.command(short_help="Models and whole rigs where numbers are hardest.")
-@click.option("--full", is_flag=True, help="1e9 steps of the conservative scenes, not 1e7.")
-@out_option("Where the tables go as CSV; default: nowhere.")
+@bench.command(short_help="Models and whole rigs at numerical extremes.")
+@click.option("--full", is_flag=True, help="1e9 steps of the conservative scenes instead of 1e7.")
+@out_option("Directory for the tables as CSV; default: none.")
 @json_option
 def extremes(full: bool, out: Path | None, as_json: bool) -> None:
     """Run stiff and extreme cases: what is refused, what goes wrong, by how much.
@@ -151,7 +161,7 @@ def extremes(full: bool, out: Path | None, as_json: bool) -> None:
         tautwave bench extremes
         tautwave bench extremes --full --out runs/extremes --json
     """
-    from tautwave.bench.extremes import write_tables
+    from tautwave.bench.extremes.suite import write_tables
 
     suite = _backend().extremes(full=full, tell=_tell)
     if out is not None:
@@ -159,7 +169,7 @@ def extremes(full: bool, out: Path | None, as_json: bool) -> None:
     _print([suite], as_json)
 
 
-@bench.command(short_help="1,000 parameter sets side by side against one after the other.")
+@bench.command(short_help="1,000 parameter sets in SIMD lanes against one at a time.")
 @json_option
 def lanes(as_json: bool) -> None:
     """Measure what a sweep gains where 16 parameter sets share the processor's vectors.
@@ -171,7 +181,9 @@ def lanes(as_json: bool) -> None:
     _print([_backend().lanes(tell=_tell)], as_json)
 
 
-@bench.command(short_help="Mass-interaction networks against real time, and over their size.")
+@bench.command(
+    short_help="Mass-interaction networks: speed relative to real time, and scaling with size."
+)
 @json_option
 def networks(as_json: bool) -> None:
     """Measure a step of the granular scene, and of chains of 1 to 1e4 masses.

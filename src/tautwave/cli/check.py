@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 
-from tautwave.cli.options import echo_json, json_option, out_option, rig_argument, set_option
-from tautwave.cli.show import BAD, FAINT, NOTE, Cell, Section, show
-from tautwave.errors import ConfigError
+from tautwave.cli.options import (
+    echo_json,
+    json_option,
+    out_option,
+    rig_argument,
+    set_option,
+    simulate_option,
+)
+from tautwave.cli.terminal.show import BAD, FAINT, GOOD, NOTE, Cell, Section, plain_text, show
+from tautwave.files import make_directory, write_text, writing
 
 
 def _print_schema(ctx: click.Context, param: click.Parameter, wanted: bool) -> None:
@@ -34,8 +43,18 @@ def _print_schema(ctx: click.Context, param: click.Parameter, wanted: bool) -> N
     callback=_print_schema,
     help="Print the JSON Schema of a rig file, for editors, and stop.",
 )
-@out_option("Write check.json and a picture, certificate.png, into DIR as well.")
+@out_option(
+    "Write check.json, all of it as text (check.txt), certificate.png, and what the rig can show a "
+    "hand (z-width.png, transparency.png, limit-cycle.png) into DIR as well."
+)
 @set_option
+@simulate_option
+@click.option(
+    "--verbose",
+    "-v",
+    is_flag=True,
+    help="Print the plan, the arithmetic of the buses and the whole certificate as well.",
+)
 @click.pass_context
 def check(
     ctx: click.Context,
@@ -43,8 +62,10 @@ def check(
     as_json: bool,
     out: Path | None,
     overrides: tuple[str, ...],
+    simulate: bool | tuple[str, ...],
+    verbose: bool,
 ) -> None:
-    """Check RIG: its keys, what is in and left out, bus time, certificate.
+    """Check RIG: its keys, what is in and left out, bus time, certificate. The verdict is last.
 
     \b
     Examples:
@@ -58,41 +79,98 @@ def check(
     loaded = load_rig(rig, overrides)
     from tautwave import session
 
-    result = session.check(loaded)
+    result = session.check(loaded, simulate=simulate)
     if out is not None:
-        _write(out, result.as_dict())
-        if result.certificate.get("verdicts"):
-            _draw(out, loaded)
+        _keep(out, loaded, result)
     if as_json:
         echo_json(result.as_dict())
     else:
-        show(check_sections(loaded.name, result))
+        show(check_sections(loaded.name, result, verbose))
     ctx.exit(result.exit_code)
 
 
-def check_sections(name: str, result: Any) -> list[Section]:
-    """Facts, plan, bus time and certificate of a `session.CheckResult`."""
-    headline = f"{name}: the rig file is right"
-    if result.exit_code:
-        headline = f"{name}: the rig file is right, but the rig may not run"
+def check_sections(name: str, result: Any, verbose: bool = False) -> list[Section]:
+    """What a `session.CheckResult` says on a screen; `verbose`: all of it. The verdict is last."""
+    from tautwave.session.facts import AXIS_HEADS, PAIR_HEADS
+
+    facts = [(label, str(value)) for label, value in result.facts]
+    if verbose:
+        return [
+            Section(name, (), ()),
+            Section("Facts", ("", ""), facts),
+            Section("Plan", ("element", "", "because"), list(_plan(result.plan))),
+            Section("Bus time", BUS_HEADS, list(_buses(result.budget, arithmetic=True))),
+            *certificate_sections(result.certificate),
+            _last(name, result),
+        ]
+    # Pairs and axes have tables of their own.
+    rows = {f"pair {row[0]}" for row in result.pairs} | {row[0] for row in result.axes}
+    brief = _folded([(label, value) for label, value in facts if label not in rows])
     return [
-        Section(headline, (), (), "bold" if result.exit_code == 0 else BAD),
-        Section("Facts", ("", ""), [(label, str(value)) for label, value in result.facts]),
-        Section("Plan", ("element", "", "because"), list(_plan(result.plan))),
-        Section("Bus time", ("bus", ">needed", ">greatest rate", ""), list(_buses(result.budget))),
-        *certificate_sections(result.certificate),
+        Section(name, ("", ""), brief),
+        Section("", PAIR_HEADS, result.pairs),
+        Section("", AXIS_HEADS, result.axes),
+        Section("", BUS_HEADS, list(_buses(result.budget, arithmetic=False))),
+        Section("", ("certificate", ""), list(_verdicts(result.certificate))),
+        _last(name, result),
     ]
+
+
+def _folded(facts: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Return facts whose lines fit on a screen beside their labels."""
+    room = SCREEN - 4 - max(len(label) for label, _ in facts)
+    fold = partial(textwrap.fill, width=room, break_long_words=False, break_on_hyphens=False)
+    return [(label, fold(value)) for label, value in facts]
+
+
+SCREEN = 80
+"""Columns."""
+BUS_HEADS = ("bus", ">time needed", ">greatest rate", "")
+
+
+def _verdicts(certificate: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]]:
+    """Yield a line for each verdict: what it says, not what it rests on."""
+    from tautwave.cli.terminal.summary import verdict
+
+    verdicts = certificate.get("verdicts")
+    if not isinstance(verdicts, Mapping) or not verdicts:
+        yield "passive", verdict(certificate.get("passed"))
+        return
+    for name, found in verdicts.items():
+        required = " (required)" if name == certificate.get("require") else ""
+        says = verdict(found["passed"], found["state"])
+        if found["passed"] and found["conditions"]:
+            count = len(found["conditions"])
+            says = Cell(f"{says.text}: rests on {count} condition{'s'[: count > 1]}", says.style)
+        yield f"{str(name).replace('_', ' ')}{required}", says
+
+
+def _last(name: str, result: Any) -> Section:
+    """Return a line for each thing that fails, and whether the rig may run."""
+    out = sum(1 for _, state, _ in result.plan if state == "left out")
+    more = f"{out} elements are left out; --verbose lists them, with the whole certificate."
+    rows: list[tuple[str | Cell, ...]] = [(Cell(more, FAINT),)]
+    rows += [(Cell(why, BAD),) for why in result.failures]
+    if result.exit_code == 0:
+        rows.append((Cell(f"{name}: may run.", GOOD),))
+    else:
+        why = {3: "not certified as it requires", 4: "rate too high for a bus"}.get(
+            result.exit_code, ""
+        )
+        reason = f": {why}" if why else ""
+        rows.append((Cell(f"{name}: may not run{reason} (exit code {result.exit_code}).", BAD),))
+    return Section("", ("",), rows)
 
 
 def certificate_sections(certificate: Mapping[str, Any]) -> list[Section]:
     """The three verdicts with what they rest on, then what was found, element by element."""
-    from tautwave.cli.summary import verdict
+    from tautwave.cli.terminal.summary import verdict
 
-    told = certificate.get("verdicts")
-    if not isinstance(told, Mapping) or not told:
+    verdicts = certificate.get("verdicts")
+    if not isinstance(verdicts, Mapping) or not verdicts:
         return [Section("Certificate", ("", ""), [("passive", verdict(certificate.get("passed")))])]
     rows: list[tuple[str | Cell, ...]] = []
-    for name, found in told.items():
+    for name, found in verdicts.items():
         required = " (required)" if name == certificate.get("require") else ""
         label = f"{str(name).replace('_', ' ')}{required}"
         rows.append((label, verdict(found["passed"], found["state"]), found["reason"]))
@@ -116,30 +194,49 @@ def _plan(plan: Sequence[tuple[str, str, str]]) -> Iterator[tuple[str | Cell, ..
             yield Cell(element, FAINT), Cell(state, FAINT), Cell(reason, FAINT)
 
 
-def _buses(budget: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]]:
+def _buses(budget: Mapping[str, Any], *, arithmetic: bool) -> Iterator[tuple[str | Cell, ...]]:
     from tautwave.report.units import quantity
 
     for bus, cost in budget.items():
         if cost is None:
             yield bus, Cell("not yet evaluated", NOTE), "", ""
         else:
-            time_s, greatest_rate_hz, arithmetic, remedy = cost
-            told = f"{arithmetic}\n{remedy}" if remedy else arithmetic
-            yield bus, quantity(time_s, "s", 3), quantity(greatest_rate_hz, "Hz", 3), told
+            time_s, greatest_rate_hz, steps, remedy = cost
+            note = "\n".join(filter(None, (steps, remedy))) if arithmetic else ""
+            yield bus, quantity(time_s, "s", 3), quantity(greatest_rate_hz, "Hz", 3), note
 
 
-def _draw(out: Path, rig: Any) -> None:
-    from tautwave.certificate.picture import draw_certificate
+def _keep(out: Path, rig: Any, result: Any) -> None:
+    """Write everything that is found into a directory: text, data and pictures.
 
-    try:
-        draw_certificate(rig, out / "certificate.png")
-    except OSError as err:
-        raise ConfigError(f"{out}: certificate.png cannot be written: {err.strerror}") from err
+    Raises
+    ------
+    WritingError
+        Something cannot be written.
+    """
+    said = check_sections(rig.name, result, verbose=True)
+    data = result.as_dict()
+    certified = bool(result.certificate.get("verdicts"))
+    if certified:
+        from tautwave.certificate.haptics import haptics
 
+        found = haptics(rig)
+        data["haptics"] = found.as_dict()
+        told = found.sentences()
+        more = [Section(head, ("",), [(line,) for line in lines]) for head, lines in told]
+        said = [*said[:-1], *more, said[-1]]
+    make_directory(out)
+    write_text(out / "check.json", json.dumps(data, indent=2, ensure_ascii=False) + "\n")
+    write_text(out / "check.txt", plain_text(said))
+    if certified:
+        from tautwave.certificate.haptics.pictures import draw_haptics
+        from tautwave.certificate.picture import draw_certificate
 
-def _write(out: Path, result: Any) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "check.json").write_text(json.dumps(result, indent=2, ensure_ascii=False) + "\n")
-    except OSError as err:
-        raise ConfigError(f"{out}: check.json cannot be written: {err.strerror}") from err
+        path = out / "certificate.png"
+        with writing(path):
+            try:
+                draw_certificate(rig, path)
+            except OSError:
+                path.unlink(missing_ok=True)
+                raise
+        draw_haptics(rig.name, found, out)

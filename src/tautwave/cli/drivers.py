@@ -1,17 +1,24 @@
-"""`tautwave drivers`: the plugins that are installed, and what each still needs."""
+"""`tautwave drivers`: the plugins and parts that are installed, and what each still needs."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import click
 
 from tautwave.cli.options import echo_json, json_option
-from tautwave.cli.show import BAD, Cell, Section, show
+from tautwave.cli.terminal.show import BAD, Cell, Section, show
+
+if TYPE_CHECKING:
+    from tautwave.registry import Installed
+
+PARTS = ("coupling", "environment", "hand")
 
 
-@click.command(short_help="List the installed bus drivers.")
+@click.command(short_help="List the installed drivers and parts.")
 @json_option
 def drivers(as_json: bool) -> None:
-    """List the installed bus drivers, and the extras that are missing.
+    """List the installed bus drivers, couplings, environments and hands, and what is missing.
 
     \b
     Examples:
@@ -20,17 +27,27 @@ def drivers(as_json: bool) -> None:
     """
     from tautwave import registry
 
-    found = registry.list_drivers()
+    found = {"driver": registry.list_drivers()}
+    found |= {group: registry.list_parts(f"tautwave.{group}s") for group in PARTS}
     if as_json:
-        echo_json([entry._asdict() for entry in found])
-        return
-    rows = [
-        (
-            entry.name,
-            f"{entry.package} {entry.version}",
-            entry.summary,
-            Cell(", ".join(entry.missing), BAD) if entry.missing else "",
+        echo_json(
+            [{"kind": kind, **entry._asdict()} for kind, rows in found.items() for entry in rows]
         )
-        for entry in found
-    ]
-    show([Section("Drivers", ("name", "package", "what it is", "missing"), rows)])
+        return
+    headings = ("name", "package", "what it is", "missing")
+    show(
+        [
+            Section(f"{kind.capitalize()}s", headings, [_row(entry) for entry in rows])
+            for kind, rows in found.items()
+            if rows
+        ]
+    )
+
+
+def _row(entry: Installed) -> tuple[str | Cell, ...]:
+    return (
+        entry.name,
+        f"{entry.package} {entry.version}",
+        entry.summary,
+        Cell(", ".join(entry.missing), BAD) if entry.missing else "",
+    )

@@ -5,21 +5,51 @@ from __future__ import annotations
 import errno
 import importlib
 import importlib.util
+import os
 import shlex
+import signal
+import sys
+from contextlib import suppress
 from difflib import get_close_matches
 from typing import Any, cast
 
 import click
 
 from tautwave import __version__
-from tautwave.errors import TautwaveError
+from tautwave.cli.terminal.streams import drop, open_streams
+from tautwave.errors import TautwaveError, WritingError
+from tautwave.files import create, reason
 
-COMMANDS = ("run", "check", "sim", "scan", "sweep", "identify", "report", "drivers", "bench")
+COMMANDS = (
+    "example", "run", "check", "sim", "scan", "sweep", "identify", "report", "drivers", "bench",
+    "reproduce",
+)  # fmt: skip
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 _PARSED = "tautwave.arguments"
+
+
+EXIT_CODES = (
+    "Exit codes: 0 fine; 1 an unexpected error, with its traceback in a file; 2 usage or "
+    "configuration; 3 not certified, or the certificate invalidated by the run's measurements;"
+    " 4 over the bus-time budget; 5 bus or device fault; 6 safety stop; 7 a recording or another"
+    " result is incomplete or cannot be written (3, 5 and 6 outrank it, and the last line names"
+    " both); 129, 130, 143 ended by SIGHUP, Ctrl-C, SIGTERM before anything moved; 141 the reader"
+    " of its output has gone before the end."
+)
 
 
 class Commands(click.Group):
     """Commands that live in modules of their own, imported by name."""
+
+    owns_process = False
+    """Whether the process is there for one command and ends with it."""
+
+    def main(self, args: Any = None, *more: Any, **keys: Any) -> Any:
+        """As click does it; without arguments of its caller the process is the command's."""
+        self.owns_process = args is None
+        if self.owns_process:
+            open_streams()
+        return super().main(args, *more, **keys)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names in the order in which a person meets them."""
@@ -44,7 +74,7 @@ class Commands(click.Group):
         return super().resolve_command(ctx, args)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Keep the words of the command line: they are written into the recording."""
+        """Keep the command line's arguments: they are written into the recording."""
         ctx.meta[_PARSED] = tuple(args)
         return super().parse_args(ctx, args)
 
@@ -57,9 +87,22 @@ class Commands(click.Group):
             ctx.exit(err.exit_code)
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
-        except Exception as err:  # the last boundary: nobody wants to read a traceback here
+        except KeyboardInterrupt as err:
+            command = ctx.invoked_subcommand or "tautwave"
+            message = f"{command}: ended by {str(err) or 'Ctrl-C'}"
+            if command == "run":
+                message += " before anything moved; no directory is left"
+            with suppress(OSError):  # a terminal that was closed
+                click.echo(message, err=True)
+            ctx.exit(getattr(err, "exit_code", 130))
+        except Exception as err:  # noqa: BLE001  the last boundary: nobody wants to read a traceback here
             if isinstance(err, OSError) and err.errno == errno.EPIPE:
-                raise  # `tautwave check rig.yaml | head`: click ends quietly
+                drop(sys.stdout)  # `tautwave bench | head`: as every other program
+                ctx.exit(128 + signal.SIGPIPE)
+            if isinstance(err, OSError) and err.errno in NO_ROOM:
+                where = "output" if err.filename is None else str(err.filename)
+                click.echo(f"{where}: cannot be written: {reason(err)}", err=True)
+                ctx.exit(WritingError.exit_code)
             click.echo(_save_traceback(err, command_line(ctx)), err=True)
             ctx.exit(1)
 
@@ -76,40 +119,40 @@ def _has_bench() -> bool:
 def _save_traceback(err: Exception, command: str) -> str:
     """Write the traceback into a file; return the sentence that says where it is."""
     import platform
-    import sys
+    import secrets
     import tempfile
     import traceback
 
     what = f"{type(err).__name__}: {err}".rstrip(": ").splitlines()[0]
-    sentence = f"tautwave stopped on an error it did not expect ({what})"
+    sentence = f"tautwave stopped on an unexpected error ({what})"
     try:
-        with tempfile.NamedTemporaryFile(
-            "w", prefix="tautwave-error-", suffix=".txt", delete=False, encoding="utf-8"
-        ) as file:
+        folder = tempfile.gettempdir()
+        path = os.path.join(folder, f"tautwave-error-{secrets.token_hex(4)}.txt")
+        with open(create(path, replace=False), "w", encoding="utf-8") as file:
             file.write(f"{command}\n")
             file.write(f"tautwave {__version__}, Python {sys.version}, {platform.platform()}\n\n")
             file.write("".join(traceback.format_exception(err)))
     except OSError as failure:
         return f"{sentence}; its traceback could not be saved: {failure.strerror}"
-    return f"{sentence}; the traceback is in {file.name}"
+    return f"{sentence}; the traceback is in {path}"
 
 
 @click.command(
     "tautwave",
     cls=Commands,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    epilog="Exit codes: 0 fine, 2 usage or configuration, 3 not certified, 4 over the bus-time"
-    " budget, 5 bus or device fault, 6 safety stop.",
+    epilog=EXIT_CODES,
 )
 @click.version_option(__version__, prog_name="tautwave", message="%(prog)s %(version)s")
 def main() -> None:
     """Teleoperation over fieldbuses: two devices coupled by a taut string.
 
-    A rig is one YAML file. Check it, run it, read the report:
+    A rig is one YAML file. Take one, check it, run it, read the report:
 
     \b
-        tautwave check configs/bench-1dof-loopback.yaml
-        tautwave run configs/bench-1dof-loopback.yaml --clock fake --out runs/first
+        tautwave example bench-1dof-loopback
+        tautwave check bench-1dof-loopback.yaml
+        tautwave run bench-1dof-loopback.yaml --clock fake --out runs/first
         tautwave report runs/first
 
     \b

@@ -9,22 +9,31 @@ from typing import Any
 
 import click
 
-from tautwave.cli.options import PATH, echo_json, json_option, out_option, positive, set_option
+from tautwave.cli.options import (
+    PATH,
+    echo_json,
+    json_option,
+    out_option,
+    positive,
+    set_option,
+    simulate_option,
+)
 from tautwave.errors import ConfigError
 
 RIG_SUFFIXES = (".yaml", ".yml")
 RECORDINGS = (".mcap", ".csv")
 MODELS = ("auto", "spring", "contact", "preloaded", "hunt_crossley", "mass")
-_RIG_ONLY = ("share", "reach", "duration", "clock", "overrides", "allow_uncertified")
+_RIG_ONLY = (
+    *("share", "reach", "duration", "clock"),
+    *("overrides", "allow_uncertified", "simulate", "attach"),
+)
 _RECORDING_ONLY = ("position", "effort", "time", "model", "filter_hz", "begin_s", "end_s")
 
 
-@click.command(short_help="Identify a device, or what a recording touched.")
+@click.command(short_help="Identify a device, or the environment in a recording.")
 @click.argument("source", type=PATH, metavar="RIG|RECORDING")
-@click.option(
-    "--axis", metavar="NAME", help="Such as master.wrist; needed where there are several."
-)
-@out_option("Where it is kept; default: runs/identify-NAME-DATE-TIME. Has to be new or empty.")
+@click.option("--axis", metavar="NAME", help="Such as master.wrist; required if there are several.")
+@out_option("Output directory, new or empty; default: runs/identify-NAME-DATE-TIME.")
 @json_option
 @click.option(
     "--duration",
@@ -32,7 +41,7 @@ _RECORDING_ONLY = ("position", "effort", "time", "model", "filter_hz", "begin_s"
     default=12.0,
     callback=positive,
     metavar="S",
-    help="RIG: how long to shake the axis [s]; default 12.",
+    help="RIG: excitation time [s]; default 12.",
 )
 @click.option(
     "--clock",
@@ -53,15 +62,18 @@ _RECORDING_ONLY = ("position", "effort", "time", "model", "filter_hz", "begin_s"
     type=float,
     callback=positive,
     metavar="X",
-    help="RIG: how far from the start to swing [rad or m]; default: a quarter of position_range.",
+    help="RIG: excitation amplitude around the start position [rad or m]; default: a quarter of "
+    "position_range.",
 )
 @set_option
+@simulate_option
+@click.option("--attach", is_flag=True, help="RIG: as for run.")
 @click.option(
     "--allow-uncertified", is_flag=True, help="RIG: move motors of a rig that is not certified."
 )
 @click.option("--position", metavar="COLUMN", help="RECORDING: column of the position.")
 @click.option(
-    "--effort", metavar="COLUMN", help="RECORDING: column of the effort from outside, either sign."
+    "--effort", metavar="COLUMN", help="RECORDING: column of the external effort, either sign."
 )
 @click.option("--time", metavar="COLUMN", help="RECORDING: column of the time [s].")
 @click.option(
@@ -69,7 +81,7 @@ _RECORDING_ONLY = ("position", "effort", "time", "model", "filter_hz", "begin_s"
     type=click.Choice(MODELS),
     default="auto",
     show_default=True,
-    help="RECORDING: what to fit; mass is for a hand that holds still.",
+    help="RECORDING: what to fit; mass is for a hand that does not move.",
 )
 @click.option(
     "--filter-hz",
@@ -112,16 +124,20 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
 
 
 def _device(source: Path, options: Mapping[str, Any]) -> None:
-    from tautwave.cli.progress import Progress
     from tautwave.cli.run import fresh_directory
-    from tautwave.cli.show import show
+    from tautwave.cli.terminal.progress import Progress
+    from tautwave.cli.terminal.show import show
     from tautwave.config import load_rig
     from tautwave.report.units import axis_units
 
     loaded = load_rig(source, options["overrides"])
+    from tautwave.session import describe_ways
     from tautwave.session.identifying import axis_to_identify, identify_device
 
     axis = axis_to_identify(loaded, options["axis"])
+    ways = {name: options[name] for name in ("clock", "simulate", "attach")}
+    for sentence in describe_ways(loaded, **ways):
+        click.echo(sentence, err=options["as_json"])
     directory = fresh_directory(options["out"], f"identify-{loaded.name}")
     try:
         with Progress(axis) as progress:
@@ -134,12 +150,14 @@ def _device(source: Path, options: Mapping[str, Any]) -> None:
                 share=options["share"],
                 reach=options["reach"],
                 allow_uncertified=options["allow_uncertified"],
+                simulate=options["simulate"],
+                attach=options["attach"],
                 progress=progress,
             )
     finally:
         with suppress(OSError):
             directory.rmdir()  # works on an empty one only: a refused rig leaves nothing
-    from tautwave.report.identify_figure import device_figure, write_figure
+    from tautwave.report.figures.identification import device_figure, write_figure
 
     units = axis_units(result.kind)
     picture = write_figure(device_figure(result.fit, axis, units), directory)
@@ -151,8 +169,8 @@ def _device(source: Path, options: Mapping[str, Any]) -> None:
 
 def _recording(source: Path, options: Mapping[str, Any]) -> None:
     from tautwave.cli.run import fresh_directory
-    from tautwave.cli.show import show
-    from tautwave.report.identify_figure import contact_figure, write_figure
+    from tautwave.cli.terminal.show import show
+    from tautwave.report.figures.identification import contact_figure, write_figure
     from tautwave.report.units import axis_units
     from tautwave.session.recorded import identify_recording, save_result
 
@@ -192,7 +210,7 @@ def _head(what: str) -> tuple[str, str, str, str]:
 
 def device_sections(result: Any, units: tuple[str, str], picture: Path) -> list[Any]:
     """Parameters, lines for the rig file, doubts and files of an identified device."""
-    from tautwave.cli.show import Section
+    from tautwave.cli.terminal.show import Section
 
     place, effort = units
     fit = result.fit
@@ -228,7 +246,7 @@ def _lines_of(result: Any) -> list[str]:
 
 def contact_sections(result: Any, units: tuple[str, str], picture: Path) -> list[Any]:
     """Parameters of the chosen model, residuals of all, doubts and files."""
-    from tautwave.cli.show import NOTE, Section
+    from tautwave.cli.terminal.show import NOTE, Section
 
     place, effort = units
     fit = result.chosen
@@ -265,7 +283,7 @@ def contact_sections(result: Any, units: tuple[str, str], picture: Path) -> list
     block = result.as_dict()["snippet"]
     return [
         Section(
-            (said if result.found else f"{result.series.source}: no contact is seen") + side,
+            (said if result.found else f"{result.series.source}: no contact found") + side,
             (), (), "bold" if result.found else NOTE,
         ),
         Section("Fit", _head("parameter"), rows),

@@ -13,9 +13,9 @@ from tautwave.errors import ConfigError
 
 
 def parse_model(model: type[Any], arguments: Sequence[str], command: str) -> Any:
-    """Return the model filled from `--some-key value` words.
+    """Return the model filled from `--some-key value` arguments.
 
-    A key of type bool is a flag; of a list or tuple, words joined by commas.
+    A key of type bool is a flag; of a list or tuple, values separated by commas.
 
     Raises
     ------
@@ -26,9 +26,9 @@ def parse_model(model: type[Any], arguments: Sequence[str], command: str) -> Any
 
     keys = {f"--{name.replace('_', '-')}": name for name in model.model_fields}
     given: dict[str, Any] = {}
-    words = list(arguments)
-    while words:
-        word = words.pop(0)
+    left = list(arguments)
+    while left:
+        word = left.pop(0)
         option, equals, value = word.partition("=")
         if option not in keys:
             raise ConfigError(_unknown(option, command, sorted(keys)))
@@ -38,21 +38,24 @@ def parse_model(model: type[Any], arguments: Sequence[str], command: str) -> Any
             given[name] = True
             continue
         if not equals:
-            if not words:
+            if not left:
                 raise ConfigError(f"{command}: {option} needs a value")
-            value = words.pop(0)
+            value = left.pop(0)
         given[name] = _value(value, kind)
     try:
         return model.model_validate_json(json.dumps(given), strict=True)
     except ValidationError as err:
-        raise ConfigError([_sentence(command, problem) for problem in _told(err.errors())]) from err
+        raise ConfigError(
+            [_sentence(command, problem) for problem in _root_causes(err.errors())]
+        ) from err
 
 
 def describe_model(model: type[Any]) -> list[tuple[str, str]]:
     """Return each option with what it is for, for `--help`."""
     rows = []
     for name, field in model.model_fields.items():
-        default = "" if field.is_required() else f" [default: {_shown(field.get_default())}]"
+        given = "" if field.is_required() else _shown(field.get_default())
+        default = f" [default: {given}]" if given else ""  # nothing is no default to print
         rows.append((f"--{name.replace('_', '-')}", f"{field.description or ''}{default}".strip()))
     return rows
 
@@ -74,20 +77,24 @@ def _value(text: str, kind: Any) -> Any:
         return [_value(part, None) for part in text.split(",") if part]
     if kind is str:
         return text
+    from tautwave.config.guard import parse_json
+
     try:
-        return json.loads(text)
+        return parse_json(text)
     except ValueError:
         return text
 
 
 def _shown(value: Any) -> str:
+    if value is None:
+        return ""
     if isinstance(value, tuple | list):
         return ",".join(str(item) for item in value)
     return str(value)
 
 
-def _told(problems: Sequence[Any]) -> list[Any]:
-    """Leave out that a list is too short where that is because its items are wrong."""
+def _root_causes(problems: Sequence[Any]) -> list[Any]:
+    """Drop "list too short" errors that follow from invalid items."""
     wrong = {problem["loc"][0] for problem in problems if len(problem["loc"]) > 1}
     return [
         problem

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
+
+from tautwave.cli.terminal.streams import unheard
 
 PATH = click.Path(path_type=Path)
 
@@ -21,6 +24,32 @@ set_option = click.option(
     metavar="KEY=VALUE",
     help="Change one key of the rig, typed and checked like the file; may be repeated."
     " Example: --set coupling.delay_s=0.05",
+)
+
+EVERY_BUS = ""
+
+
+def _simulated(
+    ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
+) -> bool | tuple[str, ...]:
+    """Return True where no bus is named, else the names."""
+    for name in value:
+        if name.endswith((".yaml", ".yml")):
+            raise click.BadParameter(
+                f"took {name!r} as the name of a bus; put it behind the rig file", ctx, param
+            )
+    return True if EVERY_BUS in value else value
+
+
+simulate_option = click.option(
+    "--simulate",
+    is_flag=False,
+    flag_value=EVERY_BUS,
+    multiple=True,
+    metavar="[BUS]",
+    callback=_simulated,
+    help="Simulate BUS although it names hardware (a serial port, a TCP address, a physical CAN"
+    " channel); may be repeated. Without a name: every bus. Behind RIG.",
 )
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
@@ -40,4 +69,5 @@ def positive(ctx: click.Context, param: click.Parameter, value: float | None) ->
 
 def echo_json(value: Any) -> None:
     """Print `value` as JSON that people can read too."""
-    click.echo(json.dumps(value, indent=2, ensure_ascii=False))
+    with unheard(sys.stdout, BrokenPipeError):
+        click.echo(json.dumps(value, indent=2, ensure_ascii=False))

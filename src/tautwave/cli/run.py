@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import re
+import sys
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import cast
 
 import click
 
-from tautwave.cli.group import command_line
-from tautwave.cli.options import out_option, positive, rig_argument, set_option
+from tautwave.cli.group import EXIT_CODES, Commands, command_line
+from tautwave.cli.options import out_option, positive, rig_argument, set_option, simulate_option
 from tautwave.errors import ConfigError
+from tautwave.files import make_directory, writing
+from tautwave.runtime.interrupts import interrupts
 
 
-@click.command(short_help="Run a rig: check, move, record, report.")
+@click.command(short_help="Run a rig: check, move, record, report.", epilog=EXIT_CODES)
 @rig_argument
 @click.option(
     "--duration",
     type=float,
     callback=positive,
     metavar="S",
-    help="How long to run [s]; default: what the rig says.",
+    help="Duration of the run [s]; default: from the rig.",
 )
-@out_option("Where the run is kept; default: runs/NAME-DATE-TIME (UTC). Has to be new or empty.")
+@out_option("Output directory, new or empty; default: runs/NAME-DATE-TIME (UTC).")
 @click.option(
     "--clock",
     type=click.Choice(["real", "fake"]),
@@ -34,9 +38,10 @@ from tautwave.errors import ConfigError
 @set_option
 @click.option("--allow-uncertified", is_flag=True, help="Run a rig that is not certified.")
 @click.option(
-    "--allow-unwatched", is_flag=True, help="Run devices without a watchdog of their own."
+    "--allow-unwatched", is_flag=True, help="Run devices that have no watchdog of their own."
 )
 @click.option("--configure", is_flag=True, help="Write settings into devices where they differ.")
+@simulate_option
 @click.option(
     "--attach",
     is_flag=True,
@@ -46,6 +51,7 @@ from tautwave.errors import ConfigError
     "--play", is_flag=True, help="Play the sound of a scene after the run, where there is a device."
 )
 @click.pass_context
+@interrupts()
 def run(
     ctx: click.Context,
     rig: Path,
@@ -56,37 +62,47 @@ def run(
     allow_uncertified: bool,
     allow_unwatched: bool,
     configure: bool,
+    simulate: bool | tuple[str, ...],
     attach: bool,
     play: bool,
 ) -> None:
     """Run RIG: check it, move, record, report.
 
-    Ctrl-C ramps down, writes the report and exits 0; a second Ctrl-C stops at once. The run's
-    directory holds rig.yaml, summary.json, recording.mcap, report.html and its figures.
+    The first lines say which way each bus takes: hardware, simulated here, or simulated elsewhere.
+    Hardware that the rig names is opened unless --simulate says otherwise.
+
+    Ctrl-C, SIGTERM and a closed terminal (SIGHUP) ramp down, write the report and exit 0; a second
+    one stops at once, and one during the report ends the report only. The run's directory holds
+    rig.yaml, summary.json, recording.mcap, report.html and its figures.
 
     \b
     Examples:
         tautwave run configs/bench-1dof-loopback.yaml
         tautwave run rig.yaml --clock fake --duration 2 --out runs/quick
+        tautwave run rig.yaml --simulate arm
         tautwave run rig.yaml --set coupling.delay_s=0.1 --set rate_hz=500
         tautwave run configs/scene-granular.yaml --play
     """
-    from tautwave.cli.progress import Progress
-    from tautwave.cli.show import show
-    from tautwave.cli.summary import outcome, summary_sections
+    from tautwave.cli.terminal.progress import Progress
+    from tautwave.cli.terminal.show import show
+    from tautwave.cli.terminal.streams import unheard
+    from tautwave.cli.terminal.summary import last_line, summary_sections
     from tautwave.config import load_rig
 
     loaded = load_rig(rig, overrides)
     if play and loaded.scene is None:
         raise ConfigError("--play: this rig has no scene, so there is no sound to play")
-    directory = fresh_directory(out, loaded.name)
-
     from tautwave import session
 
+    ways = session.describe_ways(loaded, clock=clock, simulate=simulate, attach=attach)
+    with unheard(sys.stdout):
+        for sentence in ways:
+            click.echo(sentence)
+    directory = fresh_directory(out, loaded.name)
     if allow_unwatched:
         click.echo(
-            "UNWATCHED: by --allow-unwatched a device without a watchdog is moved all the same, "
-            "and goes on with its last command when this program falls silent; keep a hand on the "
+            "UNWATCHED: --allow-unwatched moves a device that has no watchdog, "
+            "which keeps executing its last command if this program stops; keep a hand on the "
             "emergency stop",
             err=True,
         )
@@ -102,30 +118,33 @@ def run(
                 allow_unwatched=allow_unwatched,
                 configure=configure,
                 attach=attach,
+                simulate=simulate,
                 progress=progress,
             )
     finally:
         with suppress(OSError):
             directory.rmdir()  # works on an empty one only: a run that never began leaves nothing
-    show(summary_sections(loaded.name, result.summary, result.directory, result.exit_code))
-    for bus in result.summary.get("buses", {}).values():
-        for note in bus.get("notes", ()):
-            if note.startswith(("UNWATCHED", "NOT WATCHED")):
-                click.echo(note, err=True)
-    if play:
-        click.echo(_played(result.directory), err=True)
-    if result.exit_code:
-        word, sentence = outcome(result.summary, result.exit_code)
-        if result.exit_code == 3:
-            after = result.summary.get("certificate", {}).get("after_run", {})
-            sentence = "\n".join(after.get("sentences", ())) or sentence
-        click.echo(sentence or f"{loaded.name}: {word}", err=True)
+    if cast("Commands", ctx.find_root().command).owns_process:
+        with interrupts() as heard:
+            heard.stay_deaf()
+    with unheard(sys.stdout):
+        show(summary_sections(loaded.name, result.summary, result.directory, result.exit_code))
+    played = _played(result.directory) if play else ""
+    with unheard(sys.stderr):
+        for bus in result.summary.get("buses", {}).values():
+            for note in bus.get("notes", ()):
+                if note.startswith(("UNWATCHED", "NOT WATCHED")):
+                    click.echo(note, err=True)
+        if played:
+            click.echo(played, err=True)
+        if result.exit_code:
+            click.echo(last_line(loaded.name, result.summary, result.exit_code), err=True)
     ctx.exit(result.exit_code)
 
 
 def _played(directory: Path) -> str:
     """Play the sound of a run; return what is to be said about it."""
-    from tautwave.cli.play import play_sound
+    from tautwave.cli.terminal.play import play_sound
 
     sound = directory / "output.wav"
     if not sound.exists():
@@ -142,14 +161,12 @@ def fresh_directory(out: Path | None, name: str) -> Path:
         while out.exists():
             out = first.with_name(f"{first.name}-{again}")
             again += 1
-    try:
-        out.mkdir(parents=True, exist_ok=True)
+    make_directory(out)
+    with writing(out):
         holds_something = any(out.iterdir())
-    except OSError as err:
-        raise ConfigError(f"{out}: cannot be used as the run's directory: {err.strerror}") from err
     if holds_something:
         raise ConfigError(
-            f"{out}: is not empty, and a run never overwrites another one;"
-            " give a new --out, or remove it first"
+            f"{out}: is not empty, and runs are never overwritten; give a new --out, or remove "
+            f"it first"
         )
     return out

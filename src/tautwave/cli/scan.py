@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from inspect import signature
+from typing import Any
+
 import click
 
+from tautwave.contracts import DriverPlugin, ScanProgress
 from tautwave.errors import ConfigError
 
 
@@ -35,7 +40,8 @@ def scan(ctx: click.Context, driver: str | None, as_json: bool, wants_help: bool
         return
     from tautwave.cli.model_options import parse_model, print_help
     from tautwave.cli.options import echo_json
-    from tautwave.cli.show import Section, show
+    from tautwave.cli.terminal.progress import Progress
+    from tautwave.cli.terminal.show import Section, show
     from tautwave.registry import load_driver, require_modules
 
     plugin = load_driver(driver)
@@ -46,7 +52,8 @@ def scan(ctx: click.Context, driver: str | None, as_json: bool, wants_help: bool
         return
     options = parse_model(plugin.scan_options, ctx.args, f"scan {driver}")
     require_modules(driver)
-    found = [dict(device) for device in plugin.scan(options)]
+    with Progress(f"scan {driver}") as progress:
+        found = [dict(device) for device in _scanned(plugin, options, progress)]
     if as_json:
         echo_json(found)
         return
@@ -56,6 +63,19 @@ def scan(ctx: click.Context, driver: str | None, as_json: bool, wants_help: bool
     columns = tuple(dict.fromkeys(key for device in found for key in device))
     rows = [tuple(_cell(device.get(key)) for key in columns) for device in found]
     show([Section(f"Devices on {driver}", columns, rows)])
+
+
+def _scanned(
+    plugin: DriverPlugin, options: Any, progress: ScanProgress
+) -> Sequence[Mapping[str, Any]]:
+    """Scan; a plugin whose scan takes the options alone shows no progress."""
+    scan: Any = plugin.scan
+    try:
+        signature(scan).bind(options, progress)
+    except TypeError:
+        found: Sequence[Mapping[str, Any]] = scan(options)
+        return found
+    return plugin.scan(options, progress)
 
 
 def _cell(value: object) -> str:

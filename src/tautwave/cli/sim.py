@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import shlex
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
 
-from tautwave.cli.options import set_option
+from tautwave.cli.options import set_option, simulate_option
 from tautwave.errors import ConfigError
 
 
@@ -21,13 +24,20 @@ from tautwave.errors import ConfigError
 )
 @click.argument("what", metavar="RIG|DRIVER", required=False)
 @set_option
+@simulate_option
 @click.option("-h", "--help", "wants_help", is_flag=True, help="Show this message and exit.")
 @click.pass_context
-def sim(ctx: click.Context, what: str | None, overrides: tuple[str, ...], wants_help: bool) -> None:
+def sim(
+    ctx: click.Context,
+    what: str | None,
+    overrides: tuple[str, ...],
+    simulate: bool | tuple[str, ...],
+    wants_help: bool,
+) -> None:
     """Serve the simulated devices of RIG, or of DRIVER without a rig, until interrupted.
 
     On stdout first one line of JSON per endpoint, then nothing. `tautwave sim DRIVER --help` shows
-    the options of a driver.
+    the options of a driver. `tautwave run RIG --attach` finds what is served of RIG by itself.
 
     \b
     Examples:
@@ -45,7 +55,7 @@ def sim(ctx: click.Context, what: str | None, overrides: tuple[str, ...], wants_
             return
         if ctx.args:
             raise ConfigError(f"sim: {ctx.args[0]!r} is not for a rig file; change it with --set")
-        _serve_rig(Path(what), overrides)
+        _serve_rig(Path(what), overrides, simulate)
         return
     _serve_driver(what, ctx.args, wants_help)
 
@@ -74,26 +84,23 @@ def _serve_driver(driver: str, arguments: list[str], wants_help: bool) -> None:
     serve(driver, bench, print_line, Loop().fifo_priority)
 
 
-def _serve_rig(path: Path, overrides: tuple[str, ...]) -> None:
+def _serve_rig(path: Path, overrides: tuple[str, ...], simulate: bool | tuple[str, ...]) -> None:
     from tautwave.config import load_rig
-    from tautwave.rig import served_buses
-    from tautwave.session.serving import bus_bench, interrupted, print_line, serve, served
+    from tautwave.session.devices import serve_rig
+    from tautwave.session.serving import print_line
 
     rig = load_rig(path, overrides)
-    buses = served_buses(rig)
-    if not buses:
-        raise ConfigError(
-            f"{path}: its simulated devices live in the run's process; there is nothing to serve"
+
+    def ready(buses: Sequence[str]) -> None:
+        command = ["tautwave", "run", str(path)]
+        for override in overrides:
+            command += ["--set", override]
+        for bus in buses:
+            command += ["--simulate", bus]
+        click.echo(
+            f"{rig.name}: served by process {os.getpid()} until Ctrl-C; in another terminal: "
+            f"{shlex.join([*command, '--attach'])}",
+            err=True,
         )
-    if len(buses) == 1:
-        serve(
-            rig.buses[buses[0]].driver,
-            bus_bench(rig, buses[0]),
-            lambda found: print_line({"bus": buses[0], **found}),
-            rig.loop.fifo_priority,
-        )
-        return
-    with served(rig, buses) as found, interrupted() as asked:
-        for line in found.values():
-            print_line(line)
-        asked()
+
+    serve_rig(rig, simulate, print_line, ready)

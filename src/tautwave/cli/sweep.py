@@ -17,12 +17,12 @@ INTERRUPTED = 130
 
 @click.command(short_help="Simulate a grid of rigs; table and picture.")
 @click.argument("file", type=PATH)
-@out_option("Where points.csv and sweep.png go; default: runs/sweep-NAME.")
+@out_option("Directory for points.csv and sweep.png; default: runs/sweep-NAME.")
 @click.option(
     "--jobs",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Processes that simulate; default: one per processor.",
+    help="Worker processes; default: one per CPU core.",
 )
 @json_option
 @click.pass_context
@@ -45,10 +45,10 @@ def sweep(
         tautwave sweep configs/sweeps/many-walls.yaml --out runs/walls
         tautwave sweep sweep.yaml --out runs/stiffness --jobs 4
     """
-    from tautwave.cli.progress import Progress
-    from tautwave.cli.show import show
-    from tautwave.offline.sweep_file import load_sweep
-    from tautwave.offline.sweep_map import is_map
+    from tautwave.cli.terminal.progress import Progress
+    from tautwave.cli.terminal.show import show
+    from tautwave.sweep.file import load_sweep
+    from tautwave.sweep.map import is_map
 
     if is_map(file):
         draw_map(file, out, as_json=as_json)
@@ -57,8 +57,8 @@ def sweep(
     name = plan.sweep.name
     directory = out or default_directory(name)
 
-    from tautwave.offline.sweep import run_sweep
-    from tautwave.report.sweep_figure import write_sweep_figure
+    from tautwave.report.figures.sweep import write_sweep_figure
+    from tautwave.sweep.runs import run_sweep
 
     with Progress(name) as progress:
         result = run_sweep(
@@ -95,10 +95,10 @@ def default_directory(name: str) -> Path:
 
 def draw_map(file: Path, out: Path | None, *, as_json: bool) -> None:
     """Compute the planes of a map file, write and draw them, and say how far they agree."""
-    from tautwave.cli.progress import Progress
-    from tautwave.cli.show import Section, show
-    from tautwave.offline.sweep_map import agreement_sentence, load_map, run_map
-    from tautwave.report.map_figure import write_map_figure
+    from tautwave.cli.terminal.progress import Progress
+    from tautwave.cli.terminal.show import Section, show
+    from tautwave.report.figures.map import write_map_figure
+    from tautwave.sweep.map import agreement_sentence, load_map, run_map
 
     plan = load_map(file)
     directory = out or default_directory(plan.file.name)
@@ -125,12 +125,16 @@ def draw_map(file: Path, out: Path | None, *, as_json: bool) -> None:
             }
         )
         return
-    told = [(f"{name}: {agreement_sentence(plane)}",) for name, plane in result.planes.items()]
+    rows = [(f"{name}: {agreement_sentence(plane)}",) for name, plane in result.planes.items()]
     files = [(str(path),) for path in (result.boundaries, result.points, picture)]
     show(
         [
-            Section(f"{plan.file.name}: {len(result.planes)} planes", (), ()),
-            Section("Agreement", ("",), told),
+            Section(
+                f"{plan.file.name}: {len(result.planes)} planes; every bus simulated in memory",
+                (),
+                (),
+            ),
+            Section("Agreement", ("",), rows),
             Section("Files", ("",), files),
         ]
     )
@@ -138,16 +142,17 @@ def draw_map(file: Path, out: Path | None, *, as_json: bool) -> None:
 
 def sweep_sections(sweep: Any, result: Any, rows: list[Any], picture: Path | None) -> list[Any]:
     """How many points were done, where each case is stable, and where the files are."""
-    from tautwave.cli.show import NOTE, Section
-    from tautwave.offline.sweep_parquet import NO_PYARROW
-    from tautwave.report.sweep_figure import curves_of, stability_sentences
+    from tautwave.cli.terminal.show import NOTE, Section
+    from tautwave.report.figures.sweep import curves_of, stability_sentences
+    from tautwave.sweep.parquet import NO_PYARROW
 
     done = len(result.rows)
     headline = f"{sweep.name}: {done} of {result.total} points"
     if result.resumed:
-        headline += f", {result.resumed} of them taken over"
+        headline += f", {result.resumed} already done before"
     if result.interrupted:
-        headline += ", interrupted; the same command goes on from here"
+        headline += ", interrupted; run the same command to resume"
+    headline += "; every bus simulated in memory"
     verdicts = []
     if sweep.figure is not None:
         for curve in curves_of(sweep, sweep.figure, rows):

@@ -5,15 +5,25 @@ Imports pydantic and PyYAML, and nothing heavier.
 
 from tautwave.config.keys.coupling import Coupling, Loop, Pair, Wall
 from tautwave.config.keys.devices import Axis, Bus, Damping, Inertia, Side
-from tautwave.config.keys.rig import AxisTruth, Rig, bus_spec, simulation_of
+from tautwave.config.keys.rig import (
+    AxisTruth,
+    Rig,
+    bus_spec,
+    count_velocity,
+    has_environment_parts,
+    simulation_of,
+)
 from tautwave.config.keys.scene import Scene, SceneLink, ScenePort
+from tautwave.config.keys.scene3d import Link3d, Scene3d, Vector
 from tautwave.config.keys.simulation import (
     AxisSimulation,
     Environment,
+    EnvironmentPart,
     Faults,
     Foam,
     Free,
     Hand,
+    HandPart,
     Hold,
     Integrator,
     MinimumJerk,
@@ -24,7 +34,6 @@ from tautwave.config.keys.simulation import (
     SolidWall,
     Spring,
 )
-from tautwave.config.keys.space import SpaceLink, SpaceScene, Vector
 from tautwave.config.load import load_rig, parse_rig
 from tautwave.config.resolved import resolved_yaml
 from tautwave.config.schema import rig_schema
@@ -38,13 +47,16 @@ __all__ = [
     "Coupling",
     "Damping",
     "Environment",
+    "EnvironmentPart",
     "Faults",
     "Foam",
     "Free",
     "Hand",
+    "HandPart",
     "Hold",
     "Inertia",
     "Integrator",
+    "Link3d",
     "Loop",
     "MinimumJerk",
     "Multisine",
@@ -53,17 +65,18 @@ __all__ = [
     "Reference",
     "Rig",
     "Scene",
+    "Scene3d",
     "SceneLink",
     "ScenePort",
     "Side",
     "Simulation",
     "SolidWall",
-    "SpaceLink",
-    "SpaceScene",
     "Spring",
     "Vector",
     "Wall",
     "bus_spec",
+    "count_velocity",
+    "has_environment_parts",
     "load_rig",
     "local_wall",
     "parse_rig",

@@ -8,12 +8,13 @@ from typing import Any
 
 from tautwave.config.document import Document, show_path
 from tautwave.config.keys.coupling import Pair
-from tautwave.config.keys.rig import Rig, bus_spec, simulation_of
+from tautwave.config.keys.rig import Rig, bus_spec, count_velocity, simulation_of
 from tautwave.config.keys.scene import Scene
-from tautwave.config.keys.simulation import AxisSimulation, Hand, Recording, Simulation
-from tautwave.config.keys.space import SpaceScene
+from tautwave.config.keys.scene3d import Scene3d
+from tautwave.config.keys.simulation import AxisSimulation, Hand, HandPart, Recording, Simulation
 from tautwave.config.recordings import find_recording
 from tautwave.config.sounds import complete_sound
+from tautwave.config.yaml12 import KeyPath
 from tautwave.contracts import AxisFacts, DriverPlugin
 from tautwave.errors import ConfigError
 
@@ -40,6 +41,7 @@ def complete_rig(
     if rig.simulation is not None:
         simulation = _complete_simulation(document, rig, rig.simulation)
         rig = rig.model_copy(update={"simulation": simulation})
+    _check_counts(document, rig)
     return rig.read_from(path)
 
 
@@ -73,14 +75,53 @@ def _complete_quanta(document: Document, rig: Rig, plugins: dict[str, DriverPlug
                     path = (side, "axes", name, key)
                     problems.append(
                         f"{document.where(path)}: {show_path(path)}: the options of bus "
-                        f"{axis.bus!r} make it {value:.9g} (got {given:.9g}); leave it out, or "
-                        "correct one of them"
+                        f"{axis.bus!r} make it {value:.9g} (got {given:.9g}); remove it, or "
+                        f"correct one of them"
                     )
             axes[name] = axis.model_copy(update=facts)
         sides[side] = getattr(rig, side).model_copy(update={"axes": axes})
     if problems:
         raise ConfigError(problems)
     return rig.model_copy(update=sides)
+
+
+def _check_counts(document: Document, rig: Rig) -> None:
+    """Refuse encoders, believed or simulated, whose first count stops the run as too fast.
+
+    Here and not beside the other checks: a driver's options may say what the step is.
+
+    Raises
+    ------
+    ConfigError
+        With the velocity that one count means, and what would do.
+    """
+    problems = []
+    for name, axis in rig.axes.items():
+        side, short = name.split(".")
+        truth = simulation_of(rig, name).encoder_quantum
+        stated: list[tuple[KeyPath, float]] = [
+            ((side, "axes", short, "encoder_quantum"), axis.encoder_quantum)
+        ]
+        if truth != axis.encoder_quantum:
+            stated.append((("simulation", "axes", name, "encoder_quantum"), truth))
+        for path, quantum in stated:
+            reads = count_velocity(rig, name, quantum)
+            if axis.velocity_limit is None or reads <= axis.velocity_limit:
+                continue
+            unit = "rad/s" if axis.kind == "rotary" else "m/s"
+            period = rig.axis_period_s(name)
+            remedy = "a slower rate or a finer encoder"
+            if axis.causality == "impedance":
+                needed = quantum / axis.velocity_limit - period
+                remedy = f"a velocity_filter_s of {1.01 * needed:.2g} s or more, {remedy}"
+            problems.append(
+                f"{document.where(path)}: {show_path(path)}: one count within a period of "
+                f"{1e3 * period:.4g} ms reads as {reads:.4g} {unit}, beyond velocity_limit "
+                f"{axis.velocity_limit:g}, so the first count stops the run; use {remedy} "
+                f"(got {quantum:.6g})"
+            )
+    if problems:
+        raise ConfigError(problems)
 
 
 def axis_facts(rig: Rig, plugins: dict[str, DriverPlugin | None]) -> dict[str, AxisFacts]:
@@ -95,8 +136,8 @@ def axis_facts(rig: Rig, plugins: dict[str, DriverPlugin | None]) -> dict[str, A
     return known
 
 
-def _complete_scene(document: Document, scene: Scene | SpaceScene) -> Scene | SpaceScene:
-    axes = scene.axes() if isinstance(scene, SpaceScene) else list(scene.ports)
+def _complete_scene(document: Document, scene: Scene | Scene3d) -> Scene | Scene3d:
+    axes = scene.axes() if isinstance(scene, Scene3d) else list(scene.ports)
     port = scene.output.port or axes[0]
     forces = {
         name: complete_sound(document, name, force) if force.type == "sound" else force
@@ -126,7 +167,9 @@ def _complete_axis(rig: Rig, name: str) -> AxisSimulation:
     return AxisSimulation(**truth)
 
 
-def _complete_hand(document: Document, name: str, hand: Hand) -> Hand:
+def _complete_hand(document: Document, name: str, hand: Hand | HandPart) -> Hand | HandPart:
+    if isinstance(hand, HandPart):
+        return hand
     reference = hand.reference
     if not isinstance(reference, Recording):
         return hand

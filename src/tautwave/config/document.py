@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tautwave.config.guard import read_guarded
 from tautwave.config.yaml12 import KeyPath, Mark, Problem, SyntaxProblem, parse_yaml
 from tautwave.errors import ConfigError
 
@@ -83,36 +84,19 @@ class Document:
         return f"{where}: {show_path(path)}: {text}"
 
 
-def read_text(path: Path) -> str:
-    """Return the text of a rig file.
+def read_text(path: Path, kind: str = "rig file") -> str:
+    """Return the text of a rig file, or of another `kind` of file that is a page or so.
 
     Raises
     ------
     ConfigError
         There is no such file, it cannot be read, is too large, or is not UTF-8.
     """
-    try:
-        with path.open("rb") as stream:
-            raw = stream.read(LARGEST + 1)
-    except FileNotFoundError as err:
-        raise ConfigError(f"{path}: no such file") from err
-    except IsADirectoryError as err:
-        raise ConfigError(f"{path}: a folder, not a rig file") from err
-    except (OSError, ValueError) as err:
-        reason = getattr(err, "strerror", None) or err
-        raise ConfigError(f"{path}: cannot be read: {reason}") from err
-    if len(raw) > LARGEST:
-        raise ConfigError(f"{path}: larger than {LARGEST // 1024} KiB, so not a rig file")
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as err:
-        raise ConfigError(
-            f"{path}: not UTF-8 text (byte 0x{raw[err.start]:02x} at offset {err.start})"
-        ) from err
+    return read_guarded(path, kind, LARGEST)
 
 
-def open_document(text: str, name: str, folder: Path) -> Document:
-    """Parse the text of a rig file.
+def open_document(text: str, name: str, folder: Path, kind: str = "rig file") -> Document:
+    """Parse the text of a rig file, or of another `kind` of file.
 
     Raises
     ------
@@ -131,7 +115,7 @@ def open_document(text: str, name: str, folder: Path) -> Document:
         raise ConfigError(
             [
                 *(f"{name}:{p.mark.line}: {p.text}" for p in parsed.problems),
-                f"{name}:{line}: a rig file is a mapping such as 'name: bench', "
+                f"{name}:{line}: a {kind} is a mapping such as 'name: bench', "
                 f"this is {describe_kind(parsed.value)}",
             ]
         )

@@ -7,14 +7,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tautwave import registry
-from tautwave.config.checks import check_parts
+from tautwave import formats, registry
+from tautwave.config.checks.rig import check_parts
 from tautwave.config.complete import complete_rig
 from tautwave.config.document import Document, open_document, read_text
+from tautwave.config.file_parts import name_file_parts, name_option_files
 from tautwave.config.keys.rig import Rig
 from tautwave.config.messages import unknown_key, validate
 from tautwave.config.overrides import apply_overrides
-from tautwave.config.parts import take_apart
+from tautwave.config.pieces import take_apart
 from tautwave.config.yaml12 import KeyPath
 from tautwave.contracts import DriverPlugin
 from tautwave.errors import ConfigError
@@ -74,7 +75,10 @@ def finish_rig(document: Document, path: Path, overrides: Sequence[str] = ()) ->
     ConfigError
         Anything is wrong.
     """
+    _check_format(document)
     apply_overrides(document, overrides)
+    name_file_parts(document)
+    name_option_files(document)
     rig: Rig | None = validate(document, Rig)
     plugins = _check_drivers(document)
     check_parts(document, take_apart(document, plugins))
@@ -83,6 +87,15 @@ def finish_rig(document: Document, path: Path, overrides: Sequence[str] = ()) ->
     if document.problems or rig is None:
         raise ConfigError(document.sentences())
     return complete_rig(document, rig, plugins, path)
+
+
+def _check_format(document: Document) -> None:
+    """Refuse a newer file at once: of its keys nothing can be said."""
+    newer = formats.too_new("rig", document.get(("format",)), formats.RIG)
+    if newer is not None:
+        document.problems.clear()
+        document.report(("format",), newer)
+        raise ConfigError(document.sentences())
 
 
 def _check_drivers(document: Document) -> dict[str, DriverPlugin | None]:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from tautwave.config.document import Document, nearest, show_value
+from tautwave.config.document import Document, nearest, open_document, show_value
+from tautwave.config.keys.common import Block
+from tautwave.config.keys.coupling import laws_with
 from tautwave.config.places import Place, locate, tags
 from tautwave.config.yaml12 import KeyPath, read_scalar
+from tautwave.errors import ConfigError
 
 _PATTERNS = {
     r"^[A-Za-z_][A-Za-z0-9_-]*$": "a name has letters, digits, _ and -, and begins with a letter",
@@ -30,6 +34,32 @@ def validate(document: Document, model: type[Any], path: KeyPath = ()) -> Any:
     except ValidationError as err:
         _report(document, model, path, err)
         return None
+
+
+def read_model(text: str, name: str, kind: str, model: type[Any]) -> tuple[Document, Any]:
+    """Return the text of somebody's file as a document and as a `model`.
+
+    Parameters
+    ----------
+    text : str
+        YAML.
+    name : str
+        What messages call the file.
+    kind : str
+        What it should be: `profile`.
+    model : type
+        Strict, as keys of rig files are.
+
+    Raises
+    ------
+    ConfigError
+        It is not YAML or not such a model; every mistake with file, line, key and nearest key.
+    """
+    document = open_document(text, name, Path(), kind)
+    found = validate(document, model)
+    if document.problems:
+        raise ConfigError(document.sentences())
+    return document, found
 
 
 def salvage(model: type[Any], value: Any) -> Any:
@@ -78,19 +108,39 @@ def unknown_key(word: str, model: type[BaseModel]) -> str:
     return f"unknown key {word!r}{nearest(word, keys) or '.'} Allowed: {', '.join(keys)}"
 
 
+def _foreign_key(word: str, model: type[BaseModel]) -> str:
+    """Return the sentence about a key that other laws have; '' if none has it."""
+    if not (issubclass(model, Block) and model.part_word):
+        return ""
+    laws = laws_with(word, model)
+    return f"only for law {' or '.join(laws)}, this is {model.part_word}; remove it" if laws else ""
+
+
+def _asked_by(word: str, model: type[BaseModel] | None) -> str:
+    """Return which part asks for a key; '' for a key that every part has."""
+    if model is None or not (issubclass(model, Block) and model.part_word):
+        return ""
+    bases = [base for base in model.__mro__[1:] if issubclass(base, Block)]
+    shared = any(word in base.model_fields for base in bases)
+    return "" if shared else f" ({model.part_word})"
+
+
 def _sentence(document: Document, place: Place, error: Any) -> tuple[KeyPath, str]:
     kind, context, path = error["type"], error.get("ctx", {}), place.path
     if isinstance(document.get(path[:-1]), int | float):
         path = path[:-1]  # a number where a mapping may stand, such as damping: 0.001
-    value = document.get(path)
+    of_key = bool(error["loc"]) and error["loc"][-1] == "[key]"
+    value = path[-1] if of_key else document.get(path)
     got = f" (got {show_value(value)})"
     if kind == "extra_forbidden" and place.owner is not None:
-        return path, unknown_key(str(path[-1]), place.owner)
+        return path, _foreign_key(str(path[-1]), place.owner) or unknown_key(
+            str(path[-1]), place.owner
+        )
     if kind == "missing":
         if path and isinstance(path[-1], int):
             count = len(document.get(path[:-1]) or ())
             return path[:-1], f"Input should have {path[-1] + 1} items or more (got {count})"
-        return path, "required key is missing"
+        return path, "required key is missing" + _asked_by(str(path[-1]), place.owner)
     if kind == "union_tag_not_found":
         key = context["discriminator"].strip("'")
         return (*path, key), f"required key is missing; one of {', '.join(tags(place.kind))}"
@@ -101,6 +151,9 @@ def _sentence(document: Document, place: Place, error: Any) -> tuple[KeyPath, st
         return (*path, key), text
     if kind == "literal_error":
         known = re.findall(r"'([^']*)'", context["expected"])
+        if of_key:
+            hint = nearest(str(value), known) or "."
+            return path, f"unknown key {value!r}{hint} Allowed: {', '.join(known)}"
         hint = nearest(value, known) if isinstance(value, str) else ""
         return path, error["msg"] + got + hint
     if kind == "string_pattern_mismatch" and context["pattern"] in _PATTERNS:
@@ -110,7 +163,7 @@ def _sentence(document: Document, place: Place, error: Any) -> tuple[KeyPath, st
         bound = "at most" if kind == "too_long" else "at least"
         items = "item" if wanted == 1 else "items"
         return path, f"Input should have {bound} {wanted} {items} (got {context['actual_length']})"
-    if kind == "order":
+    if kind in ("order", "part"):
         return path, error["msg"]
     if kind == "value_error":
         return path, str(context["error"])  # a block's own sentence
@@ -118,7 +171,7 @@ def _sentence(document: Document, place: Place, error: Any) -> tuple[KeyPath, st
         return path, f"Input should be a mapping{got}"
     if kind in ("tuple_type", "list_type", "set_type"):
         return path, f"Input should be a list{got}"
-    return path, error["msg"] + got + _hint(kind, value)
+    return path, error["msg"] + got + ("" if of_key else _hint(kind, value))
 
 
 def _hint(kind: str, value: Any) -> str:

@@ -25,8 +25,8 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> None:
     for argument in overrides:
         mark = Mark(0, argument)
         try:
-            words, parsed = _read(argument)
-            _put(document, words, parsed, argument)
+            keys, parsed = _read(argument)
+            _put(document, keys, parsed, argument)
         except SyntaxProblem as err:
             document.problems.append(Problem(mark, (), str(err)))
         except _CannotSet as err:
@@ -34,11 +34,11 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> None:
 
 
 def _read(argument: str) -> tuple[list[_Word], Parsed]:
-    """Return the words of an argument and its value; a sweep asks for the same ones often."""
+    """Return the keys of an argument and its value; a sweep asks for the same ones often."""
     known = _numbers.get(argument)
     if known is None:
-        words, text = _split(argument)
-        known = words, parse_yaml(text, Mark(0, argument))
+        keys, text = _split(argument)
+        known = keys, parse_yaml(text, Mark(0, argument))
         if isinstance(known[1].value, int | float) and not known[1].problems:
             if len(_numbers) >= _KNOWN:
                 _numbers.clear()
@@ -51,31 +51,31 @@ class _CannotSet(Exception):
 
 
 def _split(argument: str) -> tuple[list[_Word], str]:
-    """Split `a."b.c".d=value` into its words and the text of the value."""
-    words: list[_Word] = []
+    """Split `a."b.c".d=value` into its keys and the text of the value."""
+    keys: list[_Word] = []
     at = 0
     while True:
         match = _PART.match(argument, at)
         if match is None or match[4] == "":
             raise _CannotSet("write it as key=value, with dots between keys, such as rate_hz=500")
         quoted = match[1] if match[1] is not None else match[2]
-        words.append(_Word(match[3], False) if quoted is None else _Word(quoted, True))
+        keys.append(_Word(match[3], False) if quoted is None else _Word(quoted, True))
         at = match.end()
         if match[4] == "=":
-            return words, argument[at:].strip()
+            return keys, argument[at:].strip()
 
 
-def _put(document: Document, words: list[_Word], parsed: Parsed, argument: str) -> None:
+def _put(document: Document, keys: list[_Word], parsed: Parsed, argument: str) -> None:
     """Set the value, making the mappings on the way to it that do not exist yet."""
     node: Any = document.value
     path: KeyPath = ()
     while True:
         key: Any
-        key, words = _next_key(node, path, words)
+        key, keys = _next_key(node, path, keys)
         path = (*path, key)
         if isinstance(node, list) and key == len(node):
             node.append(None)
-        if not words:
+        if not keys:
             node[key] = parsed.value
             _mark(document, path, parsed, argument)
             return
@@ -90,24 +90,24 @@ def _put(document: Document, words: list[_Word], parsed: Parsed, argument: str) 
             )
 
 
-def _next_key(node: Any, path: KeyPath, words: list[_Word]) -> tuple[str | int, list[_Word]]:
-    """Return the key meant by the first words: the longest dotted name that exists."""
-    first = words[0]
+def _next_key(node: Any, path: KeyPath, keys: list[_Word]) -> tuple[str | int, list[_Word]]:
+    """Return the key that `keys` starts with: the longest dotted name that exists."""
+    first = keys[0]
     if isinstance(node, list):
         if not first.text.isascii() or not first.text.isdigit() or len(first.text) > 6:
             raise _CannotSet(f"{show_path(path)} is a list; give a number, not {first.text!r}")
         if int(first.text) > len(node):
             raise _CannotSet(f"{show_path(path)} has {len(node)} items, counted from 0")
-        return int(first.text), words[1:]
+        return int(first.text), keys[1:]
     if not first.quoted:
-        for count in range(len(words), 1, -1):
-            if any(word.quoted for word in words[:count]):
+        for count in range(len(keys), 1, -1):
+            if any(word.quoted for word in keys[:count]):
                 continue
-            name = ".".join(word.text for word in words[:count])
+            name = ".".join(word.text for word in keys[:count])
             new_axis = path == ("simulation", "axes") and count == 2
             if name in node or (new_axis and first.text in ("master", "slave")):
-                return name, words[count:]
-    return first.text, words[1:]
+                return name, keys[count:]
+    return first.text, keys[1:]
 
 
 def _mark(document: Document, path: KeyPath, parsed: Parsed, argument: str) -> None:

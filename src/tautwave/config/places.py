@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from pydantic import BaseModel
 
 from tautwave.config.document import Document
+from tautwave.config.keys.chosen import named_block
 from tautwave.config.yaml12 import KeyPath
 
 
@@ -26,11 +27,14 @@ def locate(
     """Return the place meant by `loc`, whose union tags and '[key]' are no keys of the file."""
     path, owner, kind = base, None, _plain(model)
     for part in loc:
+        kind = named_block(kind, document.get(path))
+        if hasattr(kind, "model_for"):
+            kind = kind.model_for(document.get(path))
         if part == "[key]":
             owner, kind = None, None
         elif as_model(kind):
             path, owner, kind = (*path, part), kind, _field_kind(kind, part)
-        elif get_origin(kind) is dict:
+        elif get_origin(kind) in (dict, Mapping):
             path, owner, kind = (*path, part), None, _plain(get_args(kind)[1])
         elif get_origin(kind) in (tuple, list) and isinstance(part, int):
             path, owner, kind = (*path, part), None, _item_kind(kind, part)

@@ -22,6 +22,8 @@ def resolved_yaml(rig: Rig) -> str:
     values = rig.model_dump(mode="json")
     for key in ("scene",) if rig.scene is None else ("slave", "coupling"):
         del values[key]
+    if values.get("coupling", {}).get("part_sha256", "") is None:
+        del values["coupling"]["part_sha256"]  # of a law that is installed
     return "\n".join(["# Resolved rig: every default is explicit.", *_lines(values, 0)]) + "\n"
 
 

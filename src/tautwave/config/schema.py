@@ -5,7 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from tautwave import registry
+from tautwave.config.keys.chosen import part_keys
+from tautwave.config.keys.common import Block
+from tautwave.config.keys.coupling import law_blocks
 from tautwave.config.keys.rig import Rig
+from tautwave.config.keys.simulation import EnvironmentPart, HandPart
 from tautwave.errors import ConfigError
 
 
@@ -22,6 +26,9 @@ def rig_schema() -> dict[str, Any]:
         reference = belief.pop("$ref", None) or belief.pop("allOf")[0]["$ref"]
         belief["anyOf"] = [{"type": "number", "minimum": 0}, {"$ref": reference}]
     _add_drivers(definitions)
+    _add_laws(definitions)
+    for base in (HandPart, EnvironmentPart):
+        _add_parts(definitions, base)
     _close_names(schema)
     schema["anyOf"] = [
         {
@@ -44,6 +51,61 @@ def _close_names(node: Any) -> None:
             _close_names(value)
     if isinstance(node, dict) and "patternProperties" in node:
         node.setdefault("additionalProperties", False)
+
+
+def _add_laws(definitions: dict[str, Any]) -> None:
+    """Tie the keys of `coupling` and its pairs to the law."""
+    blocks = law_blocks()
+    shared = definitions.pop("Coupling")
+    definitions.pop("Pair")
+    law = {**shared["properties"]["law"], "enum": list(blocks)}
+    cases = []
+    for name, block in blocks.items():
+        keys = block.model_json_schema(ref_template=f"#/$defs/{name}.{{model}}")
+        for inner, definition in keys.pop("$defs", {}).items():
+            definitions[f"{name}.{inner}"] = definition
+        definitions[f"{name}.coupling"] = keys
+        named: dict[str, Any] = {"properties": {"law": {"const": name}}}
+        if name != law["default"]:
+            named["required"] = ["law"]
+        cases.append({"if": named, "then": {"$ref": f"#/$defs/{name}.coupling"}})
+    definitions["Coupling"] = {
+        "description": shared["description"],
+        "title": "Coupling",
+        "type": "object",
+        "properties": {
+            "law": law,
+            "pairs": {
+                "type": "object",
+                "description": shared["properties"]["pairs"]["description"],
+            },
+        },
+        "required": ["pairs"],
+        "allOf": cases,
+    }
+
+
+def _add_parts(definitions: dict[str, Any], base: type[Block]) -> None:
+    """Put the keys of the installed parts of a kind, and any file's, where their base stands."""
+    file: dict[str, Any] = {
+        "type": "object",
+        "description": definitions[base.__name__]["description"],
+        "properties": {"part": {"type": "string", "pattern": r"\.py$"}},
+        "required": ["part"],
+    }
+    cases = [file]
+    for name in registry.part_names(base.part_group):
+        try:
+            block = part_keys(base, name)
+        except ConfigError:
+            continue  # an editor still helps with the others
+        keys = block.model_json_schema(ref_template=f"#/$defs/{name}.{{model}}")
+        for inner, definition in keys.pop("$defs", {}).items():
+            definitions[f"{name}.{inner}"] = definition
+        keys["properties"]["part"] = {**keys["properties"]["part"], "const": name}
+        definitions[f"{name}.part"] = keys
+        cases.append({"$ref": f"#/$defs/{name}.part"})
+    definitions[base.__name__] = {"anyOf": cases}
 
 
 def _add_drivers(definitions: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""WAV files that push masses: what is in them, and what is wrong with them.
+"""WAV files used as forces on masses: reading and checking them.
 
 Read by hand, since the standard library refuses floats and `WAVE_FORMAT_EXTENSIBLE` (until 3.12).
 Source: Microsoft and IBM, Multimedia Programming Interface and Data Specifications 1.0, RIFF WAVE;
@@ -64,7 +64,7 @@ def read_sound(path: Path) -> Sound:
     count = len(data) // width
     count -= count % layout.channels
     if count == 0:
-        raise ConfigError("holds no sound, its data are empty")
+        raise ConfigError("contains no samples")
     if count > MOST_SAMPLES:
         raise ConfigError(
             f"is too long: over {count / layout.channels / layout.rate_hz:.0f} s in "
@@ -74,7 +74,7 @@ def read_sound(path: Path) -> Sound:
     if layout.kind == _FLOAT:
         samples = np.frombuffer(data, f"<f{width}").astype(np.float64)
         if not np.isfinite(samples).all():
-            raise ConfigError("holds samples that are no finite numbers")
+            raise ConfigError("holds samples that are NaN or infinite")
     elif width == 1:
         samples = (np.frombuffer(data, np.uint8).astype(np.float64) - 128.0) / 128.0
     elif width == 3:
@@ -126,7 +126,7 @@ def check_sound(document: Document, path: KeyPath, force: SoundForce, rate_hz: f
     if force.sha256 is not None and force.sha256 != sound_digest(found):
         document.report(
             (*path, "sha256"),
-            f"{found.name} is not the sound it was; give the old file back, or remove this key",
+            f"{found.name} has changed (SHA-256 differs); restore the file, or remove this key",
         )
 
 
@@ -155,29 +155,29 @@ def _chunks(raw: bytes) -> tuple[_Layout, bytes]:
             layout = _layout(body)
         elif name == b"data":
             if layout is None:
-                raise ConfigError("is broken: its format does not stand before its data")
+                raise ConfigError("is corrupt: its format chunk does not precede its data")
             if size // (layout.bits // 8) <= MOST_SAMPLES and len(body) < size:
                 raise ConfigError(
-                    f"is cut off: {size} bytes of sound are announced, {len(body)} are there"
+                    f"is truncated: {size} bytes of sound are announced, {len(body)} are there"
                 )
             return layout, body
         at += 8 + size + size % 2
-    raise ConfigError("is broken: it has no data" if layout else "is broken: it has no format")
+    raise ConfigError("is corrupt: it has no data" if layout else "is corrupt: it has no format")
 
 
 def _layout(body: bytes) -> _Layout:
     if len(body) < 16:
-        raise ConfigError("is broken: its format is cut off")
+        raise ConfigError("is corrupt: its format chunk is truncated")
     kind, channels, rate_hz, _, _, bits = struct.unpack("<HHIIHH", body[:16])
     if kind == _EXTENSIBLE and len(body) >= 26:
         kind = int.from_bytes(body[24:26], "little")
     if kind not in (_PCM, _FLOAT):
         raise ConfigError(
-            f"is coded as {_NAMES.get(kind, f'format {kind}')}; save it as PCM or float"
+            f"is encoded as {_NAMES.get(kind, f'format {kind}')}; save it as PCM or float"
         )
     if bits not in ((8, 16, 24, 32) if kind == _PCM else (32, 64)):
         word = "bits" if kind == _PCM else "bits of float"
         raise ConfigError(f"has {bits} {word}; 8, 16, 24 and 32 of PCM and 32, 64 of float go")
     if channels == 0 or rate_hz == 0:
-        raise ConfigError(f"is broken: {channels} channels, {rate_hz} samples per second")
+        raise ConfigError(f"is corrupt: {channels} channels, {rate_hz} samples per second")
     return _Layout(kind, channels, rate_hz, bits)

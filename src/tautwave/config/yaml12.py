@@ -155,7 +155,7 @@ class _Builder:
         if not events.check_event(yaml.StreamEndEvent):
             mark = events.peek_event().start_mark
             raise SyntaxProblem(
-                mark.line + 1, mark.column + 1, "a second document begins here; a rig is one"
+                mark.line + 1, mark.column + 1, "a second document begins here; a file holds one"
             )
         return value
 
@@ -195,7 +195,7 @@ class _Builder:
             return read_scalar(text)
         if any("\ud800" <= letter <= "\udfff" for letter in text):
             self.spoiled.add(path)
-            self.refuse(event, path, "the text holds half of a surrogate pair")
+            self.refuse(event, path, "the text contains an unpaired surrogate")
             return ""
         return text
 
@@ -260,7 +260,7 @@ def _syntax(err: yaml.MarkedYAMLError, text: str) -> SyntaxProblem:
     column = mark.column + 1 if mark else 0
     said = (err.problem or err.context or "not YAML").replace("<", "").replace(">", "")
     if mark and ("\\t" in said or _tab_before(text, mark.line)):
-        return SyntaxProblem(line, column, "a tab in the indentation; YAML wants spaces")
+        return SyntaxProblem(line, column, "tab in the indentation; YAML requires spaces")
     if err.context and err.context_mark and err.context_mark.line + 1 != line:
         said += f" ({err.context}, begun at line {err.context_mark.line + 1})"
     elif err.context and err.problem:

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 RUNAWAY = 4
 RUNAWAY_TIMES = 1e6
-"""A scene that asks for so many times an axis' effort limit, or for no number, has run away: an
-unstable instrument. The guard's code for it is `RUNAWAY`, after those of `guard_axis`."""
+"""A scene whose requested effort exceeds the axis' limit by this factor, or is NaN, is unstable.
+The guard reports it as `RUNAWAY`, a code after those of `guard_axis`."""
 
 OVERDRAWN = 5
 """The guard's code for a scene whose held efforts have created more than its allowance."""

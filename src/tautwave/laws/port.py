@@ -231,7 +231,7 @@ def port_close(
     slipped = p.slip * effort
     advance = displacement - span * slipped
     income = effort * advance + wave_energy
-    burnt = effort * slipped * span
+    dissipated = effort * slipped * span
     account = account + income
     arriving = wave_sum
     if periods != 1.0:
@@ -259,4 +259,4 @@ def port_close(
         if forgiven > -account:
             forgiven = -account
         account = account + forgiven
-    return leaving, account, gap, income - sent, burnt, forgiven
+    return leaving, account, gap, income - sent, dissipated, forgiven

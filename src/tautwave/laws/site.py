@@ -20,7 +20,8 @@ class SiteParams(NamedTuple):
     """Constants of one axis of a site.
 
     `gain` is the velocity tracker's (1: plain difference); `stiffness`, `damping` are those of a
-    position coupling (0 with the wave law); `velocity_quantum` is the drive's (0: none).
+    position coupling (0 with the wave law); `velocity_quantum` is the drive's (0: none);
+    `injection` [N m s/rad or N s/m] damps a position coupling's device against ground.
     """
 
     port: PortParams
@@ -32,6 +33,7 @@ class SiteParams(NamedTuple):
     damping: float
     velocity_quantum: float
     has_wall: bool
+    injection: float = 0.0
 
 
 def think_wave(
@@ -127,6 +129,8 @@ def think_position(
                 coast = velocity - mobility * (impulse + 2.0 * pending)
                 wall = control_wall(p.wall, wall, wall_energy, coast, mobility, p.port.period)
     port = coupler_effort(p.stiffness, p.damping, position, velocity, far_position, far_velocity)
+    if p.injection > 0.0:
+        port = port + p.injection * velocity
     asked = wall + port
     total = limit_effort(p.limit, asked, last, ceiling)
     if total != asked:

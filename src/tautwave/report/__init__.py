@@ -7,8 +7,12 @@ costs no matplotlib.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-__all__ = ["compare_reports", "write_report"]
+if TYPE_CHECKING:
+    from tautwave.canvas import Style
+
+__all__ = ["compare_reports", "write_figures", "write_report"]
 
 
 def write_report(directory: Path) -> Path:
@@ -19,9 +23,27 @@ def write_report(directory: Path) -> Path:
     RecordingError
         There is neither a summary nor a readable recording.
     """
-    from tautwave.report import page
+    from tautwave.report.run import page
 
     return page.write_report(directory)
+
+
+def write_figures(directory: Path, out: Path, kind: str, style: Style) -> list[Path]:
+    """Write every figure of a run's report into `out` for a paper; return the paths.
+
+    Parameters
+    ----------
+    kind : `pdf` or `svg`
+    style : width, size and family of the letters
+
+    Raises
+    ------
+    RecordingError
+        There is neither a summary nor a readable recording, or `out` cannot be written.
+    """
+    from tautwave.report.run import page
+
+    return page.write_figures(directory, out, kind, style)
 
 
 def compare_reports(a: Path, b: Path, out: Path) -> Path:

@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from tautwave.canvas import alone, svg
+from tautwave.files import make_directory, write_text
 from tautwave.report.html import badge, banner, page, picture, table, verdict_rows
-from tautwave.report.loading import load_run
-from tautwave.report.page import write_whole
-from tautwave.report.rundir import Run, block
-from tautwave.report.tables import Table
+from tautwave.report.run.loading import load_run
+from tautwave.report.run.rundir import Run, block
+from tautwave.report.run.tables import Table
+from tautwave.report.run.verdicts import outcome, units_of, verdicts
 from tautwave.report.units import count, microseconds, number, plural, quantity, significant
-from tautwave.report.verdicts import outcome, units_of, verdicts
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Show = Callable[[Any], str]
 Line = tuple[str, Show, tuple[str, ...]]
@@ -36,10 +40,10 @@ def compare_reports(a: Path, b: Path, out: Path) -> Path:
     target = Path(out)
     if target.suffix != ".html":
         target = target / "compare.html"
-    target.parent.mkdir(parents=True, exist_ok=True)
+    make_directory(target.parent)
     labels = _labels(runs)
     title = f"{labels[0]} against {labels[1]} – tautwave"
-    write_whole(target, page(title, _body(runs, labels, target.parent)))
+    write_text(target, page(title, _body(runs, labels, target.parent)))
     return target
 
 
@@ -62,28 +66,28 @@ def _body(runs: tuple[Run, Run], labels: tuple[str, str], folder: Path) -> Itera
             yield banner("This run is incomplete", run.notes, "note")
         yield verdict_rows(verdicts(run)) + "</div>"
     yield "</div>"
-    yield "<h2>What differs in the rig</h2>"
+    yield "<h2>Differences between the rigs</h2>"
     yield _differences(_changes(runs[0].rig, runs[1].rig), labels)
+    noise = _noise(runs)
     shared = [pair for pair in runs[0].pairs if pair in runs[1].pairs]
     for pair in shared:
         yield f"<h2>Pair {escape(pair)}</h2>"
-        yield table(_table(runs, labels, "Tracking", _tracking(runs[0], pair)))
+        yield table(_table(runs, labels, "Tracking", _tracking(runs[0], pair), RESOLVED))
         yield from _pictures(runs, labels, pair, folder)
-        yield table(_table(runs, labels, "Energy of each element", _energies(runs, pair)))
+        yield table(_table(runs, labels, "Energy of each element", _energies(runs, pair), noise))
     for run, label in zip(runs, labels, strict=True):
         alone = [pair for pair in run.pairs if pair not in shared]
         if alone:
             yield f'<p class="note">Only in {escape(label)}: {escape(", ".join(alone))}.</p>'
     yield "<h2>Books and timing</h2>"
-    yield table(_table(runs, labels, "Books", _books()))
+    yield table(_table(runs, labels, "Books", _books(), noise))
     yield table(_table(runs, labels, "Timing", _times()))
-    from tautwave.report.canvas import png
-    from tautwave.report.compare_figures import timing_overlay
+    from tautwave.report.figures.compare import timing_overlay
 
     figure = timing_overlay(runs, labels)
     if figure is not None:
-        yield _keep(folder, "compare-timing.png", png(figure), "histograms of both runs")
-    yield "<h2>Every difference of the summaries</h2>"
+        yield _keep(folder, "compare-timing", figure, "histograms of both runs")
+    yield "<h2>All differences between the summaries</h2>"
     yield _differences(_changes(_plain(runs[0].summary), _plain(runs[1].summary)), labels)
 
 
@@ -99,8 +103,7 @@ def _differences(rows: list[tuple[str, str, str]], labels: tuple[str, str]) -> s
 def _pictures(
     runs: tuple[Run, Run], labels: tuple[str, str], pair: str, folder: Path
 ) -> Iterator[str]:
-    from tautwave.report.canvas import png
-    from tautwave.report.compare_figures import Overlay, column_of, energy_of, overlay_figure
+    from tautwave.report.figures.compare import Overlay, column_of, energy_of, overlay_figure
 
     position, effort = units_of(runs[0], pair)
 
@@ -113,26 +116,25 @@ def _pictures(
     shown = [
         Overlay("Position of the master", position, both(f"master.{pair}.position")),
         Overlay("Position error, master − slave", position, both(f"{pair}.position_error")),
-        Overlay(
-            "Effort error, what both ports do not cancel", effort, both(f"{pair}.effort_error")
-        ),
+        Overlay("Effort error: sum of both port efforts", effort, both(f"{pair}.effort_error")),
     ]
     stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in pair)
     figure = overlay_figure(f"Tracking of {pair}", shown, labels)
     if figure is not None:
-        yield _keep(folder, f"compare-{stem}-tracking.png", png(figure), f"tracking of {pair}")
+        yield _keep(folder, f"compare-{stem}-tracking", figure, f"tracking of {pair}")
     shown = [
         Overlay("Stored in all elements", "J", energies(1)),
         Overlay("Dissipated in all elements since the start", "J", energies(2)),
     ]
     figure = overlay_figure(f"Energy of {pair}", shown, labels)
     if figure is not None:
-        yield _keep(folder, f"compare-{stem}-energy.png", png(figure), f"energy of {pair}")
+        yield _keep(folder, f"compare-{stem}-energy", figure, f"energy of {pair}")
 
 
-def _keep(folder: Path, name: str, png: bytes, alt: str) -> str:
-    (folder / name).write_bytes(png)
-    return picture(png, alt)
+def _keep(folder: Path, name: str, figure: Figure, alt: str) -> str:
+    drawn = svg(figure, name, alt)
+    write_text(folder / f"{name}.svg", alone(drawn))
+    return picture(drawn)
 
 
 def _tracking(run: Run, pair: str) -> list[Line]:
@@ -147,7 +149,7 @@ def _tracking(run: Run, pair: str) -> list[Line]:
     return [
         ("position error, rms", in_position, ("pairs", pair, "position_error", "rms")),
         ("position error, max", in_position, ("pairs", pair, "position_error", "max")),
-        ("offset F τ / b", in_position, ("pairs", pair, "expected_offset")),
+        ("standing offset", in_position, ("pairs", pair, "expected_offset")),
         ("effort error, rms", in_effort, ("pairs", pair, "effort_error", "rms")),
         ("effort error, max", in_effort, ("pairs", pair, "effort_error", "max")),
     ]
@@ -155,6 +157,19 @@ def _tracking(run: Run, pair: str) -> list[Line]:
 
 def _joule(value: Any) -> str:
     return quantity(value, "J")
+
+
+ROUNDING = 1e-12
+"""Of the gross flow: below it an energy is what rounding left, and counts as zero."""
+
+RESOLVED = 1e-12
+"""[rad, m, N m or N]: no device resolves less, so an error below it counts as zero."""
+
+
+def _noise(runs: tuple[Run, Run]) -> float:
+    """Return the energy [J] below which those of both runs are rounding."""
+    flows = [number(block(run.summary, "energy_j").get("gross_flow")) for run in runs]
+    return ROUNDING * max((flow for flow in flows if flow is not None), default=0.0)
 
 
 def _energies(runs: tuple[Run, Run], pair: str) -> list[Line]:
@@ -182,7 +197,14 @@ def _times() -> list[Line]:
     return lines
 
 
-def _table(runs: tuple[Run, Run], labels: tuple[str, str], title: str, lines: list[Line]) -> Table:
+def _table(
+    runs: tuple[Run, Run],
+    labels: tuple[str, str],
+    title: str,
+    lines: list[Line],
+    noise: float = 0.0,
+) -> Table:
+    """Table of two runs; what is at most `noise` (in SI) in both has no ratio."""
     rows = []
     for name, show, keys in lines:
         values = [block(run.summary, *keys[:-1]).get(keys[-1]) for run in runs]
@@ -195,7 +217,9 @@ def _table(runs: tuple[Run, Run], labels: tuple[str, str], title: str, lines: li
             difference = times = "–"
         else:
             difference = show(second - first)
-            times = "–" if first == 0.0 else significant(second / first, 3)
+            times = "–" if abs(first) <= noise else significant(second / first, 3)
+            if max(abs(first), abs(second)) <= noise:
+                times = "both zero"
         rows.append((name, show(values[0]), show(values[1]), difference, times))
     head = ("", *labels, "second − first", "second / first")
     return Table(title, head, tuple(rows))

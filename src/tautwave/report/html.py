@@ -6,14 +6,18 @@ import base64
 from collections.abc import Iterable
 from html import escape
 
-from tautwave.report.tables import Table
-from tautwave.report.verdicts import Verdict
+from tautwave.canvas import DARK, INK, PAPER, dark_rules
+from tautwave.canvas.paint import DARK_QUERY
+from tautwave.report.run.tables import Table
+from tautwave.report.run.verdicts import Verdict
 
 STYLE = """
-:root { --ink: #1b1f23; --soft: #57606a; --rule: #d8dee4; --pale: #f6f8fa;
-  --ok: #1a6b3c; --note: #8a5a00; --bad: #a61b1b; --open: #4a5568; --info: #1f4e79; }
+:root { color-scheme: light dark; --paper: #ffffff; --ink: #1b1f23; --soft: #57606a;
+  --rule: #d8dee4; --pale: #f6f8fa; --head: #8c959f; --on: #ffffff;
+  --ok: #1a6b3c; --note: #8a5a00; --bad: #a61b1b; --open: #4a5568; --info: #1f4e79;
+  --bad-ground: #fdf1f1; --note-ground: #fdf7ea; }
 * { box-sizing: border-box; }
-body { margin: 0 auto; padding: 28px 24px 64px; max-width: 1040px; background: #fff;
+body { margin: 0 auto; padding: 28px 24px 64px; max-width: 1040px; background: var(--paper);
   color: var(--ink); font: 15px/1.5 system-ui, "Segoe UI", "Noto Sans", "DejaVu Sans", sans-serif; }
 h1 { font-size: 27px; line-height: 1.2; margin: 0; overflow-wrap: anywhere; }
 h2 { font-size: 20px; margin: 44px 0 6px; padding-bottom: 5px; border-bottom: 2px solid var(--ink);
@@ -22,15 +26,15 @@ h3 { font-size: 15px; margin: 22px 0 6px; }
 p { margin: 6px 0; }
 .top { display: flex; flex-wrap: wrap; align-items: center; gap: 8px 14px; }
 .soft, figcaption, .note { color: var(--soft); font-size: 13.5px; }
-.badge { color: #fff; border-radius: 4px; padding: 3px 10px; font-size: 14px; font-weight: 600;
+.badge { color: var(--on); border-radius: 4px; padding: 3px 10px; font-size: 14px; font-weight: 600;
   white-space: nowrap; }
 .badge.ok { background: var(--ok); } .badge.note { background: var(--note); }
 .badge.bad { background: var(--bad); } .badge.open { background: var(--open); }
 .badge.info { background: var(--info); }
 .banner { border: 1px solid; border-left-width: 7px; border-radius: 4px; padding: 9px 14px;
   margin: 14px 0 0; }
-.banner.bad { border-color: var(--bad); background: #fdf1f1; }
-.banner.note { border-color: var(--note); background: #fdf7ea; }
+.banner.bad { border-color: var(--bad); background: var(--bad-ground); }
+.banner.note { border-color: var(--note); background: var(--note-ground); }
 .banner b { display: block; }
 .verdicts { margin: 18px 0 0; border-top: 1px solid var(--rule); }
 .verdict { display: grid; grid-template-columns: 120px 152px 1fr; gap: 4px 14px; padding: 9px 0;
@@ -46,18 +50,22 @@ p { margin: 6px 0; }
 .mark.bad::before { border-radius: 0; }
 nav { margin: 14px 0 0; font-size: 14px; }
 nav a { margin-right: 14px; color: var(--info); }
-figure { margin: 16px 0 4px; break-inside: avoid; }
-figure img { display: block; width: 100%; height: auto; }
+figure { margin: 16px 0 4px; max-width: 880px; break-inside: avoid; }
+figure img, figure svg { display: block; width: 100%; height: auto; }
+figure img.drawn { max-width: 560px; border: 1px solid var(--rule); border-radius: 6px; }
+audio { display: block; width: 100%; max-width: 560px; margin: 10px 0; }
+details { margin: 8px 0; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; margin: 6px 0 4px; font-size: 14px;
   font-variant-numeric: tabular-nums; break-inside: avoid; }
 caption { text-align: left; font-weight: 600; padding: 12px 0 4px; }
 th, td { padding: 4px 14px 4px 0; text-align: right; border-bottom: 1px solid var(--rule);
   vertical-align: top; }
-thead th { color: var(--soft); font-weight: 600; font-size: 13px; border-bottom-color: #8c959f; }
+thead th { color: var(--soft); font-weight: 600; font-size: 13px;
+  border-bottom-color: var(--head); }
 th:first-child, td:first-child, table.text th, table.text td, td.text, th.text
   { text-align: left; }
-td:first-child { font-weight: 500; overflow-wrap: anywhere; }
+td:first-child { font-weight: 500; min-width: 7.5em; overflow-wrap: anywhere; }
 .sides { display: grid; grid-template-columns: 1fr 1fr; gap: 0 40px; }
 .sides .verdict { grid-template-columns: 1fr; }
 .columns { display: flex; flex-wrap: wrap; gap: 0 52px; }
@@ -68,7 +76,17 @@ pre { background: var(--pale); border: 1px solid var(--rule); border-radius: 4px
 summary { cursor: pointer; font-weight: 600; }
 @media print { body { padding: 0; max-width: none; font-size: 11pt; } nav { display: none; }
   h2 { break-after: avoid; } .badge, .banner, .mark::before { print-color-adjust: exact; } }
-@media (max-width: 700px) { .verdict { grid-template-columns: 1fr; } }
+@media (max-width: 700px) { body { padding: 16px 12px 48px; }
+  .verdict, .sides { grid-template-columns: 1fr; } th, td { padding-right: 9px; } }
+"""
+_DARK = f"""
+@media {DARK_QUERY} {{
+:root {{ --paper: {DARK[PAPER]}; --ink: {DARK[INK]}; --soft: #9aa4ad; --rule: #313a43;
+  --pale: #1d232a; --head: #6b7680; --on: #10141a; --ok: #5ccb8f; --note: #e3b14f; --bad: #ff8d86;
+  --open: #a7b2bd; --info: #79b8f2; --bad-ground: #331c1e; --note-ground: #30291a; }}
+{dark_rules("figure")}
+img.turned {{ filter: invert(0.92) hue-rotate(180deg); border-color: #d8dee4; }}
+}}
 """
 
 _MARKS = {
@@ -82,7 +100,7 @@ _MARKS = {
 
 def page(title: str, body: Iterable[str]) -> str:
     """A whole document, complete in one file."""
-    policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+    policy = "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'"
     return "\n".join(
         [
             "<!DOCTYPE html>",
@@ -92,7 +110,7 @@ def page(title: str, body: Iterable[str]) -> str:
             f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             f"<title>{escape(title)}</title>",
-            f"<style>{STYLE}</style>",
+            f"<style>{STYLE}{_DARK}</style>",
             "</head>",
             "<body>",
             *body,
@@ -103,25 +121,50 @@ def page(title: str, body: Iterable[str]) -> str:
     )
 
 
-def picture(png: bytes, alt: str, caption: str = "") -> str:
-    """A PNG inside the page, with words for who cannot see it."""
-    data = base64.b64encode(png).decode("ascii")
-    under = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
-    source = f"data:image/png;base64,{data}"
-    return f'<figure><img src="{source}" alt="{escape(alt)}">{under}</figure>'
+def picture(drawn: str, caption: str = "") -> str:
+    """A figure's SVG inside the page; it names itself for who cannot see it."""
+    return f"<figure>{drawn}{_under(caption)}</figure>"
+
+
+def image(data: bytes, kind: str, alt: str, caption: str = "", dark: bytes = b"") -> str:
+    """A PNG or a GIF inside the page, and its counterpart on dark ground.
+
+    Without one the browser turns light and dark, and leaves hues about as they are.
+    """
+    other = ""
+    if dark:
+        media = f' media="{DARK_QUERY}"'
+        other = f'<source{media} srcset="{_inside(dark, f"image/{kind}")}">'
+    looks = "drawn" if dark else "drawn turned"
+    shown = f'<img class="{looks}" src="{_inside(data, f"image/{kind}")}" alt="{escape(alt)}">'
+    return f"<figure><picture>{other}{shown}</picture>{_under(caption)}</figure>"
+
+
+def sound(data: bytes, label: str) -> str:
+    """A WAV file inside the page, with the browser's own buttons."""
+    source = _inside(data, "audio/wav")
+    return f'<audio controls preload="none" src="{source}" aria-label="{escape(label)}"></audio>'
+
+
+def _inside(data: bytes, kind: str) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"
+
+
+def _under(caption: str) -> str:
+    return f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
 
 
 def table(content: Table, kind: str = "") -> str:
-    """A table, or nothing where it has no rows; `kind` is `text` for words in every column."""
+    """A table, or nothing where it has no rows; `kind` is `text` for prose in every column."""
     if not content.rows:
         return ""
-    words = [
+    text_columns = [
         i for i in range(len(content.head)) if content.head[i] in ("what it is", "faults", "why")
     ]
 
     def cells(row: tuple[str, ...], tag: str) -> str:
         return "".join(
-            f"<{tag}{' class=' + chr(34) + 'text' + chr(34) if i in words else ''}>"
+            f"<{tag}{' class=' + chr(34) + 'text' + chr(34) if i in text_columns else ''}>"
             f"{escape(cell)}</{tag}>"
             for i, cell in enumerate(row)
         )
@@ -138,7 +181,7 @@ def table(content: Table, kind: str = "") -> str:
 
 
 def verdict_rows(found: Iterable[Verdict]) -> str:
-    """The verdicts, each with its mark in words and colour."""
+    """The verdicts, each with its status as text and colour."""
     rows = []
     for topic, status, sentences in found:
         mark = "not yet evaluated" if topic == "Certificate" and status == "open" else None
@@ -164,6 +207,13 @@ def badge(found: Verdict) -> str:
 def details(title: str, text: str) -> str:
     """Long text that opens on a click, without any script."""
     return f"<details><summary>{escape(title)}</summary><pre>{escape(text)}</pre></details>"
+
+
+def folded(title: str, parts: Iterable[str]) -> Iterable[str]:
+    """Parts of a page that open on a click."""
+    yield f"<details><summary>{escape(title)}</summary>"
+    yield from parts
+    yield "</details>"
 
 
 def anchor(text: str) -> str:

@@ -3,23 +3,36 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
+from tautwave import registry
 from tautwave.config import Axis, Rig, Wall
 from tautwave.config import Pair as PairKeys
+from tautwave.contracts import CouplingPlugin, PortConstants
+from tautwave.controller.records import PIPE, RINGS, AxisParams, PairParams, RunParams
+from tautwave.controller.stops import ARM_SHARE, ARM_TIMEOUT_S, AxisName, position_unit
 from tautwave.laws.admittance import admittance_params
 from tautwave.laws.limit import LimitParams
-from tautwave.laws.port import port_params, rigid_port, sensor_allowance
+from tautwave.laws.port import port_debt, port_params, rigid_port, sensor_allowance
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
-from tautwave.laws.wave import filter_gain
-from tautwave.link.memory import DelayLine
-from tautwave.runtime.loop import LoopPair
-from tautwave.runtime.pair import Pair, PairScale, PositionPair, WaveFilter, WavePair
-from tautwave.runtime.rates import MultiratePair, RateConverter
-from tautwave.runtime.site import SiteAxis
+from tautwave.runtime.control import CoupledControl
 from tautwave.types import CommandDelay
 
 NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
+
+
+class PairScale(NamedTuple):
+    """How slave units map to master units: x_slave = sign * scale * x_master + offset.
+
+    `power` is the energy of the slave device per energy of the pair (force_scale * scale).
+    """
+
+    scale: float
+    force_scale: float
+    sign: float
+    power: float
 
 
 def pair_scale(keys: PairKeys) -> PairScale:
@@ -28,11 +41,17 @@ def pair_scale(keys: PairKeys) -> PairScale:
     return PairScale(keys.position_scale, force, float(keys.sign), force * keys.position_scale)
 
 
-def device_impedance(keys: PairKeys, side: str, value: float) -> float:
-    """Return a wave impedance, stiffness or damping of the pair in the units of one device."""
-    if side == "master":
-        return value
-    return value * keys.effective_force_scale / keys.position_scale
+def coupling_part(rig: Rig) -> CouplingPlugin:
+    """Return what the law of a rig declares."""
+    return registry.load_coupling(rig.coupling.law)
+
+
+def port_constants(rig: Rig, axis_name: str) -> PortConstants:
+    """Return what the coupling makes of its keys for one axis, in the device's own units."""
+    side, name = axis_name.split(".")
+    constants = registry.load_named(coupling_part(rig).constants)
+    found: PortConstants = constants(rig.coupling.pairs[name], side)
+    return found
 
 
 def velocity_gain(rig: Rig, axis: Axis) -> float:
@@ -76,12 +95,17 @@ def site_params(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteParams:
     keys = rig.coupling.pairs[name]
     period = rig.axis_period_s(axis_name)
     gain = velocity_gain(rig, axis)
-    impedance = device_impedance(keys, side, keys.wave_impedance or 1.0)
+    constants = port_constants(rig, axis_name)
+    impedance = constants.wave_impedance
     allowance = sensor_allowance(period, impedance, gain, axis.encoder_quantum, axis.position_noise)
-    matched = keys.matched_master if side == "master" else keys.matched_slave
     if axis.inertia is not None:
         port = port_params(
-            period, impedance, axis.inertia.lower, matched, keys.drift_time_s, allowance
+            period,
+            impedance,
+            axis.inertia.lower,
+            constants.matched,
+            keys.drift_time_s,
+            allowance,
         )
     else:
         port = rigid_port(period, impedance, keys.drift_time_s, allowance)
@@ -94,10 +118,33 @@ def site_params(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteParams:
         wall=wall_params(wall),
         limit=limit_params(rig, axis),
         gain=gain,
-        stiffness=device_impedance(keys, side, keys.stiffness or 0.0),
-        damping=device_impedance(keys, side, keys.damping or 0.0),
+        stiffness=constants.stiffness,
+        damping=constants.damping,
         velocity_quantum=axis.velocity_quantum if axis.causality == "admittance" else 0.0,
         has_wall=wall is not None,
+        injection=constants.injection,
+    )
+
+
+class DebtRates(NamedTuple):
+    """What the account of a port may owe for a while, `laws.port.port_debt`, as the rig is.
+
+    debt_per_speed_squared [kg or kg m^2]: times the square of the greatest speed, in J;
+    debt_per_flow [1]: and times the energy that went to and fro.
+    """
+
+    debt_per_speed_squared: float
+    debt_per_flow: float
+
+
+def debt_rates(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> DebtRates:
+    """Return what the account of an impedance axis' port may owe."""
+    delay = delays[axis_name]
+    site = site_params(rig, axis_name, delay)
+    periods = delay.periods + (1 if delay.remainder_s > 0.0 else 0)
+    return DebtRates(
+        port_debt(site.port, periods, site.gain, 1.0, 0.0),
+        port_debt(site.port, periods, site.gain, 0.0, 1.0),
     )
 
 
@@ -106,44 +153,124 @@ def wave_gain(scale: PairScale, side: str) -> float:
     return 1.0 if side == "master" else scale.sign * math.sqrt(scale.power)
 
 
-def make_site(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteAxis:
-    """Return one axis of the controller."""
+def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> AxisParams:
+    """Return all constants of one axis; its commands wait in the table from `pipe` on."""
     side, name = axis_name.split(".")
-    return SiteAxis(
+    scale = pair_scale(rig.coupling.pairs[name])
+    return controlled_axis(
+        rig,
+        axis_name,
+        delay,
         site_params(rig, axis_name, delay),
-        delay_periods=delay.periods,
-        wave_gain=wave_gain(pair_scale(rig.coupling.pairs[name]), side),
-        coupled_by_wave=rig.coupling.law == "wave",
-        impedance=rig.axes[axis_name].causality == "impedance",
-        late_share=delay.remainder_s / rig.axis_period_s(axis_name),
+        pipe,
+        wave=wave_gain(scale, side),
+        weight=1.0 if side == "master" else 1.0 / scale.power,
+        by_wave=coupling_part(rig).carries == "waves",
+        rated=is_rated(rig, name),
     )
 
 
-def make_pair(rig: Rig, name: str, master: SiteAxis, slave: SiteAxis) -> Pair:
-    """Return a pair with only the elements its rig asks for."""
-    scale = pair_scale(rig.coupling.pairs[name])
-    samples = rig.delay_samples
-    if rig.coupling.law == "position":
-        return PositionPair(name, master, slave, scale, samples)
-    line = DelayLine(samples, rig.period_s) if samples else None
-    filters = None
-    if rig.coupling.wave_filter_hz is not None:
-        gain = filter_gain(rig.coupling.wave_filter_hz, rig.period_s)
-        filters = (WaveFilter(gain, rig.period_s), WaveFilter(gain, rig.period_s))
-    divisors = [rig.axis_divisor(f"{side}.{name}") for side in ("master", "slave")]
-    if max(divisors) == 1:
-        return WavePair(name, master, slave, scale, line, filters)
-    one, two = (RateConverter(n, rig.period_s) if n > 1 else None for n in divisors)
-    return MultiratePair(name, master, slave, scale, line, filters, (one, two))
+def controlled_axis(
+    rig: Rig,
+    axis_name: str,
+    delay: CommandDelay,
+    site: SiteParams,
+    pipe: int,
+    *,
+    wave: float = 1.0,
+    weight: float = 1.0,
+    by_wave: bool = False,
+    rated: bool = False,
+) -> AxisParams:
+    """Return the constants of one axis around those of its laws; without more, one on its own."""
+    impedance = rig.axes[axis_name].causality == "impedance"
+    return AxisParams(
+        site=site,
+        wave=wave,
+        half_period=0.5 * site.port.period,
+        late=delay.remainder_s / rig.axis_period_s(axis_name),
+        ceiling=site.limit.effort if impedance else site.limit.velocity,
+        weight=weight,
+        delay=delay.periods,
+        pipe=pipe,
+        by_wave=by_wave,
+        impedance=impedance,
+        divisor=rig.axis_divisor(axis_name),
+        rated=rated,
+        line_half=0.5 * rig.period_s,
+    )
 
 
-def make_loop_pair(rig: Rig, name: str, sites: dict[str, SiteAxis], order: list[str]) -> LoopPair:
-    """Return a pair and where its samples come from."""
+def is_rated(rig: Rig, name: str) -> bool:
+    """Return whether a side of a pair is slow."""
+    return max(rig.axis_divisor(f"{side}.{name}") for side in ("master", "slave")) > 1
+
+
+def pair_params(rig: Rig, name: str, axes: Sequence[str], line: int) -> PairParams:
+    """Return the constants of one pair; `axes` are all axes in their order, see `PairParams`."""
     keys = rig.coupling.pairs[name]
+    scale = pair_scale(keys)
     offset, tolerance = slave_offset(keys)
-    master, slave = f"master.{name}", f"slave.{name}"
-    pair = make_pair(rig, name, sites[master], sites[slave])
-    return LoopPair(pair, order.index(master), order.index(slave), offset, tolerance)
+    step = rig.coupling.filter_step(rig.period_s)
+    return PairParams(
+        master=axes.index(f"master.{name}"),
+        slave=axes.index(f"slave.{name}"),
+        by_wave=coupling_part(rig).carries == "waves",
+        filtered=step != 1.0,
+        rated=is_rated(rig, name),
+        at_engage=offset is None,
+        ratio=scale.sign * scale.scale,
+        sign=scale.sign,
+        force_scale=scale.force_scale,
+        to_master=scale.sign / scale.scale,
+        weight=1.0 / scale.power,
+        period=rig.period_s,
+        half_period=0.5 * rig.period_s,
+        filter_gain=step,
+        offset=0.0 if offset is None else offset,
+        tolerance=tolerance,
+        samples=rig.delay_samples,
+        line=line,
+    )
+
+
+def run_params(rig: Rig, cycles: int, axes: int) -> RunParams:
+    """Return length, ramps and limits of a run."""
+    rate = rig.rate_hz
+    ramps = rig.coupling if rig.scene is None else rig.scene
+    return RunParams(
+        period_ns=rig.period_ns,
+        cycles=cycles,
+        axes=axes,
+        pairs=0 if rig.scene is not None else len(rig.coupling.pairs),
+        engage_cycles=round(ramps.engage_ramp_s * rate),
+        release_cycles=round(ramps.release_ramp_s * rate),
+        missing_limit=rig.loop.missing_limit,
+        overrun_limit=rig.loop.overrun_limit,
+        arm_share=ARM_SHARE,
+        arm_timeout_ns=ARM_TIMEOUT_S * 1e9,
+    )
+
+
+def axis_names(rig: Rig, axes: Sequence[str]) -> list[AxisName]:
+    """Return what people call the axes."""
+    return [AxisName(name, rig.axes[name].bus, position_unit(rig.axes[name].kind)) for name in axes]
+
+
+def make_control(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -> CoupledControl:
+    """Return the controller of a run; `delays` by axis, in the order of buses and their axes."""
+    axes = tuple(delays)
+    at = 0
+    params = []
+    for name in axes:
+        params.append(axis_params(rig, name, delays[name], at))
+        at += PIPE * delays[name].periods
+    pairs = []
+    for name in rig.coupling.pairs:
+        pairs.append(pair_params(rig, name, axes, at))
+        at += RINGS * rig.delay_samples
+    run = run_params(rig, cycles, len(axes))
+    return CoupledControl(run, axis_names(rig, axes), params, tuple(rig.coupling.pairs), pairs, at)
 
 
 def slave_offset(keys: PairKeys) -> tuple[float | None, float]:

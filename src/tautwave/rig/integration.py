@@ -9,14 +9,14 @@ from typing import NamedTuple
 from tautwave.config import Integrator
 from tautwave.errors import ConfigError
 from tautwave.models.foam import FoamParams
-from tautwave.models.integrator_choice import (
+from tautwave.models.integrators.choice import (
     MOST_SUBSTEPS,
     Trial,
     choose_scheme,
     refusal,
     try_scheme,
 )
-from tautwave.models.integrators import EXACT, SCHEMES
+from tautwave.models.integrators.schemes import EXACT, SCHEMES
 from tautwave.models.plant_params import PlantParams
 
 DEFAULT_ERROR = 1e-4
@@ -83,7 +83,7 @@ def integrated(
         if not linear:
             raise ConfigError(
                 f"simulation.integrator: {axis_name} meets foam, whose force is a power of the "
-                "depth, and exact has closed forms for walls and springs only; use "
+                "depth, but exact handles walls and springs only; use "
                 "discrete_gradient, or auto"
             )
         return Integrated(None, "exact", "exact, as asked for")
@@ -98,7 +98,8 @@ def integrated(
     error = error or DEFAULT_ERROR
     trial = try_scheme(plant, contact, scheme, speed, period, error, math.inf)
     if not trial.error <= error:
-        best = "does not hold the contact" if math.isinf(trial.error) else f"has {trial.error:.2g}"
+        lost = math.isinf(trial.error)
+        best = "does not resolve the contact" if lost else f"has {trial.error:.2g}"
         raise ConfigError(
             f"simulation.integrator: {axis_name}: {keys.scheme} {best} with {trial.substeps} "
             f"sub-steps of {1e6 * period / trial.substeps:.3g} us, of at most {MOST_SUBSTEPS}, and "

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from tautwave.config import Rig
-from tautwave.laws.wave import filter_gain
-from tautwave.rig.controller import device_impedance
+from tautwave.registry import coupling_words
 from tautwave.types import CommandDelay
 
 
@@ -39,7 +38,7 @@ def at_axis_rate(rig: Rig, axis_name: str) -> Rig:
             "rate_hz": rig.rate_hz / divisor,
             "buses": {**rig.buses, bus_name: slow},
             "simulation": simulation,
-            "coupling": rig.coupling.model_copy(update={"wave_filter_hz": None}),
+            "coupling": rig.coupling.at_axis_rate(),
         }
     )
 
@@ -66,23 +65,14 @@ def one_way_delay(rig: Rig, name: str, delays: Mapping[str, CommandDelay]) -> fl
         mean += 0.5 * (delay.periods * rig.axis_period_s(axis_name) + delay.remainder_s)
         mean += (divisor - 1) * period
     tau = rig.delay_samples * period + period + mean
-    if rig.coupling.law == "wave" and rig.coupling.wave_filter_hz is not None:
-        gain = filter_gain(rig.coupling.wave_filter_hz, period)
-        tau += (1.0 - gain) / gain * period
-    return tau
+    gain = rig.coupling.filter_step(period)
+    return tau + (1.0 - gain) / gain * period
 
 
-def held_share(rig: Rig, axis_name: str, delay: CommandDelay) -> float:
-    """Return effort given per effort of the wave when held still: 1 / (1 + b T (1 + d) / m).
+def standing_offset(rig: Rig, name: str, delays: Mapping[str, CommandDelay]) -> float:
+    """Return by how much a held effort sets a pair apart, per effort that its master gives.
 
-    The port's prediction takes the effort it gives itself for a motion; m is the inertia's lower
-    bound, d the command delay in periods T of the axis.
+    In rad per N m or m per N, master units, both devices held still; the law's part says how much.
     """
-    side, name = axis_name.split(".")
-    axis = rig.axes[axis_name]
-    keys = rig.coupling.pairs[name]
-    if axis.inertia is None or keys.wave_impedance is None:
-        return 1.0
-    impedance = device_impedance(keys, side, keys.wave_impedance)
-    ratio = impedance * rig.axis_period_s(axis_name) * (1.0 + delay.periods) / axis.inertia.lower
-    return 1.0 / (1.0 + ratio)
+    words = coupling_words(rig.coupling.law)
+    return words.standing(rig, name, delays, one_way_delay(rig, name, delays)).offset

@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from tautwave.config import Foam, Rig, SolidWall, Spring, simulation_of
+from tautwave import registry
+from tautwave.config import (
+    EnvironmentPart,
+    Foam,
+    Hand,
+    HandPart,
+    Rig,
+    SolidWall,
+    Spring,
+    simulation_of,
+)
 from tautwave.errors import ConfigError
 from tautwave.models.foam import FoamParams, foam_substeps
+from tautwave.models.part_contact import PartContact, part_substeps
 from tautwave.models.plant_params import PlantParams
 from tautwave.models.servo import ServoParams
 from tautwave.motion import reference_positions
 from tautwave.rig.integration import Integrated, integrated
+from tautwave.streams import HAND
 from tautwave.truth import AxisModel
 from tautwave.types import CommandDelay
 
@@ -48,7 +61,6 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
     side, name = axis_name.split(".")
     axis = rig.axes[axis_name]
     truth = simulation_of(rig, axis_name)
-    divisor = rig.axis_divisor(axis_name)
     period = rig.axis_period_s(axis_name)
     hand = rig.simulation.hand.get(name) if side == "master" else None
     environment = rig.simulation.environment.get(name) if side == "slave" else None
@@ -59,12 +71,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         mass = hand.mass * lever * lever
         grip_stiffness = hand.stiffness * lever * lever
         grip_damping = hand.damping * lever * lever
-        folder = Path() if rig.source is None else rig.source.parent
-        # Packed: an hour at 1 kHz is 29 MB, a list of floats would be 115 MB.
-        positions = reference_positions(
-            hand.reference.model_dump(), rig.rate_hz / divisor, cycles // divisor + 1, folder
-        )
-        reference = array("d", positions.tobytes())
+        reference = wanted_positions(rig, axis_name, hand, cycles)
     spring = environment if isinstance(environment, Spring) else None
     wall = environment if isinstance(environment, SolidWall) else None
     plant = PlantParams(
@@ -83,15 +90,19 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
     if plant.mass < LIGHTEST:
         raise ConfigError(
             f"simulation.axes.{axis_name}.inertia: {plant.mass:g} with its hand is too small to "
-            f"compute with; give {LIGHTEST:g} or more"
+            f"simulate; use {LIGHTEST:g} or more"
         )
     foam = None
     if isinstance(environment, Foam):
         foam = foam_params(period, environment, plant, truth.effort_limit)
     integrator = rig.simulation.integrator
-    if integrator is not None and axis.causality == "impedance":
+    at_part = isinstance(environment, EnvironmentPart)
+    if integrator is not None and axis.causality == "impedance" and not at_part:
         speed = greatest_speed(rig, axis_name, plant.mass)
         foam = integrated(axis_name, integrator, plant, foam, speed, period).foam
+    part = None
+    if isinstance(environment, EnvironmentPart):
+        part = part_contact(rig, axis_name, environment, plant)
     servo = None
     if axis.causality == "admittance":
         servo = ServoParams(
@@ -120,9 +131,92 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         effort_limit=truth.effort_limit,
         command_delay=truth.command_delay_s / period,
         missing_probability=rig.simulation.faults.missing_probability,
-        # By name, not by place: another axis in the rig shifts no stream.
-        seed=(rig.seed % SEED_WORD, zlib.crc32(axis_name.encode())),
+        seed=_seed(rig, axis_name),
+        part=part,
     )
+
+
+def wanted_positions(
+    rig: Rig, axis_name: str, hand: Hand | HandPart, cycles: int
+) -> Sequence[float]:
+    """Return where a hand wants to be at every slot of its axis [rad or m].
+
+    Raises
+    ------
+    ConfigError
+        A recording cannot be read, or a part fails or gives something else than finite positions.
+    """
+    divisor = rig.axis_divisor(axis_name)
+    rate, last = rig.rate_hz / divisor, cycles // divisor + 1
+    if isinstance(hand, Hand):
+        folder = Path() if rig.source is None else rig.source.parent
+        # Packed: an hour at 1 kHz is 29 MB, a list of floats would be 115 MB.
+        positions = reference_positions(hand.reference.model_dump(), rate, last, folder)
+        return array("d", positions.tobytes())
+    place = f"simulation.hand.{axis_name.split('.')[1]}: part {hand.part}"
+    motion = registry.load_named(registry.load_part(registry.HANDS, hand.part).motion)
+    times = [slot / rate for slot in range(last + 1)]
+    try:
+        wanted = array("d", motion(hand, times, (*_seed(rig, axis_name), HAND)))
+    except Exception as err:
+        raise ConfigError(f"{place}: its motion fails: {type(err).__name__}: {err}") from err
+    if len(wanted) != len(times):
+        raise ConfigError(f"{place}: {len(wanted)} positions for {len(times)} times")
+    for time, position in zip(times, wanted, strict=True):
+        if not math.isfinite(position):
+            raise ConfigError(f"{place}: its reference is {position} at {time:g} s")
+    return wanted
+
+
+def part_contact(
+    rig: Rig, axis_name: str, keys: EnvironmentPart, plant: PlantParams
+) -> PartContact:
+    """Return what an environment that is a part does to an axis, with sub-steps that it needs.
+
+    Raises
+    ------
+    ConfigError
+        The axis takes velocities, or the part fails or gives something else than finite numbers.
+    """
+    place = f"simulation.environment.{axis_name.split('.')[1]}: part {keys.part}"
+    if rig.axes[axis_name].causality != "impedance":
+        raise ConfigError(f"{place}: only for axes that take effort")
+    plugin = registry.load_part(registry.ENVIRONMENTS, keys.part)
+    params, force, stored, kinks = (
+        registry.load_named(named)
+        for named in (plugin.params, plugin.force, plugin.stored, plugin.kinks)
+    )
+    integrator = rig.simulation.integrator if rig.simulation is not None else None
+    error = 1e-4 if integrator is None or integrator.max_error is None else integrator.max_error
+    start = simulation_of(rig, axis_name).start_position
+    speed = greatest_speed(rig, axis_name, plant.mass)
+    try:
+        p = tuple(float(value) for value in params(keys))
+        edges = tuple(sorted(float(kink) for kink in kinks(p))) if kinks is not None else ()
+        _look_for_nan(p, force, stored, (start, *edges), speed)
+        part = PartContact(p, force, stored, edges)
+        steps = part_substeps(plant, part, start, speed, rig.axis_period_s(axis_name), error)
+    except Exception as err:
+        raise ConfigError(f"{place}: it fails: {type(err).__name__}: {err}") from err
+    return part._replace(substeps=steps)
+
+
+def _look_for_nan(
+    p: tuple[float, ...],
+    force: Callable[[tuple[float, ...], float, float], float],
+    stored: Callable[[tuple[float, ...], float], float],
+    places: Sequence[float],
+    speed: float,
+) -> None:
+    for x in places:
+        for v in (0.0, speed, -speed):
+            if not math.isfinite(force(p, x, v) + stored(p, x)):
+                raise ValueError(f"force or energy is not finite at position {x:g}, velocity {v:g}")
+
+
+def _seed(rig: Rig, axis_name: str) -> tuple[int, int]:
+    # By name, not by place: another axis in the rig shifts no stream.
+    return (rig.seed % SEED_WORD, zlib.crc32(axis_name.encode()))
 
 
 def greatest_speed(rig: Rig, axis_name: str, mass: float) -> float:

@@ -38,6 +38,8 @@ from mcap.records import (
 )
 from numpy.typing import NDArray
 
+from tautwave import formats
+from tautwave.files import create
 from tautwave.runtime.mcap_schema import CDR_HEADER, SCHEMA_NAME, TOPIC, message_layout
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -119,12 +121,11 @@ class McapFile:
             schema_count=1,
         )
         self.length = 0
-        self._descriptor = os.open(
-            path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666
-        )
+        self._descriptor = create(path)
         self._write(MAGIC + _encode(Header(profile="ros2", library="tautwave")))
         names = {"columns": json.dumps(list(columns)), "order": json.dumps(list(layout.order))}
-        self._add_metadata(METADATA_NAME, {**metadata, **names})
+        version = {"format": str(formats.RECORDING)}
+        self._add_metadata(METADATA_NAME, {**metadata, **version, **names})
         for name, content in attachments.items():
             self._add_attachment(name, content)
         self._write(_encode(self._schema) + _encode(self._channel))

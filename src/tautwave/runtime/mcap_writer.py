@@ -1,6 +1,6 @@
 """The recording's other process: takes rows from the ring and writes the MCAP file.
 
-Started by `Recorder` as `python -m tautwave.runtime.mcap_writer`, told what to do on standard
+Started by `Recorder` as `python -m tautwave.runtime.mcap_writer`, configured on standard
 input, answering one line of JSON on standard output. The end of standard input means that the
 loop closed the recording or that it no longer exists, even by `kill -9`; either way the ring is
 drained and the file completed. A chunk's slots are given free only when the chunk is in the
@@ -111,7 +111,7 @@ def drain(order: Order, ring: Ring, file: Any) -> None:
 
 
 def main() -> int:
-    """Run until the loop ends. The last words are on standard output or in the ring."""
+    """Run until the loop ends. The outcome goes to standard output or into the ring."""
     _leave_the_loop_alone()
     try:
         order = Order.read(0)

@@ -20,7 +20,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
-from tautwave.errors import RecordingError
+from tautwave.errors import RecordingError, WritingError
 from tautwave.runtime import ring as words
 from tautwave.runtime.mcap_writer import Order
 from tautwave.runtime.ring import Ring
@@ -100,7 +100,7 @@ class Recorder:
         try:
             self._ring = Ring(rows, len(self.columns))
         except OSError as error:
-            raise RecordingError(f"no shared memory for the recording: {error}") from error
+            raise WritingError(f"no shared memory for the recording: {error}") from error
         if lossless:
             self._ring.wait_for_room = self._wait_for_room
         self.row: memoryview[float] = self._ring.row
@@ -112,7 +112,7 @@ class Recorder:
         return None if self._writer is None else self._writer.pid
 
     def start(self) -> None:
-        """Start the writer and wait until the file is open; RecordingError says why it is not."""
+        """Start the writer and wait until the file is open; WritingError says why it is not."""
         if self._stats is not None or self._writer is not None:
             raise RecordingError(f"the recording {self.path} was already started")
         order = Order(
@@ -142,7 +142,7 @@ class Recorder:
             self._stats = RecorderStats(0, 0, 0, 0, error)
             self._end_writer()
             self._ring.close()
-            raise RecordingError(error)
+            raise WritingError(error)
 
     def problem(self) -> str | None:
         """One sentence once the writer has failed or died, else None. Not for every cycle."""
@@ -189,7 +189,8 @@ class Recorder:
             return f"not waited for: {self.path} is still being completed by its writer"
         if shared[words.FINISHED]:
             return None
-        return self._ring.error or self._obituary()
+        error = self._ring.error
+        return f"{error}; {self._what_is_left()}" if error else self._obituary()
 
     def _obituary(self) -> str:
         assert self._writer is not None

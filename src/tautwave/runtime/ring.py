@@ -28,7 +28,7 @@ TAIL = 24  # rows taken out; their slots are free
 WRITTEN = 32  # rows in the file
 FILE_BYTES = 40  # length of the file
 FINISHED = 48  # 1: the file is complete
-ERROR_AT, ERROR_BYTES = 1024, 1024  # in bytes: the writer's last words, UTF-8, zero padded
+ERROR_AT, ERROR_BYTES = 1024, 1024  # in bytes: the writer's error message, UTF-8, zero padded
 
 
 class Ring:

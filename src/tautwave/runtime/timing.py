@@ -25,6 +25,13 @@ class Histogram:
         self._counts[index if 0 <= index < BINS else BINS if index > 0 else 0] += 1
         self._total += 1
 
+    def add_all(self, other: Histogram) -> None:
+        """Count what another histogram has counted."""
+        for index, count in enumerate(other._counts):
+            self._counts[index] += count
+        self._total += other._total
+        self._greatest_ns = max(self._greatest_ns, other._greatest_ns)
+
     def quantile_us(self, share: float) -> float:
         """Return the upper edge of the bin below which `share` of all durations lie [us]."""
         wanted = share * self._total

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from tautwave.models import interaction as law
 from tautwave.models.interaction import elastic_energy
 from tautwave.scene.network import Mass, Network, String
-from tautwave.scene.strands import join_links
+from tautwave.scene.parallel_links import join_links
 
 LAWS = {
     "contact": law.CONTACT,
@@ -101,7 +101,7 @@ class Compiled(NamedTuple):
 def compile_network(network: Network, ports_at: Sequence[float] = ()) -> Compiled:
     """Return a network as lists, at rest in its initial state.
 
-    Of links that are alike the first has the strength of all, the others none (`strands`).
+    Of identical parallel links the first carries the strength of all, the others none.
 
     Parameters
     ----------

@@ -169,7 +169,7 @@ def _size(a: Matrix) -> float:
 
 
 def step_exact(s: Arrays, islands: Sequence[Island], period: float) -> None:
-    """Advance all masses by one step [s]; ports were put in place by `pulling.jump_ports`.
+    """Advance all masses by one step [s]; ports were put in place by `tension.jump_ports`.
 
     `force` then holds what the links pulled at the sample, before the step.
     """

@@ -24,7 +24,7 @@ import math
 from tautwave.models.interaction import CONTACT
 from tautwave.scene.compiling import Arrays
 from tautwave.scene.islands import solve_island
-from tautwave.scene.pulling import book_link, commit_mass, free_movement, link_pull
+from tautwave.scene.tension import book_link, commit_mass, free_movement, link_pull
 
 _CLOSE = 1e-15
 _FAR = 1e-12
@@ -117,7 +117,7 @@ def solve_alone(s: Arrays, m: int, base: float, free: float, period: float) -> t
         else:
             low = at
         change = -rest / slope
-        # Between a falling and a rising piece of a friction curve Newton goes to and fro for ever.
+        # Between a falling and a rising piece of a friction curve Newton oscillates indefinitely.
         stuck = math.fabs(rest) > 0.5 * before and math.fabs(rest) > _FAR * size
         before = math.fabs(rest)
         if slope <= 0.0 or stuck or at + change <= low or at + change >= high:

@@ -2,12 +2,38 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
 
 from tautwave.scene.compiling import Arrays
 
-if TYPE_CHECKING:
-    from tautwave.scene.space.arrays import SpaceArrays
+
+class LinkSums(Protocol):
+    """What links and ports have summed up [J], in one dimension or three."""
+
+    @property
+    def count(self) -> Sequence[int]:
+        """Masses, ports and links."""
+
+    @property
+    def stored(self) -> Sequence[float]:
+        """Energy in each link."""
+
+    @property
+    def lost(self) -> Sequence[float]:
+        """Dissipated by each link."""
+
+    @property
+    def made(self) -> Sequence[float]:
+        """Made by each active link."""
+
+    @property
+    def numeric(self) -> Sequence[float]:
+        """Made by the scheme in each link."""
+
+    @property
+    def port_work(self) -> Sequence[float]:
+        """Work done by each port."""
 
 
 class Ledger(NamedTuple):
@@ -62,7 +88,7 @@ def tally(s: Arrays) -> tuple[float, float, float, float, float, float, float, f
 
 
 def add_links(
-    s: Arrays | SpaceArrays,
+    s: LinkSums,
     kinetic: float,
     lifted: float,
     dragged: float,

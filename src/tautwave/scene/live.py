@@ -9,13 +9,14 @@ from tautwave.models.interaction import FRICTION, PLASTIC, elastic_tension
 from tautwave.scene.compiling import Compiled, compile_network
 from tautwave.scene.exact import Island, exact_islands, step_exact
 from tautwave.scene.gradient import step_gradient
+from tautwave.scene.kutta import aim_ports, step_kutta
 from tautwave.scene.ledger import Ledger, take_ledger
 from tautwave.scene.network import Network
-from tautwave.scene.pulling import jump_ports
 from tautwave.scene.stepping import move_ports, pull_links, step_symplectic
 from tautwave.scene.strings import TouchedString
+from tautwave.scene.tension import jump_ports
 
-SCHEMES = ("exact", "symplectic", "discrete_gradient")
+SCHEMES = ("exact", "symplectic", "rk4", "discrete_gradient")
 
 
 class SceneModel:
@@ -26,8 +27,8 @@ class SceneModel:
     network : Network
         Without problems; it is not pruned here.
     scheme : str
-        One of `SCHEMES`: exact for linear networks, symplectic for w T < 2, discrete_gradient for
-        everything, and the only one for strings.
+        One of `SCHEMES`: exact for linear networks, symplectic for w T < 2, rk4 for w T < 2.8 and
+        no plastic links, discrete_gradient for everything, and the only one for strings.
     period : float
         T [s].
     keep_books : bool
@@ -46,6 +47,8 @@ class SceneModel:
             raise ConfigError(f"there is no scheme {scheme}; there are {', '.join(SCHEMES)}")
         if network.strings and scheme != "discrete_gradient":
             raise ConfigError("a string needs scheme discrete_gradient: its node has no mass")
+        if scheme == "rk4" and any(link.kind == "plastic" for link in network.links):
+            raise ConfigError("rk4 does not do plastic links: use discrete_gradient or symplectic")
         self.network = network
         self.scheme = scheme
         self.period = period
@@ -95,6 +98,13 @@ class SceneModel:
                 self.booked = self.ledger()  # between the links' books and the masses' next step
             step_symplectic(s, period)
             return efforts
+        if self.scheme == "rk4":
+            for port in self._ports:
+                aim_ports(s, port, positions[port], period)
+            step_kutta(s, period)
+            if self.keep_books:
+                self.booked = self.ledger()
+            return [-s.force[first + port] for port in self._ports]
         for port in self._ports:
             jump_ports(s, port, positions[port], period)
         if self.scheme == "exact":
@@ -126,16 +136,16 @@ class SceneModel:
         """Return the energies now; what a string's node gives counts as stored on its lines."""
         return self.with_strings(take_ledger(self.arrays))
 
-    def with_strings(self, told: Ledger) -> Ledger:
+    def with_strings(self, ledger: Ledger) -> Ledger:
         """Return a ledger of the network alone with its strings in it."""
         for at, string in enumerate(self.strings):
             node = len(self.network.masses) + at
-            told = told._replace(
-                stored=told.stored + string.stored,
-                lost=told.lost - self.arrays.dragged[node] + string.lost,
-                pumped=told.pumped - self.arrays.pumped[node],
+            ledger = ledger._replace(
+                stored=ledger.stored + string.stored,
+                lost=ledger.lost - self.arrays.dragged[node] + string.lost,
+                pumped=ledger.pumped - self.arrays.pumped[node],
             )
-        return told
+        return ledger
 
     def residual(self) -> float:
         """Return by how much the account has not closed since the start [J].
@@ -149,27 +159,27 @@ class SceneModel:
     def elements(self) -> dict[str, dict[str, float]]:
         """Return the account of every mass, link, port and string [J], by name."""
         s = self.arrays
-        told: dict[str, dict[str, float]] = {}
+        accounts: dict[str, dict[str, float]] = {}
         for m, name in enumerate(self.compiled.masses):
-            told[name] = {
+            accounts[name] = {
                 "kinetic": 0.5 * s.mass[m] * s.v[m] * s.v[m],
                 "lost": s.dragged[m],
                 "pumped": s.pumped[m],
                 "numeric": s.mass_numeric[m],
             }
         for i, name in enumerate(self.compiled.links):
-            told[name] = {
+            accounts[name] = {
                 "stored": s.stored[i],
                 "lost": s.lost[i],
                 "made": s.made[i],
                 "numeric": s.numeric[i],
             }
         for port in self._ports:
-            told[self.network.ports[port]] = {"work": s.port_work[port]}
+            accounts[self.network.ports[port]] = {"work": s.port_work[port]}
         for string in self.strings:
-            told[string.string.name] = {
+            accounts[string.string.name] = {
                 "absorbed": string.absorbed(s),
                 "stored": string.stored,
                 "lost": string.lost,
             }
-        return told
+        return accounts

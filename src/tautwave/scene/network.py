@@ -33,7 +33,7 @@ class Link(NamedTuple):
 
     `kind` is one of `KINDS`; `limit` is the yield or friction force [N] or a source's power [W];
     `loss` Hunt and Crossley's [s/m]; `scale` the speed [m/s] at which friction turns over. Between
-    points of three dimensions (`scene.space`) stretch is their distance less `rest`, along a
+    points of three dimensions (`scene3d`) stretch is their distance less `rest`, along a
     `normal` if there is one: a plane.
     """
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from tautwave.scene.network import Network
-from tautwave.scene.strands import join_links
+from tautwave.scene.parallel_links import join_links
 
 
 class Pruned(NamedTuple):
@@ -26,7 +26,7 @@ def prune(network: Network, *, merge: bool = True) -> Pruned:
 
     Every number that remains is the same to the bit, with `merge` and without.
     """
-    told: list[str] = []
+    left_out: list[str] = []
     links = network.links
     near: dict[str, list[str]] = {}
     for link in links:
@@ -45,20 +45,20 @@ def prune(network: Network, *, merge: bool = True) -> Pruned:
     strings = tuple(string for string in network.strings if string.name in reached)
     names = [mass.name for mass in network.masses] + [string.name for string in network.strings]
     gone = [name for name in names if name not in reached]
-    told += [
+    left_out += [
         f"{name}: no path of links leads from it to a port or a recorder" for name in _grouped(gone)
     ]
     kept = [link for link in links if link.a in reached or link.b in reached]
     gone = [link.name for link in links if link.a not in reached and link.b not in reached]
-    told += [f"link {name}: both its ends are left out or fixed" for name in _grouped(gone)]
-    merged, words = tuple(kept), []
+    left_out += [f"link {name}: both its ends are left out or fixed" for name in _grouped(gone)]
+    merged, merges = tuple(kept), []
     if merge:
         joined = join_links(kept)
         merged = tuple(link for link, into in joined if not into)
-        words = [f"link {link.name}: one with {into}, exactly" for link, into in joined if into]
+        merges = [f"link {link.name}: one with {into}, exactly" for link, into in joined if into]
     used = {end for link in merged for end in (link.a, link.b)}
     grounds = tuple(ground for ground in network.grounds if ground[0] in used)
-    told += [
+    left_out += [
         f"ground {name}: nothing is linked to it"
         for name, _ in network.grounds
         if name not in used and name != "ground"
@@ -70,7 +70,7 @@ def prune(network: Network, *, merge: bool = True) -> Pruned:
         grounds=grounds,
         forced=tuple(name for name in network.forced if name in reached),
     )
-    return Pruned(small, tuple(told + words))
+    return Pruned(small, tuple(left_out + merges))
 
 
 def _grouped(names: list[str]) -> list[str]:

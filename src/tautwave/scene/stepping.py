@@ -1,7 +1,7 @@
 """The standard mass-interaction step: symplectic Euler over flat arrays, with its energy books.
 
 Links make forces of positions and velocities, masses make the next positions of forces; ports move
-as they are told. A force is held over a step, so a port takes out of its device what the device
+as prescribed. A force is held over a step, so a port takes out of its device what the device
 really gives: force of the last step times displacement. What holding a force creates or takes
 (`numeric`) is booked where it happens: at each link, stored energy less tension times stretch; at
 each mass, half T**2 f**2 / m. Stable for w T < 2. Plain Python on lists, or compiled by numba.

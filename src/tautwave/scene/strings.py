@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 
-from tautwave.laws.wave import filter_step
-from tautwave.link.memory import DelayLine
+from tautwave.laws.wave_filter import filter_step
 from tautwave.scene.compiling import Arrays
+from tautwave.scene.delay_line import DelayLine
 from tautwave.scene.network import String
 
 

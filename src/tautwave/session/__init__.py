@@ -1,6 +1,7 @@
 """One run from rig file to report, and the check that comes before it."""
 
 from tautwave.session.checking import CheckResult, check
+from tautwave.session.devices import describe_ways
 from tautwave.session.running import RunResult, run
 
-__all__ = ["CheckResult", "RunResult", "check", "run"]
+__all__ = ["CheckResult", "RunResult", "check", "describe_ways", "run"]

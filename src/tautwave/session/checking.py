@@ -8,20 +8,34 @@ from tautwave.config import Rig, bus_spec
 from tautwave.contracts import Budget
 from tautwave.errors import BusBudgetError, NotCertifiedError
 from tautwave.registry import load_driver, require_modules
-from tautwave.rig import command_delays
-from tautwave.session.facts import admittance_facts, hints, pair_facts
+from tautwave.rig import BusWay, Simulate, Way, as_taken, bus_ways, command_delays
+from tautwave.session.facts import (
+    axis_rows,
+    count_words,
+    coupling_words,
+    pair_rows,
+    pair_sentence,
+)
 from tautwave.session.plan import PlanItem, left_out, rig_plan
 
 
 class CheckResult(NamedTuple):
-    """What a check found. `certificate` is that of `tautwave.certificate`, as plain data."""
+    """What a check found. `certificate` is that of `tautwave.certificate`, as plain data.
+
+    `pairs` and `axes` are rows of `tautwave.session.facts.PAIR_HEADS` and `AXIS_HEADS`, the short
+    form of those facts; `failures` holds a sentence for each thing that keeps the rig from running.
+    """
 
     rig: str
     plan: list[PlanItem]
     facts: list[tuple[str, str]]
     certificate: dict[str, Any]
     budget: dict[str, Budget]
+    ways: dict[str, BusWay]
     exit_code: int
+    pairs: list[tuple[str, ...]]
+    axes: list[tuple[str, ...]]
+    failures: list[str]
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain data for JSON."""
@@ -30,6 +44,7 @@ class CheckResult(NamedTuple):
             "plan": [item._asdict() for item in self.plan],
             "left_out": left_out(self.plan),
             "facts": dict(self.facts),
+            "buses": {name: way.as_dict() for name, way in self.ways.items()},
             "certificate": self.certificate,
             "budget": {
                 name: {
@@ -43,6 +58,7 @@ class CheckResult(NamedTuple):
                 }
                 for name, cost in self.budget.items()
             },
+            "failures": self.failures,
             "exit_code": self.exit_code,
         }
 
@@ -81,8 +97,15 @@ def over_budget(rig: Rig, budgets: dict[str, Budget]) -> list[str]:
     ]
 
 
-def check(rig: Rig) -> CheckResult:
-    """Check a rig: plan, bus time, certificate and the numbers that follow.
+def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
+    """Check a rig: ways of its buses, plan, bus time, certificate and the numbers that follow.
+
+    Parameters
+    ----------
+    rig : Rig
+        A checked rig.
+    simulate : bool or collection of str
+        As for `run`: what is simulated although it names hardware.
 
     Returns
     -------
@@ -91,58 +114,82 @@ def check(rig: Rig) -> CheckResult:
     """
     from tautwave.certificate import certify  # a live run imports this module, not the analysis
 
+    ways = bus_ways(rig, simulate=simulate)
+    rig = as_taken(rig, ways)
     delays = command_delays(rig)
     budgets = bus_budgets(rig)
     facts = [
         ("rate", _rate(rig)),
         ("coupling", _coupling(rig)),
     ]
+    facts += [(f"bus {name}", way.describe()) for name, way in ways.items()]
+    if any(way.way in (Way.SERVED, Way.ELSEWHERE) for way in ways.values()):
+        facts.append(("--clock fake", "simulates every bus in memory"))
     if rig.scene is not None:
         from tautwave.session.scene_pace import pace_fact
 
         facts.append(("scene time", pace_fact(rig)))
-    for name in rig.coupling.pairs:
-        known = pair_facts(rig, name, delays)
-        kind = rig.master.axes[name].kind
-        unit = "rad per N m" if kind == "rotary" else "m per N"
-        facts.append(
-            (
-                f"pair {name}",
-                f"one-way delay {known.coupling_delay_s:.4g} s in all; "
-                f"standing offset {known.offset_per_effort:.4g} {unit}; "
-                f"held still, a port gives {known.held_share:.1%} of the line's effort",
-            )
-        )
-    facts.extend(admittance_facts(rig, delays))
-    facts.extend(hints(rig))
+    facts.extend((f"pair {name}", pair_sentence(rig, name, delays)) for name in rig.coupling.pairs)
+    if rig.scene is None:
+        facts.extend(coupling_words(rig).facts(rig, delays))
+        facts.extend(coupling_words(rig).hints(rig))
     for axis_name, axis in rig.axes.items():
         units = "rad, N m, kg m^2" if axis.kind == "rotary" else "m, N, kg"
-        facts.append(
-            (
-                axis_name,
-                f"{axis.kind} {axis.causality} axis [{units}] on bus {axis.bus}, id {axis.id}; "
-                f"effort limit {axis.effort_limit:g}",
-            )
+        text = (
+            f"{axis.kind} {axis.causality} axis [{units}] on bus {axis.bus}, id {axis.id}; "
+            f"effort limit {axis.effort_limit:g}"
         )
+        facts.append((axis_name, f"{text}{count_words(rig, axis_name)}"))
     certificate = certify(rig).as_dict()
+    too_slow = over_budget(rig, budgets)
     exit_code = 0 if certificate["passed"] else NotCertifiedError.exit_code
-    if over_budget(rig, budgets):
+    if too_slow:
         exit_code = BusBudgetError.exit_code
-    return CheckResult(rig.name, rig_plan(rig), facts, certificate, budgets, exit_code)
+    return CheckResult(
+        rig.name,
+        rig_plan(rig),
+        facts,
+        certificate,
+        budgets,
+        ways,
+        exit_code,
+        pair_rows(rig, delays),
+        axis_rows(rig),
+        [*too_slow, *not_certified(certificate)],
+    )
+
+
+def not_certified(certificate: dict[str, Any]) -> list[str]:
+    """Return a sentence for each element or loop that fails what the rig requires."""
+    if certificate["passed"]:
+        return []
+    required = certificate["require"]
+    verdicts = [element[required] for element in certificate["elements"] if required in element]
+    if required == "coupled_stable":
+        verdicts = [loop["verdict"] for loop in certificate["loops"]]
+    failed = [verdict["reason"] for verdict in verdicts if not verdict["passed"]]
+    return list(dict.fromkeys(failed)) or list(certificate["sentences"])
 
 
 def _rate(rig: Rig) -> str:
-    told = f"{rig.rate_hz:g} Hz, {rig.cycles} cycles in {rig.duration_s:g} s"
+    text = f"{rig.rate_hz:g} Hz, {rig.cycles} cycles in {rig.duration_s:g} s"
     for name, bus in rig.buses.items():
         if bus.divisor > 1:
-            told += f"; bus {name} every {bus.divisor} cycles, {rig.rate_hz / bus.divisor:g} Hz"
-    return told
+            text += f"; bus {name} every {bus.divisor} cycles, {rig.rate_hz / bus.divisor:g} Hz"
+    return text
 
 
 def _coupling(rig: Rig) -> str:
-    keys = rig.coupling
     if rig.scene is not None:
-        return f"none: the master's axes touch a scene, scheme {rig.scene.scheme}"
-    if keys.law == "wave":
-        return f"wave line, {keys.delay_s:g} s each way ({rig.delay_samples} samples)"
-    return f"positions, {keys.delay_s:g} s each way (not passive: for comparison)"
+        return f"none: the master's axes touch a scene, {_scheme(rig)}"
+    return coupling_words(rig).coupling(rig)
+
+
+def _scheme(rig: Rig) -> str:
+    """Return the scheme that runs a scene, and whether it was chosen."""
+    assert rig.scene is not None
+    if rig.scene.dimension == 3 or rig.scene.scheme != "auto":
+        return f"scheme {rig.scene.scheme}"
+    from tautwave.rig.scene.network import scheme_choice
+
+    return f"scheme {scheme_choice(rig).scheme} (auto)"

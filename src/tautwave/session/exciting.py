@@ -15,15 +15,17 @@ import numpy as np
 
 from tautwave.config import Rig
 from tautwave.contracts import Row
+from tautwave.controller.axis import decide_axis, fade_axis, pass_slot, start_axis, take_sample
+from tautwave.controller.records import FINISHED, PIPE, AxisParams, RunParams
+from tautwave.controller.rows import axis_columns, fill_axis
+from tautwave.controller.run import arm, ramp_share, stop_on_guard
+from tautwave.controller.stops import AxisName
 from tautwave.errors import SafetyStop
 from tautwave.laws.limit import guard_axis
 from tautwave.laws.site import SiteParams
-from tautwave.rig import Assembly, pair_scale, site_params
-from tautwave.runtime.books import axis_columns, fill_axis
-from tautwave.runtime.loop import LoopPair
-from tautwave.runtime.pair import Pair, PairScale
-from tautwave.runtime.site import SiteAxis
-from tautwave.types import CommandDelay, JointState
+from tautwave.rig import Assembly, axis_names, controlled_axis, site_params
+from tautwave.runtime.control import Control
+from tautwave.types import CommandDelay
 
 LINES = 8
 """Frequencies of the multisine."""
@@ -172,119 +174,122 @@ class Excitation:
         return min(max(wanted, -plan.effort), plan.effort)
 
 
-class ExcitedPair(Pair):
-    """A pair without coupling: at most one of its axes is shaken, the others get no effort."""
+class ExcitedControl(Control):
+    """No coupling and no scene: at most one axis is shaken, the others get no effort.
+
+    Parameters
+    ----------
+    run, names, params
+        See `Control`.
+    axes : sequence of int
+        Those of the pairs in their order, master and slave; the only one of a scene's port.
+    plan : Plan
+        How an axis is shaken.
+    table : list of float
+        Commands on their way.
+    """
 
     def __init__(
         self,
-        name: str,
-        master: SiteAxis,
-        slave: SiteAxis,
-        scale: PairScale,
-        plans: dict[str, Plan],
+        run: RunParams,
+        names: Sequence[AxisName],
+        params: Sequence[AxisParams],
+        axes: Sequence[int],
+        plan: Plan,
+        table: list[float],
     ) -> None:
-        super().__init__(name, master, slave, scale)
-        self._sides = []
-        both = (("master", master), ("slave", slave))
-        for side, site in both[: 1 if master is slave else 2]:  # a scene's port is one axis
-            plan = plans.get(f"{side}.{name}")
-            shaken = None if plan is None else Excitation(plan)
-            self._sides.append((site, shaken, 1.0 if plan is None else plan.stiffness))
+        super().__init__(run, names, params)
+        self._order = axes
+        self._table = table
+        self._stiffness = plan.stiffness
+        self._shaken = {at: Excitation(plan) for at in axes if names[at].name == plan.axis}
+        for at in axes:
+            self.columns += axis_columns(names[at].name, params[at])
 
-    def start(self, master: JointState, slave: JointState, offset: float | None) -> None:
-        """Begin at the measured positions, whatever they are to each other."""
-        super().start(master, slave, None)
-        for (_, shaken, _), state in zip(self._sides, (master, slave), strict=False):
-            if shaken is not None:
-                shaken.start(state.position)
-
-    def engage(self, ramp: float) -> None:
-        """Nothing is asked for yet."""
-
-    def cycle(self, master: JointState, slave: JointState, skipped: int, ramp: float) -> None:
-        """Run one cycle on fresh samples; `skipped` slots went by unseen before this one."""
-        codes = []
-        for (site, shaken, stiffness), state in zip(self._sides, (master, slave), strict=False):
+    def step(self, slot: int, skipped: int) -> bool:
+        """Close every axis, and think on the one that is shaken; or begin."""
+        r, o = self.run, self.state
+        if o.armed_at < 0:
+            return self._engage(slot)
+        ramp = ramp_share(r, o, slot)
+        for at in self._order:
+            s, p, m = self.axes[at], self.params[at], self.samples[at]
             for _ in range(1 + skipped):
-                site.pass_slot()
+                pass_slot(s, p, self._table)
+            take_sample(s, p, m)
+            s.guard = 0
+            shaken = self._shaken.get(at)
             if shaken is not None:
                 shaken.pass_slots(1 + skipped)
-            code = 0
-            if not state.valid:
-                site.miss()
-                if site.stopping:
-                    site.fade(ramp * site.ceiling)
-            else:
-                site.close(state.position, state.effort)
-                if shaken is None:
-                    code = guard_axis(site.params.limit, site.position, site.velocity)
-                else:
-                    effort = shaken.effort(site.position, site.velocity)
-                    code = site.think(shaken.centre + effort / stiffness, 0.0, ramp * site.ceiling)
-            codes.append(code)
-        self.guard = sum(code << 3 * at for at, code in enumerate(codes))
+                if m.valid:
+                    effort = shaken.effort(s.position, s.velocity)
+                    s.far_position = shaken.centre + effort / self._stiffness
+                s.guard = decide_axis(s, p, self._table, m.valid, ramp)
+            elif m.valid:
+                s.guard = guard_axis(p.site.limit, s.position, s.velocity)
+            elif s.stopping:
+                fade_axis(s, p, ramp * p.ceiling)
+        for at in self._order:
+            stop_on_guard(r, o, self.axes, slot, at)
+        return True
 
-
-class ExcitedRow:
-    """The columns of both axes of a pair; there is no coupling to keep books of."""
-
-    def __init__(self, pair: Pair) -> None:
-        self._sites = [pair.master]
-        self.columns = list(axis_columns(f"master.{pair.name}", pair.master))
-        if pair.slave is not pair.master:
-            self._sites.append(pair.slave)
-            self.columns += axis_columns(f"slave.{pair.name}", pair.slave)
+    def _engage(self, slot: int) -> bool:
+        """Begin at the measured positions, whatever they are to each other."""
+        o = self.state
+        if o.kind != FINISHED:
+            return True
+        armed = True
+        for at in self._order:
+            m = self.samples[at]
+            if not m.valid:
+                armed = False
+                continue
+            start_axis(self.axes[at], self.params[at], m.position, m.effort, 0.0)
+            if at in self._shaken:
+                self._shaken[at].start(m.position)
+        return arm(self.run, o, slot, armed)
 
     def fill(self, row: Row, at: int) -> None:
-        """Write all columns at index `at`."""
-        for site in self._sites:
-            at = fill_axis(site, 1.0, row, at)
+        """Write all columns at index `at`; there is no coupling to keep books of."""
+        for which in self._order:
+            at = fill_axis(row, at, self.axes[which], self.params[which], 1.0)
 
 
 def excite(rig: Rig, assembly: Assembly, plan: Plan) -> Assembly:
-    """Return the assembly with every pair's coupling, or its scene, replaced by `ExcitedPair`."""
-    sites = {}
-    buses = []
-    for bus in assembly.buses:
-        delay = bus.driver.command_delay
-        for name in bus.axes:
-            shaken = name == plan.axis
-            params = _params(rig, name, delay)._replace(
-                has_wall=False,
-                stiffness=plan.stiffness if shaken else 0.0,
-                damping=plan.damping if shaken else 0.0,
-            )
-            sites[name] = SiteAxis(
-                params,
-                delay_periods=delay.periods,
-                coupled_by_wave=False,
-                impedance=rig.axes[name].causality == "impedance",
-                late_share=delay.remainder_s / rig.period_s,
-            )
-        buses.append(bus._replace(sites=[sites[name] for name in bus.axes]))
-    pairs = []
-    for at in assembly.pairs:
-        name = at.pair.name
-        master = sites[f"master.{name}"]
-        slave = sites.get(f"slave.{name}", master)
-        scale = PairScale(1.0, 1.0, 1.0, 1.0)
-        if rig.scene is None:
-            scale = pair_scale(rig.coupling.pairs[name])
-        pair = ExcitedPair(name, master, slave, scale, {plan.axis: plan})
-        pairs.append(LoopPair(pair, at.master_at, at.slave_at, None, math.inf))
-    rows = [ExcitedRow(at.pair) for at in pairs]
-    # A pair has a row of its own, a scene one for all its ports.
-    replaced = len(assembly.pairs) if rig.scene is None else 1
-    sources = [*rows, *assembly.sources[replaced:]]
+    """Return the assembly with an `ExcitedControl` in place of every coupling, or of its scene."""
+    delays = {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
+    axes = tuple(delays)
+    params = []
+    at = 0
+    for name in axes:
+        shaken = name == plan.axis
+        site = _site(rig, name, delays[name])._replace(
+            has_wall=False,
+            stiffness=plan.stiffness if shaken else 0.0,
+            damping=plan.damping if shaken else 0.0,
+        )
+        params.append(controlled_axis(rig, name, delays[name], site, at))
+        at += PIPE * delays[name].periods
+    if rig.scene is None:
+        ordered = [f"{side}.{name}" for name in rig.coupling.pairs for side in ("master", "slave")]
+        order = [axes.index(name) for name in ordered]
+    else:
+        from tautwave.runtime.scene.axes import SceneControl
+
+        assert isinstance(assembly.control, SceneControl)
+        order = list(assembly.control.ports)
+    names = axis_names(rig, axes)
+    control = ExcitedControl(assembly.control.run, names, params, order, plan, [0.0] * at)
     before = sum(len(source.columns) for source in assembly.sources)
     timing = assembly.columns[: len(assembly.columns) - before]
+    sources = [control, *assembly.sources[1:]]  # the first is the controller's
     columns = [*timing, *(name for source in sources for name in source.columns)]
-    return assembly._replace(buses=buses, pairs=pairs, sources=sources, columns=columns, scene=None)
+    return assembly._replace(control=control, sources=sources, columns=columns, scene=None)
 
 
-def _params(rig: Rig, name: str, delay: CommandDelay) -> SiteParams:
+def _site(rig: Rig, name: str, delay: CommandDelay) -> SiteParams:
     if rig.scene is None:
         return site_params(rig, name, delay)
-    from tautwave.rig.scene import scene_site
+    from tautwave.rig.scene.network import scene_site
 
-    return scene_site(rig, name, delay).params
+    return scene_site(rig, name, delay)

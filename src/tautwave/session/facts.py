@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from tautwave.config import Rig
-from tautwave.laws.admittance import greatest_stiffness
-from tautwave.rig import device_impedance, held_share, one_way_delay, pair_scale
+from tautwave.config import Rig, count_velocity
+from tautwave.registry import coupling_words as words_of
+from tautwave.rig import DebtRates, coupling_part, debt_rates, one_way_delay, pair_scale
 from tautwave.types import CommandDelay
+from tautwave.wording import CouplingWords
 
 
 class PairFacts(NamedTuple):
-    """Of one pair: one-way delay tau [s] as it acts, all samples counted, and tau / b.
+    """Of one pair: one-way delay tau [s] as it acts, all samples counted, and what standing costs.
 
-    With the wave's effort F held, the master stands ahead of the slave by F tau / b. A device
-    that is held still by a hand or a wall gets `held_share` of F: the port's prediction takes
-    the effort it gives itself for a motion, and 1 / (1 + b T (1 + d) / m) is what is left of it
-    (d: command delay in periods, m: the inertia's lower bound). The
-    smaller of master's and slave's.
+    While the master gives an effort F and nothing moves, it stands ahead of the slave by
+    F `offset_per_effort` (`tautwave.rig.standing_offset`) [rad per N m or m per N]. A device that
+    is held still gets `held_share` of the line's effort, the smaller of master's and slave's;
+    of a position coupling it is the share of its stiffness that acts.
     """
 
     coupling_delay_s: float
@@ -26,69 +26,101 @@ class PairFacts(NamedTuple):
     held_share: float
 
 
+def coupling_words(rig: Rig) -> CouplingWords:
+    """Return what the part of a rig's law says of it."""
+    return words_of(rig.coupling.law)
+
+
 def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFacts:
     """Return what follows for one pair; see `tautwave.rig.one_way_delay`."""
-    keys = rig.coupling.pairs[name]
     tau = one_way_delay(rig, name, delays)
-    offset = 0.0
-    share = 1.0
-    if keys.wave_impedance is not None:
-        offset = tau / keys.wave_impedance
-        share = min(
-            held_share(rig, f"{side}.{name}", delays[f"{side}.{name}"])
-            for side in ("master", "slave")
-        )
-    elif keys.stiffness is not None:
-        offset = 1.0 / keys.stiffness
-    return PairFacts(tau, offset, pair_scale(keys).power, share)
+    standing = coupling_words(rig).standing(rig, name, delays, tau)
+    power = pair_scale(rig.coupling.pairs[name]).power
+    return PairFacts(tau, standing.offset, power, standing.held_share)
 
 
-def admittance_facts(rig: Rig, delays: dict[str, CommandDelay]) -> list[tuple[str, str]]:
-    """Return one sentence per admittance axis on how stiff its outside may be."""
-    facts = []
-    for axis_name, axis in rig.axes.items():
-        if axis.causality != "admittance" or rig.coupling.law != "wave":
-            continue
-        side, name = axis_name.split(".")
-        keys = rig.coupling.pairs[name]
-        impedance = device_impedance(keys, side, keys.wave_impedance or 0.0)
-        period = rig.axis_period_s(axis_name)
-        limit = greatest_stiffness(period, impedance, delays[axis_name].periods)
-        unit = "N m/rad" if axis.kind == "rotary" else "N/m"
-        upper = axis.environment_stiffness_upper
-        if upper is None or upper == 0.0:
-            text = (
-                f"no guarantee: give environment_stiffness_upper; matched, it is stable up to "
-                f"{limit:.4g} {unit} (K T / b < {limit * period / impedance:.3g})"
-            )
-        else:
-            ratio = upper * period / impedance
-            text = (
-                f"passive for an outside spring up to {upper:.4g} {unit} (K T / b = {ratio:.3g})"
-                " if the velocity is reached within a period; nothing is claimed beyond, "
-                "and nothing for an outside damper"
-            )
-        facts.append((f"admittance port of {axis_name}", text))
-    return facts
+def port_debts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> dict[str, Any]:
+    """Return `port_debt`, what each wave port of a pair may owe; empty for other couplings.
+
+    By side, in the device's own units: `per_speed_squared` [kg m^2 or kg] and `per_flow` [1] as in
+    `tautwave.rig.debt_rates`, and the `exchanges` that pass until a port has let go. An
+    admittance port may owe nothing.
+    """
+    if coupling_part(rig).carries != "waves":
+        return {}
+    debts = {}
+    for side in ("master", "slave"):
+        axis_name = f"{side}.{name}"
+        delay = delays[axis_name]
+        late = 1 if delay.remainder_s > 0.0 else 0
+        rates = DebtRates(0.0, 0.0)
+        if rig.axes[axis_name].causality == "impedance":
+            rates = debt_rates(rig, axis_name, delays)
+        debts[side] = {
+            "per_speed_squared": rates.debt_per_speed_squared,
+            "per_flow": rates.debt_per_flow,
+            "exchanges": 1 + delay.periods + late,
+        }
+    return {"port_debt": debts}
 
 
-def hints(rig: Rig) -> list[tuple[str, str]]:
-    """Return what experience says of a rig that is right, but will not feel right."""
-    coarse = [
-        name for name, axis in rig.axes.items() if axis.encoder_quantum or axis.position_noise
-    ]
-    matched = [keys for keys in rig.coupling.pairs.values() if keys.matched_slave]
-    if (
-        rig.coupling.law == "wave"
-        and coarse
-        and rig.coupling.wave_filter_hz is None
-        and len(matched) < len(rig.coupling.pairs)
-    ):
-        return [
+def pair_sentence(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> str:
+    """Return `pair_facts` as a sentence."""
+    tau = one_way_delay(rig, name, delays)
+    standing = coupling_words(rig).standing(rig, name, delays, tau)
+    unit = "rad per N m" if rig.master.axes[name].kind == "rotary" else "m per N"
+    text = f"one-way delay {tau:.4g} s in all; standing offset {standing.offset:.4g} {unit}"
+    return f"{text}; held still, {standing.words}" if standing.words else text
+
+
+PAIR_HEADS = ("pair", ">one-way delay", ">standing offset", ">share given held still")
+AXIS_HEADS = ("axis", "on", "takes", ">up to", ">one count reads as", ">limit")
+
+
+def pair_rows(rig: Rig, delays: dict[str, CommandDelay]) -> list[tuple[str, ...]]:
+    """Return `pair_facts` of every pair as rows under `PAIR_HEADS`."""
+    rows: list[tuple[str, ...]] = []
+    for name in rig.coupling.pairs:
+        known = pair_facts(rig, name, delays)
+        unit = "rad/(N m)" if rig.master.axes[name].kind == "rotary" else "m/N"
+        rows.append(
             (
-                "hint",
-                "encoder steps and noise ring in a line that loses nothing; "
-                f"coupling.wave_filter_hz: {0.1 * rig.rate_hz:g} takes them away",
+                name,
+                f"{1e3 * known.coupling_delay_s:.4g} ms",
+                f"{known.offset_per_effort:.4g} {unit}",
+                f"{known.held_share:.1%}",
             )
-        ]
-    return []
+        )
+    return rows
+
+
+def axis_rows(rig: Rig) -> list[tuple[str, ...]]:
+    """Return every axis as a row under `AXIS_HEADS`."""
+    rows: list[tuple[str, ...]] = []
+    for name, axis in rig.axes.items():
+        effort, speed = ("N m", "rad/s") if axis.kind == "rotary" else ("N", "m/s")
+        impedance = axis.causality == "impedance"
+        reads = count_velocity(rig, name, axis.encoder_quantum)
+        limit = "none" if axis.velocity_limit is None else f"{axis.velocity_limit:g} {speed}"
+        rows.append(
+            (
+                name,
+                f"{axis.bus} {axis.id}",
+                "effort" if impedance else "velocity",
+                f"{axis.effort_limit:g} {effort}" if impedance else limit,
+                f"{reads:.3g} {speed}" if axis.encoder_quantum else "no step",
+                limit,
+            )
+        )
+    return rows
+
+
+def count_words(rig: Rig, axis_name: str) -> str:
+    """Return which velocity one encoder count means, to stand after a `;`; "" without a step."""
+    axis = rig.axes[axis_name]
+    if axis.encoder_quantum == 0.0:
+        return ""
+    unit = "rad/s" if axis.kind == "rotary" else "m/s"
+    reads = count_velocity(rig, axis_name, axis.encoder_quantum)
+    limit = "no limit" if axis.velocity_limit is None else f"limit {axis.velocity_limit:g}"
+    return f"; one encoder count reads as {reads:.3g} {unit} ({limit})"

@@ -12,21 +12,31 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tautwave.config import Rig, resolved_yaml
-from tautwave.errors import BusBudgetError, ConfigError, RecordingError, SafetyStop, TautwaveError
+from tautwave.errors import (
+    BusBudgetError,
+    ConfigError,
+    RecordingError,
+    SafetyStop,
+    TautwaveError,
+    WritingError,
+)
+from tautwave.files import make_directory, write_text
 from tautwave.registry import load_driver
-from tautwave.rig import build_rig
+from tautwave.rig import Simulate, Way, as_taken, build_rig, bus_ways
+from tautwave.runtime.interrupts import Interrupted, interrupts
 from tautwave.runtime.loop import Loop
 from tautwave.runtime.machine import quiet_collector
 from tautwave.runtime.recorder import Recorder
 from tautwave.session.certified import certificate_of, refuse_uncertified
 from tautwave.session.checking import bus_budgets, over_budget, require_drivers
+from tautwave.session.devices import devices
 from tautwave.session.exciting import Plan, excite, plan_excitation
-from tautwave.session.running import interrupts, loop_conditions
+from tautwave.session.running import loop_conditions
 from tautwave.types import CommandDelay
 
 if TYPE_CHECKING:  # analysis is imported when the axis is safe again
-    from tautwave.analysis.device_model import DeviceFit
-    from tautwave.analysis.regression import Estimate
+    from tautwave.analysis.identification.device_model import DeviceFit
+    from tautwave.analysis.identification.regression import Estimate
 
 CAUTION = 0.8
 """Of the interval's lower end: what is bolted on or warms up later is not in the interval."""
@@ -121,17 +131,20 @@ def axis_to_identify(rig: Rig, name: str | None) -> str:
         if len(able) == 1:
             return able[0]
         if not able:
-            raise ConfigError(f"{rig.name}: no axis takes effort, so none can be identified")
+            raise ConfigError(
+                f"{rig.name}: no axis is commanded by effort, so none can be identified"
+            )
         raise ConfigError(f"{rig.name}: choose an axis with --axis: {', '.join(able)}")
     if name not in rig.axes:
         raise ConfigError(f"{rig.name}: there is no axis {name!r}; there are {', '.join(rig.axes)}")
     if name not in able:
         raise ConfigError(
-            f"{name} is an admittance axis: it takes velocity, and its inertia does not show"
+            f"{name} is an admittance axis: it is commanded by velocity, so its inertia is not "
+            f"observable"
         )
     if rig.axes[name].position_range is None:
         raise ConfigError(
-            f"{name} has no position_range, and is not shaken without one; add it to the rig, or "
+            f"{name} has no position_range, and is not excited without one; add it to the rig, or "
             f"give --set '{_key(name)}.position_range=[LOW, HIGH]'"
         )
     return name
@@ -152,6 +165,8 @@ def identify_device(
     share: float = 0.3,
     reach: float | None = None,
     allow_uncertified: bool = False,
+    simulate: Simulate = (),
+    attach: bool = False,
     progress: Callable[[float, str], None] | None = None,
 ) -> DeviceResult:
     """Shake one axis of a rig and fit inertia, viscous and Coulomb friction.
@@ -176,6 +191,8 @@ def identify_device(
         How far from the start it may swing [rad or m]; a quarter of the range if not given.
     allow_uncertified : bool
         Move motors of a rig that has no certificate.
+    simulate, attach
+        Which way the buses take, as for `session.run`.
 
     Raises
     ------
@@ -183,6 +200,8 @@ def identify_device(
         The rig is refused, the run ended in a fault or a stop, or the device did not move enough.
     """
     require_drivers(rig)
+    ways = bus_ways(rig, clock=clock, simulate=simulate, attach=attach)
+    rig = as_taken(rig, ways)
     problems = over_budget(rig, bus_budgets(rig))
     if problems:
         raise BusBudgetError("\n".join(problems))
@@ -193,78 +212,90 @@ def identify_device(
                 f"--set buses.{bus_name}.divisor=1 --set rate_hz={rig.rate_hz / bus.divisor:g}"
             )
     name = axis_to_identify(rig, axis)
-    hardware = any(load_driver(bus.driver).hardware for bus in rig.buses.values())
-    if hardware and rig.simulation is None and not allow_uncertified:
+    hardware = any(
+        load_driver(bus.driver).hardware
+        and (rig.simulation is None or ways[bus_name].way is Way.HARDWARE)
+        for bus_name, bus in rig.buses.items()
+    )
+    if hardware and not allow_uncertified:
         refuse_uncertified(rig, certificate_of(rig))
     off = "coupling" if rig.scene is None else "scene"
     notes = [f"The {off} was off; the other axes were enabled without effort."]
     if rig.simulation is not None:
         free = rig.simulation.model_copy(update={"hand": {}, "environment": {}})
         rig = rig.model_copy(update={"simulation": free})
-        notes.append("The simulated hand let go, and the simulated environment was taken away.")
+        if not attach:
+            notes.append("The simulated hand and environment were removed.")
+    if attach:
+        notes.append("Doubtful: devices served by another process keep their hand and environment.")
     cycles = max(round(duration_s * rig.rate_hz), 1)
     plan = plan_excitation(rig, name, cycles, share=share, reach=reach)
-    assembly = excite(rig, build_rig(rig, clock=clock, duration_s=duration_s), plan)
-    delays = {key: bus.driver.command_delay for bus in assembly.buses for key in bus.axes}
-    text = resolved_yaml(rig)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "rig.yaml").write_text(text, encoding="utf-8")
-    except OSError as err:
-        raise RecordingError(f"{out}: cannot be written: {err.strerror}") from err
-    recorder = Recorder(
-        out / "recording.mcap",
-        assembly.columns,
-        metadata={"version": version("tautwave"), "rig": rig.name, "clock": clock,
-                  "identifies": name},
-        attachments={"rig.yaml": text.encode()},
-        rows=rig.loop.ring_rows,
-        lossless=clock == "fake",
-        rate_hz=rig.rate_hz,
-    )  # fmt: skip
-    recorder.start()
-    loop = Loop(
-        assembly.clock, assembly.settings, assembly.buses, assembly.pairs, assembly.sources,
-        recorder, progress,
-    )  # fmt: skip
-    with loop_conditions(rig, clock), quiet_collector(), interrupts(loop):
-        result = loop.run()
-    stats = recorder.close()
-    if stats.error:
-        raise RecordingError(stats.error)
+    with devices(rig, ways) as ways:
+        assembly = excite(rig, build_rig(rig, clock=clock, duration_s=duration_s, ways=ways), plan)
+        delays = {key: bus.driver.command_delay for bus in assembly.buses for key in bus.axes}
+        text = resolved_yaml(rig)
+        make_directory(out)
+        write_text(out / "rig.yaml", text)
+        recorder = Recorder(
+            out / "recording.mcap",
+            assembly.columns,
+            metadata={"version": version("tautwave"), "rig": rig.name, "clock": clock,
+                      "identifies": name},
+            attachments={"rig.yaml": text.encode()},
+            rows=rig.loop.ring_rows,
+            lossless=clock == "fake",
+            rate_hz=rig.rate_hz,
+        )  # fmt: skip
+        loop = Loop(
+            assembly.clock, assembly.buses, assembly.control, assembly.sources,
+            recorder, progress,
+        )  # fmt: skip
+        with interrupts() as heard, heard.calling(loop.stop):
+            recorder.start()
+            with loop_conditions(rig, clock), quiet_collector():
+                result = loop.run()
+            stats = recorder.close()
+    if isinstance(result.error, KeyboardInterrupt) and not result.opened:
+        raise Interrupted(heard.number)
     if result.error is not None and not isinstance(result.error, KeyboardInterrupt):
-        _tell(name, result.error)
+        _tell(name, result.error, stats.error)
+    if stats.error:
+        raise WritingError(stats.error)
     if progress is not None:
         progress(1.0, "fitting")
     seconds = (result.cycles + result.missed_cycles) * rig.period_s
-    fit = fit_recorded(out / "recording.mcap", name, rig, delays[name], plan.highest_hz)
+    with heard.raised():
+        fit = fit_recorded(out / "recording.mcap", name, rig, delays[name], plan.highest_hz)
     notes += _doubts(fit, plan)
     found = DeviceResult(
         name, rig.axes[name].kind, fit, plan, seconds, notes, out, result.interrupted
     )
     text = json.dumps(found.as_dict(), indent=2, ensure_ascii=False)
-    (out / "identification.json").write_text(text + "\n", encoding="utf-8")
+    write_text(out / "identification.json", text + "\n")
     return found
 
 
-def _tell(name: str, error: BaseException) -> None:
-    """Raise what ended the run, with what to do about it."""
+def _tell(name: str, error: BaseException, lost: str | None) -> None:
+    """Raise what ended the run, with what to do about it; `lost` is what its recording lacks."""
+    more = f"; {lost}" if lost else ""
     if isinstance(error, SafetyStop):
         raise SafetyStop(
-            f"{error}; the axes were made safe. To identify {name}, let nothing hold or load it, "
-            "start it in the middle of its range, or give a smaller --reach or --share"
+            f"{error}; all axes stopped safely. To identify {name}, let nothing hold or load it, "
+            f"start it in the middle of its range, or give a smaller --reach or --share{more}"
         ) from error
     if isinstance(error, TautwaveError):
-        raise error
-    raise TautwaveError(f"{type(error).__name__}: {error}; the axes were made safe") from error
+        raise type(error)(f"{error}{more}") from error
+    raise TautwaveError(
+        f"{type(error).__name__}: {error}; all axes stopped safely{more}"
+    ) from error
 
 
 def fit_recorded(
     path: Path, name: str, rig: Rig, delay: CommandDelay, highest_hz: float
 ) -> DeviceFit:
     """Fit the device of one axis to the recording of its excitation."""
-    from tautwave.analysis.device_model import fit_device
-    from tautwave.report.recording import read_recording
+    from tautwave.analysis.identification.device_model import fit_device
+    from tautwave.report.run.recording import read_recording
 
     leaves = ("position", "commanded", "valid")
     recording = read_recording(path, ["time_s", *(f"{name}.{leaf}" for leaf in leaves)])
@@ -275,7 +306,7 @@ def fit_recorded(
     known = np.zeros(len(every), dtype=bool)
     known[slots[valid]] = True
     if np.count_nonzero(valid) < 2:
-        raise RecordingError(f"{path}: {name} was hardly ever measured")
+        raise RecordingError(f"{path}: {name} has almost no valid samples")
     position = np.interp(every, slots[valid], recording[f"{name}.position"][valid])
     # A command stays until the next one, over slots that were skipped too.
     held = np.searchsorted(slots, every, side="right") - 1
@@ -291,7 +322,8 @@ def fit_recorded(
         )
     except ValueError as err:
         raise SafetyStop(
-            f"{name} was shaken with up to {np.max(np.abs(effort)):.3g} and cannot be identified: "
+            f"{name} was excited with up to {np.max(np.abs(effort)):.3g} "
+            f"{'N m' if rig.axes[name].kind == 'rotary' else 'N'} and cannot be identified: "
             f"{err}; free it, or raise --share"
         ) from err
 
@@ -305,11 +337,13 @@ def _doubts(fit: DeviceFit, plan: Plan) -> list[str]:
             "variance; something else (a spring, a cable, a hand) acts on the axis."
         )
     if fit.inertia.lower <= 0.0:
-        notes.append("Doubtful: the inertia cannot be told from zero; shake longer or harder.")
+        notes.append(
+            "Doubtful: the inertia is indistinguishable from zero; excite it longer or harder."
+        )
     if fit.damping.lower <= 0.0:
         notes.append(
-            "The damping cannot be told from zero, so its lower bound is 0: the certificate"
-            " counts on none."
+            "The damping is not distinguishable from zero, so its lower bound is 0: the "
+            "certificate does not rely on it."
         )
     if fit.damping.upper < 0.0:
         notes.append(

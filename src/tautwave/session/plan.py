@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
-from tautwave.config import Axis, Rig, Wall
+from tautwave.config import Axis, EnvironmentPart, Hand, HandPart, Rig, Wall
 from tautwave.config import Pair as PairKeys
 from tautwave.registry import driver_names
 from tautwave.rig import axis_integration
+from tautwave.session.facts import coupling_words
 
 if TYPE_CHECKING:
     from tautwave.config.keys.scene import Scene
-    from tautwave.config.keys.space import SpaceScene
+    from tautwave.config.keys.scene3d import Scene3d
 
 NOT_IN_RIG = "not in the rig"
 
@@ -54,9 +55,7 @@ def _coupling(rig: Rig) -> Iterator[PlanItem]:
     keys = rig.coupling
     samples = rig.delay_samples
     yield _item("delay line", samples > 0, f"{samples} samples each way", "no delay")
-    if keys.law == "wave":
-        corner = keys.wave_filter_hz
-        yield _item("wave filter", corner is not None, f"low-pass at {corner} Hz")
+    yield from (_item(*line) for line in coupling_words(rig).plan(rig))
     yield _item("engage ramp", keys.engage_ramp_s > 0, f"{keys.engage_ramp_s:g} s", "its time is 0")
     yield _item(
         "release ramp", keys.release_ramp_s > 0, f"{keys.release_ramp_s:g} s", "its time is 0"
@@ -65,18 +64,20 @@ def _coupling(rig: Rig) -> Iterator[PlanItem]:
 
 def _scene(rig: Rig) -> Iterator[PlanItem]:
     if rig.scene is not None and rig.scene.dimension == 3:
-        yield from _space(rig)
+        yield from _scene3d(rig)
         return
-    from tautwave.rig.scene import pruned_network, scene_of
+    from tautwave.rig.scene.network import pruned_network, scene_of, scheme_choice
 
     keys = scene_of(rig)
     pruned = pruned_network(rig)
     network = pruned.network
-    yield _item(f"scheme {keys.scheme}", True, "of the scene")
-    words = f"{len(network.masses)} masses, {len(network.links)} links"
+    asked = rig.scene is not None and rig.scene.scheme == "auto"
+    reason = f"of the scene; auto: {scheme_choice(rig).why}" if asked else "of the scene"
+    yield _item(f"scheme {keys.scheme}", True, reason)
+    size = f"{len(network.masses)} masses, {len(network.links)} links"
     if network.strings:
-        words += f", {len(network.strings)} strings"
-    yield _item("scene", True, words)
+        size += f", {len(network.strings)} strings"
+    yield _item("scene", True, size)
     for name, port in keys.ports.items():
         why = "" if port.stiffness is None else f"k_c {port.stiffness:g} to {port.to}"
         yield _item(f"coupling spring of {name}", port.to is not None, why, "links are at the axis")
@@ -84,15 +85,15 @@ def _scene(rig: Rig) -> Iterator[PlanItem]:
     yield from _around(keys, pruned.left_out)
 
 
-def _space(rig: Rig) -> Iterator[PlanItem]:
-    from tautwave.rig.space import pruned_space, space_of
+def _scene3d(rig: Rig) -> Iterator[PlanItem]:
+    from tautwave.rig.scene.network3d import pruned_network3d, scene3d_of
 
-    keys = space_of(rig)
-    pruned = pruned_space(rig)
+    keys = scene3d_of(rig)
+    pruned = pruned_network3d(rig)
     network = pruned.network
     yield _item(f"scheme {keys.scheme}", True, "of the scene, in three dimensions")
-    words = f"{len(network.masses)} masses, {len(network.links)} links"
-    yield _item("scene", True, words)
+    size = f"{len(network.masses)} masses, {len(network.links)} links"
+    yield _item("scene", True, size)
     for name, port in keys.ports.items():
         yield _item(f"port {name}", True, f"moved by {', '.join(keys.axes_of(name))}")
         why = "" if port.stiffness is None else f"k_c {port.stiffness:g} to {port.to}"
@@ -102,7 +103,7 @@ def _space(rig: Rig) -> Iterator[PlanItem]:
     yield from _around(keys, pruned.left_out)
 
 
-def _around(keys: Scene | SpaceScene, sentences: Iterable[str]) -> Iterator[PlanItem]:
+def _around(keys: Scene | Scene3d, sentences: Iterable[str]) -> Iterator[PlanItem]:
     """What a scene of one dimension and one in space have alike."""
     for name, force in keys.forces.items():
         yield _item(f"force {name}", True, f"{force.type} on {force.on}")
@@ -122,14 +123,7 @@ def _pair(rig: Rig, name: str, keys: PairKeys) -> Iterator[PlanItem]:
     if abs(power - 1.0) > 1e-12:
         what += f", power ratio {power:g}"
     yield _item(f"scaling of {name}", scaled, what, "scale 1, sign 1")
-    if rig.coupling.law == "wave":
-        for side, matched in (("master", keys.matched_master), ("slave", keys.matched_slave)):
-            yield _item(f"matching damper of {side}.{name}", matched, "matched end")
-        for side in ("master", "slave"):
-            divisor = rig.axis_divisor(f"{side}.{name}")
-            what = f"its bus is served every {divisor} cycles"
-            same = "its bus is served every cycle"
-            yield _item(f"rate converter of {side}.{name}", divisor > 1, what, same)
+    yield from (_item(*line) for line in coupling_words(rig).pair_plan(rig, name))
     for side, wall in (("master", keys.wall_master), ("slave", keys.wall_slave)):
         yield _item(f"wall of {side}.{name}", wall is not None, _wall(wall))
         if wall is not None:
@@ -144,6 +138,12 @@ def _wall(wall: Wall | None) -> str:
     if wall is None:
         return ""
     return f"K {wall.stiffness:g}, B {wall.damping:g}, {wall.side} {wall.position:g}"
+
+
+def _hand(hand: Hand | HandPart | None) -> str:
+    if isinstance(hand, HandPart):
+        return f"part {hand.part}"
+    return "" if hand is None else hand.reference.type
 
 
 def _axis(rig: Rig, name: str, axis: Axis) -> Iterator[PlanItem]:
@@ -169,18 +169,21 @@ def _simulation(rig: Rig, clock: str) -> Iterator[PlanItem]:
         return
     for name in rig.coupling.pairs or rig.master.axes:
         hand = simulation.hand.get(name)
-        yield _item(
-            f"hand on master.{name}", hand is not None, "" if hand is None else hand.reference.type
-        )
+        yield _item(f"hand on master.{name}", hand is not None, _hand(hand))
         if rig.scene is not None:
             continue
         environment = simulation.environment.get(name)
-        kind = "free" if environment is None else environment.type
+        kind = "free"
+        if isinstance(environment, EnvironmentPart):
+            kind = f"part {environment.part}, moved in Python: simulate and sweep compile none"
+        elif environment is not None:
+            kind = environment.type
         yield _item(f"environment of slave.{name}", kind != "free", kind, "free")
     keys = simulation.integrator
     if keys is not None:
         for name, axis in rig.axes.items():
-            if axis.causality == "impedance":
+            part = isinstance(simulation.environment.get(name.split(".")[1]), EnvironmentPart)
+            if axis.causality == "impedance" and not (part and name.startswith("slave.")):
                 made = axis_integration(rig, name)
                 yield _item(f"integrator of {name}", True, made.why)
     faults = simulation.faults

@@ -8,16 +8,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tautwave.analysis.contact_model import (
+from tautwave.analysis.identification.contact_model import (
     AUTOMATIC,
     LEAST_ELASTIC,
     ContactFit,
     choose,
     fit_contact,
 )
-from tautwave.analysis.contact_motion import motion_of
-from tautwave.analysis.regression import Array, RecursiveLeastSquares
+from tautwave.analysis.identification.contact_motion import motion_of
+from tautwave.analysis.identification.regression import Array, RecursiveLeastSquares
 from tautwave.errors import RecordingError
+from tautwave.files import make_directory, write_text
 from tautwave.session.recorded_columns import Series, read_series
 
 DEFAULT_FILTER_HZ = 40.0
@@ -97,7 +98,7 @@ def identify_recording(
     Parameters
     ----------
     position, effort, time, axis : str, optional
-        Columns and axis, where they cannot be told from the names.
+        Columns and axis, where they do not follow from the names.
     model : str
         One of `contact_model.MODELS`, or `auto`: the simplest whose residual no other beats by
         a tenth.
@@ -109,7 +110,7 @@ def identify_recording(
     Raises
     ------
     ConfigError, RecordingError
-        Not readable, columns that cannot be told, or too short.
+        Not readable, ambiguous columns, or too short.
     """
     series = read_series(source, position, effort, time, axis, (begin_s, end_s))
     cutoff = min(filter_hz or DEFAULT_FILTER_HZ, 0.04 / series.period)
@@ -125,9 +126,7 @@ def identify_recording(
     names = AUTOMATIC if model == "auto" else (model,)
     fits = [fit for name in names if (fit := fit_contact(motion, name)) is not None]
     if not fits:
-        raise RecordingError(
-            f"{source}: the position keeps to a single place, so no contact can be fitted to it"
-        )
+        raise RecordingError(f"{source}: the position never changes, so no contact can be fitted")
     chosen = choose(fits)
     found = chosen.elastic_share >= LEAST_ELASTIC and chosen.working_stiffness.lower > 0.0
     track_s, track = _track(chosen)
@@ -157,17 +156,17 @@ def _doubts(fit: ContactFit, found: bool) -> list[str]:
     notes = []
     if fit.sense > 0:
         notes.append(
-            "The force has the sign of what the device does to its outside; stiffness is positive."
+            "Force is positive as exerted by the device on its environment; stiffness is positive."
         )
     if not found:
         notes.append(
-            f"No contact is seen: stiffness makes only {fit.elastic_share:.0%} of the force's"
-            " variance; what there is may be inertia or friction of the bench."
+            f"No contact found: stiffness explains only {fit.elastic_share:.0%} of the force's"
+            " variance; the rest may be inertia or friction of the setup."
         )
     elif fit.explained < 0.9:
         notes.append(
-            f"The model explains {fit.explained:.0%} of the force's variance; the rest is in the"
-            " intervals, as far as it does not repeat."
+            f"The model explains {fit.explained:.0%} of the force's variance; the non-repeating "
+            f"rest is included in the intervals."
         )
     damping = fit.parameters.get("damping") or fit.parameters.get("loss")
     stiffness = fit.parameters["stiffness"].value
@@ -175,17 +174,17 @@ def _doubts(fit: ContactFit, found: bool) -> list[str]:
         notes.append(
             f"The damping comes out negative: the force lags the motion by"
             f" {-1e3 * damping.value / stiffness:.2g} ms (a filter in the sensor, or bending in"
-            " front of it), so nothing can be said of the damping itself."
+            " front of it), so the damping cannot be estimated."
         )
     elif damping is not None and damping.lower <= 0.0 and found:
-        notes.append("The damping cannot be told from zero.")
+        notes.append("The damping is not distinguishable from zero.")
     if fit.name in ("spring", "mass"):
         notes.append(
-            "Nothing was ever free, so the sensor's offset and where the spring is at rest cannot"
-            " be told apart; the offset is the force at position 0."
+            "The contact never opened, so the sensor's offset and the spring's rest position cannot"
+            " be separated; the offset is the force at position 0."
         )
     if fit.name == "mass":
-        notes.append("This takes the other end (a hand's reference) to stand still.")
+        notes.append("This assumes that the other end (a hand's reference) does not move.")
     return notes
 
 
@@ -219,10 +218,6 @@ def contact_snippet(fit: ContactFit) -> str | None:
 def save_result(result: ContactResult, directory: Path) -> Path:
     """Write identification.json; return its path."""
     path = directory / "identification.json"
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(result.as_dict(), indent=2, ensure_ascii=False)
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as err:
-        raise RecordingError(f"{path}: cannot be written: {err.strerror}") from err
+    make_directory(directory)
+    write_text(path, json.dumps(result.as_dict(), indent=2, ensure_ascii=False) + "\n")
     return path

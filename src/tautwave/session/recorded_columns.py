@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tautwave.analysis.regression import Array
+from tautwave.analysis.identification.regression import Array
 from tautwave.errors import ConfigError, RecordingError
 
 MOST_SAMPLES = 100_000
@@ -49,7 +49,7 @@ def read_series(
     Raises
     ------
     ConfigError, RecordingError
-        No such recording or column, or names from which the columns cannot be told.
+        No such recording or column, or names that leave the columns ambiguous.
     """
     if source.is_dir():
         source = source / "recording.mcap"
@@ -68,7 +68,7 @@ def read_series(
         valid = np.ones(len(times), dtype=bool)
         rotary = _rotary(position, effort)
     else:
-        from tautwave.report.recording import read_recording
+        from tautwave.report.run.recording import read_recording
 
         clock = time or "time_s"
         names = read_recording(source, rows=slice(0, 1))
@@ -105,7 +105,7 @@ def _even(series: Series, times: Array, part: tuple[float | None, float | None])
     t, x, force = times[inside], series.position[inside], series.effort[inside]
     period = float(np.median(np.diff(t)))
     if not period > 0.0:
-        raise RecordingError(f"{series.source}: its times do not increase")
+        raise RecordingError(f"{series.source}: its timestamps do not increase")
     count = min(round((t[-1] - t[0]) / period) + 1, 4 * MOST_SAMPLES)
     grid = t[0] + period * np.arange(count)
     nearest = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
@@ -177,10 +177,10 @@ def _one(
             return fitting[0]
     if able:
         raise ConfigError(
-            f"{path}: several columns may be the {what} ({', '.join(able)}); choose with {option}"
+            f"{path}: several columns could be the {what} ({', '.join(able)}); choose with {option}"
         )
     raise ConfigError(
-        f"{path}: no column says that it is the {what}; name it with {option}"
+        f"{path}: no column is named as the {what}; name it with {option}"
         f" (there are {', '.join(header) or 'none'})"
     )
 
@@ -217,12 +217,12 @@ def mcap_columns(
             raise ConfigError(f"{path}: choose an axis with --axis: {', '.join(outside)}")
         if not able:
             raise ConfigError(
-                f"{path}: no axis measured the effort from outside; give --position and --effort"
+                f"{path}: no axis measured external effort; give --position and --effort"
             )
         axis = able[0]
     if effort is None and axis not in outside:
         raise ConfigError(
-            f"{path}: {axis} did not measure the effort from outside; name it with --effort"
+            f"{path}: {axis} did not measure external effort; name the column with --effort"
         )
     return position or f"{axis}.position", effort or outside[axis]
 

@@ -2,12 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
-import signal
-import subprocess
-import sys
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -17,8 +11,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, resolved_yaml
-from tautwave.errors import BusBudgetError, NotCertifiedError, RecordingError, TautwaveError
-from tautwave.rig import Assembly, build_rig, served_buses
+from tautwave.controller.stops import StopPlace
+from tautwave.errors import BusBudgetError, TautwaveError
+from tautwave.files import write_text
+from tautwave.rig import Assembly, BusWay, Simulate, as_taken, build_rig, bus_ways
+from tautwave.runtime.interrupts import Interrupted, interrupts
 from tautwave.runtime.loop import Loop, LoopResult
 from tautwave.runtime.machine import quiet_collector, realtime
 from tautwave.runtime.recorder import Recorder, RecorderStats
@@ -29,11 +26,12 @@ from tautwave.session.certified import (
     summary_block,
 )
 from tautwave.session.checking import bus_budgets, over_budget, require_drivers
-from tautwave.session.facts import pair_facts
+from tautwave.session.devices import devices
+from tautwave.session.engine import compiled_devices, with_engine
+from tautwave.session.facts import pair_facts, port_debts
+from tautwave.session.keeping import run_directory
 from tautwave.session.plan import left_out, rig_plan
-from tautwave.session.serving import served
-
-REPORT_TIMEOUT_S = 600.0
+from tautwave.session.reporting import recording_block, report_run
 
 
 class Moved(NamedTuple):
@@ -54,6 +52,7 @@ class RunResult(NamedTuple):
     exit_code: int
 
 
+@interrupts()
 def run(
     rig: Rig,
     *,
@@ -65,6 +64,7 @@ def run(
     allow_unwatched: bool = False,
     configure: bool = False,
     attach: bool = False,
+    simulate: Simulate = (),
     progress: Callable[[float, str], None] | None = None,
 ) -> RunResult:
     """Run a rig and leave a run directory behind.
@@ -88,6 +88,9 @@ def run(
     attach : bool
         Use simulated devices that are served already (`tautwave sim RIG`), instead of starting
         them with the run.
+    simulate : bool or collection of str
+        Buses to simulate although the rig names hardware; True: all. A named serial port, TCP
+        address or physical CAN channel is opened else.
     progress : callable, optional
         Called now and then with the share done and a word.
 
@@ -98,6 +101,8 @@ def run(
         wrong later is in the result, not raised.
     """
     require_drivers(rig)
+    ways = bus_ways(rig, clock=clock, simulate=simulate, attach=attach)
+    rig = as_taken(rig, ways)
     problems = over_budget(rig, bus_budgets(rig))
     if problems:
         raise BusBudgetError("\n".join(problems))
@@ -111,33 +116,28 @@ def run(
 
         if progress is not None and clock == "real":
             progress(0.0, "measuring the scene")
-        engine = choose_engine(rig, clock)
+        engine = choose_engine(rig, clock, ways)
         if progress is not None:
             for sentence in engine.warnings():
                 progress(0.0, sentence)
     directory = Path(out)
     started = datetime.now(UTC)
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
+    with run_directory(directory) as keep, devices(rig, ways) as ways:
         text = _kept_text(rig, directory)
-        (directory / "rig.yaml").write_text(text, encoding="utf-8")
-    except OSError as err:
-        raise RecordingError(
-            f"{directory}: the run's directory cannot be written: {err.strerror}"
-        ) from err
-    elsewhere = served_buses(rig) if clock == "real" and not attach else ()
-    with served(rig, elsewhere) as found:
+        write_text(directory / "rig.yaml", text)
         assembly = build_rig(
             rig,
             clock=clock,
             duration_s=duration_s,
-            endpoints={bus: line.get("options", {}) for bus, line in found.items()},
+            ways=ways,
             allow_unwatched=allow_unwatched,
             configure=configure,
+            devices=compiled_devices(rig, progress),
         )
+        assembly = with_engine(rig, assembly)
         if engine is not None:
             use_engine(assembly, engine.name)
-        moved = _move(rig, clock, directory, text, assembly, progress)
+        moved = _move(rig, clock, directory, text, assembly, progress, keep)
     if progress is not None:
         progress(1.0, "reporting")
     loop, result = moved.loop, moved.result
@@ -163,8 +163,8 @@ def run(
         "faults": [fault.text for fault in result.faults],
         "certificate": summary_block(certificate, allow_uncertified),
         "left_out": left_out(rig_plan(rig, clock=clock)),
-        "recording": _recording(moved.stats),
-        "buses": _buses(assembly),
+        "recording": recording_block(moved.stats),
+        "buses": _buses(assembly, ways),
         "pairs": _pairs(rig, assembly),
     }
     if assembly.scene is not None:
@@ -172,13 +172,14 @@ def run(
             "engine": "python" if engine is None else engine.name,
             "elements": assembly.scene.model.elements(),
         }
-    return _report(directory, summary, exit_code)
+    summary, exit_code = report_run(directory, summary, exit_code)
+    return RunResult(summary, directory, exit_code)
 
 
 def _kept_text(rig: Rig, directory: Path) -> str:
     """Return the rig.yaml of a run; the sounds it names lie beside it."""
     if rig.scene is not None:
-        from tautwave.rig.scene import keep_sounds
+        from tautwave.rig.scene.network import keep_sounds
 
         rig = keep_sounds(rig, directory)
     return resolved_yaml(rig)
@@ -191,8 +192,15 @@ def _move(
     text: str,
     assembly: Assembly,
     progress: Callable[[float, str], None] | None,
+    keep: Callable[[], None],
 ) -> Moved:
-    """Run the loop of a built rig with its recorder beside it."""
+    """Run the loop of a built rig with its recorder beside it; `keep` what it leaves if it began.
+
+    Raises
+    ------
+    TautwaveError, KeyboardInterrupt
+        A bus was refused or a stop asked for before all buses were open: nothing has moved.
+    """
     recorder = Recorder(
         directory / "recording.mcap",
         assembly.columns,
@@ -202,23 +210,30 @@ def _move(
         lossless=clock == "fake",
         rate_hz=rig.rate_hz,
     )
-    recorder.start()
     loop = Loop(
         assembly.clock,
-        assembly.settings,
         assembly.buses,
-        assembly.pairs,
+        assembly.control,
         assembly.sources,
         recorder,
         progress,
     )
-    began = time.perf_counter()
-    with loop_conditions(rig, clock) as sentences, quiet_collector(), interrupts(loop):
-        result = loop.run()
-    wall_time_s = time.perf_counter() - began
-    for simulator in assembly.simulators:
-        simulator.close()
-    return Moved(loop, result, recorder.close(), sentences, wall_time_s)
+    with interrupts() as heard, heard.calling(loop.stop):
+        recorder.start()
+        began = time.perf_counter()
+        with loop_conditions(rig, clock) as sentences, quiet_collector():
+            result = loop.run()
+        wall_time_s = time.perf_counter() - began
+        for simulator in assembly.simulators:
+            simulator.close()
+        stats = recorder.close()
+    if not result.opened:
+        if isinstance(result.error, KeyboardInterrupt):
+            raise Interrupted(heard.number)
+        if isinstance(result.error, TautwaveError):
+            raise result.error
+    keep()
+    return Moved(loop, result, stats, sentences, wall_time_s)
 
 
 @contextmanager
@@ -232,27 +247,14 @@ def loop_conditions(rig: Rig, clock: str) -> Iterator[list[str]]:
         yield sentences
 
 
-@contextmanager
-def interrupts(loop: Loop) -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM ask the loop to stop, inside the block."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {
-        number: signal.signal(number, lambda *_: loop.stop())
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+def _outcome(result: LoopResult, assembly: Assembly) -> tuple[dict[str, Any], int]:
+    """Return how the run ended, and the exit code.
 
-
-def _outcome(result: LoopResult, assembly: Assembly) -> tuple[dict[str, str], int]:
-    """Return kind and sentence of how the run ended, and the exit code."""
+    `kind` and `sentence`; of one that was stopped also when (`at_s`), on which axis (None: on
+    none) and the `reason` in a word, as `controller.stops` has them.
+    """
     error = result.error
-    seconds = (result.cycles + result.missed_cycles) * assembly.settings.period_ns * 1e-9
+    seconds = (result.cycles + result.missed_cycles) * assembly.control.run.period_ns * 1e-9
     if error is None:
         if result.interrupted:
             return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
@@ -261,15 +263,18 @@ def _outcome(result: LoopResult, assembly: Assembly) -> tuple[dict[str, str], in
         return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
     if isinstance(error, TautwaveError):
         kind = "safety_stop" if error.exit_code == 6 else "fault"
-        return {"kind": kind, "sentence": str(error)}, error.exit_code
+        stop = result.stop or StopPlace(seconds, "", "fault")
+        stopped = {**stop._asdict(), "axis": stop.axis or None}
+        return {"kind": kind, "sentence": str(error), **stopped}, error.exit_code
     where = error.__traceback__
     while where is not None and where.tb_next is not None:
         where = where.tb_next
     place = ""
     if where is not None:
         place = f" ({Path(where.tb_frame.f_code.co_filename).name}:{where.tb_lineno})"
-    sentence = f"{type(error).__name__}: {error}{place}; the axes were made safe"
-    return {"kind": "fault", "sentence": sentence}, 5
+    sentence = f"{type(error).__name__}: {error}{place}; all axes stopped safely"
+    stop = StopPlace(seconds, "", "error")
+    return {"kind": "fault", "sentence": sentence, **stop._asdict(), "axis": None}, 5
 
 
 def _axes(assembly: Assembly, result: LoopResult) -> dict[str, dict[str, Any]]:
@@ -284,18 +289,10 @@ def _axes(assembly: Assembly, result: LoopResult) -> dict[str, dict[str, Any]]:
     }
 
 
-def _recording(stats: RecorderStats) -> dict[str, Any]:
-    return {
-        "rows_written": stats.rows_written,
-        "rows_dropped": stats.rows_dropped,
-        "bytes": stats.bytes,
-        "error": stats.error,
-    }
-
-
-def _buses(assembly: Assembly) -> dict[str, dict[str, Any]]:
+def _buses(assembly: Assembly, ways: Mapping[str, BusWay]) -> dict[str, dict[str, Any]]:
     return {
         bus.name: {
+            **ways[bus.name].as_dict(),
             "command_delay": bus.driver.command_delay._asdict(),
             "notes": list(getattr(bus.driver, "notes", ())),
         }
@@ -306,54 +303,10 @@ def _buses(assembly: Assembly) -> dict[str, dict[str, Any]]:
 def _pairs(rig: Rig, assembly: Assembly) -> dict[str, dict[str, Any]]:
     delays = {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
     return {
-        name: {"kind": rig.master.axes[name].kind, **pair_facts(rig, name, delays)._asdict()}
+        name: {
+            "kind": rig.master.axes[name].kind,
+            **pair_facts(rig, name, delays)._asdict(),
+            **port_debts(rig, name, delays),
+        }
         for name in rig.coupling.pairs
     }
-
-
-def _written(value: Any) -> Any:
-    """Return what JSON can hold: None for what is no finite number."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {key: _written(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_written(one) for one in value]
-    return value
-
-
-def _report(directory: Path, summary: dict[str, Any], exit_code: int) -> RunResult:
-    """Write the summary, then let another process add what the recording tells and draw it.
-
-    NumPy arrays of an hour and matplotlib stay out of the process that moved the motors.
-    """
-    path = directory / "summary.json"
-    summary = _written(summary)
-    path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    reason = _complete(directory)
-    if not reason:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-    else:
-        summary["report_error"] = f"the report could not be written: {reason}"
-        path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    after = summary["certificate"].get("after_run", {})
-    if exit_code == 0 and after.get("invalidated"):
-        exit_code = NotCertifiedError.exit_code
-    return RunResult(summary, directory, exit_code)
-
-
-def _complete(directory: Path) -> str:
-    """Have the run's report written; return why it could not be, else ''."""
-    command = [sys.executable, "-m", "tautwave.report", str(directory)]
-    again = f"`tautwave report {directory}` writes it"
-    try:
-        child = subprocess.run(
-            command, capture_output=True, text=True, timeout=REPORT_TIMEOUT_S, check=False
-        )
-    except KeyboardInterrupt:
-        return f"interrupted; {again}"
-    except subprocess.TimeoutExpired:
-        return f"it took over {REPORT_TIMEOUT_S:g} s; {again}"
-    if child.returncode == 0:
-        return ""
-    return (child.stderr.strip().splitlines()[-1:] or ["no reason given"])[0]

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, NamedTuple
 
 from tautwave.config import Rig
 from tautwave.errors import BusBudgetError, TautwaveError
-from tautwave.rig import Assembly, build_rig, served_buses
+from tautwave.rig import Assembly, BusWay, Way, build_rig, bus_ways
 from tautwave.runtime.loop import Loop
 from tautwave.runtime.machine import quiet_collector
 from tautwave.scene.live import SceneModel
 
 if TYPE_CHECKING:
-    from tautwave.scene.space.live import SpaceModel
+    from tautwave.scene3d.live import Model3d
 
 CYCLES = 400
 ROUNDS = 3
@@ -40,13 +41,13 @@ class ScenePace(NamedTuple):
         """Share of the period."""
         return self.cycle_s / self.period_s
 
-    def words(self) -> str:
-        """Return the cost and its margin in words."""
+    def describe(self) -> str:
+        """Return the cost and its margin as text."""
         by = "compiled steps" if self.engine == "compiled" else "plain Python"
-        told = f"{1e6 * self.cycle_s:.3g} us a cycle by {by} on this machine, "
+        cost = f"{1e6 * self.cycle_s:.3g} us a cycle by {by} on this machine, "
         if self.share > 1.0:
-            return f"{told}{self.share:.1f} periods of {1e6 * self.period_s:.4g} us"
-        return f"{told}{self.share:.0%} of the period of {1e6 * self.period_s:.4g} us"
+            return f"{cost}{self.share:.1f} periods of {1e6 * self.period_s:.4g} us"
+        return f"{cost}{self.share:.0%} of the period of {1e6 * self.period_s:.4g} us"
 
 
 class _Nowhere:
@@ -59,12 +60,15 @@ class _Nowhere:
         pass
 
 
-def scene_pace(rig: Rig, engine: str = "python") -> ScenePace:
+def scene_pace(
+    rig: Rig, engine: str = "python", ways: Mapping[str, BusWay] | None = None
+) -> ScenePace:
     """Return what a cycle of a rig's scene costs here: its first ones, run on the fake clock.
 
     Devices that are served elsewhere, and real ones, cost nothing here: the scene alone is stepped.
     """
-    alone = rig.simulation is None or bool(served_buses(rig))
+    taken = bus_ways(rig) if ways is None else ways
+    alone = any(one.way is not Way.MEMORY for one in taken.values())
     measure = _step_alone if alone else _run_whole
     cycles = max(min(CYCLES, int(LONG_S / measure(rig, engine, 3))), 3)
     least = min(measure(rig, engine, cycles) for _ in range(ROUNDS))
@@ -75,7 +79,7 @@ def _run_whole(rig: Rig, engine: str, cycles: int) -> float:
     built = build_rig(rig, clock="fake", duration_s=cycles * rig.period_s)
     use_engine(built, engine)
     sink = _Nowhere(len(built.columns))
-    loop = Loop(built.clock, built.settings, built.buses, built.pairs, built.sources, sink)
+    loop = Loop(built.clock, built.buses, built.control, built.sources, sink)
     with quiet_collector():
         began = time.thread_time_ns()
         result = loop.run()
@@ -97,16 +101,16 @@ def _step_alone(rig: Rig, engine: str, cycles: int) -> float:
     return 1e-9 * (time.thread_time_ns() - began) / cycles
 
 
-def _alone(rig: Rig) -> tuple[SceneModel | SpaceModel, list[float]]:
+def _alone(rig: Rig) -> tuple[SceneModel | Model3d, list[float]]:
     """Return a rig's scene without its devices, and where its ports are when they read 0."""
     if rig.scene is not None and rig.scene.dimension == 3:
-        from tautwave.rig.space import pruned_space, space_of
-        from tautwave.scene.space.live import SpaceModel
+        from tautwave.rig.scene.network3d import pruned_network3d, scene3d_of
+        from tautwave.scene3d.live import Model3d
 
-        network = pruned_space(rig).network
-        space = SpaceModel(network, space_of(rig).scheme, rig.period_s, keep_books=True)
-        return space, [0.0] * len(network.axes)
-    from tautwave.rig.scene import pruned_network, scene_of
+        network = pruned_network3d(rig).network
+        spatial = Model3d(network, scene3d_of(rig).scheme, rig.period_s, keep_books=True)
+        return spatial, [0.0] * len(network.axes)
+    from tautwave.rig.scene.network import pruned_network, scene_of
 
     keys = scene_of(rig)
     model = SceneModel(pruned_network(rig).network, keys.scheme, rig.period_s, keep_books=True)
@@ -124,7 +128,7 @@ class Engine(NamedTuple):
         return [sentence for sentence in self.sentences if MAY_MISS in sentence]
 
 
-def choose_engine(rig: Rig, clock: str) -> Engine:
+def choose_engine(rig: Rig, clock: str, ways: Mapping[str, BusWay] | None = None) -> Engine:
     """Return the steps that keep a scene's rate.
 
     Raises
@@ -135,17 +139,17 @@ def choose_engine(rig: Rig, clock: str) -> Engine:
     asked = _asked(rig)
     if clock != "real" or rig.scene is None:
         return Engine("compiled" if asked == "compiled" else "python", ())
-    pace = None if asked == "compiled" else scene_pace(rig)
+    pace = None if asked == "compiled" else scene_pace(rig, ways=ways)
     if pace is None or (asked == "auto" and pace.share > EASY and _has_numba()):
-        pace = scene_pace(rig, "compiled")
+        pace = scene_pace(rig, "compiled", ways)
     if pace.share > 1.0:
         raise BusBudgetError(
-            f"scene: {pace.words()}, so it cannot keep its rate; {_remedy(rig, pace)}"
+            f"scene: {pace.describe()}, so it cannot keep its rate; {_remedy(rig, pace)}"
         )
-    told = f"scene: {pace.words()}"
+    sentence = f"scene: {pace.describe()}"
     if pace.share > TIGHT:
-        told += f": it {MAY_MISS}; {_remedy(rig, pace)}"
-    return Engine(pace.engine, (told,))
+        sentence += f": it {MAY_MISS}; {_remedy(rig, pace)}"
+    return Engine(pace.engine, (sentence,))
 
 
 def use_engine(assembly: Assembly, engine: str) -> None:
@@ -164,23 +168,23 @@ def pace_fact(rig: Rig) -> str:
         pace = scene_pace(rig)
     except TautwaveError as err:
         return f"not measured: {err}"
-    told = pace.words()
+    text = pace.describe()
     if pace.share <= EASY and _asked(rig) != "compiled":
-        return told
+        return text
     if _asked(rig) != "python" and _has_numba():
-        return f"{told}; on the real clock its steps are compiled"
+        return f"{text}; on the real clock its steps are compiled"
     if pace.share > TIGHT:
         word = "cannot" if pace.share > 1.0 else "may not"
-        return f"{told}: on the real clock it {word} keep its rate; {_remedy(rig, pace)}"
-    return told
+        return f"{text}: on the real clock it {word} keep its rate; {_remedy(rig, pace)}"
+    return text
 
 
 def _remedy(rig: Rig, pace: ScenePace) -> str:
     rate = TIGHT / pace.cycle_s
-    told = f"--clock fake, fewer masses, or a rate_hz of at most {float(f'{rate:.2g}'):.0f}"
+    remedy = f"--clock fake, fewer masses, or a rate_hz of at most {float(f'{rate:.2g}'):.0f}"
     if pace.engine == "python":
-        told += ", or scene.engine auto" + ("" if _has_numba() else f" with numba: {INSTALL}")
-    return told
+        remedy += ", or scene.engine auto" + ("" if _has_numba() else f" with numba: {INSTALL}")
+    return remedy
 
 
 def _asked(rig: Rig) -> str:
@@ -192,11 +196,13 @@ def _has_numba() -> bool:
     return find_spec("numba") is not None
 
 
-def _compiled(model: SceneModel | SpaceModel) -> SceneModel | SpaceModel:
+def _compiled(model: SceneModel | Model3d) -> SceneModel | Model3d:
     if isinstance(model, SceneModel):
-        from tautwave.offline.ticking import CompiledScene  # numba is imported where it is wanted
+        from tautwave.simulation.scene.ticking import (
+            CompiledScene,  # numba is imported where it is wanted
+        )
 
         return CompiledScene(model.network, model.scheme, model.period)
-    from tautwave.offline.space_ticking import CompiledSpaceModel
+    from tautwave.simulation.scene.ticking3d import CompiledModel3d
 
-    return CompiledSpaceModel(model.network, model.scheme, model.period)
+    return CompiledModel3d(model.network, model.scheme, model.period)

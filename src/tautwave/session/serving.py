@@ -1,7 +1,7 @@
 """Simulated devices in processes of their own, on endpoints that other software can open.
 
-`python -m tautwave.session.serving BUS < RIG.yaml` serves one bus of a rig; a run on the real clock
-starts one for each bus whose simulator lives there, and `tautwave sim RIG` likewise.
+`python -m tautwave.session.serving BUS $$ < RIG.yaml` serves one bus of a rig; a run on the real
+clock starts one for each bus whose simulator lives there, and `tautwave sim RIG` likewise.
 """
 
 from __future__ import annotations
@@ -39,7 +39,9 @@ def bus_bench(rig: Rig, bus_name: str) -> Bench:
         The rig has no such bus, or simulates nothing.
     """
     if bus_name not in rig.buses:
-        raise ConfigError(f"{rig.name}: there is no bus {bus_name!r}; {', '.join(rig.buses)}")
+        raise ConfigError(
+            f"{rig.name}: there is no bus {bus_name!r}; the rig has {', '.join(rig.buses)}"
+        )
     if rig.simulation is None:
         raise ConfigError(
             f"{rig.name}: there is nothing to simulate; add a simulation block to the rig file"
@@ -66,7 +68,7 @@ def serve(driver: str, bench: Bench, announce: Announce, loop_priority: int) -> 
     """
     simulator = load_simulator(driver)
     if simulator.serve is None:
-        raise ConfigError(f"{driver}: its simulated devices live in the run's process only")
+        raise ConfigError(f"{driver}: its simulated devices run inside the run's process only")
     stops: list[int] = []
     before = {
         number: signal.signal(number, lambda given, _: stops.append(given))
@@ -93,7 +95,7 @@ def served(rig: Rig, buses: Sequence[str]) -> Iterator[dict[str, dict[str, Any]]
     children: dict[str, subprocess.Popen[bytes]] = {}
     try:
         for bus in buses:
-            command = [sys.executable, "-m", "tautwave.session.serving", bus]
+            command = [sys.executable, "-m", "tautwave.session.serving", bus, str(os.getpid())]
             # A session of its own: Ctrl-C ends the run first, and the run ends its devices.
             child = children[bus] = subprocess.Popen(
                 command,
@@ -124,7 +126,7 @@ def _announced(bus: str, child: subprocess.Popen[bytes]) -> dict[str, Any]:
     child.terminate()
     _, errors = child.communicate()
     reason = errors.decode(errors="replace").strip().splitlines()[-1:] or ["it said nothing"]
-    raise DriverError(f"bus {bus}: its simulated devices did not come up: {reason[0]}")
+    raise DriverError(f"bus {bus}: its simulated devices did not start: {reason[0]}")
 
 
 def _end(child: subprocess.Popen[bytes]) -> None:
@@ -159,10 +161,14 @@ def interrupted() -> Iterator[Callable[[], None]]:
         os.close(writer)
 
 
-def end_with_parent() -> None:
-    """Ask Linux for a SIGTERM when whoever started this process dies, however it dies."""
+def end_with_parent(parent: int) -> bool:
+    """Ask Linux for a SIGTERM when whoever started this process dies, however it dies.
+
+    Returns False where `parent` has died before that could be asked.
+    """
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGTERM))
+    return os.getppid() == parent
 
 
 def print_line(found: Mapping[str, Any]) -> None:
@@ -172,8 +178,9 @@ def print_line(found: Mapping[str, Any]) -> None:
 
 
 def main() -> int:
-    """Serve the bus in argv[1] of the rig on stdin."""
-    end_with_parent()
+    """Serve the bus in argv[1] of the rig on stdin, for as long as process argv[2] lives."""
+    if not end_with_parent(int(sys.argv[2])):
+        return 0
     try:
         rig = parse_rig(sys.stdin.read())
         bus = sys.argv[1]

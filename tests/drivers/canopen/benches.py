@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 from tautwave.clock import FakeClock
 from tautwave.contracts import AxisSpec, BusSpec
+from tautwave.testing import DriverBench
 from tautwave.types import AxisCommand, Fault, JointState
 from tautwave_drivers.canopen import CanopenDriver, CanopenOptions, plugin
 from tautwave_sim.canopen import simulator
 from tautwave_sim.canopen.options import SimulatedCanopenOptions
-from tests.drivers.contract import DriverBench
 from tests.sim.truths import truth
 
 PERIOD_NS = 1_000_000
@@ -165,8 +165,8 @@ def contract_bench(rig: Rig, causality: tuple[str, ...]) -> DriverBench:
 
     def commanded(axis: int) -> float:
         motor = devices[axis].drive.motor
-        told: float = motor.velocity_told if motor.servo else float(motor.torque_counts)
-        return told
+        reported: float = motor.velocity_told if motor.servo else float(motor.torque_counts)
+        return reported
 
     return DriverBench(
         rig.driver, rig.clock, causality, commanded, lambda axis: rig.world.axes[axis].physics.x

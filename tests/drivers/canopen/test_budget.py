@@ -97,21 +97,21 @@ def test_fd_cycles_of_8_and_8_bytes(axes: int, us: float) -> None:
 
 def test_the_arithmetic_is_shown_and_adds_up() -> None:
     options, bus = bench(2, "admittance", "full")
-    told = budget(options, bus)
-    assert "process data of one cycle: 575 us" in told.arithmetic
-    assert "7 bytes: 47 + 8*7 + floor((33 + 8*7)/4) = 125 bits = 125 us" in told.arithmetic
+    reported = budget(options, bus)
+    assert "process data of one cycle: 575 us" in reported.arithmetic
+    assert "7 bytes: 47 + 8*7 + floor((33 + 8*7)/4) = 125 bits = 125 us" in reported.arithmetic
     beats = 3 * 65e-6 / 20e-3
-    assert told.time_s == pytest.approx(575e-6 + (beats + 0.05) / 500.0)
-    assert told.greatest_rate_hz == pytest.approx((1 - beats - 0.05) / 575e-6)
+    assert reported.time_s == pytest.approx(575e-6 + (beats + 0.05) / 500.0)
+    assert reported.greatest_rate_hz == pytest.approx((1 - beats - 0.05) / 575e-6)
     for remedy in ("mapping: lean", "two buses"):
-        assert remedy in told.remedy
-        assert remedy not in told.arithmetic  # `check` shows both
+        assert remedy in reported.remedy
+        assert remedy not in reported.arithmetic  # `check` shows both
 
 
-def test_a_rate_that_60c2h_cannot_hold_is_told_before_a_drive_refuses_it() -> None:
+def test_a_rate_that_60c2h_cannot_hold_is_reported_before_a_drive_refuses_it() -> None:
     options, bus = bench(2, "impedance", "full")
-    told = budget(options, bus._replace(rate_hz=1800.0)).arithmetic
-    assert "cannot hold 555.556 us" in told
+    reported = budget(options, bus._replace(rate_hz=1800.0)).arithmetic
+    assert "cannot hold 555.556 us" in reported
     assert "60C2h" not in budget(options, bus._replace(rate_hz=800.0)).arithmetic
 
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from tautwave.testing import DriverBench, DriverContract
 from tests.drivers.canopen.benches import block, contract_bench, make, node
-from tests.drivers.contract import DriverBench, DriverContract
 
 CASES: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     "one": (("impedance",), block(node(1))),

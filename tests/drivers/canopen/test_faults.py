@@ -14,14 +14,14 @@ from tests.drivers.canopen.faulty import AT_S, CYCLES, ENABLED, TORQUE, leave, s
 
 def until_fatal(rig: Rig, cycles: int = CYCLES) -> tuple[list[Fault], int]:
     """Run until a fatal fault; return all faults, and where in the log that cycle began."""
-    told: list[Fault] = []
+    reported: list[Fault] = []
     for _ in range(cycles):
         at = len(rig.sent)
         rig.cycle(TORQUE)
-        told += rig.driver.faults()
-        if any(fault.fatal for fault in told):
-            return told, at
-    raise AssertionError(f"nothing fatal was told: {told}")
+        reported += rig.driver.faults()
+        if any(fault.fatal for fault in reported):
+            return reported, at
+    raise AssertionError(f"nothing fatal was told: {reported}")
 
 
 def zero_from_now_on(rig: Rig, axis: int, at: int) -> None:
@@ -34,24 +34,27 @@ def zero_from_now_on(rig: Rig, axis: int, at: int) -> None:
 
 DRIVE_FAULTS = {
     "heartbeat lost": ({"heartbeat_lost_at_s": AT_S}, "heartbeat lost: none for"),
-    "reset": ({"resets_at_s": AT_S}, "reset behind our back"),
+    "reset": ({"resets_at_s": AT_S}, "restarted during the run"),
     "fault": ({"fault_at_s": AT_S, "fault_code": 0x2310}, "continuous overcurrent on the motor"),
     "emergency": ({"emergency_at_s": AT_S, "fault_code": 0x4310}, "EMCY 0x4310: drive too hot"),
-    "mode lost": ({"mode_lost_at_s": AT_S}, "left CST cyclic synchronous torque for no mode"),
+    "mode lost": (
+        {"mode_lost_at_s": AT_S},
+        "changed from CST cyclic synchronous torque to no mode",
+    ),
     "voltage": ({"voltage_off_at_s": AT_S}, "left OPERATION ENABLED by itself"),
     "silent": ({"silent_at_s": AT_S}, "heartbeat lost"),
 }
 
 
 @pytest.mark.parametrize(("quirks", "words"), DRIVE_FAULTS.values(), ids=list(DRIVE_FAULTS))
-def test_what_befalls_a_drive_stops_that_axis_in_the_same_cycle(
+def test_what_happens_to_a_drive_stops_that_axis_in_the_same_cycle(
     quirks: dict[str, Any], words: str
 ) -> None:
     rig = started(with_faults(quirks=quirks))
     rig.run(20, TORQUE)
     assert rig.commands(1)[-1][1] == 100  # 0.05 of 0.5 N m, per mille
-    told, at = until_fatal(rig)
-    fatal = [fault for fault in told if fault.fatal]
+    reported, at = until_fatal(rig)
+    fatal = [fault for fault in reported if fault.fatal]
     assert words in fatal[0].text
     assert {fault.axis for fault in fatal} == {"master.a2"}
     zero_from_now_on(rig, 1, at)
@@ -65,25 +68,25 @@ def test_a_mode_that_is_only_polled_is_missed_by_bit_12_at_once() -> None:
     options = with_faults(quirks={"mode_lost_at_s": AT_S})
     options["nodes"][1]["mapping"] = "lean"
     rig = started(options)
-    told: list[Fault] = []
+    reported: list[Fault] = []
     for _ in range(CYCLES):
         rig.cycle(TORQUE)
-        told += rig.driver.faults()
-        if told:
+        reported += rig.driver.faults()
+        if reported:
             break
-    assert "no longer follows the command (bit 12)" in told[0].text
-    told, at = until_fatal(rig)
-    assert "left CST cyclic synchronous torque" in told[-1].text
+    assert "no longer follows the command (bit 12)" in reported[0].text
+    reported, at = until_fatal(rig)
+    assert "changed from CST cyclic synchronous torque" in reported[-1].text
     zero_from_now_on(rig, 1, at)
     leave(rig)
 
 
-def test_a_tolerated_emergency_is_told_and_stops_nothing() -> None:
+def test_a_tolerated_emergency_is_reported_and_stops_nothing() -> None:
     quirks = {"emergency_at_s": AT_S, "fault_code": 0x4310}
     rig = started(with_faults(quirks=quirks, tolerated_emergencies=[0x4310]))
-    rows, told = rig.run(CYCLES, TORQUE)
-    assert any("EMCY 0x4310" in fault.text for fault in told)
-    assert not any(fault.fatal for fault in told)
+    rows, reported = rig.run(CYCLES, TORQUE)
+    assert any("EMCY 0x4310" in fault.text for fault in reported)
+    assert not any(fault.fatal for fault in reported)
     assert all(state.valid for state in rows[-1])
     leave(rig)
 
@@ -91,13 +94,13 @@ def test_a_tolerated_emergency_is_told_and_stops_nothing() -> None:
 def test_a_queue_that_is_full_for_a_while_is_congested() -> None:
     rig = started(with_faults({"kind": "queue_full", "at_s": AT_S, "duration_s": 0.004}))
     rig.run(round(AT_S * 1e3) - 2, TORQUE)
-    told: list[Fault] = []
+    reported: list[Fault] = []
     at = len(rig.sent)
     for _ in range(20):
         rig.cycle(TORQUE)
-        told += rig.driver.faults()
-    assert [fault.fatal for fault in told] == [False]
-    assert "congested" in told[0].text
+        reported += rig.driver.faults()
+    assert [fault.fatal for fault in reported] == [False]
+    assert "congested" in reported[0].text
     # What was held back is not sent later: first zero for both, then SYNC, then the present.
     log = [(can_id, data) for _, can_id, data in rig.sent[at:]]
     syncs = [place for place, (can_id, _) in enumerate(log) if can_id == 0x80]
@@ -132,8 +135,8 @@ def test_a_full_queue_and_silence_is_a_dead_bus() -> None:
     rig.run(round(AT_S * 1e3), TORQUE)
     for device in rig.devices():
         device.beats = False
-    told, _ = until_fatal(rig)
-    assert "dead bus: the transmit queue is full for" in told[0].text
+    reported, _ = until_fatal(rig)
+    assert "dead bus: the transmit queue has been full for" in reported[0].text
     rows, _ = rig.run(3, TORQUE)
     assert not any(state.valid for row in rows for state in row)
     rig.driver.close()
@@ -142,8 +145,8 @@ def test_a_full_queue_and_silence_is_a_dead_bus() -> None:
 @pytest.mark.parametrize(("kind", "words"), [("bus_off", "bus-off"), ("bus_down", "gone or down")])
 def test_a_bus_that_goes_away_stops_every_axis(kind: str, words: str) -> None:
     rig = started(with_faults({"kind": kind, "at_s": AT_S}))
-    told, _ = until_fatal(rig)
-    assert words in next(fault for fault in told if fault.fatal).text
+    reported, _ = until_fatal(rig)
+    assert words in next(fault for fault in reported if fault.fatal).text
     rows, _ = rig.run(5, TORQUE)
     assert not any(state.valid for row in rows for state in row)
     rig.driver.close()
@@ -156,25 +159,25 @@ def test_a_bus_that_goes_away_stops_every_axis(kind: str, words: str) -> None:
 def test_error_frames_in_words() -> None:
     rig = started(with_faults())
     rig.port.injected.append((0x20000004, bytes([0, 0x20, 0, 0, 0, 0, 0, 0])))
-    _, told = rig.run(2, TORQUE)
-    assert "error passive (transmitting)" in told[0].text
-    assert not told[0].fatal
+    _, reported = rig.run(2, TORQUE)
+    assert "error passive (transmitting)" in reported[0].text
+    assert not reported[0].fatal
     rig.port.injected.append((0x20000040, bytes(8)))
-    told, _ = until_fatal(rig, 3)
-    assert "bus-off: the controller has left the bus" in told[0].text
+    reported, _ = until_fatal(rig, 3)
+    assert "bus-off: the controller has left the bus" in reported[0].text
     rig.driver.close()
 
 
-def test_the_sync_of_another_master_is_told_and_stops_nothing() -> None:
+def test_the_sync_of_another_master_is_reported_and_stops_nothing() -> None:
     rig = started(with_faults())
-    told = []
+    reported = []
     for _ in range(20):
         rig.port.injected.append((0x80, b""))
-        told += rig.run(1, TORQUE)[1]
-    texts = [fault.text for fault in told]
+        reported += rig.run(1, TORQUE)[1]
+    texts = [fault.text for fault in reported]
     assert len(texts) == 2  # at the first one, and at the tenth
-    assert all("somebody else sends SYNC" in text for text in texts)
-    assert not any(fault.fatal for fault in told)
+    assert all("another master sends SYNC" in text for text in texts)
+    assert not any(fault.fatal for fault in reported)
     rig.driver.close()
 
 
@@ -188,12 +191,12 @@ def test_no_bytes_raise(can_id: int) -> None:
     rig.driver.close()
 
 
-def test_a_node_that_another_master_stops_is_told() -> None:
+def test_a_node_that_another_master_stops_is_reported() -> None:
     rig = started(with_faults())
     rig.run(5, TORQUE)
     rig.world.transport.send(0, bytes((0x02, 2)))
-    told, at = until_fatal(rig)
-    assert "left NMT operational for stopped" in told[0].text
+    reported, at = until_fatal(rig)
+    assert "went from NMT operational to stopped" in reported[0].text
     zero_from_now_on(rig, 1, at)
     rig.driver.close()
 
@@ -218,15 +221,15 @@ def test_a_drive_that_no_command_reaches_is_switched_off_before_its_watchdog_is(
     assert seen == [0]
 
 
-def test_a_drive_that_is_not_seen_to_be_off_keeps_its_watchdog() -> None:
+def test_a_drive_not_confirmed_off_keeps_its_watchdog() -> None:
     gone = [{"kind": "lost", "can_id": at, "times": 10**6, "at_s": AT_S} for at in (0x202, 0x602)]
     rig = started(with_faults(*gone, quirks={"rpdo_timer": "no_object"}))
     rig.run(CYCLES, TORQUE)
     at = len(rig.sent)
     rig.driver.close()
-    assert "master.a2 (node 2) is left with its watchdogs armed" in " ".join(rig.driver.notes)
-    told = [data for _, can_id, data in rig.sent[at:] if can_id == 0]
-    assert told == [bytes((0x80, 1))]  # node 2 is not taken to where it may watch nobody
+    assert "master.a2 (node 2) keeps its watchdogs armed" in " ".join(rig.driver.notes)
+    reported = [data for _, can_id, data in rig.sent[at:] if can_id == 0]
+    assert reported == [bytes((0x80, 1))]  # node 2 is not taken to where it may watch nobody
     rig.world.advance(rig.clock.now_ns() + 200_000_000)
     assert all(device.drive.motor.torque_counts == 0 for device in rig.devices())
 

@@ -14,8 +14,14 @@ from hypothesis import strategies as st
 
 from tautwave.clock import FakeClock, MonotonicClock
 from tautwave.errors import DriverError
-from tautwave_drivers.canopen.frames import ERROR_FRAME, RawPort, error_words, open_port
-from tautwave_drivers.canopen.python_can import PolledPort, PythonCanPort, open_python_can, polled
+from tautwave_drivers.canopen.bus.frames import ERROR_FRAME, RawPort, error_text
+from tautwave_drivers.canopen.bus.opening import open_port
+from tautwave_drivers.canopen.bus.python_can import (
+    PolledPort,
+    PythonCanPort,
+    open_python_can,
+    polled,
+)
 from tests.drivers.canopen.benches import block, driver_options, node
 
 can = pytest.importorskip("can")
@@ -63,7 +69,7 @@ def test_no_datagram_raises(data: bytes) -> None:
         port.close()
 
 
-def test_a_full_queue_is_told_by_false_and_drains(pair: tuple[RawPort, socket.socket]) -> None:
+def test_a_full_queue_returns_false_and_drains(pair: tuple[RawPort, socket.socket]) -> None:
     port, other = pair
     sent = 0
     while port.send(0x80, b""):
@@ -219,11 +225,11 @@ def test_an_interface_that_is_not_there_is_a_sentence() -> None:
     ],
 )
 def test_error_frames_in_words(can_id: int, data: bytes, words: str, lost: bool) -> None:
-    told, gone = error_words(ERROR_FRAME | can_id, data)
-    assert words in told
+    reported, gone = error_text(ERROR_FRAME | can_id, data)
+    assert words in reported
     assert gone == lost
 
 
 @given(st.integers(0, 0x1FFFFFFF), st.binary(max_size=8))
 def test_every_error_frame_has_words(can_id: int, data: bytes) -> None:
-    assert error_words(ERROR_FRAME | can_id, data)[0]
+    assert error_text(ERROR_FRAME | can_id, data)[0]

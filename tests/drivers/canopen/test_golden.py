@@ -21,16 +21,16 @@ def writes(all_lines: list[str]) -> list[str]:
 def test_the_writes_of_a_bring_up() -> None:
     one = rig()
     one.driver.open()
-    told = lines(one)
-    assert told[0] == golden.PRE_OPERATIONAL
-    assert golden.READ_IDENTITY in told
+    reported = lines(one)
+    assert reported[0] == golden.PRE_OPERATIONAL
+    assert golden.READ_IDENTITY in reported
     # PDOs 2 to 4, on at power-up, are switched off in between: 1401h to 1403h, 1801h to 1803h
-    others = [text for text in writes(told) if text[6:10] in OTHER_PDOS]
-    mine = [text for text in writes(told) if text not in others]
+    others = [text for text in writes(reported) if text[6:10] in OTHER_PDOS]
+    mine = [text for text in writes(reported) if text not in others]
     assert tuple(mine) == golden.SET_UP
-    start = told.index(golden.START)
-    assert start > told.index(golden.SET_UP[-1])
-    assert golden.SAVE not in told
+    start = reported.index(golden.START)
+    assert start > reported.index(golden.SET_UP[-1])
+    assert golden.SAVE not in reported
     one.driver.close()
 
 
@@ -47,10 +47,10 @@ def test_saving_is_the_documented_frame() -> None:
 def test_every_value_written_is_read_afterwards() -> None:
     one = rig()
     one.driver.open()
-    told = lines(one)
+    reported = lines(one)
     for text in golden.SET_UP[1:-1]:
         read = f"601#40{text[6:12]}00000000"
-        assert read in told[told.index(text) :], text
+        assert read in reported[reported.index(text) :], text
     one.driver.close()
 
 
@@ -71,8 +71,8 @@ def test_the_frames_of_a_cycle() -> None:
     for effort, expected in ((0.05, golden.CYCLE), (-0.05, golden.CYCLE_BACK)):
         at = len(one.sent)
         one.cycle(effort)
-        told = [text for text in lines(one, at) if text[:3] in ("080", "201")]
-        assert tuple(told) == expected
+        reported = [text for text in lines(one, at) if text[:3] in ("080", "201")]
+        assert tuple(reported) == expected
     at = len(one.sent)
     for _ in range(20):
         one.cycle(0.05)

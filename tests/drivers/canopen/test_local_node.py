@@ -18,7 +18,7 @@ from tautwave.clock import MonotonicClock
 from tautwave.contracts import BusSpec
 from tautwave.types import AxisCommand
 from tautwave_drivers.canopen import plugin
-from tautwave_drivers.canopen.python_can import PolledPort, polled
+from tautwave_drivers.canopen.bus.python_can import PolledPort, polled
 from tautwave_drivers.canopen.scan import ScanOptions, look
 from tests.drivers.canopen.benches import block, bus_of, driver_options, node
 
@@ -122,10 +122,10 @@ class Drive:
                 pdo.transmit()
 
     def take(self, word: int) -> None:
-        told = NEXT.get(word & 0x8F, 0x0240)
+        reported = NEXT.get(word & 0x8F, 0x0240)
         ladder = [0x0240, 0x0231, 0x0233, 0x1237]
         here = ladder.index(self.number(0x6041))
-        self.node.sdo[0x6041].raw = told if ladder.index(told) <= here + 1 else ladder[here]
+        self.node.sdo[0x6041].raw = reported if ladder.index(reported) <= here + 1 else ladder[here]
 
 
 @pytest.fixture

@@ -12,21 +12,21 @@ from tests.drivers.canopen.faulty import AT_S, CYCLES, TORQUE, leave, started, w
 
 def test_a_lost_tpdo_costs_that_axis_and_that_cycle_only() -> None:
     rig = started(with_faults({"kind": "lost", "at_s": AT_S, "can_id": 0x182}))
-    rows, told = rig.run(CYCLES, TORQUE)
+    rows, reported = rig.run(CYCLES, TORQUE)
     assert [state.valid for row in rows for state in row[:1]] == [True] * CYCLES
     missing = [at for at, row in enumerate(rows) if not row[1].valid]
     assert len(missing) == 1
     assert missing[0] == pytest.approx(AT_S * 1e3, abs=2)
     assert rows[missing[0]][1].age_ns > 1_000_000
-    assert not told
+    assert not reported
     leave(rig)
 
 
 def test_one_lost_tpdo_after_a_long_peace_is_no_silence() -> None:
     rig = started(with_faults({"kind": "lost", "at_s": 0.6, "can_id": 0x182}))
-    rows, told = rig.run(700)  # more cycles than a silent drive is waited for
+    rows, reported = rig.run(700)  # more cycles than a silent drive is waited for
     assert sum(not row[1].valid for row in rows) == 1
-    assert not told
+    assert not reported
     assert not rig.driver.notes[-1].startswith("master.a2 (node 2): TPDOs")
     leave(rig)
     assert "master.a2 (node 2): TPDOs 1 missing" in rig.driver.notes
@@ -91,11 +91,11 @@ def test_a_lost_tpdo_on_a_bus_that_has_become_slower_is_got_over(delay_s: float)
     lost = {"kind": "lost", "at_s": AT_S, "can_id": 0x182}
     slow = {"kind": "delayed", "at_s": AT_S, "can_id": 0x182, "times": 100_000}
     rig, plain = started(with_faults(lost, slow, delay_s=delay_s)), started(with_faults())
-    rows, told = rig.run(100, TORQUE)
+    rows, reported = rig.run(100, TORQUE)
     compare_positions(rows, plain.run(100, TORQUE)[0])
     assert 1 <= sum(not row[1].valid for row in rows) <= 4
     assert all(state.valid for state in rows[-1])
-    assert not any(fault.fatal for fault in told)
+    assert not any(fault.fatal for fault in reported)
     leave(rig)
     leave(plain)
 
@@ -110,8 +110,8 @@ def in_peace_then(**faults: float) -> Rig:
 
 def test_one_frame_of_ten_may_be_lost_at_random() -> None:
     rig = in_peace_then(lost=0.1)
-    rows, told = rig.run(1000, TORQUE)
-    assert not any(fault.fatal for fault in told)
+    rows, reported = rig.run(1000, TORQUE)
+    assert not any(fault.fatal for fault in reported)
     for axis in (0, 1):
         missing = "".join(" " if row[axis].valid else "x" for row in rows)
         assert 0.15 < missing.count("x") / len(rows) < 0.35  # SYNC or TPDO are lost in 0.19
@@ -123,9 +123,9 @@ def test_one_frame_of_ten_may_be_lost_at_random() -> None:
 def test_a_seeded_storm_never_raises_and_repeats_itself(kind: str) -> None:
     def run() -> list[Any]:
         rig = in_peace_then(**{kind: 0.05})
-        rows, told = rig.run(CYCLES, TORQUE)
+        rows, reported = rig.run(CYCLES, TORQUE)
         rig.driver.close()
-        return [rows, [fault.text for fault in told]]
+        return [rows, [fault.text for fault in reported]]
 
     one, other = run(), run()
     assert str(one) == str(other)
@@ -137,6 +137,6 @@ def test_a_seeded_storm_never_raises_and_repeats_itself(kind: str) -> None:
 def test_bring_up_survives_lost_frames() -> None:
     rig = make(with_faults(lost=0.03), mass=0.1)
     rig.driver.open()
-    assert any("answers SYNC" in note for note in rig.driver.notes)
+    assert any("responds to SYNC" in note for note in rig.driver.notes)
     assert rig.clock.now_ns() > 600_000_000  # it waited for more than one answer in vain
     rig.driver.close()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tautwave.errors import DeviceFault, DriverError
+from tautwave.errors import ConfigError, DeviceFault
 from tautwave_drivers.canopen import plugin
 from tautwave_drivers.canopen.measure import measure
 from tests.drivers.canopen.benches import block, make, node
@@ -72,9 +72,9 @@ def test_the_delay_of_a_command_is_the_declared_one(rpdo: str, slots: int) -> No
 @pytest.mark.parametrize("rpdo", ["sync", "event"])
 def test_the_wave_port_is_stable_with_either_delay(rpdo: str) -> None:
     run = run_rig(can_tree(rpdo=rpdo), duration_s=2.0)
-    told = books(run, "lever")
-    assert told.residual < 1e-9 * told.gross_flow
-    assert sum(told.generated.values()) < 0.01 * told.gross_flow
+    reported = books(run, "lever")
+    assert reported.residual < 1e-9 * reported.gross_flow
+    assert sum(reported.generated.values()) < 0.01 * reported.gross_flow
     assert np.abs(run["slave.lever.velocity"]).max() < 15.0
 
 
@@ -100,10 +100,8 @@ def test_a_value_of_a_dcf_that_the_drive_refuses_is_named(tmp_path: Path) -> Non
 
 
 def test_an_eds_that_is_not_there_is_a_sentence(tmp_path: Path) -> None:
-    rig = make(block(node(1, eds=str(tmp_path / "no.eds"))), ("impedance",))
-    with pytest.raises(DriverError, match=r"cannot read .*no\.eds"):
-        rig.driver.open()
-    rig.driver.close()
+    with pytest.raises(ConfigError, match=r"^master\.a1: .*/no\.eds: no such EDS or DCF file$"):
+        make(block(node(1, eds=str(tmp_path / "no.eds"))), ("impedance",))
 
 
 def test_what_a_cycle_costs_is_measured_on_both_backends() -> None:

@@ -31,9 +31,9 @@ CONFIG = Path(__file__).parents[3] / "configs" / "bench-canopen-virtual.yaml"
         (block(node(127)), {}, "has the id of this master"),
         (block(node(1)), {"kind": "linear"}, "is linear, but node 1 has no feed"),
         (block(node(1, feed=0.01)), {}, "is rotary, but node 1 has a feed"),
-        (block(node(1), bitrate=123_456), {}, "bitrate 123456 is none of CANopen's"),
+        (block(node(1), bitrate=123_456), {}, "bitrate 123456 is not one of CANopen's"),
         (block(node(1), heartbeat_timeout_ms=30), {}, "at least twice heartbeat_ms"),
-        (block(node(1), sync=False), {}, "rpdo has to be event"),
+        (block(node(1), sync=False), {}, "rpdo must be event"),
         (block(node(1, rated_torque=1e-6)), {}, "6071h holds 1 to 32766"),
         (block(node(1, mapping="lean", homing={"method": 35})), {}, "mapping: full"),
     ],
@@ -50,7 +50,7 @@ def test_a_block_that_does_not_fit_its_axes_is_refused(
 def test_a_node_without_an_axis_is_refused() -> None:
     options = block(node(1), node(2))
     bus = bus_of(options, ("impedance", "impedance"))
-    with pytest.raises(ConfigError, match=r"node 2 in options\.nodes is no axis"):
+    with pytest.raises(ConfigError, match=r"node 2 in options\.nodes is not an axis"):
         nodes_of(driver_options(options), bus._replace(axes=bus.axes[:1]))
 
 
@@ -92,7 +92,7 @@ def test_the_command_delay_is_one_period_by_sync_and_the_wire_by_event() -> None
     assert delay.remainder_s == pytest.approx((55 + 125 + 105) * 1e-6)
 
 
-def test_make_touches_nothing_and_a_wrong_number_of_commands_is_told() -> None:
+def test_make_touches_nothing_and_a_wrong_number_of_commands_is_reported() -> None:
     options = block(node(1), interface="no-such-interface")
     bus = bus_of(options, ("impedance",))
     driver = plugin.make(driver_options(options), bus, FakeClock(), None)
@@ -123,10 +123,10 @@ def test_a_wrong_key_of_the_simulated_drives_is_a_sentence(
     wrong: dict[str, Any], words: str
 ) -> None:
     override = "buses.can.options.simulator=" + json.dumps(wrong)
-    with pytest.raises(ConfigError) as told:
+    with pytest.raises(ConfigError) as reported:
         load_rig(CONFIG, [override])
-    assert words in str(told.value)
-    assert "options.simulator" in str(told.value)
+    assert words in str(reported.value)
+    assert "options.simulator" in str(reported.value)
 
 
 @pytest.mark.parametrize(

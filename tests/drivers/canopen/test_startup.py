@@ -20,12 +20,12 @@ def quirky(quirks: dict[str, Any], *, first: dict[str, Any] | None = None, **mor
 
 
 def refused(rig: Rig, error: type[DriverError] = DeviceFault) -> str:
-    with pytest.raises(error) as told:
+    with pytest.raises(error) as reported:
         rig.driver.open()
     rig.driver.close()
     for device in rig.devices():
         assert device.drive.motor.torque_counts == 0
-    return str(told.value)
+    return str(reported.value)
 
 
 IDENTITY = {"vendor": 0xFB, "product": 0x10}
@@ -37,14 +37,14 @@ IDENTITY = {"vendor": 0xFB, "product": 0x10}
         (
             {"identity": 0x99},
             {"identity": IDENTITY},
-            "is another device: 1018:02 product code is 0x99, the rig says 0x10",
+            "is another device: 1018:02 product code is 0x99, but the rig says 0x10",
         ),
         ({"lacks_modes": [10]}, {}, "has no CST cyclic synchronous torque, which an impedance"),
         ({"lacks_modes": [6]}, {"homing": {"method": 35}}, "has no HM homing, which homing needs"),
         (
             {"heartbeat_consumer": False, "rpdo_timer": "no_subindex"},
             {},
-            "would go on with its last command when this program falls silent: .* has no 1016:01 "
+            "would keep following its last command if this program falls silent: .* has no 1016:01 "
             r"consumer heartbeat \(0x06020000: object does not exist\); .* has no 1400:05 deadline "
             r"timer \(0x06090011: sub-index does not exist\); use a drive",
         ),
@@ -52,7 +52,7 @@ IDENTITY = {"vendor": 0xFB, "product": 0x10}
         (
             {"least_heartbeat_ms": 100, "rpdo_timer": "no_object"},
             {},
-            "1016:01 consumer heartbeat stays nobody: .*0x06090032: value too low",
+            "1016:01 consumer heartbeat stays none: .*0x06090032: value too low",
         ),
         (
             {"ignores_heartbeat_consumer": True, "rpdo_timer": "no_object"},
@@ -89,9 +89,9 @@ def test_an_unwatched_drive_is_allowed_and_loud() -> None:
     ("first", "objects", "words"),
     [
         ({}, {(0x6076, 0): 700}, "rated torque 6076:00 is 700 .*the rig says 0.5 N m"),
-        ({}, {(0x608F, 1): 1024}, "608F says 1024 increments in 1 motor turns, the rig 4096"),
-        ({}, {(0x6091, 1): 7}, r"gear 6091 \(7/1\) and feed 6092 \(4096/1\) make 585.143 units"),
-        ({}, {(0x6092, 1): 36000}, "make 36000 units of position a motor turn, the rig 4096"),
+        ({}, {(0x608F, 1): 1024}, "608F says 1024 increments in 1 motor turns, but the rig 4096"),
+        ({}, {(0x6091, 1): 7}, r"gear 6091 \(7/1\) and feed 6092 \(4096/1\) make 585.143 position"),
+        ({}, {(0x6092, 1): 36000}, "36000 position units per motor turn, but the rig has 4096"),
         ({}, {(0x6072, 0): 500}, "6072:00 max torque 500 per mille is 0.25, below .*effort_limit"),
     ],
 )
@@ -110,7 +110,7 @@ def test_scales_and_limits_are_compared_with_the_rig(
 def test_a_node_that_is_not_there_is_named_with_its_bus() -> None:
     rig = quirky({})
     rig.devices()[0].silent = True
-    assert "master.a1 (node 1) does not answer (read 1000:00" in refused(rig, BusTimeout)
+    assert "master.a1 (node 1) does not respond (read 1000:00" in refused(rig, BusTimeout)
 
 
 def test_60c2_is_set_to_the_period_of_the_rig() -> None:
@@ -131,14 +131,14 @@ def test_a_period_that_60c2_cannot_hold_is_refused() -> None:
     rig.driver.close()
 
 
-def test_everything_written_is_read_back_and_told() -> None:
+def test_everything_written_is_read_back_and_reported() -> None:
     rig = quirky({}, first={"identity": {"vendor": 0, "product": 0}})
     rig.driver.open()
     notes = "\n".join(rig.driver.notes)
     for words in (
         "(as the rig says)",
         "1017:00 producer heartbeat = 20 ms (was 0 ms), read back",
-        "1016:01 consumer heartbeat = node 127 within 60 ms (was nobody), read back",
+        "1016:01 consumer heartbeat = node 127 within 60 ms (was none), read back",
         "1400:05 deadline timer = 60 ms (was 0 ms), read back",
         "6007:00 abort connection option = 2 (was 1), read back",
         "6072:00 max torque = 2000 per mille (was 3000 per mille), read back",
@@ -180,16 +180,16 @@ def test_lasting_settings_are_stored_only_when_asked_for() -> None:
 def test_difficult_drives_are_enabled_all_the_same(quirks: dict[str, Any], mapping: str) -> None:
     rig = quirky(quirks, first={"mapping": mapping})
     rig.open_and_enable()
-    rows, told = rig.run(20, 0.05)
+    rows, reported = rig.run(20, 0.05)
     assert all(state.valid for state in rows[-1])
-    assert not any(fault.fatal for fault in told)
+    assert not any(fault.fatal for fault in reported)
     rig.driver.close()
 
 
-def test_a_drive_that_refuses_its_mode_is_told_while_enabling() -> None:
+def test_a_drive_that_refuses_its_mode_is_reported_while_enabling() -> None:
     rig = quirky({"refuses_modes": [10]})
     rig.driver.open()
-    with pytest.raises(DeviceFault, match="CST cyclic synchronous torque is asked for in 6060h"):
+    with pytest.raises(DeviceFault, match="CST cyclic synchronous torque is requested in 6060h"):
         rig.enable(5000)
     rig.driver.close()
 
@@ -226,7 +226,7 @@ def test_homing_and_moving_to_the_start_come_first() -> None:
         rig.driver.close()
 
 
-def test_a_move_that_takes_too_long_is_told() -> None:
+def test_a_move_that_takes_too_long_is_reported() -> None:
     move = {"position": 100.0, "velocity": 0.1, "timeout_s": 0.2}
     rig = quirky({}, first={"move": move})
     rig.driver.open()
@@ -251,8 +251,8 @@ RPM, TENTH_RPM, INCREMENTS = 0x00B44700, 0xFFB44700, 0x00B50300
         (RPM, 50.0, 50 * 4096 / 60, ""),  # of the gear's output
         (TENTH_RPM, 1.0, 4096 / 600, ""),
         (INCREMENTS, 1.0, 7.0, ""),  # 60A9h does not say how many
-        (RPM, 1.0, 1.0, "which are 68.2667 counts/s; the rig says velocity_factor 1:"),
-        (RPM, 50.0, 1.0, "which are 68.2667 or 3413.33 counts/s"),
+        (RPM, 1.0, 1.0, "which is 68.2667 counts/s, but the rig says velocity_factor 1;"),
+        (RPM, 50.0, 1.0, "which is 68.2667 or 3413.33 counts/s"),
     ],
 )
 def test_the_unit_of_velocity_is_held_against_the_drive_s(
@@ -266,4 +266,4 @@ def test_the_unit_of_velocity_is_held_against_the_drive_s(
         return
     rig.driver.open()
     rig.driver.close()
-    assert any("60A9 unit of velocity" in note for note in rig.driver.notes) == (word != INCREMENTS)
+    assert any("60A9 velocity unit" in note for note in rig.driver.notes) == (word != INCREMENTS)

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 from tautwave_drivers.cia402.machine import Machine
 from tautwave_drivers.cia402.states import State, decode
-from tautwave_drivers.cia402.terms import Event, Habits, Patience
+from tautwave_drivers.cia402.terms import Event, Quirks, Timeouts
 from tests.drivers.cia402.reference_drive import Drive
 
-QUICK = Patience(
+QUICK = Timeouts(
     transition=60,
     not_ready=300,
     mode=60,
@@ -24,9 +24,9 @@ QUICK = Patience(
 class Bench:
     """`cycle` runs one cycle; the drive sees the word of the last one."""
 
-    def __init__(self, drive: Drive, habits: Habits | None = None) -> None:
+    def __init__(self, drive: Drive, quirks: Quirks | None = None) -> None:
         self.drive = drive
-        self.machine = Machine("axis (node 5)", habits or Habits(patience=QUICK))
+        self.machine = Machine("axis (node 5)", quirks or Quirks(timeouts=QUICK))
         self.now = 0
         self.words: list[int] = []
         self.events: list[Event] = []

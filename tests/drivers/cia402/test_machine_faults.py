@@ -6,7 +6,7 @@ import pytest
 
 from tautwave_drivers.cia402.machine import Machine
 from tautwave_drivers.cia402.states import State
-from tautwave_drivers.cia402.terms import Habits, Patience, Way
+from tautwave_drivers.cia402.terms import DisableMethod, Quirks, Timeouts
 from tests.drivers.cia402.bench import QUICK, Bench
 from tests.drivers.cia402.reference_drive import Drive
 
@@ -31,7 +31,7 @@ def fall(bench: Bench, most: int = 3000) -> str:
         (Drive(state="fault", resets_needed=9), ("FAULT", "after 3 fault resets")),
     ],
 )
-def test_a_hanging_drive_is_told_with_state_command_and_remedy(
+def test_a_hanging_drive_is_reported_with_state_command_and_remedy(
     drive: Drive, parts: tuple[str, ...]
 ) -> None:
     bench = Bench(drive)
@@ -45,7 +45,7 @@ def test_a_hanging_drive_is_told_with_state_command_and_remedy(
 
 
 def test_faults_are_left_alone_where_the_rig_says_so() -> None:
-    bench = Bench(Drive(state="fault"), Habits(fault_resets=0, patience=QUICK))
+    bench = Bench(Drive(state="fault"), Quirks(fault_resets=0, timeouts=QUICK))
     bench.machine.enable(10)
     assert "faults are not to be reset" in fall(bench)
     assert not any(word & 0x80 for word in bench.words)
@@ -55,11 +55,14 @@ def test_faults_are_left_alone_where_the_rig_says_so() -> None:
     ("upset", "words"),
     [
         (lambda drive: drive.fail(), "FAULT REACTION ACTIVE"),
-        (lambda drive: drive.drop_power(), "power stage was dropped"),
+        (lambda drive: drive.drop_power(), "power stage was switched off"),
         (lambda drive: drive.restart(), "was reset or lost its logic supply"),
-        (lambda drive: drive.go("stop"), "quick stop of its own"),
-        (lambda drive: setattr(drive, "display", 8), "left CST cyclic synchronous torque for CSP"),
-        (lambda drive: setattr(drive, "remote", False), "no longer listens"),
+        (lambda drive: drive.go("stop"), "quick stop by the drive itself"),
+        (
+            lambda drive: setattr(drive, "display", 8),
+            "changed from CST cyclic synchronous torque to CSP",
+        ),
+        (lambda drive: setattr(drive, "remote", False), "no longer follows the bus"),
     ],
 )
 def test_falling_out_of_operation_is_fatal_and_never_repaired_unasked(upset, words) -> None:  # type: ignore[no-untyped-def]
@@ -82,8 +85,8 @@ def test_falling_out_of_operation_is_fatal_and_never_repaired_unasked(upset, wor
     assert bench.machine.failure == ""
 
 
-def test_the_fault_code_is_told_in_words() -> None:
-    machine = Machine("wrist", Habits(patience=QUICK))
+def test_the_fault_code_is_reported_as_text() -> None:
+    machine = Machine("wrist", Quirks(timeouts=QUICK))
     machine.enable(10)
     for now, status in enumerate([0x0240, 0x0231, 0x0233, 0x0237, 0x021F]):
         machine.step(status, 10, now, error_code=0x8611 if status == 0x021F else 0)
@@ -107,7 +110,7 @@ def test_silence_keeps_the_command_for_a_while_then_gives_up() -> None:
 
 
 def test_a_machine_that_never_hears_anything_says_so_and_never_enables() -> None:
-    machine = Machine("wrist", Habits(patience=QUICK))
+    machine = Machine("wrist", Quirks(timeouts=QUICK))
     machine.enable(10)
     words = {machine.step(None, None, now) for now in range(100)}
     assert words == {0x00}
@@ -115,12 +118,13 @@ def test_a_machine_that_never_hears_anything_says_so_and_never_enables() -> None
 
 
 @pytest.mark.parametrize(
-    ("way", "word"), [(Way.COAST, 0x00), (Way.SHUTDOWN, 0x06), (Way.RAMP, 0x07)]
+    ("method", "word"),
+    [(DisableMethod.COAST, 0x00), (DisableMethod.SHUTDOWN, 0x06), (DisableMethod.RAMP, 0x07)],
 )
-def test_a_stop_asked_in_silence_is_sent_in_silence(way: Way, word: int) -> None:
+def test_a_stop_asked_in_silence_is_sent_in_silence(method: DisableMethod, word: int) -> None:
     bench = Bench(Drive())
     bench.come_up()
-    bench.machine.disable(way)
+    bench.machine.disable(method)
     assert bench.cycle(heard=False) == word
     assert not bench.machine.commanding
 
@@ -149,7 +153,7 @@ def test_a_boot_up_message_ends_what_was_enabled() -> None:
 
 
 def test_a_mode_shown_before_it_was_asked_for_confirms_nothing() -> None:
-    machine = Machine("wrist", Habits(patience=QUICK))
+    machine = Machine("wrist", Quirks(timeouts=QUICK))
     machine.step(0x0240, 10, 0)
     machine.enable(10)
     for now in range(1, 40):
@@ -158,7 +162,7 @@ def test_a_mode_shown_before_it_was_asked_for_confirms_nothing() -> None:
     assert machine.step(0x0233, 10, 40) == 0x0F
 
 
-def test_a_drive_that_ignores_quick_stop_or_disable_is_told() -> None:
+def test_a_drive_that_ignores_quick_stop_or_disable_is_reported() -> None:
     bench = Bench(Drive())
     bench.come_up()
     bench.drive.slowness = 10**6
@@ -172,8 +176,8 @@ def test_a_drive_that_ignores_quick_stop_or_disable_is_told() -> None:
     assert len(bench.events) == 2
 
 
-def test_warnings_are_told_once_and_are_not_fatal() -> None:
-    machine = Machine("wrist", Habits(patience=QUICK))
+def test_warnings_are_reported_once_and_are_not_fatal() -> None:
+    machine = Machine("wrist", Quirks(timeouts=QUICK))
     machine.enable(10)
     for now, status in enumerate([0x0240, 0x0231, 0x0233, 0x1237, 0x12B7, 0x0AB7, 0x0AB7]):
         machine.step(status, 10, now)
@@ -185,14 +189,14 @@ def test_warnings_are_told_once_and_are_not_fatal() -> None:
     assert machine.commanding
 
 
-def test_patience_scales_with_the_rate() -> None:
-    assert Patience.at_rate(1000.0) == Patience()
-    assert Patience.at_rate(500.0).transition == Patience().transition // 2
-    assert min(Patience.at_rate(1.0)) == 2
+def test_timeouts_scale_with_the_rate() -> None:
+    assert Timeouts.at_rate(1000.0) == Timeouts()
+    assert Timeouts.at_rate(500.0).transition == Timeouts().transition // 2
+    assert min(Timeouts.at_rate(1.0)) == 2
 
 
 def test_a_drive_that_starts_again_has_to_show_its_mode_again() -> None:
-    machine = Machine("wrist", Habits(patience=QUICK))
+    machine = Machine("wrist", Quirks(timeouts=QUICK))
     machine.enable(10)
     machine.step(0x0240, 10, 0)
     machine.step(0x0200, None, 1)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tautwave_drivers.cia402.machine import Machine
 from tautwave_drivers.cia402.states import State
-from tautwave_drivers.cia402.terms import Habits, Way
+from tautwave_drivers.cia402.terms import DisableMethod, Quirks
 from tests.drivers.cia402.bench import QUICK, Bench
 from tests.drivers.cia402.reference_drive import Drive
 
@@ -41,7 +41,7 @@ def test_comes_up_whatever_happens_on_the_way(
 ) -> None:
     option = drive.option
     resets = 8  # up to three faults and one at power-on, two edges each
-    bench = Bench(drive, Habits(option, resume, resets, QUICK))
+    bench = Bench(drive, Quirks(option, resume, resets, QUICK))
     bench.machine.enable(10)
     by_cycle = dict(upsets)
     silent = 0
@@ -98,14 +98,14 @@ def test_a_command_that_the_drive_missed_is_given_again(drive: Drive, after: int
 def test_no_order_of_wishes_and_upsets_enables_a_drive_early(
     drive: Drive, plan: list[tuple[int, str]]
 ) -> None:
-    bench = Bench(drive, Habits(drive.option, resume=True, patience=QUICK))
+    bench = Bench(drive, Quirks(drive.option, resume=True, timeouts=QUICK))
     machine = bench.machine
     wishes = {
         "enable": lambda: machine.enable(10),
         "csp": lambda: machine.enable(8),
         "coast": machine.disable,
-        "shutdown": lambda: machine.disable(Way.SHUTDOWN),
-        "ramp": lambda: machine.disable(Way.RAMP),
+        "shutdown": lambda: machine.disable(DisableMethod.SHUTDOWN),
+        "ramp": lambda: machine.disable(DisableMethod.RAMP),
         "quick": machine.quick_stop,
         "halt": lambda: machine.halt(True),
         "go": lambda: machine.halt(False),
@@ -153,7 +153,7 @@ def test_several_drives_come_up_together_without_waiting_for_each_other() -> Non
 @pytest.mark.parametrize("slowness", range(6, 18))
 def test_a_pause_on_its_way_to_a_slow_drive_is_no_fall(slowness: int) -> None:
     drive = Drive(slowness=slowness)
-    machine = Machine("axis", Habits(patience=QUICK))
+    machine = Machine("axis", Quirks(timeouts=QUICK))
     machine.enable(10)
     out = deque([(0, 0)] * 3)
     home = deque([(drive.statusword, drive.display)] * 4)
@@ -177,7 +177,7 @@ def test_frames_on_their_way_change_nothing_about_it(
     drive: Drive, there: int, back: int, goals: list[tuple[int | str, int]]
 ) -> None:
     """Words reach the drive `there` cycles late, its answers come `back` cycles late."""
-    machine = Machine("axis", Habits(drive.option, resume=True, patience=QUICK))
+    machine = Machine("axis", Quirks(drive.option, resume=True, timeouts=QUICK))
     out = deque([(0, 0)] * there)
     home = deque([(drive.statusword, drive.display)] * back)
     now = 0
@@ -193,7 +193,7 @@ def test_frames_on_their_way_change_nothing_about_it(
 
     for goal, cycles in goals:
         if goal == "off":
-            machine.disable(Way.RAMP)
+            machine.disable(DisableMethod.RAMP)
         elif goal == "stop":
             machine.quick_stop()
         else:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from tautwave_drivers.cia402.modes import Mode
-from tautwave_drivers.cia402.states import TRANSITIONS, State, command_words, decode
-from tautwave_drivers.cia402.terms import Habits, Way
+from tautwave_drivers.cia402.routes import ROUTES, Route
+from tautwave_drivers.cia402.states import TRANSITIONS, State, command_text, decode
+from tautwave_drivers.cia402.terms import DisableMethod, Goal, Quirks
 from tests.drivers.cia402.bench import QUICK, Bench
 from tests.drivers.cia402.reference_drive import ARROWS, WORDS, Drive
 
@@ -25,13 +26,13 @@ def test_every_one_of_the_16_transitions_is_taken() -> None:
 
     bench = Bench(Drive())
     bench.come_up()  # 1 2 3 4
-    bench.machine.disable(Way.RAMP)  # 5 6 7
+    bench.machine.disable(DisableMethod.RAMP)  # 5 6 7
     bench.until(lambda: bench.machine.done)
     bench.come_up()
-    bench.machine.disable(Way.SHUTDOWN)  # 8 7
+    bench.machine.disable(DisableMethod.SHUTDOWN)  # 8 7
     bench.until(lambda: bench.machine.done)
     bench.come_up()
-    bench.machine.disable(Way.COAST)  # 9
+    bench.machine.disable(DisableMethod.COAST)  # 9
     bench.until(lambda: bench.machine.done)
     bench.machine.enable(Mode.CSV)
     bench.until(lambda: bench.drive.state == "on")
@@ -46,7 +47,7 @@ def test_every_one_of_the_16_transitions_is_taken() -> None:
     bench.until(lambda: bench.machine.commanding)
     taken |= bench.drive.taken
 
-    bench = Bench(Drive(option=6), Habits(quick_stop_option=6, resume=True, patience=QUICK))
+    bench = Bench(Drive(option=6), Quirks(quick_stop_option=6, resume=True, timeouts=QUICK))
     bench.come_up()
     bench.machine.quick_stop()
     bench.until(lambda: bench.drive.state == "stop")
@@ -63,14 +64,34 @@ def test_the_table_of_transitions_is_that_of_the_reference() -> None:
     assert ours == {(names[a], names[b]): number for (a, b), number in ARROWS.items()}
 
 
+@pytest.mark.parametrize("route", ROUTES, ids=lambda route: route.value)
+def test_every_route_leads_from_every_state_to_its_goal(route: Route) -> None:
+    assert set(ROUTES[route]) == set(State)
+    by_itself = {entry.source: entry.target for entry in TRANSITIONS if entry.command is None}
+    by_itself[State.UNKNOWN] = State.NOT_READY
+    for start, step in ROUTES[route].items():
+        if step.transition is not None:
+            entry = TRANSITIONS[step.transition]
+            assert (entry.number, entry.source) == (step.transition, start)
+            assert step.command == entry.command
+        state, taken = start, [0]
+        while not (step := ROUTES[route][state]).reached:
+            if route is Goal.ENABLE and taken[-1] == 4:
+                break
+            assert len(taken) < 8, f"from {start} in circles: {taken}"
+            number = step.transition
+            state = by_itself[state] if number is None else TRANSITIONS[number].target
+            taken.append(number or 0)
+
+
 @pytest.mark.parametrize("option", [0, 1, 4, 5, 8, None, -1])
 @pytest.mark.parametrize("resume", [False, True])
 def test_quick_stop_is_left_the_way_the_option_code_allows(
     option: int | None, resume: bool
 ) -> None:
     real = 2 if option is None or option < 1 else option
-    habits = Habits(quick_stop_option=option, resume=resume, patience=QUICK)
-    bench = Bench(Drive(option=real, stop_time=20), habits)
+    quirks = Quirks(quick_stop_option=option, resume=resume, timeouts=QUICK)
+    bench = Bench(Drive(option=real, stop_time=20), quirks)
     bench.come_up()
     bench.machine.quick_stop()
     bench.until(lambda: bench.drive.state == "stop")
@@ -158,12 +179,12 @@ def test_states_of_every_statusword() -> None:
 
 
 def test_words_of_commands() -> None:
-    assert command_words(0x000F) == "0x000F (enable operation)"
-    assert command_words(0x010F) == "0x010F (enable operation, halt)"
-    assert command_words(0x0006) == "0x0006 (shutdown)"
-    assert command_words(0x0002) == "0x0002 (quick stop)"
-    assert command_words(0x0080) == "0x0080 (fault reset)"
-    assert command_words(0x0000) == "0x0000 (disable voltage)"
+    assert command_text(0x000F) == "0x000F (enable operation)"
+    assert command_text(0x010F) == "0x010F (enable operation, halt)"
+    assert command_text(0x0006) == "0x0006 (shutdown)"
+    assert command_text(0x0002) == "0x0002 (quick stop)"
+    assert command_text(0x0080) == "0x0080 (fault reset)"
+    assert command_text(0x0000) == "0x0000 (disable voltage)"
 
 
 def test_python_canopen_knows_the_same_states_and_transitions() -> None:

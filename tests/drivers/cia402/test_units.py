@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tautwave.errors import ConfigError
 from tautwave.models.encoder import quantise
-from tautwave_drivers.cia402.si_units import is_length, position_unit, unit_words, velocity_unit
+from tautwave_drivers.cia402.si_units import is_length, position_unit, unit_text, velocity_unit
 from tautwave_drivers.cia402.units import (
     INT16,
     INT32,
@@ -129,7 +129,7 @@ def test_power_is_the_same_at_motor_and_axis(
     assert axis == pytest.approx(motor, rel=1e-12)
 
 
-def test_wrong_numbers_are_told_all_at_once() -> None:
+def test_wrong_numbers_are_reported_all_at_once() -> None:
     with pytest.raises(ConfigError) as caught:
         axis_scale(Transmission(0, 1, -1.0), 0, math.nan, direction=0)
     assert len(caught.value.problems) == 5
@@ -201,8 +201,8 @@ def test_nanotec_unit_words() -> None:
     assert velocity_unit(0x00B40300) == math.tau
     assert velocity_unit(0x00B49900) is None
     assert [is_length(word) for word in (0xFD010300, 0x00B44700)] == [True, False]
-    assert unit_words(0xFDB44700) == "10**-3 rev/min"
-    assert unit_words(0x00B50000) == "increments"
+    assert unit_text(0xFDB44700) == "10**-3 rev/min"
+    assert unit_text(0x00B50000) == "increments"
 
 
 def test_rpm_at_the_motor_and_behind_the_gear() -> None:

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave_drivers.cia402.aborts import ABORT_CODES, abort_words
+from tautwave_drivers.cia402.aborts import ABORT_CODES, abort_text
 from tautwave_drivers.cia402.communication import COMMUNICATION, CONSUMER_HEARTBEAT, rpdo, tpdo
 from tautwave_drivers.cia402.emergency import (
     ERROR_CODES,
     decode_emergency,
-    error_words,
-    register_words,
+    error_text,
+    register_text,
 )
 from tautwave_drivers.cia402.entry import FORMATS, limits, pack, unpack
 from tautwave_drivers.cia402.modes import (
@@ -22,9 +22,9 @@ from tautwave_drivers.cia402.modes import (
     SetPoint,
     control_mask,
     mode_name,
-    mode_status_words,
+    mode_status_text,
     supported_modes,
-    supported_words,
+    supported_text,
 )
 from tautwave_drivers.cia402.objects import (
     CONTROLWORD,
@@ -35,7 +35,7 @@ from tautwave_drivers.cia402.objects import (
     find,
     interpolation_period,
 )
-from tautwave_drivers.cia402.reactions import REACTIONS, acts_on_loss, reaction_words
+from tautwave_drivers.cia402.reactions import REACTIONS, acts_on_loss, reaction_text
 
 ASKED = """6040 6041 6060 6061 6502 6064 606C 6077 607A 60FF 6071 6072 6073 6075 6076 6078 607D
 6080 6081 6083 6084 6085 6087 6098 6099 609A 608F 6090 6091 6092 6096 60A8 60A9 60B0 60B1 60B2 60C2
@@ -105,7 +105,7 @@ def test_golden_emergency_frames() -> None:
     # Faulhaber MC 5010 communications manual, tab. 9: 3210h overvoltage, register bit 2.
     frame = decode_emergency(bytes.fromhex("10 32 04 04 00 00 00 00"))
     assert frame is not None
-    assert frame.words.startswith("0x3210: DC link overvoltage (register: voltage, vendor")
+    assert frame.text.startswith("0x3210: DC link overvoltage (register: voltage, vendor")
     assert not frame.cleared
     reset = decode_emergency(bytes(8))
     assert reset is not None
@@ -113,16 +113,14 @@ def test_golden_emergency_frames() -> None:
 
 
 def test_error_codes_in_words_by_themselves_or_by_class() -> None:
-    assert error_words(0x8130) == "0x8130: heartbeat or life guarding lost"
-    assert error_words(0x8250).startswith("0x8250: RPDO timeout")
-    assert error_words(0x2315) == (
-        "0x2315: of the class 'continuous overcurrent on the motor side'"
-    )
-    assert error_words(0x73FF) == "0x73FF: of the class 'sensor'"
-    assert error_words(0xFF07) == "0xFF07: of the class 'the manufacturer's own'"
-    assert "not a code" in error_words(0xA123)
-    assert register_words(0x11) == "generic, communication"
-    assert all(error_words(code) for code in range(0x10000))
+    assert error_text(0x8130) == "0x8130: heartbeat or life guarding lost"
+    assert error_text(0x8250).startswith("0x8250: RPDO timeout")
+    assert error_text(0x2315) == ("0x2315: of the class 'continuous overcurrent on the motor side'")
+    assert error_text(0x73FF) == "0x73FF: of the class 'sensor'"
+    assert error_text(0xFF07) == "0xFF07: of the class 'the manufacturer's own'"
+    assert "not a code" in error_text(0xA123)
+    assert register_text(0x11) == "generic, communication"
+    assert all(error_text(code) for code in range(0x10000))
     assert len(ERROR_CODES) > 120
 
 
@@ -132,15 +130,15 @@ def test_abort_codes_agree_with_python_canopen_on_which_exist() -> None:
 
 
 def test_abort_words() -> None:
-    assert abort_words(0x06090031) == "0x06090031: value too high; give a smaller value"
-    assert "not an abort code" in abort_words(0x0F00FFC0)
+    assert abort_text(0x06090031) == "0x06090031: value too high; give a smaller value"
+    assert "not an abort code" in abort_text(0x0F00FFC0)
 
 
 def test_reactions_in_words() -> None:
-    assert "goes on with the last command" in reaction_words(0x6007, 0)
-    assert "stays in QUICK STOP ACTIVE" in reaction_words(0x605A, 6)
-    assert "manufacturer" in reaction_words(0x605E, -1)
-    assert "not an option code" in reaction_words(0x6040, 1)
+    assert "keeps following the last command" in reaction_text(0x6007, 0)
+    assert "stays in QUICK STOP ACTIVE" in reaction_text(0x605A, 6)
+    assert "manufacturer" in reaction_text(0x605E, -1)
+    assert "not an option code" in reaction_text(0x6040, 1)
     assert [value for value in range(-3, 6) if acts_on_loss(value)] == [1, 2, 3]
     assert set(REACTIONS[0x605A][1]) == set(range(9))
 
@@ -148,12 +146,12 @@ def test_reactions_in_words() -> None:
 def test_modes_in_words() -> None:
     # 6502h = 3EDh: PP PV PT HM IP CSP CSV CST, as drives without VL and DMC list it.
     assert supported_modes(0x3ED) == (1, 3, 4, 6, 7, 8, 9, 10)
-    assert supported_words(0x200) == "CST cyclic synchronous torque"
-    assert supported_words(0) == "no standard mode"
+    assert supported_text(0x200) == "CST cyclic synchronous torque"
+    assert supported_text(0) == "no standard mode"
     assert mode_name(-3) == "mode -3 (the manufacturer's)"
     assert mode_name(None) == "nothing"
-    assert mode_status_words(0x3000, Mode.HM) == ("homing attained", "homing error")
-    assert mode_status_words(0x1000, Mode.CST) == ("follows the command",)
+    assert mode_status_text(0x3000, Mode.HM) == ("homing attained", "homing error")
+    assert mode_status_text(0x1000, Mode.CST) == ("follows the command",)
     assert control_mask(Mode.CST) == 0x100
     assert control_mask(Mode.PP) == 0x370
     assert all(mask & 0x8F == 0 for mask in map(control_mask, CONTROL_BITS))

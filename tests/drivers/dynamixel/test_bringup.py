@@ -23,15 +23,15 @@ def opened(made: Bench) -> Bench:
     return made
 
 
-def test_what_was_found_and_set_is_told() -> None:
+def test_what_was_found_and_set_is_reported() -> None:
     made = opened(bench(spec(1), spec(2)))
     notes = made.driver.notes
     assert any("XM430-W350, firmware 48, 12.0 V, 25 degC" in note for note in notes)
     assert any("1.78 N m/A is the stall slope, +-20 %" in note for note in notes)
     for device_id in (1, 2):
-        told = " ".join(note for note in notes if f"servo {device_id})" in note)
-        assert "current mode, return delay 0 us, current limit" in told
-        assert "bus watchdog(98) = 5, written and read back" in told
+        reported = " ".join(note for note in notes if f"servo {device_id})" in note)
+        assert "current mode, return delay 0 us, current limit" in reported
+        assert "bus watchdog(98) = 5, written and read back" in reported
 
 
 def test_torque_is_off_and_everything_is_set_after_open() -> None:
@@ -65,10 +65,14 @@ def test_eeprom_is_not_touched_and_the_refusal_says_what_would_change() -> None:
     with pytest.raises(DriverError, match="--configure") as caught:
         made.driver.open()
     assert eeprom(made) == before
-    told = str(caught.value)
-    assert "operating mode(11) 3 (position) -> 0 (current)" in told
-    assert "operating mode(11) 3 (position) -> 1 (velocity)" in told
-    assert told.count("return delay time(9) 250 (500 us) -> 0 (0 us)") == 2
+    reported = str(caught.value)
+    assert "operating mode(11) 3 (position) -> 0 (current)" in reported
+    assert "operating mode(11) 3 (position) -> 1 (velocity)" in reported
+    assert reported.count("return delay time(9) 250 (500 us) -> 0 (0 us)") == 2
+    first, *changes, last = reported.splitlines()
+    assert first.endswith("lasting settings differ:")
+    assert all(line.startswith("  ") and line.count("->") == 1 for line in changes)
+    assert "`tautwave run RIG --configure`" in last
 
 
 def test_configure_writes_what_differs_and_tells() -> None:
@@ -107,10 +111,10 @@ def test_a_servo_that_answers_only_pings_is_made_to_answer() -> None:
     assert made.peek(0, "Status Return Level") == 2
 
 
-def test_a_hardware_error_is_told_in_words() -> None:
+def test_a_hardware_error_is_reported_as_text() -> None:
     made = bench(spec(1))
     made.world.servos[0].fail(5)
-    with pytest.raises(DeviceFault, match="overloaded for too long; it has switched its torque"):
+    with pytest.raises(DeviceFault, match="overloaded for too long; its torque is off"):
         made.driver.open()
 
 
@@ -129,7 +133,7 @@ def test_an_error_that_a_reboot_does_not_clear_is_refused() -> None:
     one = made.world.servos[0]
     one.fail(0)
     one.reboot = lambda now_ns: None
-    with pytest.raises(DeviceFault, match="also after a reboot; remove the cause"):
+    with pytest.raises(DeviceFault, match="even after a reboot; remove the cause"):
         made.driver.open()
 
 
@@ -178,16 +182,16 @@ def test_torque_that_a_goal_would_switch_on_is_configured_away() -> None:
     assert any("reversed in the servo" in note for note in made.driver.notes)
 
 
-def test_too_old_a_firmware_for_a_fast_read_is_told() -> None:
+def test_too_old_a_firmware_for_a_fast_read_is_reported() -> None:
     quirk = {"servos": {1: {"firmware": 40}}}
     made = bench(spec(1), simulator=quirk, read="fast_sync")
     with pytest.raises(DriverError, match="use read: sync"):
         made.driver.open()
 
 
-def test_sim_without_a_simulation_is_told() -> None:
+def test_sim_without_a_simulation_is_reported() -> None:
     made = bench(spec(1))
-    made.driver._given = None
+    made.driver._transport = None
     with pytest.raises(DriverError, match="add a simulation block"):
         made.driver.open()
 

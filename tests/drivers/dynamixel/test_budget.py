@@ -12,8 +12,8 @@ from tautwave.cli import main
 from tautwave.contracts import BusSpec
 from tautwave_drivers.dynamixel.budget import READ_SHARE, Traffic, budget, traffic_of
 from tautwave_drivers.dynamixel.exchange import Goals
-from tautwave_drivers.dynamixel.packet import build, sync_read_packet
-from tautwave_drivers.dynamixel.registers import GOAL_CURRENT, GOAL_VELOCITY
+from tautwave_drivers.dynamixel.protocol.packet import build, sync_read_packet
+from tautwave_drivers.dynamixel.protocol.registers import GOAL_CURRENT, GOAL_VELOCITY
 from tests.drivers.dynamixel.parts import options_of, servo, spec
 
 # Baud, return delay, latency timer [s], fast read: greatest rate by the wire with 1, 2, 6 servos.
@@ -52,7 +52,7 @@ def test_the_bytes_are_those_that_are_sent(fast: bool, status_block: bool) -> No
     sent += sync_read_packet((1, 2, 3), 126, traffic.size, fast=fast)
     assert traffic.sent == len(sent)
     if not fast:
-        assert traffic.answered == 3 * len(build(1, 0x55, bytes(traffic.size + 1)))
+        assert traffic.received == 3 * len(build(1, 0x55, bytes(traffic.size + 1)))
 
 
 def test_the_budget_leaves_the_loop_its_share() -> None:
@@ -64,7 +64,7 @@ def test_the_budget_leaves_the_loop_its_share() -> None:
     assert "divisor: " not in cost.remedy  # it fits
 
 
-def test_every_remedy_is_told_in_hz() -> None:
+def test_every_remedy_is_reported_in_hz() -> None:
     options = options_of(
         servo(1), servo(2), servo(3), baud=1_000_000, return_delay_s=500e-6, usb_latency_s=0.016,
         status_block=True,
@@ -74,7 +74,7 @@ def test_every_remedy_is_told_in_hz() -> None:
     assert cost.time_s > 1e-3
     for remedy in (
         "baud: 4000000", "return_delay_s: 0", "latency timer of 1 ms", "real UART",
-        "read: fast_sync", "status_block: false", "one axis less", "divisor: ",
+        "read: fast_sync", "status_block: false", "one axis fewer", "divisor: ",
     ):  # fmt: skip
         assert remedy in cost.remedy
         assert remedy not in cost.arithmetic
@@ -83,13 +83,13 @@ def test_every_remedy_is_told_in_hz() -> None:
 def test_a_remedy_keeps_its_promise() -> None:
     axes = (spec(1), spec(2))
     slow = options_of(servo(1), servo(2), baud=1_000_000)
-    told = budget(slow, BusSpec("hand", axes, 2000.0)).remedy
-    promised = float(told.split("baud: 4000000 gives ")[1].split(" Hz")[0])
+    reported = budget(slow, BusSpec("hand", axes, 2000.0)).remedy
+    promised = float(reported.split("baud: 4000000 gives ")[1].split(" Hz")[0])
     fast = options_of(servo(1), servo(2), baud=4_000_000)
     cost = budget(fast, BusSpec("hand", axes, 2000.0))
     assert cost.greatest_rate_hz == pytest.approx(promised, abs=0.51)
     assert "baud: " not in cost.remedy
-    nth = int(told.split("divisor: ")[1].split(" ")[0])
+    nth = int(reported.split("divisor: ")[1].split(" ")[0])
     assert budget(slow, BusSpec("hand", axes, 2000.0 / nth)).time_s <= nth / 2000.0
     assert budget(slow, BusSpec("hand", axes, 2000.0 / (nth - 1))).time_s > (nth - 1) / 2000.0
 
@@ -102,10 +102,10 @@ def test_usb_is_assumed_where_the_port_says_so() -> None:
     assert options_of(servo(1), usb_latency_s=0.016).latency_s == 0.016
 
 
-def test_a_bus_that_has_a_divisor_is_told_the_whole_one() -> None:
+def test_a_bus_with_a_divisor_gets_the_whole_one_as_remedy() -> None:
     bus = BusSpec("hand", (spec(1), spec(2)), 2000.0, divisor=3)
-    told = budget(options_of(servo(1), servo(2), baud=1_000_000), bus).remedy
-    assert "divisor: 6 on this bus (1000 Hz) fits" in told
+    reported = budget(options_of(servo(1), servo(2), baud=1_000_000), bus).remedy
+    assert "divisor: 6 on this bus (1000 Hz) fits" in reported
 
 
 @pytest.mark.parametrize("command", ["check", "run"])

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.drivers.contract import DriverBench, DriverContract
+from tautwave.testing import DriverBench, DriverContract
 from tests.drivers.dynamixel.parts import Bench, bench, servo, spec
 
 CASES: dict[str, dict[str, Any]] = {
@@ -24,7 +24,7 @@ CASES: dict[str, dict[str, Any]] = {
 }
 
 
-def told(made: Bench, axis: int) -> float:
+def reported(made: Bench, axis: int) -> float:
     """What the servo was last told, in its own units; a servo without torque is told nothing."""
     if not made.world.servos[axis].torque_on:
         return 0.0
@@ -41,6 +41,6 @@ class TestDynamixel(DriverContract):
             made.driver,
             made.clock,
             tuple(axis.causality for axis in made.bus.axes),
-            lambda axis: told(made, axis),
+            lambda axis: reported(made, axis),
             lambda axis: float(made.world.axes[axis].physics.x),
         )

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.clock import FakeClock
-from tautwave_drivers.dynamixel import packet1
+from tautwave_drivers.dynamixel.protocol import packet1
+from tautwave_drivers.dynamixel.protocol.messages import protocol1_text
 from tautwave_drivers.dynamixel.scan import ScanOptions, find_at_baud
-from tautwave_drivers.dynamixel.words import first_words
 
 INSTRUCTIONS = {
     "write": (packet1.build(1, 3, bytes((12, 100, 170))), "FFFF 01 05 03 0C64AA DC"),
@@ -53,8 +53,8 @@ def test_status_packets_of_the_e_manual_are_read(name: str) -> None:
     assert (found.device_id, found.error, found.data) == (device_id, error, bytes.fromhex(data))
 
 
-def test_the_errors_of_the_manuals_example_are_told() -> None:
-    assert first_words(0x24) == "overheated and overloaded for too long"
+def test_the_errors_of_the_manuals_example_are_reported() -> None:
+    assert protocol1_text(0x24) == "overheated and overloaded for too long"
 
 
 @given(st.binary(max_size=60), st.binary(min_size=1, max_size=12))

@@ -12,6 +12,7 @@ from tautwave.config import load_rig
 from tautwave.errors import ConfigError
 from tautwave_drivers.dynamixel.options import DynamixelOptions, match_servos
 from tautwave_drivers.dynamixel.plugin import plugin
+from tautwave_drivers.dynamixel.protocol.models import MODELS
 from tests.drivers.dynamixel.parts import block, bus_of, options_of, servo, spec
 
 
@@ -22,19 +23,19 @@ def refused(*servos: dict[str, Any], axes: Any = None, **more: Any) -> str:
 
 
 def test_an_axis_without_a_servo() -> None:
-    told = refused(servo(2), servo(3))
-    assert "master.a1 has id 1, but options.servos lists 2, 3" in told
+    reported = refused(servo(2), servo(3))
+    assert "master.a1 has id 1, but options.servos lists 2, 3" in reported
 
 
-def test_an_unknown_model_is_told_with_the_nearest() -> None:
+def test_an_unknown_model_is_reported_with_the_nearest() -> None:
     assert "did you mean 'XM430-W350'?" in refused(servo(1, "xm430w350"))
     assert "known: XL330-M077" in refused(servo(1, "SG90"))
 
 
 def test_a_servo_without_current_control_takes_no_effort() -> None:
-    told = refused(servo(1, "XL430-W250"))
-    assert "a XL430-W250 has no current control, so it cannot take effort" in told
-    assert "causality: admittance" in told
+    reported = refused(servo(1, "XL430-W250"))
+    assert "a XL430-W250 has no current control, so it cannot take effort" in reported
+    assert "causality: admittance" in reported
     match_servos(options_of(servo(1, "XL430-W250")), bus_of(spec(1, "admittance")))
 
 
@@ -43,19 +44,35 @@ def test_protocol_1_runs_no_axis() -> None:
 
 
 def test_an_effort_no_such_servo_gives() -> None:
-    told = refused(servo(1, "XL330-M288"))
-    assert "effort_limit 1 is beyond a XL330-M288" in told
-    assert "1.75 A gives 0.619" in told
+    reported = refused(servo(1, "XL330-M288"))
+    assert "effort_limit 1 exceeds a XL330-M288" in reported
+    assert "1.75 A gives 0.619" in reported
 
 
 def test_an_effort_that_is_no_count_of_the_goal() -> None:
-    told = refused(servo(1, gear_ratio=1e6))
-    assert "effort_limit 1 is less than one count of a XM430-W350's goal current (4.8e+03)" in told
+    reported = refused(servo(1, gear_ratio=1e6))
+    assert (
+        "effort_limit 1 is less than one count of a XM430-W350's goal current (4.8e+03)" in reported
+    )
+
+
+@pytest.mark.parametrize("causality", ["impedance", "admittance"])
+def test_a_model_whose_torque_is_not_known(causality: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each model listed today states its stall torque; the next one may not."""
+    new = MODELS["XM430-W350"]._replace(name="XM999", stall_torque=0.0, stall_current=0.0)
+    monkeypatch.setitem(MODELS, "XM999", new)
+    axes = [spec(1, causality)]
+    reported = refused(servo(1, "XM999"), axes=axes)
+    assert reported == (
+        "bus hand: master.a1: the stall torque of a XM999 is not known; give torque_constant"
+    )
+    (found,) = match_servos(options_of(servo(1, "XM999", torque_constant=1.5)), bus_of(*axes))
+    assert found.torque_constant == 1.5
 
 
 def test_a_current_limit_beyond_the_model() -> None:
-    told = refused(servo(1, current_limit=4.0))
-    assert "current_limit 4 is beyond the 3.21 A" in told
+    reported = refused(servo(1, current_limit=4.0))
+    assert "current_limit 4 exceeds the 3.21 A" in reported
 
 
 def test_a_baud_rate_beyond_the_model() -> None:
@@ -65,16 +82,18 @@ def test_a_baud_rate_beyond_the_model() -> None:
 
 def test_a_watchdog_shorter_than_the_loop() -> None:
     bus = bus_of(spec(1))._replace(rate_hz=20.0)
-    with pytest.raises(ConfigError, match=r"watchdog_s 0.1 is less than 3 periods.*at least 0.15"):
+    with pytest.raises(
+        ConfigError, match=r"watchdog_s 0.1 is shorter than 3 periods.*0.15 or more"
+    ):
         match_servos(options_of(servo(1)), bus)
     match_servos(options_of(servo(1), watchdog_s=0.16), bus)
 
 
 def test_ids_twice_and_many_mistakes_at_once() -> None:
-    told = refused(servo(1), servo(1, "X"), axes=[spec(1), spec(9)])
-    assert "servo id 1 is listed twice" in told
-    assert "unknown model 'X'" in told
-    assert "master.a9 has id 9" in told
+    reported = refused(servo(1), servo(1, "X"), axes=[spec(1), spec(9)])
+    assert "servo id 1 is listed twice" in reported
+    assert "unknown model 'X'" in reported
+    assert "master.a9 has id 9" in reported
 
 
 def test_status_blocks_of_two_families_are_refused() -> None:

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tautwave_drivers.dynamixel import packet
 from tautwave_drivers.dynamixel.exchange import Goals
-from tautwave_drivers.dynamixel.fast import FastStatus
-from tautwave_drivers.dynamixel.registers import GOAL_CURRENT, GOAL_VELOCITY
-from tautwave_drivers.dynamixel.usual import FIELDS, Usual
+from tautwave_drivers.dynamixel.fast_path import FIELDS, FastPath
+from tautwave_drivers.dynamixel.protocol import packet
+from tautwave_drivers.dynamixel.protocol.fast import FastStatus
+from tautwave_drivers.dynamixel.protocol.registers import GOAL_CURRENT, GOAL_VELOCITY
 from tautwave_sim.dynamixel import packets as servo_codec
 
 
@@ -154,15 +154,15 @@ def test_goals_go_out_as_their_register_holds_them(register: object) -> None:
 
 def test_every_current_comes_back_from_the_servos_own_codec() -> None:
     """Before a velocity that begins with FD, too: FF FF FD over the border of two registers."""
-    usual = Usual((1,), FIELDS, fast=False)
+    usual = FastPath((1,), FIELDS, fast=False)
     stuffed = 0
     for current in range(-32_768, 32_768):
         block = struct.pack("<hii", current, 0xFD, -3)
-        answer = servo_codec.status(1, 0, block)
-        found = usual.take(answer)
+        response = servo_codec.status(1, 0, block)
+        found = usual.take(response)
         if found is None:
             stuffed += 1
-            one = packet.take_packet(bytearray(answer), longest=17)
+            one = packet.take_packet(bytearray(response), longest=17)
             assert one is not None
             found = [(one.error, *struct.unpack("<hii", one.data))]
         assert found == [(0, current, 0xFD, -3)]
@@ -181,12 +181,14 @@ def sync_answer(values: list[tuple[int, int, int]], errors: list[int]) -> bytes:
 
 
 def fast_answer(values: list[tuple[int, int, int]], errors: list[int], count: int = 0) -> bytes:
-    told = packet.HEADER + bytes((0xFE, *((count or len(values)) * 14 + 1).to_bytes(2, "little")))
-    told += bytes((packet.STATUS,))
+    reported = packet.HEADER + bytes(
+        (0xFE, *((count or len(values)) * 14 + 1).to_bytes(2, "little"))
+    )
+    reported += bytes((packet.STATUS,))
     for number, (one, error) in enumerate(zip(values, errors, strict=True), 1):
-        told += bytes((error, number)) + struct.pack("<hii", *one)
-        told += packet.crc16(told).to_bytes(2, "little")
-    return told
+        reported += bytes((error, number)) + struct.pack("<hii", *one)
+        reported += packet.crc16(reported).to_bytes(2, "little")
+    return reported
 
 
 INT16 = st.sampled_from([-1, -3, 0, -32768, 0x7FFF]) | st.integers(-32768, 32767)
@@ -207,18 +209,18 @@ def test_the_usual_answer_is_what_the_careful_parsers_read(
         )
     )
     ids = range(1, len(values) + 1)
-    answer = (fast_answer if fast else sync_answer)(values, errors)
+    response = (fast_answer if fast else sync_answer)(values, errors)
     want = [(error, *one) for error, one in zip(errors, values, strict=True)]
-    usual = Usual(ids, FIELDS, fast=fast).take(answer)
-    stuffed = not fast and packet.STUFFED in answer
+    usual = FastPath(ids, FIELDS, fast=fast).take(response)
+    stuffed = not fast and packet.STUFFED in response
     assert usual == (None if stuffed else want)
     if fast:
-        told = [one[:3] for one in FastStatus(len(values), 10).take(bytearray(answer))]
+        reported = [one[:3] for one in FastStatus(len(values), 10).take(bytearray(response))]
     else:
-        buffer, told = bytearray(answer), []
+        buffer, reported = bytearray(response), []
         while (one := packet.take_packet(buffer)) is not None:
-            told.append((one.device_id, one.error, one.data))
-    read = [(error, *struct.unpack("<hii", block)) for _, error, block in told]
+            reported.append((one.device_id, one.error, one.data))
+    read = [(error, *struct.unpack("<hii", block)) for _, error, block in reported]
     assert read == want
 
 
@@ -226,11 +228,11 @@ def test_the_usual_answer_is_what_the_careful_parsers_read(
 def test_a_broken_byte_is_never_usual(
     values: list[tuple[int, int, int]], fast: bool, data: st.DataObject
 ) -> None:
-    answer = bytearray((fast_answer if fast else sync_answer)(values, [0] * len(values)))
-    at = data.draw(st.integers(0, len(answer) - 1))
-    answer[at] ^= data.draw(st.integers(1, 255))
+    response = bytearray((fast_answer if fast else sync_answer)(values, [0] * len(values)))
+    at = data.draw(st.integers(0, len(response) - 1))
+    response[at] ^= data.draw(st.integers(1, 255))
     ids = range(1, len(values) + 1)
-    assert Usual(ids, FIELDS, fast=fast).take(bytes(answer)) is None
+    assert FastPath(ids, FIELDS, fast=fast).take(bytes(response)) is None
 
 
 def test_a_fast_answer_that_ends_early_gives_what_came() -> None:

@@ -19,10 +19,10 @@ import serial  # type: ignore[import-untyped]
 from tautwave.clock import MonotonicClock
 from tautwave.errors import DriverError
 from tautwave_drivers.dynamixel.driver import DynamixelDriver
-from tautwave_drivers.dynamixel.ftdi import latency_timer_s, set_latency_timer
+from tautwave_drivers.dynamixel.line.ftdi import latency_timer_s, set_latency_timer
 from tautwave_drivers.dynamixel.plugin import plugin
-from tautwave_drivers.dynamixel.port import SerialPort
 from tautwave_drivers.dynamixel.scan import ScanOptions, scan
+from tautwave_drivers.serial_port import SerialPort
 from tests.drivers.dynamixel.parts import bus_of, options_of, servo, spec
 
 MAIN = "from tautwave.cli import main; main(prog_name='tautwave')"
@@ -87,7 +87,20 @@ def test_a_port_is_ours_alone(line: tuple[int, str]) -> None:
     SerialPort(line[1], 57_600).close()
 
 
-def test_a_closed_other_end_is_told(line: tuple[int, str]) -> None:
+def test_another_program_that_reads_the_line_is_reported(line: tuple[int, str]) -> None:
+    _, path = line
+    other = os.open(path, os.O_RDWR | os.O_NOCTTY)
+    port = SerialPort(path, 57_600)
+    keys = termios.tcgetattr(other)
+    keys[6][termios.VMIN] = 0  # as pyserial sets it: from then on an empty line reads as closed
+    termios.tcsetattr(other, termios.TCSANOW, keys)
+    with pytest.raises(DriverError, match=r"unplugged, .* or another program reads the same line"):
+        port.read()
+    port.close()
+    os.close(other)
+
+
+def test_a_closed_other_end_is_reported(line: tuple[int, str]) -> None:
     master, path = line
     port = SerialPort(path, 57_600)
     os.close(master)
@@ -171,16 +184,16 @@ def test_a_scan_reads_position_and_load_in_protocol_1() -> None:
     assert one["load_percent"] == 0.0
 
 
-def test_the_latency_timer_is_set_or_its_remedy_told(tmp_path: Path) -> None:
+def test_the_latency_timer_is_set_or_its_remedy_reported(tmp_path: Path) -> None:
     folder = tmp_path / "ttyUSB7"
     folder.mkdir()
     timer = folder / "latency_timer"
     timer.write_text("16\n")
     assert latency_timer_s("/dev/ttyUSB7", tmp_path) == 0.016
     assert latency_timer_s("/dev/ttyAMA0", tmp_path) is None
-    told = set_latency_timer("/dev/ttyUSB7", 0.001, tmp_path)
+    reported = set_latency_timer("/dev/ttyUSB7", 0.001, tmp_path)
     assert timer.read_text() == "1\n"
-    assert told == "/dev/ttyUSB7: USB latency timer set from 16 to 1 ms"
+    assert reported == "/dev/ttyUSB7: USB latency timer set from 16 to 1 ms"
     assert set_latency_timer("/dev/ttyUSB7", 0.001, tmp_path).endswith("latency timer 1 ms")
     assert set_latency_timer("/dev/ttyAMA0", 0.001, tmp_path) == ""
 
@@ -197,6 +210,6 @@ def test_a_latency_timer_that_may_not_be_set(
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(Path, "write_text", refuse)
-    told = set_latency_timer("/dev/ttyUSB7", 0.001, tmp_path)
-    assert "warning: USB latency timer 16 ms" in told
-    assert f"echo 1 | sudo tee {timer}" in told
+    reported = set_latency_timer("/dev/ttyUSB7", 0.001, tmp_path)
+    assert "warning: USB latency timer 16 ms" in reported
+    assert f"echo 1 | sudo tee {timer}" in reported

@@ -140,7 +140,7 @@ def test_an_answer_that_comes_a_cycle_late_never_passes_for_the_next(read: str) 
         (5, "overloaded for too long"),
     ],
 )
-def test_an_alert_is_told_in_words_with_its_axis(
+def test_an_alert_is_reported_as_text_with_its_axis(
     bit: int, words: str, read: str, status_block: bool
 ) -> None:
     made = bench(spec(1), spec(2), read=read, status_block=status_block)
@@ -175,7 +175,7 @@ def test_an_alert_is_read_even_when_no_cycle_has_time_for_it() -> None:
 
 
 @pytest.mark.parametrize("status_block", [False, True])
-def test_a_tripped_watchdog_is_told_and_ends_the_run(status_block: bool) -> None:
+def test_a_tripped_watchdog_is_reported_and_ends_the_run(status_block: bool) -> None:
     made = bench(spec(1), status_block=status_block)
     made.enable()
     for _ in range(3):
@@ -234,7 +234,7 @@ def keep_enabling(made: Bench, steps: int) -> None:
         made.clock.sleep_until(made.clock.now_ns() + PERIOD_NS)
 
 
-def test_a_watchdog_goes_on_where_torque_was_not_seen_to_go_off() -> None:
+def test_a_watchdog_stays_armed_where_torque_off_was_not_confirmed() -> None:
     made = three()
     write = made.driver._line.write
 
@@ -244,19 +244,19 @@ def test_a_watchdog_goes_on_where_torque_was_not_seen_to_go_off() -> None:
     made.driver._line.write = deaf  # type: ignore[method-assign]
     made.driver.disable()
     assert [made.peek(index, "Bus Watchdog") for index in range(3)] == [0, 5, 0]
-    told = [note for note in made.driver.notes if "was not seen to switch its torque off" in note]
-    assert len(told) == 1
-    assert "(servo 2)" in told[0]
+    reported = [note for note in made.driver.notes if "torque off was not confirmed" in note]
+    assert len(reported) == 1
+    assert "(servo 2)" in reported[0]
 
 
-def test_an_answer_to_an_earlier_question_confirms_nothing() -> None:
+def test_an_answer_to_an_earlier_request_confirms_nothing() -> None:
     made = three()
     made.driver.request()
     made.clock.sleep_until(made.clock.now_ns() + 10_000)  # the answers are still to come
     made.world.servos[1].memory.poke("Torque Enable", 0)
-    answer = made.driver._line.read(2, 64, 1)
-    assert answer is not None
-    assert answer.data == b"\x00"
+    response = made.driver._line.read(2, 64, 1)
+    assert response is not None
+    assert response.data == b"\x00"
 
 
 def test_a_servo_that_was_away_for_longer_than_its_watchdog_waits_is_asked_about_it() -> None:
@@ -273,11 +273,11 @@ def test_a_servo_that_was_away_for_longer_than_its_watchdog_waits_is_asked_about
     assert "bus watchdog tripped" in fault.text
 
 
-def test_torque_that_does_not_come_on_is_told() -> None:
+def test_torque_that_does_not_come_on_is_reported() -> None:
     made = bench(spec(1))
     made.world.servos[0]._shut_down = True
     made.driver.open()
-    with pytest.raises(DriverError, match="torque does not come on"):
+    with pytest.raises(DriverError, match="torque does not switch on"):
         keep_enabling(made, 2000)
 
 
@@ -294,7 +294,7 @@ def test_a_torque_order_that_was_lost_is_given_again() -> None:
     assert valid(made.cycle(0.1)) == [True]
 
 
-def test_a_hardware_error_while_enabling_is_told() -> None:
+def test_a_hardware_error_while_enabling_is_reported() -> None:
     made = bench(spec(1))
     made.driver.open()
     made.driver.enable_step()

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from tautwave.models.encoder import quantise
 from tautwave.types import AxisCommand
-from tautwave_drivers.dynamixel import registers as reg
-from tautwave_drivers.dynamixel.models import MODELS, VELOCITY_UNIT, Model, model_name
 from tautwave_drivers.dynamixel.options import Servo, ServoOptions
-from tautwave_drivers.dynamixel.units import Scale, scale_of
+from tautwave_drivers.dynamixel.protocol import registers as reg
+from tautwave_drivers.dynamixel.protocol.models import MODELS, VELOCITY_UNIT, Model, model_name
+from tautwave_drivers.dynamixel.protocol.units import Scale, scale_of
 from tautwave_sim.dynamixel.models import find_model
 from tests.drivers.dynamixel.parts import spec
 
@@ -72,7 +72,7 @@ def test_a_model_is_known_by_its_number(model: Model) -> None:
     assert model_name(model.number) == model.name
 
 
-def test_numbers_nobody_knows_are_told_as_such() -> None:
+def test_numbers_nobody_knows_are_reported_as_such() -> None:
     assert model_name(9999) == "model 9999"
     assert model_name(12, 1.0) == "AX-12A"
     assert model_name(30) == "MX-28(2.0)"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from tautwave.clock import FakeClock
@@ -63,10 +65,10 @@ class Bench(NamedTuple):
         value: int = self.world.bus.drives[unit].bank.number(name)
         return value
 
-    def told(self, axis: int) -> float:
+    def commanded(self, axis: int) -> float:
         """What the motor of an axis follows [counts]."""
         drive = self.world.bus.drives[self.bus.axes[axis].device_id]
-        return float(drive.motor.told if drive.on else 0.0)
+        return float(drive.motor.setpoint if drive.on else 0.0)
 
 
 def commands(bus: BusSpec, values: Sequence[float]) -> list[AxisCommand]:
@@ -84,6 +86,15 @@ def spec(
 
 def device(unit: int, profile: str = "generic", **more: Any) -> dict[str, Any]:
     return {"unit": unit, "profile": profile, "rated_torque": RATED[profile], **more}
+
+
+def queued(folder: Path, outstanding: int, units: int) -> list[dict[str, Any]]:
+    """Devices of the generic profile behind a server that takes so many requests at once."""
+    text = files("tautwave_drivers.modbus").joinpath("profiles/generic.yaml").read_text("utf-8")
+    assert "\noutstanding: 1\n" in text
+    path = folder / f"queue-{outstanding}.yaml"
+    path.write_text(text.replace("\noutstanding: 1\n", f"\noutstanding: {outstanding}\n"))
+    return [device(unit) | {"profile": str(path)} for unit in range(1, units + 1)]
 
 
 def options_of(axes: Sequence[AxisSpec], profile: str, **more: Any) -> dict[str, Any]:

@@ -27,16 +27,16 @@ def notes(made: Bench) -> str:
 
 def test_a_drive_of_another_family_is_not_written_to() -> None:
     made = bench(**quirks(registers={"identity": 7}))
-    assert "identity reads 0x7, a generic drive has 0x5457" in refusal(made)
+    assert "identity reads 0x7, but a generic drive has 0x5457" in refusal(made)
     assert made.world.bus.drives[1].wear == {}
     assert made.number(1, "eeprom") == 1  # as it was
 
 
 def test_a_wrong_rated_torque_or_encoder_is_found() -> None:
     made = bench(devices=[device(1, rated_torque=1.0)], **quirks(registers={"rated_torque": 2000}))
-    assert "its rated torque is 2 N m, the rig says 1" in refusal(made)
+    assert "its rated torque is 2 N m, but the rig says 1" in refusal(made)
     made = bench(devices=[device(1)], **quirks(registers={"counts": 4096}))
-    assert "it counts 4096 per revolution, the rig has 65536" in refusal(made)
+    assert "it has 4096 counts per revolution, but the rig says 65536" in refusal(made)
 
 
 def test_limits_and_mode_are_written_and_read_back() -> None:
@@ -81,9 +81,9 @@ def profile_without_switch(tmp_path: Any) -> str:
 
 def test_lasting_writes_need_configure(tmp_path: Any) -> None:
     mine = device(1, counts_per_revolution=65536) | {"profile": profile_without_switch(tmp_path)}
-    told = refusal(bench(devices=[mine]))
-    assert "lasting settings differ: mode 0 -> 2" in told
-    assert "run once with --configure" in told
+    reported = refusal(bench(devices=[mine]))
+    assert "lasting settings differ:\n  mode 0 -> 2" in reported
+    assert "`tautwave run RIG --configure` once to write" in reported
     made = bench(devices=[mine], bus={"configure": True})
     made.driver.open()
     assert made.number(1, "mode") == 2
@@ -104,7 +104,7 @@ def test_the_comm_loss_timeout_is_tried_then_armed_and_stops_the_drive() -> None
     made.run(5, 0.5)
     made.clock.sleep_until(made.clock.now_ns() + 150_000_000)  # the host is away
     made.run(3, 0.5)
-    assert made.told(0) == 0.0
+    assert made.commanded(0) == 0.0
     faults = made.faults()
     assert [fault.fatal for fault in faults] == [True]
     assert "the line was silent for too long (comm-loss timeout) (code 0x1)" in faults[0].text
@@ -113,20 +113,20 @@ def test_the_comm_loss_timeout_is_tried_then_armed_and_stops_the_drive() -> None
 
 
 def test_a_comm_loss_timeout_that_does_not_stick_is_found() -> None:
-    told = refusal(bench(**quirks(keeps_comm_timeout=True)))
-    assert "comm_timeout reads 0 after 100 was written" in told
+    reported = refusal(bench(**quirks(keeps_comm_timeout=True)))
+    assert "comm_timeout reads 0 after 100 was written" in reported
 
 
 def test_a_timeout_of_less_than_three_periods_is_refused() -> None:
-    told = refusal(bench(rate_hz=20.0, comm_timeout_s=0.1))
-    assert "make it at least 0.15" in told
+    reported = refusal(bench(rate_hz=20.0, comm_timeout_s=0.1))
+    assert "set it to 0.15 or more" in reported
 
 
 @pytest.mark.parametrize("profile", ["dsy-rs", "cia402"])
-def test_a_drive_without_comm_loss_timeout_is_refused_or_told_loudly(profile: str) -> None:
-    told = refusal(bench(profile=profile, bus={"allow_unwatched": False}))
-    assert "goes on with its last command" in told
-    assert "--allow-unwatched" in told
+def test_a_drive_without_comm_loss_timeout_is_refused_or_marked_unwatched(profile: str) -> None:
+    reported = refusal(bench(profile=profile, bus={"allow_unwatched": False}))
+    assert "keeps following its last command" in reported
+    assert "--allow-unwatched" in reported
     made = bench(profile=profile)
     made.driver.open()
     assert "NOT WATCHED: slave.a1 (unit 1) on bus arm: has no comm-loss timeout" in notes(made)
@@ -134,30 +134,30 @@ def test_a_drive_without_comm_loss_timeout_is_refused_or_told_loudly(profile: st
 
 def test_settings_that_a_profile_takes_for_granted_are_compared() -> None:
     made = bench(profile="dsy-rs", **quirks(registers={"di1_function": 2}))
-    assert "di1_function is 2, but has to be 1: DI1 has to be servo on" in refusal(made)
+    assert "di1_function is 2, but must be 1: DI1 has to be servo on" in refusal(made)
     made = bench(profile="dsy-rs", **quirks(registers={"torque_filter": 50}))
     made.driver.open()
     assert made.number(1, "torque_filter") == 0
 
 
-def test_a_fault_is_reset_once_or_told() -> None:
+def test_a_fault_is_reset_once_or_reported() -> None:
     made = bench(**quirks(starts_in_fault=True))
     made.enable()
-    assert "had a fault, now reset: too much current (code 0x2)" in notes(made)
+    assert "was in fault, now reset: too much current (code 0x2)" in notes(made)
     made = bench(**quirks(starts_in_fault=True, resets=5))
-    told = refusal(made)
-    assert "has a fault that a reset does not clear: too much current" in told
+    reported = refusal(made)
+    assert "is still in fault after a reset: too much current" in reported
 
 
 @pytest.mark.parametrize("profile", ["generic", "dsy-rs"])
-def test_a_drive_that_does_not_come_on_is_told_with_its_step(profile: str) -> None:
+def test_a_drive_that_does_not_come_on_is_reported_with_its_step(profile: str) -> None:
     made = bench(profile=profile, **quirks(refuses_to_enable=True))
     with pytest.raises(BusTimeout, match=r"slave.a1 \(unit 1\): enable, step \d \(\w+\): still "):
         made.enable()
     made.driver.close()
 
 
-def test_a_cia_402_drive_that_does_not_come_on_is_told_with_its_state() -> None:
+def test_a_cia_402_drive_that_does_not_come_on_is_reported_with_its_state() -> None:
     made = bench(profile="cia402", **quirks(refuses_to_enable=True))
     with pytest.raises(DeviceFault, match=r"slave.a1 \(unit 1\)"):
         made.enable()
@@ -190,7 +190,7 @@ def test_a_drive_that_is_not_there() -> None:
 
 def test_a_drive_on_in_spite_of_us_is_taken_off_first() -> None:
     made = bench(**quirks(registers={"control": 1, "target_torque": 400}))
-    made.world.bus.drives[1].machine.told({"control"}, 0)
+    made.world.bus.drives[1].machine.on_write({"control"}, 0)
     assert made.world.bus.drives[1].on
     made.driver.open()
     assert not made.world.bus.drives[1].on
@@ -215,14 +215,14 @@ def test_watchdogs_are_fed_while_other_buses_are_enabling() -> None:
     for more in ({}, FAST_RTU):
         made = bench(**more)  # type: ignore[arg-type]
         made.enable()
-        answers = []
+        responses = []
         for _ in range(1000):
-            answers.append(made.driver.enable_step())
+            responses.append(made.driver.enable_step())
             made.clock.sleep_until(made.clock.now_ns() + made.bus.period_ns)
-        assert made.told(0) == 0.0
+        assert made.commanded(0) == 0.0
         assert made.world.bus.drives[1].on  # it heard us in every 0.1 s
-        assert answers.count(True) > 900
-        assert not any(one is two is False for one, two in pairwise(answers))
+        assert responses.count(True) > 900
+        assert not any(one is two is False for one, two in pairwise(responses))
         assert made.world.axes[0].physics.x == 0.0
 
 
@@ -250,11 +250,11 @@ def test_drives_that_were_disabled_can_be_enabled_again() -> None:
             break
         made.clock.sleep_until(made.clock.now_ns() + made.bus.period_ns)
     made.run(5, 0.5)
-    assert made.told(0) == 500.0
+    assert made.commanded(0) == 500.0
     made.driver.close()
 
 
-def test_a_drive_that_goes_into_fault_while_it_comes_on_is_told_with_its_code() -> None:
+def test_a_drive_that_goes_into_fault_while_it_comes_on_is_reported_with_its_code() -> None:
     made = bench(**quirks(enable_s=0.5))
     made.driver.open()
 

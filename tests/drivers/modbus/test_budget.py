@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,7 +17,7 @@ from tautwave_drivers.modbus.budget import (
     write_exchange,
 )
 from tautwave_drivers.modbus.options import ModbusOptions
-from tests.drivers.modbus.parts import options_of, spec
+from tests.drivers.modbus.parts import device, options_of, queued, spec
 
 # Modbus RTU, 11 bits a character, FC 23 that writes 4 and reads 6 words (21 + 17 characters), and
 # FC 16 + FC 3 for the same; gaps of 3.5 characters, 1.75 ms above 19200 baud. Rates [Hz] of one
@@ -68,7 +69,7 @@ def test_one_drive_over_rtu() -> None:
 def test_a_line_that_is_too_slow_says_what_would_fit() -> None:
     found = made(2, 200.0, **(RTU | {"baud": 19_200}), profile="dsy-rs")
     assert found.time_s > 1 / 200.0
-    for remedy in ("baud: 115200", "one drive less", "function code 23", "divisor: "):
+    for remedy in ("baud: 115200", "one drive fewer", "function code 23", "divisor: "):
         assert remedy in found.remedy
         assert remedy not in found.arithmetic  # `check` shows both
     fast = made(1, 500.0, **RTU)
@@ -98,20 +99,43 @@ def test_the_slowest_drive_there_may_be_has_its_divisor_at_once() -> None:
     assert 100_000 < nth < 101_000
 
 
-def test_over_tcp_the_slowest_drive_counts_and_not_their_number() -> None:
-    one = made(1, 100.0, turnaround_s=0.003)
-    three = made(3, 100.0, turnaround_s=0.003)
-    assert one.time_s == three.time_s == pytest.approx(0.00315 / READ_SHARE)
-    cia402 = made(1, 100.0, turnaround_s=0.003, profile="cia402")
+def test_over_tcp_drives_behind_one_connection_are_polled_in_turn() -> None:
+    one = made(1, 50.0, turnaround_s=0.003)
+    three = made(3, 50.0, turnaround_s=0.003)
+    assert one.time_s == pytest.approx(0.00315 / READ_SHARE)
+    assert three.time_s == pytest.approx(3 * 0.00315 / READ_SHARE)
+    cia402 = made(1, 50.0, turnaround_s=0.003, profile="cia402")
     assert cia402.time_s == pytest.approx(3 * 0.00315 / READ_SHARE)
-    assert "assumed" in made(1, 100.0, turnaround_s=None).arithmetic
+    assert "assumed" in made(1, 50.0, turnaround_s=None).arithmetic
     assert "TCP: 1 drive (FC 23), 1 exchange, " in one.arithmetic
-    assert "TCP: 3 drives asked at the same time (FC 23), 1 exchange, " in three.arithmetic
+    assert (
+        "TCP: 3 drives in turn, 1 request outstanding per connection (outstanding in the profile) "
+        "(FC 23), 3 exchanges one after the other, " in three.arithmetic
+    )
+    assert "outstanding: 3 in the profile" in three.remedy
+    assert f"gives {1 / one.time_s:.0f} Hz" in three.remedy
+
+
+def test_over_tcp_connections_are_polled_in_parallel() -> None:
+    own = [device(unit, endpoint=f"tcp://10.0.0.{unit}:502") for unit in (1, 2, 3)]
+    apart = made(3, 50.0, turnaround_s=0.003, devices=own)
+    assert apart.time_s == pytest.approx(0.00315 / READ_SHARE)
+    assert "TCP: 3 drives in parallel (FC 23), 1 exchange, " in apart.arithmetic
+    own[2]["endpoint"] = own[1]["endpoint"]
+    assert made(3, 50.0, turnaround_s=0.003, devices=own).time_s == pytest.approx(
+        2 * 0.00315 / READ_SHARE
+    )
+
+
+@pytest.mark.parametrize(("outstanding", "rounds"), [(1, 5), (2, 3), (4, 2), (5, 1), (9, 1)])
+def test_the_profile_says_how_many_a_server_takes(
+    tmp_path: Path, outstanding: int, rounds: int
+) -> None:
+    found = made(5, 10.0, turnaround_s=0.003, devices=queued(tmp_path, outstanding, 5))
+    assert found.time_s == pytest.approx(rounds * 0.00315 / READ_SHARE)
 
 
 def test_a_rig_over_budget_exits_4(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    from pathlib import Path
-
     from tautwave.cli import main
 
     source = Path(__file__).parents[3] / "configs" / "bench-modbus-rtu-sim.yaml"

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.drivers.contract import DriverBench, DriverContract
+from tautwave.testing import DriverBench, DriverContract
 from tests.drivers.modbus.parts import FAST_RTU, bench, device, spec
 
 CASES: dict[str, dict[str, Any]] = {
@@ -40,6 +40,6 @@ class TestModbus(DriverContract):
             made.driver,
             made.clock,
             tuple(axis.causality for axis in made.bus.axes),
-            made.told,
+            made.commanded,
             lambda axis: float(made.world.axes[axis].physics.x),
         )

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from pymodbus.framer import FramerRTU, FramerSocket
 from pymodbus.pdu import DecodePDU
 
-from tautwave_drivers.modbus import frames
-from tautwave_drivers.modbus.registers import blocks_of, from_words, to_words
+from tautwave_drivers.modbus.protocol import frames
+from tautwave_drivers.modbus.protocol.registers import blocks_of, from_words, to_words
 
 UNIT = 17
 RTU = FramerRTU(DecodePDU(False))
@@ -46,16 +46,16 @@ EXAMPLES = {
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_requests_and_answers_are_those_of_the_standard(name: str) -> None:
-    question, request, answer = EXAMPLES[name]
-    assert bytes(question.pdu) == hexed(request)
-    assert question.fits(hexed(answer))
-    assert question.fits(bytes((question.function | 0x80, 2)))
-    assert not question.fits(bytes((question.function | 0x80, 2, 0)))
-    frame = frames.rtu_frame(UNIT, hexed(answer))
-    assert frames.take_rtu(frame, UNIT, question) == hexed(answer)
-    assert frames.take_rtu(frame, UNIT + 1, question) is None
-    assert frames.take_rtu(frame[:-1], UNIT, question) is None
+def test_requests_and_responses_are_those_of_the_standard(name: str) -> None:
+    request, sent, response = EXAMPLES[name]
+    assert bytes(request.pdu) == hexed(sent)
+    assert request.fits(hexed(response))
+    assert request.fits(bytes((request.function | 0x80, 2)))
+    assert not request.fits(bytes((request.function | 0x80, 2, 0)))
+    frame = frames.rtu_frame(UNIT, hexed(response))
+    assert frames.take_rtu(frame, UNIT, request) == hexed(response)
+    assert frames.take_rtu(frame, UNIT + 1, request) is None
+    assert frames.take_rtu(frame[:-1], UNIT, request) is None
 
 
 def test_the_crc_is_that_of_the_standard() -> None:
@@ -64,8 +64,8 @@ def test_the_crc_is_that_of_the_standard() -> None:
 
 
 def test_the_identification_is_read() -> None:
-    told = frames.identity_of(hexed(EXAMPLES["FC 43"][2]))
-    assert told == {0: "Company identification", 1: "Product codeX", 2: "V2.11"}
+    reported = frames.identity_of(hexed(EXAMPLES["FC 43"][2]))
+    assert reported == {0: "Company identification", 1: "Product codeX", 2: "V2.11"}
 
 
 @given(st.integers(1, 247), st.binary(min_size=1, max_size=250), WORD)
@@ -75,36 +75,36 @@ def test_frames_are_those_of_pymodbus(unit: int, pdu: bytes, transaction: int) -
 
 
 @given(st.integers(1, 247), st.lists(WORD, min_size=1, max_size=4), st.lists(WORD, min_size=4))
-def test_changed_words_make_the_frame_of_a_new_question(
+def test_changed_words_make_the_frame_of_a_new_request(
     unit: int, first: list[int], more: list[int]
 ) -> None:
     second = more[: len(first)]
-    for question, made in (
+    for request, made in (
         (frames.write(18, first), frames.write(18, second)),
         (frames.read_write(2, 4, 18, first), frames.read_write(2, 4, 18, second)),
         (frames.write_one(18, first[0]), frames.write_one(18, second[0])),
     ):
-        frames.rtu_question(unit, question)
-        question.put(second if question.function != 6 else second[:1])
-        assert question.pdu == made.pdu
-        assert question.head == made.head
-        assert frames.rtu_question(unit, question) == frames.rtu_frame(unit, bytes(made.pdu))
+        frames.rtu_request(unit, request)
+        request.put(second if request.function != 6 else second[:1])
+        assert request.pdu == made.pdu
+        assert request.head == made.head
+        assert frames.rtu_request(unit, request) == frames.rtu_frame(unit, bytes(made.pdu))
 
 
 @given(st.lists(WORD, min_size=1, max_size=20), st.binary(max_size=12), st.binary(max_size=6))
 def test_an_answer_is_found_between_noise(words: list[int], before: bytes, after: bytes) -> None:
-    question = frames.read(3, 0, len(words))
+    request = frames.read(3, 0, len(words))
     pdu = bytes((3, 2 * len(words))) + b"".join(word.to_bytes(2, "big") for word in words)
-    found = frames.take_rtu(before + frames.rtu_frame(UNIT, pdu) + after, UNIT, question)
+    found = frames.take_rtu(before + frames.rtu_frame(UNIT, pdu) + after, UNIT, request)
     assert found == pdu
     assert frames.words_of(pdu) == tuple(words)
 
 
 @given(st.binary(max_size=300))
 def test_no_bytes_raise(data: bytes) -> None:
-    for question, _, _ in EXAMPLES.values():
-        frames.take_rtu(data, UNIT, question)
-        frames.take_rtu(bytes((UNIT,)) + question.head + data, UNIT, question)
+    for request, _, _ in EXAMPLES.values():
+        frames.take_rtu(data, UNIT, request)
+        frames.take_rtu(bytes((UNIT,)) + request.head + data, UNIT, request)
     buffer = bytearray(data)
     while frames.take_tcp(buffer) is not None:
         pass
@@ -113,9 +113,9 @@ def test_no_bytes_raise(data: bytes) -> None:
 
 @given(st.lists(st.tuples(WORD, st.binary(min_size=2, max_size=60)), max_size=5), st.data())
 def test_a_stream_is_cut_into_its_frames(
-    answers: list[tuple[int, bytes]], data: st.DataObject
+    responses: list[tuple[int, bytes]], data: st.DataObject
 ) -> None:
-    stream = b"".join(frames.tcp_frame(number, 1, pdu) for number, pdu in answers)
+    stream = b"".join(frames.tcp_frame(number, 1, pdu) for number, pdu in responses)
     buffer = bytearray()
     found = []
     while stream:
@@ -124,7 +124,7 @@ def test_a_stream_is_cut_into_its_frames(
         stream = stream[count:]
         while (one := frames.take_tcp(buffer)) is not None:
             found.append((one[0], one[2]))
-    assert found == answers
+    assert found == responses
     assert not buffer
 
 

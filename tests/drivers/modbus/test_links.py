@@ -10,23 +10,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.clock import FakeClock
-from tautwave_drivers.modbus.errand import Errand
-from tautwave_drivers.modbus.frames import read, read_write, rtu_frame, tcp_frame
+from tautwave_drivers.modbus.line.rtu import RtuLink
+from tautwave_drivers.modbus.line.tcp import TcpLink
 from tautwave_drivers.modbus.options import ModbusOptions
-from tautwave_drivers.modbus.transaction_rtu import RtuLink
-from tautwave_drivers.modbus.transaction_tcp import TcpLink
+from tautwave_drivers.modbus.protocol.frames import read, read_write, rtu_frame, tcp_frame
+from tautwave_drivers.modbus.protocol.transaction import Transaction
 from tests.drivers.modbus.parts import device
 
 LINE = ModbusOptions.model_validate(
     {"link": "rtu", "endpoint": "/dev/x", "late_s": 0.005, "devices": [device(1)]}
 )
-ANSWER = b"\x03\x04\x00\x01\x00\x02"
+RESPONSE = b"\x03\x04\x00\x01\x00\x02"
 CHUNK = st.one_of(
     st.binary(max_size=40),
     st.builds(tcp_frame, st.integers(0, 6), st.integers(0, 3), st.binary(max_size=9)),
     st.builds(rtu_frame, st.integers(0, 3), st.binary(max_size=9)),
-    st.just(tcp_frame(2, 2, ANSWER)),
-    st.just(rtu_frame(2, ANSWER)),
+    st.just(tcp_frame(2, 2, RESPONSE)),
+    st.just(rtu_frame(2, RESPONSE)),
 )
 
 
@@ -54,20 +54,20 @@ def test_no_bytes_disturb_a_link(rtu: bool, chunks: list[bytes]) -> None:
     link: Any = RtuLink(lambda: port, clock, LINE) if rtu else TcpLink(lambda: port, clock, 1.0)
     link.connect()
     clock.sleep_until(clock.now_ns() + 10_000_000)
-    errands = [Errand(1), Errand(2)]
+    transactions = [Transaction(1), Transaction(2)]
     for chunk in [*chunks, b""]:
         link.abandon()
-        for errand in errands:
-            errand.begin((read_write(2, 2, 18, (7,)), read(3, 2, 2)))
-        link.start(errands)
+        for transaction in transactions:
+            transaction.begin((read_write(2, 2, 18, (7,)), read(3, 2, 2)))
+        link.start(transactions)
         for part in (chunk[: len(chunk) // 2], chunk[len(chunk) // 2 :]):
             port.inbox = part
             clock.sleep_until(clock.now_ns() + 3_000_000)
             link.pump()
         assert link.lost == ""
-        for errand in errands:
-            for question, pdu in zip(errand.questions, errand.answers, strict=False):
-                assert question.fits(pdu)
+        for transaction in transactions:
+            for request, pdu in zip(transaction.requests, transaction.responses, strict=False):
+                assert request.fits(pdu)
     assert port.sent
     link.close()
     assert link.lost
@@ -77,24 +77,24 @@ def test_after_a_babble_the_next_answer_is_heard() -> None:
     clock, port = FakeClock(1_000_000_000), Stub()
     link = RtuLink(lambda: port, clock, LINE)
     link.connect()
-    errand = Errand(2)
+    transaction = Transaction(2)
     for _ in range(50):
         port.inbox = b"\x02\x03" * 200
         clock.sleep_until(clock.now_ns() + 1_000_000)
         link.pump()
     clock.sleep_until(clock.now_ns() + 5_000_000)
-    errand.begin((read(3, 0, 2),))
-    link.start((errand,))
+    transaction.begin((read(3, 0, 2),))
+    link.start((transaction,))
     clock.sleep_until(clock.now_ns() + 5_000_000)
     link.pump()
     assert len(port.sent) == 1
-    port.inbox = rtu_frame(2, ANSWER)
+    port.inbox = rtu_frame(2, RESPONSE)
     link.pump()
-    assert errand.answers == [ANSWER]
+    assert transaction.responses == [RESPONSE]
 
 
 @pytest.mark.parametrize("babble", [b"", b"\x00\xff"], ids=["opened", "noise"])
-def test_the_first_question_follows_three_and_a_half_characters_of_silence(babble: bytes) -> None:
+def test_the_first_request_follows_three_and_a_half_characters_of_silence(babble: bytes) -> None:
     """Else the drives take it for the end of what was on the line before."""
     keys = {"endpoint": "/dev/x", "baud": 19200, "parity": "E", "devices": [device(1)]}
     options = ModbusOptions.model_validate({"link": "rtu", **keys})
@@ -105,9 +105,9 @@ def test_the_first_question_follows_three_and_a_half_characters_of_silence(babbl
     if babble:  # long after it was opened
         clock.sleep_until(clock.now_ns() + 10 * silence)
         port.inbox = babble
-    errand = Errand(2)
-    errand.begin((read(3, 0, 2),))
-    link.start((errand,))
+    transaction = Transaction(2)
+    transaction.begin((read(3, 0, 2),))
+    link.start((transaction,))
     since = clock.now_ns()
     assert port.sent == []
     assert link.wake_ns == pytest.approx(since + silence, abs=1)
@@ -116,8 +116,8 @@ def test_the_first_question_follows_three_and_a_half_characters_of_silence(babbl
     assert port.sent == []
     clock.sleep_until(since + silence)
     link.pump()
-    assert port.sent == [rtu_frame(2, bytes(errand.questions[0].pdu))]
-    assert link.strange == len(babble)
+    assert port.sent == [rtu_frame(2, bytes(transaction.requests[0].pdu))]
+    assert link.unexpected == len(babble)
 
 
 def test_a_line_that_was_silent_long_enough_is_asked_at_once() -> None:
@@ -125,7 +125,7 @@ def test_a_line_that_was_silent_long_enough_is_asked_at_once() -> None:
     link = RtuLink(lambda: port, clock, LINE)
     link.connect()
     clock.sleep_until(clock.now_ns() + 10_000_000)
-    errand = Errand(2)
-    errand.begin((read(3, 0, 2),))
-    link.start((errand,))
+    transaction = Transaction(2)
+    transaction.begin((read(3, 0, 2),))
+    link.start((transaction,))
     assert len(port.sent) == 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import socket
 import struct
+import termios
 import tty
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,17 +14,13 @@ import pytest
 
 from tautwave.clock import MonotonicClock
 from tautwave.errors import DriverError
-from tautwave_drivers.modbus.errand import Errand
-from tautwave_drivers.modbus.frames import read
-from tautwave_drivers.modbus.options import ModbusOptions
-from tautwave_drivers.modbus.ports import SerialPort, TcpPort, Watched
-from tautwave_drivers.modbus.transaction_tcp import TcpLink
-from tests.drivers.modbus.parts import device
+from tautwave_drivers.modbus.line.ports import EpollGroup, TcpPort
+from tautwave_drivers.modbus.line.tcp import TcpLink
+from tautwave_drivers.modbus.protocol.frames import read
+from tautwave_drivers.modbus.protocol.transaction import Transaction
+from tautwave_drivers.serial_port import Parity, SerialPort
 
 CLOCK = MonotonicClock()
-LINE = ModbusOptions.model_validate(
-    {"link": "rtu", "endpoint": "/dev/x", "parity": "E", "devices": [device(1)]}
-)
 RESET = struct.pack("ii", 1, 0)
 
 
@@ -81,19 +78,19 @@ def test_the_other_end_goes(listener: socket.socket, abrupt: bool) -> None:
     port.close()
 
 
-def test_a_peer_that_takes_nothing_is_told(listener: socket.socket) -> None:
+def test_a_peer_that_takes_nothing_is_reported(listener: socket.socket) -> None:
     port = TcpPort(endpoint(listener))
     connect(port)
     other, _ = listener.accept()
-    told = ""
+    reported = ""
     with other:
         for _ in range(1000):
             try:
                 port.write(bytes(65536))
             except DriverError as err:
-                told = str(err)
+                reported = str(err)
                 break
-    assert "takes no more bytes" in told
+    assert "accepts no more bytes" in reported
     port.close()
 
 
@@ -111,7 +108,7 @@ def test_a_link_tells_late_answers_by_their_number_and_comes_back(
     while not link.connect() and CLOCK.now_ns() < until:
         CLOCK.sleep_until(CLOCK.now_ns() + 1_000_000)
     other, _ = listener.accept()
-    first, second = Errand(1), Errand(1)
+    first, second = Transaction(1), Transaction(1)
     first.begin((read(3, 0, 1),))
     link.start((first,))
     asked = other.recv(64)
@@ -122,12 +119,12 @@ def test_a_link_tells_late_answers_by_their_number_and_comes_back(
     assert asked[:2] != asked_again[:2]
     body = b"\0\0\0\x05\x01\x03\x02"
     other.sendall(asked[:2] + body + b"\0\x07" + asked_again[:2] + body + b"\0\x08")
-    while second.under_way and CLOCK.now_ns() < until:
+    while second.pending and CLOCK.now_ns() < until:
         assert link.port is not None
         CLOCK.wait(link.port, until)
         link.pump()
-    assert first.answers == []
-    assert second.answers == [b"\x03\x02\0\x08"]
+    assert first.responses == []
+    assert second.responses == [b"\x03\x02\0\x08"]
     assert link.late == 1
     other.close()
     assert link.port is not None
@@ -147,7 +144,7 @@ def test_several_connections_are_waited_for_at_once(listener: socket.socket) -> 
     others = [listener.accept()[0] for _ in range(2)]
     for port in ports:
         connect(port)
-    watched = Watched(ports)
+    watched = EpollGroup(ports)
     assert not CLOCK.wait(watched, CLOCK.now_ns() + 1_000_000)
     others[1].sendall(b"x")
     assert CLOCK.wait(watched, CLOCK.now_ns() + 5_000_000_000)
@@ -159,7 +156,7 @@ def test_several_connections_are_waited_for_at_once(listener: socket.socket) -> 
 def test_a_serial_device_carries_bytes_until_it_is_unplugged() -> None:
     master, slave = os.openpty()
     tty.setraw(slave)
-    port = SerialPort(os.ttyname(slave), LINE)
+    port = SerialPort(os.ttyname(slave), 115_200, "E")
     os.close(slave)
     assert port.read() == b""
     port.write(b"\x01\x03")
@@ -176,17 +173,43 @@ def test_a_serial_device_carries_bytes_until_it_is_unplugged() -> None:
     port.close()
 
 
+def test_another_program_that_reads_the_line_is_reported() -> None:
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    port = SerialPort(os.ttyname(slave), 115_200, "E")
+    keys = termios.tcgetattr(slave)
+    keys[6][termios.VMIN] = 0  # as pyserial sets it: from then on an empty line reads as closed
+    termios.tcsetattr(slave, termios.TCSANOW, keys)
+    with pytest.raises(DriverError, match=r"unplugged, .* or another program reads the same line"):
+        port.read()
+    port.close()
+    os.close(slave)
+    os.close(master)
+
+
+@pytest.mark.parametrize("parity", ["E", "O"])
+def test_a_pseudo_terminal_is_opened_whatever_the_parity_of_the_line(parity: Parity) -> None:
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    port = SerialPort(os.ttyname(slave), 115_200, parity, 2)
+    port.write(b"\x01")
+    assert os.read(master, 10) == b"\x01"
+    port.close()
+    os.close(slave)
+    os.close(master)
+
+
 def test_a_device_in_use_or_none_is_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(DriverError, match=r"there is no such device"):
-        SerialPort("/dev/nothing-here", LINE)
+        SerialPort("/dev/nothing-here", 115_200, "E")
     plain = tmp_path / "file"
     plain.write_text("no device")
-    with pytest.raises(DriverError, match=r"cannot be opened"):
-        SerialPort(str(plain), LINE)
+    with pytest.raises(DriverError, match=r"is not a serial device"):
+        SerialPort(str(plain), 115_200, "E")
     master, slave = os.openpty()
-    first = SerialPort(os.ttyname(slave), LINE)
+    first = SerialPort(os.ttyname(slave), 115_200, "E")
     with pytest.raises(DriverError, match=r"another program has it open"):
-        SerialPort(os.ttyname(slave), LINE)
+        SerialPort(os.ttyname(slave), 115_200, "E")
     first.close()
     os.close(master)
     os.close(slave)

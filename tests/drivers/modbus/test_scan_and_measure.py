@@ -46,7 +46,7 @@ def test_a_host_that_is_not_there_is_a_sentence() -> None:
         scan(ScanOptions(endpoint=["tcp://127.0.0.1:1"]))
 
 
-def test_a_host_without_its_scheme_is_told_how_to_be_written() -> None:
+def test_a_host_without_its_scheme_is_refused_with_the_right_form() -> None:
     with pytest.raises(ConfigError, match=r"write tcp://10\.0\.0\.7:502"):
         scan(ScanOptions(endpoint=["10.0.0.7:502"]))
 

@@ -82,21 +82,21 @@ class Master:
     def read(self, node: int, index: int, sub: int = 0, *, signed: bool = False) -> int:
         request = bytes([0x40]) + index.to_bytes(2, "little") + bytes([sub]) + bytes(4)
         self.port.send(0x600 + node, request)
-        answer = self._answer(node)
-        if answer[0] == 0x80:
-            raise SdoRefusal(int.from_bytes(answer[4:], "little"))
-        size = 4 - (answer[0] >> 2 & 3)
-        return int.from_bytes(answer[4 : 4 + size], "little", signed=signed)
+        response = self._respond(node)
+        if response[0] == 0x80:
+            raise SdoRefusal(int.from_bytes(response[4:], "little"))
+        size = 4 - (response[0] >> 2 & 3)
+        return int.from_bytes(response[4 : 4 + size], "little", signed=signed)
 
     def write(self, node: int, index: int, sub: int, value: int, size: int) -> None:
         head = bytes([0x23 | (4 - size) << 2]) + index.to_bytes(2, "little") + bytes([sub])
         data = (value & (1 << 8 * size) - 1).to_bytes(size, "little").ljust(4, b"\0")
         self.port.send(0x600 + node, head + data)
-        answer = self._answer(node)
-        if answer[0] == 0x80:
-            raise SdoRefusal(int.from_bytes(answer[4:], "little"))
+        response = self._respond(node)
+        if response[0] == 0x80:
+            raise SdoRefusal(int.from_bytes(response[4:], "little"))
 
-    def _answer(self, node: int) -> bytes:
+    def _respond(self, node: int) -> bytes:
         for _ in range(20):
             for can_id, data, _ in self.wait(200_000):
                 if can_id == 0x580 + node:

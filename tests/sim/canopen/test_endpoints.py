@@ -112,7 +112,7 @@ def test_own_frames_that_come_back_are_not_on_the_wire_again() -> None:
     assert seen == [0x701, 0x601, 0x581]
 
 
-def test_an_interface_that_is_not_there_is_told_with_a_way_out() -> None:
+def test_an_interface_that_is_not_there_is_reported_with_a_way_out() -> None:
     with pytest.raises(DriverError, match=r"nowhere0.*udp_multicast"):
         serve(options(channel="nowhere0"), spec(1), [truth()], print, lambda: True)
 
@@ -150,9 +150,9 @@ def test_a_full_queue_on_the_virtual_bus() -> None:
         options(interface="virtual", channel="full", bitrate=10_000), spec(1), [truth()], clock
     )
     try:
-        told = [made.transport.send(0x7FF, bytes(8)) for _ in range(15)]
-        assert told.count(False) >= 3
-        assert told[:10] == [True] * 10
+        reported = [made.transport.send(0x7FF, bytes(8)) for _ in range(15)]
+        assert reported.count(False) >= 3
+        assert reported[:10] == [True] * 10
     finally:
         made.close()
 
@@ -202,8 +202,8 @@ def test_drives_in_another_process() -> None:
                 "options": {},
             }
             bus.send(frame(0x602, "4000100000000000"))
-            answer = await_frame(bus, 0x582)
-            assert bytes(answer.data) == bytes.fromhex("4300100092010200")
+            response = await_frame(bus, 0x582)
+            assert bytes(response.data) == bytes.fromhex("4300100092010200")
             bus.send(frame(0x601, "2B17100032000000"))  # heartbeat every 50 ms
             assert bytes(await_frame(bus, 0x701).data) == b"\x7f"
             bus.send(frame(0x000, "0100"))

@@ -31,10 +31,10 @@ def test_boot_up_and_heartbeats_are_those_of_the_canopen_poster() -> None:
 
 
 def test_the_statusword_after_power_on_is_switch_on_disabled(node: Master) -> None:
-    (answer,) = node.ask("601#4041600000000000")
+    (response,) = node.ask("601#4041600000000000")
     # Beckhoff prints 4B 41 60 00 40 00 00 00; ours adds voltage (bit 4) and remote (bit 9)
-    assert answer == "581#4B41600050020000"
-    assert int.from_bytes(bytes.fromhex(answer[12:16]), "little") & 0x6F == 0x40
+    assert response == "581#4B41600050020000"
+    assert int.from_bytes(bytes.fromhex(response[12:16]), "little") & 0x6F == 0x40
 
 
 @pytest.mark.parametrize(
@@ -65,8 +65,8 @@ def test_a_name_comes_in_segments(node: Master) -> None:
     assert node.ask("601#4008100000000000") == [f"581#41081000{len(name):02X}000000"]
     got, toggle = b"", 0
     while True:
-        (answer,) = node.ask(f"601#{0x60 | toggle:02X}00000000000000")
-        data = bytes.fromhex(answer[4:])
+        (response,) = node.ask(f"601#{0x60 | toggle:02X}00000000000000")
+        data = bytes.fromhex(response[4:])
         assert data[0] & 0x10 == toggle
         got += data[1 : 8 - (data[0] >> 1 & 7)]
         toggle ^= 0x10
@@ -90,8 +90,8 @@ def test_the_states_up_and_the_fault_down_again(node: Master) -> None:
     node.map(1)
     node.write(1, 0x6060, 0, 10, 1)
     node.send("000#0101")
-    told = [node.torque(0, word)[1] for word in (0x0000, 0x0006, 0x0007, 0x000F, 0x000F)]
-    words = [int.from_bytes(data[:2], "little") & 0x6F for data in told]
+    reported = [node.torque(0, word)[1] for word in (0x0000, 0x0006, 0x0007, 0x000F, 0x000F)]
+    words = [int.from_bytes(data[:2], "little") & 0x6F for data in reported]
     assert words == [0x40, 0x21, 0x23, 0x27, 0x27]
     node.device().drive.fail(0x2310)
     frames = [f"{i:03X}#{data.hex().upper()}" for i, data, _ in node.wait(300_000)]

@@ -63,11 +63,11 @@ def test_a_truth_that_is_weaker_than_the_drive_says_limits() -> None:
 def test_profile_torque_follows_its_slope() -> None:
     node = node_in(PT)
     node.write(1, 0x6087, 0, 1000, 4)  # per mille per second: 1 in a slot
-    told = []
+    reported = []
     for _ in range(8):
         node.torque(5)
-        told.append(node.device().drive.motor.torque_counts)
-    assert told == [1, 2, 3, 4, 5, 5, 5, 5]
+        reported.append(node.device().drive.motor.torque_counts)
+    assert reported == [1, 2, 3, 4, 5, 5, 5, 5]
 
 
 @pytest.mark.parametrize("servo", [False, True], ids=["impedance", "servo"])
@@ -191,7 +191,7 @@ def test_without_power_an_axis_moves_freely() -> None:
     assert node.device().drive.motor.position() == pytest.approx(here + 0.1 * speed)
 
 
-def test_an_axis_stands_until_it_is_enabled_and_slot_0_is_the_sync_after_it_told() -> None:
+def test_an_axis_stands_until_it_is_enabled_and_slot_0_is_the_sync_after_its_report() -> None:
     reference = [0.001 * slot for slot in range(1000)]
     node = Master((1,), reference=reference, grip=(50.0, 0.1))
     node.wait()
@@ -200,10 +200,10 @@ def test_an_axis_stands_until_it_is_enabled_and_slot_0_is_the_sync_after_it_told
     node.send("000#0101")
     axis = node.world.axes[0]
     for word in (6, 7, 15):
-        answer = node.torque(0, word)
+        response = node.torque(0, word)
         node.wait(50_000_000)
         assert (axis.physics.x, axis.hand()[0]) == (0.0, 0.0)
-    assert answer[1][0] & 0x6F == 0x27
+    assert response[1][0] & 0x6F == 0x27
     for slot in range(3):
         node.torque(0)
         assert axis.hand()[0] == reference[slot]
@@ -221,7 +221,7 @@ def test_all_wait_for_the_slowest_drive() -> None:
 
 
 def test_looking_before_it_moves_spends_no_random_number() -> None:
-    def told(looks: int) -> list[dict[int, bytes]]:
+    def reported(looks: int) -> list[dict[int, bytes]]:
         node = Master((1,), noise=1e-2)
         node.wait()
         for _ in range(looks):
@@ -229,7 +229,7 @@ def test_looking_before_it_moves_spends_no_random_number() -> None:
         node.bring_up()
         return [node.torque(0) for _ in range(5)]
 
-    assert told(0) == told(3)
+    assert reported(0) == reported(3)
 
 
 def test_a_lost_sync_lets_the_old_command_act_and_time_go_on() -> None:

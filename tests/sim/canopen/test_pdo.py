@@ -19,9 +19,9 @@ def node() -> Master:
 
 
 def refused(node: Master, index: int, sub: int, value: int, size: int) -> int:
-    with pytest.raises(SdoRefusal) as told:
+    with pytest.raises(SdoRefusal) as reported:
         node.write(1, index, sub, value, size)
-    return told.value.code
+    return reported.value.code
 
 
 def test_a_mapping_changes_in_its_order_only(node: Master) -> None:
@@ -117,13 +117,13 @@ def test_an_event_driven_rpdo_acts_on_receipt(node: Master) -> None:
     assert motor.velocity() == pytest.approx(2.0 / 0.5 * left_s)
 
 
-@pytest.mark.parametrize(("kind", "answers"), [(1, 6), (2, 3), (3, 2)])
-def test_every_nth_sync_is_answered(node: Master, kind: int, answers: int) -> None:
+@pytest.mark.parametrize(("kind", "responses"), [(1, 6), (2, 3), (3, 2)])
+def test_every_nth_sync_is_answered(node: Master, kind: int, responses: int) -> None:
     node.map(1)
     node.write(1, 0x1800, 2, kind, 1)
     node.send("000#0101")
     node.wait()
-    assert sum(bool(node.sync()) for _ in range(6)) == answers
+    assert sum(bool(node.sync()) for _ in range(6)) == responses
 
 
 def test_an_acyclic_tpdo_is_sent_at_the_sync_after_a_change(node: Master) -> None:
@@ -165,7 +165,7 @@ def test_nothing_is_sent_or_taken_before_operation(node: Master) -> None:
     assert node.state() == "SWITCH_ON_DISABLED"
 
 
-def test_a_short_rpdo_is_told_and_dropped_a_long_one_taken(node: Master) -> None:
+def test_a_short_rpdo_is_reported_and_dropped_a_long_one_taken(node: Master) -> None:
     node.map(1)
     node.send("000#0101")
     node.sync({1: bytes.fromhex("0600")})

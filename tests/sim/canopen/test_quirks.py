@@ -216,18 +216,18 @@ def event(kind: str, **keys: Any) -> dict[str, Any]:
     return {"events": ({"kind": kind, **keys},)}
 
 
-def answers(node: Master, cycles: int = 30) -> list[int]:
+def responses(node: Master, cycles: int = 30) -> list[int]:
     return [len(node.torque(10)) for _ in range(cycles)]
 
 
 def test_a_lost_tpdo_costs_one_axis_one_cycle() -> None:
-    told = answers(moving(faults=event("lost", at_s=0.01, can_id=0x181)))
-    assert sorted(told) == [1] + [2] * 29
+    reported = responses(moving(faults=event("lost", at_s=0.01, can_id=0x181)))
+    assert sorted(reported) == [1] + [2] * 29
 
 
 def test_a_lost_sync_costs_all_answers_of_its_cycle() -> None:
-    told = answers(moving(faults=event("sync_lost", at_s=0.01, times=2)))
-    assert sorted(told) == [0, 0] + [2] * 28
+    reported = responses(moving(faults=event("sync_lost", at_s=0.01, times=2)))
+    assert sorted(reported) == [0, 0] + [2] * 28
 
 
 def test_a_late_tpdo_comes_in_the_next_cycle() -> None:
@@ -242,24 +242,24 @@ def test_a_late_tpdo_comes_in_the_next_cycle() -> None:
 
 def test_a_destroyed_frame_arrives_later_in_its_cycle() -> None:
     node = moving(faults=event("error_frame", at_s=0.01, can_id=0x181))
-    assert answers(node) == [2] * 30
+    assert responses(node) == [2] * 30
 
 
-def test_a_full_queue_is_told_by_send() -> None:
+def test_a_full_queue_is_reported_by_send() -> None:
     node = moving(faults=event("queue_full", at_s=0.01, duration_s=0.005))
-    told = []
+    reported = []
     for _ in range(30):
-        told.append(node.port.send(0x80, b""))
+        reported.append(node.port.send(0x80, b""))
         node.wait()
-    assert told.count(False) == 5
-    assert told[0]
-    assert told[-1]
+    assert reported.count(False) == 5
+    assert reported[0]
+    assert reported[-1]
 
 
 def test_the_queue_holds_as_many_frames_as_it_is_deep() -> None:
     node = moving()
-    told = [node.port.send(0x7FF, bytes(8)) for _ in range(12)]
-    assert told == [True] * 10 + [False] * 2
+    reported = [node.port.send(0x7FF, bytes(8)) for _ in range(12)]
+    assert reported == [True] * 10 + [False] * 2
 
 
 def test_bus_off_is_an_error_and_stays() -> None:
@@ -282,8 +282,8 @@ def test_a_disturbed_bus_makes_the_master_passive_and_then_off() -> None:
         node.port.send(0x80, b"")
         node.wait()
     assert list(dict.fromkeys(states)) == ["active", "passive", "off"]
-    told = [(i, data[1], data[6]) for i, data, _ in node.heard if i >= 0x20000000]
-    assert told == [(0x20000004, 0x20, 128), (0x20000040, 0, 255)]  # <linux/can/error.h>
+    reported = [(i, data[1], data[6]) for i, data, _ in node.heard if i >= 0x20000000]
+    assert reported == [(0x20000004, 0x20, 128), (0x20000040, 0, 255)]  # <linux/can/error.h>
     with pytest.raises(DriverError, match="bus-off"):
         node.port.send(0x80, b"")
 

@@ -71,9 +71,9 @@ def test_an_sdo_server_answers_every_request_once(frames: list[tuple[int, bytes]
     node.wait()
     for can_id, data in frames:
         node.port.send(can_id, data)
-        told = [answer for i, answer, _ in node.wait() if i == 0x581]
+        reported = [response for i, response, _ in node.wait() if i == 0x581]
         if data[0] >> 5 == 4:  # an abort
-            assert told == []
+            assert reported == []
         else:
-            assert len(told) == 1
-            assert len(told[0]) == 8
+            assert len(reported) == 1
+            assert len(reported[0]) == 8

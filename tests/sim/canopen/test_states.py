@@ -57,7 +57,7 @@ def test_power_on_goes_through_0_and_1() -> None:
 def test_disable_operation_waits_until_the_motor_stands() -> None:
     made = machine(*UP, SWITCH_ON)
     assert (made.transitions[-1], made.state, made.braking) == (5, State.ENABLED, "ramp")
-    made.stood()
+    made.come_to_rest()
     assert made.state is State.SWITCHED_ON
     assert machine(*UP, SWITCH_ON, disable_option=0).state is State.SWITCHED_ON
 
@@ -70,7 +70,7 @@ def test_quick_stop_brakes_and_stays_or_leaves(option: int) -> None:
     if option == 0:
         assert made.state is State.SWITCH_ON_DISABLED
         return
-    made.stood()
+    made.come_to_rest()
     stays = option >= 5
     assert made.state is (State.QUICK_STOP if stays else State.SWITCH_ON_DISABLED)
     made.control(ENABLE, 0)
@@ -86,7 +86,7 @@ def test_a_fault_ends_in_fault_and_takes_an_edge_to_leave(words: tuple[int, ...]
         assert made.braking == "quick"
         made.control(NO_VOLTAGE, 0)
         assert made.state is State.FAULT_REACTION
-        made.stood()
+        made.come_to_rest()
     assert made.state is State.FAULT
     assert 13 in made.transitions
     if words == ():
@@ -144,7 +144,7 @@ def test_no_word_leads_where_no_transition_does(steps: list[tuple[int, int]]) ->
         elif what == 1:
             made.control(word & 0x8F, 0)
         elif what == 2:
-            made.stood()
+            made.come_to_rest()
         else:
             made.fault()
             assert made.state in (State.FAULT, State.FAULT_REACTION)

@@ -76,9 +76,9 @@ class Host:
 
     def error(self, device_id: int, instruction: int, *params: int) -> int:
         """Send an instruction; return the error field of the answer."""
-        answer = self.ask(device_id, instruction, *params)
-        assert len(answer) >= 11, answer.hex()
-        return answer[8]
+        response = self.ask(device_id, instruction, *params)
+        assert len(response) >= 11, response.hex()
+        return response[8]
 
     def ask1(self, device_id: int, instruction: int, *params: int) -> bytes:
         """Send an instruction in protocol 1.0; return the answer's bytes."""
@@ -92,9 +92,9 @@ class Host:
     def read(self, device_id: int, name: str) -> int:
         """Read a register by its name."""
         item = self.servos[0].memory.items[name]
-        answer = self.ask(device_id, p2.READ, *words(item.address), *words(item.size))
-        assert answer[8] & 0x7F == 0, answer.hex()
-        return item.decode(p2.unstuff(answer[7:-2])[2:])
+        response = self.ask(device_id, p2.READ, *words(item.address), *words(item.size))
+        assert response[8] & 0x7F == 0, response.hex()
+        return item.decode(p2.unstuff(response[7:-2])[2:])
 
     def sync_write(self, name: str, values: dict[int, int]) -> None:
         """Send a sync write of one register, and stay."""
@@ -127,11 +127,11 @@ def hexa(text: str) -> bytes:
     return bytes(int(word, 16) for word in text.replace("|", " ").split())
 
 
-def split(answer: bytes) -> list[bytes]:
+def split(response: bytes) -> list[bytes]:
     """Return the status packets in an answer without mistakes."""
     found = []
-    while answer:
-        end = 7 + int.from_bytes(answer[5:7], "little")
-        found.append(answer[:end])
-        answer = answer[end:]
+    while response:
+        end = 7 + int.from_bytes(response[5:7], "little")
+        found.append(response[:end])
+        response = response[end:]
     return found

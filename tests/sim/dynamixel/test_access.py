@@ -115,14 +115,14 @@ def test_access_error_read_only_or_undefined(host: Host, address: int) -> None:
 
 @pytest.mark.parametrize(("address", "size"), [(14, 2), (660, 3), (5000, 1), (132, 0)])
 def test_access_error_of_a_read(host: Host, address: int, size: int) -> None:
-    answer = host.ask(1, p2.READ, *words(address), *words(size))
-    assert answer == p2.status(1, p2.ACCESS_ERROR)
+    response = host.ask(1, p2.READ, *words(address), *words(size))
+    assert response == p2.status(1, p2.ACCESS_ERROR)
 
 
 def test_a_read_may_cross_what_is_empty(host: Host) -> None:
-    answer = host.ask(1, p2.READ, 0, 0, 147, 0)
-    assert len(answer) == 11 + 147
-    assert answer[9:11] == b"\xfc\x03"
+    response = host.ask(1, p2.READ, 0, 0, 147, 0)
+    assert len(response) == 11 + 147
+    assert response[9:11] == b"\xfc\x03"
 
 
 def test_the_eeprom_is_locked_while_the_torque_is_on(host: Host) -> None:
@@ -194,9 +194,9 @@ def test_a_change_of_baud_rate_is_answered_at_the_old_one(host: Host) -> None:
 def test_two_servos_with_one_id_garble_each_other() -> None:
     host = Host((1, 2))
     host.write(2, "ID", 1)
-    answer = host.ask(1, p2.PING)
-    assert answer
-    assert p2.HEADER not in answer
+    response = host.ask(1, p2.PING)
+    assert response
+    assert p2.HEADER not in response
 
 
 def test_the_second_id_is_heard_and_not_answered(host: Host) -> None:
@@ -206,15 +206,15 @@ def test_the_second_id_is_heard_and_not_answered(host: Host) -> None:
     assert [host.read(one, "LED") for one in (1, 2)] == [1, 1]
 
 
-@pytest.mark.parametrize(("level", "answers"), [(0, "100"), (1, "110"), (2, "111")])
-def test_status_return_level(host: Host, level: int, answers: str) -> None:
+@pytest.mark.parametrize(("level", "responses"), [(0, "100"), (1, "110"), (2, "111")])
+def test_status_return_level(host: Host, level: int, responses: str) -> None:
     host.write(1, "Status Return Level", level)
     heard = [
         host.ask(1, p2.PING),
         host.ask(1, p2.READ, 132, 0, 4, 0),
         host.ask(1, p2.WRITE, 65, 0, 1),
     ]
-    assert [bool(one) for one in heard] == [one == "1" for one in answers]
+    assert [bool(one) for one in heard] == [one == "1" for one in responses]
     assert len(split(host.sync_read((1, 2)))) == (1 if level == 0 else 2)
 
 
@@ -243,6 +243,34 @@ def test_a_reboot_takes_a_while_and_resets_the_ram(host: Host) -> None:
     assert host.read(1, "Torque Enable") == 0
     assert host.read(1, "Return Delay Time") == 10
     assert host.read(1, "Realtime Tick") < 400
+
+
+@pytest.mark.parametrize(
+    ("option", "device_id", "baud"), [(0xFF, 1, 1), (0x01, 2, 1), (0x02, 2, 3)]
+)
+def test_a_factory_reset_keeps_what_it_is_asked_to(
+    host: Host, option: int, device_id: int, baud: int
+) -> None:
+    servo = host.servos[1]
+    assert servo.device_id == 2
+    servo.memory.poke("Baud Rate", 3)
+    servo.memory.poke("Return Delay Time", 10)
+    servo.memory.poke("Operating Mode", 0)
+    assert host.error(2, p2.FACTORY_RESET, option) == 0
+    peek = servo.memory.peek
+    assert (servo.device_id, peek("Baud Rate"), peek("Return Delay Time")) == (device_id, baud, 250)
+    assert peek("Operating Mode") == 3
+    assert peek("Firmware Version") == servo.firmware > 0
+    assert not servo.hears(servo.baud, 0)  # it reboots
+
+
+def test_a_factory_reset_that_would_lose_servos_or_a_running_one_is_none(host: Host) -> None:
+    assert host.error(1, p2.FACTORY_RESET) == p2.LENGTH_ERROR
+    assert host.error(1, p2.FACTORY_RESET, 3) == p2.RANGE_ERROR
+    host.write(1, "Torque Enable", 1)
+    assert host.error(1, p2.FACTORY_RESET, 0x02) == p2.RESULT_FAIL
+    assert host.ask(p2.BROADCAST, p2.FACTORY_RESET, 0xFF) == b""
+    assert [servo.device_id for servo in host.servos[:2]] == [1, 2]
 
 
 def test_changing_the_mode_resets_gains_profile_and_goals(host: Host) -> None:

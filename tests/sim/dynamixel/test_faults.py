@@ -26,20 +26,20 @@ def conversation(host: Host, cycles: int = 200) -> Iterator[bytes]:
         yield host.sync_read((1, 2, 3))
 
 
-def intact(answer: bytes) -> list[bytes]:
+def intact(response: bytes) -> list[bytes]:
     """Return which of the good packets are in an answer."""
-    return [packet for packet in GOOD if packet in answer]
+    return [packet for packet in GOOD if packet in response]
 
 
 @pytest.mark.parametrize("kind", PACKET_KINDS)
 def test_a_scripted_fault_hits_the_nth_packet_of_its_servo(kind: str) -> None:
     host = faulty({"kind": kind, "nth": 3, "id": 2})
-    answers = list(conversation(host, 5))
-    assert [answer == b"".join(GOOD) for answer in answers[:2]] == [True, True]
-    hit = answers[2]
+    responses = list(conversation(host, 5))
+    assert [response == b"".join(GOOD) for response in responses[:2]] == [True, True]
+    hit = responses[2]
     stale = GOOD[1] + GOOD[2] if kind == "late" else b""
-    assert answers[3] == stale + b"".join(GOOD)
-    assert answers[4] == b"".join(GOOD)
+    assert responses[3] == stale + b"".join(GOOD)
+    assert responses[4] == b"".join(GOOD)
     if kind in ("lost", "deaf"):
         assert hit == GOOD[0] + GOOD[2]
     elif kind == "late":
@@ -89,10 +89,10 @@ def test_a_fast_sync_read_suffers_too(kind: str) -> None:
 def test_a_chance_is_kept_in_the_mean(kind: str) -> None:
     host = faulty(**{kind: 0.1})
     spoilt = 0
-    for answer in conversation(host, 300):
-        spoilt += 3 - len(intact(answer))
+    for response in conversation(host, 300):
+        spoilt += 3 - len(intact(response))
         if kind == "extra_bytes":
-            spoilt += len(answer) > 45
+            spoilt += len(response) > 45
     share = spoilt / (900 if kind != "extra_bytes" else 300)
     expected = 0.1 if kind != "extra_bytes" else 1 - 0.9**3
     assert share == pytest.approx(expected, abs=0.05)
@@ -100,9 +100,9 @@ def test_a_chance_is_kept_in_the_mean(kind: str) -> None:
 
 def test_always_late_is_a_shift() -> None:
     host = faulty(late=1.0, late_s=0.005)
-    answers = list(conversation(host, 5))
-    assert answers[0] == b""
-    assert answers[1:] == [b"".join(GOOD)] * 4
+    responses = list(conversation(host, 5))
+    assert responses[0] == b""
+    assert responses[1:] == [b"".join(GOOD)] * 4
 
 
 def test_the_same_seed_gives_the_same_bytes() -> None:
@@ -119,8 +119,8 @@ def test_the_same_seed_gives_the_same_bytes() -> None:
 def test_leaving_out_one_kind_shifts_no_other() -> None:
     def lost_at(**chances: float) -> list[int]:
         host = faulty(lost=0.05, **chances)
-        return [k for k, answer in enumerate(conversation(host, 200)) if len(answer) % 15 == 0
-                and len(answer) < 45]  # fmt: skip
+        return [k for k, response in enumerate(conversation(host, 200)) if len(response) % 15 == 0
+                and len(response) < 45]  # fmt: skip
 
     assert lost_at() == lost_at(corrupted=0.3)
 
@@ -147,8 +147,8 @@ def test_a_servo_leaves_the_line_and_comes_back() -> None:
     host = faulty(
         {"kind": "remove", "at_s": 0.05, "id": 2}, {"kind": "restore", "at_s": 0.1, "id": 2}
     )
-    answers = [split(host.sync_read((1, 2, 3))) for _ in range(35)]
-    seen = [tuple(packet[4] for packet in answer) for answer in answers]
+    responses = [split(host.sync_read((1, 2, 3))) for _ in range(35)]
+    seen = [tuple(packet[4] for packet in response) for response in responses]
     assert set(seen) == {(1, 2, 3), (1, 3)}
     assert seen[0] == seen[-1] == (1, 2, 3)
     assert seen.count((1, 3)) in (12, 13)
@@ -177,7 +177,7 @@ def test_what_was_on_the_wire_is_lost_with_the_adapter() -> None:
 
 def test_a_packet_fault_at_a_moment_hits_the_next_packet_once() -> None:
     host = faulty({"kind": "lost", "at_s": 0.02})
-    lengths = [len(answer) for answer in conversation(host, 12)]
+    lengths = [len(response) for response in conversation(host, 12)]
     assert lengths.count(30) == 1
     assert lengths.count(45) == 11
     assert lengths.index(30) == 5

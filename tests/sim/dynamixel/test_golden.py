@@ -77,8 +77,8 @@ def host() -> Host:
 
 @pytest.mark.parametrize("name", SECOND)
 def test_protocol_2_examples(host: Host, name: str) -> None:
-    sent, answer = SECOND[name]
-    assert host.talk(hexa(sent)).hex(" ") == hexa(answer).hex(" ")
+    sent, response = SECOND[name]
+    assert host.talk(hexa(sent)).hex(" ") == hexa(response).hex(" ")
 
 
 def test_what_the_examples_write_is_written(host: Host) -> None:
@@ -103,17 +103,18 @@ def test_action_example(host: Host) -> None:
     assert host.read(1, "Registered Instruction") == 0
 
 
-def test_factory_reset_is_refused(host: Host) -> None:
+def test_factory_reset_example(host: Host) -> None:
+    host.write(1, "Return Delay Time", 10)
     sent = hexa("0xFF 0xFF 0xFD 0x00 0x01 0x04 0x00 0x06 0x01 0xA1 0xE6")
-    answer = host.talk(sent)
-    assert answer == p2.status(1, p2.RESULT_FAIL)
+    assert host.talk(sent) == hexa("0xFF 0xFF 0xFD 0x00 0x01 0x04 0x00 0x55 0x00 0xA1 0x0C")
+    assert host.servos[0].memory.peek("Return Delay Time") == 250
 
 
 def test_fast_sync_read_example() -> None:
     host = Host((3, 7, 4), "XC330-T288", counts=(166, 2079, 1023))
     sent = hexa("0xFF 0xFF 0xFD 0x00 0xFE 0x0A 0x00 0x8A 0x84 0x00 0x04 0x00 0x03 0x07 0x04")
-    answer = host.talk(sent + hexa("0x20 0xF2"))
-    assert answer.hex(" ") == hexa(
+    response = host.talk(sent + hexa("0x20 0xF2"))
+    assert response.hex(" ") == hexa(
         "0xFF 0xFF 0xFD 0x00 0xFE 0x19 0x00 0x55 0x00 0x03 0xA6 0x00 0x00 0x00 0x84 0x08"
         " 0x00 0x07 0x1F 0x08 0x00 0x00 0x16 0xCA 0x00 0x04 0xFF 0x03 0x00 0x00 0xD1 0x9E"
     ).hex(" ")
@@ -129,9 +130,9 @@ def test_fast_bulk_read_example() -> None:
     host = Host((3, 7, 4), "XC330-T288", counts=(166, 2079, 1023))
     body = hexa("0x9A 0x03 0x84 0x00 0x04 0x00 0x07 0x7C 0x00 0x02 0x00 0x04 0x92 0x00 0x01 0x00")
     # The page prints 0x20 0xF2 here, which is the checksum of its fast sync example.
-    answer = host.talk(p2.frame(p2.BROADCAST, body))
-    assert answer[:14] == whole[:14]
-    assert len(answer) == len(whole)
+    response = host.talk(p2.frame(p2.BROADCAST, body))
+    assert response[:14] == whole[:14]
+    assert len(response) == len(whole)
     assert host.talk(hexa("0xFF 0xFF 0xFD 0x00 0xFE 0x12 0x00") + body + b"\x20\xf2") == b""
 
 
@@ -158,8 +159,8 @@ def old() -> Host:
 
 @pytest.mark.parametrize("name", FIRST)
 def test_protocol_1_examples(old: Host, name: str) -> None:
-    sent, answer = FIRST[name]
-    assert old.talk(hexa(sent)).hex(" ") == hexa(answer).hex(" ")
+    sent, response = FIRST[name]
+    assert old.talk(hexa(sent)).hex(" ") == hexa(response).hex(" ")
 
 
 def test_protocol_1_action_example(old: Host) -> None:

@@ -50,7 +50,6 @@ def test_wheel_mode_turns_by_moving_speed(host: Host) -> None:
         ((p2.READ, 200, 2), p1.RANGE_BIT),
         ((p2.ACTION,), p1.INSTRUCTION_BIT),
         ((0x08,), p1.INSTRUCTION_BIT),
-        ((p2.FACTORY_RESET,), p1.INSTRUCTION_BIT),
     ],
 )
 def test_error_bits(host: Host, params: tuple[int, ...], bit: int) -> None:

@@ -108,19 +108,19 @@ def test_a_bench_has_free_servos() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("given", "reported"),
     [
         ({"ids": [1, 1]}, "--ids 1, 1: two servos cannot share an id"),
         ({"ids": [253]}, "--ids 253: a XM430-W350 has ids 0 to 252"),
         ({"baud": 12345}, "has no 12345 baud"),
     ],
 )
-def test_a_bench_that_cannot_be_is_refused(given: dict[str, Any], told: str) -> None:
+def test_a_bench_that_cannot_be_is_refused(given: dict[str, Any], reported: str) -> None:
     def build() -> None:
         made = bench(BenchOptions(**given))
         ServoWorld(made.options, made.bus, made.physics, FakeClock())
 
-    with pytest.raises(ConfigError, match=told):
+    with pytest.raises(ConfigError, match=reported):
         build()
 
 
@@ -162,15 +162,15 @@ def test_a_link_that_another_has_taken_over_is_left_alone(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("simulated", "told"),
+    ("simulated", "reported"),
     [
         ({"servos": {9: {"voltage": 5.0}}}, "simulator.servos names servo 9"),
         ({"faults": {"events": [{"kind": "lost", "nth": 3, "id": 9}]}}, "lost is for servo 9"),
     ],
 )
 def test_what_happens_to_a_servo_that_is_not_there_is_refused(
-    simulated: dict[str, Any], told: str
+    simulated: dict[str, Any], reported: str
 ) -> None:
     """It would do nothing, and a test that relies on it would pass."""
-    with pytest.raises(ValidationError, match=told):
+    with pytest.raises(ValidationError, match=reported):
         DynamixelOptions.model_validate({**BLOCK, "simulator": simulated})

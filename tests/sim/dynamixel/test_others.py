@@ -22,6 +22,7 @@ from typing import Any
 import pytest
 import rustypot
 from dynamixel_sdk import (
+    COMM_RX_CORRUPT,
     COMM_RX_TIMEOUT,
     COMM_SUCCESS,
     GroupBulkRead,
@@ -80,10 +81,10 @@ def until(what: Callable[[], bool]) -> None:
 def patient(ask: Callable[[], Any]) -> Any:
     """Ask again after a timeout: this machine may be busy, and the SDK waits 34 ms at most."""
     for _ in range(5):
-        answer = ask()
-        if (answer[-2] if isinstance(answer, tuple) and len(answer) > 2 else answer) == 0:
-            return answer
-    return answer
+        response = ask()
+        if (response[-2] if isinstance(response, tuple) and len(response) > 2 else response) == 0:
+            return response
+    return response
 
 
 def test_sdk_ping_and_broadcast_ping(device: str) -> None:
@@ -147,6 +148,18 @@ def test_sdk_sees_errors_and_reboots(device: str) -> None:
         assert patient(lambda: packets.read1ByteTxRx(port, 1, 64))[0] == 0
 
 
+def test_sdk_resets_a_servo_to_factory_settings(device: str) -> None:
+    with sdk(device) as (port, packets):
+        patient(lambda: packets.write1ByteTxRx(port, 2, 64, 0))
+        patient(lambda: packets.write1ByteTxRx(port, 2, 9, 10))
+        assert patient(lambda: packets.read1ByteTxRx(port, 2, 9))[0] == 10
+        result, error = packets.factoryReset(port, 2, 0x02)
+        assert result in (COMM_SUCCESS, COMM_RX_TIMEOUT)  # late on a busy machine
+        assert error == 0
+        until(lambda: packets.ping(port, 2)[1] == COMM_SUCCESS)
+        assert patient(lambda: packets.read1ByteTxRx(port, 2, 9))[0] == 250
+
+
 def test_the_baud_rate_is_heard(device: str) -> None:
     with sdk(device, baud=57_600) as (port, packets):
         assert packets.ping(port, 1)[1] == COMM_RX_TIMEOUT
@@ -170,12 +183,17 @@ def test_the_wire_is_not_faster_than_its_baud_rate() -> None:
         served("--ids", "1", "--baud", "57600") as found,
         sdk(found["endpoint"], baud=57_600) as (port, packets),
     ):
-        for _ in range(5):
+        results = []
+        for _ in range(20):
             begin = time.monotonic()
-            result = packets.ping(port, 1)[1]
+            results.append(packets.ping(port, 1)[1])
             took = time.monotonic() - begin
             assert took >= 24 * 10 / 57_600 + 0.5e-3
-            assert result in (COMM_SUCCESS, COMM_RX_TIMEOUT)
+            if len(results) >= 5 and COMM_SUCCESS in results:
+                break
+        # A host that stalls: the SDK calls a timeout in the middle of a response corrupt.
+        assert set(results) <= {COMM_SUCCESS, COMM_RX_TIMEOUT, COMM_RX_CORRUPT}
+        assert COMM_SUCCESS in results
 
 
 def test_rustypot_reads_and_moves(device: str) -> None:

@@ -127,9 +127,9 @@ def test_every_current_survives_the_wire_both_ways(velocity: int) -> None:
         if velocity < -445:
             host.servos[0].memory.poke("Velocity Limit", 2047)
         host.talk(p2.frame(p2.BROADCAST, head + data), wait_ns=600_000)
-        answer = host.talk(p2.frame(1, bytes((p2.READ, 102, 0, 6, 0))), wait_ns=900_000)
-        stuffed += len(answer) > 17
-        assert p2.unstuff(answer[7:-2])[2:] == data
+        response = host.talk(p2.frame(1, bytes((p2.READ, 102, 0, 6, 0))), wait_ns=900_000)
+        stuffed += len(response) > 17
+        assert p2.unstuff(response[7:-2])[2:] == data
     assert stuffed == 1
 
 
@@ -152,9 +152,9 @@ def test_32_bit_values_with_ff_ff_fd_survive_the_wire(core: bytes, rest: bytes) 
 def test_goal_velocity_minus_131073_is_stuffed_in_the_answer_too() -> None:
     host = Host((1,), "XM430-W350")
     host.servos[0].memory.poke("Goal Velocity", -131073)  # FF FF FD FF
-    answer = host.ask(1, p2.READ, 104, 0, 4, 0)
-    assert b"\xff\xff\xfd\xfd\xff" in answer[7:]
-    assert len(answer) == 16
+    response = host.ask(1, p2.READ, 104, 0, 4, 0)
+    assert b"\xff\xff\xfd\xfd\xff" in response[7:]
+    assert len(response) == 16
     assert host.read(1, "Goal Velocity") == -131073
 
 
@@ -162,6 +162,6 @@ def test_what_the_sdk_leaves_unstuffed_is_understood() -> None:
     """dynamixel-sdk 4.1 does not stuff what it sends: FF FF FD FF stands as it is."""
     host = Host((1,), simulator={"servos": {1: {"registers": {"Operating Mode": 4}}}})
     head = p2.HEADER + bytes((1, 9, 0, p2.WRITE, 116, 0)) + b"\xff\xff\xfd\xff"
-    answer = host.talk(head + p2.crc16(head).to_bytes(2, "little"))
-    assert answer[8] == 0
+    response = host.talk(head + p2.crc16(head).to_bytes(2, "little"))
+    assert response[8] == 0
     assert host.read(1, "Goal Position") == -131073

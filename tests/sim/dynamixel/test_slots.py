@@ -48,8 +48,8 @@ class Cycle:
         self.host.send(sent + p2.frame(p2.BROADCAST, body))
 
     def read(self) -> dict[int, int]:
-        answers = split(self.host.hear(2 * MS // 3))
-        return {one[4]: int.from_bytes(one[9:13], "little", signed=True) for one in answers}
+        responses = split(self.host.hear(2 * MS // 3))
+        return {one[4]: int.from_bytes(one[9:13], "little", signed=True) for one in responses}
 
     def enable(self) -> None:
         for one in self.ids:
@@ -126,9 +126,9 @@ def test_admittance_rows_are_those_of_a_loopback_too(model: str) -> None:
         host.clock.sleep_until(begin + k * MS)
         body = bytes((p2.SYNC_READ, *words(126), *words(10), 1))
         host.send(staged + p2.frame(p2.BROADCAST, body))
-        answer = host.hear(2 * MS // 3)
-        effort = -int.from_bytes(answer[9:11], "little", signed=True) * joint.effort
-        position = (int.from_bytes(answer[15:19], "little", signed=True) - 2048) * STEP
+        response = host.hear(2 * MS // 3)
+        effort = -int.from_bytes(response[9:11], "little", signed=True) * joint.effort
+        position = (int.from_bytes(response[15:19], "little", signed=True) - 2048) * STEP
         rows.append((position, effort, host.axes[0].physics.x))
         wanted = math.floor((0.5 * effort + 0.3) / joint.velocity + 0.5)
         head = bytes((p2.SYNC_WRITE, *words(104), *words(4), 1))

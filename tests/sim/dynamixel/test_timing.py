@@ -199,8 +199,8 @@ def test_a_late_piece_holds_back_what_follows() -> None:
     clock = FakeClock()
     line = SerialLine(1_000_000)
     port = MemoryPort(line, clock, "test")
-    line.answer(b"a", 0, 1_000_000, late_ns=MS)
-    line.answer(b"b", 20 * US, 1_000_000)
+    line.respond(b"a", 0, 1_000_000, late_ns=MS)
+    line.respond(b"b", 20 * US, 1_000_000)
     assert clock.wait(port, 5 * MS)
     assert clock.now_ns() == MS + 10 * US
     assert port.read() == b"ab"
@@ -218,7 +218,7 @@ def test_what_a_device_sends_at_another_baud_rate_is_nothing() -> None:
     clock = FakeClock()
     line = SerialLine(1_000_000)
     port = MemoryPort(line, clock, "test")
-    line.answer(b"abc", 0, 57_600)
+    line.respond(b"abc", 0, 57_600)
     assert not clock.wait(port, 5 * MS)
 
 

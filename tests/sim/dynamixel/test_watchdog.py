@@ -103,8 +103,8 @@ def test_a_hardware_error_drops_the_torque_and_raises_the_alert(kind: str) -> No
     assert host.error(1, p2.PING) == 0
     host.pass_time(1.0)
     assert host.error(1, p2.PING) == p2.ALERT
-    answers = split(host.sync_read((1, 2)))
-    assert [answer[8] for answer in answers] == [p2.ALERT, 0]
+    responses = split(host.sync_read((1, 2)))
+    assert [response[8] for response in responses] == [p2.ALERT, 0]
     assert host.read(1, "Hardware Error Status") == 1 << EVENTS[kind]
     assert host.read(1, "Torque Enable") == 0
     assert host.read(2, "Torque Enable") == 1

@@ -10,7 +10,7 @@ from tautwave.clock import FakeClock
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.truth import AxisModel
 from tautwave_sim.modbus import simulator
-from tautwave_sim.modbus.framing import open_rtu, rtu_frame, tcp_frame
+from tautwave_sim.modbus.wire.framing import open_rtu, rtu_frame, tcp_frame
 from tautwave_sim.modbus.world import ModbusSimulator
 from tests.sim.truths import PERIOD, truth
 

@@ -63,14 +63,14 @@ def test_on_and_off(profile: str) -> None:
     enable(bench)
     assert status(bench) == ON[profile]
     bench.set(torque(bench), 500)
-    assert bench.drive().motor.told == 500
+    assert bench.drive().motor.setpoint == 500
     disable(bench)
     assert status(bench) == OFF[profile]
-    assert bench.drive().motor.told == 0
+    assert bench.drive().motor.setpoint == 0
 
 
 @FAMILIES
-def test_a_fault_lets_go_and_is_reset_when_told_to_be_off(profile: str) -> None:
+def test_a_fault_switches_off_and_is_reset_while_commanded_off(profile: str) -> None:
     event = {"kind": "drive_fault", "nth": 8, "code": 6}
     bench = Bench("tcp", profile, faults={"events": [event]})
     enable(bench)
@@ -78,7 +78,7 @@ def test_a_fault_lets_go_and_is_reset_when_told_to_be_off(profile: str) -> None:
     while status(bench) == ON[profile]:
         pass
     assert status(bench) == FAULT[profile]
-    assert bench.drive().motor.told == 0
+    assert bench.drive().motor.setpoint == 0
     role = bench.drive().table.roles.get("fault")
     if role is not None:
         assert bench.number(role) == 6
@@ -149,7 +149,7 @@ def test_a_speed_command_left_as_delivered_runs_at_once() -> None:
     # P05.03 is 200 rpm as delivered: whoever enables without writing it finds out.
     bench = Bench("rtu", DSY, causality="admittance")
     enable(bench, 1)
-    assert bench.drive().motor.told == 200
+    assert bench.drive().motor.setpoint == 200
 
 
 @pytest.mark.parametrize("counts", [2000, -2000])
@@ -158,7 +158,7 @@ def test_torque_and_velocity_are_held_at_their_limits(counts: int) -> None:
     enable(bench)
     bench.set("torque_limit", 700)
     bench.set("target_torque", counts)
-    assert bench.drive().motor.told == (700 if counts > 0 else -700)
+    assert bench.drive().motor.setpoint == (700 if counts > 0 else -700)
     assert status(bench) == 3 | 8
     bench.set("target_torque", 100)
     assert status(bench) == 3
@@ -166,7 +166,7 @@ def test_torque_and_velocity_are_held_at_their_limits(counts: int) -> None:
     enable(servo, 1)
     servo.set("velocity_limit", 50)
     servo.set("target_velocity", counts)
-    assert servo.drive().motor.told == (50 if counts > 0 else -50)
+    assert servo.drive().motor.setpoint == (50 if counts > 0 else -50)
 
 
 def test_no_torque_pushes_beyond_the_range_of_position() -> None:
@@ -176,10 +176,10 @@ def test_no_torque_pushes_beyond_the_range_of_position() -> None:
     bench.set("target_torque", 1000)
     while bench.number("position") < 40:
         bench.wait(0.01)
-    assert bench.drive().motor.told == 0
+    assert bench.drive().motor.setpoint == 0
     assert status(bench) & 8
     bench.set("target_torque", -1000)
-    assert bench.drive().motor.told == -1000
+    assert bench.drive().motor.setpoint == -1000
 
 
 @pytest.mark.parametrize("link", ["tcp", "rtu"])
@@ -191,13 +191,13 @@ def test_silence_trips_the_watchdog(link: str) -> None:
     for _ in range(5):
         bench.wait(0.04)
         assert status(bench) == 3
-    told = bench.drive().motor.axis.physics.v
+    reported = bench.drive().motor.axis.physics.v
     bench.wait(0.06)
     assert status(bench) == 4
     assert bench.number("fault_code") == 1
-    assert bench.drive().motor.told == 0
+    assert bench.drive().motor.setpoint == 0
     # The torque acted until the timeout and not beyond: 50 ms of 0.5 N m on 0.5 kg m2 at most.
-    assert bench.drive().motor.axis.physics.v - told <= 0.0595
+    assert bench.drive().motor.axis.physics.v - reported <= 0.0595
     coasting = bench.drive().motor.axis.physics.v
     bench.wait(0.5)
     status(bench)
@@ -232,7 +232,7 @@ def test_a_watchdog_that_cannot_be_set() -> None:
     assert bench.number("comm_timeout") == 0
 
 
-def test_eeprom_wears_with_each_write_unless_told_not_to_store() -> None:
+def test_eeprom_wears_with_each_write_unless_storing_is_off() -> None:
     bench = Bench()
     for value in (1, 2, 1):
         bench.set("mode", value)
@@ -308,7 +308,7 @@ def test_any_input_may_be_servo_on(function: int, level: int, logic: int) -> Non
     assert status(bench) == 0
 
 
-def test_an_input_function_that_no_input_has_is_told_by_its_state() -> None:
+def test_an_input_function_that_no_input_has_is_reported_by_its_state() -> None:
     bench = Bench("rtu", DSY)
     bench.set("di1_function", 0)
     bench.set("unassigned_low", 1)

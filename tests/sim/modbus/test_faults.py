@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from tautwave.errors import ConfigError, DriverError
-from tautwave_sim.modbus.framing import open_rtu, rtu_frame, tcp_frame
 from tautwave_sim.modbus.options import LINK_FAULTS, REQUEST_FAULTS
+from tautwave_sim.modbus.wire.framing import open_rtu, rtu_frame, tcp_frame
 from tests.sim.modbus.masters import ENDPOINT, Bench, read, read_write, write_one
 
 LINKS = pytest.mark.parametrize("link", ["tcp", "rtu"])
@@ -35,7 +35,12 @@ def test_only_the_request_that_is_meant(link: str, kind: str) -> None:
     bench = scripted(link, kind)
     right = framed(link, IDENTITY)
     got = [raw(bench, read(0)) for _ in range(4)]
-    assert [answer == right for answer in got] == [True, False, True, True] or kind == "answer_late"
+    assert [response == right for response in got] == [
+        True,
+        False,
+        True,
+        True,
+    ] or kind == "answer_late"
 
 
 @LINKS
@@ -82,8 +87,8 @@ def test_the_end_of_an_answer_is_missing(link: str) -> None:
     raw(bench, read(0, 9))
     right = framed(link, bytes.fromhex("03 12 5457 0001 0001") + bytes(12))
     got = [raw(bench, read(0, 9)) for _ in range(20)]
-    assert all(right.startswith(answer) and len(answer) < len(right) for answer in got)
-    assert len({len(answer) for answer in got}) > 5
+    assert all(right.startswith(response) and len(response) < len(right) for response in got)
+    assert len({len(response) for response in got}) > 5
 
 
 def test_one_wrong_bit_is_seen_by_the_checksum_or_in_the_number() -> None:
@@ -144,7 +149,7 @@ def test_a_drive_fails_at_its_time_and_lets_go() -> None:
     assert bench.number("status") == 3
     bench.until(bench.drive().origin_ns + 120_000_000)
     assert [bench.number("status"), bench.number("fault_code")] == [4, 4]
-    assert bench.drive().motor.told == 0
+    assert bench.drive().motor.setpoint == 0
 
 
 def ask_for(bench: Bench, seconds: float) -> None:
@@ -191,10 +196,10 @@ def test_refused_leaves_what_is_connected() -> None:
 def test_half_open_is_silence_without_an_end() -> None:
     bench = moving("tcp", kind="half_open", at_s=0.05, duration_s=0.1)
     bench.wait(0.06)
-    told = bench.drive().bank.values["target_torque"]
+    reported = bench.drive().bank.values["target_torque"]
     for _ in range(5):
         assert bench.ask(write_one(18, 7)) is None
-    assert bench.drive().bank.values["target_torque"] == told
+    assert bench.drive().bank.values["target_torque"] == reported
     assert not bench.port.readable()
     bench.wait(0.2)
     assert bench.ask(read(0)) is None  # the connection never comes back
@@ -253,21 +258,23 @@ def test_a_probability_is_met_and_shifts_no_other(link: str, kind: str) -> None:
     bench = Bench(link, faults={kind: 0.25, "seed": 3})
     plan = bench.simulator.bus.plan
     alone = [plan.request(1, None) for _ in range(400)]
-    struck = [number for number, fate in enumerate(alone) if fate != type(fate)()]
+    struck = [number for number, outcome in enumerate(alone) if outcome != type(outcome)()]
     assert 70 <= len(struck) <= 130
     again = Bench(link, faults={kind: 0.25, "seed": 4}).simulator.bus.plan
-    assert [again.request(1, None) != type(fate)() for fate in alone] != [
-        fate != type(fate)() for fate in alone
+    assert [again.request(1, None) != type(outcome)() for outcome in alone] != [
+        outcome != type(outcome)() for outcome in alone
     ]
     other = Bench(link, faults={kind: 0.25, "request_lost": 1.0, "seed": 3}).simulator.bus.plan
     if kind != "request_lost":
         both = [other.request(1, None) for _ in range(400)]
         assert struck == [
-            number for number, fate in enumerate(both) if fate._replace(lost=False) != type(fate)()
+            number
+            for number, outcome in enumerate(both)
+            if outcome._replace(lost=False) != type(outcome)()
         ]
 
 
 def test_no_fault_no_difference() -> None:
     bench = Bench()
-    fate = bench.simulator.bus.plan.request(1, None)
-    assert fate == type(fate)()
+    outcome = bench.simulator.bus.plan.request(1, None)
+    assert outcome == type(outcome)()

@@ -6,9 +6,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave_sim.modbus.framing import TcpStream, crc16, open_rtu, rtu_frame, silent_ns, tcp_frame
-from tautwave_sim.modbus.protocol import answer, exception
 from tautwave_sim.modbus.registers import Register, RegisterBank
+from tautwave_sim.modbus.wire.framing import (
+    TcpStream,
+    crc16,
+    open_rtu,
+    rtu_frame,
+    silent_ns,
+    tcp_frame,
+)
+from tautwave_sim.modbus.wire.protocol import exception, respond
 
 # MODBUS Application Protocol Specification V1.1b3: 6.3, 6.4, 6.6, 6.12, 6.17, request and response
 SPECIFICATION = [
@@ -55,7 +62,7 @@ class Plain:
 @pytest.mark.parametrize(("request_", "response", "words"), SPECIFICATION)
 def test_the_specifications_examples(request_: str, response: str, words: dict[int, int]) -> None:
     server = Plain(words)
-    assert answer(server, bytes.fromhex(request_)) == bytes.fromhex(response)
+    assert respond(server, bytes.fromhex(request_)) == bytes.fromhex(response)
     if request_.startswith("17"):
         assert server.read(14, 3) == [0xFF, 0xFF, 0xFF]
 
@@ -154,7 +161,7 @@ def test_a_stream_of_anything_finds_its_feet_again(segments: list[bytes]) -> Non
 
 @given(st.binary(max_size=260))
 def test_any_pdu_is_answered(pdu: bytes) -> None:
-    response = answer(Plain(dict.fromkeys(range(40), 0)), pdu)
+    response = respond(Plain(dict.fromkeys(range(40), 0)), pdu)
     assert 2 <= len(response) <= 253
     assert response[0] & 0x7F == (pdu[0] & 0x7F if pdu else 0)
     if response[0] & 0x80 and pdu and pdu[0] in Plain.functions:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tautwave_sim.modbus.framing import open_rtu, rtu_frame
+from tautwave_sim.modbus.wire.framing import open_rtu, rtu_frame
 from tests.sim.modbus.masters import read_write
 from tests.sim.modbus.served import mbpoll, served
 
@@ -90,19 +90,19 @@ def test_pymodbus_switches_a_drive_on_and_moves_it(drives: dict[str, Any]) -> No
     with connected(drives) as client:
         assert not client.write_register(17, 2, device_id=2).isError()
         assert not client.write_register(16, 1, device_id=2).isError()
-        answer = client.readwrite_registers(
+        response = client.readwrite_registers(
             read_address=2, read_count=7, write_address=18, values=[100], device_id=2
         )
-        assert answer.registers[0] == 3
+        assert response.registers[0] == 3
         position = 0
         deadline = time.monotonic() + 10.0
         while position <= 100 and time.monotonic() < deadline:
-            answer = client.read_holding_registers(2, count=7, device_id=2)
+            response = client.read_holding_registers(2, count=7, device_id=2)
             position = client.convert_from_registers(
-                answer.registers[2:4], client.DATATYPE.INT32, word_order="big"
+                response.registers[2:4], client.DATATYPE.INT32, word_order="big"
             )
         assert position > 100
-        assert answer.registers[6] == 100
+        assert response.registers[6] == 100
         assert not client.write_registers(16, [0], device_id=2).isError()
         assert client.read_holding_registers(2, count=1, device_id=2).registers == [1]
 
@@ -140,7 +140,7 @@ def test_a_served_line_answers_no_earlier_than_its_wire_allows(
         for _ in range(20):
             begin = time.monotonic_ns()
             line.write(request)
-            answer = line.read(17)
+            response = line.read(17)
             assert (time.monotonic_ns() - begin) * 1e-9 >= least
-            assert open_rtu(answer) is not None
+            assert open_rtu(response) is not None
             time.sleep(0.002)

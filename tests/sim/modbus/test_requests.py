@@ -137,7 +137,7 @@ def test_gaps_that_read_as_zero() -> None:
 
 
 def test_requests_of_one_segment_are_all_answered() -> None:
-    from tautwave_sim.modbus.framing import tcp_frame
+    from tautwave_sim.modbus.wire.framing import tcp_frame
 
     bench = Bench(units=(1, 2))
     got = bench.bytes_back(tcp_frame(1, 1, read(0)) + tcp_frame(2, 2, read(1)))

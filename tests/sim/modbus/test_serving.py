@@ -18,10 +18,10 @@ from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.errors import ConfigError, DriverError
 from tautwave_sim.modbus import simulator
 from tautwave_sim.modbus.bus import DriveBus
-from tautwave_sim.modbus.framing import tcp_frame
 from tautwave_sim.modbus.options import ModbusBenchOptions
-from tautwave_sim.modbus.serving import TcpServer, serve_bus
-from tautwave_sim.modbus.tcp import TcpSide
+from tautwave_sim.modbus.wire.framing import tcp_frame
+from tautwave_sim.modbus.wire.serving import TcpServer, serve_bus
+from tautwave_sim.modbus.wire.tcp import TcpSide
 from tests.sim.modbus.masters import read, read_write, write_one
 from tests.sim.truths import PERIOD, truth
 
@@ -261,8 +261,19 @@ def test_a_bench_of_drives() -> None:
         simulator.bench(simulator.bench_options(profile="dsy"))
 
 
+@pytest.mark.parametrize("parity", ["N", "E"])
+def test_a_pseudo_terminal_says_that_it_has_no_parity(parity: str) -> None:
+    assert simulator.bench is not None
+    assert simulator.bench_options is not None
+    assert simulator.serve is not None
+    made = simulator.bench(simulator.bench_options(rtu=True, parity=parity))
+    reported: list[Any] = []
+    simulator.serve(*made, reported.append, lambda: True)
+    assert ("open it with parity N" in reported[0].get("note", "")) == (parity == "E")
+
+
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("given", "reported"),
     [
         ({"units": (1, 1)}, "--units 1, 1: two drives cannot share an id"),
         ({"rtu": True, "server": "pymodbus"}, "serves TCP only"),
@@ -270,9 +281,9 @@ def test_a_bench_of_drives() -> None:
         ({"tcp": "127.0.0.1:99999"}, "'127.0.0.1:99999' is not HOST:PORT"),
     ],
 )
-def test_a_bench_that_cannot_be_is_refused(given: dict[str, Any], told: str) -> None:
+def test_a_bench_that_cannot_be_is_refused(given: dict[str, Any], reported: str) -> None:
     assert simulator.bench is not None
-    with pytest.raises(ConfigError, match=told):
+    with pytest.raises(ConfigError, match=reported):
         simulator.bench(ModbusBenchOptions(**given))
 
 
@@ -284,6 +295,8 @@ def test_units_are_those_of_the_standard(units: tuple[int, ...]) -> None:
 
 def test_the_address_that_was_asked_for_is_announced() -> None:
     for host, reached in (("127.0.0.2", "127.0.0.2"), ("0.0.0.0", "127.0.0.1")):
-        told: list[Any] = []
-        serve_bus(options(endpoint=f"tcp://{host}:0"), SPEC, [truth()], told.append, lambda: True)
-        assert told[0]["endpoint"].startswith(f"tcp://{reached}:")
+        reported: list[Any] = []
+        serve_bus(
+            options(endpoint=f"tcp://{host}:0"), SPEC, [truth()], reported.append, lambda: True
+        )
+        assert reported[0]["endpoint"].startswith(f"tcp://{reached}:")

@@ -40,14 +40,16 @@ def slow(*, servo: bool = False, missing: float = 0.0) -> AxisModel:
 def expected(model: AxisModel, commands: list[float], slots: list[int]) -> list[float]:
     """Return the positions at these slots, a command written after slot k acting from k + 1 on."""
     axis = SimulatedAxis("reference", model)
-    positions, at, told = [], 0, 0.0
+    positions, at, reported = [], 0, 0.0
     for slot, command in zip(slots, commands, strict=True):
         while at < slot:
             axis.pass_slot()
             at += 1
         positions.append(axis.measure().position)
-        axis.command(told)  # what came with the exchange of this slot was written after the last
-        told = command
+        axis.command(
+            reported
+        )  # what came with the exchange of this slot was written after the last
+        reported = command
     return positions
 
 
@@ -76,14 +78,14 @@ def test_to_the_bit_like_a_command_delay_of_one_period(link: str, servo: bool) -
     bench = enabled(link, (1, 2), model)
     begin = bench.clock.now_ns()
     seen: dict[int, list[float]] = {1: [], 2: []}
-    told = 0
+    reported = 0
     for k, command in enumerate(COMMANDS):
         bench.until(begin + k * PERIOD_NS)
         for unit in (1, 2):  # the second has its request in the middle of the cycle
-            address, value = (19, pair(told)) if servo else (18, (told,))
+            address, value = (19, pair(reported)) if servo else (18, (reported,))
             got = words(bench.ask(read_write(4, 2, address, *value), unit))
             seen[unit].append(signed(*got) * QUANTUM)
-        told = command
+        reported = command
     quantum = DECIRPM if servo else STEP
     reference = expected(model, [c * quantum for c in COMMANDS], list(range(len(COMMANDS))))
     assert seen == {1: reference, 2: reference}
@@ -102,17 +104,17 @@ def test_jitter_phase_and_left_out_cycles_move_nothing(
     bench = enabled("tcp", (1, 2), model)
     begin = bench.clock.now_ns() + PERIOD_NS
     slots = [k for k in range(len(jitter)) if k == 0 or not left_out[k]]
-    told, got = 0, []
+    reported, got = 0, []
     second = []
     for k in slots:
         late = jitter[k] * PERIOD_NS // 100 if k else 0
         asked = begin + k * PERIOD_NS + late
         bench.until(max(asked, bench.clock.now_ns()))
-        got.append(signed(*words(bench.ask(read_write(4, 2, 18, told), 1))) * QUANTUM)
+        got.append(signed(*words(bench.ask(read_write(4, 2, 18, reported), 1))) * QUANTUM)
         bench.until(max(begin + k * PERIOD_NS + round(phase * PERIOD_NS), bench.clock.now_ns()))
         bench.ask(read_write(4, 2, 18, 0), 2)
         second.append(bench.drive(2).motor.axis._slot)
-        told = COMMANDS[k]
+        reported = COMMANDS[k]
     reference = expected(model, [COMMANDS[k] * STEP for k in slots], slots)
     assert second == slots
     assert got == reference
@@ -123,14 +125,14 @@ def test_jitter_phase_and_left_out_cycles_move_nothing(
 def test_what_is_read_after_a_command_is_of_its_slot(phase: float, late: float) -> None:
     model = slow()
     bench = enabled("tcp", (1,), model, device={"function_codes": [3, 16]})
-    begin, told, got = bench.clock.now_ns(), 0, []
+    begin, reported, got = bench.clock.now_ns(), 0, []
     for k, command in enumerate(COMMANDS):
         asked = begin + round((k + (late if k else 0.0)) * PERIOD_NS)
         bench.until(asked)
-        bench.ask(write_many(18, told))
+        bench.ask(write_many(18, reported))
         bench.until(max(asked + round(phase * PERIOD_NS), bench.clock.now_ns()))
         got.append(signed(*words(bench.ask(read(4, 2)))) * QUANTUM)
-        told = command
+        reported = command
     slots = list(range(len(COMMANDS)))
     assert got == expected(model, [c * STEP for c in COMMANDS], slots)
 
@@ -170,16 +172,16 @@ def test_a_missing_sample_is_an_answer_that_does_not_come() -> None:
     bench = enabled("tcp", (1,), model)
     bench.patience_ns = 2_000_000
     reference = SimulatedAxis("reference", model)
-    begin, told = bench.clock.now_ns(), 0
+    begin, reported = bench.clock.now_ns(), 0
     came = []
     for k, command in enumerate(COMMANDS):
         bench.until(begin + k * PERIOD_NS)
-        came.append(bench.ask(read_write(4, 2, 18, told)) is not None)
+        came.append(bench.ask(read_write(4, 2, 18, reported)) is not None)
         assert bench.ask(read(2, 2)) is not None  # what is no sample comes
         if k:
             reference.pass_slot()
         assert came[-1] == reference.measure().valid
-        told = command
+        reported = command
     assert 0 < came.count(False) < len(came)
 
 
@@ -197,7 +199,7 @@ def test_a_linear_axis_and_a_drive_that_counts_the_other_way() -> None:
     assert drive.motor.scale.position == model.encoder_quantum
     assert drive.motor.scale.effort == pytest.approx(0.5e-3 * 5.0 * math.tau / 0.01)
     drive.motor.free = True
-    drive.motor.tell(1000)
+    drive.motor.command(1000)
     for _ in range(100):
         drive.motor.pass_slot()
     drive.latch()

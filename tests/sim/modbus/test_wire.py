@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tautwave_sim.modbus.framing import open_rtu, rtu_frame, tcp_frame
+from tautwave_sim.modbus.wire.framing import open_rtu, rtu_frame, tcp_frame
 from tests.sim.modbus.masters import Bench, read, read_write, words, write_many, write_one
 
 GOOD = rtu_frame(1, read(0))

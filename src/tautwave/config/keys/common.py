@@ -5,7 +5,7 @@ Units: [rad | m] reads "rad for a rotary axis, m for a linear one".
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -14,6 +14,12 @@ class Block(BaseModel):
     """A mapping in the rig file: no unknown keys, no conversions, no infinities, no changes."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    part_group: ClassVar[str] = ""
+    """Of a base of parts' keys: their group of entry points."""
+
+    part_word: ClassVar[str] = ""
+    """What a part that adds keys to a block is called in messages, such as `law wave`."""
 
 
 Positive = Annotated[float, Field(gt=0)]

@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
+import json
 import math
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import BeforeValidator, Field
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    SerializeAsAny,
+    ValidationInfo,
+    WrapValidator,
+)
 from pydantic_core import PydanticCustomError
 
+from tautwave import registry
+from tautwave.config.keys.chosen import PART_HASH, PartHash
 from tautwave.config.keys.common import Block, Name, NonNegative, Positive
+from tautwave.errors import ConfigError
+from tautwave.registry import unknown_word
 
 
 class Wall(Block):
@@ -16,16 +31,19 @@ class Wall(Block):
 
     position: float = Field(description="[rad | m] Where the wall begins.")
     stiffness: Positive = Field(
-        description="[N m/rad | N/m] Passive while device damping b > stiffness T / 2 + damping."
+        description="[N m/rad | N/m] Passive while the device damping b > stiffness T / 2 + "
+        "damping."
     )
     damping: NonNegative = Field(
-        default=0.0, description="[N m s/rad | N s/m] Steadies the wall, but costs passivity."
+        default=0.0,
+        description="[N m s/rad | N s/m] Steadies the wall at the cost of passivity margin.",
     )
     side: Literal["above", "below"] = Field(
         default="above", description="above: the wall fills everything above `position`."
     )
     passivity_control: bool = Field(
-        default=False, description="Take back at once whatever energy sampling created."
+        default=False,
+        description="Dissipate at once any energy created by sampling (passivity controller).",
     )
     derate: bool = Field(
         default=False,
@@ -42,23 +60,12 @@ def _check_offset(value: Any) -> Any:
 
 
 class Pair(Block):
-    """A master axis and the slave axis of the same name."""
+    """A master axis and the slave axis of the same name; a law adds keys of its own."""
 
-    wave_impedance: Positive | None = Field(
-        default=None,
-        description="[N m s/rad | N s/m] Characteristic impedance of the line, in the master's "
-        "units; law wave only, and required there. Small: light and soft; large: heavy and crisp.",
-    )
-    stiffness: Positive | None = Field(
-        default=None, description="[N m/rad | N/m] Law position only, and required there."
-    )
-    damping: NonNegative | None = Field(
-        default=None, description="[N m s/rad | N s/m] Law position only, and required there."
-    )
     position_scale: Positive = Field(
         default=1.0,
-        description="Slave motion per master motion; has a unit (m/rad) if the kinds differ, and "
-        "has to be given then.",
+        description="Slave motion per master motion; has a unit (m/rad) and is required if the "
+        "kinds differ.",
     )
     force_scale: Positive | None = Field(
         default=None,
@@ -67,22 +74,16 @@ class Pair(Block):
     sign: Literal[1, -1] = Field(default=1, description="-1: the slave moves the other way.")
     offset: Annotated[Literal["at_engage"] | float, BeforeValidator(_check_offset)] = Field(
         default="at_engage",
-        description="[rad | m, master] Position of the master at which the slave is at 0; "
-        "at_engage: whatever it is when the coupling engages.",
+        description="[rad | m, master] Master position that maps to slave position 0; at_engage: "
+        "taken when the coupling engages.",
     )
     engage_tolerance: Positive | None = Field(
         default=None,
         description="[rad | m, master] Greatest mismatch at which the coupling engages; "
         "required when `offset` is a number.",
     )
-    matched_master: bool = Field(
-        default=False, description="Law wave only: matching damper at the master's end."
-    )
-    matched_slave: bool = Field(
-        default=False, description="Law wave only: matching damper at the slave's end."
-    )
     drift_time_s: Positive = Field(
-        default=0.05, description="[s] Time constant at which position drift is taken back."
+        default=0.05, description="[s] Time constant of the position drift correction."
     )
     wall_master: Wall | None = Field(default=None, description="Local wall at the master.")
     wall_slave: Wall | None = Field(default=None, description="Local wall at the slave.")
@@ -92,46 +93,181 @@ class Pair(Block):
         """Slave effort per master effort: what was given, else 1/position_scale."""
         return 1.0 / self.position_scale if self.force_scale is None else self.force_scale
 
+    def in_device_units(self, side: str, value: float) -> float:
+        """Return an impedance, stiffness or damping of the pair in the units of one device."""
+        if side == "master":
+            return value
+        return value * self.effective_force_scale / self.position_scale
+
 
 class Coupling(Block):
-    """How master and slave are coupled."""
+    """How master and slave are coupled; the law says which keys there are beside these."""
 
-    law: Literal["wave", "position"] = Field(
+    law: str = Field(
         default="wave",
         description="wave: passive at any constant delay; position: spring and damper between the "
-        "two, for comparison.",
+        "two, for comparison; or the name of another installed part (`tautwave drivers`).",
     )
+    part_sha256: PartHash | None = PART_HASH
     delay_s: Annotated[float, Field(ge=0, le=60)] = Field(
         default=0.0, description="[s] One-way delay of the line; a whole number of samples."
     )
-    wave_filter_hz: Positive | None = Field(
-        default=None, description="[Hz] Corner of a low-pass on the waves; at most half the rate."
-    )
-    engage_ramp_s: NonNegative = Field(
-        default=0.2, description="[s] The coupling fades in over this time."
-    )
+    engage_ramp_s: NonNegative = Field(default=0.2, description="[s] Fade-in time of the coupling.")
     release_ramp_s: NonNegative = Field(
-        default=0.2, description="[s] The coupling fades out over this time."
+        default=0.2, description="[s] Fade-out time of the coupling."
     )
-    pairs: dict[Name, Pair] = Field(description="The pairs by name: one per axis of each side.")
+    pairs: Mapping[Name, Pair] = Field(description="The pairs by name: one per axis of each side.")
+
+    @classmethod
+    def model_for(cls, value: Any) -> type[Coupling]:
+        """Return the block of the law that `value`, a mapping of the file or a block, names."""
+        if isinstance(value, Coupling):
+            return type(value)
+        law = value.get("law", "wave") if isinstance(value, dict) else "wave"
+        return coupling_block(law) if isinstance(law, str) else _UnknownLaw
+
+    def problems(self, rate_hz: float) -> Sequence[tuple[str, str]]:
+        """Return keys that do not fit the rate [Hz], each with a sentence."""
+        return ()
+
+    def at_axis_rate(self) -> Self:
+        """Return the coupling as an end on a slow bus sees it, without what runs on the line."""
+        return self
+
+    def filter_step(self, period_s: float) -> float:
+        """Return the step of a low-pass on what travels [1] at a period [s]; 1 without one."""
+        return 1.0
+
+
+def _refuse_law(name: str) -> str:
+    text = unknown_word("law", name, registry.coupling_names())
+    if name in registry.coupling_names() or registry.is_file_part(name):
+        try:
+            registry.load_named(registry.load_coupling(name).keys)
+        except ConfigError as err:
+            text = str(err)  # why it does not load
+    raise PydanticCustomError("part", "{text}", {"text": text})
+
+
+class AnyPair(Pair):
+    """The keys that pairs of all laws have."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class AnyLaw(Coupling):
+    """The keys that couplings of all laws have."""
+
+    model_config = ConfigDict(extra="ignore")
+    pairs: Mapping[Name, AnyPair]
+
+
+class _UnknownLaw(AnyLaw):
+    """A coupling of a law that nobody knows."""
+
+    law: Annotated[str, AfterValidator(_refuse_law)] = "wave"
+
+
+def coupling_block(law: str) -> type[Coupling]:
+    """Return the keys of a law, those of its pairs included."""
+    return _block_of(law) if registry.is_file_part(law) else _installed_block(law)
+
+
+@lru_cache(maxsize=64)
+def _installed_block(law: str) -> type[Coupling]:
+    return _block_of(law)
+
+
+def _block_of(law: str) -> type[Coupling]:
+    try:
+        found: type[Coupling] = registry.load_named(registry.load_coupling(law).keys)
+    except ConfigError:
+        return _UnknownLaw
+    for block in (found, pair_block(found)):
+        block.part_word = f"law {law}"
+    return found
+
+
+def pair_block(coupling: type[Coupling]) -> type[Pair]:
+    """Return the keys of one pair of a coupling."""
+    found: type[Pair] = get_args(coupling.model_fields["pairs"].annotation)[1]
+    return found
+
+
+def law_blocks() -> dict[str, type[Coupling]]:
+    """Return the keys of every installed law that loads, by name."""
+    found = {name: coupling_block(name) for name in registry.coupling_names()}
+    return {law: block for law, block in found.items() if block is not _UnknownLaw}
+
+
+def laws_with(key: str, block: type[Block]) -> list[str]:
+    """Return the laws, other than that of `block`, that have a key at its place."""
+    if not issubclass(block, Coupling | Pair):
+        return []
+    at_pair = issubclass(block, Pair)
+    return [
+        law
+        for law, other in law_blocks().items()
+        if key in (pair_block(other) if at_pair else other).model_fields
+    ]
+
+
+def _choose_law(value: Any, handler: Any, info: ValidationInfo) -> Any:
+    if isinstance(value, Coupling):
+        return value
+    if not isinstance(value, dict):
+        return handler(value)
+    block = Coupling.model_for(value)
+    value = _without_blanks(value, block)
+    if isinstance(value.get("pairs"), dict):
+        inner = pair_block(block)
+        pairs = value["pairs"].items()
+        value = {**value, "pairs": {name: _without_blanks(pair, inner) for name, pair in pairs}}
+    if info.mode == "json":  # lists may fill tuples there
+        return block.model_validate_json(json.dumps(value), strict=True)
+    return block.model_validate(value, strict=True)
+
+
+def _without_blanks(value: Any, block: type[Block]) -> Any:
+    """Leave out keys of other laws that say nothing: resolved rigs of version 1 list them all."""
+    if not isinstance(value, dict):
+        return value
+    blank = [
+        key
+        for key, given in value.items()
+        if (given is None or given is False) and key not in block.model_fields
+    ]
+    spared = {key for key in blank if laws_with(key, block)}
+    return {key: given for key, given in value.items() if key not in spared} if spared else value
+
+
+AnyCoupling = Annotated[SerializeAsAny[Coupling], WrapValidator(_choose_law)]
 
 
 class Loop(Block):
     """How the loop is run and when it gives up."""
 
+    engine: Literal["python", "compiled"] = Field(
+        default="python",
+        description="What the controller of a coupling runs as, the same numbers to the bit: plain "
+        "Python, or machine code (numba), compiled before anything is enabled.",
+    )
+
     missing_limit: Annotated[int, Field(ge=1)] = Field(
-        default=20, description="Consecutive missing samples of an axis that end in a safety stop."
+        default=20, description="Consecutive missing samples of an axis that trigger a safety stop."
     )
     overrun_limit: Annotated[int, Field(ge=1)] = Field(
-        default=200, description="Consecutive skipped slots that end in a safety stop."
+        default=200, description="Consecutive skipped slots that trigger a safety stop."
     )
     fifo_priority: Annotated[int, Field(ge=0, le=99)] = Field(
-        default=50, description="Real-time priority to ask for; 0: do not ask."
+        default=50, description="Real-time priority to request; 0: none."
     )
     cpu: Annotated[int, Field(ge=0)] | None = Field(
-        default=None, description="Processor to stay on; none: any."
+        default=None, description="CPU core to pin the loop to; none: any."
     )
-    lock_memory: bool = Field(default=True, description="Ask that memory is never paged out.")
+    lock_memory: bool = Field(
+        default=True, description="Lock memory so that it is never paged out."
+    )
     ring_rows: Annotated[int, Field(ge=64, le=1 << 20)] = Field(
-        default=8192, description="Rows between the loop and the process that writes them."
+        default=8192, description="Rows buffered between the loop and the writer process."
     )

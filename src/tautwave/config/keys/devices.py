@@ -1,4 +1,4 @@
-"""`buses`, `master` and `slave`: what is plugged in, and what the controller believes of it."""
+"""`buses`, `master` and `slave`: the hardware, and the controller's model of it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Inertia(Belief):
     value: Positive = Field(description="[kg m^2 | kg] Best estimate.")
     lower: Positive = Field(
         description="[kg m^2 | kg] Safe lower bound, 0.5 to 0.8 of `value`: the wave port predicts "
-        "with it, and is passive only while the true inertia is not smaller."
+        "with it, and is passive only if the true inertia is at least this."
     )
     source: Annotated[str, Field(min_length=1)] = Field(
         description="Where the numbers come from: identified, data sheet, CAD, ..."
@@ -59,7 +59,7 @@ class Damping(Belief):
 
     value: NonNegative = Field(description="[N m s/rad | N s/m] Best estimate.")
     lower: NonNegative = Field(
-        description="[N m s/rad | N s/m] Safe lower bound; the certificate counts on this much."
+        description="[N m s/rad | N s/m] Safe lower bound; the certificate relies on it."
     )
     source: Annotated[str, Field(min_length=1)] = Field(
         description="Where the numbers come from: identified, data sheet, ..."
@@ -71,7 +71,7 @@ class Coulomb(Belief):
 
     value: NonNegative = Field(description="[N m | N] Best estimate.")
     lower: NonNegative = Field(
-        description="[N m | N] Safe lower bound; `passive_quantised` counts on this much."
+        description="[N m | N] Safe lower bound; `passive_quantised` relies on it."
     )
     source: Annotated[str, Field(min_length=1)] = Field(
         description="Where the numbers come from: identified, data sheet, ..."
@@ -105,10 +105,12 @@ class Axis(Block):
     )
     causality: Literal["impedance", "admittance"] = Field(
         default="impedance",
-        description="impedance: takes effort; admittance: takes velocity and measures effort.",
+        description="impedance: commanded by effort; admittance: commanded by velocity, measures "
+        "effort.",
     )
     inertia: Inertia | None = Field(
-        default=None, description="[kg m^2 | kg] Required for impedance axes, none for admittance."
+        default=None,
+        description="[kg m^2 | kg] Required for impedance axes; not for admittance axes.",
     )
     damping: Annotated[Damping, BeforeValidator(_expand_number)] = Field(
         default=Damping(value=0.0, lower=0.0, source="given"),
@@ -116,8 +118,8 @@ class Axis(Block):
     )
     coulomb: Annotated[Coulomb, BeforeValidator(_expand_number)] = Field(
         default=Coulomb(value=0.0, lower=0.0, source="given"),
-        description="[N m | N] Coulomb friction: a number, or value, lower and source. It alone "
-        "lets a wall pass `passive_quantised` with an encoder.",
+        description="[N m | N] Coulomb friction: a number, or value, lower and source. Required "
+        "for a wall to pass `passive_quantised` with an encoder.",
     )
     effort_limit: Positive = Field(
         description="[N m | N] Greatest effort ever commanded (or, admittance, expected)."
@@ -149,9 +151,14 @@ class Axis(Block):
     )
     environment_stiffness_upper: NonNegative | None = Field(
         default=None,
-        description="[N m/rad | N/m] Stiffest thing an admittance axis will touch; "
-        "decides how small its wave impedance may be.",
+        description="[N m/rad | N/m] Stiffest environment an admittance axis will touch; bounds "
+        "its wave impedance from below.",
     )
+
+    @property
+    def held_bias(self) -> float:
+        """Velocity [rad/s | m/s] that its tracker believes per effort given, while it is held."""
+        return 0.0 if self.inertia is None else self.velocity_filter_s / self.inertia.lower
 
 
 class Side(Block):

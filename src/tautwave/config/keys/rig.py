@@ -8,12 +8,13 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import Discriminator, Field, PrivateAttr, Tag
 
+from tautwave import formats
 from tautwave.config.keys.common import Block, Name, Positive
-from tautwave.config.keys.coupling import Coupling, Loop
+from tautwave.config.keys.coupling import AnyCoupling, Coupling, Loop
 from tautwave.config.keys.devices import Axis, Bus, Side
 from tautwave.config.keys.scene import Scene
-from tautwave.config.keys.simulation import AxisSimulation, Simulation
-from tautwave.config.keys.space import SpaceScene, scene_kind
+from tautwave.config.keys.scene3d import Scene3d, scene_kind
+from tautwave.config.keys.simulation import AxisSimulation, EnvironmentPart, Simulation
 from tautwave.contracts import AxisSpec, BusSpec
 
 VELOCITY_TIME_CONSTANT_S = 0.002
@@ -29,7 +30,7 @@ def _no_coupling() -> Coupling:
 
 
 AnyScene = Annotated[
-    Annotated[Scene, Tag("Scene")] | Annotated[SpaceScene, Tag("SpaceScene")],
+    Annotated[Scene, Tag("Scene")] | Annotated[Scene3d, Tag("Scene3d")],
     Discriminator(scene_kind),
 ]
 
@@ -40,31 +41,34 @@ class Rig(Block):
     With a `scene` there is neither slave nor coupling: the master's axes touch a physical model.
     """
 
-    name: Annotated[str, Field(min_length=1)] = Field(description="What the report is headed with.")
+    format: Annotated[int, Field(ge=1, le=formats.RIG)] = Field(
+        default=formats.RIG, description="Version of the rig file's keys; 1 where it is left out."
+    )
+    name: Annotated[str, Field(min_length=1)] = Field(description="Title of the report.")
     rate_hz: Annotated[float, Field(gt=0, le=1e6)] = Field(description="[Hz] Cycles per second.")
     duration_s: Positive = Field(description="[s] How long a run lasts.")
     require: Literal["passive", "passive_quantised", "coupled_stable"] = Field(
         default="passive",
         description="What must be certified before the rig may run: passive for any operator and "
-        "environment; the same with encoder steps and Coulomb friction; or stable with a "
-        "typical hand.",
+        "environment; the same with encoder steps and Coulomb friction; or stable with the "
+        "stated hand.",
     )
-    seed: int = Field(default=0, description="Every random number of a simulated run follows it.")
+    seed: int = Field(default=0, description="Seed of every random number in a simulated run.")
     buses: Annotated[dict[Name, Bus], Field(min_length=1)] = Field(description="Buses by name.")
     master: Side = Field(description="The devices in the operator's hand.")
     slave: Side = Field(
         default_factory=_no_slave, description="The devices at the task; required without a scene."
     )
-    coupling: Coupling = Field(
+    coupling: AnyCoupling = Field(
         default_factory=_no_coupling,
-        description="How they are coupled; required without a scene.",
+        description="The coupling between them; required without a scene.",
     )
     scene: AnyScene | None = Field(
         default=None, description="A network of masses and links to touch, instead of a slave."
     )
-    loop: Loop = Field(default_factory=Loop, description="How the loop is run.")
+    loop: Loop = Field(default_factory=Loop, description="Settings of the control loop.")
     simulation: Simulation | None = Field(
-        default=None, description="The truth that replaces hardware; leave out on a real rig."
+        default=None, description="The simulated plant that replaces hardware; omit on a real rig."
     )
 
     _source: Path | None = PrivateAttr(default=None)
@@ -175,6 +179,23 @@ def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
         start_position=given.start_position,
         velocity_time_constant_s=_first(given.velocity_time_constant_s, VELOCITY_TIME_CONSTANT_S),
     )
+
+
+def count_velocity(rig: Rig, axis_name: str, quantum: float) -> float:
+    """Return what one encoder count of `quantum` [rad or m] reads as at rest [rad/s or m/s].
+
+    An impedance axis sees it behind its velocity filter t_f, quantum / (T + t_f), in its bus'
+    period T; an admittance axis has no filter.
+    """
+    axis = rig.axes[axis_name]
+    filtered = axis.velocity_filter_s if axis.causality == "impedance" else 0.0
+    return quantum / (rig.axis_period_s(axis_name) + filtered)
+
+
+def has_environment_parts(rig: Rig) -> bool:
+    """Return whether a slave meets an environment of others' making, which no compiler has seen."""
+    environments = {} if rig.simulation is None else rig.simulation.environment
+    return any(isinstance(keys, EnvironmentPart) for keys in environments.values())
 
 
 def bus_spec(rig: Rig, bus_name: str) -> BusSpec:

@@ -68,7 +68,8 @@ class ContactLink(Chain):
     exponent: Exponent = Field(default=1.0, description="1: linear; 1.5: Hertz; 2: squared.")
     loss: NonNegative = Field(default=0.0, description="[s/m] Hunt and Crossley's.")
     gap: float = Field(
-        default=0.0, description="[m | rad] They touch when the first is less above the second."
+        default=0.0,
+        description="[m | rad] They touch when the first is closer than this above the second.",
     )
 
 
@@ -147,7 +148,8 @@ class ScenePort(Block):
         default=1.0, description="Motion in the scene per motion of the axis; power is kept."
     )
     offset: float = Field(
-        default=0.0, description="[m | rad] Where in the scene the axis is when it reads 0."
+        default=0.0,
+        description="[m | rad] Position in the scene that corresponds to axis position 0.",
     )
 
 
@@ -208,10 +210,13 @@ class SoundForce(Block):
     channel: Literal["mono"] | Annotated[int, Field(ge=1)] = Field(
         default="mono", description="From 1; mono: the mean of all."
     )
-    loop: bool = Field(default=False, description="Again and again; else once, then silence.")
+    loop: bool = Field(
+        default=False, description="Loop the file; otherwise play it once, then silence."
+    )
     start_s: NonNegative = Field(default=0.0, description="[s] When it begins.")
     sha256: str | None = Field(
-        default=None, description="Of the file: another one is refused. A run fills it in."
+        default=None,
+        description="SHA-256 of the file; a different file is refused. Filled in by a run.",
     )
 
 
@@ -231,14 +236,16 @@ class Scene(Block):
     dimension: Literal[1] = Field(
         default=1, exclude=True, description="1, or 3: points in space, with keys of their own."
     )
-    scheme: Literal["exact", "symplectic", "discrete_gradient"] = Field(
+    scheme: Literal["auto", "exact", "symplectic", "rk4", "discrete_gradient"] = Field(
         default="discrete_gradient",
-        description="exact: linear networks, any rate; symplectic: the standard one, w T < 2; "
+        description="auto: the least error at the rig's rate, found by trial; `check` shows which. "
+        "exact: linear networks, any rate; symplectic: the standard one, w T < 2; "
+        "rk4: fourth order, w T < 2.8, no plastic links; "
         "discrete_gradient: keeps the energy at any stiffness.",
     )
     engine: Literal["auto", "python", "compiled"] = Field(
         default="auto",
-        description="What steps it, the same numbers to the bit. auto: compiled (numba) on the "
+        description="Execution engine; results are bit-identical. auto: compiled (numba) on the "
         "real clock where plain Python would take more than half of a period.",
     )
     gravity: float = Field(default=0.0, description="[m/s^2] Downwards.")
@@ -256,14 +263,14 @@ class Scene(Block):
     )
     record: list[Name] = Field(
         default_factory=list,
-        description="Masses to keep and record although no port feels them.",
+        description="Masses to keep and record even if they affect no port.",
     )
     output: SceneOutput = Field(default_factory=SceneOutput, description="What is heard.")
     engage_ramp_s: NonNegative = Field(
-        default=0.2, description="[s] The scene's efforts fade in over this time."
+        default=0.2, description="[s] Fade-in time of the scene's efforts."
     )
     release_ramp_s: NonNegative = Field(
-        default=0.2, description="[s] The scene's efforts fade out over this time."
+        default=0.2, description="[s] Fade-out time of the scene's efforts."
     )
 
     def size_of(self, name: str) -> int:

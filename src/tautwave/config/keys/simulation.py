@@ -1,11 +1,12 @@
-"""`simulation`: the truth that replaces hardware. Absent on a real rig."""
+"""`simulation`: the simulated plant that replaces hardware. Absent on a real rig."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, SerializeAsAny, WrapValidator
 
+from tautwave.config.keys.chosen import PART_HASH, PartHash, PartName, chosen_part
 from tautwave.config.keys.common import (
     AxisName,
     Block,
@@ -14,6 +15,7 @@ from tautwave.config.keys.common import (
     Positive,
     Probability,
 )
+from tautwave.registry import ENVIRONMENTS, HANDS
 
 
 class AxisSimulation(Block):
@@ -36,7 +38,8 @@ class AxisSimulation(Block):
         default=None, description="[N m | N] Where the motor itself saturates."
     )
     command_delay_s: NonNegative | None = Field(
-        default=None, description="[s] Until a command acts; default: as the driver declares."
+        default=None,
+        description="[s] Delay until a command acts; default: as declared by the driver.",
     )
     start_position: float = Field(default=0.0, description="[rad | m]")
     velocity_time_constant_s: Positive | None = Field(
@@ -49,7 +52,7 @@ class MinimumJerk(Block):
 
     type: Literal["minimum_jerk"] = Field(description="Kind of reference.")
     waypoints: Annotated[tuple[tuple[NonNegative, float], ...], Field(min_length=1)] = Field(
-        description="[s], [rad | m] Times, rising, and positions; held before and after."
+        description="[s], [rad | m] Times, rising, and positions; held constant before and after."
     )
 
 
@@ -83,27 +86,50 @@ class Recording(Block):
     time_column: str = Field(default="time_s", description="Heading of the column with the time.")
     scale: float = Field(default=1.0, description="[rad | m per unit of the file]")
     offset: float = Field(default=0.0, description="[rad | m] Added after scaling.")
-    repeat: bool = Field(default=True, description="Play it in a cycle; else hold its last value.")
+    repeat: bool = Field(default=True, description="Repeat it; otherwise hold its last value.")
 
 
 Reference = Annotated[MinimumJerk | Multisine | Hold | Recording, Field(discriminator="type")]
 
 
-class Hand(Block):
-    """The operator's grip: a mass on the device, spring and damper to where the hand wants to be.
+class Grip(Block):
+    """How a hand holds: a mass on the device, spring and damper to where it wants to be.
 
     The defaults are a light grip, in N and m; on a rotary axis the `lever_arm` turns them into
     rotary ones (times its square).
     """
 
-    mass: NonNegative = Field(default=0.143, description="[kg] Rides on the device.")
+    mass: NonNegative = Field(default=0.143, description="[kg] Moves with the device.")
     damping: NonNegative = Field(default=5.0, description="[N s/m]")
     stiffness: Positive = Field(default=538.0, description="[N/m]")
     lever_arm: Positive | None = Field(
         default=None,
         description="[m] Rotary axes only, and required there; 1 if the values above are rotary.",
     )
-    reference: Reference = Field(description="[rad | m] Where the hand wants to be.")
+
+
+class Hand(Grip):
+    """An operator's hand with a reference of the rig file."""
+
+    reference: Reference = Field(description="[rad | m] Reference position of the hand.")
+
+
+class HandPart(Grip):
+    """Base of the keys of a hand that is a part: the grip, which part, and which text of it."""
+
+    part_group: ClassVar[str] = HANDS
+
+    part: PartName
+    part_sha256: PartHash | None = PART_HASH
+
+
+class EnvironmentPart(Block):
+    """Base of the keys of an environment that is a part: which part, and which text of it."""
+
+    part_group: ClassVar[str] = ENVIRONMENTS
+
+    part: PartName
+    part_sha256: PartHash | None = PART_HASH
 
 
 class Free(Block):
@@ -117,7 +143,7 @@ class Spring(Block):
 
     type: Literal["spring"] = Field(description="Kind of environment.")
     stiffness: Positive = Field(description="[N m/rad | N/m]")
-    position: float = Field(description="[rad | m] Where it rests.")
+    position: float = Field(description="[rad | m] Rest position.")
 
 
 class SolidWall(Block):
@@ -146,16 +172,24 @@ class Foam(Block):
 
 
 Environment = Annotated[Free | Spring | SolidWall | Foam, Field(discriminator="type")]
+AnyEnvironment = Annotated[
+    SerializeAsAny[Free | Spring | SolidWall | Foam | EnvironmentPart],
+    WrapValidator(chosen_part(EnvironmentPart, Environment)),
+]
+AnyHand = Annotated[
+    SerializeAsAny[Hand | HandPart],
+    WrapValidator(chosen_part(HandPart, Hand)),
+]
 
 
 class Faults(Block):
     """Mishaps drawn from the rig's seed."""
 
     missing_probability: Probability = Field(
-        default=0.0, description="Chance that a sample is missing, per axis and cycle."
+        default=0.0, description="Probability of a missing sample, per axis and cycle."
     )
     overrun_probability: Probability = Field(
-        default=0.0, description="Chance that the loop overruns, per cycle."
+        default=0.0, description="Probability of a loop overrun, per cycle."
     )
     overrun_slots: Annotated[int, Field(ge=1)] = Field(
         default=3, description="Slots an overrun skips."
@@ -163,7 +197,7 @@ class Faults(Block):
 
 
 class Integrator(Block):
-    """How the simulated devices are moved within a cycle; see `tautwave.models.integrators`."""
+    """How simulated devices are moved within a cycle; see `tautwave.models.integrators`."""
 
     scheme: Literal[
         "auto",
@@ -180,7 +214,8 @@ class Integrator(Block):
     max_error: Annotated[float, Field(gt=0, le=0.1)] | None = Field(
         default=None,
         description="Worst error of a bounce at the greatest speed, as a share of that speed; "
-        "sets the sub-steps. Default: 1e-4 for auto and dormand_prince, else one step a cycle.",
+        "determines the sub-steps. Default: 1e-4 for auto and dormand_prince, else one step a "
+        "cycle.",
     )
 
 
@@ -190,11 +225,11 @@ class Simulation(Block):
     axes: dict[AxisName, AxisSimulation] = Field(
         default_factory=dict, description="By full name, such as `master.wrist`."
     )
-    hand: dict[Name, Hand] = Field(
-        default_factory=dict, description="The hand on the master, by pair; default: nobody."
+    hand: dict[Name, AnyHand] = Field(
+        default_factory=dict, description="Hand on the master, by pair; default: none."
     )
-    environment: dict[Name, Environment] = Field(
-        default_factory=dict, description="What the slave meets, by pair; default: free."
+    environment: dict[Name, AnyEnvironment] = Field(
+        default_factory=dict, description="Environment of the slave, by pair; default: free."
     )
     integrator: Integrator | None = Field(
         default=None,

@@ -1,0 +1,1 @@
+"""What of the reference is written by the program itself."""

@@ -1,0 +1,24 @@
+"""Write the generated pages of the reference, each only where its text changed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from _tools.columns import columns_page
+from _tools.commands import commands_page, exit_codes_page
+from _tools.keys import keys_page
+
+
+def write_pages(folder: Path) -> None:
+    """Write keys, commands, columns and exit codes as Markdown into `folder`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    pages = {
+        "keys.md": keys_page,
+        "commands.md": commands_page,
+        "columns.md": columns_page,
+        "exit-codes.md": exit_codes_page,
+    }
+    for name, page in pages.items():
+        path, text = folder / name, page()
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")

@@ -1,0 +1,78 @@
+"""PD with damping injection: spring and damper between the sides, and dampers against ground.
+
+Nuno, Basanez and Ortega, "Passivity-based control for bilateral teleoperation", Automatica 47
+(2011): 4 B_m B_s > (T_m + T_s)^2 K_m K_s, in continuous time. SI, in the master's units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydantic import Field
+
+from tautwave.config import Coupling, Pair, Rig
+from tautwave.contracts import CouplingPlugin, PortConstants
+from tautwave.wording import CouplingWords
+
+SIDES = ("master", "slave")
+
+
+class InjectedPair(Pair):
+    """A pair with a spring, a damper, and damping injected at both ends."""
+
+    stiffness: float = Field(gt=0, description="[N m/rad | N/m] Spring between the sides.")
+    damping: float = Field(ge=0, description="[N m s/rad | N s/m] Damper between the sides.")
+    injection: float = Field(ge=0, description="[N m s/rad | N s/m] Damper to ground, each side.")
+
+
+class InjectedCoupling(Coupling):
+    """PD with damping injection."""
+
+    pairs: Mapping[str, InjectedPair] = Field(description="The pairs by name.")
+
+
+def constants(pair: InjectedPair, side: str) -> PortConstants:
+    """Return what acts on one device, in its units."""
+    return PortConstants(
+        wave_impedance=pair.in_device_units(side, 1.0),
+        stiffness=pair.in_device_units(side, pair.stiffness),
+        damping=pair.in_device_units(side, pair.damping),
+        injection=pair.in_device_units(side, pair.injection),
+    )
+
+
+def elements(rig: Rig, name: str, delays: Mapping[str, Any]) -> Iterator[Any]:
+    """Yield what is known of one pair's passivity; what it needs is imported only now."""
+    from tautwave.certificate.data import Element, Verdict
+
+    pair = rig.coupling.pairs[name]
+    assert isinstance(pair, InjectedPair)
+    there, have, wanted = [], 1.0, 1.0
+    for side in SIDES:
+        delay = delays[f"{side}.{name}"]
+        late = rig.period_s * (0.5 + delay.periods) + delay.remainder_s
+        there.append(rig.coupling.delay_s + late)
+        have *= constants(pair, side).injection + rig.axes[f"{side}.{name}"].damping.lower
+        wanted *= constants(pair, side).stiffness
+    ratio = 4.0 * have / (sum(there) ** 2 * wanted)
+    said = (
+        f"coupling of {name}: 4 B_m B_s is {ratio:.3g} times (T_m + T_s)^2 K_m K_s with a delay of "
+        f"{1e3 * sum(there):.3g} ms there and back (Nuno et al. 2011)"
+    )
+    holds = Verdict(ratio > 1.0, said, ("continuous time stands for sampled",), ratio - 1.0)
+    steps = Verdict(False, f"{said}; nothing is known of encoder steps")
+    yield Element(f"coupling of {name}", "coupling", name, holds, steps, {"ratio": ratio}, (said,))
+
+
+words = CouplingWords(
+    coupling=lambda rig: f"PD with damping injection, {rig.coupling.delay_s:g} s each way"
+)
+
+plugin = CouplingPlugin(
+    summary="spring and damper between the sides, damping injected at both",
+    keys=InjectedCoupling,
+    constants=constants,
+    verdict=elements,
+    words=words,
+)

@@ -1,0 +1,322 @@
+"""Configuration through the canopen library, without a thread: it is fed by polling.
+
+canopen's SDO client waits on a queue that a thread fills; the queue here waits on the rig's clock
+and reads the port itself, so it also works on a FakeClock.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import queue
+import re
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import canopen
+from canopen.objectdictionary import ODRecord, ODVariable, datatypes
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
+
+from tautwave.config.guard import read_guarded
+from tautwave.contracts import Clock, FramePort
+from tautwave.errors import BusTimeout, ConfigError, DeviceFault, DriverError
+from tautwave_drivers.cia402 import communication, objects
+from tautwave_drivers.cia402.aborts import abort_text
+from tautwave_drivers.cia402.entry import Entry, pack, unpack
+
+LARGEST_EDS = 4 * 1024 * 1024
+"""Bytes; those of large servo families have some 1 MB."""
+MOST_ENTRIES = 254
+_ENTRIES = re.compile(r"^[ \t]*NrOfEntries[ \t]*=[ \t]*([0-9]{1,4000})", re.MULTILINE)
+_RETRIES = 3
+_BATCH = 256
+"""Frames between looks at the clock: a flood never leaves the queue empty."""
+_LONGEST = 20
+"""Response timeouts that all segments of an object may take together."""
+_SENDING_NS = 1_000_000
+_TYPES = {
+    "BOOL": datatypes.BOOLEAN,
+    "I8": datatypes.INTEGER8,
+    "U8": datatypes.UNSIGNED8,
+    "I16": datatypes.INTEGER16,
+    "U16": datatypes.UNSIGNED16,
+    "I32": datatypes.INTEGER32,
+    "U32": datatypes.UNSIGNED32,
+    "I64": datatypes.INTEGER64,
+    "U64": datatypes.UNSIGNED64,
+    "STR": datatypes.VISIBLE_STRING,
+}
+Hear = Callable[[int, bytes, int], object]
+
+# Without a handler Python prints the library's warnings on stderr.
+logging.getLogger("canopen").addHandler(logging.NullHandler())
+
+
+class AbortError(DeviceFault):
+    """A drive refused an object; `code` is the SDO abort code."""
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class EndlessError(BusTimeout):
+    """A drive sends the segments of an object without end."""
+
+
+class Responses:
+    """Replaces the queue of canopen's SDO client.
+
+    `until_ns` is when the transfer under way has to be complete, and `late` whether it was not:
+    the library takes segments for as long as they come.
+    """
+
+    def __init__(self, net: PolledNetwork) -> None:
+        self._net = net
+        self._items: deque[bytes] = deque()
+        self.until_ns = 0
+        self.late = False
+
+    def put(self, item: bytes) -> None:
+        """Take a response."""
+        self._items.append(item)
+
+    def empty(self) -> bool:
+        """Forget late responses before a new request; always True then."""
+        self._items.clear()
+        return True
+
+    def get(self, block: bool = True, timeout: float = 0.0) -> bytes:
+        """Wait for a response on the rig's clock."""
+        now = self._net.clock.now_ns()
+        if now >= self.until_ns:
+            self.late = True
+            raise queue.Empty
+        deadline = now + round(timeout * 1e9)
+        while not self._items:
+            if not self._net.pump(deadline) and not self._items:
+                raise queue.Empty
+        return self._items.popleft()
+
+
+class PolledNetwork(canopen.Network):
+    """canopen's network over a frame port; `hear` gets every frame but SDO responses."""
+
+    def __init__(self, port: FramePort, clock: Clock, hear: Hear, timeout_s: float) -> None:
+        super().__init__()
+        self.port = port
+        self.clock = clock
+        self._hear = hear
+        self._timeout_s = timeout_s
+        self.drives: dict[int, RemoteDrive] = {}
+
+    def send_message(self, can_id: int, data: Any, remote: bool = False) -> None:
+        """Send a frame; waits a moment where the queue is full."""
+        for _ in range(20):
+            if self.port.send(can_id, bytes(data)):
+                return
+            self.clock.sleep_until(self.clock.now_ns() + _SENDING_NS)
+        raise DriverError(
+            "the CAN transmit queue stays full: no frame is acknowledged; check cable, "
+            "termination, power and bit rate"
+        )
+
+    def pump(self, deadline_ns: int) -> bool:
+        """Wait for frames and pass them on; False when the deadline has passed, as it then may."""
+        if not self.clock.wait(self.port, deadline_ns):
+            return False
+        for _ in range(_BATCH):
+            frame = self.port.receive()
+            if frame is None:
+                break
+            can_id, data, arrival_ns = frame
+            if can_id & ~0x7F == 0x580 and can_id in self.subscribers:
+                if len(data) == 8:  # the library raises on shorter ones
+                    self.notify(can_id, bytearray(data), arrival_ns * 1e-9)
+            else:
+                self._hear(can_id, data, arrival_ns)
+        return self.clock.now_ns() < deadline_ns
+
+    def listen(self, until_ns: int, enough: Callable[[], bool] = lambda: False) -> bool:
+        """Receive frames until `enough()` or the time; return whether it was enough."""
+        while not enough():
+            if not self.pump(until_ns):
+                return enough()
+        return True
+
+    def remote(self, node_id: int, name: str, eds: str | None = None) -> RemoteDrive:
+        """Return the drive `node_id`, called `name` in messages."""
+        drive = self.drives[node_id] = RemoteDrive(self, node_id, name, eds, self._timeout_s)
+        return drive
+
+
+def built_in_dictionary() -> canopen.ObjectDictionary:
+    """Return the objects of CiA 301 and CiA 402 that a set-up needs, for drives without an EDS."""
+    dictionary = canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
+    entries = (*communication.COMMUNICATION, *objects.DRIVE)
+    grouped = {entry.index for entry in entries if entry.sub}
+    for entry in entries:
+        variable = ODVariable(entry.name, entry.index, entry.sub)
+        variable.data_type = _TYPES[entry.type]
+        if entry.index not in grouped:
+            dictionary.add_object(variable)
+            continue
+        if entry.index not in dictionary:
+            dictionary.add_object(ODRecord(f"{entry.index:04X}", entry.index))
+        record = dictionary[entry.index]
+        if isinstance(record, ODRecord):
+            record.add_member(variable)
+    return dictionary
+
+
+def read_dictionary(eds: str, node_id: int) -> canopen.ObjectDictionary:
+    """Return the objects that an EDS or DCF file names.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be read or is not such a file.
+    """
+    path = Path(eds)
+    if path.suffix.lower() not in (".eds", ".dcf"):
+        raise ConfigError(f"{eds}: not an EDS or DCF file (.eds, .dcf)")
+    # CiA 306 says ASCII; vendors' editors write Windows code pages.
+    text = read_guarded(path, "EDS or DCF file", LARGEST_EDS, ("utf-8-sig", "cp1252", "latin-1"))
+    for found in _ENTRIES.finditer(text):  # the library counts that far whatever follows
+        if int(found[1]) > MOST_ENTRIES:
+            line = text.count("\n", 0, found.start(1)) + 1
+            raise ConfigError(
+                f"{eds}:{line}: NrOfEntries is {found[1][:20]}; an object has {MOST_ENTRIES} "
+                "sub-indices at most"
+            )
+    source = io.StringIO(text)
+    source.name = eds  # the library takes the format from it
+    try:
+        dictionary = canopen.import_od(source, node_id)
+    except Exception as err:
+        reason = " ".join(str(err).split()).replace("<???>", "it")
+        raise ConfigError(
+            f"{eds}: not an EDS or DCF file ({type(err).__name__}: {reason[:200]}); use the one "
+            "from the drive's vendor"
+        ) from err
+    if not len(dictionary):
+        raise ConfigError(f"{eds}: names no object; take the one that the drive's vendor supplies")
+    return dictionary
+
+
+class RemoteDrive:
+    """One drive's objects over SDO, with a message for what it refuses.
+
+    Raises
+    ------
+    DriverError
+        Its EDS cannot be read.
+    """
+
+    def __init__(
+        self, net: PolledNetwork, node_id: int, name: str, eds: str | None, timeout_s: float
+    ) -> None:
+        self.node_id = node_id
+        self.name = name
+        try:
+            dictionary = built_in_dictionary() if eds is None else read_dictionary(eds, node_id)
+        except ConfigError as err:
+            raise DriverError(f"{name}: {err}") from err
+        self.dictionary = dictionary
+        self._net = net
+        self._node = net.add_node(canopen.RemoteNode(node_id, dictionary))
+        client = self._node.sdo
+        client.RESPONSE_TIMEOUT = timeout_s
+        client.responses = self._responses = Responses(net)
+        self._longest_ns = round(_LONGEST * timeout_s * 1e9)
+
+    def nmt(self, command: int) -> None:
+        """Send an NMT command to this node (CiA 301, 7.2.8.3.1)."""
+        self._net.send_message(0, bytes((command, self.node_id)))
+
+    def read(self, entry: Entry) -> int | str:
+        """Return an object's value.
+
+        Raises
+        ------
+        AbortError
+            The drive refuses; the message explains the code.
+        EndlessError
+            Its response has no end.
+        BusTimeout
+            It does not respond.
+        """
+        with self._sentences("read", entry):
+            data = self._again(lambda: self._node.sdo.upload(entry.index, entry.sub))
+        value = unpack(entry, data)
+        if value is None:
+            raise DeviceFault(
+                f"{self.name}: {entry.address} {entry.name} has only {len(data)} bytes, too few "
+                f"for {entry.type}; compare with the drive's EDS"
+            )
+        return value
+
+    def number(self, entry: Entry) -> int:
+        """Return the value of a numeric object."""
+        value = self.read(entry)
+        return value if isinstance(value, int) else 0
+
+    def find(self, entry: Entry) -> int | None:
+        """Return an object's value, None where the drive does not have it."""
+        try:
+            return self.number(entry)
+        except AbortError:
+            return None
+
+    def write(self, entry: Entry, value: int) -> None:
+        """Write an object; raises as `read` does."""
+        data = pack(entry, value)
+        with self._sentences(f"take {value} (0x{data[::-1].hex()}) in", entry):
+            self._again(lambda: self._node.sdo.download(entry.index, entry.sub, data))
+
+    def write_bytes(self, index: int, sub: int, data: bytes) -> None:
+        """Write an object of the drive's own dictionary and read it back; raises as `read` does."""
+        entry = Entry("(DCF)", index, sub, "STR", "", "", "its DCF")
+        with self._sentences(f"take 0x{data[::-1].hex()} in", entry):
+            self._again(lambda: self._node.sdo.download(index, sub, data))
+            found = self._again(lambda: self._node.sdo.upload(index, sub))
+        if found[: len(data)] != data:
+            raise DeviceFault(
+                f"{self.name} holds 0x{found[::-1].hex()} in {entry.address} after "
+                f"0x{data[::-1].hex()} of its DCF was written"
+            )
+
+    def _again(self, transfer: Callable[[], Any]) -> Any:
+        """Repeat a transfer without a response, or with one to another request: frames get lost."""
+        self._responses.until_ns = self._net.clock.now_ns() + self._longest_ns
+        self._responses.late = False
+        for left in range(_RETRIES - 1, -1, -1):
+            try:
+                return transfer()
+            except SdoCommunicationError:
+                if not left or self._responses.late:
+                    raise
+        return None
+
+    @contextmanager
+    def _sentences(self, what: str, entry: Entry) -> Iterator[None]:
+        try:
+            yield
+        except SdoAbortedError as err:
+            raise AbortError(
+                f"{self.name} does not {what} {entry.address} {entry.name}: {abort_text(err.code)}",
+                err.code,
+            ) from err
+        except SdoCommunicationError as err:
+            if self._responses.late:
+                raise EndlessError(
+                    f"{self.name} still sends {entry.address} {entry.name} after "
+                    f"{self._longest_ns * 1e-9:g} s; its response has no end"
+                ) from err
+            raise BusTimeout(
+                f"{self.name} does not respond ({what} {entry.address} {entry.name}, "
+                f"{_RETRIES} times: {err}); check its power, node id, bit rate and termination"
+            ) from err

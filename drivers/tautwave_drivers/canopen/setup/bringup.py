@@ -1,0 +1,279 @@
+"""From power-on to NMT operational: every drive checked, set up, read back, and started.
+
+Nothing here enables a drive: torque is off before anything is written and stays off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from canopen.objectdictionary import ODVariable
+
+from tautwave.contracts import BusSpec, Clock, FramePort
+from tautwave.errors import BusTimeout, DeviceFault, DriverError
+from tautwave_drivers.canopen.axis import Axis, ResponseTime
+from tautwave_drivers.canopen.bus.network import AbortError, PolledNetwork, RemoteDrive
+from tautwave_drivers.canopen.health import OPERATIONAL, SYNC_ID, Health, state_text
+from tautwave_drivers.canopen.mapping import RPDO_BASE, Layout
+from tautwave_drivers.canopen.options import CanopenOptions
+from tautwave_drivers.canopen.setup.pdo import map_pdo, silence_others
+from tautwave_drivers.canopen.setup.settings import (
+    check_identity,
+    check_scale,
+    check_sync,
+    limit_torque,
+    require,
+    set_period,
+    set_watchdogs,
+    settle,
+)
+from tautwave_drivers.cia402 import communication as c
+from tautwave_drivers.cia402 import objects as o
+from tautwave_drivers.cia402.states import DISABLE_VOLTAGE, TORQUE_STATES, decode, status_text
+
+NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
+SYNCHRONOUS, ON_EVENT = 1, 255
+TORQUE_OFF_S = 1.0
+START_S = 1.0
+PROBES = 5
+PROBE_S = 0.05
+LEAST_SPREAD_NS = 30_000
+_OWN = (0x6040, 0x6060, 0x6071, 0x607A, 0x60FF)
+"""Objects that no DCF may write: commands, and what is set here."""
+
+
+def bring_up(
+    options: CanopenOptions,
+    bus: BusSpec,
+    axes: Sequence[Axis],
+    health: Health,
+    port: FramePort,
+    clock: Clock,
+) -> tuple[PolledNetwork, list[str]]:
+    """Bring all drives of a bus to NMT operational; return the network and what was done.
+
+    Raises
+    ------
+    DriverError
+        A drive does not respond, is not the expected one, or refuses something.
+    """
+    arrivals: dict[int, int] = {}
+    by_tpdo = {axis.tpdo_id: axis for axis in axes}
+
+    def hear(can_id: int, data: bytes, arrival_ns: int) -> None:
+        if can_id in by_tpdo:
+            arrivals.setdefault(can_id, arrival_ns)
+        else:
+            health.take(can_id, data, arrival_ns)
+            if health.lost:
+                raise DriverError(f"bus {bus.name}: {health.lost}")
+
+    net = PolledNetwork(port, clock, hear, options.sdo_timeout_s)
+    while port.receive() is not None:
+        pass  # frames from before
+    drives = [net.remote(axis.node.id, axis.label, axis.node.eds) for axis in axes]
+    notes = []
+    for drive, axis in zip(drives, axes, strict=True):
+        drive.nmt(NMT_PRE_OPERATIONAL)
+        notes += prepare(drive, axis, options, bus, clock)
+    for drive in drives:
+        drive.nmt(NMT_START)
+    _await_operational(net, axes, health, clock, bus)
+    if options.sync:
+        notes += _measure_response_times(net, axes, arrivals, options, bus, clock)
+    return net, notes
+
+
+def prepare(
+    drive: RemoteDrive, axis: Axis, options: CanopenOptions, bus: BusSpec, clock: Clock
+) -> list[str]:
+    """Check one drive and write all it needs; it is pre-operational, and stays so."""
+    notes = check_identity(drive, axis)
+    notes += torque_off(drive, clock, bus)
+    notes += _dcf(drive, axis)
+    notes += check_scale(drive, axis)
+    notes += check_sync(drive, options)
+    notes += set_period(drive, bus)
+    notes += limit_torque(drive, axis)
+    notes += set_watchdogs(drive, axis, options, allow_unwatched=bus.allow_unwatched)
+    notes += _map(drive, axis, options, bus)
+    notes += _homing(drive, axis)
+    for target in (o.TARGET_TORQUE, o.TORQUE_OFFSET, o.TARGET_VELOCITY, o.VELOCITY_OFFSET):
+        if drive.find(target):
+            require(drive, target, 0, "a leftover target would act as soon as the drive is enabled")
+    drive.write(o.MODE, axis.mode)
+    if bus.configure:
+        notes += _store(drive, notes)
+    return [text for text in notes if text]
+
+
+def torque_off(drive: RemoteDrive, clock: Clock, bus: BusSpec) -> list[str]:
+    """Disable the voltage and verify that the torque is off.
+
+    Raises
+    ------
+    DeviceFault
+        It is not off within a second.
+    """
+    drive.write(o.CONTROLWORD, DISABLE_VOLTAGE)
+    deadline = clock.now_ns() + round(TORQUE_OFF_S * 1e9)
+    while decode(word := drive.number(o.STATUSWORD)) in TORQUE_STATES:
+        if clock.now_ns() > deadline:
+            raise DeviceFault(
+                f"{drive.name} stays in {status_text(word)} after disable voltage; cut its power"
+            )
+        clock.sleep_until(clock.now_ns() + bus.period_ns)
+    return [f"{drive.name}: torque off, {status_text(word)}"]
+
+
+def _dcf(drive: RemoteDrive, axis: Axis) -> list[str]:
+    """Write the parameter values of a DCF, except commands and objects set here anyway."""
+    if axis.node.eds is None:
+        return []
+    written = 0
+    for top in drive.dictionary.values():
+        for entry in [top] if isinstance(top, ODVariable) else top.values():
+            if entry.value is None or not entry.writable or entry.index in _OWN:
+                continue
+            if entry.index < 0x2000:
+                continue
+            data = entry.encode_raw(entry.value)
+            drive.write_bytes(entry.index, entry.subindex, data)
+            written += 1
+    return [f"{drive.name}: {written} parameter values of {axis.node.eds}, written and read back"]
+
+
+def _map(drive: RemoteDrive, axis: Axis, options: CanopenOptions, bus: BusSpec) -> list[str]:
+    """Map the cyclic PDOs, and that of a move if there is one; all others are switched off."""
+    notes = [silence_others(drive)]
+    kind = SYNCHRONOUS if options.sync else ON_EVENT
+    pdo = c.tpdo(1)
+    notes.append(map_pdo(drive, pdo, "TPDO1", axis.tpdo_id, kind, axis.mapping.tpdo))
+    if not options.sync:
+        remedy = "without SYNC a drive has to send by its event timer: use sync: true"
+        notes.append(require(drive, pdo.timer, bus.period_ns // 1_000_000, remedy).text)
+    kind = SYNCHRONOUS if options.rpdo == "sync" else ON_EVENT
+    notes.append(map_pdo(drive, c.rpdo(1), "RPDO1", axis.rpdo_id, kind, axis.mapping.rpdo))
+    move = axis.node.move
+    if move is not None and (move.mode == "csp" or not axis.servo):
+        target = o.TARGET_POSITION if move.mode == "csp" else o.TARGET_VELOCITY
+        can_id = RPDO_BASE[1] + axis.node.id
+        notes.append(map_pdo(drive, c.rpdo(2), "RPDO2", can_id, kind, Layout((target,))))
+    return notes
+
+
+def _homing(drive: RemoteDrive, axis: Axis) -> list[str]:
+    keys = axis.node.homing
+    if keys is None:
+        return []
+    remedy = "see the drive's manual for its homing methods and speeds"
+    wanted = [(o.HOMING_METHOD, keys.method), (o.HOMING_FAST, keys.fast)]
+    wanted += [(o.HOMING_SLOW, keys.slow), (o.HOMING_ACCELERATION, keys.acceleration)]
+    return [
+        require(drive, entry, value, remedy).text for entry, value in wanted if value is not None
+    ]
+
+
+def _store(drive: RemoteDrive, notes: Sequence[str]) -> list[str]:
+    """Store what was changed in the drive, if the user asked for it."""
+    if not any("(was " in text for text in notes):
+        return [f"{drive.name}: nothing changed, nothing stored"]
+    try:
+        drive.write(c.STORE_ALL, c.SAVE)
+    except AbortError as err:
+        return [f"{drive.name} does not store its settings: {err}"]
+    return [f"{drive.name}: settings stored (1010:01)"]
+
+
+def _await_operational(
+    net: PolledNetwork, axes: Sequence[Axis], health: Health, clock: Clock, bus: BusSpec
+) -> None:
+    watched = [axis for axis in axes if axis.watched]
+    ids = [axis.node.id for axis in watched]
+
+    def up() -> bool:
+        return all(health.states.get(node) == OPERATIONAL for node in ids)
+
+    if net.listen(clock.now_ns() + round(START_S * 1e9), up):
+        return
+    hung = [axis for axis in watched if health.states.get(axis.node.id) != OPERATIONAL]
+    words = "; ".join(
+        f"{axis.label} shows {state_text(health.states.get(axis.node.id))}" for axis in hung
+    )
+    raise BusTimeout(
+        f"bus {bus.name}: not NMT operational {START_S:g} s after NMT start: {words}; look "
+        "for another master, or an error that keeps it there (1029h)"
+    )
+
+
+def _measure_response_times(
+    net: PolledNetwork,
+    axes: Sequence[Axis],
+    arrivals: dict[int, int],
+    options: CanopenOptions,
+    bus: BusSpec,
+    clock: Clock,
+) -> list[str]:
+    """Send some SYNCs well apart, and measure how long each drive takes to respond."""
+    times: dict[int, list[int]] = {axis.tpdo_id: [] for axis in axes}
+    for _ in range(PROBES):
+        arrivals.clear()
+        begun = clock.now_ns()
+        net.send_message(SYNC_ID, b"")
+        net.listen(begun + round(PROBE_S * 1e9), lambda: len(arrivals) == len(axes))
+        for can_id, arrival_ns in arrivals.items():
+            times[can_id].append(arrival_ns - begun)
+        quiet = begun + bus.period_ns
+        while net.pump(quiet):
+            pass
+    notes = []
+    timeout_ns = options.answer_share * bus.period_ns
+    for axis in axes:
+        taken = sorted(times[axis.tpdo_id])
+        if not taken:
+            raise BusTimeout(
+                f"{axis.label} sends no TPDO1 (0x{axis.tpdo_id:03X}) on SYNC although it is "
+                "operational; look for a second node with its id, or a different SYNC COB-ID in "
+                "1005h"
+            )
+        best, usual = taken[0], taken[len(taken) // 2]
+        if best > timeout_ns:
+            raise BusTimeout(
+                f"{axis.label} responds to SYNC after {best * 1e-3:.0f} us at best, but only "
+                f"{timeout_ns * 1e-3:.0f} us of a period are available: lower rate_hz"
+            )
+        spread = max(LEAST_SPREAD_NS, taken[-1] - best)
+        axis.response_time = ResponseTime(best // 2, usual - spread, usual + spread)
+        notes.append(
+            f"{axis.label}: responds to SYNC after {best * 1e-3:.0f} us at best, "
+            f"{usual * 1e-3:.0f} us usually ({len(taken)} of {PROBES} probes)"
+        )
+    return notes
+
+
+def shut_down(net: PolledNetwork, axes: Sequence[Axis], bus: BusSpec) -> list[str]:
+    """Disarm the watchdogs of drives that are off, then NMT pre-operational.
+
+    A drive that is not verified to be off keeps its watchdogs: they end its torque once this
+    program is silent. Returns a note for each of those.
+    """
+    doubtful = []
+    for axis in axes:
+        drive = net.drives.get(axis.node.id)
+        if drive is None:
+            continue
+        try:
+            torque_off(drive, net.clock, bus)  # by SDO: RPDOs may not have reached it
+        except DriverError as err:
+            doubtful.append(f"{axis.label} keeps its watchdogs armed: {err}")
+            continue
+        for entry in (c.rpdo(1).timer, c.CONSUMER_HEARTBEAT):
+            try:
+                settle(drive, entry, 0)
+            except DriverError:
+                break
+        drive.nmt(NMT_PRE_OPERATIONAL)
+    end = net.clock.now_ns() + bus.period_ns
+    while net.pump(end):
+        pass
+    return doubtful

@@ -1,0 +1,1 @@
+"""The serial line: the port, transactions with one servo, the adapter."""

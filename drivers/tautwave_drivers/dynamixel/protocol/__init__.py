@@ -1,0 +1,1 @@
+"""Packets, control tables, models and units of Dynamixel servos; no I/O."""

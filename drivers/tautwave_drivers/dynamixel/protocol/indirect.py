@@ -1,0 +1,55 @@
+"""The block of every cycle through the indirect addresses: what is not adjacent, made so.
+
+e-manual, X series, "Indirect Address, Indirect Data": each 2-byte register from 168 on names the
+byte that appears at the indirect data (208 on the 330 models, 224 on the others). RAM.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tautwave.errors import ConfigError, DriverError
+from tautwave_drivers.dynamixel.line.transactions import Line
+from tautwave_drivers.dynamixel.options import Servo
+from tautwave_drivers.dynamixel.protocol import registers as reg
+
+
+def status_addresses() -> list[int]:
+    """Return the bytes of the status block: the present values, hardware error, watchdog."""
+    present = reg.PRESENT
+    block = list(range(present.address, present.address + present.size))
+    return [*block, reg.HARDWARE_ERROR.address, reg.BUS_WATCHDOG.address]
+
+
+def check_one_family(servos: Sequence[Servo]) -> None:
+    """Refuse servos whose indirect data lie at different addresses on one line.
+
+    Raises
+    ------
+    ConfigError
+        330 models and others are mixed.
+    """
+    if len({servo.model.indirect_data for servo in servos}) > 1:
+        raise ConfigError(
+            "status_block: 330 models and others have their indirect data at different addresses "
+            "and cannot be read at once; leave status_block out, or use two lines"
+        )
+
+
+def map_status_block(line: Line, servos: Sequence[Servo]) -> None:
+    """Write the indirect addresses of the status block and read them back.
+
+    Raises
+    ------
+    DriverError
+        A servo rejects them.
+    """
+    data = b"".join(address.to_bytes(2, "little") for address in status_addresses())
+    for servo in servos:
+        line.write(servo.options.id, reg.INDIRECT_ADDRESS, data)
+        response = line.read(servo.options.id, reg.INDIRECT_ADDRESS, len(data))
+        if response is None or response.data != data:
+            raise DriverError(
+                f"{servo.axis.name} (servo {servo.options.id}): rejects the indirect "
+                "addresses of status_block; leave status_block out"
+            )

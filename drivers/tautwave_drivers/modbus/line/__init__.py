@@ -1,0 +1,1 @@
+"""Connections: TCP and serial ports, exchanges on them, and a blocking client."""

@@ -1,0 +1,113 @@
+"""One request and its response, waited for: before and after the loop, and for `scan`."""
+
+from __future__ import annotations
+
+from tautwave.contracts import Clock
+from tautwave.errors import BusTimeout, DriverError
+from tautwave_drivers.modbus.line.link import Link
+from tautwave_drivers.modbus.protocol.frames import REFUSED, Request
+from tautwave_drivers.modbus.protocol.transaction import Transaction
+from tautwave_drivers.modbus.sequence import Procedure
+from tautwave_drivers.modbus.station import Station
+
+TRIES = 5
+BUSY = 6
+PAUSE_NS = 5_000_000
+
+
+def wait_on(link: Link, clock: Clock, until_ns: int) -> None:
+    """Wait until something comes, something is due, or it is time."""
+    wake = link.wake_ns
+    port = link.port
+    if port is not None:
+        clock.wait(port, until_ns if wake is None or wake > until_ns else wake)
+
+
+def request_once(link: Link, clock: Clock, unit: int, request: Request, limit_ns: int) -> bytes:
+    """Return the response to a request, b'' if none came in time.
+
+    Raises
+    ------
+    DriverError
+        The link is gone.
+    """
+    link.abandon()
+    transaction = Transaction(unit)
+    transaction.begin((request,))
+    link.start((transaction,))
+    while transaction.pending and clock.now_ns() < limit_ns:
+        wait_on(link, clock, limit_ns)
+        link.pump()
+    if link.lost:
+        raise DriverError(link.lost)
+    return transaction.responses[0] if transaction.responses else b""
+
+
+class Client:
+    """Sends requests to the drives behind one link, waits and repeats.
+
+    Parameters
+    ----------
+    link : Link
+        Line or connection.
+    clock : Clock
+        What waits.
+    timeout_s : float
+        Of a response.
+    tries : int
+        How often a request is sent.
+    """
+
+    def __init__(self, link: Link, clock: Clock, timeout_s: float, tries: int = TRIES) -> None:
+        self._link = link
+        self._clock = clock
+        self._timeout_ns = round(1e9 * timeout_s)
+        self._tries = tries
+
+    def request(self, station: Station, request: Request) -> bytes:
+        """Return the response, maybe an exception; a busy drive is asked again.
+
+        Raises
+        ------
+        BusTimeout
+            There is none.
+        DriverError
+            The link is gone.
+        """
+        clock = self._clock
+        pdu = b""
+        for _ in range(self._tries):
+            until = clock.now_ns() + self._timeout_ns
+            try:
+                pdu = request_once(self._link, clock, station.device.unit, request, until)
+            except DriverError as err:
+                raise DriverError(f"{station.label}: {err}") from err
+            while pdu and pdu[0] & REFUSED and pdu[1] == BUSY and clock.now_ns() < until:
+                clock.sleep_until(clock.now_ns() + PAUSE_NS)
+                pdu = request_once(self._link, clock, station.device.unit, request, until)
+            if pdu:
+                return pdu
+        raise BusTimeout(
+            f"{station.label}: no answer at {station.device.endpoint}; check its supply and cable, "
+            "and its unit id with: tautwave scan modbus"
+        )
+
+    def run(self, station: Station, procedure: Procedure, limit_s: float) -> None:
+        """Run a procedure to its end.
+
+        Raises
+        ------
+        BusTimeout, DeviceFault, DriverError
+            As the procedure raises, or it takes too long.
+        """
+        clock = self._clock
+        until = clock.now_ns() + round(1e9 * limit_s)
+        while True:
+            responses = [self.request(station, request) for request in procedure.requests()]
+            procedure.take(responses)
+            if procedure.done:
+                return
+            if clock.now_ns() > until:
+                raise BusTimeout(f"{station.label}: did not switch off within {limit_s:g} s")
+            if len(responses) != 1 or not responses[0][0] & REFUSED:
+                clock.sleep_until(clock.now_ns() + PAUSE_NS // 5)

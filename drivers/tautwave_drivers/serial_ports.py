@@ -1,0 +1,17 @@
+"""The serial ports of this machine, for messages that ask for one."""
+
+from __future__ import annotations
+
+
+def ports_found() -> str:
+    """Return a clause on the serial ports there are, such as `/dev/ttyUSB0 (FT232R USB UART)`."""
+    from serial.tools.list_ports import comports  # type: ignore[import-untyped]
+
+    found = sorted(comports(), key=lambda port: str(port.device))
+    if not found:
+        return "no serial port is found on this machine; is the adapter plugged in?"
+    names = [
+        port.device + (f" ({port.description})" if port.description not in ("n/a", "") else "")
+        for port in found
+    ]
+    return f"serial ports found: {', '.join(names)}"

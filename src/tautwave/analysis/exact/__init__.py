@@ -1,0 +1,1 @@
+"""Exact algebra: polynomials, rational functions, bounds that are proved rather than sampled."""

@@ -1,0 +1,287 @@
+"""The +-90 degree test along the frequency axis: where it fails, by how much, with delay too.
+
+The phase of a passive impedance stays within +-90 degrees. That is necessary, not sufficient
+(poles count too: `tautwave.analysis.exact.positive_real`). Its margin is 90 degrees less the
+greatest |phase|: negative where a user exists who is driven unstable. For rational functions every
+figure comes from roots of polynomials, for others from a refined scan of a stated band.
+
+Phases in degrees within (-180, 180], frequencies in rad/s. Source: Berdahl et al., the second seed.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from tautwave.analysis.exact import polynomials as poly
+from tautwave.analysis.exact.positive_real import (
+    Band,
+    axis_roots,
+    leading,
+    negative_intervals,
+    resistance,
+)
+from tautwave.analysis.exact.rational import Rational, Response
+from tautwave.errors import ConfigError
+
+Floats = npt.NDArray[np.float64]
+_PER_TURN = 40  # points of a scan per turn of the phase
+_MOST = 2_000_000
+_ROUNDING = 1e-9  # [degrees]
+
+
+class PassivityMargin(NamedTuple):
+    """Result of the test.
+
+    margin_deg : 90 less the greatest |phase|; frequency [rad/s] (0 and inf: the limits) and
+    phase_deg there. negative : bands with Re K < 0. resistance : least Re K [N s/m or N m s/rad]
+    and resistance_frequency where it is, over the inside of the band (-inf beside a pole).
+    """
+
+    margin_deg: float
+    frequency: float
+    phase_deg: float
+    negative: tuple[Band, ...]
+    resistance: float
+    resistance_frequency: float
+
+
+class Curve(NamedTuple):
+    """Arrays of one length for Bode and Nyquist plots; `passive` is where Re K >= 0.
+
+    frequency_hz [Hz], magnitude_db [dB of N s/m or N m s/rad], phase_deg (unwrapped), real, imag.
+    """
+
+    frequency_hz: Floats
+    magnitude_db: Floats
+    phase_deg: Floats
+    real: Floats
+    imag: Floats
+    passive: npt.NDArray[np.bool_]
+
+
+def passivity_margin(k: Rational) -> PassivityMargin:
+    """Return the phase margin of passivity of a rational function over the whole axis, exactly.
+
+    Raises
+    ------
+    ConfigError
+        If K is zero: it has no phase.
+    """
+    if not k.num:
+        raise ConfigError("zero has no phase")
+    candidates = _limits(k)
+    mixed = poly.multiply(k.num, poly.mirrored(k.den))
+    even, odd = poly.even_odd(mixed)
+    # d arg K/dw = Re K'/K = 0; and where the phase passes 180 degrees
+    slope = poly.add(
+        poly.multiply(poly.derivative(k.num), k.den),
+        poly.scale(poly.multiply(k.num, poly.derivative(k.den)), -1),
+    )
+    both = poly.multiply(k.num, k.den)
+    turning = poly.even_odd(poly.multiply(slope, poly.mirrored(both)))[0]
+    singular = poly.even_odd(poly.multiply(both, poly.mirrored(both)))[0]
+    for p in (_without(turning, singular), _without(odd, singular)):
+        for root in poly.positive_roots(p):
+            x, w = root.high, math.sqrt(root.value)
+            value = complex(float(poly.evaluate(even, x)), w * float(poly.evaluate(odd, x)))
+            candidates.append((w, _degrees(value)))
+    frequency, phase = max(candidates, key=lambda c: (round(abs(c[1]), 9), -c[0]))
+    top, bottom = resistance(k)
+    negative = tuple(Band(a.value, b.value) for a, b in negative_intervals(top))
+    least, where = _least(top, bottom)
+    margin = 90.0 - abs(phase)
+    if not negative and abs(margin) < _ROUNDING:
+        margin = 0.0
+    return PassivityMargin(margin, frequency, phase, negative, least, where)
+
+
+def scan_passivity(k: Response, low: float, high: float) -> PassivityMargin:
+    """Return the phase margin of passivity in a band, for delayed and sampled functions.
+
+    Ends of the bands are found to rounding; a band narrower than a 40th of a turn of the phase
+    between two features (zeros, poles) may be missed. A rational function with a delay is never
+    positive real on the whole axis, whatever this says of a part of it.
+
+    Parameters
+    ----------
+    k : Response
+        Controller.
+    low, high : float
+        Band [rad/s], 0 < low < high.
+
+    Raises
+    ------
+    ConfigError
+        If the band is empty or holds too many turns of the phase.
+    """
+    w = axis_grid(k, low, high)
+    values = k.at(np.asarray(1j * w))
+    sign = values.real < 0.0
+    edges = [bisect(lambda x: k(1j * x).real, float(w[i]), float(w[i + 1])) for i in _changes(sign)]
+    bounds = [low, *edges, high]
+    starts = bounds[:-1] if sign[0] else bounds[1:-1]
+    negative = tuple(
+        Band(a, b) for a, b in zip(starts[::2], bounds[1 if sign[0] else 2 :: 2], strict=False)
+    )
+    phases = np.abs(np.degrees(np.angle(values)))
+    at = int(np.argmax(np.round(phases, 9)))
+    frequency = golden(lambda x: -abs(_degrees(k(1j * x))), w, at)
+    crossing = [i for i in _changes(values.imag < 0.0) if sign[i] and sign[i + 1]]
+    if crossing:
+        at = crossing[0]
+        frequency = bisect(lambda x: k(1j * x).imag, float(w[at]), float(w[at + 1]))
+    phase = 180.0 if crossing else _degrees(k(1j * frequency))
+    where = golden(lambda x: k(1j * x).real, w, int(np.argmin(values.real)))
+    return PassivityMargin(90.0 - abs(phase), frequency, phase, negative, k(1j * where).real, where)
+
+
+def axis_grid(k: Response, low: float, high: float, points: int = 2000) -> Floats:
+    """Return rising frequencies [rad/s] from low to high that follow every feature of K.
+
+    Raises
+    ------
+    ConfigError
+        If the band is empty or holds too many turns of the phase.
+    """
+    if not 0.0 < low < high < math.inf:
+        raise ConfigError(f"a band needs 0 < low < high (got {low} to {high} rad/s)")
+    parts = [np.geomspace(low, high, points)]
+    offsets = np.concatenate([[0.0], np.geomspace(0.02, 200.0, 60)])
+    for feature in k.features():
+        centre, width = abs(feature.imag), max(abs(feature.real), 1e-9 * abs(feature))
+        parts += [centre + width * offsets, centre - width * offsets]
+    if lag := _lag(k):
+        turn = 2.0 * math.pi / lag
+        count = _PER_TURN * (high - low) / turn
+        if count > _MOST:
+            raise ConfigError(
+                f"{high:.3g} rad/s is {high / turn:.3g} turns of the delay: ask for a lower band"
+            )
+        parts.append(np.linspace(low, high, int(count) + 2))
+    w = np.unique(np.concatenate(parts))
+    return np.asarray(w[(w >= low) & (w <= high)], np.float64)
+
+
+def response(k: Response, frequency_hz: Floats) -> Curve:
+    """Return the arrays of a Bode and a Nyquist plot at rising frequencies [Hz]."""
+    values = k.at(2j * math.pi * np.asarray(frequency_hz, float))
+    phase = np.degrees(np.unwrap(np.angle(values)))
+    with np.errstate(divide="ignore"):
+        decibels = 20.0 * np.log10(np.abs(values))
+    return Curve(
+        np.asarray(frequency_hz, float),
+        decibels,
+        phase,
+        values.real.copy(),
+        values.imag.copy(),
+        values.real >= 0.0,
+    )
+
+
+def curve(k: Response, low_hz: float, high_hz: float, points: int = 2000) -> Curve:
+    """Return `response` on a grid [Hz] that is fine around resonances."""
+    turn = 2.0 * math.pi
+    return response(k, axis_grid(k, turn * low_hz, turn * high_hz, points) / turn)
+
+
+# -- helpers -------------------------------------------------------------------------------------
+
+
+def _degrees(value: complex) -> float:
+    return math.degrees(cmath.phase(value))
+
+
+def _without(p: poly.Poly, q: poly.Poly) -> poly.Poly:
+    """Return p without the factors it shares with q."""
+    while len(common := poly.gcd(p, q)) > 1 and p:
+        p = poly.divide(p, common)[0]
+    return p
+
+
+def _limits(k: Rational) -> list[tuple[float, float]]:
+    """Return (w, phase) on both sides of every zero and pole on the axis, at 0 and at infinity."""
+    zeros, poles = dict(axis_roots(k.num)), dict(axis_roots(k.den))
+    found = [(math.inf, _wrapped(-90.0 * k.relative_degree + (180.0 if k.num[0] < 0 else 0.0)))]
+    for w in sorted({0.0, *zeros, *poles}):
+        s, m, n = 1j * w, zeros.get(w, 0), poles.get(w, 0)
+        factor = _degrees(leading(k.num, s, m) / leading(k.den, s, n))
+        found.append((w, _wrapped(factor + 90.0 * (m - n))))
+        if w:
+            found.append((w, _wrapped(factor - 90.0 * (m - n))))
+    return found
+
+
+def _wrapped(degrees: float) -> float:
+    return 180.0 - (180.0 - degrees) % 360.0
+
+
+def _least(top: poly.Poly, bottom: poly.Poly) -> tuple[float, float]:
+    """Return the infimum of top/bottom over x >= 0 and the frequency w of it."""
+    if not top:
+        return 0.0, 0.0
+    lead = float(top[0] / bottom[0])
+    far = [0.0, lead, math.copysign(math.inf, lead)][1 + _sign(len(top) - len(bottom))]
+    start = float(top[-1] / bottom[-1]) if bottom[-1] else math.copysign(math.inf, float(top[-1]))
+    found = [(far, math.inf), (start, 0.0)]
+    for root in poly.positive_roots(bottom):
+        side = math.copysign(math.inf, float(poly.evaluate(top, root.high)))
+        found.append((side, math.sqrt(root.value)))
+    turning = poly.add(
+        poly.multiply(poly.derivative(top), bottom),
+        poly.scale(poly.multiply(top, poly.derivative(bottom)), -1),
+    )
+    for root in poly.positive_roots(turning):
+        if below := poly.evaluate(bottom, root.high):
+            value = float(poly.evaluate(top, root.high) / below)
+            found.append((value, math.sqrt(root.value)))
+    return min(found)
+
+
+def _sign(value: int) -> int:
+    return (value > 0) - (value < 0)
+
+
+def _lag(k: Response) -> float:
+    """Return the time [s] that turns the phase of K for ever."""
+    return float(getattr(k, "delay", 0.0)) + 2.0 * float(getattr(k, "period", 0.0))
+
+
+def _changes(sign: npt.NDArray[np.bool_]) -> list[int]:
+    return [int(i) for i in np.flatnonzero(sign[1:] != sign[:-1])]
+
+
+def bisect(f: Callable[[float], float], low: float, high: float) -> float:
+    """Return where f changes sign between low and high."""
+    below = f(low) < 0.0
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        if (f(middle) < 0.0) == below:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+def golden(f: Callable[[float], float], w: Floats, at: int) -> float:
+    """Return where f is least near w[at], by golden section between its neighbours."""
+    low, high = float(w[max(at - 1, 0)]), float(w[min(at + 1, len(w) - 1)])
+    ratio = (math.sqrt(5.0) - 1.0) / 2.0
+    a, b = high - ratio * (high - low), low + ratio * (high - low)
+    fa, fb = f(a), f(b)
+    for _ in range(60):
+        if fa < fb:
+            high, b, fb = b, a, fa
+            a = high - ratio * (high - low)
+            fa = f(a)
+        else:
+            low, a, fa = a, b, fb
+            b = low + ratio * (high - low)
+            fb = f(b)
+    best = 0.5 * (low + high)
+    return best if f(best) <= f(float(w[at])) else float(w[at])

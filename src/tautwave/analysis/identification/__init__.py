@@ -1,0 +1,1 @@
+"""Parameters of devices, hands and environments from recorded motion."""

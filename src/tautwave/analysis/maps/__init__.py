@@ -1,0 +1,1 @@
+"""Planes of parameters: where a wall is passive, stable or unstable."""

@@ -1,0 +1,1 @@
+"""Ports, lines and whole pairs as linear systems: scattering, modes, two-ports, Z-width."""

@@ -1,0 +1,104 @@
+"""An admittance end (takes velocity, measures effort) of a wave line, as it is implemented.
+
+Counterpart of `tautwave.analysis.ports.sampled_loop.wave_end`: the drive follows a held velocity
+with a first-order lag (0: at once), against a spring and damper to ground and a mass that rides on
+it. The law is `tautwave.laws.admittance`, run on unit vectors. Source: written here.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from tautwave.analysis.ports.sampled_loop import FULL, LinearEnd, Push
+from tautwave.laws.admittance import AdmittanceParams, admittance_velocity
+from tautwave.laws.port import PortParams, port_close
+from tautwave.laws.wave_filter import filter_step
+
+
+class Outside(NamedTuple):
+    """What an admittance axis works against; SI, linear or rotary.
+
+    stiffness [N/m or N m/rad], damping [N s/m or N m s/rad] and mass [kg or kg m^2] on the
+    axis; lag: time constant [s] of the drive's velocity loop.
+    """
+
+    stiffness: float = 0.0
+    damping: float = 0.0
+    mass: float = 0.0
+    lag: float = 0.0
+
+
+def admittance_end(
+    outside: Outside,
+    port: PortParams,
+    law: AdmittanceParams,
+    *,
+    delay_periods: int = 0,
+    wave_gain: float = 1.0,
+    filter_gain: float = 1.0,
+) -> LinearEnd:
+    """Return one end of the wave line; arguments as in `wave_end`, `port` from `rigid_port`."""
+    step = _Step(outside, port, law, delay_periods, wave_gain, filter_gain)
+    size = len(step.names)
+    a, b, c = np.zeros((size, size)), np.zeros(size), np.zeros(size)
+    for at in range(size):
+        unit = [0.0] * size
+        unit[at] = 1.0
+        a[:, at], c[at] = step(unit, 0.0)
+    b[:], _ = step([0.0] * size, 1.0)
+    step.outside = 1.0
+    pushed, leaving = step([0.0] * size, 0.0)
+    given = f"command_{delay_periods}"
+    push = Push(np.array(pushed), leaving, np.zeros(size), 1.0, given, measured=True)
+    return LinearEnd(a, b, c, tuple(step.names), push)
+
+
+class _Step:
+    """One slot. Commands and the waves they were made from share one queue, oldest first."""
+
+    def __init__(
+        self,
+        outside: Outside,
+        port: PortParams,
+        law: AdmittanceParams,
+        delay: int,
+        wave_gain: float,
+        filter_gain: float,
+    ) -> None:
+        self._outside, self._port, self._law = outside, port, law
+        self._gains = wave_gain, filter_gain
+        self._commands = slice(4, 5 + delay)
+        self._waves = slice(5 + delay, 6 + 2 * delay)
+        self.names = ["position", "velocity", "gap", "filtered_wave"]
+        self.names += [f"command_{at}" for at in range(delay + 1)]
+        self.names += [f"wave_{at}" for at in range(delay + 1)]
+        period, lag = port.period, outside.lag
+        self._left = math.exp(-period / lag) if lag > 0.0 else 0.0
+        self._drag = lag * (1.0 - self._left)
+        self.outside = 0.0
+
+    def __call__(self, state: list[float], arriving: float) -> tuple[list[float], float]:
+        port, law, outside = self._port, self._law, self._outside
+        x, v, gap, filtered = state[:4]
+        commands, waves = state[self._commands], state[self._waves]
+        acting = commands[0]
+        moved = acting * port.period + (v - acting) * self._drag
+        x, v = x + moved, acting + (v - acting) * self._left
+        pushing = (acting - v) / outside.lag if outside.lag > 0.0 else 0.0
+        effort = -outside.stiffness * x - outside.damping * v - outside.mass * pushing
+        effort += self.outside
+        leaving, _, gap, _, _, _ = port_close(
+            port, FULL, gap, moved, 1.0, moved / port.period, effort, waves[0], 0.0
+        )
+        wave_gain, filter_gain = self._gains
+        leaving = leaving / wave_gain
+        if filter_gain < 1.0:
+            filtered, _, _ = filter_step(filter_gain, port.period, filtered, leaving)
+            leaving = filtered
+        wave = wave_gain * arriving
+        velocity = admittance_velocity(law, effort, wave, sum(commands[1:]), 0.0, 0.0, 0.0)
+        after = [x, v, gap, filtered, *commands[1:], velocity, *waves[1:], wave]
+        return after, leaving

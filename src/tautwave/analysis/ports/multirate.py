@@ -1,0 +1,96 @@
+"""A pair whose ends run at different rates: the exact linear motion over one common period.
+
+Each end moves at its own period, n times that of the line; between them stand the mean of n waves
+and the hold over n slots (`tautwave.laws.conversion`). The law repeats after the least common
+multiple of both n: the product of all slots' state matrices decides on stability (Floquet). It is
+built by driving unit vectors through the slots in the live loop's order. The linear regime is
+that of `tautwave.analysis.ports.sampled_loop`.
+
+Sources: Kranc 1957 (multi-rate loops as periodic ones); written here.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from tautwave.analysis.ports.loop_modes import Mode, mode_of
+from tautwave.analysis.ports.sampled_loop import LinearEnd, Matrix
+
+
+class RatedEnd(NamedTuple):
+    """An end that moves every `divisor`-th slot of the line.
+
+    `filter_gain` is the step of the wave filter on what it sends, at the line's rate; 1 where
+    there is none, or where it is in the end itself because that runs at the line's rate.
+    """
+
+    end: LinearEnd
+    divisor: int = 1
+    filter_gain: float = 1.0
+
+
+def common_slots(master: RatedEnd, slave: RatedEnd) -> int:
+    """Return the slots after which everything repeats."""
+    return math.lcm(master.divisor, slave.divisor)
+
+
+def period_matrix(master: RatedEnd, slave: RatedEnd, samples: int) -> Matrix:
+    """Return the state matrix over `common_slots` slots of two ends `samples` slots apart.
+
+    States: master's, slave's, for each the wave held, the sum of the block and the filter's state
+    (all 0 at the line's own rate), then the waves under way to the slave and to the master, oldest
+    first. Shape (n, n).
+    """
+    sides = (master, slave)
+    sizes = [len(side.end.b) for side in sides]
+    begin = (0, sizes[0])
+    extra = sizes[0] + sizes[1]
+    lines = extra + 6
+    x = np.eye(lines + 2 * samples)
+    own = [slice(begin[at], begin[at] + sizes[at]) for at in (0, 1)]
+    for slot in range(common_slots(master, slave)):
+        due = [slot % side.divisor == side.divisor - 1 for side in sides]
+        leaving = []
+        for at, side in enumerate(sides):
+            if side.divisor == 1:
+                leaving.append(side.end.c @ x[own[at]])
+                continue
+            held, filtered = extra + 3 * at, extra + 3 * at + 2
+            if due[at]:
+                x[held] = side.end.c @ x[own[at]]
+            x[filtered] += side.filter_gain * (x[held] - x[filtered])
+            leaving.append(x[filtered].copy())
+        arriving = [leaving[1], leaving[0]]
+        if samples:
+            # Rings: the oldest of both ways make place for what enters.
+            back, there = lines + samples + slot % samples, lines + slot % samples
+            arriving = [x[back].copy(), x[there].copy()]
+            x[there], x[back] = leaving
+        for at, side in enumerate(sides):
+            wave = arriving[at]
+            if side.divisor > 1:
+                block = extra + 3 * at + 1
+                x[block] += wave / side.divisor
+                if not due[at]:
+                    continue
+                wave = x[block].copy()
+                x[block] = 0.0
+            x[own[at]] = side.end.a @ x[own[at]] + np.outer(side.end.b, wave)
+    for first in (lines, lines + samples) if samples else ():
+        turn = common_slots(master, slave) % samples
+        x[first : first + samples] = np.roll(x[first : first + samples], -turn, axis=0)
+    return x
+
+
+def least_damped_rated(master: RatedEnd, slave: RatedEnd, samples: int, period: float) -> Mode:
+    """Return the least damped mode; `period` [s] is that of the line.
+
+    `radius` is per common period. `frequency` is known up to multiples of the common rate: what
+    swings faster than half of it is told as if seen once per common period.
+    """
+    matrix = period_matrix(master, slave, samples)
+    roots = np.linalg.eigvals(matrix).astype(np.complex128)
+    return mode_of(roots, common_slots(master, slave) * period)

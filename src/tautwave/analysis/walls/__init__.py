@@ -1,0 +1,1 @@
+"""Sampled virtual walls: passivity, stability, published rules and limit cycles."""

@@ -1,0 +1,1 @@
+"""Stiff and extreme cases: what holds, and what is refused with a reason."""

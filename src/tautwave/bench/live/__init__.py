@@ -1,0 +1,1 @@
+"""The live loop, measured in processes of its own."""

@@ -1,0 +1,186 @@
+"""How fast the live loop can go: 1, 2 and 6 pairs at 1 to 10 kHz, in Python and compiled.
+
+`python -m tautwave.bench.live.rate SECONDS ROUNDS` prints one JSON object. On the machine's clock,
+with recorder, collector off and what real-time conditions are granted; the engines and a loop that
+only sleeps take turns in one process, so that what else the machine does meets all of them.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from tautwave.bench.live.loop import recorded
+from tautwave.bench.result import Goal, Suite, Table
+from tautwave.bench.rigs import ONE_PAIR
+from tautwave.clock import MonotonicClock
+from tautwave.config import Rig, parse_rig
+from tautwave.rig import build_rig
+from tautwave.runtime.loop import Loop
+from tautwave.runtime.machine import quiet_collector, realtime
+from tautwave.runtime.timing import Histogram
+from tautwave.session.engine import compiled_devices, with_engine
+
+PAIRS = (1, 2, 6)
+RATES_HZ = (1000, 2000, 4000, 10000)
+ENGINES = ("python", "compiled")
+GOALS = ((1, 10000), (6, 4000))
+"""Pairs and rates that the compiled loop is to keep."""
+
+
+class Paced(NamedTuple):
+    """A case: time of computing, slots run and missed by engine; those of the empty loop."""
+
+    pairs: int
+    rate_hz: int
+    compute: dict[str, Histogram]
+    ran: dict[str, int]
+    missed: dict[str, int]
+
+
+def pairs_rig(pairs: int, rate_hz: int, engine: str) -> Rig:
+    """Return the shipped one-pair rig with so many pairs alike."""
+    one = ONE_PAIR.load().model_dump(mode="json", exclude_unset=True)
+    names = [f"lever{at}" for at in range(1, pairs + 1)]
+    for side in ("master", "slave"):
+        lever = one[side]["axes"].pop("lever")
+        one[side]["axes"] = {name: {**lever, "id": at} for at, name in enumerate(names, 1)}
+    one["coupling"]["pairs"] = dict.fromkeys(names, one["coupling"]["pairs"]["lever"])
+    simulation = one["simulation"]
+    simulation["axes"] = {
+        f"{side}.{name}": simulation["axes"][f"{side}.lever"]
+        for name in names
+        for side in ("master", "slave")
+    }
+    for part in ("hand", "environment"):
+        simulation[part] = dict.fromkeys(names, simulation[part]["lever"])
+    # What the machine misses is the figure here, and no reason to stop.
+    one.update(rate_hz=rate_hz, loop={"engine": engine, "overrun_limit": 1_000_000})
+    return parse_rig(json.dumps(one))
+
+
+def empty_loop(rate_hz: int, seconds: float) -> tuple[int, int]:
+    """Sleep from slot to slot as the loop does and do nothing; return slots run and missed."""
+    clock = MonotonicClock()
+    period = round(1e9 / rate_hz)
+    deadline = clock.now_ns()
+    slot = ran = missed = 0
+    while slot < seconds * rate_hz:
+        ran += 1
+        deadline += period
+        slot += 1
+        clock.sleep_until(deadline)
+        skipped = (clock.now_ns() - deadline) // period
+        if skipped > 0:
+            slot += skipped
+            deadline += skipped * period
+            missed += skipped
+    return ran, missed
+
+
+def _run(paced: Paced, engine: str, seconds: float) -> None:
+    rig = pairs_rig(paced.pairs, paced.rate_hz, engine)
+    built = build_rig(rig, clock="real", duration_s=seconds, devices=compiled_devices(rig))
+    built = with_engine(rig, built)
+    with recorded(rig, built, lossless=False) as recorder, quiet_collector():
+        loop = Loop(built.clock, built.buses, built.control, built.sources, recorder)
+        result = loop.run()
+    if result.error is not None:
+        raise result.error
+    paced.compute[engine].add_all(loop.compute)
+    paced.ran[engine] += result.cycles
+    paced.missed[engine] += result.missed_cycles
+
+
+def measure(
+    seconds: float,
+    rounds: int,
+    pairs: Sequence[int] = PAIRS,
+    rates_hz: Sequence[int] = RATES_HZ,
+    engines: Sequence[str] = ENGINES,
+) -> dict[str, Any]:
+    """Measure every case; `seconds` for each engine in each round."""
+    first = pairs_rig(1, 1000, engines[0]).loop
+    found = []
+    with realtime(first.fifo_priority, first.cpu, first.lock_memory) as granted:
+        told = list(granted)
+        for count in pairs:
+            for rate_hz in rates_hz:
+                zero = dict.fromkeys((*engines, "empty"), 0)
+                paced = Paced(
+                    count, rate_hz, {name: Histogram() for name in engines}, dict(zero), dict(zero)
+                )
+                for _ in range(rounds):
+                    ran, missed = empty_loop(rate_hz, seconds)
+                    paced.ran["empty"] += ran
+                    paced.missed["empty"] += missed
+                    for engine in engines:
+                        _run(paced, engine, seconds)
+                found.append(_figures(paced))
+    return {"realtime": told, "seconds": seconds * rounds, "cases": found}
+
+
+def _figures(paced: Paced) -> dict[str, Any]:
+    slots = {name: paced.ran[name] + paced.missed[name] for name in paced.ran}
+    period_us = 1e6 / paced.rate_hz
+    return {
+        "pairs": paced.pairs,
+        "rate_hz": paced.rate_hz,
+        "missed_share": {name: paced.missed[name] / slots[name] for name in slots},
+        "compute_share": {
+            name: {key: value / period_us for key, value in times.summary().items()}
+            for name, times in paced.compute.items()
+        },
+    }
+
+
+def rate_suite(measured: dict[str, Any]) -> Suite:
+    """Return what was measured as a table and its goals."""
+    rows: list[list[Any]] = []
+    goals = []
+    for case in measured["cases"]:
+        empty = case["missed_share"]["empty"]
+        for engine, share in case["compute_share"].items():
+            missed = case["missed_share"][engine]
+            rows.append(
+                [
+                    case["pairs"],
+                    case["rate_hz"],
+                    engine,
+                    *(100.0 * share[key] for key in ("p50", "p99", "p999")),
+                    100.0 * missed,
+                    100.0 * empty,
+                ]
+            )
+            if engine == "compiled" and (case["pairs"], case["rate_hz"]) in GOALS:
+                plural = "pair" if case["pairs"] == 1 else "pairs"
+                what = f"{case['pairs']} {plural} at {case['rate_hz'] / 1000:g} kHz, compiled"
+                busy = 100.0 * share["p999"]
+                goals.append(Goal(f"{what}: p99.9 of compute", 50.0, "% of the period", busy))
+                ratio = missed / empty if empty > 0.0 else (0.0 if missed == 0.0 else float("inf"))
+                goals.append(
+                    Goal(f"{what}: slots missed", 1.1, "times the empty loop's", min(ratio, 1e9))
+                )
+    return Suite(
+        "loop --rate",
+        [
+            Table(
+                "Compute time as a share of the period, and slots missed",
+                "wall time of a cycle on the machine's clock, loopback devices and recording "
+                f"included, in bins of 1 us; {measured['seconds']:g} s of each, engines and an "
+                f"empty sleeping loop taking turns; {'; '.join(measured['realtime'])}",
+                (
+                    "pairs", "rate_hz", "engine", "p50_percent", "p99_percent", "p999_percent",
+                    "missed_percent", "empty_missed_percent",
+                ),
+                rows,
+            )
+        ],
+        goals,
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps(measure(float(sys.argv[1]), int(sys.argv[2]))))

@@ -1,0 +1,1 @@
+"""The same scenes by other people's software, where it is installed."""

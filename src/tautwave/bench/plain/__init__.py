@@ -1,0 +1,1 @@
+"""Hand-written yardsticks: the textbook scene in plain C, alone and in vector lanes."""

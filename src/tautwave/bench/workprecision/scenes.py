@@ -1,0 +1,205 @@
+"""The shipped scenes along their hand's motion: every scheme, steps over decades, peers.
+
+The ports follow the rig's hand reference, sampled in the middle of each step (the symplectic
+scheme: at its begin): what a loop adds by holding them for a period is in the report of a
+run. Scenes of many contacts forget where they began, so the spans are short.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from tautwave.config import Hand, Rig, load_rig
+from tautwave.config.shipped import find_example
+from tautwave.motion import reference_positions
+from tautwave.report.scene.inputs import stage_of
+from tautwave.scene.network import LINEAR, Network, String
+from tautwave.scene3d.live import SPACE_SCHEMES
+from tautwave.scene3d.network import Network3d
+from tautwave.simulation.scene.playing import Played, play
+
+Array = npt.NDArray[np.float64]
+
+NAMES = {
+    "exact": "exact",
+    "discrete_gradient": "discrete_gradient",
+    "symplectic": "symplectic_euler",
+    "rk4": "rk4",
+}
+"""What the schemes of a scene are called in the diagrams."""
+
+WITHIN = {"symplectic": 0.0, "rk4": 1.0}
+"""Where in a step a port is seen; else in its middle. With rk4 it has moved there at its end."""
+
+FINEST = 256
+"""Steps to a period of the rig with which the oracle runs."""
+
+FINEST_IN_SPACE = 32
+"""As many in three dimensions, where plain Python takes them."""
+
+FACTORS = {
+    False: tuple(map(Fraction, ("1/8", "1/4", "1/2", "1", "2", "4", "16", "64"))),
+    True: tuple(Fraction(2) ** power for power in range(-4, 8)),
+}
+
+
+class SceneRig(NamedTuple):
+    """A shipped scene: its name in the tables, its file, and the part that is compared [s]."""
+
+    name: str
+    shipped: str
+    begin_s: float
+    span_s: float
+    what: str
+
+    def load(self) -> Rig:
+        """Return the rig."""
+        return _loaded(self.shipped)
+
+
+@lru_cache
+def _loaded(name: str) -> Rig:
+    return load_rig(find_example(name).path)
+
+
+RESONATOR = SceneRig(
+    "scene-resonator", "scene-resonator.yaml", 0.2, 0.2, "the resonator pushed and let go"
+)
+GRANULAR = SceneRig(
+    "scene-granular", "scene-granular.yaml", 0.0, 0.1, "ten grains fall, bounce and meet the bar"
+)
+STRING = SceneRig(
+    "scene-string", "scene-string.yaml", 0.0, 0.1, "the bow catches the string and lets it go"
+)
+DRUM = SceneRig("scene-drum", "scene-drum.yaml", 0.13, 0.07, "a stroke on the drum and its ringing")
+NET = SceneRig("scene-net", "scene-net.yaml", 0.1, 0.04, "a ball pressed into the net in space")
+SCENES = (RESONATOR, GRANULAR, STRING, DRUM, NET)
+
+
+def schemes_of(network: Network | Network3d) -> tuple[str, ...]:
+    """Return the schemes that can run a network, that of the oracle first."""
+    if isinstance(network, Network3d):
+        return SPACE_SCHEMES[::-1]
+    if network.strings:
+        return ("discrete_gradient",)
+    linear = all(link.kind in LINEAR for link in network.links)
+    kutta = ("rk4",) if all(link.kind != "plastic" for link in network.links) else ()
+    return (*(("exact",) if linear else ()), "discrete_gradient", "symplectic", *kutta)
+
+
+def refined(string: String, factor: Fraction) -> String | None:
+    """Return a string of the same pitch at another rate; None where its samples are not whole."""
+    near, far = factor * (string.near + 1), factor * (string.far + 1)
+    if near.denominator > 1 or far.denominator > 1 or min(near, far) < 2:
+        return None
+    kept = (1.0 - string.smoothing) ** (1.0 / float(factor))
+    return string._replace(near=int(near) - 1, far=int(far) - 1, smoothing=1.0 - kept)
+
+
+class Stage:
+    """A scene with its inputs, to be run at any step. In three dimensions by plain Python only."""
+
+    def __init__(self, scene: SceneRig, engine: str = "compiled") -> None:
+        self.scene = scene
+        self.rig = scene.load()
+        self.parts = stage_of(self.rig)
+        self.network = self.parts.network
+        flat = isinstance(self.network, Network)
+        self.engine = engine if flat else "python"
+        self.finest = FINEST if flat else FINEST_IN_SPACE
+        rate = self.rig.rate_hz
+        self.slots = round(scene.span_s * rate / 16) * 16
+        first = round(scene.begin_s * rate)
+        forces = self.parts.forces(self.rig, round(self.rig.duration_s * rate))
+        self.forces = [np.asarray(force)[first : first + self.slots + 1] for force in forces]
+        self._fine = self._positions(first)
+
+    def _positions(self, first: int) -> Array:
+        """Return where the axes are at half steps of the oracle [m], shape (those, p)."""
+        assert self.rig.simulation is not None
+        rate = 2 * self.finest * self.rig.rate_hz
+        begin, last = (2 * self.finest * at for at in (first, first + self.slots))
+        columns = []
+        parts = self.parts
+        for name, scale, offset in zip(parts.names, parts.scales, parts.offsets, strict=True):
+            hand = self.rig.simulation.hand.get(name)
+            places = np.zeros(last - begin + 1)
+            if isinstance(hand, Hand):
+                reference = hand.reference.model_dump()
+                places = reference_positions(reference, rate, last, Path())[begin:]
+            columns.append(scale * places + offset)
+        return np.stack(columns, axis=1)
+
+    @property
+    def span_s(self) -> float:
+        """Simulated time [s]."""
+        return self.slots * self.rig.period_s
+
+    def ports(self, factor: Fraction, within: float) -> Array:
+        """Return where the ports are at each step [m], shape (steps, p)."""
+        every = int(2 * self.finest / factor)
+        return self._fine[round(within * every) :: every][: int(self.slots * factor)]
+
+    def pushes(self, factor: Fraction, within: float) -> Array:
+        """Return the outside forces at each step [N], straight lines between slots."""
+        steps = int(self.slots * factor)
+        slot = (np.arange(steps) + within) / float(factor)
+        pushes = np.zeros((steps, len(self.forces)))
+        for at, force in enumerate(self.forces):
+            pushes[:, at] = np.interp(slot, np.arange(len(force)), force)
+        return pushes
+
+    def moment(self, time_s: float) -> tuple[Array, Array, Array]:
+        """Return position and speed of the ports and the outside forces at any time."""
+        at = time_s * self.rig.rate_hz * 2 * self.finest
+        low = min(max(int(at), 0), len(self._fine) - 2)
+        rise = self._fine[low + 1] - self._fine[low]
+        slot = min(time_s * self.rig.rate_hz, float(self.slots))
+        one = min(int(slot), self.slots - 1)
+        share = slot - one
+        push = [(1.0 - share) * force[one] + share * force[one + 1] for force in self.forces]
+        speed = rise * (self.rig.rate_hz * 2 * self.finest)
+        return self._fine[low] + (at - low) * rise, speed, np.array(push)
+
+    def run(self, scheme: str, factor: Fraction) -> Played | None:
+        """Return the scene with `factor` steps to a period of the rig; None where it cannot.
+
+        Rows are slots of the rig, or steps if those are longer.
+        """
+        strings = [refined(string, factor) for string in self.parts.strings]
+        if None in strings or (self.slots * factor).denominator > 1 or factor > self.finest:
+            return None
+        parts = self.parts
+        if strings and isinstance(self.network, Network):
+            finer = tuple(string for string in strings if string is not None)
+            parts = parts._replace(network=self.network._replace(strings=finer))
+        within = WITHIN.get(scheme, 0.5)
+        model = parts.model(scheme, float(self.rig.period_s / factor))
+        model.reset(self._fine[0].tolist())
+        given = self.ports(factor, within), self.pushes(factor, min(within, 0.5))
+        return play(model, *given, engine=self.engine, stride=max(1, int(factor)))
+
+    def error(self, places: Array, oracle: Played) -> float:
+        """Return the rms distance of the nodes from the oracle's, over their greatest travel."""
+        every = self.slots // len(places)
+        gap = places - oracle.places[every - 1 :: every]
+        if not np.isfinite(gap).all():
+            return math.inf
+        travel = float(np.ptp(oracle.places, axis=0).max())
+        return max(float(np.sqrt(np.mean(gap * gap))) / travel, 1e-17)
+
+    def energy_error(self, played: Played, oracle: Played) -> float:
+        """Return what the scheme made or took of itself, over what went through the ports."""
+        ledger = played.ledger
+        made = abs(ledger.numeric) + abs(ledger.residual(played.start))
+        places = self.ports(Fraction(1), 0.0)
+        moved = np.abs(np.diff(places, axis=0) * oracle.efforts[:-1]).sum()
+        whole = float(moved) + oracle.ledger.lost + oracle.ledger.energy
+        return max(made / whole, 1e-17) if math.isfinite(made) else math.inf

@@ -1,0 +1,74 @@
+"""What a rig can show a hand: stiffest walls, felt impedance, limit cycles of walls that fail."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from tautwave.certificate.belief import declared_delays
+from tautwave.certificate.derate import derate_walls
+from tautwave.certificate.haptics.cycles import WallCycle, wall_cycles
+from tautwave.certificate.haptics.transparency import Felt, pair_felt
+from tautwave.certificate.haptics.width import AxisWidth, axis_width
+from tautwave.config import Rig
+
+__all__ = ["AxisWidth", "Felt", "Haptics", "WallCycle", "haptics"]
+
+
+class Haptics(NamedTuple):
+    """What `haptics` found.
+
+    `silent` holds a sentence for each axis or pair of which nothing can be said.
+    """
+
+    widths: tuple[AxisWidth, ...]
+    felt: tuple[Felt, ...]
+    cycles: tuple[WallCycle, ...]
+    silent: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON; infinity is null."""
+        return {
+            "z_width": {one.axis: one.as_dict() for one in self.widths},
+            "transparency": {one.pair: one.as_dict() for one in self.felt},
+            "limit_cycles": {one.name: one.as_dict() for one in self.cycles},
+            "silent": list(self.silent),
+        }
+
+    def sentences(self) -> list[tuple[str, list[str]]]:
+        """Return headings and what is said under each."""
+        told = [
+            ("Stiffest wall", [one.sentence() for one in self.widths]),
+            ("Felt by the hand", [line for one in self.felt for line in one.sentences()]),
+            ("Limit cycles", [line for one in self.cycles for line in one.sentences()]),
+            ("Not said", list(self.silent)),
+        ]
+        return [(heading, lines) for heading, lines in told if lines]
+
+
+def haptics(rig: Rig) -> Haptics:
+    """Return what a rig can show a hand, by what it believes of its devices; a second or two.
+
+    Walls are those that run: derated where the rig asks for it.
+    """
+    if rig.scene is not None:
+        return Haptics((), (), (), ("the hand touches a scene; its certificate says how",))
+    delays = declared_delays(rig)
+    rig, _ = derate_walls(rig, delays, {})
+    widths = tuple(
+        axis_width(rig, name, delays)
+        for name, axis in rig.axes.items()
+        if axis.causality == "impedance"
+    )
+    silent = [
+        f"{name}: it takes velocity, and no theorem here covers a wall on it"
+        for name, axis in rig.axes.items()
+        if axis.causality != "impedance"
+    ]
+    felt = []
+    for pair in rig.coupling.pairs:
+        found = pair_felt(rig, pair, delays)
+        if isinstance(found, str):
+            silent.append(found)
+        else:
+            felt.append(found)
+    return Haptics(widths, tuple(felt), wall_cycles(rig, delays), tuple(silent))

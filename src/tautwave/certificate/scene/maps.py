@@ -1,0 +1,208 @@
+"""A scene's linear part as the sampled system that it is, and its loop with device and hand.
+
+The map is found by probing: the very steps of the live loop, on the network without its nonlinear
+links, weight and rest lengths, from every unit state. So what is certified is what runs.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from tautwave.analysis.walls.passivity import needed_damping
+from tautwave.analysis.walls.sampled import PulseTransfer
+from tautwave.models.linear import flow_rows
+from tautwave.scene.live import SceneModel
+from tautwave.scene.network import LINEAR, Network
+
+Matrix = npt.NDArray[np.float64]
+
+EXACT_ORDER = 8
+"""Greatest order whose condition is proved in integers; above it is searched on a grid."""
+
+
+class LinearScene(NamedTuple):
+    """s' = a s + b p, u = c s + d p: position of one port in, resisting effort out, SI of the axis.
+
+    The state is positions and velocities of the masses and the port's last position.
+    """
+
+    a: Matrix
+    b: Matrix
+    c: Matrix
+    d: float
+    period: float
+
+
+class Need(NamedTuple):
+    """Device damping that a port needs [N s/m or N m s/rad], at which frequency, proved or not."""
+
+    damping: float
+    frequency: float
+    proved: bool
+
+
+def linear_part(network: Network) -> Network:
+    """Return a network without nonlinear links, strings, weight, rest and start."""
+    gone = {string.name for string in network.strings}
+    return network._replace(
+        masses=tuple(mass._replace(position=0.0, velocity=0.0) for mass in network.masses),
+        links=tuple(
+            link._replace(rest=0.0)
+            for link in network.links
+            if link.kind in LINEAR and not gone & {link.a, link.b}
+        ),
+        grounds=tuple((name, 0.0) for name, _ in network.grounds),
+        strings=(),
+        forced=(),
+        gravity=0.0,
+    )
+
+
+def linear_scene(
+    network: Network, scheme: str, period: float, port: str, scale: float = 1.0
+) -> LinearScene:
+    """Return the sampled linear part of a network at one port, the others held still.
+
+    `scale` is the scene's motion per motion of the axis.
+    """
+    model = SceneModel(linear_part(network), scheme, period)
+    at = network.ports.index(port)
+    masses = len(model.network.masses)
+    size = 2 * masses + 1
+    a, b, c = np.zeros((size, size)), np.zeros(size), np.zeros(size)
+    for state in range(size + 1):
+        given = np.zeros(size + 1)
+        given[state] = 1.0
+        after, effort = _probe(model, at, given, masses)
+        if state < size:
+            a[:, state], c[state] = after, effort
+        else:
+            b, d = after, effort
+    # The last position is in the axis' units, so that only input and output are scaled.
+    b[:-1] *= scale
+    a[:-1, -1] *= scale
+    c[:-1] *= scale
+    c[-1] *= scale * scale
+    return LinearScene(a, b, c, d * scale * scale, period)
+
+
+def _probe(model: SceneModel, port: int, given: Matrix, masses: int) -> tuple[Matrix, float]:
+    places = [0.0] * len(model.network.ports)
+    places[port] = float(given[2 * masses])
+    model.reset(places)
+    s = model.arrays
+    for mass in range(masses):
+        s.x[mass], s.v[mass] = float(given[mass]), float(given[masses + mass])
+    for i in range(s.count[2]):
+        d = s.x[s.a[i]] - s.x[s.b[i]]
+        s.stretch[i] = d
+        s.stored[i] = 0.5 * s.k[i] * d * d
+    places[port] = float(given[2 * masses + 1])
+    effort = model.advance(places)[port]
+    return np.array([*s.x[:masses], *s.v[:masses], places[port]]), effort
+
+
+def needed(scene: LinearScene, delay: float) -> Need:
+    """Return the damping that makes the held, sampled port passive (Colgate and Schenkel)."""
+    a, b, c = _seen(scene)
+    if not len(a):
+        found = needed_damping(PulseTransfer((scene.d,)), scene.period, delay)
+        return Need(found.damping, found.frequency, True)
+    if len(a) <= EXACT_ORDER:
+        den = np.poly(a)
+        num = np.poly(a - np.outer(b, c)) + (scene.d - 1.0) * den
+        found = needed_damping(
+            PulseTransfer(tuple(num.tolist()), tuple(den.tolist())), scene.period, delay
+        )
+        return Need(found.damping, found.frequency, True)
+    poles = np.linalg.eigvals(a)
+    if np.abs(poles).max() >= 1.0 - 1e-12:
+        worst = poles[np.argmax(np.abs(poles))]
+        return Need(math.inf, abs(np.angle(worst)) / (2.0 * math.pi * scene.period), False)
+    grid = [np.linspace(1e-4, math.pi, 4000)]
+    for pole in poles[poles.imag > 0.0]:
+        width = max(-math.log(abs(pole)), 1e-9)
+        grid.append(abs(np.angle(pole)) + width * np.linspace(-30.0, 30.0, 241))
+    theta = np.unique(np.clip(np.concatenate(grid), 1e-6, math.pi))
+    leak = leak_over(scene, theta, delay)
+    at = int(np.argmax(leak))
+    hz = float(theta[at]) / (2.0 * math.pi * scene.period)
+    return Need(max(float(leak[at]), 0.0), hz, False)
+
+
+def law_over(scene: LinearScene, theta: Matrix) -> npt.NDArray[np.complex128]:
+    """Return effort over position at angles w T [N/m or N m/rad]."""
+    a, b, c = _seen(scene)
+    if not len(a):
+        return np.full(len(theta), complex(scene.d))
+    vectors = [np.linalg.solve(z * np.eye(len(a)) - a, b) for z in np.exp(1j * theta)]
+    return np.asarray(np.array(vectors) @ c + scene.d, np.complex128)
+
+
+def leak_over(scene: LinearScene, theta: Matrix, delay: float) -> Matrix:
+    """Return the device damping needed at angles w T (Colgate and Schenkel's right side)."""
+    law = law_over(scene, theta) * np.exp(-1j * delay * theta)
+    return np.asarray(0.5 * scene.period * (law.real - law.imag / np.tan(0.5 * theta)))
+
+
+def _seen(scene: LinearScene) -> tuple[Matrix, Matrix, Matrix]:
+    """Return the states that the port can see and move: the controllable and observable ones."""
+    a, b, c = scene.a, scene.b, scene.c
+    # The port's last position counts only where a damper is at the port.
+    if not np.any(a[:-1, -1]) and c[-1] == 0.0:
+        a, b, c = a[:-1, :-1], b[:-1], c[:-1]
+    near: set[int] = {i for i in range(len(b)) if c[i] != 0.0}
+    while True:
+        more = {j for i in near for j in range(len(b)) if a[i, j] != 0.0} - near
+        if not more:
+            break
+        near |= more
+    keep = sorted(near)
+    return a[np.ix_(keep, keep)], b[keep], c[keep]
+
+
+def own_radius(scene: LinearScene) -> float:
+    """Return the greatest |z| of the scene by itself, parts that no link joins to a port included.
+
+    A free mass has a double pole at 1, which rounding splits by some 1e-8.
+    """
+    return float(np.abs(np.linalg.eigvals(scene.a)).max(initial=0.0))
+
+
+def loop_poles(
+    scene: LinearScene,
+    mass: float,
+    damping: float,
+    stiffness: float,
+    delay: int,
+) -> npt.NDArray[np.complex128]:
+    """Return the poles in z of a scene under a held device, its effort `delay` periods late."""
+    period = scene.period
+    xv, xn, _, vv, vn, _ = flow_rows(stiffness, damping, mass, period)[:6]
+    device = np.array(
+        [
+            [1.0 - stiffness * xn, xv - damping * xn],
+            [-stiffness * vn, 1.0 + vv - damping * vn],
+        ]
+    )
+    push = np.array([-xn, -vn])
+    a, b, c = _seen(scene)
+    n = len(b)
+    size = 2 + n + delay
+    whole = np.zeros((size, size))
+    effort = np.zeros(size)
+    effort[0], effort[2 : 2 + n] = scene.d, c
+    whole[:2, :2] = device
+    whole[2 : 2 + n, 0], whole[2 : 2 + n, 2 : 2 + n] = b, a
+    if delay == 0:
+        whole[:2] += np.outer(push, effort)
+    else:
+        whole[:2, 2 + n + delay - 1] = push
+        whole[2 + n] = effort
+        for at in range(1, delay):
+            whole[2 + n + at, 2 + n + at - 1] = 1.0
+    return np.asarray(np.linalg.eigvals(whole), np.complex128)

@@ -1,0 +1,284 @@
+"""The certificate of a rig with a scene: its linear part by matrices, the rest by its ledger.
+
+Ideal: masses, springs and dampers make a positive real impedance; shown from the network's own
+matrices, and exactly (`analysis.positive_real`) where it is small. Sampled: Colgate and Schenkel's
+condition on the very steps that run. Nonlinear links are named as conditions: no theorem covers
+them under a hold, their account is kept and recorded. What feeds energy is not certified at all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from tautwave.analysis.exact.positive_real import positive_real
+from tautwave.analysis.ports import networks
+from tautwave.certificate.belief import (
+    assumed,
+    broken_damping,
+    broken_delay,
+    broken_inertia,
+    stated_hand,
+)
+from tautwave.certificate.data import (
+    Certificate,
+    Element,
+    LoopCase,
+    PairLoop,
+    Verdict,
+    join_verdicts,
+)
+from tautwave.certificate.scene.maps import (
+    LinearScene,
+    linear_part,
+    linear_scene,
+    loop_poles,
+    needed,
+    own_radius,
+)
+from tautwave.config import Rig
+from tautwave.rig.scene.network import pruned_network, scene_of
+from tautwave.scene.compiling import compile_network
+from tautwave.scene.exact import linear_matrices
+from tautwave.scene.network import ACTIVE, LINEAR, Network
+from tautwave.types import CommandDelay
+
+STABLE = 1e-9
+SPLIT = 1e-6
+STABLE_PORTS = "every port is stable with the stated hand, with every contact open."
+SMALL = 6
+"""Masses up to which the impedance at a port is computed in fractions."""
+
+LARGE = 60
+"""Masses above which the linear part is not turned into matrices."""
+
+
+def scene_elements(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Element]:
+    """Yield the network, then each of its ports."""
+    network = pruned_network(rig).network
+    yield _network(network)
+    for name in network.ports:
+        yield _port(rig, network, name, delays[f"master.{name}"])
+
+
+def scene_loops(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[PairLoop]:
+    """Yield the coupled stability of each port with the stated hand."""
+    network = pruned_network(rig).network
+    for name in network.ports:
+        yield _loop(rig, network, name, delays[f"master.{name}"])
+
+
+def _named(network: Network, kinds: tuple[str, ...]) -> list[str]:
+    return [link.name for link in network.links if link.kind in kinds]
+
+
+def _curved(network: Network) -> tuple[str, ...]:
+    """Return the condition that nonlinear links and strings are, if there are any."""
+    names = [link.name for link in network.links if link.kind not in (*LINEAR, *ACTIVE)]
+    names += [string.name for string in network.strings]
+    if not names:
+        return ()
+    listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+    return (
+        f"what holding the effort creates at {listed} stays small: no theorem bounds it; a run "
+        f"measures it (scene.hold) and stops if it exceeds its limit",
+    )
+
+
+def _active(network: Network) -> Verdict | None:
+    names = _named(network, ACTIVE)
+    if not names:
+        return None
+    return Verdict(
+        False,
+        f"{', '.join(names)}: a negative damper or an energy source supplies energy, so nothing "
+        f"is certified; remove it, or run with --allow-uncertified",
+    )
+
+
+def _network(network: Network) -> Element:
+    """Return the network as it would be without sampling."""
+    bad = _active(network)
+    masses = len(network.masses)
+    numbers: dict[str, float] = {"masses": masses, "links": len(network.links)}
+    if bad is None:
+        linear = "masses, springs and dampers"
+        if 0 < masses <= LARGE:
+            arrays = compile_network(linear_part(network)).arrays
+            _, damping, stiffness = linear_matrices(arrays, range(masses))
+            for key, matrix in (("damping", damping), ("stiffness", stiffness)):
+                numbers[f"least_{key}"] = float(np.linalg.eigvalsh(matrix).min())
+            linear = (
+                f"mass, damping and stiffness matrix of its {masses} masses are symmetric and "
+                f"positive semidefinite up to rounding"
+            )
+        exact = _exact(network)
+        if exact is not None:
+            linear += f"; its impedance is {exact}"
+        why = f"network: {linear}, so its linear part is passive in continuous time."
+        verdict = Verdict(True, why, _curved(network))
+    else:
+        verdict = bad
+    sentences = [verdict.reason, *(f"network: if {c}." for c in verdict.conditions)]
+    return Element("network", "network", "scene", verdict, verdict, numbers, tuple(sentences))
+
+
+def _exact(network: Network) -> str | None:
+    """Return what exact arithmetic says of the impedance at the first port, if it is small."""
+    linear = linear_part(network)
+    port = linear.ports[0]
+    if len(linear.masses) > SMALL or not any(port in (link.a, link.b) for link in linear.links):
+        return None
+    moving = {mass.name for mass in linear.masses} | {port}
+
+    def name(node: str) -> str:
+        return node if node in moving else networks.GROUND
+
+    parts: list[networks.Part] = []
+    for mass in linear.masses:
+        parts.append(networks.Mass(mass.name, mass.mass))
+        if mass.damping:
+            parts.append(networks.Damper(mass.name, networks.GROUND, mass.damping))
+    for link in linear.links:
+        one, two = name(link.a), name(link.b)
+        if one == two:
+            continue
+        if link.stiffness:
+            parts.append(networks.Spring(one, two, link.stiffness))
+        if link.damping:
+            parts.append(networks.Damper(one, two, link.damping))
+    found = positive_real(networks.impedance(parts, port))
+    return f"positive real in exact arithmetic at {port}" if found.positive_real else None
+
+
+def _linear(rig: Rig, network: Network, name: str) -> LinearScene:
+    scene = scene_of(rig)
+    scale = scene.ports[name].position_scale
+    return linear_scene(network, scene.scheme, rig.period_s, name, scale)
+
+
+def _port(rig: Rig, network: Network, name: str, delay: CommandDelay) -> Element:
+    """Return the sampled port: Colgate and Schenkel on what runs."""
+    axis_name = f"master.{name}"
+    axis = rig.axes[axis_name]
+    unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
+    bad = _active(network)
+    numbers: dict[str, float] = {}
+    broken = [
+        sentence
+        for sentence in (
+            broken_inertia(rig, axis_name),
+            broken_damping(rig, axis_name),
+            broken_delay(rig, axis_name, delay),
+        )
+        if sentence
+    ]
+    title = f"port {name}"
+    if bad is not None:
+        passive = Verdict(False, f"{title}: {bad.reason}")
+    elif len(network.masses) > LARGE:
+        passive = Verdict(False, f"{title}: more than {LARGE} masses are not evaluated")
+    else:
+        late = delay.periods + delay.remainder_s / rig.period_s
+        need = needed(_linear(rig, network, name), late)
+        present = axis.damping.lower
+        numbers = {
+            "needed_damping": need.damping,
+            "damping": present,
+            "damping_margin": present - need.damping,
+            "frequency": need.frequency,
+        }
+        proof = "proved" if need.proved else "searched on a grid"
+        tail = (
+            f"its linear part, sampled at {rig.rate_hz:g} Hz, needs {need.damping:.4g} {unit} of "
+            f"the device (Colgate and Schenkel, {proof}; at {need.frequency:.4g} Hz), of which "
+            f"{present:.4g} is believed."
+        )
+        conditions = (*_curved(network), *assumed(axis, axis_name, inertia=True, damping=True))
+        if broken:
+            passive = Verdict(False, f"{title}: {broken[0]}.")
+        elif need.damping <= present:
+            passive = Verdict(True, f"{title}: {tail}", conditions, present - need.damping)
+        else:
+            remedy = "Raise the rate or the device's damping, or lower the coupling spring."
+            failure = f"{title}: {tail} {remedy}"
+            passive = Verdict(False, failure, margin=present - need.damping)
+    quantised = passive
+    if axis.encoder_quantum > 0.0 and passive.passed:
+        quantised = Verdict(False, f"{title}: encoder steps are not covered with a scene")
+    sentences = (passive.reason, *(f"{title}: if {c}." for c in passive.conditions))
+    return Element(title, "scene port", axis_name, passive, quantised, numbers, sentences)
+
+
+def _loop(rig: Rig, network: Network, name: str, delay: CommandDelay) -> PairLoop:
+    """Return the exact loop of hand, device and linear part."""
+    axis_name = f"master.{name}"
+    axis = rig.axes[axis_name]
+    hand = stated_hand(rig, name)
+    bad = _active(network)
+    if bad is not None:
+        return PairLoop(name, Verdict(False, f"port {name}: {bad.reason}"), hand.text, ())
+    if len(network.masses) > LARGE:
+        unevaluated = Verdict(False, f"port {name}: more than {LARGE} masses are not evaluated")
+        return PairLoop(name, unevaluated, hand.text, ())
+    assert axis.inertia is not None
+    scene = _linear(rig, network, name)
+    own = own_radius(scene)
+    if own > 1.0 + SPLIT:
+        unevaluated = Verdict(
+            False,
+            f"port {name}: {scene_of(rig).scheme} cannot run the scene at {rig.rate_hz:g} Hz: "
+            f"it is unstable by itself (|z| = {own:.6g}). Raise the rate, or use "
+            f"discrete_gradient.",
+        )
+        return PairLoop(name, unevaluated, hand.text, ())
+    late = delay.periods + (1 if delay.remainder_s > 0.0 else 0)
+    cases = []
+    for bound in ("lower", "value"):
+        mass = getattr(axis.inertia, bound) + hand.hand.mass
+        damping = axis.damping.lower + hand.hand.damping
+        poles = loop_poles(scene, mass, damping, hand.hand.stiffness, late)
+        worst = poles[np.argmax(np.abs(poles))]
+        radius = float(abs(worst))
+        growth = math.log(radius) / rig.period_s if radius > 0.0 else -math.inf
+        hz = float(abs(np.angle(worst))) / (2.0 * math.pi * rig.period_s)
+        stable = radius <= 1.0 + STABLE
+        cases.append(LoopCase("with every contact open", bound, stable, radius, growth, hz))
+    conditions = (*_curved(network), *assumed(axis, axis_name, inertia=True, damping=True))
+    worst_case = max(cases, key=lambda case: case.radius)
+    text = (
+        f"its least damped mode is at {worst_case.frequency:.4g} Hz (|z| = {worst_case.radius:.8f})"
+    )
+    if worst_case.stable:
+        verdict = Verdict(
+            True,
+            f"port {name}: stable with {hand.text}: {text}.",
+            conditions,
+            1.0 - worst_case.radius,
+        )
+    else:
+        verdict = Verdict(
+            False,
+            f"port {name}: unstable with {hand.text}: {text} and grows by "
+            f"{worst_case.growth:.3g} per second. Raise the rate, or lower the coupling spring.",
+            margin=1.0 - worst_case.radius,
+        )
+    return PairLoop(name, verdict, hand.text, tuple(cases))
+
+
+def scene_certificate(
+    rig: Rig, delays: Mapping[str, CommandDelay], passes: Mapping[str, str]
+) -> Certificate:
+    """Return the certificate of a rig with a scene; `passes` are the reasons of plain passes."""
+    elements = tuple(scene_elements(rig, delays))
+    loops = tuple(scene_loops(rig, delays))
+    verdicts = {
+        "passive": join_verdicts([e.passive for e in elements], passes["passive"]),
+        "passive_quantised": join_verdicts(
+            [e.passive_quantised for e in elements], passes["passive_quantised"]
+        ),
+        "coupled_stable": join_verdicts([p.verdict for p in loops], STABLE_PORTS),
+    }
+    return Certificate(rig.name, rig.require, verdicts, elements, loops, {})

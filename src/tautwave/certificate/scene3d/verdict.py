@@ -1,0 +1,342 @@
+"""The certificate of a rig with a scene of three dimensions.
+
+What turns is not linear. Proved at any position: the network gives no energy of its own before it
+is sampled. Near the start position: its linear part, sampled as it runs, all axes at once. Beyond
+that nothing is claimed: what links do as they turn, and nonlinear ones, are named as conditions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from tautwave.certificate.belief import (
+    assumed,
+    broken_damping,
+    broken_delay,
+    broken_inertia,
+    stated_hand,
+)
+from tautwave.certificate.data import (
+    Certificate,
+    Element,
+    LoopCase,
+    PairLoop,
+    Verdict,
+    join_verdicts,
+)
+from tautwave.certificate.scene.verdict import SPLIT, STABLE, STABLE_PORTS
+from tautwave.certificate.scene3d.maps import (
+    Map3d,
+    Need3d,
+    joint_poles,
+    needed_together,
+    network3d_map,
+    radius_of,
+    seen,
+)
+from tautwave.config import Rig
+from tautwave.rig.scene.network3d import axis_scales, pruned_network3d, scene3d_of
+from tautwave.scene.network import ACTIVE, LINEAR
+from tautwave.scene3d.arrays import Arrays3d, compile_network3d
+from tautwave.scene3d.matrices import symplectic_share, tangent
+from tautwave.scene3d.network import Network3d
+from tautwave.types import CommandDelay
+
+LARGE = 60
+"""Masses above which the linear part is not turned into matrices."""
+
+FELT = 20
+"""Masses that the ports feel linearly, above which their condition is not searched."""
+
+
+class _Scene:
+    """A rig's network near its start, and what all its verdicts share."""
+
+    def __init__(self, rig: Rig, delays: Mapping[str, CommandDelay]) -> None:
+        self.rig = rig
+        self.network: Network3d = pruned_network3d(rig).network
+        self.scheme = scene3d_of(rig).scheme
+        self.arrays: Arrays3d = compile_network3d(self.network).arrays
+        self.axes = [f"master.{name}" for name in self.network.axes]
+        self.delays = [delays[name] for name in self.axes]
+        self.large = len(self.network.masses) > LARGE
+        self.law: Map3d | None = None
+        self.least = 0.0
+        if not self.large:
+            scales = np.array(axis_scales(rig))
+            self.law = network3d_map(self.arrays, self.scheme, rig.period_s, scales)
+            n = 3 * len(self.network.masses)
+            stiffness = tangent(self.arrays).stiffness[:n, :n]
+            if n:
+                size = np.sqrt(tangent(self.arrays).mass)
+                values = np.linalg.eigvalsh(stiffness / np.outer(size, size))
+                self.least = float(values.min()) if values.min() < -1e-9 * values.max() else 0.0
+
+    def conditions(self) -> tuple[str, ...]:
+        """Return what no theorem covers."""
+        curved = [k.name for k in self.network.links if k.kind not in (*LINEAR, *ACTIVE)]
+        turning = [
+            k.name
+            for k in self.network.links
+            if k.kind in LINEAR and (k.rest != 0.0 or k.damping > 0.0)
+        ]
+        conditions = []
+        if curved:
+            conditions.append(
+                f"what holding the effort creates at {_listed(curved)} stays small: no theorem "
+                f"bounds it; a run measures it (scene.hold) and stops if it exceeds its limit"
+            )
+        if turning:
+            conditions.append(
+                f"what {_listed(turning)} do as they turn away from the start position stays "
+                "small: no theorem bounds it; a run measures it (scene.hold) and stops if it "
+                "exceeds its limit"
+            )
+        share = symplectic_share(self.arrays, self.rig.period_s)
+        if self.scheme == "symplectic" and share >= 1.0:
+            rate = _rate_for(self.arrays, self.rig.rate_hz)
+            conditions.append(
+                "no configuration shows the largest stiffness of all links at once, for which "
+                f"symplectic would need {rate:.4g} Hz"
+            )
+        return tuple(conditions)
+
+    def active(self) -> Verdict | None:
+        """Return the refusal of what feeds energy."""
+        names = [link.name for link in self.network.links if link.kind in ACTIVE]
+        if not names:
+            return None
+        return Verdict(
+            False,
+            f"{', '.join(names)}: a negative damper or an energy source supplies energy, so "
+            f"nothing is certified; remove it, or run with --allow-uncertified",
+        )
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+
+
+def _rate_for(s: Arrays3d, rate: float) -> float:
+    """Return the least of some rates [Hz] at which the symplectic scheme holds in any posture."""
+    low, high = rate, 2.0 * rate
+    while symplectic_share(s, 1.0 / high) >= 1.0:
+        low, high = high, 2.0 * high
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        if symplectic_share(s, 1.0 / middle) >= 1.0:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def scene3d_certificate(
+    rig: Rig, delays: Mapping[str, CommandDelay], passes: Mapping[str, str]
+) -> Certificate:
+    """Return the certificate of a rig with a scene of points; `passes` as for other scenes."""
+    scene = _Scene(rig, delays)
+    elements = (_network(scene), *_ports(scene))
+    loops = (_loop(scene),)
+    verdicts = {
+        "passive": join_verdicts([e.passive for e in elements], passes["passive"]),
+        "passive_quantised": join_verdicts(
+            [e.passive_quantised for e in elements], passes["passive_quantised"]
+        ),
+        "coupled_stable": join_verdicts([p.verdict for p in loops], STABLE_PORTS),
+    }
+    return Certificate(rig.name, rig.require, verdicts, elements, loops, {})
+
+
+def _network(scene: _Scene) -> Element:
+    """Return the network as it would be without sampling: true at any position."""
+    network = scene.network
+    numbers = {
+        "masses": float(len(network.masses)),
+        "links": float(len(network.links)),
+        "least_stiffness_per_mass": scene.least,
+        "symplectic_share": symplectic_share(scene.arrays, scene.rig.period_s),
+    }
+    verdict = scene.active()
+    if verdict is None:
+        verdict = Verdict(
+            True,
+            "network: every link has a potential or only dissipates, along its line, so the "
+            "network is passive in continuous time at any position"
+            + ("." if network.gravity == (0.0, 0.0, 0.0) else ", except for falling weight."),
+        )
+    return Element("network", "network", "scene", verdict, verdict, numbers, (verdict.reason,))
+
+
+def _ports(scene: _Scene) -> Iterator[Element]:
+    """Yield the sampled axes: each with the others held, then all together."""
+    rig = scene.rig
+    need: Need3d | None = None
+    damping = np.array([rig.axes[name].damping.lower for name in scene.axes])
+    late = [d.periods + d.remainder_s / rig.period_s for d in scene.delays]
+    felt = 0 if scene.law is None else len(seen(scene.law).a)
+    why = ""
+    if scene.large or felt > 6 * FELT + len(scene.axes):
+        why = f"more than {LARGE if scene.large else FELT} masses are not evaluated"
+    elif scene.law is not None:
+        need = needed_together(scene.law, damping, np.array(late))
+    for at, name in enumerate(scene.axes):
+        yield _axis(scene, at, name, need, why)
+    if need is not None and len(scene.axes) > 1 and felt:
+        reason = (
+            "all axes together: near the start position the linear part needs "
+            f"{need.share:.1%} of the damping believed (Colgate and Schenkel for all axes at once, "
+            f"searched on a grid; at {need.frequency:.4g} Hz)"
+        )
+        verdict = scene.active() or Verdict(
+            need.share <= 1.0,
+            reason + ("." if need.share <= 1.0 else "; raise the rate or the devices' damping."),
+            scene.conditions() if need.share <= 1.0 else (),
+            1.0 - need.share,
+        )
+        numbers = {"share": need.share, "frequency": need.frequency}
+        yield Element(
+            "all axes", "scene ports", "scene", verdict, verdict, numbers, (verdict.reason,)
+        )
+
+
+def _axis(scene: _Scene, at: int, name: str, need: Need3d | None, why: str) -> Element:
+    rig, axis = scene.rig, scene.rig.axes[name]
+    unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
+    title = f"port axis {name.partition('.')[2]}"
+    numbers: dict[str, float] = {}
+    checks = (
+        broken_inertia(rig, name),
+        broken_damping(rig, name),
+        broken_delay(rig, name, scene.delays[at]),
+    )
+    broken = [sentence for sentence in checks if sentence]
+    bad = scene.active()
+    if bad is not None:
+        passive = Verdict(False, f"{title}: {bad.reason}")
+    elif broken:
+        passive = Verdict(False, f"{title}: {broken[0]}.")
+    elif need is None:
+        passive = Verdict(False, f"{title}: {why}")
+    else:
+        alone, present = need.alone[at], axis.damping.lower
+        numbers = {
+            "needed_damping": alone,
+            "damping": present,
+            "damping_margin": present - alone,
+        }
+        tail = (
+            f"near the start position its linear part, sampled at {rig.rate_hz:g} Hz, needs "
+            f"{alone:.4g} {unit} of the device (Colgate and Schenkel, searched on a grid, the "
+            f"other axes held), of which {present:.4g} is believed."
+        )
+        if need.share == 0.0 and not numbers["needed_damping"]:
+            tail = (
+                f"no spring or damper acts on it at the start, at {rig.rate_hz:g} Hz or any rate."
+            )
+        if alone <= present:
+            conditions = (*scene.conditions(), *assumed(axis, name, inertia=True, damping=True))
+            passive = Verdict(True, f"{title}: {tail}", conditions, present - alone)
+        else:
+            tail += " Raise the rate or the device's damping, or lower the coupling spring."
+            passive = Verdict(False, f"{title}: {tail}", margin=present - alone)
+    quantised = passive
+    if axis.encoder_quantum > 0.0 and passive.passed:
+        quantised = Verdict(False, f"{title}: encoder steps are not covered with a scene")
+    shared = scene.conditions() if at else ()
+    lines = [f"{title}: if {c}." for c in passive.conditions if c not in shared]
+    if shared and passive.conditions:
+        lines.append(
+            f"{title}: under the conditions that {scene.network.axes[0]} has from the scene."
+        )
+    sentences = (passive.reason, *lines)
+    return Element(title, "scene port", name, passive, quantised, numbers, sentences)
+
+
+def _loop(scene: _Scene) -> PairLoop:
+    """Return the loop of all hands, devices and the linear part, near the start position."""
+    rig = scene.rig
+    names = list(scene.network.axes)
+    ports = ", ".join(port.name for port in scene.network.ports)
+    hands = [stated_hand(rig, name) for name in names]
+    text = "; ".join(dict.fromkeys(hand.text for hand in hands))
+    bad = scene.active()
+    if bad is not None:
+        return PairLoop(ports, Verdict(False, f"port {ports}: {bad.reason}"), text, ())
+    if scene.law is None:
+        unevaluated = Verdict(False, f"port {ports}: more than {LARGE} masses are not evaluated")
+        return PairLoop(ports, unevaluated, text, ())
+    refused = _refusal(scene)
+    if refused is not None:
+        return PairLoop(ports, Verdict(False, f"port {ports}: {refused}"), text, ())
+    late = [d.periods + (1 if d.remainder_s > 0.0 else 0) for d in scene.delays]
+    own = [rig.axes[name] for name in scene.axes]
+    cases = []
+    for bound in ("lower", "value"):
+        poles = joint_poles(
+            scene.law,
+            np.array(
+                [
+                    getattr(axis.inertia, bound) + hand.hand.mass
+                    for axis, hand in zip(own, hands, strict=True)
+                ]
+            ),
+            np.array(
+                [
+                    axis.damping.lower + hand.hand.damping
+                    for axis, hand in zip(own, hands, strict=True)
+                ]
+            ),
+            np.array([hand.hand.stiffness for hand in hands]),
+            late,
+        )
+        worst = poles[np.argmax(np.abs(poles))]
+        radius = float(abs(worst))
+        growth = math.log(radius) / rig.period_s if radius > 0.0 else -math.inf
+        hertz = float(abs(np.angle(worst))) / (2.0 * math.pi * rig.period_s)
+        stable = radius <= 1.0 + STABLE
+        cases.append(LoopCase("with every contact open", bound, stable, radius, growth, hertz))
+    case = max(cases, key=lambda one: one.radius)
+    least = f"its least damped mode is at {case.frequency:.4g} Hz (|z| = {case.radius:.8f})"
+    if case.stable:
+        beliefs = [
+            condition
+            for axis, name in zip(own, scene.axes, strict=True)
+            for condition in assumed(axis, name, inertia=True, damping=True)
+        ]
+        verdict = Verdict(
+            True,
+            f"port {ports}: near the start position stable with {text}: {least}.",
+            (*scene.conditions(), *beliefs),
+            1.0 - case.radius,
+        )
+    else:
+        verdict = Verdict(
+            False,
+            f"port {ports}: unstable with {text}: {least} and grows by {case.growth:.3g} per "
+            "second. Raise the rate, or lower the coupling spring.",
+            margin=1.0 - case.radius,
+        )
+    return PairLoop(ports, verdict, text, tuple(cases))
+
+
+def _refusal(scene: _Scene) -> str | None:
+    """Return why the network by itself is not stable where it starts."""
+    assert scene.law is not None
+    if scene.least < 0.0:
+        rate = math.sqrt(-scene.least)
+        return (
+            f"at the start, links are compressed so that the network buckles (it departs at "
+            f"{rate:.3g} per second): start it at a stable equilibrium"
+        )
+    own = radius_of(scene.law)
+    if own <= 1.0 + SPLIT:
+        return None
+    rate = _rate_for(scene.arrays, scene.rig.rate_hz)
+    return (
+        f"{scene.scheme} cannot run the scene at {scene.rig.rate_hz:g} Hz: it is unstable by "
+        f"itself (|z| = {own:.6g}). Raise the rate to {rate:.4g} Hz, or use discrete_gradient."
+    )

@@ -1,0 +1,95 @@
+"""From a rig file to its certificate: every element, every pair, three verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from tautwave.certificate.belief import declared_delays
+from tautwave.certificate.couplings import coupling_verdict
+from tautwave.certificate.data import Certificate, Element, join_verdicts
+from tautwave.certificate.derate import derate_walls
+from tautwave.certificate.loops import pair_loop
+from tautwave.certificate.walls import wall_element
+from tautwave.config import Rig, local_wall
+from tautwave.rig import at_axis_rate
+from tautwave.types import CommandDelay
+
+PASSES = {
+    "passive": "no element gives back more energy than it received, for any passive hand and "
+    "environment within the bounds stated for its ports.",
+    "passive_quantised": "passive with encoder steps too.",
+    "coupled_stable": "every pair is stable with the stated hand, free and in contact.",
+}
+
+
+def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certificate:
+    """Return the certificate of a rig; touches no device.
+
+    Parameters
+    ----------
+    rig : Rig
+        A checked rig. The simulation's truth is used for two things only: the hand and the
+        environment that are stated there, and to find beliefs that it contradicts.
+    coulomb : mapping, optional
+        Coulomb friction that is certain, by full axis name [N m or N]; what is not given is the
+        rig's own `coulomb.lower`.
+
+    Raises
+    ------
+    ConfigError
+        A driver is not installed, or a number is out of range.
+    """
+    friction = {name: axis.coulomb.lower for name, axis in rig.axes.items()}
+    friction.update(coulomb or {})
+    delays = declared_delays(rig)
+    if rig.scene is not None and rig.scene.dimension == 3:
+        from tautwave.certificate.scene3d.verdict import scene3d_certificate
+
+        return scene3d_certificate(rig, delays, PASSES)
+    if rig.scene is not None:
+        from tautwave.certificate.scene.verdict import (
+            scene_certificate,  # only what a rig has is loaded
+        )
+
+        return scene_certificate(rig, delays, PASSES)
+    rig, walls = derate_walls(rig, delays, friction)
+    asked = {axis: wall["asked_stiffness"] for axis, wall in walls.items()}
+    elements = tuple(_elements(rig, delays, friction, asked))
+    loops = tuple(pair_loop(rig, name, delays) for name in rig.coupling.pairs)
+    verdicts = {
+        "passive": join_verdicts([e.passive for e in elements], PASSES["passive"]),
+        "passive_quantised": join_verdicts(
+            [e.passive_quantised for e in elements], PASSES["passive_quantised"]
+        ),
+        "coupled_stable": join_verdicts([p.verdict for p in loops], PASSES["coupled_stable"]),
+    }
+    return Certificate(rig.name, rig.require, verdicts, elements, loops, walls)
+
+
+def _elements(
+    rig: Rig,
+    delays: Mapping[str, CommandDelay],
+    coulomb: Mapping[str, float],
+    asked: Mapping[str, float],
+) -> Iterator[Element]:
+    verdict = coupling_verdict(rig)
+    for pair in rig.coupling.pairs:
+        for side in ("master", "slave"):
+            axis_name = f"{side}.{pair}"
+            own = at_axis_rate(rig, axis_name)
+            wall = wall_element(own, axis_name, delays, coulomb, asked.get(axis_name, 0.0))
+            if wall is not None:
+                yield wall
+            damping = _damping_of(rig, axis_name, wall)
+            yield from verdict.axis_elements(rig, axis_name, delays, damping)
+        yield from verdict.pair_elements(rig, pair, delays)
+
+
+def _damping_of(rig: Rig, axis_name: str, wall: Element | None) -> float:
+    """Return the device damping that a wall needs; none where its controller stands in for it."""
+    if wall is None or "needed_damping" not in wall.numbers:
+        return 0.0
+    keys = local_wall(rig, axis_name)
+    needed = float(wall.numbers["needed_damping"])
+    spared = keys is not None and keys.passivity_control
+    return 0.0 if spared and wall.numbers["damping_margin"] < 0.0 else needed

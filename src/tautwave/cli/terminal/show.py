@@ -1,0 +1,123 @@
+"""Tables for people: rich on a terminal, plain aligned text everywhere else."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import click
+
+from tautwave.cli.terminal.streams import unheard
+
+GOOD, BAD, NOTE, FAINT = "green", "bold red", "yellow", "dim"
+
+
+class Cell(NamedTuple):
+    """Text with a colour. Colours are sparing: a plain str is the rule."""
+
+    text: str
+    style: str
+
+
+class Section(NamedTuple):
+    """A titled table. A column whose name begins with '>' is aligned to the right."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str | Cell]]
+    style: str = "bold"
+
+
+def show(sections: Sequence[Section]) -> None:
+    """Print the sections that have something to say on stdout; the first one is the headline."""
+    filled = _filled(sections)
+    with unheard(sys.stdout, BrokenPipeError):
+        if sys.stdout.isatty():
+            _show_rich(filled)
+            return
+        for number, section in enumerate(filled):
+            if number:
+                click.echo()
+            for line in plain_lines(section):
+                click.echo(line)
+
+
+def plain_lines(section: Section) -> Iterator[str]:
+    """`section` as aligned text in ASCII as far as our own text goes."""
+    if section.title:
+        yield plain(section.title)
+    rows = [[plain(_text(cell)) for cell in row] for row in section.rows]
+    headers = [name.lstrip(">") for name in section.columns]
+    if any(headers):
+        rows.insert(0, headers)
+    rows = [line for row in rows for line in _lines(row)]
+    widths = [max((len(row[at]) for row in rows), default=0) for at in range(len(headers))]
+    for row in rows:
+        cells = [
+            text.rjust(width) if name.startswith(">") else text.ljust(width)
+            for text, width, name in zip(row, widths, section.columns, strict=True)
+        ]
+        yield ("  " + "  ".join(cells)).rstrip()
+
+
+def plain_text(sections: Sequence[Section]) -> str:
+    """Return the sections that have something to say as plain text, as `show` prints them."""
+    parts = [list(plain_lines(section)) for section in _filled(sections)]
+    return "\n\n".join("\n".join(lines) for lines in parts) + "\n"
+
+
+def _filled(sections: Sequence[Section]) -> list[Section]:
+    return [section for at, section in enumerate(sections) if section.rows or at == 0]
+
+
+def _lines(row: Sequence[str]) -> Iterator[list[str]]:
+    """Yield a row line by line, where a cell has several."""
+    cells = [cell.split("\n") for cell in row]
+    for at in range(max(len(cell) for cell in cells)):
+        yield [cell[at] if at < len(cell) else "" for cell in cells]
+
+
+_THIN = "\N{NARROW NO-BREAK SPACE}"
+_ASCII = {_THIN: " ", "\N{MINUS SIGN}": "-", "\N{MICRO SIGN}": "u"}
+_POWER = re.compile(f"{_THIN}?×{_THIN}?10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
+_DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+
+
+def plain(text: str) -> str:
+    """Typeset figures as a script can read them: `2.1e-14`, `12 us`."""
+    text = _POWER.sub(lambda power: "e" + power[1].translate(_DIGITS), text)
+    for mark, sign in _ASCII.items():
+        text = text.replace(mark, sign)
+    return text
+
+
+def _text(cell: str | Cell) -> str:
+    return cell.text if isinstance(cell, Cell) else cell
+
+
+def _show_rich(sections: Sequence[Section]) -> None:
+    from rich.console import Console
+    from rich.padding import Padding
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    for section in sections:
+        if section.title:
+            console.print(Text(section.title, style=section.style))
+        if not section.rows:
+            continue
+        named = any(name.strip(">") for name in section.columns)
+        table = Table(box=None, show_header=named, header_style=FAINT, padding=(0, 2, 0, 0))
+        for name in section.columns:
+            right = name.startswith(">")
+            table.add_column(
+                name.lstrip(">"), justify="right" if right else "left", overflow="fold"
+            )
+        for row in section.rows:
+            table.add_row(
+                *(Text(_text(c), style=c.style if isinstance(c, Cell) else "") for c in row)
+            )
+        console.print(Padding(table, (0, 0, 1, 2)))

@@ -1,0 +1,1 @@
+"""Cross-checks between the keys of a rig file."""

@@ -1,0 +1,247 @@
+"""Cross-checks between the keys of a rig file: devices and coupling."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from tautwave import registry
+from tautwave.config.checks.scene import check_presence, check_scene
+from tautwave.config.checks.scene3d import check_dimension, check_scene3d
+from tautwave.config.checks.simulation import check_simulation
+from tautwave.config.document import Document, nearest, show_path, show_value
+from tautwave.config.keys.coupling import Pair, Wall
+from tautwave.config.keys.devices import Axis
+from tautwave.config.pieces import SIDES, Parts
+from tautwave.contracts import CouplingPlugin
+
+HARDWARE_LIMITS = ("effort_rate_limit", "velocity_limit", "position_range")
+
+
+def check_parts(document: Document, parts: Parts) -> None:
+    """Note everything that is right by itself but does not fit the rest."""
+    _check_timing(document, parts)
+    _check_buses(document, parts)
+    _check_ids(document, parts)
+    for side, name, axis in parts.axes():
+        _check_axis(document, parts, side, name, axis)
+    if check_presence(document):
+        check_dimension(document)
+        check_scene(document, parts)
+        if parts.scene3d is not None:
+            check_scene3d(document, parts, parts.scene3d)
+    _check_coupling(document, parts)
+    _check_names(document, parts)
+    for name, pair in (parts.pairs or {}).items():
+        if pair is not None:
+            _check_pair(document, parts, name, pair)
+    check_simulation(document, parts)
+
+
+def _check_timing(document: Document, parts: Parts) -> None:
+    if parts.rate_hz and parts.duration_s and parts.duration_s * parts.rate_hz < 1.0:
+        document.report(
+            ("duration_s",),
+            f"shorter than one cycle of {1.0 / parts.rate_hz:g} s (got {parts.duration_s:g})",
+        )
+
+
+def _check_buses(document: Document, parts: Parts) -> None:
+    if not parts.buses:
+        return
+    used: set[Any] = set()
+    for side, axes in parts.sides.items():
+        for name in axes:
+            path = (side, "axes", name, "bus")
+            bus = document.get(path)
+            used.add(bus if isinstance(bus, str) else None)
+            if isinstance(bus, str) and bus not in parts.buses:
+                known = ", ".join(parts.buses)
+                hint = nearest(bus, list(parts.buses)) or "."
+                document.report(path, f"unknown bus {bus!r}{hint} Buses: {known}")
+    scene = document.get(("scene",)) is not None
+    if scene and document.get(("loop", "engine")) == "compiled":
+        document.report(
+            ("loop", "engine"), "compiles couplings; what steps a scene is scene.engine"
+        )
+    sides = 1 if scene else len(SIDES)
+    whole = len(parts.sides) == sides and used <= set(parts.buses)
+    for name, bus in parts.buses.items():
+        if whole and name not in used:
+            document.report(("buses", name), "no axis uses this bus; remove it")
+        if bus is not None and bus.divisor > 1:
+            _check_divisor(document, parts, name, bus.divisor)
+
+
+def _check_divisor(document: Document, parts: Parts, name: str, divisor: int) -> None:
+    path = ("buses", name, "divisor")
+    part = _law(parts)
+    if part is not None and not part.divisors:
+        document.report(
+            path,
+            f"{_word(parts)} needs both sides at one rate; use law wave, or leave this out and "
+            f"lower rate_hz (got {divisor})",
+        )
+    rate = parts.rate_hz
+    if rate is not None and divisor * round(1e9 / rate) != round(1e9 * divisor / rate):
+        # The loop's grid and the bus' would drift apart.
+        document.report(
+            path,
+            f"rate_hz: {rate!r} has no period in whole ns, so {divisor} of them are not one period "
+            "of the bus; use a rounder rate",
+        )
+
+
+def _check_ids(document: Document, parts: Parts) -> None:
+    seen: dict[tuple[str, int], tuple[str, ...]] = {}
+    for side, axes in parts.sides.items():
+        for name in axes:
+            path = (side, "axes", name)
+            bus, number = document.get((*path, "bus")), document.get((*path, "id"))
+            if not isinstance(bus, str) or type(number) is not int:
+                continue
+            first = seen.setdefault((bus, number), path)
+            if first != path:
+                document.report(
+                    (*path, "id"),
+                    f"id {number} on bus {bus!r} is taken by {show_path(first)} "
+                    f"({document.where((*first, 'id'))})",
+                )
+
+
+def _law(parts: Parts) -> CouplingPlugin | None:
+    """Return what the law declares, None where it is wrong."""
+    return None if parts.coupling is None else registry.load_coupling(parts.coupling.law)
+
+
+def _word(parts: Parts) -> str:
+    return "" if parts.coupling is None else f"law {parts.coupling.law}"
+
+
+def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Axis) -> None:
+    path = (side, "axes", name)
+    part = _law(parts)
+    if part is not None and axis.causality not in part.causalities:
+        takes = "effort" if axis.causality == "admittance" else "velocity"
+        kind = " or ".join(part.causalities)
+        document.report(
+            (*path, "causality"),
+            f"{_word(parts)} drives axes that take {takes} only; use law wave, or an {kind} axis",
+        )
+    if axis.causality == "impedance":
+        if axis.inertia is None:
+            document.report((*path, "inertia"), "required key is missing (impedance axis)")
+        if axis.environment_stiffness_upper is not None:
+            document.report(
+                (*path, "environment_stiffness_upper"), "only for admittance axes; remove it"
+            )
+    else:
+        if axis.inertia is not None:
+            document.report((*path, "inertia"), "not used by an admittance axis; remove it")
+        for key in ("damping", "coulomb"):
+            if getattr(axis, key).value > 0.0:
+                document.report((*path, key), "not used by an admittance axis; remove it")
+        if axis.velocity_limit is None:
+            # Its command is a velocity: without a bound the ramps have nothing to fill.
+            document.report((*path, "velocity_limit"), "required key is missing (admittance axis)")
+    plugin = parts.plugins.get(axis.bus)
+    if plugin is not None and plugin.hardware:
+        for key in HARDWARE_LIMITS:
+            if getattr(axis, key) is None:
+                document.report(
+                    (*path, key),
+                    f"required key is missing (bus {axis.bus!r} moves motors, so every limit "
+                    "has to be given)",
+                )
+
+
+def _check_coupling(document: Document, parts: Parts) -> None:
+    coupling, rate = parts.coupling, parts.rate_hz
+    if parts.pairs is not None and not parts.pairs:
+        document.report(("coupling", "pairs"), "at least one pair is required")
+    if coupling is None:
+        return
+    if rate is None:
+        return
+    for key, text in coupling.problems(rate):
+        document.report(("coupling", key), text)
+    samples = coupling.delay_s * rate
+    if abs(samples - round(samples)) > 1e-6:
+        low, high = math.floor(samples) / rate, math.ceil(samples) / rate
+        document.report(
+            ("coupling", "delay_s"),
+            f"should be a whole number of samples at {rate:g} Hz; nearest: {low:.12g} or "
+            f"{high:.12g} (got {show_value(coupling.delay_s)})",
+        )
+
+
+def _check_names(document: Document, parts: Parts) -> None:
+    """Note pairs that lack an axis, and axes that lack a pair."""
+    if not parts.pairs or len(parts.sides) < len(SIDES):
+        return
+    for name in parts.pairs:
+        lacking = [side for side in SIDES if name not in parts.sides[side]]
+        if lacking:
+            known = list(dict.fromkeys(axis for side in lacking for axis in parts.sides[side]))
+            document.report(
+                ("coupling", "pairs", name),
+                f"there is no {' and no '.join(lacking)} axis {name!r}"
+                f"{nearest(name, known) or '.'} Axes: {', '.join(known) or 'none'}",
+            )
+    for side in SIDES:
+        for name in parts.sides[side]:
+            if name not in parts.pairs and not _meant_by_a_pair(parts, side, name):
+                document.report(
+                    (side, "axes", name),
+                    f"not coupled to anything; add coupling.pairs.{name} or remove the axis",
+                )
+
+
+def _meant_by_a_pair(parts: Parts, side: str, name: str) -> bool:
+    """Return whether a pair without an axis has named this one as its nearest."""
+    lacking = [pair for pair in parts.pairs or {} if pair not in parts.sides[side]]
+    return any(repr(name) in nearest(pair, list(parts.sides[side])) for pair in lacking)
+
+
+def _check_pair(document: Document, parts: Parts, name: str, pair: Pair) -> None:
+    path = ("coupling", "pairs", name)
+    master, slave = parts.axis("master", name), parts.axis("slave", name)
+    if (
+        master is not None
+        and slave is not None
+        and master.kind != slave.kind
+        and "position_scale" not in pair.model_fields_set
+    ):
+        units = {"rotary": "rad", "linear": "m"}
+        document.report(
+            (*path, "position_scale"),
+            f"required key is missing: {master.kind} master, {slave.kind} slave "
+            f"[{units[slave.kind]}/{units[master.kind]}]",
+        )
+    if pair.offset != "at_engage" and pair.engage_tolerance is None:
+        document.report(
+            (*path, "engage_tolerance"), "required key is missing when offset is a number"
+        )
+    for side, axis, wall in (
+        ("master", master, pair.wall_master),
+        ("slave", slave, pair.wall_slave),
+    ):
+        if axis is not None and wall is not None:
+            _check_wall(document, name, side, axis, wall)
+
+
+def _check_wall(document: Document, name: str, side: str, axis: Axis, wall: Wall) -> None:
+    if wall.derate and axis.causality == "admittance":
+        document.report(
+            ("coupling", "pairs", name, f"wall_{side}", "derate"),
+            f"no stiffness can be certified on an admittance axis ({side}.axes.{name}); remove it",
+        )
+    if axis.position_range is None:
+        return
+    lowest, highest = axis.position_range
+    if not lowest <= wall.position <= highest:
+        document.report(
+            ("coupling", "pairs", name, f"wall_{side}", "position"),
+            f"should be inside position_range [{lowest:g}, {highest:g}] of {side}.axes.{name} "
+            f"(got {wall.position:g})",
+        )

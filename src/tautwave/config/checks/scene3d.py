@@ -1,0 +1,213 @@
+"""Cross-checks for a three-dimensional `scene`: names, directions, schemes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from tautwave.config.checks.scene import check_between
+from tautwave.config.document import Document, nearest, show_path
+from tautwave.config.keys.scene3d import Scene3d
+from tautwave.config.pieces import Parts
+from tautwave.config.sounds import check_sound
+from tautwave.config.yaml12 import KeyPath
+
+GROUND = "ground"
+SPACE_ONLY = ("directions", "axes", "normal", "direction", "rows", "row_spacing", "clamped")
+
+
+def check_dimension(document: Document) -> None:
+    """Note keys of three dimensions in a scene of one, and a dimension that is neither."""
+    scene = document.get(("scene",))
+    if not isinstance(scene, dict) or scene.get("dimension") == 3:
+        return
+    if scene.get("dimension", 1) != 1:
+        document.report(("scene", "dimension"), "a scene has dimension 1 or 3")
+        return
+    for path in _spatial(scene):
+        document.report(
+            ("scene",),
+            f"{show_path(path)} belongs to a scene of points: add dimension: 3, or remove it",
+        )
+        return
+
+
+def _spatial(scene: dict[str, Any]) -> Iterator[KeyPath]:
+    """Give the places of vectors and of keys that only points have."""
+    if isinstance(scene.get("gravity"), list):
+        yield ("gravity",)
+    for kind in ("masses", "grounds", "links", "ports", "forces"):
+        blocks = scene.get(kind)
+        for name, block in blocks.items() if isinstance(blocks, dict) else ():
+            if isinstance(block, list):
+                yield (kind, name)
+            for key in block if isinstance(block, dict) else ():
+                vector = key in ("position", "velocity", "spacing", "offset")
+                if key in SPACE_ONLY or (vector and isinstance(block[key], list)):
+                    yield (kind, name, key)
+
+
+def check_scene3d(document: Document, parts: Parts, scene: Scene3d) -> None:
+    """Note what is wrong with a scene of points that is right block by block."""
+    known = [*scene.masses, *scene.ports, GROUND, *scene.grounds]
+    _check_names(document, scene)
+    touched: set[str] = set()
+    for path, name in _ends(scene):
+        touched.add(scene.group_of(name))
+        if scene.group_of(name) not in known:
+            hint = nearest(name, known) or "."
+            document.report(path, f"unknown node {name!r}{hint} Nodes: {', '.join(known)}")
+    for kind, block in (("masses", scene.masses), ("ports", scene.ports)):
+        for name in block:
+            if name not in touched:
+                document.report(("scene", kind, name), "no link ends at it; add one, or remove it")
+    _check_links(document, scene)
+    _check_ports(document, parts, scene)
+    _check_forces(document, parts, scene)
+    for bus, keys in parts.buses.items():
+        if keys is not None and keys.divisor > 1:
+            document.report(("buses", bus, "divisor"), "a scene runs at a single rate; remove it")
+
+
+def _ends(scene: Scene3d) -> Iterator[tuple[KeyPath, str]]:
+    for name, link in scene.links.items():
+        for at, end in enumerate(link.between):
+            yield ("scene", "links", name, "between", at), end
+    for name, port in scene.ports.items():
+        if port.to is not None:
+            yield ("scene", "ports", name, "to"), port.to
+            if port.stiffness is not None:
+                yield ("scene", "ports", name), name
+
+
+def _check_names(document: Document, scene: Scene3d) -> None:
+    seen = {GROUND}
+    for kind, block in (
+        ("masses", scene.masses),
+        ("ports", scene.ports),
+        ("grounds", scene.grounds),
+    ):
+        for name in block:
+            nodes = {name, *scene.nodes_of(name)} if kind == "masses" else {name}
+            for node in sorted(nodes & seen)[:1]:
+                document.report(("scene", kind, name), f"another node is named {node!r} already")
+            seen |= nodes
+
+
+def _check_links(document: Document, scene: Scene3d) -> None:
+    fixed = {GROUND, *scene.grounds}
+    for name, link in scene.links.items():
+        check_between(document, scene, name)
+        one, two = link.between
+        still = {end for end in (one, two) if end in fixed or end in scene.rim_of(end)}
+        if still == {one, two}:
+            document.report(("scene", "links", name, "between"), "neither end can move")
+        if link.type == "contact":
+            if link.normal is not None:
+                _check_length(document, ("scene", "links", name, "normal"), link.normal)
+            elif not link.gap > 0.0:
+                document.report(
+                    ("scene", "links", name, "gap"),
+                    "should be greater than 0, the sum of both radii; or give a plane its normal",
+                )
+
+
+def _check_length(document: Document, path: KeyPath, vector: tuple[float, float, float]) -> None:
+    if not math.hypot(*vector) > 0.0:
+        document.report(path, "a direction must not be zero")
+
+
+def _check_ports(document: Document, parts: Parts, scene: Scene3d) -> None:
+    axes = parts.sides.get("master", {})
+    used: set[str] = set()
+    for name, port in scene.ports.items():
+        path: KeyPath = ("scene", "ports", name)
+        for axis_name in scene.axes_of(name):
+            where = path if port.axes is None else (*path, "axes")
+            if axis_name not in axes:
+                document.report(
+                    where,
+                    f"there is no master axis {axis_name!r}{nearest(axis_name, list(axes)) or '.'} "
+                    f"Axes: {', '.join(axes) or 'none'}",
+                )
+            if axis_name in used:
+                document.report(where, f"axis {axis_name!r} already moves another port")
+            used.add(axis_name)
+            axis = axes.get(axis_name)
+            if axis is not None and axis.causality == "admittance":
+                document.report(
+                    where, "a scene outputs effort, so its axis must be an impedance axis"
+                )
+        _check_directions(document, scene, name)
+        if port.to is not None and port.stiffness is None:
+            document.report((*path, "stiffness"), "required key is missing (coupling spring k_c)")
+        if port.to is None and (port.stiffness is not None or port.damping > 0.0):
+            document.report((*path, "to"), "required key is missing: where the spring ends")
+    for axis_name in axes:
+        if axis_name not in used:
+            document.report(
+                ("master", "axes", axis_name),
+                "not in the scene; add it to the axes of a port, or remove it",
+            )
+    heard = scene.output.port
+    if heard is not None and heard not in used:
+        document.report(
+            ("scene", "output", "port"),
+            f"no port has an axis {heard!r}. Axes: {', '.join(scene.axes())}",
+        )
+    for name in parts.hands:
+        if name not in used:
+            hint = nearest(name, scene.axes()) or "."
+            document.report(
+                ("simulation", "hand", name),
+                f"unknown axis {name!r}{hint} Axes: {', '.join(scene.axes())}",
+            )
+    for name in parts.environments:
+        document.report(("simulation", "environment", name), "a scene has no slave; remove it")
+    for full in parts.truths:
+        if full not in [f"master.{name}" for name in axes]:
+            document.report(
+                ("simulation", "axes", full),
+                f"unknown axis {full!r}. Axes: {', '.join(f'master.{name}' for name in axes)}",
+            )
+
+
+def _check_directions(document: Document, scene: Scene3d, name: str) -> None:
+    given = scene.ports[name].directions
+    path: KeyPath = ("scene", "ports", name, "directions")
+    if given is None:
+        return
+    if len(given) != len(scene.axes_of(name)):
+        document.report(
+            path, f"one for each of its axes: {len(scene.axes_of(name))} (got {len(given)})"
+        )
+        return
+    kept: list[list[float]] = []
+    for vector in given:
+        size = math.hypot(*vector)
+        rest = [part / size for part in vector] if size > 0.0 else [0.0, 0.0, 0.0]
+        for other in kept:
+            along = sum(one * two for one, two in zip(rest, other, strict=True))
+            rest = [one - along * two for one, two in zip(rest, other, strict=True)]
+        size = math.hypot(*rest)
+        if size < 1e-6:
+            document.report(path, "directions must be nonzero and linearly independent")
+            return
+        kept.append([part / size for part in rest])
+
+
+def _check_forces(document: Document, parts: Parts, scene: Scene3d) -> None:
+    listed = f"Masses: {', '.join(scene.masses) or 'none'}"
+    for name, force in scene.forces.items():
+        path: KeyPath = ("scene", "forces", name)
+        if scene.group_of(force.on) not in scene.masses:
+            hint = nearest(force.on, list(scene.masses)) or "."
+            document.report((*path, "on"), f"no mass is named {force.on!r}{hint} {listed}")
+        _check_length(document, (*path, "direction"), force.direction)
+        if force.type == "sound" and parts.rate_hz is not None:
+            check_sound(document, path, force, parts.rate_hz)
+    for at, name in enumerate(scene.record):
+        if scene.group_of(name) not in scene.masses:
+            hint = nearest(name, list(scene.masses)) or "."
+            document.report(("scene", "record", at), f"no mass is named {name!r}{hint} {listed}")

@@ -1,0 +1,93 @@
+"""Files in a rig get their whole path, parts (`part: ./my_hand.py`) the hash of their text too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from tautwave import registry
+from tautwave.config.document import Document
+from tautwave.config.recordings import find_recording
+from tautwave.config.yaml12 import KeyPath
+from tautwave.errors import ConfigError
+
+PLACES = (("simulation", "hand"), ("simulation", "environment"))
+
+
+def name_file_parts(document: Document) -> None:
+    """Write path and hash of every part that is a file into the document, as a run resolves them.
+
+    A hash that is given has to be that of the file: a resolved rig runs what it ran then.
+    """
+    coupling = document.get(("coupling",))
+    if isinstance(coupling, dict):
+        _name_law(document, coupling)
+    for place in PLACES:
+        blocks = document.get(place)
+        for name in blocks if isinstance(blocks, dict) else ():
+            _name_file(document, (*place, name))
+
+
+def _name_law(document: Document, coupling: dict[str, Any]) -> None:
+    """Take `part` for `law` where that is a file: `coupling: {part: ./my_law.py, pairs: ...}`."""
+    if "part" in coupling and "law" not in coupling:
+        coupling["law"] = coupling.pop("part")
+    _name_file(document, ("coupling",), "law")
+
+
+def _name_file(document: Document, path: KeyPath, key: str = "part") -> None:
+    block = document.get(path)
+    name = block.get(key) if isinstance(block, dict) else None
+    if not isinstance(name, str) or not registry.is_file_part(name):
+        return
+    block[key] = whole = str((document.folder / name).resolve())
+    try:
+        digest = registry.hash_part(whole)
+    except ConfigError:
+        return  # who looks for its keys says so
+    given = block.setdefault("part_sha256", digest)
+    if given is None:
+        block["part_sha256"] = digest
+    elif given != digest:
+        document.report(
+            (*path, "part_sha256"),
+            f"the text of {whole} has changed (SHA-256 {digest}); restore the file, or remove "
+            f"this key to run the current text",
+        )
+
+
+def name_option_files(document: Document) -> None:
+    """Write the whole paths of files over those in the options of buses (`DriverPlugin.files`).
+
+    They start where those of recordings do; what has no suffix comes with the driver by that name.
+    """
+    buses = document.get(("buses",))
+    for bus in buses if isinstance(buses, dict) else ():
+        path = ("buses", bus, "options")
+        for pattern in _files_of(document.get(("buses", bus, "driver"))):
+            for at in _matching(document.get(path), pattern, path):
+                block, name = document.get(at[:-1]), document.get(at)
+                if isinstance(name, str) and Path(name).suffix:
+                    found = find_recording(document, at, name) or (document.folder / name).resolve()
+                    block[at[-1]] = str(found)
+
+
+def _files_of(driver: object) -> Sequence[Sequence[str]]:
+    try:
+        return registry.load_driver(driver).files if isinstance(driver, str) else ()
+    except ConfigError:
+        return ()  # who checks its options says so
+
+
+def _matching(value: Any, pattern: Sequence[str], at: KeyPath) -> Iterator[KeyPath]:
+    """Yield the whole path of each key under `value`, itself at `at`, that a pattern leads to."""
+    if not pattern:
+        yield at
+        return
+    first, *rest = pattern
+    if first == "*":
+        for index, item in enumerate(value if isinstance(value, list) else ()):
+            yield from _matching(item, rest, (*at, index))
+    elif isinstance(value, dict) and first in value:
+        yield from _matching(value[first], rest, (*at, first))

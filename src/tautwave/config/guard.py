@@ -1,0 +1,103 @@
+"""What stands before every parser of other people's files: size, encoding, depth, one sentence.
+
+Rig files, profiles and sweeps are YAML and go on to `parse_yaml`; EDS files (INI) and JSON go to
+libraries, which take any size, overflow on deep nesting and report errors in their own style.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tautwave.errors import ConfigError
+
+DEEPEST_JSON = 64
+"""Python's parser recurses; our own files need 8 levels."""
+
+_CONTROL = re.compile(r"[\0-\x08\x0e-\x1f]")
+_STRING = re.compile(r'"(?:[^"\\]|\\.)*+"?', re.DOTALL)
+_BRACKET = re.compile(r"[][{}]")
+
+
+def read_guarded(
+    path: Path, kind: str, largest: int, encodings: Sequence[str] = ("utf-8-sig",)
+) -> str:
+    """Return the text of a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    kind : str
+        What it should be, for the sentences: `rig file`.
+    largest : int
+        Size limit [bytes]; a larger file is refused.
+    encodings : sequence of str
+        Tried in turn; the error names the first where none fits.
+
+    Raises
+    ------
+    ConfigError
+        The file does not exist, cannot be read, is too large, or is not text.
+    """
+    try:
+        with path.open("rb") as stream:
+            raw = stream.read(largest + 1)
+    except FileNotFoundError as err:
+        raise ConfigError(f"{path}: no such file") from err
+    except IsADirectoryError as err:
+        raise ConfigError(f"{path}: a folder, not {_a(kind)}") from err
+    except (OSError, ValueError) as err:
+        reason = getattr(err, "strerror", None) or err
+        raise ConfigError(f"{path}: cannot be read: {reason}") from err
+    if len(raw) > largest:
+        raise ConfigError(f"{path}: larger than {largest // 1024} KiB, so not {_a(kind)}")
+    return _decoded(path, kind, raw, encodings)
+
+
+def _a(kind: str) -> str:
+    return f"{'an' if kind[0] in 'aeiouAEIOU' else 'a'} {kind}"
+
+
+def _decoded(path: Path, kind: str, raw: bytes, encodings: Sequence[str]) -> str:
+    first: UnicodeDecodeError | None = None
+    for encoding in encodings:
+        try:
+            text = raw.decode(encoding)
+        except UnicodeDecodeError as err:
+            first = first or err
+            continue
+        found = _CONTROL.search(text) if encoding != encodings[0] else None
+        if found is not None:  # any bytes are text in an 8-bit code
+            line = text.count("\n", 0, found.start()) + 1
+            raise ConfigError(
+                f"{path}:{line}: no text (character U+{ord(found[0]):04X}), so not {_a(kind)}"
+            )
+        return text
+    assert first is not None
+    raise ConfigError(
+        f"{path}: not UTF-8 text (byte 0x{raw[first.start]:02x} at offset {first.start})"
+    ) from first
+
+
+def parse_json(text: str, deepest: int = DEEPEST_JSON) -> Any:
+    """Return what a JSON text says.
+
+    Raises
+    ------
+    ValueError
+        Not JSON, or nested too deeply; one sentence with line and column.
+    """
+    depth = 0
+    for bracket in _BRACKET.finditer(_STRING.sub(lambda found: "_" * len(found[0]), text)):
+        depth += 1 if bracket[0] in "[{" else -1
+        if depth > deepest:
+            line = text.count("\n", 0, bracket.start()) + 1
+            raise ValueError(f"line {line}: nested deeper than {deepest} levels")
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as err:
+        raise ValueError(f"line {err.lineno}, column {err.colno}: {err.msg}") from err

@@ -1,0 +1,215 @@
+"""`scene` with `dimension: 3`: a network of points, whose links act along the line between ends.
+
+The keys are those of `tautwave.config.keys.scene`, with vectors [x, y, z] where a number was one
+coordinate; z points upwards. Groups may have rows, which makes a net of them.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from tautwave.config.keys.common import Block, Name, NonNegative, Positive
+from tautwave.config.keys.scene import (
+    BowLink,
+    ContactLink,
+    DamperLink,
+    EnergySourceLink,
+    FrictionLink,
+    NegativeDamperLink,
+    NoiseForce,
+    NonlinearLink,
+    PlasticLink,
+    SceneOutput,
+    SineForce,
+    SoundForce,
+    SpringLink,
+    TapForce,
+)
+
+Vector = tuple[float, float, float]
+ZERO: Vector = (0.0, 0.0, 0.0)
+
+
+class Mass3d(Block):
+    """A point with a mass, a row of them, or a net of rows."""
+
+    mass: Positive = Field(description="[kg] Of each.")
+    count: Annotated[int, Field(ge=1, le=100_000)] = Field(
+        default=1, description="How many in a row: NAME1, NAME2, ... if more than one in all."
+    )
+    rows: Annotated[int, Field(ge=1, le=100_000)] = Field(
+        default=1, description="How many rows, named on."
+    )
+    position: Vector = Field(default=ZERO, description="[m] Where the first one starts.")
+    spacing: Vector = Field(default=ZERO, description="[m] From each to the next in its row.")
+    row_spacing: Vector = Field(default=ZERO, description="[m] From each row to the next.")
+    velocity: Vector = Field(default=ZERO, description="[m/s] At the start.")
+    damping: NonNegative = Field(default=0.0, description="[N s/m] Of each against the ground.")
+    clamped: bool = Field(
+        default=False, description="Its rim is fixed: both ends of a row, all four sides of a net."
+    )
+
+
+class ContactLink3d(ContactLink):
+    """A contact of two spheres, or of a point and a plane, that only pushes."""
+
+    gap: float = Field(
+        default=0.0, description="[m] They touch when they are closer: the sum of both radii."
+    )
+    normal: Vector | None = Field(
+        default=None, description="The second end is a plane; direction of its outward normal."
+    )
+
+
+Link3d = Annotated[
+    SpringLink
+    | DamperLink
+    | ContactLink3d
+    | NonlinearLink
+    | PlasticLink
+    | FrictionLink
+    | BowLink
+    | NegativeDamperLink
+    | EnergySourceLink,
+    Field(discriminator="type"),
+]
+
+
+class Port3d(Block):
+    """A point that one to three axes move; `to` couples it by a spring."""
+
+    axes: Annotated[list[Name], Field(min_length=1, max_length=3)] | None = Field(
+        default=None, description="Axes of the master that move it; default: that of its name."
+    )
+    directions: Annotated[list[Vector], Field(min_length=1, max_length=3)] | None = Field(
+        default=None,
+        description="Direction in which each axis moves it, of any length; default: x, y and z.",
+    )
+    to: Name | None = Field(default=None, description="Node the coupling spring ends at.")
+    stiffness: Positive | None = Field(
+        default=None, description="[N/m] Coupling spring k_c; required with `to`."
+    )
+    damping: NonNegative = Field(default=0.0, description="[N s/m] Beside k_c.")
+    position_scale: Positive = Field(
+        default=1.0, description="Motion in the scene per motion of the axes; power is kept."
+    )
+    offset: Vector = Field(
+        default=ZERO, description="[m] Position in the scene that corresponds to axes at 0."
+    )
+
+
+class Sine3d(SineForce):
+    """A tone along a direction."""
+
+    direction: Vector = Field(default=(0.0, 0.0, 1.0), description="Of any length.")
+
+
+class Noise3d(NoiseForce):
+    """Noise along a direction."""
+
+    direction: Vector = Field(default=(0.0, 0.0, 1.0), description="Of any length.")
+
+
+class Taps3d(TapForce):
+    """Taps along a direction."""
+
+    direction: Vector = Field(default=(0.0, 0.0, 1.0), description="Of any length.")
+
+
+class Sound3d(SoundForce):
+    """A sound along a direction."""
+
+    direction: Vector = Field(default=(0.0, 0.0, 1.0), description="Of any length.")
+
+
+Force3d = Annotated[Sine3d | Noise3d | Taps3d | Sound3d, Field(discriminator="type")]
+
+
+class Scene3d(Block):
+    """A network of points in three dimensions under the hand."""
+
+    dimension: Literal[3] = Field(description="3: points in space; leave it out for one dimension.")
+    scheme: Literal["symplectic", "discrete_gradient"] = Field(
+        default="discrete_gradient",
+        description="symplectic: the standard one, w T < 2; discrete_gradient: keeps energy, "
+        "momentum and angular momentum at any stiffness.",
+    )
+    engine: Literal["auto", "python", "compiled"] = Field(
+        default="auto", description="Execution engine; results are bit-identical."
+    )
+    gravity: float | Vector = Field(
+        default=0.0, description="[m/s^2] A number: downwards, along -z; or a vector."
+    )
+    masses: dict[Name, Mass3d] = Field(default_factory=dict, description="By name.")
+    grounds: dict[Name, Vector] = Field(
+        default_factory=dict, description="[m] Fixed nodes by name; `ground` is at the origin."
+    )
+    links: dict[Name, Link3d] = Field(default_factory=dict, description="By name.")
+    ports: Annotated[dict[Name, Port3d], Field(min_length=1)] = Field(
+        description="Points that axes of the master move, by name."
+    )
+    forces: dict[Name, Force3d] = Field(
+        default_factory=dict, description="Outside forces on masses, by name."
+    )
+    record: list[Name] = Field(
+        default_factory=list,
+        description="Masses to keep and record even if they affect no port.",
+    )
+    output: SceneOutput = Field(default_factory=SceneOutput, description="What is heard.")
+    engage_ramp_s: NonNegative = Field(
+        default=0.2, description="[s] Fade-in time of the scene's efforts."
+    )
+    release_ramp_s: NonNegative = Field(
+        default=0.2, description="[s] Fade-out time of the scene's efforts."
+    )
+
+    def size_of(self, name: str) -> int:
+        """Return how many nodes a name stands for."""
+        mass = self.masses.get(name)
+        return 1 if mass is None else mass.count * mass.rows
+
+    def group_of(self, name: str) -> str:
+        """Return the block of masses that a node, such as knot25, belongs to; else the name."""
+        bare = name.rstrip("0123456789")
+        for end in range(len(name) - 1, len(bare) - 1, -1):  # a group's own name may end in digits
+            group, number = name[:end], name[end:]
+            size = self.size_of(group)
+            if name not in self.masses and number[0] != "0" and 1 < size >= int(number):
+                return group
+        return name
+
+    def nodes_of(self, name: str) -> list[str]:
+        """Return the nodes a name stands for, row by row; a node stands for itself."""
+        size = self.size_of(name)
+        return [name] if size == 1 else [f"{name}{at + 1}" for at in range(size)]
+
+    def rim_of(self, name: str) -> set[str]:
+        """Return the nodes of a group, or of a node's group, that are clamped."""
+        name = self.group_of(name)
+        keys = self.masses.get(name)
+        if keys is None or not keys.clamped:
+            return set()
+        across, down = keys.count, keys.rows
+        return {
+            node
+            for at, node in enumerate(self.nodes_of(name))
+            if (across > 1 and at % across in (0, across - 1))
+            or (down > 1 and at // across in (0, down - 1))
+            or across * down == 1
+        }
+
+    def axes_of(self, name: str) -> list[str]:
+        """Return the axes that move a port."""
+        return self.ports[name].axes or [name]
+
+    def axes(self) -> list[str]:
+        """Return the axes of all ports."""
+        return [axis for name in self.ports for axis in self.axes_of(name)]
+
+
+def scene_kind(value: Any) -> str:
+    """Return which block a `scene` is: `Scene3d` if its dimension is 3, else `Scene`."""
+    spatial = isinstance(value, dict) and value.get("dimension") == 3
+    return "Scene3d" if spatial or isinstance(value, Scene3d) else "Scene"

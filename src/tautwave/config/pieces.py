@@ -1,0 +1,138 @@
+"""A rig file in pieces: every piece that is right by itself, though others may be wrong.
+
+The cross-checks work on these pieces, so that a wrong number in one axis does not hide that
+another axis names a bus that does not exist. A piece that is wrong is None: it has been reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from tautwave.config.document import Document
+from tautwave.config.keys.chosen import named_block
+from tautwave.config.keys.common import Block, Positive
+from tautwave.config.keys.coupling import AnyLaw, AnyPair, Coupling, Pair
+from tautwave.config.keys.devices import Axis, Bus
+from tautwave.config.keys.scene import Scene
+from tautwave.config.keys.scene3d import Scene3d
+from tautwave.config.keys.simulation import (
+    AxisSimulation,
+    EnvironmentPart,
+    Foam,
+    Free,
+    Hand,
+    HandPart,
+    SolidWall,
+    Spring,
+)
+from tautwave.config.messages import salvage
+from tautwave.contracts import DriverPlugin
+
+SIDES = ("master", "slave")
+
+_ENVIRONMENTS: dict[str, type[Block]] = {
+    "free": Free,
+    "spring": Spring,
+    "wall": SolidWall,
+    "foam": Foam,
+}
+
+
+class _Timing(Block):
+    value: Positive
+
+
+class Parts(NamedTuple):
+    """The pieces by name. `sides` lacks a side that is no mapping; `pairs` is None likewise."""
+
+    rate_hz: float | None
+    duration_s: float | None
+    buses: dict[str, Bus | None]
+    plugins: dict[str, DriverPlugin | None]
+    sides: dict[str, dict[str, Axis | None]]
+    coupling: Coupling | None
+    pairs: dict[str, Pair | None] | None
+    simulated: bool
+    truths: dict[str, AxisSimulation | None]
+    hands: dict[str, Hand | HandPart | None]
+    environments: dict[str, Block | None]
+    scene: Scene | None = None
+    scene3d: Scene3d | None = None
+
+    def axes(self) -> Iterator[tuple[str, str, Axis]]:
+        """Give side, name and axis of every axis that is right by itself."""
+        for side, axes in self.sides.items():
+            for name, axis in axes.items():
+                if axis is not None:
+                    yield side, name, axis
+
+    def axis(self, side: str, name: str) -> Axis | None:
+        """Return an axis, None if there is none or it is wrong."""
+        return self.sides.get(side, {}).get(name)
+
+
+def take_apart(document: Document, plugins: dict[str, DriverPlugin | None]) -> Parts:
+    """Return the pieces of a document."""
+    get = document.get
+    coupling = get(("coupling",))
+    if isinstance(coupling, dict):
+        coupling = {**coupling, "pairs": {}}
+    environments = {
+        name: _environment(block) for name, block in _named(get(("simulation", "environment")))
+    }
+    pairs = get(("coupling", "pairs"))
+    return Parts(
+        rate_hz=_number(get(("rate_hz",))),
+        duration_s=_number(get(("duration_s",))),
+        buses={name: salvage(Bus, block) for name, block in _named(get(("buses",)))},
+        plugins=plugins,
+        sides={
+            side: {name: salvage(Axis, block) for name, block in get((side, "axes")).items()}
+            for side in SIDES
+            if isinstance(get((side, "axes")), dict)
+        },
+        coupling=_coupling(coupling),
+        pairs=None
+        if not isinstance(pairs, dict)
+        else {name: salvage(AnyPair, block) for name, block in pairs.items()},
+        simulated=get(("simulation",)) is not None,
+        truths={
+            name: salvage(AxisSimulation, block)
+            for name, block in _named(get(("simulation", "axes")))
+        },
+        hands={
+            name: salvage(named_block(Hand | HandPart, block), block)
+            for name, block in _named(get(("simulation", "hand")))
+        },
+        environments=environments,
+        scene=salvage(Scene, get(("scene",))),
+        scene3d=salvage(Scene3d, get(("scene",))),
+    )
+
+
+def _coupling(block: Any) -> Coupling | None:
+    """Return the coupling with the keys of its law or, where they are wrong, those of all laws."""
+    model = Coupling.model_for(block)
+    piece: Coupling | None = salvage(model, block)
+    return salvage(AnyLaw, block) if piece is None and model.part_word else piece
+
+
+def _named(block: Any) -> list[tuple[str, Any]]:
+    return list(block.items()) if isinstance(block, dict) else []
+
+
+def _number(value: Any) -> float | None:
+    timing: _Timing | None = salvage(_Timing, {"value": value})
+    return None if timing is None else timing.value
+
+
+def _environment(block: Any) -> Block | None:
+    if isinstance(block, dict) and "part" in block:
+        model = named_block(Free | EnvironmentPart, block)
+        part: Block | None = salvage(model, block)
+        return part
+    kind = block.get("type") if isinstance(block, dict) else None
+    model = _ENVIRONMENTS.get(kind) if isinstance(kind, str) else None
+    piece: Block | None = None if model is None else salvage(model, block)
+    return piece

@@ -1,0 +1,398 @@
+"""One axis of the controller: the state around the laws, and its energy books.
+
+Order in a cycle: `pass_slot` for every slot that went by, `close_axis` when a sample is there (else
+`miss_sample`), `receive_wave`, `decide_axis`. The formulas are those of `tautwave.laws`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import MutableSequence
+
+from tautwave.controller.records import AxisParams, AxisState, Sample
+from tautwave.laws.limit import clamp, guard_axis, limit_effort, stop_effort
+from tautwave.laws.port import BANKRUPT, ROUNDING, port_close, port_debt, track_velocity
+from tautwave.laws.site import think_admittance, think_position, think_wave
+from tautwave.laws.wall import wall_depth, wall_effort, wall_loss, wall_stored
+
+
+def start_axis(s: AxisState, p: AxisParams, position: float, outside: float, gap: float) -> None:
+    """Begin at a measured position, nothing stored; `gap` [W**0.5 s] is an offset to mend."""
+    s.position = position
+    s.outside = outside
+    if math.isnan(outside):
+        s.outside = 0.0
+    s.velocity = 0.0
+    s.wall_velocity = 0.0
+    s.predicted = 0.0
+    s.account = 0.0
+    s.fastest = 0.0
+    s.gap = gap
+    s.impulse = 0.0
+    s.depth = 0.0
+    if p.site.has_wall:
+        s.depth = wall_depth(p.site.wall, position)
+    s.wall_stored_at_start = wall_stored(p.site.wall, s.depth)
+    s.leaving = 0.0
+    s.wave_in = 0.0
+    s.arrived = 0.0
+    s.command = 0.0
+    s.asked = 0.0
+    s.valid = True
+    s.stopping = False
+    s.total = 0.0
+    s.port_effort = 0.0
+    s.wall_effort = 0.0
+    s.command_wave = 0.0
+    s.acted_total = 0.0
+    s.acted_port = 0.0
+    s.acted_wall = 0.0
+    s.spread = 0.0
+    s.count = 0
+    s.effort_sum = 0.0
+    s.port_sum = 0.0
+    s.wall_sum = 0.0
+    s.wave_sum = 0.0
+    s.wave_energy = 0.0
+    s.port_energy = 0.0
+    s.gross_flow = 0.0
+    s.uncertainty = 0.0
+    s.port_absorbed = 0.0
+    s.damper_dissipated = 0.0
+    s.forgiven = 0.0
+    s.wall_absorbed = 0.0
+    s.wall_dissipated = 0.0
+    s.wall_contact_energy = 0.0
+    s.rate_held = 0.0
+    s.rate_mean = 0.0
+    s.rate_absorbed = 0.0
+    s.rate_dissipated = 0.0
+    s.rate_left = 0
+    s.rate_count = 0
+
+
+def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float]) -> None:
+    """One slot went by: the command that acted in it joins the open interval."""
+    total = s.total
+    port = s.port_effort
+    wall = s.wall_effort
+    wave = s.command_wave
+    if p.delay > 0:
+        at = p.pipe + 4 * s.head
+        total = table[at]
+        port = table[at + 1]
+        wall = table[at + 2]
+        wave = table[at + 3]
+        table[at] = s.total
+        table[at + 1] = s.port_effort
+        table[at + 2] = s.wall_effort
+        table[at + 3] = s.command_wave
+        s.head += 1
+        if s.head == p.delay:
+            s.head = 0
+        if p.late == 0.0:
+            # Without a sample in between, nobody knows in which period the device moved.
+            if s.count > 0:
+                s.spread += math.fabs(total - s.acted_total)
+            s.acted_total = total
+    if p.late > 0.0:
+        late = p.late
+        early = 1.0 - late
+        last_total = s.acted_total
+        last_port = s.acted_port
+        last_wall = s.acted_wall
+        s.acted_total = total
+        s.acted_port = port
+        s.acted_wall = wall
+        s.spread += math.fabs(total - last_total)
+        total = late * last_total + early * total
+        port = late * last_port + early * port
+        wall = late * last_wall + early * wall
+    s.effort_sum += total
+    s.port_sum += port
+    s.wall_sum += wall
+    s.wave_sum += wave
+    s.wave_energy += p.half_period * wave * wave
+    s.count += 1
+
+
+def receive_wave(s: AxisState, p: AxisParams, arriving: float) -> None:
+    """Take the wave of this slot; it is booked with the command that it leads to."""
+    wave = p.wave * arriving
+    s.arrived = arriving
+    s.wave_in = wave
+    s.command_wave = wave
+
+
+def miss_sample(s: AxisState) -> None:
+    """No sample in this cycle: nothing is known, nothing leaves, the command stays."""
+    s.valid = False
+    s.leaving = 0.0
+
+
+def take_sample(s: AxisState, p: AxisParams, m: Sample) -> None:
+    """Close with a fresh sample, or do without."""
+    if m.valid:
+        close_axis(s, p, m.position, m.effort)
+    else:
+        miss_sample(s)
+
+
+def close_axis(s: AxisState, p: AxisParams, position: float, outside: float) -> None:
+    """Close all periods since the last sample: books, and the leaving wave.
+
+    Parameters
+    ----------
+    s, p : AxisState, AxisParams
+        The axis.
+    position : float
+        Measured position [rad or m].
+    outside : float
+        Measured outside effort [N m or N]; used by admittance axes.
+    """
+    site = p.site
+    s.valid = True
+    count = float(s.count)
+    displacement = position - s.position
+    s.position = position
+    effort = s.effort_sum
+    port = s.port_sum
+    wall = s.wall_sum
+    if count != 1.0:
+        effort = s.effort_sum / count
+        port = s.port_sum / count
+        wall = s.wall_sum / count
+    span = count * site.port.period
+    energy = 0.0
+    if p.impedance:
+        expected = s.velocity - site.port.half_mobility * (s.impulse + s.effort_sum)
+        s.velocity = track_velocity(site.gain, expected, displacement, span)
+        s.impulse = s.effort_sum
+        energy = effort * displacement
+        if s.spread > 0.0:
+            # Where in the interval the device moved is unknown: the whole swing is possible.
+            s.uncertainty += s.spread * math.fabs(displacement)
+            s.spread = 0.0
+    else:
+        mean = 0.5 * (s.outside + outside)
+        s.uncertainty += 0.5 * math.fabs((outside - s.outside) * displacement)
+        s.outside = outside
+        s.velocity = displacement / span
+        port = mean - wall
+        s.port_effort = port
+        energy = mean * displacement
+    if site.has_wall:
+        s.wall_velocity += site.gain * (displacement / span - s.wall_velocity)
+        before = s.depth
+        after = wall_depth(site.wall, position)
+        s.depth = after
+        taken = wall * displacement
+        s.wall_absorbed += taken
+        s.wall_dissipated += wall_loss(site.wall, wall, displacement, before, after)
+        if after > 0.0:
+            s.wall_contact_energy += taken
+        else:
+            s.wall_contact_energy = 0.0
+    s.port_energy += energy
+    s.gross_flow += math.fabs(energy)
+    if p.by_wave:
+        leaving, account, gap, absorbed, burnt, forgiven = port_close(
+            site.port,
+            s.account,
+            s.gap,
+            displacement,
+            count,
+            s.velocity,
+            port,
+            s.wave_sum,
+            s.wave_energy,
+        )
+        fastest = math.fabs(displacement / span)
+        if fastest > s.fastest:
+            s.fastest = fastest
+        s.account = account
+        s.gap = gap
+        s.leaving = leaving
+        if p.wave != 1.0:
+            s.leaving = leaving / p.wave
+        s.port_absorbed += absorbed
+        s.damper_dissipated += burnt
+        s.forgiven += forgiven
+        s.wave_energy = 0.0
+    else:
+        s.port_absorbed += port * displacement
+    s.effort_sum = 0.0
+    s.port_sum = 0.0
+    s.wall_sum = 0.0
+    s.wave_sum = 0.0
+    s.count = 0
+
+
+def pending_effort(s: AxisState, p: AxisParams, table: MutableSequence[float]) -> float:
+    """Return the sum of the commands that are still to act, oldest first."""
+    pending = 0.0
+    for i in range(p.delay):
+        at = s.head + i
+        if at >= p.delay:
+            at = at - p.delay
+        pending += table[p.pipe + 4 * at]
+    return pending
+
+
+def port_credit(s: AxisState, p: AxisParams) -> float:
+    """Return the account of a port that owes something [J], or that it is bankrupt."""
+    periods = p.delay
+    if p.late > 0.0:
+        periods = periods + 1
+    debt = port_debt(p.site.port, periods, p.site.gain, s.fastest, s.gross_flow)
+    # Beside a wave that just arrived, a rounding error is no debt.
+    debt += ROUNDING * p.half_period * s.wave_in * s.wave_in
+    if s.account < -debt:
+        return BANKRUPT
+    return s.account
+
+
+def think_axis(
+    s: AxisState,
+    p: AxisParams,
+    table: MutableSequence[float],
+    ceiling: float,
+) -> int:
+    """Decide the next command; return the guard's code (0: all is well).
+
+    With the wave law the arriving wave was given to `receive_wave`, with the position law the far
+    position and velocity stand in the state. `ceiling` is the engage ramp's [N m, N or rad/s, m/s].
+    """
+    guard = guard_axis(p.site.limit, s.position, s.velocity)
+    if guard != 0 or s.stopping:
+        stop_axis(s, p, ceiling)
+        return guard
+    pending = 0.0
+    if p.delay > 0:
+        pending = pending_effort(s, p, table)
+    if not p.impedance:
+        velocity, held, asked = think_admittance(
+            p.site, s.position, s.outside, pending, s.wave_in, ceiling
+        )
+        s.asked = asked
+        s.command = velocity
+        s.total = velocity
+        s.wall_effort = held
+        return 0
+    if p.by_wave:
+        account = s.account
+        if account < 0.0:
+            account = port_credit(s, p)
+        total, port, wall, wanted, ahead = think_wave(
+            p.site,
+            account,
+            s.wall_contact_energy,
+            s.position,
+            s.velocity,
+            s.wall_velocity,
+            s.impulse,
+            pending,
+            s.wave_in,
+            s.total,
+            ceiling,
+        )
+        s.predicted = ahead
+    else:
+        total, port, wall, wanted = think_position(
+            p.site,
+            s.wall_contact_energy,
+            s.position,
+            s.velocity,
+            s.wall_velocity,
+            s.impulse,
+            pending,
+            s.far_position,
+            s.far_velocity,
+            s.total,
+            ceiling,
+        )
+    s.asked = wanted
+    s.total = total
+    s.port_effort = port
+    s.wall_effort = wall
+    s.command = -total
+    return 0
+
+
+def stop_axis(s: AxisState, p: AxisParams, ceiling: float) -> None:
+    """Replace coupling and wall by the certified damping of a passive stop."""
+    s.stopping = True
+    total = 0.0
+    s.command = 0.0
+    if p.impedance:
+        damping = stop_effort(p.site.limit, s.velocity)
+        total = limit_effort(p.site.limit, damping, s.total, ceiling)
+        s.command = -total
+    s.total = total
+    s.port_effort = total
+    s.wall_effort = 0.0
+
+
+def fade_axis(s: AxisState, p: AxisParams, ceiling: float) -> None:
+    """Bring the command to zero under a falling ceiling, without looking at the axis."""
+    s.stopping = True
+    total = clamp(s.total, ceiling)
+    s.total = total
+    s.port_effort = 0.0
+    s.wall_effort = 0.0
+    s.command = total
+    if p.impedance:
+        s.port_effort = total
+        s.command = -total
+
+
+def render_axis(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> int:
+    """Send a resisting effort from elsewhere [N m or N], within limits; return the guard's code."""
+    guard = guard_axis(p.site.limit, s.position, s.velocity)
+    if guard != 0 or s.stopping:
+        stop_axis(s, p, ceiling)
+        return guard
+    total = limit_effort(p.site.limit, effort, s.total, ceiling)
+    s.asked = effort
+    s.total = total
+    s.port_effort = total
+    s.command = -total
+    return 0
+
+
+def decide_axis(
+    s: AxisState, p: AxisParams, table: MutableSequence[float], valid: bool, ramp: float
+) -> int:
+    """Think if there is a sample; without one, fade while stopping, else keep the command."""
+    if valid:
+        return think_axis(s, p, table, ramp * p.ceiling)
+    if s.stopping:
+        fade_axis(s, p, ramp * p.ceiling)
+    return 0
+
+
+def waiting_energy(s: AxisState, p: AxisParams, table: MutableSequence[float]) -> float:
+    """Return the energy of waves that arrived but are not booked yet [J]."""
+    total = s.wave_energy + p.half_period * s.command_wave * s.command_wave
+    for i in range(p.delay):
+        at = s.head + i
+        if at >= p.delay:
+            at = at - p.delay
+        wave = table[p.pipe + 4 * at + 3]
+        total += p.half_period * wave * wave
+    return total
+
+
+def stored_in_wall(s: AxisState, p: AxisParams) -> float:
+    """Return the energy in the wall's spring [J]."""
+    return wall_stored(p.site.wall, s.depth)
+
+
+def is_calm(s: AxisState, p: AxisParams, share: float) -> bool:
+    """Return True when the wall asks for less than `share` of the limit where the axis stands."""
+    if p.site.has_wall:
+        effort = wall_effort(p.site.wall, s.depth, 0.0)
+        limit = share * p.site.limit.effort
+        if effort * effort > limit * limit:
+            return False
+    return True

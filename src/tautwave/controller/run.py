@@ -1,0 +1,234 @@
+"""A run from the first sample to the last command: engaging, ramps, guards, and ways to stop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import MutableSequence, Sequence
+
+from tautwave.controller.axis import is_calm, start_axis
+from tautwave.controller.pair import cycle_pair, engage_pair, mismatch, start_pair
+from tautwave.controller.records import (
+    BROKEN,
+    FINISHED,
+    GUARD,
+    MISMATCH,
+    MISSING,
+    NOT_ARMED,
+    AxisParams,
+    AxisState,
+    PairParams,
+    PairState,
+    RunParams,
+    RunState,
+    Sample,
+)
+
+
+def begin_run(
+    r: RunParams, o: RunState, params: Sequence[AxisParams], axes: Sequence[AxisState]
+) -> None:
+    """Begin with every axis at 0, not engaged."""
+    o.end = r.cycles
+    o.armed_at = -1
+    for i in range(r.axes):
+        start_axis(axes[i], params[i], 0.0, 0.0, 0.0)
+
+
+def ramp_share(r: RunParams, o: RunState, slot: int) -> float:
+    """Return the share of the limits allowed in this slot, 0 to 1."""
+    share = 1.0
+    rise = slot + 1 - o.armed_at
+    if rise < r.engage_cycles:
+        share = rise / r.engage_cycles
+    left = o.end - slot
+    if left < r.release_cycles:
+        share = share * (left / r.release_cycles)
+    return share
+
+
+def end_by(r: RunParams, o: RunState, slot: int) -> None:
+    """Let the run end after the ramp down that begins in the slot after this one."""
+    end = slot + 1 + r.release_cycles
+    if end < o.end:
+        o.end = end
+
+
+def begin_stop(
+    r: RunParams,
+    o: RunState,
+    axes: Sequence[AxisState],
+    slot: int,
+    kind: int,
+    which: int,
+    code: int,
+) -> bool:
+    """Begin a passive stop: certified damping instead of coupling, ramped to zero.
+
+    Returns
+    -------
+    bool
+        Whether this is the first reason: that one is kept.
+    """
+    for i in range(r.axes):
+        s = axes[i]
+        s.stopping = True
+    end_by(r, o, slot)
+    if o.kind != FINISHED:
+        return False
+    o.kind = kind
+    o.slot = slot
+    o.which = which
+    o.code = code
+    return True
+
+
+def check_sample(
+    r: RunParams,
+    o: RunState,
+    p: AxisParams,
+    axes: Sequence[AxisState],
+    m: Sample,
+    slot: int,
+    which: int,
+) -> None:
+    """Look at what an exchange brought of an axis; stop for what is broken or missing too often.
+
+    A broken sample, one that is not finite, counts as missing. An impedance axis needs no effort.
+    """
+    s = axes[which]
+    total = m.position
+    if not p.impedance:
+        total = total + m.effort
+    if m.valid and total - total == 0.0:
+        s.missing = 0
+        return
+    if m.valid:
+        m.valid = False
+        if begin_stop(r, o, axes, slot, BROKEN, which, 0):
+            o.first = m.position
+            o.second = m.effort
+    s.missing += 1
+    if s.missing == r.missing_limit and o.kind == FINISHED:
+        begin_stop(r, o, axes, slot, MISSING, which, s.missing)
+
+
+def start_pairs(
+    r: RunParams,
+    o: RunState,
+    params: Sequence[AxisParams],
+    axes: Sequence[AxisState],
+    samples: Sequence[Sample],
+    pairs: Sequence[PairParams],
+    states: Sequence[PairState],
+    table: MutableSequence[float],
+    slot: int,
+) -> bool:
+    """Start the pairs at what is measured; return whether every asked effort is small there.
+
+    A pair that starts too far from its offset ends the run: `MISMATCH`.
+    """
+    armed = True
+    for k in range(r.pairs):
+        q = pairs[k]
+        master = samples[q.master]
+        slave = samples[q.slave]
+        if not (master.valid and slave.valid):
+            armed = False
+            continue
+        if not q.at_engage:
+            gap = mismatch(q, master.position, slave.position, q.offset)
+            if math.fabs(gap) > q.tolerance:
+                o.kind = MISMATCH
+                o.slot = slot
+                o.which = k
+                o.first = gap
+                return False
+        one = axes[q.master]
+        two = axes[q.slave]
+        p1 = params[q.master]
+        p2 = params[q.slave]
+        start_pair(states[k], q, one, two, p1, p2, master, slave, table)
+        armed = is_calm(one, p1, r.arm_share) and is_calm(two, p2, r.arm_share) and armed
+    return armed
+
+
+def arm(r: RunParams, o: RunState, slot: int, armed: bool) -> bool:
+    """Begin the engage ramp if all is calm; return False if the run must not begin any more."""
+    if o.kind != FINISHED:
+        return False
+    if armed:
+        o.armed_at = slot
+    elif slot * r.period_ns > r.arm_timeout_ns:
+        o.kind = NOT_ARMED
+        o.slot = slot
+        return False
+    return True
+
+
+def stop_on_guard(
+    r: RunParams, o: RunState, axes: Sequence[AxisState], slot: int, which: int
+) -> None:
+    """Stop if the guard of an axis says that a limit was passed; the first one is kept."""
+    s = axes[which]
+    if s.guard != 0 and o.kind == FINISHED:
+        begin_stop(r, o, axes, slot, GUARD, which, s.guard)
+        o.first = s.position
+        o.second = s.velocity
+
+
+def run_cycle(
+    r: RunParams,
+    o: RunState,
+    params: Sequence[AxisParams],
+    axes: Sequence[AxisState],
+    samples: Sequence[Sample],
+    pairs: Sequence[PairParams],
+    states: Sequence[PairState],
+    table: MutableSequence[float],
+    slot: int,
+    skipped: int,
+) -> bool:
+    """Close, exchange and think on every pair, or engage; return False if the run must not begin.
+
+    `skipped` slots went by unseen before this one.
+    """
+    if o.armed_at < 0:
+        if o.kind != FINISHED:
+            return True  # a stop has begun: nothing engages any more
+        armed = start_pairs(r, o, params, axes, samples, pairs, states, table, slot)
+        if not arm(r, o, slot, armed):
+            return False
+        if o.armed_at < 0:
+            return True
+        rise = ramp_share(r, o, slot)
+        for k in range(r.pairs):
+            q = pairs[k]
+            one = axes[q.master]
+            two = axes[q.slave]
+            p1 = params[q.master]
+            engage_pair(states[k], q, one, two, p1, params[q.slave], table, rise)
+        return True
+    ramp = ramp_share(r, o, slot)
+    guards = 0
+    for k in range(r.pairs):
+        q = pairs[k]
+        guards += cycle_pair(
+            states[k],
+            q,
+            axes[q.master],
+            axes[q.slave],
+            params[q.master],
+            params[q.slave],
+            samples[q.master],
+            samples[q.slave],
+            table,
+            slot,
+            skipped,
+            ramp,
+        )
+    if guards != 0:
+        for k in range(r.pairs):
+            q = pairs[k]
+            stop_on_guard(r, o, axes, slot, q.master)
+            stop_on_guard(r, o, axes, slot, q.slave)
+    return True

@@ -1,0 +1,209 @@
+"""The sentences of a stop: which axis, what it measured, the limit that it passed, with units.
+
+The loop and the compiled simulation share them, so both stop with the same message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from tautwave.controller.records import (
+    BROKEN,
+    FAULT,
+    FINISHED,
+    GUARD,
+    MISMATCH,
+    MISSING,
+    NOT_ARMED,
+    OVERRUN,
+    AxisParams,
+    PairParams,
+    RunParams,
+    RunState,
+)
+from tautwave.errors import DriverError, SafetyStop, TautwaveError
+from tautwave.laws.limit import OVERDRAWN, RUNAWAY, LimitParams
+
+ARM_SHARE = 0.1
+"""The engage ramp begins when every effort asked for is below this share of its limit."""
+
+ARM_TIMEOUT_S = 5.0
+
+
+class AxisName(NamedTuple):
+    """What people call an axis: full name, its bus, and the unit of its position, `rad` or `m`."""
+
+    name: str
+    bus: str
+    unit: str
+
+
+class StopPlace(NamedTuple):
+    """Where a run was stopped.
+
+    `at_s` counts from its start [s], `axis` is the full name of an axis, empty where it is none's
+    doing, and `reason` a word for programs: one of `REASONS` or `GUARDS`.
+    """
+
+    at_s: float
+    axis: str
+    reason: str
+
+
+REASONS = {
+    MISSING: "no_sample",
+    OVERRUN: "overrun",
+    BROKEN: "broken_sample",
+    MISMATCH: "mismatch",
+    NOT_ARMED: "not_engaged",
+    FAULT: "device_fault",
+}
+GUARDS = {
+    1: "position_range",
+    2: "velocity_limit",
+    3: "not_finite",
+    RUNAWAY: "runaway",
+    OVERDRAWN: "overdrawn",
+}
+
+
+def stop_place(
+    r: RunParams, o: RunState, names: Sequence[AxisName], pairs: Sequence[PairParams]
+) -> StopPlace | None:
+    """Return where the controller's reason to end a run early came up, None without one."""
+    if o.kind == FINISHED:
+        return None
+    which = -1
+    if o.kind == MISMATCH:
+        which = pairs[o.which].slave
+    elif o.kind in (MISSING, BROKEN, GUARD, FAULT):
+        which = o.which
+    reason = GUARDS[o.code] if o.kind == GUARD else REASONS[o.kind]
+    at_s = round(o.slot * r.period_ns * 1e-9, 9)
+    return StopPlace(at_s, names[which].name if which >= 0 else "", reason)
+
+
+def stop_error(
+    r: RunParams,
+    o: RunState,
+    names: Sequence[AxisName],
+    params: Sequence[AxisParams],
+    pairs: Sequence[PairParams],
+) -> TautwaveError | None:
+    """Return the controller's reason to end a run early, or None."""
+    period_s, time_s = r.period_ns * 1e-9, o.slot * r.period_ns * 1e-9
+    if o.kind == OVERRUN:
+        return SafetyStop(overrun_sentence(o.code, r.overrun_limit, period_s, time_s))
+    if o.kind == MISMATCH:
+        pair = pairs[o.which]
+        name = names[pair.master].name.partition(".")[2]
+        unit = names[pair.slave].unit
+        return SafetyStop(mismatch_sentence(name, o.first, pair.tolerance, unit))
+    if o.kind == NOT_ARMED:
+        limits = [(it.name, it.unit, p.site.limit) for it, p in zip(names, params, strict=True)]
+        return SafetyStop(unarmed_sentence(limits))
+    if o.kind not in (MISSING, BROKEN, GUARD):
+        return None
+    axis, bus, unit = names[o.which]
+    p = params[o.which]
+    if o.kind == MISSING:
+        each = "cycles" if p.divisor == 1 else "exchanges"
+        return DriverError(
+            f"{axis} on bus {bus!r}: no sample in {o.code} {each} running; check power and cable"
+        )
+    if o.kind == BROKEN:
+        return SafetyStop(broken_sentence(axis, unit, o.first, o.second))
+    limit = p.site.limit
+    return SafetyStop(guard_sentence(axis, o.code, unit, limit, o.first, o.second, time_s))
+
+
+def never_began(o: RunState) -> bool:
+    """Return True if the coupling never engaged."""
+    return int(o.kind) in (MISMATCH, NOT_ARMED)
+
+
+def guard_sentence(
+    axis: str,
+    code: int,
+    unit: str,
+    limit: LimitParams,
+    position: float,
+    velocity: float,
+    time_s: float,
+) -> str:
+    """Say which guard stopped a run.
+
+    Parameters
+    ----------
+    axis : str
+        Full name.
+    code : int
+        Of the guard: 1 to 3 (`laws.limit.guard_axis`), `RUNAWAY` or `OVERDRAWN`.
+    unit : str
+        Of the position, `rad` or `m`.
+    limit : LimitParams
+        Of the axis.
+    position, velocity : float
+        As measured [rad or m, rad/s or m/s].
+    time_s : float
+        When [s since the start].
+    """
+    passed = {
+        1: f"left its position range of {limit.position_low:.6g} to {limit.position_high:.6g} "
+        f"{unit}",
+        2: f"exceeded its velocity limit of {limit.velocity:.6g} {unit}/s",
+        3: "is not finite",
+        RUNAWAY: "received a scene effort over a million times its limit of "
+        f"{limit.effort:.6g} {_effort(unit)}",
+        OVERDRAWN: "drew more energy from its scene than it put in, because efforts are held for "
+        "a period (raise rate_hz, or lower the stiffness it meets),",
+    }
+    return (
+        f"{axis} {passed[code]} at {time_s:.3f} s: position {position:.6g} {unit}, "
+        f"velocity {velocity:.6g} {unit}/s"
+    )
+
+
+def mismatch_sentence(pair: str, gap: float, tolerance: float, unit: str) -> str:
+    """Say that a slave starts too far from where its master wants it [slave's `unit`]."""
+    return (
+        f"pair {pair}: the slave starts {gap:+.6g} {unit} from where the master wants it, more "
+        f"than engage_tolerance ({tolerance:.6g} {unit} at the slave); move one of them, or use "
+        "offset: at_engage"
+    )
+
+
+def unarmed_sentence(axes: Iterable[tuple[str, str, LimitParams]]) -> str:
+    """Say that the pairs did not engage; `axes` are name, unit of position, and limits."""
+    limits = ", ".join(f"{name} {p.effort:.6g} {_effort(unit)}" for name, unit, p in axes)
+    return (
+        f"not engaged after {ARM_TIMEOUT_S:g} s: an axis is not measured, or asks for more than "
+        f"{ARM_SHARE:.0%} of its effort limit ({limits}) while standing; move the axes out of "
+        "their walls"
+    )
+
+
+def overrun_sentence(skipped: int, limit: int, period_s: float, time_s: float) -> str:
+    """Say that the host missed too many slots in a row."""
+    return (
+        f"{skipped} slots of {1e3 * period_s:g} ms were missed in a row at {time_s:.3f} s "
+        f"(loop.overrun_limit: {limit}); the host is too slow or was stopped"
+    )
+
+
+def broken_sentence(axis: str, unit: str, position: float, effort: float) -> str:
+    """Say that a sample that a driver marked valid is NaN."""
+    return (
+        f"{axis}: measured position {position:.6g} {unit}, effort {effort:.6g} {_effort(unit)}; "
+        "a sensor or its driver is broken"
+    )
+
+
+def position_unit(kind: str) -> str:
+    """Return the unit of an axis' position: its `kind` is `rotary` or `linear`."""
+    return "rad" if kind == "rotary" else "m"
+
+
+def _effort(unit: str) -> str:
+    return "N m" if unit == "rad" else "N"

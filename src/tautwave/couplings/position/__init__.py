@@ -1,0 +1,12 @@
+"""Law position: a spring and a damper between delayed positions, for comparison."""
+
+from tautwave.contracts import CouplingPlugin
+
+plugin = CouplingPlugin(
+    summary="spring and damper between delayed positions, for comparison; never passive",
+    keys="tautwave.couplings.position.keys:PositionCoupling",
+    constants="tautwave.couplings.position.from_keys:port_constants",
+    linear="tautwave.couplings.position.linear:linear_end",
+    verdict="tautwave.couplings.position.verdict:verdict",
+    words="tautwave.couplings.position.words:words",
+)

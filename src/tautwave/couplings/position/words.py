@@ -1,0 +1,36 @@
+"""What `check` and the report say of law position; figures are SI of the master."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from tautwave.config import Rig
+from tautwave.couplings.position.standing import standing
+from tautwave.wording import CouplingWords
+
+
+def _coupling(rig: Rig) -> str:
+    return f"positions, {rig.coupling.delay_s:g} s each way (not passive: for comparison)"
+
+
+def _pair(
+    settings: Mapping[str, Any], effort: str, position: str, number: Callable[[Any], str]
+) -> str:
+    stiffness = settings.get("stiffness")
+    if stiffness is None:
+        return ""
+    return (
+        f"position coupling, K = {number(stiffness)} {effort}/{position}, "
+        f"B = {number(settings.get('damping'))} {effort} s/{position}"
+    )
+
+
+words = CouplingWords(
+    coupling=_coupling,
+    standing=standing,
+    pair=_pair,
+    offset_caption="Dotted in the error: by how much the effort F stretches the coupling's spring "
+    "K, velocity filters included.",
+    offset_cause="its spring",
+)

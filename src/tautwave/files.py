@@ -1,0 +1,92 @@
+"""Files that a run leaves behind: the one place for their modes, and for what cannot be written.
+
+The rule: everything tautwave leaves behind (recording, summary, report, figures, tables, the
+traceback of an error) gets the mode that the user's umask gives to any new file, and its
+directory likewise; nothing sets a mode of its own. With umask 022 that is 0644 in 0755, with 077
+it is 0600 in 0700.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from tautwave.errors import ConfigError, WritingError
+
+MODE = 0o666
+"""Before the umask."""
+
+
+def create(path: str | os.PathLike[str], *, replace: bool = True) -> int:
+    """Return the descriptor of a new file, open for writing; OSError says why there is none.
+
+    An existing file is emptied, or with `replace` False refused.
+    """
+    flags = os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | (os.O_TRUNC if replace else os.O_EXCL)
+    return os.open(path, flags, MODE)
+
+
+@contextmanager
+def writing(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Turn what keeps the block from writing `path` into one sentence.
+
+    Raises
+    ------
+    WritingError
+        Instead of any OSError.
+    """
+    try:
+        yield
+    except WritingError:
+        raise
+    except OSError as err:
+        raise WritingError(f"{os.fspath(path)}: cannot be written: {reason(err)}") from err
+
+
+def reason(error: OSError) -> str:
+    """Return the system's error message."""
+    return error.strerror or str(error) or type(error).__name__
+
+
+def make_directory(path: Path) -> None:
+    """Make a directory and its parents.
+
+    Raises
+    ------
+    ConfigError
+        Something else has its name.
+    WritingError
+        There is no room for it, or it may not be made.
+    """
+    with writing(path):
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except (FileExistsError, NotADirectoryError) as err:
+            raise ConfigError(f"{path}: cannot be a directory: {reason(err)}") from err
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Replace a file in one step: a full disk or a kill leaves the old one, never half a new one.
+
+    Raises
+    ------
+    WritingError
+        It cannot be written.
+    """
+    draft = path.with_name(f"{path.name}.part")
+    with writing(path):
+        try:
+            with open(create(draft), "wb") as file:
+                file.write(content)
+            os.replace(draft, path)
+        except BaseException:
+            with suppress(OSError):
+                draft.unlink()
+            raise
+
+
+def write_text(path: Path, text: str) -> None:
+    """Replace a text file in one step, in UTF-8; as `write_bytes`."""
+    write_bytes(path, text.encode("utf-8"))

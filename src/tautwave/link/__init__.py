@@ -1,1 +1,0 @@
-"""What carries waves from one site to the other."""

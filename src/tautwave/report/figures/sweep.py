@@ -1,0 +1,262 @@
+"""The figure of a sweep: measures over one key, a colour per case, predictions as lines.
+
+Units are those the sweep file gives in its labels; values are SI times its factor.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from tautwave.canvas import (
+    DAMPER,
+    EDGE,
+    FILTER,
+    INK,
+    LINE,
+    MASTER,
+    PAPER,
+    SLAVE,
+    SOFT,
+    WALL,
+    heading,
+    legend,
+    panels,
+    plain,
+    png,
+    text_panel,
+)
+from tautwave.files import write_bytes
+from tautwave.report.units import significant
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Drawing
+
+    from tautwave.sweep.file import Figure, Panel, Sweep
+
+COLOURS = (MASTER, SLAVE, WALL, LINE, DAMPER, FILTER, INK)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+FILE = "sweep.png"
+GROWING = 1e-6
+"""Growth [1/s] above which a prediction counts as unstable: rounding is far below."""
+
+Row = Mapping[str, str]
+
+
+class Curve(NamedTuple):
+    """One case: its label and its rows in the order of the horizontal axis."""
+
+    label: str
+    colour: str
+    marker: str
+    x: list[float]
+    rows: list[Row]
+
+
+class Change(NamedTuple):
+    """The first value at which a verdict is another one than before."""
+
+    x: float
+    stable: bool
+
+
+def write_sweep_figure(sweep: Sweep, rows: Sequence[Row], out: Path) -> Path | None:
+    """Draw what `rows` hold into `out`/sweep.png; None without a figure or with too few points."""
+    if sweep.figure is None:
+        return None
+    curves = curves_of(sweep, sweep.figure, rows)
+    if not curves:
+        return None
+    path = out / FILE
+    write_bytes(path, png(sweep_drawing(sweep.figure, curves)))
+    return path
+
+
+def curves_of(sweep: Sweep, figure: Figure, rows: Sequence[Row]) -> list[Curve]:
+    """Return one curve per case that has points."""
+    names = list(sweep.cases) or [""]
+    curves = []
+    for at, name in enumerate(names):
+        case = sweep.cases.get(name)
+        label = sweep.name if case is None else case.label or name
+        mine = [row for row in rows if row["case"] == name and _value(row, figure.x) is not None]
+        mine.sort(key=lambda row: float(row[figure.x]))
+        if mine:
+            x = [figure.factor * float(row[figure.x]) for row in mine]
+            colour, marker = COLOURS[at % len(COLOURS)], MARKERS[at % len(MARKERS)]
+            curves.append(Curve(label, colour, marker, x, mine))
+    return curves
+
+
+def sweep_drawing(figure: Figure, curves: Sequence[Curve]) -> Drawing:
+    """Return the figure: its panels, with the findings and assumptions as text below."""
+    lines = [line for curve in curves for line in stability_sentences(curve, figure)]
+    lines += [(SOFT, note) for note in figure.notes]
+    count = len(figure.panels)
+    drawing, axes = panels([2.2] * count + [0.1], figure.title, [True] * count + [False])
+    for panel, keys in zip(axes, figure.panels, strict=False):
+        _draw_panel(panel, keys, figure, curves)
+    axes[count - 1].set_xlabel(plain(figure.label))
+    text_panel(axes[-1], lines)
+    return drawing
+
+
+def _draw_panel(axes: Axes, keys: Panel, figure: Figure, curves: Sequence[Curve]) -> None:
+    axes.set_xscale(figure.scale)
+    if keys.scale == "symlog":
+        axes.set_yscale("symlog", linthresh=keys.linear_to)
+    else:
+        axes.set_yscale(keys.scale)
+    low, high = min(min(c.x) for c in curves), max(max(c.x) for c in curves)
+    if figure.scale == "log":
+        axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axes.set_xlim(low / 1.06, high * 1.06)
+    elif high > low:
+        axes.set_xlim(low - 0.02 * (high - low), high + 0.02 * (high - low))
+    if keys.scale != "log":
+        axes.axhline(0.0, color=EDGE, linewidth=0.8, zorder=1.5)
+    predicted = [name for name in keys.measures if name.startswith("predicted_")]
+    simulated = [name for name in keys.measures if name not in predicted]
+    for curve in curves:
+        for measure in predicted:
+            axes.plot(*_known(curve, measure), **_line(curve))
+        for measure in simulated:
+            axes.plot(*_known(curve, measure), **_markers(curve, joined=not predicted))
+        style = _markers(curve, joined=not predicted) if simulated else {}
+        both = {**style, **(_line(curve) if predicted else {})}
+        axes.plot([], [], **both, label=plain(curve.label))
+    if predicted and simulated:
+        axes.plot([], [], color=SOFT, linewidth=1.6, label="line: predicted")
+        hollow: dict[str, Any] = {
+            "markerfacecolor": PAPER,
+            "markersize": 4.5,
+            "linestyle": "none",
+        }
+        axes.plot([], [], "o", color=SOFT, label="marker: simulated", **hollow)
+    if keys.range is not None:
+        axes.set_ylim(*keys.range)
+    if keys.mark_stability:
+        _mark_stability(axes, curves, figure)
+    heading(axes, plain(keys.title))
+    axes.set_ylabel(plain(keys.label))
+    legend(axes)
+
+
+def _mark_stability(axes: Axes, curves: Sequence[Curve], figure: Figure) -> None:
+    """Mark where verdicts change: predicted by a line over the panel, simulated by a marker."""
+    dashed: dict[str, Any] = {"linewidth": 1.1, "linestyle": (0, (4, 2))}
+    filled: dict[str, Any] = {"markersize": 9, "markeredgecolor": PAPER, "linestyle": "none"}
+    for curve in curves:
+        for change in predicted_changes(curve):
+            axes.axvline(change.x, color=curve.colour, **dashed)
+            axes.annotate(
+                f" {significant(change.x)} {_unit(figure)}".rstrip(),
+                (change.x, 0.02),
+                xycoords=("data", "axes fraction"),
+                fontsize=8.8,
+                color=curve.colour,
+            )
+        for change in simulated_changes(curve):
+            axes.plot(
+                [change.x],
+                [0.0],
+                curve.marker,
+                color=curve.colour,
+                zorder=4,
+                clip_on=False,
+                **filled,
+            )
+    axes.plot([], [], color=SOFT, label="stability changes,\npredicted", **dashed)
+    axes.plot([], [], "o", color=SOFT, label="… simulated", **filled)
+
+
+def _line(curve: Curve) -> dict[str, Any]:
+    return {"color": curve.colour, "linewidth": 1.6, "linestyle": "-"}
+
+
+def _markers(curve: Curve, *, joined: bool) -> dict[str, Any]:
+    return {
+        "color": curve.colour,
+        "marker": curve.marker,
+        "markerfacecolor": PAPER,
+        "markeredgewidth": 1.2,
+        "markersize": 4.5,
+        "linestyle": "-" if joined else "none",
+        "linewidth": 0.8,
+        "zorder": 3,
+    }
+
+
+def _known(curve: Curve, measure: str) -> tuple[list[float], list[float]]:
+    """Return the points of a curve at which a measure has a value."""
+    pairs = [(x, _value(row, measure)) for x, row in zip(curve.x, curve.rows, strict=True)]
+    known = [(x, value) for x, value in pairs if value is not None]
+    return [x for x, _ in known], [value for _, value in known]
+
+
+# -- verdicts ------------------------------------------------------------------------------------
+
+
+def predicted_changes(curve: Curve) -> list[Change]:
+    """Return where the predicted verdict changes along a curve."""
+    growth = [_value(row, "predicted_growth") for row in curve.rows]
+    return _changes(curve.x, [None if value is None else value <= GROWING for value in growth])
+
+
+def simulated_changes(curve: Curve) -> list[Change]:
+    """Return where the simulated verdict changes along a curve."""
+    stable = [_value(row, "stable") for row in curve.rows]
+    return _changes(curve.x, [None if value is None else value > 0.5 for value in stable])
+
+
+def _changes(x: Iterable[float], verdicts: Iterable[bool | None]) -> list[Change]:
+    """Return every change; a curve that begins unstable begins with one."""
+    found: list[Change] = []
+    before = True
+    for at, verdict in zip(x, verdicts, strict=True):
+        if verdict is not None and verdict != before:
+            found.append(Change(at, verdict))
+            before = verdict
+    return found
+
+
+def stability_sentences(curve: Curve, figure: Figure) -> list[tuple[str, str]]:
+    """Return a sentence on where a case is stable, with its colour; none where not measured."""
+    ranges = []
+    first, last = curve.rows[0], curve.rows[-1]
+    unit = _unit(figure)
+    for word, measure, changes in (
+        ("predicted", "predicted_growth", predicted_changes(curve)),
+        ("simulated", "stable", simulated_changes(curve)),
+    ):
+        if _value(first, measure) is not None and _value(last, measure) is not None:
+            ranges.append(f"{word} {_ranges(changes, unit)}")
+    return [(curve.colour, f"{curve.label}: {'; '.join(ranges)}.")] if ranges else []
+
+
+def _unit(figure: Figure) -> str:
+    """Return what stands in brackets in the label of the horizontal axis."""
+    return figure.label.partition("[")[2].partition("]")[0]
+
+
+def _ranges(changes: Sequence[Change], unit: str) -> str:
+    if not changes:
+        return "stable throughout"
+    parts = []
+    for change in changes:
+        word = "stable again" if change.stable else "unstable"
+        parts.append(f"{word} from {significant(change.x)} {unit}".rstrip())
+    return ", ".join(parts)
+
+
+def _value(row: Row, name: str) -> float | None:
+    """Return a number of a row, None where it has none."""
+    text: Any = row.get(name, "")
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None

@@ -1,0 +1,267 @@
+"""How exact a run was: against its oracle, and at half and double its rate.
+
+A simulated run is simulated again: with its devices moved by Dormand-Prince at 1e-12 (what the
+integrator did wrong), and at half and double the rate (what sampling does). A hardware run's laws
+are run again on its recorded positions, at its own rate (they have to give the recorded efforts)
+and at half and double rate: how much of the effort is the discretisation's. Units are SI.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tautwave.config import Bus, Rig, Simulation, load_rig
+from tautwave.errors import TautwaveError
+from tautwave.files import write_text
+from tautwave.report.figures.envelope import Floats
+from tautwave.report.figures.resampling import distance, resampled
+from tautwave.report.run.loading import load_run
+from tautwave.report.run.rundir import Run, block, served_rows
+from tautwave.report.units import number
+from tautwave.simulation.kernel.pack import Job, pack_rig
+from tautwave.simulation.kernel.schemes import with_positions, with_scheme
+from tautwave.simulation.rows import Simulation as Rows
+from tautwave.simulation.run import engine_of, simulation_of_run
+
+ORACLE = 1e-12
+DORMAND_PRINCE = 4
+FEW_CYCLES = 2000
+"""Cycles of one pair that plain Python replays in less than a second, all rates together."""
+
+MOST_CYCLES = 120_000
+"""Cycles that are replayed at most, compiled: an hour's report stays as quick as a minute's."""
+
+FACTORS = {"half": 0.5, "double": 2.0}
+
+
+class Replay(NamedTuple):
+    """What replays a run: over which span [s], by which engine, and whether that is all of it."""
+
+    span_s: float
+    engine: str
+    whole: bool
+
+
+def measure_precision(directory: Path) -> dict[str, Any]:
+    """Add `precision` to a run's summary; return the summary.
+
+    What keeps it from being computed is said in `precision.error`, and is no error of the run.
+    """
+    run = load_run(directory)
+    summary = dict(run.summary)
+    try:
+        rig = load_rig(directory / "rig.yaml")
+        summary["precision"] = precision_of(run, rig)
+    except (TautwaveError, ArithmeticError, LookupError) as err:
+        summary["precision"] = {"error": str(err) or type(err).__name__}
+    text = json.dumps(summary, indent=2, allow_nan=False)
+    write_text(directory / "summary.json", text + "\n")
+    return summary
+
+
+def precision_of(run: Run, rig: Rig) -> dict[str, Any]:
+    """Return how exact a run was, as plain numbers.
+
+    Raises
+    ------
+    TautwaveError
+        The rig cannot be replayed.
+    """
+    if rig.scene is not None:
+        from tautwave.report.precision.scene import scene_precision
+
+        return scene_precision(run, rig)
+    if not rig.coupling.pairs or run.rows < 3:
+        return {"error": "no coupled pair, or almost no rows, to replay"}
+    taken = (block(run.summary, "buses", bus).get("way") for bus in rig.buses)
+    hardware = rig.simulation is None or "hardware" in taken
+    lead = np.inf
+    if run.time is not None:
+        # Before anything else happens both are alike: a run's end ramps down at its own time.
+        lead = float(run.time[-1]) + rig.period_s
+    span = min(rig.duration_s, lead)
+    replay = replay_of(rig, span)
+    precision: dict[str, Any] = {
+        "kind": "hardware" if hardware else "simulated",
+        "span_s": replay.span_s,
+        "whole": replay.whole,
+        "engine": replay.engine,
+    }
+    precision.update(_hardware(run, rig, replay) if hardware else _simulated(run, rig, replay))
+    return precision
+
+
+def replay_of(rig: Rig, span_s: float) -> Replay:
+    """Return how much of a run is replayed and by what, so that it takes a second or two."""
+    cycles = round(span_s * rig.rate_hz)
+    few = max(200, FEW_CYCLES // max(1, len(rig.coupling.pairs)))
+    if cycles <= few:
+        return Replay(span_s, "python", True)
+    if kernel_is_kept():
+        most = min(cycles, MOST_CYCLES)
+        return Replay(most * rig.period_s, "compiled", most == cycles)
+    return Replay(few * rig.period_s, "python", False)
+
+
+def kernel_is_kept() -> bool:
+    """Return whether the compiled kernel is in the cache: a report compiles nothing."""
+    if find_spec("numba") is None:
+        return False
+    from tautwave.simulation.kernel.compiled import is_cached
+    from tautwave.simulation.kernel.run import run_rig
+
+    return is_cached(run_rig)
+
+
+def _rows(job: Job, replay: Replay) -> Rows:
+    """Run a job over the replayed span; what ramps down after it is cut off."""
+    cycles = max(1, round(replay.span_s * 1e9 / job.run.period_ns))
+    longer = min(cycles + job.run.release_cycles + 2, job.run.cycles)
+    job = job._replace(run=job.run._replace(cycles=longer))
+    kernel, tables_of = engine_of(replay.engine)
+    tables = tables_of(job)
+    rows = simulation_of_run(job, tables, kernel(*tables))
+    return Rows(rows.columns, rows.data[:cycles], rows.error)
+
+
+def at_rate(rig: Rig, factor: float) -> Rig:
+    """Return the same rig at another rate: times in seconds stay, those in cycles change."""
+    return rig.model_copy(update={"rate_hz": factor * rig.rate_hz})
+
+
+def _simulated(run: Run, rig: Rig, replay: Replay) -> dict[str, Any]:
+    job = pack_rig(rig, rig.duration_s)
+    base = _rows(job, replay)
+    result: dict[str, Any] = {"pairs": {}, "replayed_equal": _equal(run, base)}
+    oracle = _rows_or_reason(lambda: _rows(with_scheme(job, DORMAND_PRINCE, 1, ORACLE), replay))
+    others = {
+        name: _rows_or_reason(lambda f=factor: _at(rig, f, replay))  # type: ignore[misc]
+        for name, factor in FACTORS.items()
+    }
+    for pair in rig.coupling.pairs:
+        position = f"true.slave.{pair}.position"
+        effort = f"master.{pair}.port_effort"
+        found: dict[str, Any] = {
+            "travel": float(np.ptp(base[position])),
+            "effort": float(np.nanmax(np.abs(base[effort]))),
+            "oracle": _differences(base, oracle, position, effort),
+        }
+        for name, rows in others.items():
+            found[name] = _differences(base, rows, position, effort)
+        result["pairs"][pair] = found
+    return result
+
+
+def _at(rig: Rig, factor: float, replay: Replay) -> Rows:
+    return _rows(pack_rig(at_rate(rig, factor), rig.duration_s), replay)
+
+
+def _rows_or_reason(make: Callable[[], Rows]) -> Rows | str:
+    """Return rows, or why there are none."""
+    try:
+        rows = make()
+    except TautwaveError as err:
+        return str(err)
+    return rows
+
+
+def _differences(base: Rows, other: Rows | str, position: str, effort: str) -> dict[str, Any]:
+    """Return the greatest distance of two runs at the instants that both have."""
+    if isinstance(other, str):
+        return {"why_not": other}
+    errors: dict[str, Any] = {}
+    for key, name in (("position", position), ("effort", effort)):
+        gap = distance(base["time_s"], base[name], other["time_s"], other[name])
+        errors[key] = float(np.max(np.abs(gap))) if gap.size else None
+        errors[f"{key}_rms"] = float(np.sqrt(np.mean(gap * gap))) if gap.size else None
+    if other.error is not None and base.error is None:
+        errors["ended"] = str(other.error)
+    return errors
+
+
+def _equal(run: Run, rows: Rows) -> bool | None:
+    """Return whether the replayed rows are the recorded ones to the bit; None on a real clock."""
+    if run.summary.get("clock") != "fake":
+        return None
+    names = [name for name in rows.columns if name in run.columns and name.startswith("true.")]
+    for name, recorded in run.each(names):
+        n = min(len(recorded), len(rows))
+        if not np.array_equal(recorded[:n], rows[name][:n], equal_nan=True):
+            return False
+    return bool(names)
+
+
+def twin_of(run: Run, rig: Rig) -> Rig:
+    """Return a rig of the same laws whose devices are simulated, with the delays of its buses.
+
+    Raises
+    ------
+    ConfigError
+        Nothing of the kind can be built.
+    """
+    buses = {}
+    for name, bus in rig.buses.items():
+        delay = block(run.summary, "buses", name, "command_delay")
+        period = rig.period_s * bus.divisor
+        waits = (number(delay.get("periods")) or 0.0) * period
+        waits += number(delay.get("remainder_s")) or 0.0
+        options = {"command_delay_s": waits} if waits > 0.0 else {}
+        buses[name] = Bus(driver="loopback", divisor=bus.divisor, options=options)
+    return rig.model_copy(update={"buses": buses, "simulation": Simulation()})
+
+
+def _hardware(run: Run, rig: Rig, replay: Replay) -> dict[str, Any]:
+    slow = [name for name, axis in rig.axes.items() if axis.causality != "impedance"]
+    if slow:
+        return {"error": f"{slow[0]} takes velocities: its measured efforts cannot be replayed"}
+    names = {axis: f"{axis}.position" for axis in rig.axes}
+    recorded = run.read("time_s", *names.values(), *(f"{axis}.valid" for axis in rig.axes))
+    if "time_s" not in recorded or any(name not in recorded for name in names.values()):
+        return {"error": "positions were not recorded"}
+    twin = twin_of(run, rig)
+    base = _played(run, twin, replay, recorded)
+    others = {
+        name: _rows_or_reason(lambda f=factor: _played(run, at_rate(twin, f), replay, recorded))  # type: ignore[misc]
+        for name, factor in FACTORS.items()
+    }
+    result: dict[str, Any] = {"pairs": {}}
+    for pair in rig.coupling.pairs:
+        found: dict[str, Any] = {}
+        for side in ("master", "slave"):
+            effort = f"{side}.{pair}.commanded"
+            sent = run.read(effort).get(effort)
+            part: dict[str, Any] = {"effort": float(np.nanmax(np.abs(base[effort])))}
+            if sent is not None:
+                gap = distance(recorded["time_s"], sent, base["time_s"], base[effort])
+                part["replayed"] = float(np.max(np.abs(gap))) if gap.size else None
+            for name, rows in others.items():
+                part[name] = _differences(base, rows, f"{side}.{pair}.position", effort)
+            found[side] = part
+        result["pairs"][pair] = found
+    return result
+
+
+def _played(run: Run, rig: Rig, replay: Replay, recorded: dict[str, Floats]) -> Rows:
+    """Return the laws of a rig on recorded positions, resampled to the rig's rate."""
+    job = pack_rig(rig, rig.duration_s)
+    positions = {}
+    for axis in job.axes:
+        period = rig.axis_period_s(axis)
+        time, position = recorded["time_s"], recorded[f"{axis}.position"]
+        good = np.isfinite(position)
+        valid = recorded.get(f"{axis}.valid")
+        if valid is not None:
+            good &= valid > 0.5
+        seen = np.zeros(len(time), dtype=bool)
+        seen[served_rows(run, axis)] = True
+        good &= seen
+        slots = np.asarray(np.arange(round(replay.span_s / period) + 2) * period, dtype=np.float64)
+        # In a cycle of a slow bus the sample is that of its last slot.
+        positions[axis] = resampled(slots, time[good] - float(time[0]), position[good])
+    return _rows(with_positions(job, positions), replay)

@@ -1,0 +1,108 @@
+"""Add to a run's summary what only its recording can tell: tracking, energy books of both kinds.
+
+The controller's books rest on measured positions and the efforts that were sent; the plant's on
+the truth of a simulation. `residual` of either has to vanish. `sensing_gap` is how far the two
+disagree at the motors: what quantisation and noise hide from the controller.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tautwave.files import write_text
+from tautwave.report.run.loading import load_run
+from tautwave.report.run.rebuild import rebuild_summary
+from tautwave.report.run.rundir import Run, served_rows
+
+_GAINS = ("hand_work", "motor_work")
+_LOSSES = ("grip_loss", "viscous_loss", "coulomb_loss", "environment_loss")
+_STORES = ("kinetic", "grip_stored", "environment_stored")
+
+
+def complete_summary(directory: Path) -> dict[str, Any]:
+    """Complete `summary.json` in a run's directory from its recording; return it.
+
+    Raises
+    ------
+    RecordingError
+        The recording cannot be read.
+    """
+    run = load_run(directory)
+    summary = dict(run.summary)
+    rebuilt = rebuild_summary(run)
+    pairs = {name: dict(block) for name, block in summary.get("pairs", {}).items()}
+    for name, block in rebuilt.get("pairs", {}).items():
+        pairs.setdefault(name, {}).update(block)
+    summary["pairs"] = pairs
+    if "recording" in summary:
+        read = {"rows_read": run.rows, "truncated": run.truncated}
+        summary["recording"] = {**summary["recording"], **read}
+    energy = dict(rebuilt.get("energy_j", {}))
+    energy.update(plant_energy(run, {name: power_ratio(block) for name, block in pairs.items()}))
+    summary["energy_j"] = energy
+    text = json.dumps(summary, indent=2, allow_nan=False)
+    write_text(directory / "summary.json", text + "\n")
+    return summary
+
+
+def power_ratio(pair: dict[str, Any]) -> float:
+    """Return the slave's energy per energy of the pair; 1 unless the rig scales power."""
+    return float(pair.get("power_ratio", 1.0))
+
+
+def plant_energy(run: Run, ratios: dict[str, float]) -> dict[str, float]:
+    """Return the plant's residual and the sensing gap [J]; empty without a simulated truth.
+
+    Parameters
+    ----------
+    run : Run
+        The run.
+    ratios : dict
+        Power ratio by pair.
+    """
+    residual = 0.0
+    gap: dict[str, float] = {}
+    uncertainty = 0.0
+    found = False
+    sides = [(pair, side) for pair in run.pairs for side in ("master", "slave")]
+    sides += [(port, "master") for port in run.ports]
+    for pair, side in sides:
+        axis = f"{side}.{pair}"
+        weight = 1.0 if side == "master" else 1.0 / ratios.get(pair, 1.0)
+        sent = run.read(f"{axis}.port_energy").get(f"{axis}.port_energy")
+        spread = run.read(f"{axis}.uncertainty").get(f"{axis}.uncertainty")
+        if spread is not None and len(spread):
+            uncertainty += float(spread[-1])
+        balance = _plant_balance(run, axis)
+        motor = run.read(f"plant.{axis}.motor_work").get(f"plant.{axis}.motor_work")
+        if balance is None or sent is None or motor is None or not len(motor):
+            continue
+        found = True
+        residual += abs(weight * balance)
+        # Between its slots the truth of a slow axis is ahead of what the controller knows.
+        served = served_rows(run, axis)
+        sent = sent[served] if len(sent[served]) else sent
+        motor = motor[served] if len(motor[served]) else motor
+        believed = float(sent[-1] - sent[0])
+        gap[axis] = believed + weight * float(motor[-1] - motor[0])
+    figures = {"uncertainty": uncertainty}
+    if found:
+        figures["plant_residual"] = residual
+        figures["sensing_gap"] = sum(abs(value) for value in gap.values())
+    return figures
+
+
+def _plant_balance(run: Run, axis: str) -> float | None:
+    """Return the greatest imbalance of one axis' true energies over the run [J]."""
+    total: np.ndarray[Any, np.dtype[np.float64]] | None = None
+    for names, sign in ((_GAINS, 1.0), (_STORES, -1.0), (_LOSSES, -1.0)):
+        for _, values in run.each(f"plant.{axis}.{name}" for name in names):
+            if not len(values):
+                return None
+            change = sign * (values - values[0])
+            total = change if total is None else total + change
+    return None if total is None else float(np.max(np.abs(total)))

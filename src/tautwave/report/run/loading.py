@@ -1,0 +1,136 @@
+"""Reading a run's directory: rig, summary and recording, as far as each of them is there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from tautwave import formats
+from tautwave.config.document import open_document
+from tautwave.config.guard import parse_json, read_guarded
+from tautwave.errors import ConfigError, RecordingError
+from tautwave.report.run.rebuild import rebuild_summary
+from tautwave.report.run.rundir import WHOLE_CELLS, Run
+from tautwave.report.run.scratch import spread_columns
+
+LARGEST = 16 * 1024 * 1024
+"""Bytes of rig.yaml and of summary.json: a run of many pairs leaves some 100 kB."""
+
+
+def load_run(directory: Path) -> Run:
+    """Read what a run left in `directory`, however little that is.
+
+    Raises
+    ------
+    RecordingError
+        There is neither a summary nor a readable recording, or the run is of a newer tautwave.
+    """
+    notes: list[str] = []
+    rig_text = _text(directory / "rig.yaml", notes)
+    summary = _summary(directory / "summary.json", notes)
+    rig = _rig(rig_text, notes)
+    newer = formats.too_new("rig", rig.get("format"), formats.RIG)
+    if newer is not None:
+        raise RecordingError(f"{directory / 'rig.yaml'}: format {newer}")
+    run = Run(directory, rig, rig_text, summary, notes=notes)
+    path = directory / "recording.mcap"
+    try:
+        _attach(run, path)
+    except (RecordingError, OSError) as error:
+        if not summary:
+            raise RecordingError(
+                f"{directory}: nothing to report: no summary.json and no readable recording.mcap "
+                f"({error})"
+            ) from error
+        if run.began:
+            notes.append(f"There are no figures, because the recording cannot be read: {error}.")
+        else:
+            notes.append("The run ended before its first cycle, so nothing was recorded.")
+    if not run.rig_text:
+        notes.append(
+            "rig.yaml is missing: axes are taken as linear where the summary does not say."
+        )
+    if run.truncated:
+        notes.append(
+            "The recording is cut short: its writer stopped before closing the file. "
+            f"The {run.rows} rows that could be recovered are shown."
+        )
+    if not summary:
+        run.summary = rebuild_summary(run)
+        notes.append(
+            "summary.json is missing, so the run ended before it could be written (a crash or a "
+            "kill). The numbers here are rebuilt from the recording; what only the loop knew, "
+            "such as device faults and the reason of the end, is lost."
+        )
+    return run
+
+
+def _attach(run: Run, path: Path) -> None:
+    from tautwave.report.run.recording import read_recording  # mcap only where there is a recording
+
+    if not path.is_file():
+        raise RecordingError(f"{path.name} is missing")
+    found = read_recording(path, rows=slice(0, 1))
+    run.columns, run.metadata = found.columns, found.metadata
+    if "time_s" not in run.columns:
+        raise RecordingError(f"{path.name} has no column time_s")
+    clock = read_recording(path, ("time_s",))
+    run.rows, run.truncated = len(clock), clock.truncated
+    run.time = clock["time_s"].copy()
+    if run.rows * len(run.columns) <= WHOLE_CELLS:
+        run.whole = read_recording(path)
+    else:
+        run.scratch = spread_columns(path, run.columns, run.rows)
+    if clock.damaged_chunks:
+        run.notes.append(
+            f"{clock.damaged_chunks} chunks of the recording are damaged and were skipped."
+        )
+    if clock.missing_rows > 0:
+        run.notes.append(
+            f"{clock.missing_rows} cycles between the first and the last row are not in the "
+            "recording; figures draw straight lines across them."
+        )
+    if not run.rig_text and "rig.yaml" in found.attachments:
+        run.rig_text = found.attachments["rig.yaml"].decode("utf-8", errors="replace")
+        run.rig = _rig(run.rig_text, run.notes)
+        run.notes.append("rig.yaml is missing; the copy inside the recording was used.")
+
+
+def _text(path: Path, notes: list[str]) -> str:
+    try:
+        return read_guarded(path, "rig file", LARGEST)
+    except ConfigError as error:
+        if path.exists():
+            notes.append(f"{_said(error, path)}.")
+        return ""
+
+
+def _rig(text: str, notes: list[str]) -> dict[str, Any]:
+    """Return what the rig file says, as far as it can be read; its own checks were the run's."""
+    if not text:
+        return {}
+    try:
+        document = open_document(text, "rig.yaml", Path())
+    except ConfigError as error:
+        notes.append(f"{error.problems[0]}.")
+        return {}
+    notes += [f"{problem}." for problem in document.sentences()[:1]]
+    return document.value
+
+
+def _summary(path: Path, notes: list[str]) -> dict[str, Any]:
+    try:
+        loaded = parse_json(read_guarded(path, "summary", LARGEST))
+    except ConfigError as error:
+        if path.exists():
+            notes.append(f"{_said(error, path)}.")
+        return {}
+    except ValueError as error:
+        notes.append(f"summary.json cannot be read: {error}.")
+        return {}
+    return loaded if isinstance(loaded, dict) else {}
+
+
+def _said(error: ConfigError, path: Path) -> str:
+    """Return a sentence about a file of the directory that the report is on anyway."""
+    return str(error).replace(str(path), path.name, 1)

@@ -1,0 +1,247 @@
+"""The report of one run: figures beside the recording, and one page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from html import escape
+from pathlib import Path
+
+from tautwave.canvas import Style, paper, styled
+from tautwave.files import make_directory, write_bytes, write_text
+from tautwave.report.html import (
+    anchor,
+    badge,
+    banner,
+    details,
+    page,
+    table,
+    verdict_rows,
+)
+from tautwave.report.run import tables
+from tautwave.report.run.loading import load_run
+from tautwave.report.run.parts import Part, Picture, certificate_picture, pair_parts, scene_parts
+from tautwave.report.run.rundir import Run
+from tautwave.report.run.verdicts import invalidated, outcome, uncertified, verdicts
+from tautwave.report.units import plural, quantity
+
+PICTURE_BYTES = 2_000_000
+"""Of all figures, animations and sounds inside the page; what is beyond stands beside it."""
+
+
+def write_report(directory: Path) -> Path:
+    """Write figures (SVG) and `report.html` into the directory of a run.
+
+    Works from whatever the run left: a cut recording, no simulation truth, no summary.
+
+    Returns
+    -------
+    Path
+        Of the page: one file, no script, nothing from the network.
+
+    Raises
+    ------
+    RecordingError
+        There is neither a summary nor a readable recording.
+    """
+    directory = Path(directory)
+    run = load_run(directory)
+    parts: list[str] = []
+    spent = 0
+    for part in _body(run):
+        if isinstance(part, str):
+            parts.append(part)
+            continue
+        size, inside = part.keep(directory)
+        spent += size
+        parts.append(inside() if spent <= PICTURE_BYTES else part.beside())
+        spent -= size if spent > PICTURE_BYTES else 0
+    target = directory / "report.html"
+    write_text(target, page(f"{run.name} – tautwave report", parts))
+    return target
+
+
+def write_figures(directory: Path, out: Path, kind: str, style: Style) -> list[Path]:
+    """Write every figure of a run's report into `out`, as a paper wants them.
+
+    Parameters
+    ----------
+    kind : `pdf` or `svg`
+    style : width, size and family of the letters
+
+    Raises
+    ------
+    RecordingError
+        There is neither a summary nor a readable recording.
+    WritingError
+        `out` cannot be written.
+    """
+    run = load_run(Path(directory))
+    written = []
+    with styled(style):
+        for part in _body(run):
+            if isinstance(part, Picture):
+                path = out / f"{part.name}.{kind}"
+                make_directory(out)
+                write_bytes(path, paper(part.figure, kind, salt=part.name))
+                written.append(path)
+    return written
+
+
+def _body(run: Run) -> Iterator[Part]:
+    yield from _head(run)
+    if run.began:
+        yield from _motion(run)
+    yield from _certificate(run)
+    yield from _axes(run)
+    yield from _contents(run)
+    yield from _reproduce(run)
+
+
+def _motion(run: Run) -> Iterator[Part]:
+    """What there is to show of a run that had a cycle."""
+    yield from pair_parts(run)
+    if run.ports:
+        yield from scene_parts(run)
+    yield from _books(run)
+    yield from _precision(run)
+    yield from _timing(run)
+
+
+def _head(run: Run) -> Iterator[str]:
+    ended = outcome(run)
+    yield f'<header><div class="top"><h1>{escape(run.name)}</h1>{badge(ended)}</div>'
+    yield f'<p class="soft">{escape(_subtitle(run))}</p></header>'
+    if ended.status == "bad":
+        yield banner(ended.topic.capitalize(), ended.sentences, "bad")
+    else:
+        yield "".join(f"<p>{escape(sentence)}</p>" for sentence in ended.sentences)
+    if uncertified(run):
+        title = "This rig was run without certificate (--allow-uncertified)"
+        yield banner(title, uncertified(run), "bad")
+    if invalidated(run):
+        title = "What this run measured invalidates its certificate"
+        yield banner(title, invalidated(run), "bad")
+    if run.notes:
+        yield banner("This report is incomplete", run.notes, "note")
+    yield verdict_rows(verdicts(run))
+    links = []
+    if run.began:
+        links += [(f"Pair {pair}", anchor(pair)) for pair in run.pairs]
+        links += [("Scene", "scene")] if run.ports else []
+        links += [("Energy books", "books"), ("Precision", "precision"), ("Timing", "timing")]
+    links += [
+        ("Certificate", "certificate"),
+        ("Axes", "axes"),
+        ("Included and left out", "contents"),
+        ("Rig and reproduction", "reproduce"),
+    ]
+    yield "<nav>" + " ".join(f'<a href="#{to}">{escape(t)}</a>' for t, to in links) + "</nav>"
+
+
+def _subtitle(run: Run) -> str:
+    summary = run.summary
+    parts = []
+    started = summary.get("started_utc") or run.metadata.get("started_utc")
+    if started:
+        parts.append(str(started).replace("T", " ").replace("Z", " UTC").replace("+00:00", " UTC"))
+    if summary.get("duration_s") is not None:
+        parts.append(f"{quantity(summary['duration_s'], 's')} recorded")
+    if run.rate_hz == run.rate_hz:
+        parts.append(quantity(run.rate_hz, "Hz"))
+    parts.append("a scene" if run.ports else plural(len(run.pairs), "pair"))
+    clock = summary.get("clock")
+    if clock:
+        parts.append("simulated clock" if clock == "fake" else f"{clock} clock")
+    return " · ".join(parts)
+
+
+def _books(run: Run) -> Iterator[str]:
+    yield '<h2 id="books">Energy books</h2>'
+    yield table(tables.books_table(run))
+    yield table(tables.element_table(run))
+    yield table(tables.plant_table(run))
+
+
+def _precision(run: Run) -> Iterator[str]:
+    from tautwave.report.precision.table import precision_sentences, precision_tables
+
+    yield '<h2 id="precision">Precision</h2>'
+    sentences = list(precision_sentences(run))
+    for sentence in sentences or ["Not computed for this run."]:
+        yield f'<p class="soft">{escape(sentence)}</p>'
+    for content in precision_tables(run):
+        yield table(content)
+
+
+def _certificate(run: Run) -> Iterator[Part]:
+    yield '<h2 id="certificate">Certificate</h2>'
+    made = certificate_picture(run)
+    yield f'<p class="note">{escape(made)}</p>' if isinstance(made, str) else made
+
+
+def _timing(run: Run) -> Iterator[Part]:
+    yield '<h2 id="timing">Timing</h2>'
+    if run.summary.get("clock") == "fake":
+        yield (
+            '<p class="note">This loop ran on the simulated clock: no cycle can be late, '
+            "so there is nothing to draw.</p>"
+        )
+    elif run.rows:
+        from tautwave.report.figures.books import timing_figure
+
+        figure = timing_figure(run)
+        if figure is not None:
+            alt = "histograms of period, lateness and compute time, and the slow cycles in time"
+            yield Picture("timing", figure, alt)
+    both = (table(tables.timing_table(run)), table(tables.loop_table(run)))
+    yield f'<div class="columns"><div>{both[0]}</div><div>{both[1]}</div></div>'
+    sentences = run.summary.get("realtime")
+    if isinstance(sentences, list) and sentences:
+        yield "<h3>What the machine permitted</h3><ul>"
+        yield "".join(f"<li>{escape(str(sentence))}</li>" for sentence in sentences) + "</ul>"
+
+
+def _axes(run: Run) -> Iterator[str]:
+    yield '<h2 id="axes">Axes</h2>'
+    yield table(tables.axis_table(run)) or '<p class="note">No counts were recorded.</p>'
+    yield table(tables.way_table(run), "text")
+    yield from _buses(run)
+
+
+def _buses(run: Run) -> Iterator[str]:
+    """What each driver found, wrote and read back before it enabled anything."""
+    buses = run.summary.get("buses")
+    for name, found in buses.items() if isinstance(buses, dict) else ():
+        notes = found.get("notes") if isinstance(found, dict) else None
+        if not isinstance(notes, list) or not notes:
+            continue
+        yield f"<h3>Bus {escape(str(name))}: found and set before enabling</h3><ul>"
+        yield "".join(f"<li>{escape(str(note))}</li>" for note in notes) + "</ul>"
+
+
+def _contents(run: Run) -> Iterator[str]:
+    yield '<h2 id="contents">Included and left out</h2>'
+    both = (
+        table(tables.included_table(run), "text"),
+        table(tables.left_out_table(run), "text") or '<p class="note">No element was left out.</p>',
+    )
+    yield f'<div class="columns"><div>{both[0]}</div><div>{both[1]}</div></div>'
+
+
+def _reproduce(run: Run) -> Iterator[str]:
+    summary = run.summary
+    yield '<h2 id="reproduce">Rig and reproduction</h2>'
+    command = summary.get("command") or run.metadata.get("command")
+    yield "<p>Command of this run:</p>"
+    yield f"<pre>{escape(str(command or 'not recorded'))}</pre>"
+    yield "<p>The same run from its own resolved rig, and this page again:</p>"
+    folder = escape(run.directory.name or str(run.directory))
+    clock = " --clock fake" if summary.get("clock") == "fake" else tables.simulated_by(run)
+    yield f"<pre>tautwave run {folder}/rig.yaml{clock}\ntautwave report {folder}</pre>"
+    version = summary.get("version") or run.metadata.get("version")
+    versions = [f"tautwave {version}" if version else "version not recorded"]
+    for name, value in (summary.get("versions") or {}).items():
+        versions.append(f"{name} {value}")
+    yield f'<p class="soft">{escape(", ".join(versions))}</p>'
+    if run.rig_text:
+        yield details("The resolved rig, rig.yaml", run.rig_text)

@@ -1,0 +1,238 @@
+"""The parts of the page that have figures: pairs, the scene, the certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from tautwave.canvas import alone, svg
+from tautwave.errors import TautwaveError
+from tautwave.files import write_bytes, write_text
+from tautwave.report.html import anchor, folded, image, picture, sound, table
+from tautwave.report.run import tables
+from tautwave.report.run.rundir import Run, block
+from tautwave.report.run.verdicts import describe_pair, units_of
+from tautwave.report.run.views import EnergyView, PairView, view_energy, view_pair
+from tautwave.report.units import plural, quantity
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Picture(NamedTuple):
+    """A figure as it stands on the page, and as an SVG beside it."""
+
+    name: str
+    figure: Figure
+    alt: str
+    caption: str = ""
+
+    def keep(self, directory: Path) -> tuple[int, Callable[[], str]]:
+        """Write the file; return its size, and what makes the figure's place in the page."""
+        drawn = svg(self.figure, self.name, self.alt)
+        write_text(directory / f"{self.name}.svg", alone(drawn))
+        return len(drawn), lambda: picture(drawn, self.caption)
+
+    def beside(self) -> str:
+        """Return what the page says where the figure is too large for it."""
+        note = f"{self.alt}: too large for this page, in {self.name}.svg beside it."
+        return f'<p class="note">{escape(note)}</p>'
+
+
+class Still(NamedTuple):
+    """A drawing, as a PNG on light ground and on dark."""
+
+    name: str
+    light: bytes
+    dark: bytes
+    alt: str
+    caption: str
+
+    def keep(self, directory: Path) -> tuple[int, Callable[[], str]]:
+        """Write the file; return the size in the page, and what makes its place there."""
+        write_bytes(directory / f"{self.name}.png", self.light)
+        size = 4 * (len(self.light) + len(self.dark)) // 3
+        return size, lambda: image(self.light, "png", self.alt, self.caption, self.dark)
+
+    def beside(self) -> str:
+        """Return what the page says where the drawing is too large for it."""
+        return f'<p class="note">{escape(self.alt)}: in {self.name}.png beside this page.</p>'
+
+
+class File(NamedTuple):
+    """A file of the run's directory that is shown inside the page, and linked."""
+
+    path: Path
+    show: Callable[[bytes], str]
+    caption: str
+
+    def keep(self, _directory: Path) -> tuple[int, Callable[[], str]]:
+        """Return the size that it takes in the page, and what makes its place there."""
+        data = self.path.read_bytes()
+        return 4 * len(data) // 3, lambda: self.show(data) + self._link("also as")
+
+    def beside(self) -> str:
+        """Return a link where the file is too large for the page."""
+        return self._link("in")
+
+    def _link(self, word: str) -> str:
+        name = escape(self.path.name)
+        return (
+            f'<p class="note">{escape(self.caption)}, {word} <a href="{name}">{name}</a> '
+            "beside this page.</p>"
+        )
+
+
+FOLDED = 15
+"""Rows of a scene's account from which on it is folded."""
+
+Part = str | Picture | Still | File
+
+
+def pair_parts(run: Run) -> Iterator[Part]:
+    """Yield the figures and contacts of every pair: several folded, below an overview."""
+    views = [view_pair(run, pair) for pair in run.pairs]
+    if len(views) < 2:
+        for view in views:
+            yield f'<h2 id="{anchor(view.name)}">Pair {escape(view.name)}</h2>'
+            yield from _pair(run, view)
+        return
+    yield '<h2 id="pairs">Pairs</h2>'
+    yield from _overview(run, views)
+    for view in views:
+        yield f'<h3 id="{anchor(view.name)}">Pair {escape(view.name)}</h3>'
+        yield f"<details><summary>{escape(_summary(run, view.name))}</summary>"
+        yield from _pair(run, view)
+        yield "</details>"
+
+
+def _overview(run: Run, views: list[PairView]) -> Iterator[Part]:
+    from tautwave.report.figures.overview import is_flat, overview_figure
+
+    yield table(tables.tracking_table(run))
+    if not run.rows:
+        return
+    figure = overview_figure(views)
+    if figure is not None:
+        yield Picture("pairs", figure, "positions and transmitted efforts of all pairs")
+    flat = [view.name for view in views if is_flat(view)]
+    if flat:
+        note = f"Not shown, because nothing moved and nothing was transmitted: {', '.join(flat)}."
+        yield f'<p class="note">{escape(note)}</p>'
+
+
+def _summary(run: Run, pair: str) -> str:
+    """One line of what is folded."""
+    figures = block(run.summary, "pairs", pair)
+    position, effort = units_of(run, pair)
+    parts = [
+        f"{what} error at most {quantity(block(figures, f'{what}_error')['max'], unit)}"
+        for what, unit in (("position", position), ("effort", effort))
+        if block(figures, f"{what}_error").get("max") is not None
+    ]
+    return f"Figures of {pair}" + (f": {', '.join(parts)}" if parts else "")
+
+
+def _pair(run: Run, view: PairView) -> Iterator[Part]:
+    from tautwave.report.figures import books, overview, pair
+
+    name = view.name
+    stem = anchor(name).removeprefix("part-")
+    yield f'<p class="soft">{escape(describe_pair(run, name))}</p>'
+    if run.rows == 0:
+        return
+    offset = "" if "expected" not in view.lines else view.wording.offset_caption
+    acting = "Efforts act on the device and are positive along its position."
+    waves = "A wave arrives as it left, later by the delay; half its square is a power."
+    made: list[tuple[str, Callable[[PairView], Figure | None], str, str]] = [
+        ("tracking", pair.tracking_figure, "position and position error", offset),
+        ("velocity", overview.velocity_figure, "velocity against its limit", ""),
+        ("effort", pair.effort_figure, "efforts of coupling, wall, hand and environment", acting),
+        ("contact", pair.contact_figure, "force against depth in contact", ""),
+        ("waves", pair.wave_figure, "waves in both directions", waves),
+    ]
+    for what, make, alt, caption in made:
+        figure = make(view)
+        if figure is not None:
+            yield Picture(f"{stem}-{what}", figure, f"{name}: {alt}", caption)
+        if what == "contact":
+            yield from _contacts(run, view)
+    energy: EnergyView = view_energy(run, name)
+    energy.least = view.least.get("energy", 0.0)
+    figure = books.energy_figure(energy, name)
+    if figure is not None:
+        yield Picture(f"{stem}-energy", figure, f"{name}: energy of every element")
+    flat = [*view.flat, *energy.flat]
+    if flat:
+        note = f"Not shown, because it stays constant: {', '.join(flat)}."
+        yield f'<p class="note">{escape(note)}</p>'
+
+
+def _contacts(run: Run, view: PairView) -> Iterator[str]:
+    made = [table(content) for content in tables.contact_table(view)]
+    if made:
+        yield f'<div class="columns">{"".join(f"<div>{part}</div>" for part in made)}</div>'
+        return
+    known = [f"true.slave.{view.name}.environment_effort"]
+    known += [f"{side}.{view.name}.wall_effort" for side in ("slave", "master")]
+    if view.held:
+        note = "The environment is a spring, always in contact: there are no contacts to list."
+    elif any(column in run.columns for column in known):
+        note = "No contact in this run."
+    else:
+        note = (
+            "Contacts cannot be determined: the recording holds neither the true environment "
+            "nor a virtual wall."
+        )
+    yield f'<p class="note">{note}</p>'
+
+
+def scene_parts(run: Run) -> Iterator[Part]:
+    """Yield the figure of a scene, a still, what moves and what sounds, and its account."""
+    yield '<h2 id="scene">Scene</h2>'
+    from tautwave.report.scene.files import shown
+
+    seen = shown(run)
+    if seen is None:
+        yield '<p class="note">The scene was not recorded.</p>'
+        return
+    yield f'<p class="soft">{escape(seen.summary)}</p>'
+    yield Picture("scene", seen.figure(), "positions, efforts and energies of the scene")
+    caption = "The scene at the largest force on the device."
+    yield Still("scene-still", seen.still(False), seen.still(True), "the scene, drawn", caption)
+    yield from _files(run.directory)
+    account = tables.scene_table(run)
+    if len(account.rows) > FOLDED:
+        title = f"{account.title}: {plural(len(account.rows), 'element')}"
+        yield from folded(title, [table(account._replace(title=""))])
+    else:
+        yield table(account)
+
+
+def _files(directory: Path) -> Iterator[Part]:
+    moving, heard = directory / "scene.gif", directory / "output.wav"
+    if moving.is_file():
+        alt = "the scene, moving"
+        yield "<details><summary>The scene, moving</summary>"
+        yield File(moving, lambda data: image(data, "gif", alt), "The scene, moving")
+        yield "</details>"
+    if heard.is_file():
+        label = "Sound: the force on the device, high-passed"
+        yield File(heard, lambda data: sound(data, label), label)
+
+
+def certificate_picture(run: Run) -> Picture | str:
+    """Return the certificate's figure, or why there is none."""
+    from tautwave.certificate.picture import certificate_figure
+    from tautwave.config import parse_rig
+
+    if not run.rig_text:
+        return "No rig file to certify."
+    try:
+        rig = parse_rig(run.rig_text, Path("rig.yaml"))
+        figure = certificate_figure(rig)
+    except (TautwaveError, ArithmeticError) as err:
+        return f"The certificate of this rig cannot be drawn: {str(err).splitlines()[0]}"
+    return Picture("certificate", figure, "certificate of this rig")

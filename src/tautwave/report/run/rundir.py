@@ -1,0 +1,194 @@
+"""A run directory as the report sees it: the rig, the summary and a recording read by columns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tautwave.errors import ConfigError
+from tautwave.registry import coupling_words
+from tautwave.report.figures.envelope import Floats
+from tautwave.report.run.scratch import Scratch
+from tautwave.report.units import number
+from tautwave.wording import CouplingWords
+
+if TYPE_CHECKING:
+    from tautwave.report.run.recording import Recording
+
+WHOLE_CELLS = (
+    12_000_000  # up to about 100 MB a recording is held in memory, above it is read by columns
+)
+AT_ONCE = 5  # columns of a long recording held together: 150 MB of an hour at 1 kHz
+SIDES = ("master", "slave")
+
+
+@dataclass
+class Run:
+    """One finished, broken or half recovered run. Times in s, everything else SI.
+
+    `whole` is the recording in memory, None where it is too long and read by columns instead;
+    `time` is its time column, `scratch` its columns spread out in a file.
+    """
+
+    directory: Path
+    rig: dict[str, Any]
+    rig_text: str
+    summary: dict[str, Any]
+    columns: tuple[str, ...] = ()
+    rows: int = 0
+    truncated: bool = False
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    whole: Recording | None = None
+    time: Floats | None = None
+    scratch: Scratch | None = None
+
+    def read(self, *names: str, rows: slice = slice(None)) -> dict[str, Floats]:
+        """Full columns by name; names that were not recorded are left out of the answer."""
+        present = tuple(dict.fromkeys(name for name in names if name in self.columns))
+        if not present:
+            return {}
+        if self.whole is not None:
+            return {name: self.whole[name][rows] for name in present}
+        if self.time is not None and present == ("time_s",):
+            return {"time_s": self.time[rows]}
+        if self.scratch is not None:
+            return {name: self.scratch.read(name, rows) for name in present}
+        from tautwave.report.run.recording import read_recording
+
+        part = read_recording(self.directory / "recording.mcap", present, rows=rows)
+        return {name: part[name] for name in present}
+
+    def each(self, names: Iterable[str]) -> Iterator[tuple[str, Floats]]:
+        """Columns one after the other, a few for each pass over a long recording."""
+        wanted = list(names)
+        step = AT_ONCE if self.scratch is None else 1
+        for at in range(0, len(wanted), step):
+            yield from self.read(*wanted[at : at + step]).items()
+
+    @property
+    def began(self) -> bool:
+        """Whether there was a cycle, or nobody knows; without one there is nothing to show."""
+        return self.rows > 0 or number(self.summary.get("cycles")) != 0.0
+
+    @property
+    def name(self) -> str:
+        """The rig's name."""
+        return str(self.rig.get("name") or self.summary.get("rig") or self.directory.name)
+
+    @property
+    def rate_hz(self) -> float:
+        """Loop rate [Hz], NaN where nobody wrote it down."""
+        for place in (self.rig, self.summary, self.metadata):
+            try:
+                rate = float(place["rate_hz"])
+            except (KeyError, TypeError, ValueError):
+                continue
+            if rate > 0.0 and math.isfinite(rate):
+                return rate
+        return math.nan
+
+    @property
+    def pairs(self) -> list[str]:
+        """Names of the pairs, in the rig's order."""
+        if "scene" in self.rig:
+            return []
+        declared = list(block(self.rig, "coupling", "pairs")) or list(block(self.summary, "pairs"))
+        if declared:
+            return declared
+        ends = {c.split(".")[1] for c in self.columns if c.startswith("master.")}
+        return sorted(ends)
+
+    @property
+    def ports(self) -> list[str]:
+        """Names of the axes that touch a scene, in the rig's order; none without a scene."""
+        ports = block(self.rig, "scene", "ports")
+        # In three dimensions a port has several axes, or one that is called as it is.
+        axes = [block(ports, name).get("axes") or [name] for name in ports]
+        return [name for of_port in axes for name in of_port]
+
+    def elements(self, pair: str) -> list[str]:
+        """Controller elements of `pair` with an energy account, from summary and recording."""
+        named = list(block(self.summary, "pairs", pair, "elements"))
+        for column in self.columns:
+            parts = column.split(".")
+            if len(parts) == 3 and parts[0] == pair and parts[2] == "absorbed":
+                named.append(parts[1])
+        return list(dict.fromkeys(named))
+
+
+def block(tree: Any, *keys: str) -> dict[str, Any]:
+    """The mapping under `keys`, empty where any of them is missing or not a mapping."""
+    for key in keys:
+        tree = tree.get(key) if isinstance(tree, Mapping) else None
+    return dict(tree) if isinstance(tree, Mapping) else {}
+
+
+def is_scene3d(run: Run) -> bool:
+    """Whether a run had a scene of three dimensions."""
+    return block(run.rig, "scene").get("dimension") == 3
+
+
+def pair_settings(run: Run, pair: str) -> dict[str, Any]:
+    """What the rig file says of `pair`, empty where there is no rig file."""
+    return block(run.rig, "coupling", "pairs", pair)
+
+
+def kind_of(run: Run, pair: str) -> str:
+    """`rotary` or `linear`, from the summary, else the rig's master axis."""
+    kind = block(run.summary, "pairs", pair).get("kind")
+    return str(kind or block(run.rig, "master", "axes", pair).get("kind") or "linear")
+
+
+def axis_kind(run: Run, side: str, pair: str) -> str:
+    """`rotary` or `linear` of one axis; the pair's kind where the rig file does not say."""
+    return str(block(run.rig, side, "axes", pair).get("kind") or kind_of(run, pair))
+
+
+def served_rows(run: Run, axis: str) -> slice | npt.NDArray[np.bool_]:
+    """Rows in which an axis' bus was read: all, or with a divisor those of its slots.
+
+    `axis` is the full name; to index a column with.
+    """
+    side, _, name = axis.partition(".")
+    bus = str(block(run.rig, side, "axes", name).get("bus"))
+    divisor = int(number(block(run.rig, "buses", bus).get("divisor")) or 1)
+    skipped = run.read("skipped_slots").get("skipped_slots") if divisor > 1 else None
+    if skipped is None:
+        return slice(None)
+    slots = np.cumsum(1.0 + np.nan_to_num(skipped)) - 1.0
+    return np.asarray(slots % divisor == divisor - 1)
+
+
+def delay_of(run: Run, pair: str) -> float:
+    """Effective one-way delay [s] of `pair`, from the summary, else from the rig."""
+    delay = block(run.summary, "pairs", pair).get("coupling_delay_s")
+    top = run.summary.get("coupling_delay_s")
+    if delay is None:
+        delay = top.get(pair) if isinstance(top, dict) else top
+    if delay is None:
+        delay = block(run.rig, "coupling").get("delay_s")
+    return number(delay) or 0.0
+
+
+def law_wording(run: Run) -> CouplingWords:
+    """The wording of the run's coupling; the default where it is not installed here."""
+    try:
+        return coupling_words(str(block(run.rig, "coupling").get("law", "wave")))
+    except ConfigError:
+        return CouplingWords()
+
+
+def offset_per_effort(run: Run, pair: str) -> float | None:
+    """By how much a held effort sets master and slave apart [rad/(N m) or m/N]."""
+    offset = number(block(run.summary, "pairs", pair).get("offset_per_effort"))
+    if offset is None:
+        impedance = number(pair_settings(run, pair).get("wave_impedance"))
+        offset = delay_of(run, pair) / impedance if impedance else None
+    return offset if offset is not None and offset > 0.0 else None

@@ -1,0 +1,51 @@
+"""Where and why a run was stopped: what figures mark."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from tautwave.report.run.rundir import Run, block
+from tautwave.report.units import number
+
+_KINDS = {"safety_stop": "safety stop", "fault": "fault"}
+_REASONS = {
+    "position_range": "left its position range",
+    "velocity_limit": "exceeded its velocity limit",
+    "not_finite": "is not finite",
+    "runaway": "received far too large an effort from its scene",
+    "overdrawn": "drew more energy from its scene than it put in",
+    "no_sample": "lost its samples",
+    "broken_sample": "measured NaN",
+    "device_fault": "reported a fault",
+}
+
+
+class Stop(NamedTuple):
+    """A stop: when [s], on which axis (`side` and `pair` are empty where on none), and why.
+
+    `kind` is `safety stop` or `fault`, `reason` what the axis did, empty where none did anything.
+    """
+
+    at_s: float
+    side: str
+    pair: str
+    kind: str
+    reason: str
+
+    def label(self, *, reason: bool = False) -> str:
+        """Return what a mark in a figure is called."""
+        why = f": {self.reason}" if reason and self.reason else ""
+        return f"{self.kind} at {self.at_s:.3f} s{why}"
+
+
+def stop_of(run: Run) -> Stop | None:
+    """Return where a run was stopped, None for one that ended as it should or by its user."""
+    outcome = block(run.summary, "outcome")
+    kind, at = _KINDS.get(str(outcome.get("kind"))), number(outcome.get("at_s"))
+    if kind is None or at is None or run.time is None or not len(run.time):
+        return None
+    axis = str(outcome.get("axis") or "")
+    phrase = _REASONS.get(str(outcome.get("reason")))
+    side, _, pair = axis.partition(".")
+    reason = f"{axis} {phrase}" if axis and phrase else ""
+    return Stop(min(at, float(run.time[-1])), side, pair, kind, reason)

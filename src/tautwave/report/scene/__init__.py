@@ -1,0 +1,1 @@
+"""A recorded scene: its picture, animation and sound."""

@@ -1,0 +1,1 @@
+"""A recorded scene of points in three dimensions."""

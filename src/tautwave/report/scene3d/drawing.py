@@ -1,0 +1,197 @@
+"""A scene of points as a picture, seen from above and aside, and as an animation (GIF).
+
+Threads turn from grey to orange as they are stretched; a contact is drawn as the ball or the plane
+that it is, on the port or the mass that has it. What is nearer is drawn later. Pillow, as for
+scenes of one dimension.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from PIL import Image, ImageColor, ImageDraw
+
+from tautwave.canvas import EDGE, GRID, INK, MASTER, PAPER, SHADE, SLAVE, SOFT
+from tautwave.report.figures.envelope import Floats
+from tautwave.report.scene.drawing import (
+    HEIGHT,
+    LIGHT,
+    OVER,
+    WIDTH,
+    Colours,
+    ground,
+    pick_rows,
+    save_frames,
+    still_png,
+)
+from tautwave.report.scene3d.view import View3d, project
+
+DRAWN = ("spring", "nonlinear", "plastic", "damper")
+_MARGIN = 0.07
+
+
+class _Frame(NamedTuple):
+    """How metres become pixels, least and greatest stretch, balls by node, corners of planes."""
+
+    left: float
+    low: float
+    scale: float
+    slack: float
+    tight: float
+    balls: dict[str, float]
+    planes: list[Floats]
+
+    def pixels(self, seen: Floats) -> tuple[float, float]:
+        x = _MARGIN * WIDTH * OVER + (float(seen[0]) - self.left) * self.scale
+        y = (1.0 - _MARGIN) * HEIGHT * OVER - (float(seen[1]) - self.low) * self.scale
+        return x, y
+
+
+def draw_frame3d(view: View3d, row: int, title: str = "", *, dark: bool = False) -> Image.Image:
+    """Return the scene at one row of the recording, `OVER` times as large as in the animation."""
+    near = max(round(0.25 * view.rig.rate_hz), 1)
+    return _draw(
+        view, _layout(view, slice(max(0, row - near), row + near)), row, title, ground(dark)
+    )
+
+
+def write_animation3d(view: View3d, path: Path) -> None:
+    """Write scene.gif: the whole run, or the liveliest half second of a long one, slowed down."""
+    picked, title = pick_rows(view)
+    frame = _layout(view, slice(int(picked[0]), int(picked[-1]) + 1))
+    save_frames([_draw(view, frame, int(row), title) for row in picked], path)
+
+
+def still3d(view: View3d, dark: bool) -> bytes:
+    """Return the scene at its liveliest row as PNG."""
+    return still_png(view, partial(draw_frame3d, view, dark=dark))
+
+
+def _used(view: View3d) -> list[str]:
+    used = {end for link in view.network.links for end in (link.a, link.b)}
+    return [name for name in view.at if name in used]
+
+
+def _layout(view: View3d, rows: slice) -> _Frame:
+    balls = _balls(view)
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for name in _used(view):
+        seen = project(view.at[name][rows])[:, :2]
+        seen = seen[np.isfinite(seen).all(axis=1)]
+        if len(seen):
+            ball = balls.get(name, 0.0)
+            low = np.minimum(low, seen.min(axis=0) - ball)
+            high = np.maximum(high, seen.max(axis=0) + ball)
+    if not np.isfinite(low).all():
+        low, high = np.zeros(2), np.ones(2)
+    size = np.maximum(high - low, 1e-6)
+    room = np.array([WIDTH, HEIGHT]) * OVER * (1.0 - 2.0 * _MARGIN)
+    scale = float((room / size).min())
+    middle = 0.5 * (low + high) - 0.5 * room / scale
+    drawn = [
+        _lengths(view, link.a, link.b, rows) - link.rest
+        for link in view.network.links
+        if link.kind in DRAWN and link.a in view.at and link.b in view.at
+    ]
+    stretches = np.concatenate(drawn) if drawn else np.zeros(1)
+    stretches = stretches[np.isfinite(stretches)]
+    slack, tight = (float(stretches.min()), float(stretches.max())) if len(stretches) else (0, 0)
+    planes = _planes(view, rows)
+    return _Frame(float(middle[0]), float(middle[1]), scale, slack, tight, balls, planes)
+
+
+def _lengths(view: View3d, a: str, b: str, rows: slice) -> Floats:
+    return np.asarray(np.linalg.norm(view.at[a][rows] - view.at[b][rows], axis=1))
+
+
+def _balls(view: View3d) -> dict[str, float]:
+    """Return the radius of what touches as a ball: the port of a contact, or half each."""
+    ports = {port.name for port in view.network.ports}
+    found: dict[str, float] = {}
+    for link in view.network.links:
+        if link.kind == "contact" and link.normal is None:
+            hands = [end for end in (link.a, link.b) if end in ports]
+            for end in hands or (link.a, link.b):
+                radius = link.rest if hands else 0.5 * link.rest
+                found[end] = max(found.get(end, 0.0), radius)
+    return found
+
+
+def _planes(view: View3d, rows: slice) -> list[Floats]:
+    """Return the corners of a square piece of every plane, as wide as what moves over it."""
+    planes: list[Floats] = []
+    known: set[tuple[str, tuple[float, float, float]]] = set()
+    for link in view.network.links:
+        if link.normal is None or link.b not in view.at or (link.b, link.normal) in known:
+            continue
+        known.add((link.b, link.normal))
+        way = np.array(link.normal) / np.linalg.norm(link.normal)
+        where = np.concatenate([view.at[name][rows] for name in _used(view)])
+        where = where[np.isfinite(where).all(axis=1)]
+        middle = where.mean(axis=0)
+        middle = middle - way * float((middle - view.at[link.b][rows][0]) @ way - link.rest)
+        side = np.cross(way, [0.0, 1.0, 0.0] if abs(way[1]) < 0.9 else [1.0, 0.0, 0.0])
+        side /= np.linalg.norm(side)
+        size = float(np.abs(where - middle).max()) or 1e-3
+        other = np.cross(way, side)
+        corners = [(1, 1), (1, -1), (-1, -1), (-1, 1)]
+        planes.append(np.array([middle + size * (i * side + j * other) for i, j in corners]))
+    return planes
+
+
+def _draw(view: View3d, frame: _Frame, row: int, title: str, hue: Colours = LIGHT) -> Image.Image:
+    image = Image.new("RGB", (WIDTH * OVER, HEIGHT * OVER), hue[PAPER])
+    slack, tight = ImageColor.getrgb(hue[SHADE]), ImageColor.getrgb(hue[SLAVE])
+    pen = ImageDraw.Draw(image)
+    for corners in frame.planes:
+        pen.polygon([frame.pixels(seen) for seen in project(corners)], fill=hue[GRID])
+    seen = {name: project(view.at[name][row]) for name in _used(view)}
+    seen = {name: place for name, place in seen.items() if np.isfinite(place).all()}
+    shapes: list[tuple[float, str, tuple[str, ...], float]] = []
+    for link in view.network.links:
+        if link.kind in DRAWN and link.a in seen and link.b in seen:
+            stretch = _lengths(view, link.a, link.b, slice(row, row + 1))[0] - link.rest
+            share = (float(stretch) - frame.slack) / ((frame.tight - frame.slack) or 1.0)
+            share = min(max(share, 0.0), 1.0)
+            nearness = 0.5 * float(seen[link.a][2] + seen[link.b][2])
+            shapes.append((nearness, "link", (link.a, link.b), share))
+    shapes += [(float(place[2]), "node", (name,), 0.0) for name, place in seen.items()]
+    ports = {port.name for port in view.network.ports}
+    fixed = {name for name, _ in view.network.grounds}
+    # A knot is a point: small beside the ball, which its neighbours must not hide.
+    dot = max(1.2, min(2.4, 12.0 / math.sqrt(max(len(seen), 1)))) * OVER
+    for _, kind, names, share in sorted(shapes):
+        ends = [frame.pixels(seen[name]) for name in names]
+        if kind == "link":
+            colour = tuple(
+                round(one + share * (two - one)) for one, two in zip(slack, tight, strict=True)
+            )
+            pen.line(ends, fill=colour, width=round(1.5 * OVER))
+            continue
+        (x, y), name = ends[0], names[0]
+        if name in fixed:
+            half = 0.6 * dot
+            pen.rectangle((x - half, y - half, x + half, y + half), fill=hue[EDGE])
+            continue
+        radius = max(frame.balls.get(name, 0.0) * frame.scale, dot)
+        fill = hue[MASTER] if name in ports else hue[SLAVE]
+        box = (x - radius, y - radius, x + radius, y + radius)
+        pen.ellipse(box, fill=fill, outline=hue[INK], width=OVER)
+        if radius > 6.0 * OVER:  # a light from the left above makes a ball of a disc
+            shine = tuple(round(0.6 * part + 0.4 * 255) for part in ImageColor.getrgb(fill))
+            x, y, radius = x - 0.35 * radius, y - 0.35 * radius, 0.3 * radius
+            pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=shine)
+    for name in frame.balls:  # its outline over all that lies before it
+        if name in ports and name in seen:
+            (x, y), radius = frame.pixels(seen[name]), max(frame.balls[name] * frame.scale, dot)
+            box = (x - radius, y - radius, x + radius, y + radius)
+            pen.ellipse(box, outline=hue[INK], width=OVER)
+    caption = f"{title}{view.time[row]:.4f} s"
+    pen.text(
+        (0.01 * WIDTH * OVER, 0.93 * HEIGHT * OVER), caption, fill=hue[SOFT], font_size=13 * OVER
+    )
+    return image

@@ -1,0 +1,64 @@
+"""The still figure of a scene of points: how far all moved, what the device feels, the energies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tautwave.canvas import MASTER, SLAVE, heading, panels, plain
+from tautwave.canvas import legend as draw_legend
+from tautwave.report.scene.figure import AXES, draw_efforts, draw_energies, draw_heard, thin
+from tautwave.report.scene3d.view import View3d
+from tautwave.report.units import scale_for
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def figure3d(view: View3d) -> Figure:
+    """Return the figure: heights, the device's way, efforts, sound and energies, each by itself."""
+    figure, axes = panels([1.8, 1.3, 1.3, 1.0, 1.6], "The scene")
+    _heights(axes[0], view)
+    _across(axes[1], view)
+    draw_efforts(axes[2], view)
+    draw_heard(axes[3], view)
+    draw_energies(axes[4], view, ("lifted", "stored"))
+    return figure
+
+
+def _heights(axes: Axes, view: View3d) -> None:
+    masses = view.moving
+    shown = [*masses, *(port.name for port in view.network.ports)]
+    peak = max((float(np.nanmax(np.abs(view.at[name][:, 2]))) for name in shown), default=0.0)
+    factor, unit = scale_for(peak, "m")
+    for at, name in enumerate(masses):
+        time, height = thin(view.time, view.at[name][:, 2])
+        label = f"{len(masses)} masses" if len(masses) > 1 else plain(name)
+        wide = 0.7 if len(masses) > 1 else 1.2
+        label = label if at == 0 else "_"
+        axes.plot(time, factor * height, color=SLAVE, linewidth=wide, label=label)
+    for port in view.network.ports:
+        time, height = thin(view.time, view.at[port.name][:, 2])
+        label = f"{plain(port.name)}, in the hand"
+        axes.plot(time, factor * height, color=MASTER, linewidth=1.8, label=label)
+    axes.set_ylabel(f"height z [{unit}]")
+    heading(axes, "Heights")
+    draw_legend(axes)
+
+
+def _across(axes: Axes, view: View3d) -> None:
+    """The device's way in the plane."""
+    ports = [port.name for port in view.network.ports]
+    peak = max((float(np.nanmax(np.abs(view.at[name][:, :2]))) for name in ports), default=0.0)
+    factor, unit = scale_for(peak, "m")
+    for name in ports:
+        for at, c in enumerate("xy"):
+            time, moved = thin(view.time, view.at[name][:, at])
+            colour, style = AXES[at]
+            label = f"{plain(name)}, {c}"
+            axes.plot(time, factor * moved, style, color=colour, linewidth=1.2, label=label)
+    axes.set_ylabel(f"position [{unit}]")
+    heading(axes, "Where the device is, in the plane")
+    draw_legend(axes)

@@ -1,0 +1,1 @@
+"""From a rig's `scene` keys to the network that runs, in one dimension or three."""

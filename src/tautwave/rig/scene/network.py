@@ -1,0 +1,329 @@
+"""From a rig's `scene` keys to its network, its outside forces, and what runs it."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from array import array
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tautwave.config import Axis, Rig, Scene, SceneLink
+from tautwave.config.keys.scene import SoundForce
+from tautwave.config.sounds import read_sound
+from tautwave.controller.records import PIPE
+from tautwave.errors import ConfigError
+from tautwave.files import make_directory, write_bytes
+from tautwave.laws.admittance import admittance_params
+from tautwave.laws.port import port_params, sensor_allowance
+from tautwave.laws.site import SiteParams
+from tautwave.laws.wave_filter import filter_gain
+from tautwave.rig.controller import (
+    NO_WALL,
+    axis_names,
+    controlled_axis,
+    limit_params,
+    run_params,
+    velocity_gain,
+)
+from tautwave.rig.truth import SEED_WORD
+from tautwave.runtime.scene.axes import MOST_NODES, SceneControl, SceneRun
+from tautwave.runtime.scene.hold import HoldAccount
+from tautwave.scene.choice import SceneChoice, choose_scene_scheme
+from tautwave.scene.live import SceneModel
+from tautwave.scene.network import ACTIVE, GROUND, Link, Mass, Network, String
+from tautwave.scene.pruning import Pruned, prune
+from tautwave.scene.signals import force_signal, sound_signal
+from tautwave.types import CommandDelay
+
+if TYPE_CHECKING:  # a scene of one dimension loads nothing of three
+    from tautwave.scene3d.live import Model3d
+
+COUPLING = "coupling"
+"""What a port's own spring is called: `coupling of NAME`."""
+
+HOLD_SPEED = 0.1
+"""Of its velocity limit: by the energy of a device that fast a scene may be overdrawn."""
+
+
+def scene_of(rig: Rig) -> Scene:
+    """Return the scene of a rig that has one, with the scheme that runs it."""
+    scene = _given(rig)
+    if scene.scheme != "auto":
+        return scene
+    return scene.model_copy(update={"scheme": scheme_choice(rig).scheme})
+
+
+def _given(rig: Rig) -> Scene:
+    """Return the scene as the file has it."""
+    assert isinstance(rig.scene, Scene)
+    return rig.scene
+
+
+def scheme_choice(rig: Rig) -> SceneChoice:
+    """Return what `scheme: auto` takes: at the velocity limit of the fastest port."""
+    scene = _given(rig)
+    speed = max(
+        (
+            abs(port.position_scale) * top_speed(rig.axes[f"master.{name}"])
+            for name, port in scene.ports.items()
+        ),
+        default=0.0,
+    )
+    return choose_scene_scheme(pruned_network(rig).network, rig.period_s, speed)
+
+
+def top_speed(axis: Axis) -> float:
+    """Return an axis' velocity limit; without one, what its greatest effort makes in 0.1 s."""
+    assert axis.inertia is not None
+    if axis.velocity_limit is not None:
+        return axis.velocity_limit
+    return 0.1 * (axis.effort_limit or math.inf) / axis.inertia.lower
+
+
+def whole_network(rig: Rig) -> Network:
+    """Return a rig's network with every group spelled out, nothing left out."""
+    scene = _given(rig)
+    masses = [
+        Mass(node, keys.mass, keys.position + at * keys.spacing, keys.velocity, keys.damping)
+        for name, keys in scene.masses.items()
+        for at, node in enumerate(scene.nodes_of(name))
+    ]
+    links = [link for name, keys in scene.links.items() for link in _links(scene, name, keys)]
+    for name, port in scene.ports.items():
+        if port.to is not None and port.stiffness is not None:
+            ends = scene.nodes_of(port.to)
+            links += [
+                Link(
+                    f"{COUPLING} of {name}" if len(ends) == 1 else f"{COUPLING} of {name} to {end}",
+                    "spring",
+                    name,
+                    end,
+                    stiffness=port.stiffness,
+                    damping=port.damping,
+                )
+                for end in ends
+            ]
+    forced = dict.fromkeys(
+        node for force in scene.forces.values() for node in scene.nodes_of(force.on)
+    )
+    return Network(
+        masses=tuple(masses),
+        links=tuple(links),
+        ports=tuple(scene.ports),
+        grounds=((GROUND, 0.0), *scene.grounds.items()),
+        forced=tuple(forced),
+        recorded=tuple(node for name in scene.record for node in scene.nodes_of(name)),
+        gravity=scene.gravity,
+        strings=tuple(_strings(rig)),
+    )
+
+
+def pruned_network(rig: Rig) -> Pruned:
+    """Return the network as it runs, and what was left out of it."""
+    return prune(whole_network(rig))
+
+
+def _links(scene: Scene, name: str, keys: SceneLink) -> list[Link]:
+    one, two = (scene.nodes_of(end) for end in keys.between)
+    if keys.chain:
+        pairs = list(zip(one[1:], one[:-1], strict=True))
+    else:
+        count = max(len(one), len(two))
+        pairs = list(zip(one * (count // len(one)), two * (count // len(two)), strict=True))
+    laws = _law(keys)
+    return [
+        Link(name if len(pairs) == 1 else f"{name}{at + 1}", keys.type, a, b, **laws)
+        for at, (a, b) in enumerate(pairs)
+    ]
+
+
+def _law(keys: SceneLink) -> dict[str, Any]:
+    """Return the constants of a link by the names of `scene.network.Link`."""
+    renamed = {"yield_force": "limit", "force": "limit", "power": "limit", "speed": "scale"}
+    renamed |= {"gap": "rest"}
+    values = keys.model_dump(exclude={"type", "between", "chain"})
+    return {renamed.get(name, name): value for name, value in values.items()}
+
+
+def _strings(rig: Rig) -> list[String]:
+    """Return the strings with their halves in samples; the round trip is 2 (near + far) + 4."""
+    found = []
+    for name, keys in _given(rig).strings.items():
+        half = max(round(0.5 * rig.rate_hz / keys.frequency_hz), 4)
+        near = min(max(round(keys.position * half) - 1, 1), half - 3)
+        smoothing = 1.0
+        if keys.brightness_hz is not None:
+            smoothing = filter_gain(keys.brightness_hz, rig.period_s)
+        found.append(
+            String(name, keys.impedance, near, half - 2 - near, keys.reflection, smoothing)
+        )
+    return found
+
+
+def scene_forces(rig: Rig, network: Network, cycles: int) -> list[Sequence[float]]:
+    """Return the outside force on each of `network.forced` over a run [N], packed."""
+    scene = scene_of(rig)
+    total: dict[str, Any] = {}
+    sounds = {
+        name: sound_force(keys, rig.rate_hz, cycles)
+        for name, keys in scene.forces.items()
+        if keys.type == "sound"
+    }
+    for name, keys in scene.forces.items():
+        for node in scene.nodes_of(keys.on):
+            if node not in network.forced:
+                continue
+            if name in sounds:
+                signal = sounds[name]
+            else:
+                # By name, not by place: another force in the rig shifts no stream.
+                seed = (rig.seed % SEED_WORD, zlib.crc32(f"{name} on {node}".encode()))
+                signal = force_signal(keys.model_dump(), rig.rate_hz, cycles, seed)
+            total[node] = total[node] + signal if node in total else signal
+    return [array("d", total[node].tobytes()) for node in network.forced]
+
+
+def sound_force(keys: SoundForce, rate_hz: float, cycles: int) -> Any:
+    """Return the force of a sound over a run [N].
+
+    Raises
+    ------
+    ConfigError
+        The file has gone, or is another one, since the rig was read.
+    """
+    path = Path(keys.file)
+    try:
+        sound = read_sound(path)
+    except ConfigError as err:
+        raise ConfigError(f"{path}: {err}") from err
+    return sound_signal(keys.model_dump(), sound.samples, sound.rate_hz, rate_hz, cycles)
+
+
+def keep_sounds(rig: Rig, directory: Path) -> Rig:
+    """Copy a rig's sounds into `directory`/sounds; return the rig that names the copies.
+
+    Their paths are relative, so that the directory can go anywhere and its rig.yaml still runs.
+    """
+    if rig.scene is None or not any(f.type == "sound" for f in rig.scene.forces.values()):
+        return rig
+    forces = dict(rig.scene.forces)
+    for name, keys in rig.scene.forces.items():
+        if keys.type != "sound":
+            continue
+        folder = directory / "sounds"
+        make_directory(folder)
+        write_bytes(folder / f"{name}.wav", Path(keys.file).read_bytes())
+        forces[name] = keys.model_copy(update={"file": f"sounds/{name}.wav"})
+    return rig.model_copy(update={"scene": rig.scene.model_copy(update={"forces": forces})})
+
+
+def scene_site(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteParams:
+    """Return the constants of the laws of an axis that renders a scene."""
+    axis = rig.axes[axis_name]
+    assert axis.inertia is not None
+    gain = velocity_gain(rig, axis)
+    allowance = sensor_allowance(rig.period_s, 1.0, gain, axis.encoder_quantum, axis.position_noise)
+    return SiteParams(
+        port=port_params(rig.period_s, 1.0, axis.inertia.lower, False, 0.05, allowance),
+        admittance=admittance_params(rig.period_s, 1.0, 0.0, delay.periods),
+        wall=NO_WALL,
+        limit=limit_params(rig, axis),
+        gain=gain,
+        stiffness=0.0,
+        damping=0.0,
+        velocity_quantum=0.0,
+        has_wall=False,
+    )
+
+
+def scene_control(
+    rig: Rig,
+    delays: Mapping[str, CommandDelay],
+    cycles: int,
+    ports: Sequence[str],
+    nodes: Sequence[str],
+) -> SceneControl:
+    """Return the controller of a scene, without the scene; `ports` are axes of the master."""
+    axes = tuple(delays)
+    params = []
+    at = 0
+    for name in axes:
+        delay = delays[name]
+        params.append(controlled_axis(rig, name, delay, scene_site(rig, name, delay), at))
+        at += PIPE * delay.periods
+    return SceneControl(
+        run_params(rig, cycles, len(axes)),
+        axis_names(rig, axes),
+        params,
+        [axes.index(f"master.{name}") for name in ports],
+        ports,
+        nodes,
+        [0.0] * at,
+    )
+
+
+def scene_run(
+    control: SceneControl,
+    model: SceneModel | Model3d,
+    scales: Sequence[float],
+    offsets: Sequence[float],
+    forces: Sequence[Sequence[float]],
+    account: HoldAccount | None,
+) -> SceneControl:
+    """Put a scene behind its controller, and return that."""
+    axes = [control.axes[at] for at in control.ports]
+    params = [control.params[at] for at in control.ports]
+    control.scene = SceneRun(model, axes, params, scales, offsets, forces, account)
+    return control
+
+
+def hold_account(
+    rig: Rig, links: Sequence[Link], names: Sequence[str], control: SceneControl, scheme: str
+) -> HoldAccount | None:
+    """Return what bounds the energy that held efforts create; None for instruments that feed.
+
+    `names` are those of the axes on the master. The allowance is the energy of all devices at
+    `HOLD_SPEED` of their velocity limits.
+    """
+    if any(link.kind in ACTIVE for link in links):
+        return None  # nothing is certified of these, and their energy has no bound to keep
+    keys = [rig.axes[f"master.{name}"] for name in names]
+    allowance = 0.0
+    for axis in keys:
+        assert axis.inertia is not None
+        mass = axis.inertia.lower
+        allowance += 0.5 * mass * (HOLD_SPEED * top_speed(axis)) ** 2
+    params = [control.params[at] for at in control.ports]
+    return HoldAccount(
+        [control.axes[at] for at in control.ports],
+        [(p.delay, p.late) for p in params],
+        [axis.damping.lower for axis in keys],
+        rig.period_s,
+        allowance,
+        holds_forces=scheme == "symplectic",
+    )
+
+
+def build_scene(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -> SceneControl:
+    """Build the scene of a rig and the controller of its axes; `delays` in their order.
+
+    Raises
+    ------
+    ConfigError
+        The scheme cannot do this network.
+    """
+    scene = scene_of(rig)
+    network = pruned_network(rig).network
+    model = SceneModel(network, scene.scheme, rig.period_s, keep_books=True)
+    ports = network.ports
+    control = scene_control(rig, delays, cycles, ports, model.compiled.masses[:MOST_NODES])
+    return scene_run(
+        control,
+        model,
+        [scene.ports[name].position_scale for name in ports],
+        [scene.ports[name].offset for name in ports],
+        scene_forces(rig, network, cycles),
+        hold_account(rig, network.links, ports, control, scene.scheme),
+    )

@@ -1,0 +1,175 @@
+"""From the `scene` keys of a rig with three dimensions to its network, and what runs it."""
+
+from __future__ import annotations
+
+import zlib
+from array import array
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from tautwave.config import Link3d, Rig, Scene3d, Vector
+from tautwave.rig.scene.network import COUPLING, hold_account, scene_control, scene_run, sound_force
+from tautwave.rig.truth import SEED_WORD
+from tautwave.runtime.scene.axes import MOST_NODES, SceneControl
+from tautwave.scene.network import GROUND, Link
+from tautwave.scene.signals import force_signal
+from tautwave.scene3d.live import Model3d
+from tautwave.scene3d.network import (
+    ORIGIN,
+    WAYS,
+    Mass3d,
+    Network3d,
+    Port3d,
+    Pruned3d,
+    prune_network3d,
+    unit,
+)
+from tautwave.types import CommandDelay
+
+
+def scene3d_of(rig: Rig) -> Scene3d:
+    """Return the scene of a rig that has one of three dimensions."""
+    assert isinstance(rig.scene, Scene3d)
+    return rig.scene
+
+
+def whole_network3d(rig: Rig) -> Network3d:
+    """Return a rig's network with every group spelled out, nothing left out."""
+    scene = scene3d_of(rig)
+    masses: list[Mass3d] = []
+    grounds: list[tuple[str, Vector]] = [(GROUND, ORIGIN), *scene.grounds.items()]
+    for name, keys in scene.masses.items():
+        rim = scene.rim_of(name)
+        for at, node in enumerate(scene.nodes_of(name)):
+            row, column = divmod(at, keys.count)
+            place = _sum(keys.position, (column, keys.spacing), (row, keys.row_spacing))
+            if node in rim:
+                grounds.append((node, place))
+            else:
+                masses.append(Mass3d(node, keys.mass, place, keys.velocity, keys.damping))
+    links = [link for name, keys in scene.links.items() for link in _links(scene, name, keys)]
+    for name, port in scene.ports.items():
+        if port.to is not None and port.stiffness is not None:
+            ends = scene.nodes_of(port.to)
+            links += [
+                Link(
+                    f"{COUPLING} of {name}" if len(ends) == 1 else f"{COUPLING} of {name} to {end}",
+                    "spring",
+                    name,
+                    end,
+                    stiffness=port.stiffness,
+                    damping=port.damping,
+                )
+                for end in ends
+            ]
+    moving = {mass.name for mass in masses}
+    forced = dict.fromkeys(
+        (node, unit(force.direction))
+        for force in scene.forces.values()
+        for node in scene.nodes_of(force.on)
+        if node in moving
+    )
+    down = scene.gravity
+    return Network3d(
+        masses=tuple(masses),
+        links=tuple(links),
+        ports=tuple(
+            Port3d(
+                name,
+                tuple(scene.axes_of(name)),
+                tuple(unit(way) for way in (port.directions or WAYS)),
+                port.offset,
+            )
+            for name, port in scene.ports.items()
+        ),
+        grounds=tuple(grounds),
+        forced=tuple(forced),
+        recorded=tuple(
+            node for name in scene.record for node in scene.nodes_of(name) if node in moving
+        ),
+        gravity=down if isinstance(down, tuple) else (0.0, 0.0, -down),
+    )
+
+
+def pruned_network3d(rig: Rig) -> Pruned3d:
+    """Return the network as it runs, and what was left out of it."""
+    return prune_network3d(whole_network3d(rig))
+
+
+def _sum(start: Vector, *steps: tuple[int, Vector]) -> Vector:
+    x, y, z = (start[c] + sum(times * step[c] for times, step in steps) for c in range(3))
+    return x, y, z
+
+
+def _links(scene: Scene3d, name: str, keys: Link3d) -> list[Link]:
+    one, two = (scene.nodes_of(end) for end in keys.between)
+    if keys.chain:
+        across = scene.masses[keys.between[0]].count
+        pairs = [(one[at + 1], one[at]) for at in range(len(one) - 1) if (at + 1) % across]
+        pairs += list(zip(one[across:], one[:-across], strict=True))
+    else:
+        count = max(len(one), len(two))
+        pairs = list(zip(one * (count // len(one)), two * (count // len(two)), strict=True))
+    fixed = scene.rim_of(keys.between[0]) | scene.rim_of(keys.between[1])
+    fixed |= {GROUND, *scene.grounds}
+    laws = _law(keys)
+    return [
+        Link(name if len(pairs) == 1 else f"{name}{at + 1}", keys.type, a, b, **laws)
+        for at, (a, b) in enumerate(pairs)
+        if not (a in fixed and b in fixed)  # along a clamped rim
+    ]
+
+
+def _law(keys: Link3d) -> dict[str, Any]:
+    """Return the constants of a link by the names of `scene.network.Link`."""
+    renamed = {"yield_force": "limit", "force": "limit", "power": "limit", "speed": "scale"}
+    renamed |= {"gap": "rest"}
+    values = keys.model_dump(exclude={"type", "between", "chain"})
+    return {renamed.get(name, name): value for name, value in values.items()}
+
+
+def forces3d(rig: Rig, network: Network3d, cycles: int) -> list[Sequence[float]]:
+    """Return each outside force of `network.forced` over a run [N], packed."""
+    scene = scene3d_of(rig)
+    total: dict[tuple[str, Vector], Any] = {}
+    for name, keys in scene.forces.items():
+        sound = sound_force(keys, rig.rate_hz, cycles) if keys.type == "sound" else None
+        for node in scene.nodes_of(keys.on):
+            force = (node, unit(keys.direction))
+            if force not in network.forced:
+                continue
+            signal = sound
+            if signal is None:
+                # By name, not by place: another force in the rig shifts no stream.
+                seed = (rig.seed % SEED_WORD, zlib.crc32(f"{name} on {node}".encode()))
+                signal = force_signal(keys.model_dump(), rig.rate_hz, cycles, seed)
+            total[force] = total[force] + signal if force in total else signal
+    return [array("d", total[force].tobytes()) for force in network.forced]
+
+
+def columns3d(network: Network3d) -> list[str]:
+    """Return what the first coordinates of the network's masses are called, `NAME.x` and so on."""
+    return [f"{mass.name}.{c}" for mass in network.masses[:MOST_NODES] for c in "xyz"]
+
+
+def axis_scales(rig: Rig) -> list[float]:
+    """Return how far each axis of the ports moves the scene, in the network's order."""
+    scene = scene3d_of(rig)
+    return [port.position_scale for name, port in scene.ports.items() for _ in scene.axes_of(name)]
+
+
+def build_network3d(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -> SceneControl:
+    """Build the scene of a rig and the controller of its axes; see `rig.scene.build_scene`."""
+    network = pruned_network3d(rig).network
+    scheme = scene3d_of(rig).scheme
+    model = Model3d(network, scheme, rig.period_s, keep_books=True)
+    axes = network.axes
+    control = scene_control(rig, delays, cycles, axes, columns3d(network))
+    return scene_run(
+        control,
+        model,
+        axis_scales(rig),
+        [0.0] * len(axes),
+        forces3d(rig, network, cycles),
+        hold_account(rig, network.links, axes, control, scheme),
+    )

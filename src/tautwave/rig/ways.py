@@ -1,0 +1,266 @@
+"""What each bus of a rig connects to: hardware, simulated here, or simulated elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from enum import Enum
+from typing import Any, NamedTuple
+
+from tautwave.config import Rig
+from tautwave.contracts import DriverPlugin, Endpoint
+from tautwave.errors import ConfigError
+from tautwave.registry import load_driver, load_simulator
+
+NO_OPTIONS: Mapping[str, Any] = {}
+Simulate = bool | Collection[str]
+"""Buses to simulate although they name hardware; True: all of them."""
+
+
+class Way(Enum):
+    """What answers on a bus, and for simulated devices of this run where they live."""
+
+    HARDWARE = "hardware"
+    MEMORY = "simulated here, in memory"
+    SERVED = "simulated here, served by this run"
+    ELSEWHERE = "simulated elsewhere"
+
+
+class BusWay(NamedTuple):
+    """The way of one bus.
+
+    `named` is the endpoint in the rig file; `endpoint` what is opened, "" where nothing is, or as
+    long as it is not known; `options` are laid over those of the bus; `server` is the process
+    that serves it elsewhere, 0 where that is not known.
+    """
+
+    way: Way
+    named: Endpoint
+    endpoint: str = ""
+    options: Mapping[str, Any] = NO_OPTIONS
+    server: int = 0
+
+    @property
+    def forced(self) -> bool:
+        """Whether devices are simulated although the rig names hardware."""
+        return self.way is not Way.HARDWARE and self.named.kind == "real"
+
+    def describe(self) -> str:
+        """Return the way as text, for people."""
+        if self.way is Way.HARDWARE:
+            return f"hardware at {self.endpoint or 'what its options name'}"
+        text = str(self.way.value)
+        if self.endpoint:
+            text += f", at {self.endpoint}" if self.way is Way.ELSEWHERE else f" at {self.endpoint}"
+        elif self.way is Way.SERVED:
+            text += " on an endpoint of its own"
+        if self.server:
+            text += f" (process {self.server})"
+        if self.forced:
+            text += f"; {self.named.name or 'the hardware'} is not opened"
+        return text
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain data for JSON; `endpoint` is None where nothing is opened."""
+        way, _, where = str(self.way.value).partition(", ")
+        return {
+            "way": way,
+            "where": where or None,
+            "endpoint": self.endpoint or None,
+            "named": self.named.name or None,
+            "forced": self.forced,
+            "words": self.describe(),
+        }
+
+
+def choose_way(
+    named: Endpoint,
+    *,
+    fake: bool,
+    simulation: bool,
+    simulate: bool = False,
+    attach: bool = False,
+    serves: bool = False,
+) -> Way | None:
+    """Return the way of a bus, None where nothing would answer.
+
+    Parameters
+    ----------
+    named : Endpoint
+        Where the driver's options lead.
+    fake : bool
+        A fake clock runs; no endpoint keeps its time.
+    simulation : bool
+        The rig has a simulation block.
+    simulate, attach : bool
+        What was asked for: simulate this bus; use devices that are served already.
+    serves : bool
+        Its simulator has an endpoint of its own for these options.
+    """
+    if not simulation:
+        if named.kind == "none" or (fake and named.kind == "real"):
+            return None
+        return Way.HARDWARE if named.kind == "real" else Way.ELSEWHERE
+    if fake:
+        return Way.MEMORY
+    if named.kind == "real" and not simulate:
+        return Way.HARDWARE
+    if not serves:
+        return Way.MEMORY
+    return Way.ELSEWHERE if attach else Way.SERVED
+
+
+def bus_ways(
+    rig: Rig, *, clock: str = "real", simulate: Simulate = (), attach: bool = False
+) -> dict[str, BusWay]:
+    """Return the way of every bus of a rig; touches nothing.
+
+    Parameters
+    ----------
+    rig : Rig
+        A checked rig.
+    clock : str
+        `real`, or `fake`, on which everything is simulated in memory.
+    simulate : bool or collection of str
+        Buses to simulate although they name hardware; True: all.
+    attach : bool
+        Simulated devices are served already, instead of by this run.
+
+    Raises
+    ------
+    ConfigError
+        A bus has nothing that could answer, there is no such bus, or nothing to attach to.
+    """
+    fake = clock == "fake"
+    _refuse_nonsense(rig, fake, simulate, attach)
+    ways = {}
+    problems = []
+    for name in rig.buses:
+        asked = simulate if isinstance(simulate, bool) else name in simulate
+        found = _way_of(rig, name, fake, asked, attach)
+        if found is None:
+            problems.append(_nothing_answers(rig, name, fake))
+        else:
+            ways[name] = found
+    if problems:
+        raise ConfigError(problems)
+    if attach and not any(found.way is Way.ELSEWHERE for found in ways.values()):
+        found_ways = "; ".join(f"bus {name}: {found.describe()}" for name, found in ways.items())
+        raise ConfigError(
+            f"{rig.name}: --attach: no bus has devices that are served elsewhere ({found_ways})"
+            + ("; give --simulate too" if _names_hardware(ways) else "")
+        )
+    return ways
+
+
+def _refuse_nonsense(rig: Rig, fake: bool, simulate: Simulate, attach: bool) -> None:
+    if fake and attach:
+        raise ConfigError(
+            f"{rig.name}: --attach requires the real clock; the fake clock simulates in memory"
+        )
+    if not isinstance(simulate, bool):
+        for name in simulate:
+            if name not in rig.buses:
+                raise ConfigError(
+                    f"{rig.name}: --simulate {name}: there is no such bus; the rig has "
+                    f"{', '.join(rig.buses)}"
+                )
+    if simulate and rig.simulation is None:
+        raise ConfigError(
+            f"{rig.name}: --simulate: there is nothing to simulate; add a simulation block to the "
+            "rig file"
+        )
+
+
+def _way_of(rig: Rig, name: str, fake: bool, simulate: bool, attach: bool) -> BusWay | None:
+    bus = rig.buses[name]
+    named = endpoint_of(load_driver(bus.driver), bus.options)
+    forced = named.kind == "real" and simulate and not fake
+    options: Mapping[str, Any] = NO_OPTIONS
+    serves = False
+    if rig.simulation is not None and not fake and (named.kind != "real" or forced):
+        simulator = load_simulator(bus.driver)
+        if forced:
+            options = simulator.instead(simulator.options.model_validate(bus.options))
+        checked = simulator.options.model_validate({**bus.options, **options})
+        serves = simulator.serve is not None and simulator.served(checked)
+    way = choose_way(
+        named,
+        fake=fake,
+        simulation=rig.simulation is not None,
+        simulate=simulate,
+        attach=attach,
+        serves=serves,
+    )
+    if way is None:
+        return None
+    opened = way is not Way.MEMORY and not forced
+    return BusWay(way, named, named.name if opened else "", options)
+
+
+def endpoint_of(plugin: DriverPlugin, options: Mapping[str, Any]) -> Endpoint:
+    """Return where the options of a bus lead, as its driver says."""
+    if plugin.endpoint is None:
+        return Endpoint("real" if plugin.hardware else "virtual")
+    return plugin.endpoint(plugin.options.model_validate(options))
+
+
+def _names_hardware(ways: Mapping[str, BusWay]) -> bool:
+    return any(found.way is Way.HARDWARE for found in ways.values())
+
+
+def _nothing_answers(rig: Rig, name: str, fake: bool) -> str:
+    bus = rig.buses[name]
+    found = endpoint_of(load_driver(bus.driver), bus.options)
+    if fake and found.kind == "real":
+        return (
+            f"bus {name}: the fake clock cannot pace {found.name or 'hardware'}; add a "
+            "simulation block to the rig, or run on the real clock"
+        )
+    driver = bus.driver
+    if driver == "loopback":
+        return f"bus {name}: nothing answers on it; add a simulation block to the rig"
+    return (
+        f"bus {name}: it has no endpoint, and the rig has no simulation; add a simulation block "
+        "to the rig, or name a device in its options"
+    )
+
+
+def overlaid(rig: Rig, ways: Mapping[str, BusWay]) -> Rig:
+    """Return the rig with the options that its ways lay over those of the buses."""
+    buses = {
+        name: bus.model_copy(update={"options": {**bus.options, **ways[name].options}})
+        if name in ways and ways[name].options
+        else bus
+        for name, bus in rig.buses.items()
+    }
+    return rig.model_copy(update={"buses": buses})
+
+
+def as_taken(rig: Rig, ways: Mapping[str, BusWay]) -> Rig:
+    """Return the rig as its ways make it: what is hardware has no simulated truth.
+
+    Where every bus is hardware there is no simulation left; else the hand of a real master, the
+    environment of a real slave and the truth of both are taken out.
+    """
+    if rig.simulation is None:
+        return rig
+    real = {
+        name
+        for name, axis in rig.axes.items()
+        if axis.bus in ways and ways[axis.bus].way is Way.HARDWARE
+    }
+    if not real:
+        return rig
+    if real == set(rig.axes):
+        return rig.model_copy(update={"simulation": None})
+    old = rig.simulation
+    left = old.model_copy(
+        update={
+            "axes": {name: one for name, one in old.axes.items() if name not in real},
+            "hand": {name: one for name, one in old.hand.items() if f"master.{name}" not in real},
+            "environment": {
+                name: one for name, one in old.environment.items() if f"slave.{name}" not in real
+            },
+        }
+    )
+    return rig.model_copy(update={"simulation": left})

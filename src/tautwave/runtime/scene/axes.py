@@ -1,0 +1,251 @@
+"""A scene in the loop: axes of the master as its ports, and its books.
+
+All ports of a cycle are closed first; the last one advances the scene by one period with what is
+measured now, and every axis gets the effort that answers it: the paper's one-sample structure. What
+ramp and limits cut off, and what a held effort creates, is the difference between what the devices
+gave and what the network got: `hold`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from tautwave.contracts import Row
+from tautwave.controller.axis import (
+    fade_axis,
+    pass_slot,
+    render_axis,
+    start_axis,
+    stop_axis,
+    take_sample,
+)
+from tautwave.controller.records import FINISHED, AxisParams, AxisState, RunParams
+from tautwave.controller.rows import axis_columns, fill_axis
+from tautwave.controller.run import arm, ramp_share, stop_on_guard
+from tautwave.controller.stops import AxisName
+from tautwave.laws.limit import OVERDRAWN, RUNAWAY, RUNAWAY_TIMES
+from tautwave.runtime.control import Control
+from tautwave.runtime.scene.hold import HoldAccount
+from tautwave.scene.ledger import Ledger
+from tautwave.scene.live import SceneModel
+
+if TYPE_CHECKING:  # a scene of one dimension loads nothing of three
+    from tautwave.scene3d.live import Model3d
+
+MOST_NODES = 100
+"""Positions of more nodes are not recorded."""
+
+
+class SceneRun:
+    """The scene of a run, its axes, and how their positions are the scene's.
+
+    Parameters
+    ----------
+    model : SceneModel or Model3d
+        With books.
+    axes, params : sequences of AxisState and AxisParams
+        One per port of the network, in its order; one per axis of a port in three dimensions.
+    scales, offsets : sequences of float
+        Position in the scene: scale * position of the axis + offset.
+    forces : sequence of sequences of float
+        Outside force on each forced mass by slot [N]; 0 after its end.
+    account : HoldAccount, optional
+        Ends the run where holding the efforts has created too much.
+    """
+
+    def __init__(
+        self,
+        model: SceneModel | Model3d,
+        axes: Sequence[AxisState],
+        params: Sequence[AxisParams],
+        scales: Sequence[float],
+        offsets: Sequence[float],
+        forces: Sequence[Sequence[float]],
+        account: HoldAccount | None = None,
+    ) -> None:
+        self.model = model
+        self.account = account
+        self.axes = axes
+        self.params = params
+        self._scales = scales
+        self._offsets = offsets
+        self._forces = forces
+        self._slots = min(map(len, forces), default=0)
+        self.slot = 0
+        self.positions = [0.0] * len(axes)
+        self.efforts = [0.0] * len(axes)
+        self._most = [RUNAWAY_TIMES * p.site.limit.effort for p in params]
+        self._ended = 0
+
+    def place(self, port: int) -> None:
+        """Take where an axis was measured."""
+        self.positions[port] = self._scales[port] * self.axes[port].position + self._offsets[port]
+
+    def begin(self) -> None:
+        """Start the scene with the ports where they are."""
+        self.model.reset(self.positions)
+        self.slot = 0
+        self._ended = 0
+        if self.account is not None:
+            self.account.begin()
+
+    def is_calm(self, port: int, share: float) -> bool:
+        """Return True when the scene at rest asks an axis for at most `share` of its limit."""
+        resting = self._scales[port] * self.model.resting_efforts()[port]
+        return abs(resting) <= share * self.params[port].site.limit.effort
+
+    def think(self, skipped: int, ramp: float) -> None:
+        """Advance over the slots that went by and this one; render what the scene answers."""
+        if not self._ended:
+            self._ended = self._advance(skipped)
+        for s, p, effort in zip(self.axes, self.params, self.efforts, strict=True):
+            ceiling = ramp * p.ceiling
+            if self._ended and not s.stopping:
+                s.guard = self._ended
+                stop_axis(s, p, ceiling)
+            elif s.valid:
+                s.guard = render_axis(s, p, effort, ceiling)
+            elif s.stopping:
+                fade_axis(s, p, ceiling)
+
+    def _advance(self, skipped: int) -> int:
+        """Step the network; return 0, or a guard's code and leave the efforts as they were.
+
+        RUNAWAY: its state is not finite or grows beyond all scales, an unstable instrument.
+        OVERDRAWN: holding its efforts has created more energy than can be answered for.
+        """
+        try:
+            for _ in range(skipped + 1):
+                at = self.slot
+                self.slot = at + 1
+                pushes = (
+                    [force[at] for force in self._forces] if at < self._slots else self._silence
+                )
+                pulls = self.model.advance(self.positions, pushes)
+        except ArithmeticError:  # powers of floats raise where products are infinite
+            return RUNAWAY
+        asked = [scale * pull for scale, pull in zip(self._scales, pulls, strict=True)]
+        if not all(-most <= one <= most for most, one in zip(self._most, asked, strict=True)):
+            return RUNAWAY  # NaN as well
+        account = self.account
+        if account is not None and account.overdrawn(self.efforts, skipped + 1, self.model.booked):
+            return OVERDRAWN
+        self.efforts[:] = asked
+        return 0
+
+    @property
+    def _silence(self) -> list[float]:
+        return [0.0] * len(self._forces)
+
+    def absorbed(self) -> float:
+        """Return the energy that the devices gave [J]."""
+        return sum(s.port_absorbed for s in self.axes)
+
+    def ledger(self) -> Ledger:
+        """Return the energies of the scene at the last sample."""
+        return self.model.booked
+
+
+class SceneControl(Control):
+    """A scene as the controller of its axes.
+
+    `scene.hold` is what the devices gave less what the network got; `scene.asked.PORT` what the
+    scene asked for before ramp and limits.
+
+    Parameters
+    ----------
+    run, names, params
+        See `Control`.
+    ports : sequence of int
+        The axis of each port of the network, in its order.
+    port_names : sequence of str
+        Names of the ports.
+    nodes : sequence of str
+        Names of the first entries of the network's positions, to be recorded.
+    table : list of float
+        Commands on their way.
+    """
+
+    scene: SceneRun
+
+    def __init__(
+        self,
+        run: RunParams,
+        names: Sequence[AxisName],
+        params: Sequence[AxisParams],
+        ports: Sequence[int],
+        port_names: Sequence[str],
+        nodes: Sequence[str],
+        table: list[float],
+    ) -> None:
+        super().__init__(run, names, params)
+        self.ports = ports
+        self._table = table
+        self._nodes = range(len(nodes))
+        for port, at in zip(port_names, ports, strict=True):
+            self.columns += axis_columns(f"master.{port}", params[at])
+        self.columns += [f"scene.{name}" for name in Ledger._fields]
+        self.columns += ["scene.residual", "scene.hold"]
+        self.columns += [f"scene.asked.{port}" for port in port_names]
+        self.columns += [f"scene.at.{name}" for name in nodes]
+
+    def step(self, slot: int, skipped: int) -> bool:
+        """Close every axis and let the scene think, or engage."""
+        r, o = self.run, self.state
+        if o.armed_at < 0:
+            return self._engage(slot)
+        for port, at in enumerate(self.ports):
+            s, p = self.axes[at], self.params[at]
+            for _ in range(skipped + 1):
+                pass_slot(s, p, self._table)
+            take_sample(s, p, self.samples[at])
+            if s.valid:
+                self.scene.place(port)
+        self.scene.think(skipped, ramp_share(r, o, slot))
+        for at in self.ports:
+            stop_on_guard(r, o, self.axes, slot, at)
+        return True
+
+    def _engage(self, slot: int) -> bool:
+        """Start the scene with its ports where they are, once it asks for little there."""
+        r, o = self.run, self.state
+        if o.kind != FINISHED:
+            return True  # a stop has begun: nothing engages any more
+        armed = True
+        for port, at in enumerate(self.ports):
+            m = self.samples[at]
+            if not m.valid:
+                armed = False
+                continue
+            start_axis(self.axes[at], self.params[at], m.position, m.effort, 0.0)
+            self.scene.place(port)
+            self.scene.begin()
+            armed = self.scene.is_calm(port, r.arm_share) and armed
+        if not arm(r, o, slot, armed):
+            return False
+        if o.armed_at == slot:
+            self.scene.begin()
+            self.scene.think(0, ramp_share(r, o, slot))
+        return True
+
+    def fill(self, row: Row, at: int) -> None:
+        """Write all columns of the scene at index `at`: axes, energies, where its nodes are."""
+        run = self.scene
+        for which in self.ports:
+            at = fill_axis(row, at, self.axes[which], self.params[which], 1.0)
+        ledger = run.ledger()
+        start = run.model.start
+        for value in ledger:
+            row[at] = value
+            at += 1
+        row[at] = ledger.residual(start)
+        row[at + 1] = run.absorbed() - (ledger.port_work - start.port_work)
+        at += 2
+        for effort in run.efforts:
+            row[at] = effort
+            at += 1
+        x = run.model.arrays.x
+        for node in self._nodes:
+            row[at] = x[node]
+            at += 1

@@ -1,0 +1,36 @@
+"""The energy of a network of points, in the account of `tautwave.scene.ledger`."""
+
+from __future__ import annotations
+
+from tautwave.scene.ledger import Ledger, add_links
+from tautwave.scene3d.arrays import Arrays3d
+
+
+def take_ledger3d(s: Arrays3d) -> Ledger:
+    """Return the energies of a network as it is now."""
+    return Ledger(*tally3d(s))
+
+
+def kinetic_energy(s: Arrays3d, m: int) -> float:
+    """Return the kinetic energy of a mass [J]."""
+    vx = s.v[3 * m]
+    vy = s.v[3 * m + 1]
+    vz = s.v[3 * m + 2]
+    return float(0.5 * s.mass[m] * (vx * vx + vy * vy + vz * vz))
+
+
+def tally3d(s: Arrays3d) -> tuple[float, float, float, float, float, float, float, float]:
+    """Return the numbers of a `Ledger`, added up in order; compiled by numba as well."""
+    kinetic = 0.0
+    lifted = 0.0
+    dragged = 0.0
+    mass_numeric = 0.0
+    pumped = 0.0
+    for m in range(s.count[0]):
+        kinetic += kinetic_energy(s, m)
+        for c in range(3 * m, 3 * m + 3):
+            lifted += s.weight[c] * s.x[c]
+        dragged += s.dragged[m]
+        mass_numeric += s.mass_numeric[m]
+        pumped += s.pumped[m]
+    return add_links(s, kinetic, lifted, dragged, mass_numeric, pumped)

@@ -1,0 +1,159 @@
+"""A network of points at run time: positions of the axes in, their efforts out, once a period."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tautwave.errors import ConfigError
+from tautwave.models.interaction import FRICTION, elastic_tension
+from tautwave.scene.ledger import Ledger
+from tautwave.scene3d.arrays import Compiled3d, compile_network3d
+from tautwave.scene3d.ledger import kinetic_energy, take_ledger3d
+from tautwave.scene3d.network import Network3d
+from tautwave.scene3d.solving import step_gradient3d
+from tautwave.scene3d.stepping import (
+    axis_effort,
+    move_port3d,
+    place_port,
+    set_forces3d,
+    step_network3d,
+)
+from tautwave.scene3d.tension import jump_links, length_of, link_way
+
+SPACE_SCHEMES = ("symplectic", "discrete_gradient")
+
+
+class Model3d:
+    """A network of points that is advanced a period at a time, as a `SceneModel` is.
+
+    Parameters
+    ----------
+    network : Network3d
+        Without problems; it is not pruned here.
+    scheme : str
+        One of `SPACE_SCHEMES`.
+    period : float
+        T [s].
+    keep_books : bool
+        Take the ledger in every step, for a recorder: `booked`.
+
+    Raises
+    ------
+    ConfigError
+        The scheme is none of these.
+    """
+
+    def __init__(
+        self, network: Network3d, scheme: str, period: float, *, keep_books: bool = False
+    ) -> None:
+        if scheme not in SPACE_SCHEMES:
+            raise ConfigError(
+                f"scheme {scheme}: a network in three dimensions is not linear, as its links turn; "
+                f"use {' or '.join(SPACE_SCHEMES)}"
+            )
+        self.network = network
+        self.scheme = scheme
+        self.period = period
+        self.keep_books = keep_books
+        self._axes = range(len(network.axes))
+        self._ports = range(len(network.ports))
+        self.reset([0.0] * len(self._axes))
+
+    def reset(self, positions: Sequence[float]) -> None:
+        """Put everything back to the start, with the axes of the ports at `positions` [m]."""
+        self.compiled: Compiled3d = compile_network3d(self.network, positions)
+        self.arrays = self.compiled.arrays
+        self._forced = [
+            (3 * self.compiled.masses.index(name), way) for name, way in self.network.forced
+        ]
+        if self.scheme == "symplectic":
+            set_forces3d(self.arrays)
+        self.start = self.booked = self.ledger()
+
+    def advance(self, positions: Sequence[float], pushes: Sequence[float] = ()) -> list[float]:
+        """Take where the axes are [m] and every outside force [N]; step; give the efforts.
+
+        Returns
+        -------
+        list of float
+            What resists each axis [N], to be held until the next call.
+        """
+        s = self.arrays
+        period = self.period
+        places = list(positions)
+        if pushes:
+            for at, _ in self._forced:
+                s.pushed[at] = s.pushed[at + 1] = s.pushed[at + 2] = 0.0
+            for (at, way), push in zip(self._forced, pushes, strict=False):
+                for c in range(3):
+                    s.pushed[at + c] += push * way[c]
+        if self.scheme == "symplectic":
+            for port in self._ports:
+                move_port3d(s, port, places, period)
+            set_forces3d(s)
+            efforts = [axis_effort(s, axis) for axis in self._axes]
+            if self.keep_books:
+                self.booked = self.ledger()  # between the links' books and the masses' next step
+            step_network3d(s, period)
+            return efforts
+        for port in self._ports:
+            place_port(s, port, places, period)
+            jump_links(s, port)
+        step_gradient3d(s, period)
+        if self.keep_books:
+            self.booked = self.ledger()
+        return [axis_effort(s, axis) for axis in self._axes]
+
+    def resting_efforts(self) -> list[float]:
+        """Return what springs and contacts resist the axes with where everything stands [N]."""
+        s = self.arrays
+        efforts = [0.0] * len(self._axes)
+        ports = self._ports
+        for i in range(s.count[2]):
+            ends = (s.a[i] - s.count[0], -1.0), (s.b[i] - s.count[0], 1.0)
+            if s.kind[i] >= FRICTION or s.k[i] == 0.0 or not any(at in ports for at, _ in ends):
+                continue
+            d = length_of(s, i) - s.rest[i] - s.set_in[i]
+            pull = elastic_tension(s.kind[i], s.k[i], s.e[i], d)
+            way = link_way(s, i)
+            for axis in self._axes:
+                along = sum(way[c] * s.axis_way[3 * axis + c] for c in range(3))
+                efforts[axis] -= sum(
+                    sign * pull * along for at, sign in ends if at == s.axis_port[axis]
+                )
+        return efforts
+
+    def ledger(self) -> Ledger:
+        """Return the energies now."""
+        return take_ledger3d(self.arrays)
+
+    def residual(self) -> float:
+        """Return by how much the account has not closed since the start [J].
+
+        With the symplectic scheme the account is a step behind: ask before the ports move on.
+        """
+        if self.scheme == "symplectic":
+            set_forces3d(self.arrays)
+        return self.ledger().residual(self.start)
+
+    def elements(self) -> dict[str, dict[str, float]]:
+        """Return the account of every mass, link and port [J], by name."""
+        s = self.arrays
+        accounts: dict[str, dict[str, float]] = {}
+        for m, name in enumerate(self.compiled.masses):
+            accounts[name] = {
+                "kinetic": kinetic_energy(s, m),
+                "lost": s.dragged[m],
+                "pumped": s.pumped[m],
+                "numeric": s.mass_numeric[m],
+            }
+        for i, name in enumerate(self.compiled.links):
+            accounts[name] = {
+                "stored": s.stored[i],
+                "lost": s.lost[i],
+                "made": s.made[i],
+                "numeric": s.numeric[i],
+            }
+        for port in self._ports:
+            accounts[self.network.ports[port].name] = {"work": s.port_work[port]}
+        return accounts

@@ -1,0 +1,110 @@
+"""A network of points near where it stands: mass, damping and stiffness matrix of its linear part.
+
+A spring of stiffness k, stretched to the length r with the tension t, has the stiffness k along its
+line and t/r across it: less than k while it is not pressed, whatever way it points. A damper acts
+along its line. Power laws, contacts, plastic links and friction are no part of this.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from tautwave.models.interaction import BOW, CONTACT, FRICTION, PLASTIC, SPRING
+from tautwave.scene3d.arrays import Arrays3d
+from tautwave.scene3d.tension import length_of, link_way
+
+Matrix = npt.NDArray[np.float64]
+
+
+class Tangent(NamedTuple):
+    """Over the coordinates of masses and ports, 3 (n + p): `damping`, `stiffness`; `mass` (3 n).
+
+    `ways` (3 p, q) turns positions of the axes into those of the ports.
+    """
+
+    mass: Matrix
+    damping: Matrix
+    stiffness: Matrix
+    ways: Matrix
+
+
+def tangent(s: Arrays3d) -> Tangent:
+    """Return the matrices at the present positions."""
+    nodes = s.count[0] + s.count[1]
+    damping = np.zeros((3 * nodes, 3 * nodes))
+    stiffness = np.zeros_like(damping)
+    for m in range(s.count[0]):
+        for c in range(3 * m, 3 * m + 3):
+            damping[c, c] = s.drag[m]
+    for i in range(s.count[2]):
+        if s.kind[i] != SPRING:
+            continue
+        r = length_of(s, i)
+        along = np.outer(link_way(s, i), link_way(s, i))
+        # Without a rest length the line makes no difference, not even where it has none.
+        across = s.k[i] if s.rest[i] == 0.0 else s.k[i] * (r - s.rest[i]) / r if r > 0.0 else 0.0
+        of_link = (s.k[i] - across) * along + across * np.eye(3)
+        for row, one in ((s.a[i], 1.0), (s.b[i], -1.0)):
+            for column, two in ((s.a[i], 1.0), (s.b[i], -1.0)):
+                if row < nodes and column < nodes:
+                    at = np.ix_(range(3 * row, 3 * row + 3), range(3 * column, 3 * column + 3))
+                    stiffness[at] += one * two * of_link
+                    damping[at] += one * two * s.z[i] * along
+    ways = np.zeros((3 * s.count[1], s.count[3]))
+    for axis in range(s.count[3]):
+        for c in range(3):
+            ways[3 * s.axis_port[axis] + c, axis] = s.axis_way[3 * axis + c]
+    return Tangent(np.repeat(np.asarray(s.mass, np.float64), 3), damping, stiffness, ways)
+
+
+def symplectic_share(s: Arrays3d, period: float) -> float:
+    """Return how much of its limit the symplectic scheme may need in any posture; 1 is the limit.
+
+    That is k T**2/m + 2 z T/m over 4, for all links at once (`steepest`), closed, sliding and side
+    by side: no posture is stiffer. Springs by a power and contacts by a power on a plane have no
+    greatest stiffness and are left out.
+    """
+    count = s.count[0]
+    whole = np.zeros((count, count))
+    for m in range(count):
+        whole[m, m] = 2.0 * period * s.drag[m]
+    for i in range(s.count[2]):
+        k, z = steepest(s, i)
+        size = period * (period * k + 2.0 * z)
+        ends = [end for end in (s.a[i], s.b[i]) if end < count]
+        for row in ends:
+            for column in ends:
+                whole[row, column] += size if row == column else -size
+    if not count:
+        return 0.0
+    root = np.array([math.sqrt(mass) for mass in s.mass])
+    whole /= np.outer(root, root)
+    if count > MOST:  # Gershgorin
+        return float(np.abs(whole).sum(axis=1).max()) / 4.0
+    return float(np.linalg.eigvalsh(whole).max()) / 4.0
+
+
+def steepest(s: Arrays3d, i: int) -> tuple[float, float]:
+    """Return the greatest stiffness [N/m] and damping [N s/m] of a link, where it has them.
+
+    Two balls are pressed together by their radii at most; friction is steepest at rest.
+    """
+    kind, k, e = s.kind[i], s.k[i], s.e[i]
+    if kind in (SPRING, PLASTIC):
+        return k, s.z[i]
+    if kind == CONTACT and not s.flat[i]:
+        depth = s.rest[i]
+        return e * k * depth ** (e - 1.0), s.loss[i] * k * depth**e
+    if kind == CONTACT and e == 1.0:
+        return k, 0.0
+    if kind in (FRICTION, BOW):
+        return 0.0, (1.0 if kind == FRICTION else 2.0) * s.limit[i] / s.scale[i]
+    return 0.0, 0.0
+
+
+MOST = 400
+"""Masses up to which eigenvalues are computed; above, the sum of a row is taken."""

@@ -1,0 +1,116 @@
+"""A network of points in three dimensions as plain data, its pruning, and what is wrong with it.
+
+Links are those of `tautwave.scene.network`; names follow the same rules. What depends on names
+alone (pruning, loose ends) is asked of the one-dimensional network with the same names.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from tautwave.scene.network import GROUND, Link, Mass, Network, problems_of
+from tautwave.scene.pruning import prune
+
+Vector = tuple[float, float, float]
+ORIGIN: Vector = (0.0, 0.0, 0.0)
+WAYS: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+class Mass3d(NamedTuple):
+    """A mass [kg], where it is at the start [m, m/s], and its damping to ground [N s/m]."""
+
+    name: str
+    mass: float
+    position: Vector = ORIGIN
+    velocity: Vector = ORIGIN
+    damping: float = 0.0
+
+
+class Port3d(NamedTuple):
+    """A point that axes of a device move, each along a direction of length 1 (`unit`).
+
+    It is at `offset` [m] plus the sum of each axis' position times its direction.
+    """
+
+    name: str
+    axes: tuple[str, ...]
+    directions: tuple[Vector, ...] = WAYS
+    offset: Vector = ORIGIN
+
+
+class Network3d(NamedTuple):
+    """Masses, links, ports and grounds (name, position [m]); `gravity` [m/s**2] is a vector.
+
+    `forced` are masses and the direction of length 1 in which an outside force acts on them.
+    """
+
+    masses: tuple[Mass3d, ...]
+    links: tuple[Link, ...]
+    ports: tuple[Port3d, ...] = ()
+    grounds: tuple[tuple[str, Vector], ...] = ((GROUND, ORIGIN),)
+    forced: tuple[tuple[str, Vector], ...] = ()
+    recorded: tuple[str, ...] = ()
+    gravity: Vector = ORIGIN
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the devices' axes, port by port."""
+        return tuple(name for port in self.ports for name in port.axes)
+
+
+class Pruned3d(NamedTuple):
+    """A network of what remains, and a sentence for each part that was left out or merged."""
+
+    network: Network3d
+    left_out: tuple[str, ...]
+
+
+def unit(vector: Vector) -> Vector:
+    """Return a vector with length 1, or nothing where it has none."""
+    size = math.sqrt(sum(part * part for part in vector))
+    return (vector[0] / size, vector[1] / size, vector[2] / size) if size > 0.0 else ORIGIN
+
+
+def skeleton(network: Network3d) -> Network:
+    """Return the one-dimensional network with the same names, masses and links."""
+    return Network(
+        tuple(Mass(mass.name, mass.mass) for mass in network.masses),
+        network.links,
+        tuple(port.name for port in network.ports),
+        tuple((name, 0.0) for name, _ in network.grounds),
+        tuple(dict.fromkeys(name for name, _ in network.forced)),
+        network.recorded,
+    )
+
+
+def problems_of_network3d(network: Network3d) -> list[str]:
+    """Return what is wrong with a network, a sentence each."""
+    problems = problems_of(skeleton(network))
+    for port in network.ports:
+        if not 1 <= len(port.axes) <= 3 or len(port.directions) < len(port.axes):
+            problems.append(f"port {port.name!r}: one to three axes, and a direction for each")
+    problems += [
+        f"link {link.name!r}: between points a contact needs a rest above 0 (both radii), or a "
+        "normal"
+        for link in network.links
+        if link.kind == "contact" and link.normal is None and not link.rest > 0.0
+    ]
+    return problems
+
+
+def prune_network3d(network: Network3d, *, merge: bool = True) -> Pruned3d:
+    """Return the smallest network that no port and no recorder can tell from the whole.
+
+    See `tautwave.scene.pruning`: every number that remains is the same to the bit.
+    """
+    small, left_out = prune(skeleton(network), merge=merge)
+    masses = {mass.name for mass in small.masses}
+    grounds = {name for name, _ in small.grounds}
+    kept = network._replace(
+        masses=tuple(mass for mass in network.masses if mass.name in masses),
+        links=small.links,
+        grounds=tuple(ground for ground in network.grounds if ground[0] in grounds),
+        forced=tuple(force for force in network.forced if force[0] in masses),
+    )
+    return Pruned3d(kept, left_out)

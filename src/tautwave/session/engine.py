@@ -1,0 +1,54 @@
+"""`loop.engine`: a run's controller in plain Python, or compiled before anything is enabled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.util import find_spec
+
+from tautwave.config import Rig, has_environment_parts
+from tautwave.errors import ConfigError
+from tautwave.rig import Assembly
+from tautwave.rig.assembly import DeviceMaker
+from tautwave.runtime.control import CoupledControl
+
+INSTALL = "pip install 'tautwave[fast]'"
+
+
+def compiled_devices(
+    rig: Rig, progress: Callable[[float, str], None] | None = None
+) -> DeviceMaker | None:
+    """Return what makes a compiled run's devices behind loopback buses; None without engine.
+
+    `progress` is told what is waited for where nothing lies in the cache yet.
+
+    Raises
+    ------
+    ConfigError
+        Numba is not installed.
+    """
+    if rig.loop.engine != "compiled":
+        return None
+    if find_spec("numba") is None:
+        raise ConfigError(
+            f"loop.engine: compiled needs numba: {INSTALL}, or set loop.engine to python"
+        )
+    if has_environment_parts(rig):
+        return None  # nobody has compiled them: the devices stay in Python, `check` says so
+    from tautwave.simulation.kernel.compiled import cache_directory
+    from tautwave.simulation.live.devices import CompiledDevices
+
+    if progress is not None and not any(cache_directory().glob("**/entry._step_control*.nbi")):
+        progress(0.0, "compiling the controller, once per machine and version")
+
+    return CompiledDevices
+
+
+def with_engine(rig: Rig, assembly: Assembly) -> Assembly:
+    """Return the assembly with its controller compiled, if the rig asks for that."""
+    if rig.loop.engine != "compiled":
+        return assembly
+    from tautwave.simulation.live.control import CompiledControl
+
+    assert isinstance(assembly.control, CoupledControl)
+    control = CompiledControl(assembly.control)
+    return assembly._replace(control=control, sources=[control, *assembly.sources[1:]])

@@ -1,0 +1,45 @@
+"""The directory of a run: there from its beginning, gone again if nothing ever moved."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from tautwave.files import make_directory
+
+
+@contextmanager
+def run_directory(directory: Path) -> Iterator[Callable[[], None]]:
+    """Make a run's directory for the block; give a call that keeps it.
+
+    Unless it was called, what the block wrote is removed again when the block raises: a run that
+    was refused leaves nothing behind.
+
+    Raises
+    ------
+    WritingError
+        It cannot be made.
+    """
+    made = [path for path in (directory, *directory.parents) if not path.exists()]
+    make_directory(directory)
+    there = set(directory.iterdir())
+    kept: list[bool] = []
+    try:
+        yield lambda: kept.append(True)
+    except BaseException:
+        if not kept:
+            _forget(directory, there, made)
+        raise
+
+
+def _forget(directory: Path, there: set[Path], made: list[Path]) -> None:
+    with suppress(OSError):
+        for entry in set(directory.iterdir()) - there:
+            if entry.is_dir():
+                shutil.rmtree(entry)
+            else:
+                entry.unlink()
+        for folder in made:
+            folder.rmdir()

@@ -1,0 +1,1 @@
+"""A whole run as functions over records: compiled, or in plain Python."""

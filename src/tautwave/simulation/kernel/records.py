@@ -1,0 +1,121 @@
+"""What the kernel works on: constants as NamedTuples, state as plain records of numbers.
+
+The same classes serve every engine. Plain Python takes the objects themselves; numba and C take
+NumPy records whose layout `record_type` derives from the annotations, so that `p.site.wall` reads
+the same in all three and nothing has to be copied at a call.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple, get_type_hints
+
+import numpy as np
+
+from tautwave.models.foam import FoamParams
+from tautwave.models.plant_params import PlantCache, PlantParams
+from tautwave.models.servo import ServoParams
+
+PLANT = 0
+FOAM = 1
+SERVO = 2
+HELD = 3
+"""Physics of a device; HELD moves with its hand's reference, whatever its motor does."""
+
+
+class FakeParams(NamedTuple):
+    """What is simulated of the host, and what is kept.
+
+    After a cycle with a flag the loop oversleeps by `overrun_slots`, if `overruns`. `measured` is
+    the pair of which a few columns are kept in place of whole rows, -1 for the rows.
+    """
+
+    overrun_slots: int
+    overruns: bool
+    measured: int
+
+
+class DeviceParams(NamedTuple):
+    """The truth of one axis; see `truth.AxisModel`.
+
+    `reference` and `last` are the first index in the table of references and the number of the
+    last one (-1: no hand); `noise` and `missing` are the first indices of the drawn ones.
+    """
+
+    plant: PlantParams
+    cache: PlantCache
+    foam: FoamParams
+    servo: ServoParams
+    kind: int
+    period: float
+    late: float
+    encoder_quantum: float
+    position_noise: float
+    effort_quantum: float
+    velocity_quantum: float
+    effort_limit: float
+    delay: int
+    pipe: int
+    reference: int
+    last: int
+    noise: int
+    missing: int
+    loses: bool
+
+
+@dataclass(slots=True)
+class DeviceState:
+    """State of one simulated device.
+
+    `reads`: samples so far; `asked`: the exchange that a slow bus has to answer, -1 for none.
+    """
+
+    x: float = 0.0
+    v: float = 0.0
+    hand_work: float = 0.0
+    motor_work: float = 0.0
+    grip_loss: float = 0.0
+    viscous_loss: float = 0.0
+    coulomb_loss: float = 0.0
+    environment_loss: float = 0.0
+    command: float = 0.0
+    acting: float = 0.0
+    held: float = 0.0
+    reference: float = 0.0
+    rate: float = 0.0
+    mode: int = 0
+    head: int = 0
+    slot: int = 0
+    reads: int = 0
+    asked: int = -1
+
+
+NUMBERS: dict[Any, Any] = {float: np.float64, int: np.int64, bool: np.bool_}
+
+
+def fields(record: type[Any]) -> dict[str, Any]:
+    """Return the fields of a record class and their types, in the order of its memory."""
+    return get_type_hints(record)
+
+
+def record_type(record: type[Any]) -> np.dtype[Any]:
+    """Return the NumPy type of a record class; its layout is that of a C struct."""
+    known = _types.get(record)
+    if known is None:
+        members = [
+            (name, NUMBERS[kind] if kind in NUMBERS else record_type(kind))
+            for name, kind in fields(record).items()
+        ]
+        known = _types[record] = np.dtype(members, align=True)
+    return known
+
+
+_types: dict[type[Any], np.dtype[Any]] = {}
+
+
+def empty(record: type[Any]) -> Any:
+    """Return an object of a state class with all numbers zero."""
+    blank = record()
+    for name, kind in fields(record).items():
+        setattr(blank, name, kind())
+    return blank

@@ -1,0 +1,137 @@
+"""A whole run on the fake clock: simulated devices around the controller, nothing that can be late.
+
+Written in the subset that plain Python and numba share. The order of every operation is that of the
+live path, so the rows are equal to the bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import MutableSequence, Sequence
+
+from tautwave.controller.rates import is_due
+from tautwave.controller.records import (
+    OVERRUN,
+    AxisParams,
+    AxisState,
+    PairParams,
+    PairState,
+    RunParams,
+    RunState,
+    Sample,
+)
+from tautwave.controller.rows import fill_pair
+from tautwave.controller.run import begin_run, begin_stop, check_sample, run_cycle
+from tautwave.simulation.kernel.device import aim_hand, command_device, measure_device, pass_device
+from tautwave.simulation.kernel.records import DeviceParams, DeviceState, FakeParams
+from tautwave.simulation.kernel.rows import fill_device, fill_measured
+
+
+def ask_device(
+    m: Sample, b: DeviceState, d: DeviceParams, n: int, slot: int, table: MutableSequence[float]
+) -> bool:
+    """Serve a device on a bus of divisor `n`; return whether a sample is to be read now."""
+    exchange = slot // n
+    phase = slot % n
+    if b.asked >= 0 and b.asked < exchange:
+        b.reads += 1  # drained: nobody looks at it
+        b.asked = -1
+        m.valid = False
+    if b.asked < 0 and (phase == 0 or 2 * (phase + 1) <= n):
+        while b.slot < exchange:
+            pass_device(b, d, table)
+        b.asked = exchange
+    if phase < n - 1:
+        return False
+    if b.asked < 0:
+        m.valid = False
+        return False
+    b.asked = -1
+    return True
+
+
+def run_rig(
+    runs: Sequence[RunParams],
+    fakes: Sequence[FakeParams],
+    outcomes: Sequence[RunState],
+    params: Sequence[AxisParams],
+    axes: Sequence[AxisState],
+    samples: Sequence[Sample],
+    devices: Sequence[DeviceParams],
+    bodies: Sequence[DeviceState],
+    pairs: Sequence[PairParams],
+    states: Sequence[PairState],
+    table: MutableSequence[float],
+    flags: Sequence[bool],
+    out: MutableSequence[float],
+) -> int:
+    """Run all cycles; return how many rows were written into `out`, one after the other."""
+    r = runs[0]
+    f = fakes[0]
+    o = outcomes[0]
+    begin_run(r, o, params, axes)
+    for i in range(r.axes):
+        aim_hand(bodies[i], devices[i], table)
+        asking = bodies[i]
+        asking.asked = -1
+    at = 0
+    slot = 0
+    cycle = 0
+    skipped = 0
+    while slot < o.end:
+        # sense
+        for i in range(r.axes):
+            m = samples[i]
+            b = bodies[i]
+            d = devices[i]
+            n = params[i].divisor
+            if n > 1 and not ask_device(m, b, d, n, slot, table):
+                continue
+            while n == 1 and b.slot < slot:
+                pass_device(b, d, table)
+            noise = 0.0
+            if d.position_noise > 0.0:
+                noise = table[d.noise + b.reads]
+            measure_device(m, b, d, noise, d.loses and flags[d.missing + b.reads])
+            b.reads += 1
+            check_sample(r, o, params[i], axes, m, slot, i)
+        # close, exchange and think
+        if not run_cycle(r, o, params, axes, samples, pairs, states, table, slot, skipped):
+            return cycle
+        # act and record
+        whole = f.measured < 0
+        if whole:
+            out[at] = slot * r.period_ns * 1e-9
+            out[at + 1] = 0.0
+            out[at + 2] = 0.0
+            out[at + 3] = float(skipped)
+            at = at + 4
+            for k in range(r.pairs):
+                q = pairs[k]
+                one = axes[q.master]
+                two = axes[q.slave]
+                p1 = params[q.master]
+                at = fill_pair(out, at, states[k], q, one, two, p1, params[q.slave], table)
+        for i in range(r.axes):
+            if is_due(params[i], slot):
+                command_device(bodies[i], devices[i], axes[i].command)
+            if whole:
+                at = fill_device(out, at, bodies[i], devices[i])
+        if not whole:
+            q = pairs[f.measured]
+            one = axes[q.master]
+            two = axes[q.slave]
+            b1 = bodies[q.master]
+            b2 = bodies[q.slave]
+            d1 = devices[q.master]
+            d2 = devices[q.slave]
+            at = fill_measured(out, at, states[f.measured], q, one, two, b1, b2, d1, d2)
+        # sleep
+        slot = slot + 1
+        skipped = 0
+        if f.overruns and flags[cycle]:
+            skipped = f.overrun_slots
+            slot = slot + skipped
+            if skipped >= r.overrun_limit:
+                begin_stop(r, o, axes, slot, OVERRUN, 0, skipped)
+        cycle = cycle + 1
+    return cycle

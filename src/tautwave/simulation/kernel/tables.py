@@ -1,0 +1,153 @@
+"""The arguments of the kernel, fresh for each run: as NumPy records, or as Python objects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tautwave.controller.records import (
+    AxisParams,
+    AxisState,
+    PairParams,
+    PairState,
+    RunParams,
+    RunState,
+    Sample,
+)
+from tautwave.simulation.kernel.pack import Array, Job
+from tautwave.simulation.kernel.records import DeviceParams, DeviceState, FakeParams, record_type
+
+
+class Tables(NamedTuple):
+    """The arguments of `kernel.run_rig`, in its order."""
+
+    runs: Any
+    fakes: Any
+    outcomes: Any
+    params: Any
+    axes: Any
+    samples: Any
+    devices: Any
+    bodies: Any
+    pairs: Any
+    states: Any
+    table: Any
+    flags: Any
+    out: Any
+
+
+def record_tables(job: Job, out: Array | None = None) -> Tables:
+    """Return tables of NumPy records, for the compiled engines; `out` if there is one already."""
+    bodies = blank_records(DeviceState, len(job.axes))
+    bodies["x"] = job.start
+    return Tables(
+        runs=records_of(RunParams, [job.run]),
+        fakes=records_of(FakeParams, [job.fake]),
+        outcomes=blank_records(RunState, 1),
+        params=records_of(AxisParams, job.params),
+        axes=blank_records(AxisState, len(job.axes)),
+        samples=blank_records(Sample, len(job.axes)),
+        devices=records_of(DeviceParams, job.devices),
+        bodies=bodies,
+        pairs=records_of(PairParams, job.pairs),
+        states=blank_records(PairState, len(job.pairs)),
+        table=job.table.copy(),
+        flags=job.flags,
+        out=np.empty(job.run.cycles * len(job.columns)) if out is None else out,
+    )
+
+
+class Form:
+    """Tables of NumPy records that serve run after run; only what differs is written again.
+
+    Parameters
+    ----------
+    job : Job
+        Any of the runs: the others have tables of the same sizes.
+    out : ndarray
+        Memory for the rows.
+    """
+
+    def __init__(self, job: Job, out: Array) -> None:
+        self.tables = record_tables(job, out)
+        self.tables = self.tables._replace(flags=job.flags.copy())
+        states = (
+            self.tables.outcomes,
+            self.tables.axes,
+            self.tables.samples,
+            self.tables.bodies,
+            self.tables.states,
+        )
+        self._states = [(_bytes_of(table), _bytes_of(table).copy()) for table in states]
+        params = (("device", self.tables.devices), ("axis", self.tables.params))
+        self._records = {
+            kind: (_bytes_of(table).data, table.itemsize)
+            for kind, table in (*params, ("pair", self.tables.pairs))
+        }
+
+    def write(self, kind: str, number: int, image: bytes) -> None:
+        """Replace the constants of a `device`, `axis` or `pair` by an `image_of` others."""
+        view, size = self._records[kind]
+        view[number * size : (number + 1) * size] = image
+
+    def begin(self, table: Array, flags: Array) -> Tables:
+        """Return the tables as they are before a run with these floats and flags."""
+        for state, blank in self._states:
+            np.copyto(state, blank)
+        np.copyto(self.tables.table, table)
+        np.copyto(self.tables.flags, flags)
+        return self.tables
+
+
+def image_of(value: DeviceParams | AxisParams | PairParams) -> bytes:
+    """Return constants as they stand in their table."""
+    return records_of(type(value), [value]).tobytes()
+
+
+def _bytes_of(table: Array) -> Array:
+    return table.view(np.uint8).reshape(-1)
+
+
+def object_tables(job: Job) -> Tables:
+    """Return tables of Python objects and floats, for the kernel as plain Python."""
+    bodies = [DeviceState(x=x) for x in job.start]
+    return Tables(
+        runs=[job.run],
+        fakes=[job.fake],
+        outcomes=[RunState()],
+        params=job.params,
+        axes=[AxisState() for _ in job.axes],
+        samples=[Sample() for _ in job.axes],
+        devices=job.devices,
+        bodies=bodies,
+        pairs=job.pairs,
+        states=[PairState() for _ in job.pairs],
+        table=job.table.tolist(),
+        flags=job.flags.tolist(),
+        out=[0.0] * (job.run.cycles * len(job.columns)),
+    )
+
+
+def records_of(kind: type[Any], values: Sequence[Any]) -> Array:
+    """Return objects of a record class as NumPy records."""
+    return np.array([_plain(value) for value in values], dtype=record_type(kind))
+
+
+def blank_records(kind: type[Any], count: int) -> Array:
+    """Return NumPy records of a record class, all numbers zero."""
+    return np.zeros(count, dtype=record_type(kind))
+
+
+def view_of(values: Any) -> memoryview[float]:
+    """Return an array's memory: indexed at a third of an array's cost."""
+    return memoryview(values)
+
+
+def _plain(value: Any) -> Any:
+    """Return nested NamedTuples and states as nested plain tuples, which NumPy takes as records."""
+    if is_dataclass(value):
+        return tuple(getattr(value, field.name) for field in fields(value))
+    return tuple(_plain(part) for part in value) if isinstance(value, tuple) else value

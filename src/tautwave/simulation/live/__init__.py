@@ -1,0 +1,1 @@
+"""The controller of a live run and its loopback devices, compiled: `loop.engine: compiled`."""

@@ -1,0 +1,169 @@
+"""`loop.engine: compiled`: the controller of a live run as machine code, equal to the bit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from tautwave.contracts import Row
+from tautwave.controller.records import (
+    FAULT,
+    FINISHED,
+    AxisParams,
+    AxisState,
+    PairParams,
+    PairState,
+    RunParams,
+    RunState,
+    Sample,
+)
+from tautwave.controller.stops import StopPlace
+from tautwave.runtime.control import Control, CoupledControl
+from tautwave.simulation.kernel.tables import blank_records, records_of, view_of
+from tautwave.simulation.live.steps import ABSENT, BEGUN, END, INPUTS, KIND, SLOTS, TAKEN
+from tautwave.types import AxisCommand, JointState
+
+
+class CompiledControl(Control):
+    """The pairs of a `CoupledControl`, of which it takes constants, names and columns.
+
+    Everything is compiled, or read from the cache, before this returns.
+
+    Raises
+    ------
+    ConfigError
+        Numba is not installed.
+    """
+
+    def __init__(self, given: CoupledControl) -> None:
+        from tautwave.simulation.kernel.compiled import load_numba
+
+        load_numba()
+        from tautwave.simulation.live.entry import entry
+
+        super().__init__(given.run, given.names, given.params)
+        self.columns = given.columns
+        self._pairs = given.pairs
+        count = len(given.params)
+        self._outcome = records_of(RunState, [self.state])
+        axes = records_of(AxisState, self.axes)
+        self._inputs = np.zeros(INPUTS * count)
+        self._outputs = np.zeros(count + SLOTS)
+        self._row = np.zeros(max(len(self.columns), 1))
+        self._begun = count + BEGUN
+        self._end = count + END
+        self._kind = count + KIND
+        self._outputs[self._end] = given.run.cycles
+        run = records_of(RunParams, [given.run])
+        tables = (
+            run,
+            self._outcome,
+            records_of(AxisParams, given.params),
+            axes,
+            blank_records(Sample, count),
+            records_of(PairParams, given.pairs),
+            blank_records(PairState, len(given.pairs)),
+            np.zeros(max(len(given.table), 1)),
+            self._inputs,
+            self._outputs,
+            self._row,
+        )
+        self._tables = tables  # whose addresses are in use
+        self._step = partial(entry("step_control"), *(table.ctypes.data for table in tables))
+        ending = (run, self._outcome, axes, self._outputs)
+        self._stop = partial(entry("end_control"), *(table.ctypes.data for table in ending))
+        self._given = view_of(self._inputs)
+        self._told = view_of(self._outputs)
+        self._filled = view_of(self._row)
+        self._impedance = [p.impedance for p in given.params]
+        self._fault = self._faulty = -1
+        self._last = 0
+
+    @property
+    def end(self) -> int:
+        """The slot after the last one."""
+        return int(self._told[self._end])
+
+    def take(self, which: int, measured: JointState, slot: int) -> bool:
+        """Take what an exchange brought of an axis; return whether it is a sample to be used."""
+        given = self._given
+        at = INPUTS * which
+        position, _, effort, valid, _ = measured
+        given[at] = position
+        given[at + 1] = effort
+        given[at + 2] = valid
+        given[at + 3] = TAKEN
+        self._last = which + 1
+        if not valid:
+            return False
+        total = position if self._impedance[which] else position + effort
+        return bool(total - total == 0.0)
+
+    def miss(self, first: int, count: int) -> None:
+        """Do without samples of some axes, without counting them as missing."""
+        for which in range(first, first + count):
+            at = INPUTS * which
+            self._given[at + 2] = 0.0
+            self._given[at + 3] = ABSENT
+            self._last = which + 1
+
+    def step(self, slot: int, skipped: int) -> bool:
+        """Close, exchange and think, or engage; return False if the run must not begin."""
+        self._step(slot, skipped, self._fault)
+        self._fault = -1
+        return self._told[self._begun] != 0.0
+
+    def fill(self, row: Row, at: int) -> None:
+        """Write all columns at index `at`."""
+        filled = self._filled
+        if isinstance(row, memoryview):
+            row[at : at + len(filled)] = filled
+            return
+        for place, value in enumerate(filled, at):
+            row[place] = value
+
+    def command(self, which: int) -> AxisCommand:
+        """Return the command of an axis for its driver."""
+        value = self._told[which]
+        return AxisCommand(value, 0.0) if self._impedance[which] else AxisCommand(0.0, value)
+
+    def stop_after(self, slot: int) -> None:
+        """Ramp down from the next slot on, if nothing ends the run before."""
+        if self.end == self.run.cycles:
+            self._stop(slot, 0)
+
+    def overrun(self, slot: int, skipped: int) -> None:
+        """Stop if the loop slept through too many slots."""
+        if skipped >= self.run.overrun_limit:
+            self._stop(slot, skipped)
+
+    def fault(self, slot: int, which: int) -> bool:
+        """Stop in this cycle since a device said so; return whether no reason is known yet."""
+        if self._told[self._kind] != FINISHED or self._fault >= 0:
+            return False
+        self._fault = self._last
+        self._faulty = which
+        return True
+
+    def error(self) -> Any:
+        """Return the controller's reason to end the run early, or None."""
+        self._look()
+        return None if self.state.kind == FAULT else super().error()
+
+    def place(self) -> StopPlace | None:
+        """Return where that reason came up, or None."""
+        self._look()
+        return super().place()
+
+    def _look(self) -> None:
+        """Take over how the run ended."""
+        self.state = RunState(*self._outcome[0].item())
+        if self.state.kind == FAULT:
+            self.state.which = self._faulty
+
+    def pairs_of_axes(self) -> Sequence[PairParams]:
+        """Return the pairs."""
+        return self._pairs

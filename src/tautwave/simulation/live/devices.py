@@ -1,0 +1,140 @@
+"""Simulated devices of a loopback bus as machine code; what they do is that of the kernel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from tautwave.contracts import AxisSpec, BusSpec, Row
+from tautwave.controller.records import Sample
+from tautwave.simulation.kernel.pack import Pieces, pack_device
+from tautwave.simulation.kernel.records import DeviceParams, DeviceState
+from tautwave.simulation.kernel.tables import blank_records, records_of, view_of
+from tautwave.truth import AxisModel
+from tautwave.types import JointState
+
+
+class CompiledAxis:
+    """One device of `CompiledDevices`, as a loopback driver and the recording see it."""
+
+    def __init__(self, name: str, place: int, world: CompiledDevices, hand: bool) -> None:
+        self.name = name
+        self._values = world.values
+        self._row = world.row
+        self._at = 3 * place
+        self._place = place
+        self._world = world
+        names = ["position", "velocity", *(["reference", "hand_effort"] if hand else [])]
+        books = ["hand_work", "motor_work", "kinetic", "grip_stored", "environment_stored"]
+        books += ["grip_loss", "viscous_loss", "coulomb_loss", "environment_loss"]
+        self.columns = [f"true.{name}.{it}" for it in (*names, "environment_effort")]
+        self.columns += [f"plant.{name}.{it}" for it in books]
+        self._first = 0
+
+    def place_after(self, first: int) -> int:
+        """Fill from column `first` of the bus on; return the next one."""
+        self._first = first
+        return first + len(self.columns)
+
+    def measure(self) -> JointState:
+        """Return what the drive reports at this slot."""
+        values, at = self._values, self._at
+        return JointState(values[at], math.nan, values[at + 1], values[at + 2] != 0.0, 0)
+
+    def command(self, value: float) -> None:
+        """Take an effort or a velocity for the slots to come."""
+        self._world.take(self._place, value)
+
+    def fill(self, row: Row, at: int) -> None:
+        """Write the truth at this slot into `row` from index `at` on."""
+        part = self._row[self._first : self._first + len(self.columns)]
+        if isinstance(row, memoryview):
+            row[at : at + len(part)] = part
+            return
+        for place, value in enumerate(part, at):
+            row[place] = value
+
+
+class CompiledDevices:
+    """The devices behind one loopback bus: a simulator for `build_rig`, on the grid of its loop.
+
+    Parameters
+    ----------
+    bus : BusSpec
+        The bus and its axes.
+    models : sequence of AxisModel
+        What is true of them.
+    cycles : int
+        Cycles of the run: noise and missing samples are drawn for so many.
+    """
+
+    def __init__(self, bus: BusSpec, models: Sequence[AxisModel], cycles: int) -> None:
+        from tautwave.simulation.live.entry import entry
+
+        if bus.divisor > 1:
+            models = [it._replace(command_delay=max(it.command_delay, 1.0)) for it in models]
+        floats, flags = Pieces(np.float64), Pieces(np.bool_)
+        params = [pack_device(model, floats, flags, cycles + 1) for model in models]
+        self._count = count = len(models)
+        bodies = blank_records(DeviceState, count)
+        bodies["x"] = [model.start_position for model in models]
+        values = np.zeros(max(3 * count, 1))
+        self.values = view_of(values)
+        specs: Sequence[AxisSpec] = bus.axes
+        row = np.zeros(15 * max(count, 1))
+        self.row = view_of(row)
+        self.axes = [
+            CompiledAxis(spec.name, place, self, hand=params[place].last >= 0)
+            for place, spec in enumerate(specs)
+        ]
+        first = 0
+        for axis in self.axes:
+            first = axis.place_after(first)
+        tables: tuple[Any, ...] = (
+            records_of(DeviceParams, params),
+            bodies,
+            blank_records(Sample, count),
+            floats.join(),
+            flags.join(),
+            values,
+            row,
+        )
+        self._tables = tables  # whose addresses are in use
+        self._step = partial(entry("step_devices"), *(table.ctypes.data for table in tables), count)
+        self._commands = [0.0] * count
+        self._period_ns = round(models[0].period * 1e9) if models else 0
+        self._origin_ns: int | None = None
+        self._slot = 0
+        self._commanded = False
+        self.transport = self
+
+    def rest(self) -> None:
+        """Hold still: the next `advance` begins a new grid at its own time."""
+        self._origin_ns = None
+
+    def take(self, place: int, value: float) -> None:
+        """Keep the command of a device until all have theirs."""
+        self._commands[place] = value
+        self._commanded = True
+
+    def advance(self, to_ns: int) -> None:
+        """Move all devices over the slots that have passed at `to_ns`, and measure them."""
+        if self._commanded:
+            for place, value in enumerate(self._commands):
+                self.values[place] = value
+            self._step(self._slot, 1)
+            self._commanded = False
+        if self._origin_ns is None:
+            self._origin_ns = to_ns
+            self._slot = 0
+        else:
+            slot = (to_ns - self._origin_ns + self._period_ns // 2) // self._period_ns
+            self._slot = max(slot, self._slot)
+        self._step(self._slot, 0)
+
+    def close(self) -> None:
+        """Nothing to release."""

@@ -1,0 +1,150 @@
+"""One cycle of the controller, and one slot of simulated devices, as calls from the live loop.
+
+What crosses is in arrays: `inputs`, `INPUTS` floats an axis (position, effort, whether valid, and
+whether anything was read at all); `outputs`, a command an axis and then what `SLOTS` names; a row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import MutableSequence, Sequence
+
+from tautwave.controller.records import (
+    FAULT,
+    OVERRUN,
+    AxisParams,
+    AxisState,
+    PairParams,
+    PairState,
+    RunParams,
+    RunState,
+    Sample,
+)
+from tautwave.controller.rows import fill_pair
+from tautwave.controller.run import begin_stop, check_sample, end_by, run_cycle
+from tautwave.simulation.kernel.device import aim_hand, command_device, measure_device, pass_device
+from tautwave.simulation.kernel.records import DeviceParams, DeviceState
+from tautwave.simulation.kernel.rows import fill_device
+
+INPUTS = 4
+NOTHING, ABSENT, TAKEN = 0.0, 1.0, 2.0
+"""Last of an axis' inputs: not its slot; not asked for in time, which is nobody's miss; read."""
+
+BEGUN, END, KIND, SLOTS = 0, 1, 2, 3
+"""Outputs after the commands: whether the run may go on, the slot after the last, why it stops."""
+
+
+def step_control(
+    runs: Sequence[RunParams],
+    outcomes: Sequence[RunState],
+    params: Sequence[AxisParams],
+    axes: Sequence[AxisState],
+    samples: Sequence[Sample],
+    pairs: Sequence[PairParams],
+    states: Sequence[PairState],
+    table: MutableSequence[float],
+    inputs: MutableSequence[float],
+    outputs: MutableSequence[float],
+    row: MutableSequence[float],
+    slot: int,
+    skipped: int,
+    fault: int,
+) -> None:
+    """Run one cycle on what was read.
+
+    `fault` is the first axis after the bus whose device stops the run, -1 for none: what comes
+    first in the order of the buses is the reason that is kept.
+    """
+    r = runs[0]
+    o = outcomes[0]
+    for i in range(r.axes):
+        if i == fault:
+            begin_stop(r, o, axes, slot, FAULT, 0, 0)
+        at = INPUTS * i
+        if inputs[at + 3] == NOTHING:
+            continue
+        m = samples[i]
+        m.position = inputs[at]
+        m.effort = inputs[at + 1]
+        m.valid = inputs[at + 2] != 0.0
+        if inputs[at + 3] == TAKEN:
+            check_sample(r, o, params[i], axes, m, slot, i)
+        inputs[at + 3] = NOTHING
+    if fault == r.axes:
+        begin_stop(r, o, axes, slot, FAULT, 0, 0)
+    begun = run_cycle(r, o, params, axes, samples, pairs, states, table, slot, skipped)
+    if begun:
+        at = 0
+        for k in range(r.pairs):
+            q = pairs[k]
+            one = axes[q.master]
+            two = axes[q.slave]
+            p1 = params[q.master]
+            at = fill_pair(row, at, states[k], q, one, two, p1, params[q.slave], table)
+    for i in range(r.axes):
+        outputs[i] = axes[i].command
+    outputs[r.axes + BEGUN] = 0.0
+    if begun:
+        outputs[r.axes + BEGUN] = 1.0
+    outputs[r.axes + END] = float(o.end)
+    outputs[r.axes + KIND] = float(o.kind)
+
+
+def end_control(
+    runs: Sequence[RunParams],
+    outcomes: Sequence[RunState],
+    axes: Sequence[AxisState],
+    outputs: MutableSequence[float],
+    slot: int,
+    skipped: int,
+) -> None:
+    """Stop for `skipped` slots that went by, or ramp down as asked where it is 0."""
+    r = runs[0]
+    o = outcomes[0]
+    if skipped > 0:
+        begin_stop(r, o, axes, slot, OVERRUN, 0, skipped)
+    else:
+        end_by(r, o, slot)
+    outputs[r.axes + END] = float(o.end)
+    outputs[r.axes + KIND] = float(o.kind)
+
+
+def step_devices(
+    devices: Sequence[DeviceParams],
+    bodies: Sequence[DeviceState],
+    samples: Sequence[Sample],
+    table: MutableSequence[float],
+    flags: Sequence[bool],
+    values: MutableSequence[float],
+    row: MutableSequence[float],
+    count: int,
+    slot: int,
+    command: bool,
+) -> None:
+    """Move devices on to `slot` and measure there, or hand them their commands.
+
+    `values` is position, effort and validity of each device then, its command before.
+    """
+    if command:
+        for i in range(count):
+            command_device(bodies[i], devices[i], values[i])
+        return
+    at = 0
+    for i in range(count):
+        b = bodies[i]
+        d = devices[i]
+        m = samples[i]
+        if b.slot == 0:
+            aim_hand(b, d, table)
+        while b.slot < slot:
+            pass_device(b, d, table)
+        noise = 0.0
+        if d.position_noise > 0.0:
+            noise = table[d.noise + b.reads]
+        measure_device(m, b, d, noise, d.loses and flags[d.missing + b.reads])
+        b.reads += 1
+        values[3 * i] = m.position
+        values[3 * i + 1] = m.effort
+        values[3 * i + 2] = 0.0
+        if m.valid:
+            values[3 * i + 2] = 1.0
+        at = fill_device(row, at, b, d)

@@ -1,0 +1,102 @@
+"""`simulate`: a rig on the fake clock, as fast as the same laws and models run compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from tautwave.config import Rig, has_environment_parts
+from tautwave.controller.stops import never_began
+from tautwave.errors import ConfigError, TautwaveError
+from tautwave.rig import build_rig
+from tautwave.simulation.kernel.pack import Job, pack_rig
+from tautwave.simulation.kernel.run import run_rig
+from tautwave.simulation.kernel.tables import Tables, object_tables, record_tables
+from tautwave.simulation.outcome import error_of
+from tautwave.simulation.rows import Simulation
+
+Array = npt.NDArray[np.float64]
+ENGINES = ("compiled", "python", "c")
+
+
+def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compiled") -> Simulation:
+    """Simulate a rig; every row equals, to the bit, that of a run with `--clock fake`.
+
+    Whatever driver a bus names, its devices move as the loopback's do, with the command delay
+    that the driver declares. A rig with a scene takes the live loop itself, in this process, and
+    its drivers' simulators. Nothing is written to disk, and nothing is opened: every bus is
+    simulated in memory, whatever endpoint it names.
+
+    Parameters
+    ----------
+    rig : Rig
+        A checked rig with a `simulation` block.
+    duration_s : float, optional
+        Length [s]; the rig's own if not given.
+    engine : str
+        `compiled` (numba; the first call on a machine compiles for some 15 s, later ones load
+        that), `python` (no compiler), or `c` (gcc; for checks and benchmarks).
+
+    Raises
+    ------
+    ConfigError
+        The rig simulates nothing, the engine is unknown, or what it needs is not installed.
+    SafetyStop
+        The coupling never engaged.
+    """
+    if rig.scene is not None:
+        from tautwave.simulation.scene.live import simulate_scene
+
+        return simulate_scene(rig, duration_s, engine)
+    if has_environment_parts(rig):
+        return _simulate_live(rig, duration_s, engine)
+    run, tables_of = engine_of(engine)
+    job = pack_rig(rig, duration_s)
+    tables = tables_of(job)
+    rows = run(*tables)
+    return simulation_of_run(job, tables, rows)
+
+
+def _simulate_live(rig: Rig, duration_s: float | None, engine: str) -> Simulation:
+    """Return the rows of a rig with an environment that is a part: the live loop in memory."""
+    from tautwave.simulation.scene.live import run_in_memory
+
+    if engine == "c":
+        raise ConfigError(f"{rig.name}: an environment from a part runs in Python; engine 'c'")
+    built = build_rig(rig, clock="fake", duration_s=duration_s)
+    result, data = run_in_memory(built)
+    error = result.error
+    if error is not None and (len(data) == 0 or not isinstance(error, TautwaveError)):
+        raise error
+    return Simulation(tuple(built.columns), data, error)
+
+
+def engine_of(name: str) -> tuple[Callable[..., int], Callable[[Job], Tables]]:
+    """Return the kernel of an engine and what makes its tables."""
+    if name == "compiled":
+        from tautwave.simulation.kernel.compiled import compiled_kernel
+
+        return compiled_kernel(), record_tables
+    if name == "python":
+        return run_rig, object_tables
+    if name == "c":
+        from tautwave.simulation.kernel.cbuild import c_kernel
+
+        return c_kernel(), record_tables
+    raise ConfigError(f"unknown engine {name!r}; engines: {', '.join(ENGINES)}")
+
+
+def simulation_of_run(job: Job, tables: Tables, rows: int) -> Simulation:
+    """Return what a run left in its tables; raise if the coupling never engaged."""
+    outcomes = tables.outcomes
+    if isinstance(outcomes, np.ndarray):
+        outcomes = outcomes.view(np.recarray)  # its records have attributes
+    outcome = outcomes[0]
+    error = error_of(job, outcome)
+    if error is not None and never_began(outcome):
+        raise error
+    width = len(job.columns)
+    data = np.asarray(tables.out, dtype=np.float64)[: rows * width].reshape(rows, width)
+    return Simulation(job.columns, data, error)

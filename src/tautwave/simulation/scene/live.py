@@ -1,0 +1,88 @@
+"""`simulate` of a rig with a scene: the live loop itself on the fake clock, rows kept in memory.
+
+Laws and models of pairs have a kernel of their own; a scene has not: its loop is that of a run,
+so its rows are a run's, to the bit, whatever driver a bus names.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from tautwave.config import Rig
+from tautwave.errors import ConfigError, TautwaveError
+from tautwave.rig import Assembly, build_rig
+from tautwave.runtime.loop import Loop, LoopResult
+from tautwave.scene.live import SceneModel
+from tautwave.simulation.rows import Simulation
+from tautwave.simulation.scene.ticking import CompiledScene, can_tick
+
+ENGINES = ("compiled", "python")
+
+
+class KeptRows:
+    """A sink that keeps every row in memory, packed."""
+
+    def __init__(self, width: int) -> None:
+        self.row = array("d", [0.0] * width)
+        self.kept = array("d")
+
+    @property
+    def commit(self) -> Callable[[], object]:
+        """Take the row as it stands."""
+        return self._take
+
+    def _take(self) -> None:
+        self.kept.extend(self.row)
+
+
+def run_in_memory(built: Assembly) -> tuple[LoopResult, npt.NDArray[np.float64]]:
+    """Run a rig's loop, nothing written; return how it ended and its rows."""
+    sink = KeptRows(len(built.columns))
+    loop = Loop(built.clock, built.buses, built.control, built.sources, sink)
+    result = loop.run()
+    for simulator in built.simulators:
+        simulator.close()
+    return result, np.array(sink.kept, dtype=np.float64).reshape(-1, len(built.columns))
+
+
+def simulate_scene(rig: Rig, duration_s: float | None, engine: str) -> Simulation:
+    """Return the rows of a rig with a scene; see `simulation.run.simulate`.
+
+    `compiled` steps a scene by numba where that is installed, and everything else in Python.
+
+    Raises
+    ------
+    ConfigError
+        The rig simulates nothing, or there is no such engine for a scene.
+    SafetyStop
+        The scene never engaged.
+    """
+    if rig.simulation is None:
+        raise ConfigError(
+            f"{rig.name}: there is nothing to simulate; add a simulation block to the rig file"
+        )
+    if engine not in ENGINES:
+        raise ConfigError(
+            f"{rig.name}: engine {engine!r} does not support scenes; engines: {', '.join(ENGINES)}"
+        )
+    built = build_rig(rig, clock="fake", duration_s=duration_s)
+    assert built.scene is not None
+    model = built.scene.model
+    if engine == "compiled" and can_tick():
+        if isinstance(model, SceneModel):
+            built.scene.model = CompiledScene(model.network, model.scheme, model.period)
+        else:
+            from tautwave.simulation.scene.ticking3d import CompiledModel3d
+
+            built.scene.model = CompiledModel3d(model.network, model.scheme, model.period)
+    result, data = run_in_memory(built)
+    error = result.error
+    began = built.scene.slot > 0
+    if error is not None and not (began and isinstance(error, TautwaveError)):
+        raise error
+    assert error is None or isinstance(error, TautwaveError)
+    return Simulation(tuple(built.columns), data, error)

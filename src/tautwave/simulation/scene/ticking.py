@@ -1,0 +1,94 @@
+"""A scene in the live loop, stepped by compiled code: one call a cycle, same numbers to the bit."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
+from typing import Any
+
+from tautwave.scene.compiling import INDEX_FIELDS, Arrays
+from tautwave.scene.ledger import Ledger
+from tautwave.scene.live import SceneModel
+from tautwave.scene.network import Network
+from tautwave.simulation.kernel import compiled
+from tautwave.simulation.kernel.blocks import lay_out
+from tautwave.simulation.scene import tick as network_tick
+from tautwave.simulation.scene.playing import SCHEMES, flows_of
+
+_WHOLE = (*INDEX_FIELDS, "flows.sizes", "flows.parts", "forced")
+
+
+def can_tick() -> bool:
+    """Return whether there is what compiles the steps."""
+    return find_spec("numba") is not None
+
+
+@functools.cache
+def compiled_tick() -> Callable[..., int]:
+    """Return `tick_network` for numba; compiled at the first call, or read from the cache."""
+    return compiled.cached(network_tick.tick_network)
+
+
+class CompiledScene(SceneModel):
+    """A `SceneModel` that is advanced by compiled code; its ledger is always taken.
+
+    `arrays` are views into the memory that the compiled steps work on. Strings stay in Python.
+
+    Raises
+    ------
+    ConfigError
+        Numba is not installed, or the scheme cannot do this network.
+    """
+
+    def __init__(self, network: Network, scheme: str, period: float) -> None:
+        self._tick = compiled_tick()
+        super().__init__(network, scheme, period, keep_books=True)
+        before = [list(values) for values in self.arrays]
+        self._tick(*self._given)  # loads the machine code, or makes it
+        for values, was in zip(self.arrays, before, strict=True):
+            for at, value in enumerate(was):
+                values[at] = value
+
+    def reset(self, positions: Sequence[float]) -> None:
+        """Put everything back to the start, with the ports at `positions` [m]."""
+        super().reset(positions)
+        flows = flows_of(self)
+        ports, forced = len(self.network.ports), self._forced
+        given: dict[str, Any] = {
+            **self.arrays._asdict(),
+            **{f"flows.{name}": values for name, values in flows._asdict().items()},
+            "ports": [0.0] * ports,
+            "pushes": [0.0] * len(forced),
+            "efforts": [0.0] * ports,
+            "ledger": [0.0] * len(Ledger._fields),
+            "forced": forced,
+        }
+        blocks = lay_out(given, _WHOLE)
+        views = blocks.views
+        self.arrays = Arrays(*(views[name] for name in Arrays._fields))
+        self._ports_in, self._pushes = views["ports"], views["pushes"]
+        self._efforts, self._ledger = views["efforts"], views["ledger"]
+        number = SCHEMES[self.scheme]
+        self._given = (blocks.floats, blocks.whole, blocks.at, number, self.period)
+
+    def advance(self, positions: Sequence[float], pushes: Sequence[float] = ()) -> list[float]:
+        """Take where the ports are and what pushes each forced mass; step; give efforts."""
+        given = self._ports_in
+        for port, position in enumerate(positions):
+            given[port] = position
+        given = self._pushes
+        for at, push in enumerate(pushes):
+            given[at] = push
+        if not self.strings:
+            self._tick(*self._given)
+            self.booked = Ledger(*self._ledger)
+            return list(self._efforts)
+        s = self.arrays
+        for string in self.strings:
+            string.push(s)
+        self._tick(*self._given)
+        for string in self.strings:
+            string.carry_on(s)
+        self.booked = self.with_strings(Ledger(*self._ledger))
+        return list(self._efforts)

@@ -1,0 +1,81 @@
+"""A network of points in the live loop, stepped by compiled code: one call a cycle, same bits."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from tautwave.scene.ledger import Ledger
+from tautwave.scene3d.arrays import INDEX_FIELDS, Arrays3d
+from tautwave.scene3d.live import Model3d
+from tautwave.scene3d.network import Network3d
+from tautwave.simulation.kernel import compiled
+from tautwave.simulation.kernel.blocks import lay_out
+from tautwave.simulation.scene import tick3d
+
+SCHEMES = {"symplectic": tick3d.SYMPLECTIC, "discrete_gradient": tick3d.GRADIENT}
+
+
+@functools.cache
+def compiled_tick3d() -> Callable[..., int]:
+    """Return `tick_network3d` for numba; compiled at the first call, or read from the cache."""
+    return compiled.cached(tick3d.tick_network3d)
+
+
+class CompiledModel3d(Model3d):
+    """A `Model3d` that is advanced by compiled code; its ledger is always taken.
+
+    `arrays` are views into the memory that the compiled steps work on.
+
+    Raises
+    ------
+    ConfigError
+        Numba is not installed, or the scheme is none of points in space.
+    """
+
+    def __init__(self, network: Network3d, scheme: str, period: float) -> None:
+        self._tick = compiled_tick3d()
+        super().__init__(network, scheme, period, keep_books=True)
+        self._tick(*self._given)  # loads the machine code, or makes it
+        self.reset([0.0] * len(network.axes))
+
+    def reset(self, positions: Sequence[float]) -> None:
+        """Put everything back to the start, with the axes of the ports at `positions` [m]."""
+        super().reset(positions)
+        axes = len(self.network.axes)
+        given: dict[str, Any] = {
+            **self.arrays._asdict(),
+            "axes_at": list(positions),
+            "pushes": [0.0] * len(self._forced),
+            "ways": [part for _, way in self._forced for part in way],
+            "efforts": [0.0] * axes,
+            "ledger": [0.0] * len(Ledger._fields),
+            "forced": [at for at, _ in self._forced],
+        }
+        blocks = lay_out(given, (*INDEX_FIELDS, "forced"))
+        views = blocks.views
+        self.arrays = Arrays3d(*(views[name] for name in Arrays3d._fields))
+        self._axes_in, self._pushes = views["axes_at"], views["pushes"]
+        self._efforts, self._ledger = views["efforts"], views["ledger"]
+        number = SCHEMES[self.scheme]
+        self._given = (blocks.floats, blocks.whole, blocks.at, number, self.period)
+
+    def take_state(self, model: Model3d) -> None:
+        """Go on from the state of another model of the same network."""
+        for values, others in zip(self.arrays, model.arrays, strict=True):
+            for at, value in enumerate(others):
+                values[at] = value
+        self.start, self.booked = model.start, model.booked
+
+    def advance(self, positions: Sequence[float], pushes: Sequence[float] = ()) -> list[float]:
+        """Take where the axes are and every outside force; step; give the efforts."""
+        given = self._axes_in
+        for axis, position in enumerate(positions):
+            given[axis] = position
+        given = self._pushes
+        for at, push in enumerate(pushes):
+            given[at] = push
+        self._tick(*self._given)
+        self.booked = Ledger(*self._ledger)
+        return list(self._efforts)

@@ -1,0 +1,1 @@
+"""Many closed-loop simulations over a grid, as tables and maps."""

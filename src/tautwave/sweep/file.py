@@ -1,0 +1,294 @@
+"""Sweep files: a rig, what is varied, what is measured. Read and checked like rig files.
+
+A sweep lists its values; there are no expressions. What depends on another key is a column beside
+it (`columns`: zipped, one point per row), or a case of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, get_args
+
+from pydantic import Field
+
+from tautwave.config import Rig
+from tautwave.config.document import Document, nearest, open_document, read_text, show_path
+from tautwave.config.keys.common import Block, Name, Positive
+from tautwave.config.messages import validate
+from tautwave.config.yaml12 import KeyPath
+from tautwave.errors import ConfigError
+from tautwave.sweep.grid import Choice, Recipe
+from tautwave.sweep.points import Points
+
+Measure = Literal[
+    "peak_amplitude",
+    "late_amplitude",
+    "growth_rate",
+    "stable",
+    "predicted_radius",
+    "predicted_growth",
+    "predicted_frequency",
+    "position_error_rms",
+    "position_error_max",
+    "effort_error_rms",
+    "effort_error_max",
+    "gross_flow",
+    "residual",
+    "generated",
+]
+MEASURES: tuple[str, ...] = get_args(Measure)
+
+GREATEST = 10_000_000
+"""Points of a sweep."""
+
+CHECKED = 2000
+"""Rigs that are checked before the first one runs; the others are when their turn comes."""
+
+Values = Annotated[list[Any], Field(min_length=1)]
+
+
+class Panel(Block):
+    """One panel of the figure."""
+
+    measures: Annotated[tuple[Measure, ...], Field(min_length=1)] = Field(
+        description="Panels of the figure: predictions as lines, simulations as markers."
+    )
+    title: str = Field(default="", description="Heading of the panel.")
+    label: str = Field(description="Label of its vertical axis, with the unit in brackets.")
+    scale: Literal["linear", "log", "symlog"] = Field(default="linear", description="Its scale.")
+    linear_to: Positive = Field(
+        default=1.0, description="symlog: linear between plus and minus this value."
+    )
+    range: tuple[float, float] | None = Field(default=None, description="Its limits.")
+    mark_stability: bool = Field(
+        default=False, description="Mark where each case changes between stable and unstable."
+    )
+
+
+class Figure(Block):
+    """How the result is drawn: measures over one key, one colour per case."""
+
+    title: str = Field(description="Heading of the figure.")
+    x: str = Field(description="Key on the horizontal axis; every case varies it.")
+    label: str = Field(description="Axis label, with the unit in brackets.")
+    factor: Positive = Field(default=1.0, description="Display factor of the key.")
+    scale: Literal["linear", "log"] = Field(default="linear", description="Its scale.")
+    panels: Annotated[tuple[Panel, ...], Field(min_length=1)] = Field(
+        description="From top to bottom."
+    )
+    notes: tuple[str, ...] = Field(default=(), description="Lines of text below: assumptions.")
+
+
+class Varied(Block):
+    """What is set, and what is varied."""
+
+    set: dict[str, Any] = Field(default_factory=dict, description="Keys of the rig and values.")
+    grid: dict[str, Values] = Field(
+        default_factory=dict, description="Keys and values: every combination is a point."
+    )
+    columns: dict[str, Values] = Field(
+        default_factory=dict, description="Keys and values of equal number: every row is a point."
+    )
+
+
+class Case(Varied):
+    """One curve: what it sets and varies on its own, after the common part."""
+
+    label: str | None = Field(default=None, description="Label; default: its name.")
+
+
+class Sweep(Varied):
+    """A sweep file. Its own `set`, `grid` and `columns` hold for every case."""
+
+    name: Annotated[str, Field(min_length=1)] = Field(description="What it is called.")
+    rig: str = Field(description="Rig file; a relative path starts at this file's folder.")
+    pair: Name | None = Field(default=None, description="Pair that is measured; default: first.")
+    duration_s: Positive | None = Field(default=None, description="[s] Default: the rig's own.")
+    cases: dict[Name, Case] = Field(default_factory=dict, description="Curves by name.")
+    measures: Annotated[tuple[Measure, ...], Field(min_length=1)] = Field(
+        description="Measures kept of each simulation."
+    )
+    figure: Figure | None = Field(default=None, description="Default: no figure.")
+
+
+class SweepPlan(NamedTuple):
+    """A sweep file that is right, and all its points."""
+
+    sweep: Sweep
+    keys: tuple[str, ...]
+    points: Points
+
+
+def load_sweep(path: str | Path) -> SweepPlan:
+    """Read and check a sweep file and every rig that it makes.
+
+    Raises
+    ------
+    ConfigError
+        Anything is wrong; `problems` holds every mistake with its line.
+    """
+    path = Path(path)
+    try:
+        document = open_document(read_text(path), str(path), path.parent)
+    except ConfigError as err:  # the reader is shared and speaks of rig files
+        raise ConfigError(
+            [text.replace("rig file", "sweep file") for text in err.problems]
+        ) from err
+    sweep: Sweep | None = validate(document, Sweep)
+    if document.problems or sweep is None:
+        raise ConfigError(document.sentences())
+    _check(document, sweep)
+    if document.problems:
+        raise ConfigError(document.sentences())
+    points = Points(path.parent / sweep.rig, list(_recipes(sweep)), sweep.pair, sweep.duration_s)
+    _check_points(document, sweep, points)
+    return SweepPlan(sweep, points.keys(), points)
+
+
+def _scopes(sweep: Sweep) -> Iterator[tuple[str, KeyPath, Varied]]:
+    """Give every case, the sweep itself where there are none."""
+    if not sweep.cases:
+        yield "", (), Varied()
+    for name, case in sweep.cases.items():
+        yield name, ("cases", name), case
+
+
+def _blocks(sweep: Sweep, path: KeyPath, case: Varied) -> list[tuple[KeyPath, Varied]]:
+    """Return the common block and the case's own, if it has one, with their places."""
+    return [((), sweep), (path, case)] if path else [((), sweep)]
+
+
+def _check(document: Document, sweep: Sweep) -> None:
+    """Note what is right key by key but does not fit together."""
+    blocks: list[tuple[KeyPath, Varied]] = [((), sweep)]
+    blocks += [(path, case) for _, path, case in _scopes(sweep) if path]
+    total = 0
+    for path, case in blocks:
+        lengths = {key: len(values) for key, values in case.columns.items()}
+        first = next(iter(lengths), "")
+        for key, length in lengths.items():
+            if length != lengths[first]:
+                document.report(
+                    (*path, "columns", key),
+                    f"Input should have as many values as {first}, {lengths[first]} (got {length})",
+                )
+    for name, path, case in _scopes(sweep):
+        places: dict[str, str] = {}
+        count = 1
+        for base, block in _blocks(sweep, path, case):
+            rows = {len(values) for values in block.columns.values()}
+            count *= max(rows, default=1)
+            for word in ("grid", "columns"):
+                for key, values in getattr(block, word).items():
+                    here = (*base, word, key)
+                    if key in places:
+                        document.report(here, f"is already varied by {places[key]}")
+                    places[key] = show_path((*base, word))
+                    count *= len(values) if word == "grid" else 1
+        total += count
+        if sweep.figure is not None and sweep.figure.x not in places:
+            whom = f"case {name}" if name else "the sweep"
+            document.report(
+                ("figure", "x"),
+                f"{whom} does not vary {sweep.figure.x!r}{nearest(sweep.figure.x, list(places))}",
+            )
+    if total > GREATEST:
+        document.report((), f"{total} points are more than {GREATEST}")
+    for at, panel in enumerate(sweep.figure.panels if sweep.figure else ()):
+        for index, measure in enumerate(panel.measures):
+            if measure not in sweep.measures:
+                document.report(
+                    ("figure", "panels", at, "measures", index),
+                    f"{measure!r} is not measured; add it to measures",
+                )
+
+
+def _check_points(document: Document, sweep: Sweep, points: Points) -> None:
+    """Load the rigs of points; all that is wrong with any of them is raised at once."""
+    problems: dict[str, None] = {}
+    for number in points.sample(CHECKED):
+        try:
+            rig = points.rig(number)
+        except ConfigError as err:
+            problems.update(dict.fromkeys(_placed(document, points.overrides(number), err)))
+            continue
+        sentence = _unfit(document, sweep, rig)
+        if sentence:
+            problems[sentence] = None
+    if problems:
+        raise ConfigError(list(problems))
+
+
+def _recipes(sweep: Sweep) -> Iterator[Recipe]:
+    """Give what every case sets and varies: common first, then the case's own."""
+    for name, path, case in _scopes(sweep):
+        blocks = _blocks(sweep, path, case)
+        fixed = tuple(
+            Choice(key, value, (*base, "set", key))
+            for base, block in blocks
+            for key, value in block.set.items()
+        )
+        axes: list[tuple[tuple[Choice, ...], ...]] = []
+        for base, block in blocks:
+            for key, values in block.grid.items():
+                places = ((*base, "grid", key, i) for i in range(len(values)))
+                axes.append(
+                    tuple((Choice(key, v, at),) for v, at in zip(values, places, strict=True))
+                )
+            if block.columns:
+                rows = zip(*block.columns.values(), strict=True)
+                axes.append(
+                    tuple(
+                        tuple(
+                            Choice(key, v, (*base, "columns", key, i))
+                            for key, v in zip(block.columns, row, strict=True)
+                        )
+                        for i, row in enumerate(rows)
+                    )
+                )
+        yield Recipe(name, fixed, tuple(axes))
+
+
+def _placed(document: Document, choices: list[Choice], err: ConfigError) -> Iterator[str]:
+    """Say of a refused override where in the sweep file it stands."""
+    for problem in err.problems:
+        for choice in choices:
+            start = f"--set {choice.argument}: "
+            if problem.startswith(start):
+                where = f"{document.where(choice.path)}: {show_path(choice.path)}"
+                yield f"{where}: {problem.removeprefix(start)}"
+                break
+        else:
+            yield problem
+
+
+def _unfit(document: Document, sweep: Sweep, rig: Rig) -> str:
+    """Return what keeps a right rig out of this sweep, or ''."""
+    if rig.simulation is None:
+        return (
+            f"{document.where(('rig',))}: rig: a sweep requires a simulation, and this rig has none"
+        )
+    if rig.scene is not None:
+        return (
+            f"{document.where(('rig',))}: rig: a sweep varies rigs with a coupling, and this one "
+            "has a scene; use `tautwave run RIG --clock fake --set scene.KEY=VALUE` once a "
+            "point, or tautwave.simulate(rig) in Python"
+        )
+    pairs = list(rig.coupling.pairs)
+    if sweep.pair is not None and sweep.pair not in pairs:
+        hint = nearest(sweep.pair, pairs) or "."
+        return (
+            f"{document.where(('pair',))}: pair: unknown pair {sweep.pair!r}{hint} "
+            f"Pairs: {', '.join(pairs)}"
+        )
+    name = sweep.pair or pairs[0]
+    for at, measure in enumerate(sweep.measures):
+        if measure.startswith("predicted_"):
+            for axis in (f"master.{name}", f"slave.{name}"):
+                if rig.axes[axis].causality != "impedance":
+                    return (
+                        f"{document.where(('measures', at))}: measures: {measure} is for impedance "
+                        f"axes, and {axis} takes velocities"
+                    )
+    return ""

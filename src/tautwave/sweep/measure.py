@@ -1,0 +1,203 @@
+"""What a sweep keeps of one simulation: numbers from the columns of its recording, SI."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from tautwave.config import Rig
+from tautwave.rig import pair_scale
+from tautwave.sweep.predict import pair_mode
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Columns = Mapping[str, Floats]
+
+PREDICTED = ("predicted_radius", "predicted_growth", "predicted_frequency")
+"""Measures of the rig, not of its simulation."""
+
+BOOKS = ("gross_flow", "residual", "generated")
+"""Measures that look at every account of a recording."""
+
+BOUNDED = 1.1
+"""Greatest energy of the last half per that of the first half that still counts as stable."""
+
+STEADY = 0.9
+"""Share of its course that an exponential explains, above which growth is that of one mode."""
+
+WINDOWS = 20
+
+FAINTEST = 1e-290
+"""[J] Energies below are left out: their logarithm is that of rounding."""
+
+
+class Scales(NamedTuple):
+    """What the columns of a pair are measured with: period [s], slave per master units."""
+
+    pair: str
+    period_s: float
+    position_scale: float
+    power: float
+
+
+def scales_of(rig: Rig, pair: str) -> Scales:
+    """Return with what a pair of a rig is measured."""
+    keys = rig.coupling.pairs[pair]
+    return Scales(pair, rig.period_s, keys.position_scale, pair_scale(keys).power)
+
+
+def measure_run(
+    scales: Scales, wanted: tuple[str, ...], columns: Columns, *, finished: bool
+) -> dict[str, float]:
+    """Return the wanted measures of one simulation; predictions are none of it.
+
+    Amplitudes and errors are in master units, growth in 1/s, energies in J; `stable` is 1 or 0.
+    What has no value (the growth of what never moved) is NaN.
+    """
+    names = set(wanted)
+    count = len(columns[f"{scales.pair}.position_error"])
+    if count == 0:  # the coupling never engaged
+        return {name: 0.0 if name == "stable" else math.nan for name in wanted}
+    found: dict[str, float] = {}
+    for name, first in (("peak_amplitude", 0), ("late_amplitude", -max(1, count // 10))):
+        if name in names:
+            found[name] = amplitude(scales, columns, first)
+    if names & {"growth_rate", "stable"}:
+        energy = moving_energy(scales, columns)
+        growth = growth_of(energy, scales.period_s)
+        found["growth_rate"] = growth.rate
+        found["stable"] = float(finished and is_bounded(energy, growth))
+    for kind in ("position_error", "effort_error"):
+        values = columns[f"{scales.pair}.{kind}"]
+        if f"{kind}_rms" in names:
+            found[f"{kind}_rms"] = float(np.sqrt(np.mean(np.square(values))))
+        if f"{kind}_max" in names:
+            found[f"{kind}_max"] = farthest(values, 0.0)
+    if names & set(BOOKS):
+        found.update(controller_books(scales.pair, columns))
+    return {name: found[name] for name in wanted if name in found}
+
+
+def predict_pair(rig: Rig, pair: str) -> dict[str, float]:
+    """Return the measures of `PREDICTED`, in 1/s and Hz, from the rig alone."""
+    mode = pair_mode(rig, pair)
+    return dict(zip(PREDICTED, (mode.radius, mode.growth, mode.frequency), strict=True))
+
+
+def moving_energy(scales: Scales, columns: Columns) -> Floats:
+    """Return kinetic energy and that of grip and environment springs of a pair [J], shape (n,)."""
+    summed = columns.get(f"{scales.pair}.energy")
+    if summed is not None:
+        return summed
+    total = np.zeros(len(columns["time_s"]))
+    for side, share in (("master", 1.0), ("slave", 1.0 / scales.power)):
+        for part in ("kinetic", "grip_stored", "environment_stored"):
+            total += share * columns[f"plant.{side}.{scales.pair}.{part}"]
+    return total
+
+
+def farthest(values: Floats, origin: float) -> float:
+    """Return max |values - origin|; rounding keeps the order, so the ends are enough."""
+    return float(np.maximum(abs(values.max() - origin), abs(values.min() - origin)))
+
+
+def amplitude(scales: Scales, columns: Columns, first: int) -> float:
+    """Return the largest distance of master or slave from their start [master units].
+
+    From cycle `first` on; as an index, so that -10 are the last ten.
+    """
+    found = []
+    for side, unit in (("master", 1.0), ("slave", scales.position_scale)):
+        x = columns[f"true.{side}.{scales.pair}.position"]
+        found.append(farthest(x[first:], x[0]) / unit)
+    return float(np.maximum(found[0], found[1]))
+
+
+class Growth(NamedTuple):
+    """Growth of the amplitude [1/s], and how much of its course a pure exponential explains [1]."""
+
+    rate: float
+    steadiness: float
+
+
+def growth_of(energy: Floats, period: float) -> Growth:
+    """Return half the slope of ln(energy) over the last half of a simulation.
+
+    Where one mode has outgrown the rest this is its ln|z| / T. Energies are averaged over
+    `WINDOWS` windows, so that what swings within them does not count as growth; those too small
+    or too large for a float are left out. NaN where nothing is left.
+    """
+    last = np.ascontiguousarray(energy[len(energy) // 2 :])
+    if len(last) >= 2 * WINDOWS and last.min() > FAINTEST and last.max() < math.inf:
+        starts, counts, time = _windows(len(last), period)
+    else:
+        usable = np.flatnonzero((last > FAINTEST) & np.isfinite(last))
+        if len(usable) < 2 * WINDOWS:
+            return Growth(math.nan, 0.0)
+        starts, counts, time = _windows_of(usable, period)
+        last = last[usable]
+    level = np.add.reduceat(np.log(last), starts) / counts
+    level -= level.mean()
+    slope = float(time @ level) / float(time @ time)
+    spread = float(level @ level)
+    explained = slope * float(time @ level) / spread if spread > 0.0 else 0.0
+    return Growth(0.5 * slope, explained)
+
+
+Windows = tuple[Integers, Integers, Floats]
+
+
+@functools.lru_cache(maxsize=8)
+def _windows(count: int, period: float) -> Windows:
+    """Return the windows of so many energies that all are usable."""
+    return _windows_of(np.arange(count), period)
+
+
+def _windows_of(usable: Integers, period: float) -> Windows:
+    """Return where windows begin, how many energies are in each, and their mean times [s]."""
+    ends = np.linspace(0, len(usable), WINDOWS + 1).astype(np.int64)
+    counts = np.diff(ends)
+    time = period * np.add.reduceat(usable, ends[:-1]) / counts
+    time -= time.mean()
+    return ends[:-1], counts, time
+
+
+def is_bounded(energy: Floats, growth: Growth) -> bool:
+    """Return whether an energy [J] stays bounded, as far as a finite run can tell.
+
+    It does not if the last half goes beyond the first, or if it grows steadily, however slowly.
+    """
+    half = len(energy) // 2
+    within = half > 0 and bool(energy[half:].max() <= BOUNDED * energy[:half].max())
+    return within and not (growth.rate > 0.0 and growth.steadiness > STEADY)
+
+
+def controller_books(pair: str, columns: Columns) -> dict[str, float]:
+    """Return gross flow, residual and generated energy of a pair's controller [J]."""
+    start = f"{pair}."
+    elements = [
+        name.split(".")[1]
+        for name in columns
+        if name.startswith(start) and name.endswith(".absorbed")
+    ]
+    balance = np.zeros(len(columns["time_s"]))
+    gross = generated = 0.0
+    for side in ("master", "slave"):
+        entered = columns[f"{side}.{pair}.port_energy"]
+        balance += entered - entered[0]
+        gross += float(columns[f"{side}.{pair}.gross_flow"][-1])
+    for element in elements:
+        for part in ("stored", "dissipated"):
+            values = columns[f"{pair}.{element}.{part}"]
+            balance -= values - values[0]
+        generated += max(0.0, -float(columns[f"{pair}.{element}.absorbed"].min()))
+    return {
+        "gross_flow": gross,
+        "residual": float(np.abs(balance).max()),
+        "generated": generated,
+    }

@@ -1,0 +1,33 @@
+"""Suites for parts and drivers, to be run by whoever writes one; they need pytest.
+
+A test class that inherits from a suite and gives its one fixture is the whole of it:
+
+    from tautwave.testing import DriverBench, DriverContract
+
+    class TestMyDriver(DriverContract):
+        @pytest.fixture
+        def bench(self) -> DriverBench: ...
+"""
+
+import pytest
+
+pytest.register_assert_rewrite(
+    "tautwave.testing.couplings", "tautwave.testing.drivers",
+    "tautwave.testing.environments", "tautwave.testing.hands",
+)  # fmt: skip
+
+from tautwave.testing.couplings import CouplingBench, CouplingContract  # noqa: E402
+from tautwave.testing.drivers import DriverBench, DriverContract  # noqa: E402
+from tautwave.testing.environments import EnvironmentBench, EnvironmentContract  # noqa: E402
+from tautwave.testing.hands import HandBench, HandContract  # noqa: E402
+
+__all__ = [
+    "CouplingBench",
+    "CouplingContract",
+    "DriverBench",
+    "DriverContract",
+    "EnvironmentBench",
+    "EnvironmentContract",
+    "HandBench",
+    "HandContract",
+]

@@ -1,0 +1,71 @@
+"""What a part says of itself, for `check` and the report; figures are SI."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from tautwave.types import CommandDelay
+
+
+class PlanLine(NamedTuple):
+    """An element of a rig for `check`: whether it is in, why, and why not."""
+
+    element: str
+    used: bool
+    why: str
+    why_not: str = "not in the rig"
+
+
+def _no_lines(*_: Any) -> Sequence[PlanLine]:
+    return ()
+
+
+def _no_sentences(*_: Any) -> Sequence[tuple[str, str]]:
+    return ()
+
+
+def _law_of(rig: Any) -> str:
+    return f"law {rig.coupling.law}, {rig.coupling.delay_s:g} s each way"
+
+
+def _no_words(*_: Any) -> str:
+    return ""
+
+
+class Standing(NamedTuple):
+    """What a pair does while both devices are held still.
+
+    `offset`: by how much a held effort sets them apart, per effort that the master gives [rad/(N m)
+    or m/N, master]; `held_share`: the share of the coupling's effort that they get [1]; `words`
+    say so of one of them.
+    """
+
+    offset: float = 0.0
+    held_share: float = 1.0
+    words: str = ""
+
+
+def _no_standing(*_: Any) -> Standing:
+    return Standing()
+
+
+class CouplingWords(NamedTuple):
+    """What `check` and the report say of a coupling, in sentences without a full stop.
+
+    `coupling(rig)` is one line; `plan(rig)` and `pair_plan(rig, name)` give its elements, in or
+    left out; `facts(rig, delays)` and `hints(rig)` subject and sentence. `standing(rig, name,
+    delays, tau)` is a `Standing`, tau [s] the one-way delay in all. Of a recording, `pair(settings,
+    effort, position, number)` describes one pair from the keys in `rig.yaml`; `offset_caption` and
+    `offset_cause` say where the standing offset comes from ({delay} in the cause: only with one).
+    """
+
+    coupling: Callable[[Any], str] = _law_of
+    plan: Callable[[Any], Iterable[PlanLine]] = _no_lines
+    pair_plan: Callable[[Any, str], Iterable[PlanLine]] = _no_lines
+    facts: Callable[[Any, Mapping[str, CommandDelay]], Iterable[tuple[str, str]]] = _no_sentences
+    hints: Callable[[Any], Iterable[tuple[str, str]]] = _no_sentences
+    standing: Callable[[Any, str, Mapping[str, CommandDelay], float], Standing] = _no_standing
+    pair: Callable[[Mapping[str, Any], str, str, Callable[[Any], str]], str] = _no_words
+    offset_caption: str = ""
+    offset_cause: str = "its coupling"

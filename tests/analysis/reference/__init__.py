@@ -1,0 +1,1 @@
+"""Mathematics that no command needs: what tests hold the rest against."""

@@ -1,0 +1,73 @@
+"""`tautwave reproduce` as a command: lists, tables, files, exit codes."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+
+from tautwave.report import reproduce
+from tautwave.report.reproduce import CHAPTERS, Chapter, Row, positive_real
+
+Cli = Callable[..., Result]
+
+
+def test_a_row_that_differs_is_said_and_ends_in_1(
+    tautwave_cli: Cli, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = [Row("half", "1", 0.5, 0.5, 0.0, "arithmetic"), Row("two", "1", 2.1, 2.0, 0.05, "x")]
+    monkeypatch.setattr(positive_real, "CHAPTER", Chapter(lambda: told, {}))
+    done = tautwave_cli("reproduce", "positive-real")
+    assert done.exit_code == 1
+    assert "differs" in done.stdout.splitlines()[-1]
+    assert done.stderr == "differs from its reference: positive-real: two\n"
+    assert not Row("nothing", "1", math.nan, 1.0, 0.1, "x").agrees
+
+
+def test_without_a_name_chapters_are_listed(tautwave_cli: Cli) -> None:
+    done = tautwave_cli("reproduce")
+    assert done.exit_code == 0
+    for name, summary in CHAPTERS.items():
+        assert name in done.stdout
+        assert summary in done.stdout
+    listed = json.loads(tautwave_cli("reproduce", "--json").stdout)
+    assert [entry["name"] for entry in listed] == list(CHAPTERS)
+
+
+def test_a_name_writes_table_and_figures(tautwave_cli: Cli, tmp_path: Path) -> None:
+    done = tautwave_cli("reproduce", "positive-real", "--out", "papers")
+    assert done.exit_code == 0, done.output
+    assert {path.name for path in (tmp_path / "papers").iterdir()} == {
+        f"positive-real.{ending}" for ending in ("txt", "json", "svg", "png")
+    }
+    rows = json.loads((tmp_path / "papers/positive-real.json").read_text())
+    assert all(row["agrees"] for row in rows)
+    assert "prefers-color-scheme: dark" in (tmp_path / "papers/positive-real.svg").read_text()
+
+
+def test_without_a_name_all_go_into_a_directory(
+    tautwave_cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reproduce, "CHAPTERS", {k: CHAPTERS[k] for k in ("wall", "positive-real")})
+    done = tautwave_cli("reproduce", "--out", "all")
+    assert done.exit_code == 0, done.output
+    assert {path.stem for path in (tmp_path / "all").iterdir()} == {
+        "wall", "wall-damping", "wall-stability", "positive-real"
+    }  # fmt: skip
+
+
+def test_bad_names_and_directories_are_one_sentence(tautwave_cli: Cli, tmp_path: Path) -> None:
+    done = tautwave_cli("reproduce", "resonater")
+    assert done.exit_code == 2
+    assert done.stderr == (
+        "nothing to reproduce is called 'resonater'; did you mean 'resonator'?\n"
+    )
+    (tmp_path / "taken").write_text("a file")
+    done = tautwave_cli("reproduce", "positive-real", "--out", "taken")
+    assert done.exit_code == 2
+    assert done.stderr == "taken: cannot be a directory: File exists\n"
+    assert (tmp_path / "taken").read_text() == "a file"

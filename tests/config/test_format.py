@@ -1,0 +1,69 @@
+"""Rig files and recordings carry a version; one that is newer than this reader is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tautwave import formats
+from tautwave.config import load_rig, parse_rig, resolved_yaml
+from tautwave.errors import ConfigError, RecordingError
+from tautwave.report.run.loading import load_run
+from tautwave.report.run.recording import read_recording
+from tautwave.runtime.mcap_file import McapFile
+
+BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
+pytestmark = pytest.mark.installed
+REMEDY = "pip install --upgrade tautwave"
+
+
+def test_a_rig_without_a_version_is_one_of_version_1() -> None:
+    assert "format:" not in BENCH.read_text()
+    rig = load_rig(BENCH)
+    assert rig.format == 1
+    assert resolved_yaml(rig).splitlines()[1] == "format: 1"
+    assert parse_rig(resolved_yaml(rig), BENCH) == rig
+
+
+@pytest.mark.parametrize("version", ["2", "7", "123456789012"])
+def test_a_newer_rig_is_refused_with_the_remedy_and_nothing_else(version: str) -> None:
+    text = f"format: {version}\n" + BENCH.read_text().replace("name:", "nahme:", 1)
+    with pytest.raises(ConfigError) as caught:
+        parse_rig(text)
+    (problem,) = caught.value.problems
+    assert problem.startswith(f"rig.yaml:1: format: {version} is newer than the rig format 1")
+    assert REMEDY in problem
+
+
+@pytest.mark.parametrize("version", ["0", "-1", "1.5", "yes", "true", "[1]"])
+def test_what_is_no_version_is_a_mistake_like_others(version: str) -> None:
+    with pytest.raises(ConfigError, match=r"rig.yaml:1: format: Input should be"):
+        parse_rig(f"format: {version}\n{BENCH.read_text()}")
+
+
+def _record(path: Path) -> None:
+    file = McapFile(str(path), ["time_s", "x"], {"rig": "bench"}, {}, 0)
+    file.append(np.zeros((3, 3)))
+    file.finish({})
+    file.close()
+
+
+def test_a_recording_carries_its_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "recording.mcap"
+    _record(path)
+    assert read_recording(path).metadata["format"] == "1"
+    monkeypatch.setattr(formats, "RECORDING", 2)
+    _record(path)
+    assert read_recording(path).metadata["format"] == "2"
+    monkeypatch.setattr(formats, "RECORDING", 1)
+    with pytest.raises(RecordingError, match=f"newer than the recording format 1 .*{REMEDY}"):
+        read_recording(path)
+
+
+def test_a_run_of_a_newer_rig_is_not_reported_on(tmp_path: Path) -> None:
+    (tmp_path / "rig.yaml").write_text("format: 2\nname: bench\n")
+    (tmp_path / "summary.json").write_text("{}")
+    with pytest.raises(RecordingError, match=REMEDY):
+        load_run(tmp_path)

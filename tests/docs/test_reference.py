@@ -1,0 +1,115 @@
+"""The generated reference covers the program: keys, commands, columns, exit codes, names."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tautwave
+from tautwave import errors
+from tautwave.config import Rig, load_rig
+from tautwave.rig import build_rig
+
+DOCS = Path(__file__).parents[2] / "docs"
+CONFIGS = DOCS.parent / "configs"
+NAMES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
+
+
+@pytest.fixture(autouse=True)
+def _tools(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(DOCS)
+
+
+def test_every_key_says_what_it_means() -> None:
+    from _tools.keys import described
+
+    silent = [f"{block}.{key}" for block, key, meaning in described() if not meaning]
+    assert not silent
+
+
+def test_every_key_is_on_the_page() -> None:
+    from _tools.keys import described, keys_page
+
+    page = keys_page()
+    assert all(f"| `{key}` |" in page for block, key, _ in described() if block != "Coupling")
+
+
+def test_every_command_is_on_the_page() -> None:
+    from _tools.commands import commands_page, walk
+    from tautwave.cli import main
+
+    page = commands_page()
+    for words, _ in walk(main, ("tautwave",)):
+        assert f"\n## {' '.join(words)}\n" in page
+
+
+def test_every_exit_code_is_on_the_page() -> None:
+    from _tools.commands import exit_codes_page
+
+    rows = re.findall(r"^\| ([\d, ]+) \|", exit_codes_page(), re.MULTILINE)
+    assert rows == ["0", "1", "2", "3", "4", "5", "6", "7", "129, 130, 143", "141"]
+    for name in ("ConfigError", "NotCertifiedError", "SafetyStop", "WritingError"):
+        code = getattr(errors, name).exit_code
+        assert re.search(rf"^\| {code} \|.*`{name}`", exit_codes_page(), re.MULTILINE)
+
+
+def _columns(rig: Rig) -> list[str]:
+    return list(build_rig(rig, clock="fake", duration_s=10 / rig.rate_hz).columns)
+
+
+def test_columns_of_the_shipped_rigs_are_explained() -> None:
+    from _tools.columns import SECTIONS
+
+    kinds = [kind for section in SECTIONS.values() for kind in section]
+    parts = [
+        part
+        for name in NAMES
+        if (rig := load_rig(CONFIGS / name)).simulation is not None
+        for part in _columns(rig)
+    ]
+    parts += _columns(
+        load_rig(CONFIGS / "bench-foam-loopback.yaml", ["coupling.pairs.lever.matched_slave=true"])
+    )
+    # of elements, the page spells out the three columns of the first only
+    plain = {
+        re.sub(r"\.(stored|dissipated)$", ".absorbed", part)
+        if re.fullmatch(r"\w+\.(?!port_)\w+\.(stored|dissipated)", part)
+        and not part.startswith("scene.")
+        else part
+        for part in parts
+    }
+    unexplained = [part for part in plain if not any(kind.matches(part) for kind in kinds)]
+    assert not unexplained
+    idle = [kind.name for kind in kinds if not any(kind.matches(part) for part in plain)]
+    assert not idle
+
+
+def test_every_public_name_has_an_entry() -> None:
+    text = (DOCS / "reference" / "api.md").read_text()
+    assert all(re.search(rf"\btautwave\.{name}\b", text) for name in tautwave.__all__)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_the_site_builds_without_a_warning_and_fetches_nothing(tmp_path: Path) -> None:
+    pytest.importorskip("sphinx")
+    pytest.importorskip("furo")
+    out = tmp_path / "html"
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", "-W", "-n", "-q", "-d", str(tmp_path / "trees"),
+         str(DOCS), str(out)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    loads = re.compile(
+        r"<(?:script|img|iframe|source)\b[^>]*\bsrc=\"(?:https?:)?//"
+        r"|<link\b[^>]*rel=\"(?:stylesheet|icon|preload|preconnect)\"[^>]*href=\"(?:https?:)?//"
+        r"|@import\s+(?:url\()?[\"']?(?:https?:)?//|url\([\"']?(?:https?:)?//"
+    )
+    for path in [*out.rglob("*.html"), *out.rglob("*.css")]:
+        found = loads.search(path.read_text(encoding="utf-8"))
+        assert found is None, f"{path.relative_to(out)}: {found}"

@@ -1,0 +1,115 @@
+"""Nobody's file reaches a parser past the reader of rig files or the guard.
+
+YAML goes through `tautwave.config.yaml12` (unique keys, YAML 1.2, no aliases, bounded depth), what
+a library parses through `tautwave.config.guard` (size, depth, encoding). What may be parsed without
+is listed here, with the reason.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("src/tautwave", "drivers/tautwave_drivers", "sim/tautwave_sim")
+SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+
+MODULES = {"yaml", "ruamel", "configparser", "xml", "lxml", "tomllib", "pickle", "marshal",
+           "shelve", "plistlib", "dbm"}  # fmt: skip
+"""Whose import is a parser of files."""
+CALLS = {"json.load", "json.loads", "json.JSONDecoder", "numpy.load", "numpy.loadtxt",
+         "numpy.genfromtxt", "canopen.import_od", "canopen.objectdictionary.import_od"}  # fmt: skip
+METHODS = {"import_od", "import_eds", "import_epf", "add_node", "safe_load"}
+"""Of whatever object: canopen parses files in all of the first four."""
+
+ALLOWED = {
+    "src/tautwave/config/yaml12.py": {"yaml": 4},  # the reader: PyYAML's events only
+    "src/tautwave/config/guard.py": {"json.loads": 1},  # the guard
+    "src/tautwave/sweep/points.py": {"pickle": 1},  # what it pickled itself, in memory
+    "src/tautwave/motion.py": {"json.loads": 1},  # what it wrote itself, as a key of its cache
+    "src/tautwave/runtime/mcap_writer.py": {"json.loads": 1},  # from its parent, over a pipe
+    "src/tautwave/runtime/recorder.py": {"json.loads": 1},  # from its child, over a pipe
+    "src/tautwave/session/serving.py": {"json.loads": 1},  # the same
+    "src/tautwave/session/certified.py": {"json.loads": 1},  # the same
+    "src/tautwave/bench/live/child.py": {"json.loads": 1},  # the same
+    "src/tautwave/session/reporting.py": {"json.loads": 1},  # summary.json as its child left it
+    # Depth is caught there: a recording is read where no rig file is, and stays light.
+    "src/tautwave/report/run/recording.py": {"json.loads": 2},
+    # Behind the guard; a dictionary, not a path, is what a node is made of.
+    "drivers/tautwave_drivers/canopen/bus/network.py": {"canopen.import_od": 1, "add_node": 1},
+}
+
+
+def readings(source: str) -> Counter[str]:
+    """Count what in `source` parses, by the whole names under which it was imported."""
+    tree = ast.parse(source)
+    names: dict[str, str] = {}
+    found: Counter[str] = Counter()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                names[alias.asname or alias.name.split(".")[0]] = (
+                    alias.name if alias.asname else alias.name.split(".")[0]
+                )
+                found[alias.name.split(".")[0]] += alias.name.split(".")[0] in MODULES
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                names[alias.asname or alias.name] = f"{node.module}.{alias.name}"
+            found[node.module.split(".")[0]] += node.module.split(".")[0] in MODULES
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Attribute | ast.Name):
+            continue
+        whole = dotted(node, names)
+        if whole in CALLS:
+            found[whole] += 1
+        elif isinstance(node, ast.Attribute) and node.attr in METHODS:
+            found[node.attr] += 1
+    return +found
+
+
+def dotted(node: ast.expr, names: dict[str, str]) -> str:
+    if isinstance(node, ast.Attribute):
+        return f"{dotted(node.value, names)}.{node.attr}"
+    return names.get(node.id, "") if isinstance(node, ast.Name) else ""
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: "/".join(path.parts[-2:]))
+def test_files_are_read_through_reader_or_guard(path: Path) -> None:
+    assert readings(path.read_text()) == ALLOWED.get(str(path.relative_to(ROOT)), {})
+
+
+def test_nothing_is_allowed_that_is_not_there() -> None:
+    assert not {path for path in ALLOWED if not (ROOT / path).is_file()}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "import yaml",
+        "def f():\n    from yaml import safe_load",
+        "import json\njson.loads(text)",
+        "import json as j\nj.load(file)",
+        "from json import loads as read\nread(text)",
+        "import json\nparse = json.loads",
+        "import xml.etree.ElementTree as ET",
+        "from xml.etree import ElementTree",
+        "from configparser import RawConfigParser",
+        "import tomllib",
+        "import canopen\ncanopen.import_od(path)",
+        "from canopen import import_od\nimport_od(path)",
+        "network.add_node(1, 'drive.eds')",
+        "import numpy as np\nnp.load(path)",
+    ],
+)
+def test_a_planted_reading_is_noticed(line: str) -> None:
+    assert readings(line)
+
+
+@pytest.mark.parametrize(
+    "line", ["import json\njson.dumps(1)", "from tautwave.config.yaml12 import parse_yaml"]
+)
+def test_what_parses_nothing_is_not(line: str) -> None:
+    assert not readings(line)

@@ -1,0 +1,97 @@
+"""The example package, installed as anybody's: listed, checked, run, the same to the bit."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import site
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+
+EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "tautwave-example-parts"
+
+SCRIPT = """
+import json, sys
+import numpy as np
+from pathlib import Path
+from tautwave import check, load_rig, read_recording, run, simulate
+from tautwave.config import rig_schema
+from tautwave.registry import HANDS, ENVIRONMENTS, list_parts
+
+told = {"schema": sorted(rig_schema()["$defs"])}
+told["parts"] = [part.name for group in (HANDS, ENVIRONMENTS) for part in list_parts(group)]
+for file in sys.argv[2:]:
+    rig, out = load_rig(file), Path(sys.argv[1]) / Path(file).stem
+    found = check(rig)
+    told["plan"] = {item.element: item.reason for item in found.plan if item.state == "in"}
+    verdicts = found.certificate["verdicts"]
+    result = run(rig, duration_s=0.4, clock="fake", out=out, allow_uncertified=True)
+    live = read_recording(out / "recording.mcap")
+    books = json.loads((out / "summary.json").read_text())
+    told[rig.name] = {
+        "plan": {item.element: item.reason for item in found.plan if item.state == "in"},
+        "passive": verdicts["passive"],
+        "stable": verdicts["coupled_stable"],
+        "residual": books["energy_j"]["residual"] / books["energy_j"]["gross_flow"],
+        "elements": sorted(books["pairs"]["lever"]["elements"]),
+        "again": load_rig(out / "rig.yaml") == rig,
+        "same": [
+            all(np.array_equal(made[name], live[name], equal_nan=True) for name in made.columns)
+            for made in (simulate(rig, duration_s=0.4, engine=e) for e in ("python", "compiled"))
+        ],
+    }
+print(json.dumps(told))
+"""
+
+
+@pytest.fixture(scope="module")
+def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the Python of a venv with the package, and everything that is installed here."""
+    pytest.importorskip("hatchling")
+    pytest.importorskip("pip")
+    folder = tmp_path_factory.mktemp("venv")
+    venv.create(folder, with_pip=False)
+    python = folder / "bin" / "python"
+    (packages,) = folder.glob("lib/python*/site-packages")
+    lines = [f"import site; site.addsitedir({path!r})" for path in site.getsitepackages()]
+    (packages / "here.pth").write_text("\n".join(lines) + "\n")
+    source = folder / "source"
+    shutil.copytree(EXAMPLE, source)
+    command = [
+        *(sys.executable, "-m", "pip", "--python", str(python), "install", "--no-index"),
+        *("--no-deps", "--no-build-isolation", "--quiet", "--disable-pip-version-check"),
+        str(source),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return python
+
+
+@pytest.mark.slow
+def test_it_runs_as_any_other(python: Path, tmp_path: Path) -> None:
+    pytest.importorskip("numba")
+    rigs = [str(EXAMPLE / name) for name in ("fluid.yaml", "pd.yaml")]
+    command = [str(python), "-c", SCRIPT, str(tmp_path), *rigs]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout.splitlines()[-1])
+    assert told["parts"] == ["tremor", "fluid"]
+    assert {"fluid.part", "tremor.part", "pd_injection.coupling"} <= set(told["schema"])
+    for name in ("example parts", "PD with damping injection"):
+        run = told[name]
+        assert run["again"] is True
+        assert run["same"] == [True, True], name
+        assert run["residual"] == pytest.approx(0.0, abs=1e-9)
+        assert run["plan"]["hand on master.lever"] == "part tremor"
+    fluid, pd = told["example parts"], told["PD with damping injection"]
+    assert fluid["plan"]["environment of slave.lever"].startswith("part fluid, moved in Python")
+    kept = "part fluid, which slave.lever meets, keeps it stable as well"
+    assert kept in fluid["stable"]["conditions"]
+    assert pd["passive"]["passed"] is True
+    assert pd["passive"]["conditions"] == ["continuous time stands for sampled"]
+    assert pd["stable"]["passed"] is False
+    assert "law pd_injection has no linear model" in pd["stable"]["reason"]

@@ -1,0 +1,118 @@
+"""The suites for parts pass on ours and on the example package's, and notice planted faults."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from tautwave import registry
+from tautwave.config import EnvironmentPart
+from tautwave.testing import (
+    CouplingBench,
+    CouplingContract,
+    EnvironmentBench,
+    EnvironmentContract,
+    HandBench,
+    HandContract,
+)
+from tautwave.truth import EnvironmentPlugin
+
+PACKAGE = Path(__file__).parents[2] / "docs/examples/tautwave-example-parts/tautwave_example_parts"
+
+
+def example(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"example_{name}", PACKAGE / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+class TestWave(CouplingContract):
+    @pytest.fixture
+    def bench(self) -> CouplingBench:
+        return CouplingBench(registry.load_coupling("wave"), "wave", {"wave_impedance": 0.02})
+
+
+class TestPosition(CouplingContract):
+    @pytest.fixture
+    def bench(self) -> CouplingBench:
+        keys = {"stiffness": 20.0, "damping": 0.1}
+        return CouplingBench(registry.load_coupling("position"), "position", keys)
+
+
+class TestPdInjection(CouplingContract):
+    @pytest.fixture
+    def bench(self) -> CouplingBench:
+        keys = {"stiffness": 1.5, "damping": 0.01, "injection": 0.05}
+        return CouplingBench(example("pd_injection").plugin, "pd_injection", keys)
+
+
+class TestTremor(HandContract):
+    @pytest.fixture
+    def bench(self) -> HandBench:
+        return HandBench(example("tremor").plugin, {"position": 0.3, "amplitude": 0.01})
+
+
+class TestFluid(EnvironmentContract):
+    @pytest.fixture
+    def bench(self) -> EnvironmentBench:
+        keys = {"surface": 0.1, "viscosity": 0.05, "thickening": 2.0, "buoyancy": 0.3}
+        return EnvironmentBench(example("fluid").plugin, keys, -0.2, 0.6, 3.0, 2e-3)
+
+
+class Bare(EnvironmentPart):
+    """No keys of its own."""
+
+
+def planted(force: Any, stored: Any = lambda p, x: 0.0) -> EnvironmentBench:
+    plugin = EnvironmentPlugin("planted", Bare, lambda keys: (1.0,), force, stored)
+    return EnvironmentBench(plugin, {}, -1.0, 1.0, 1.0)
+
+
+KEPT: list[float] = []
+
+
+@pytest.mark.parametrize(
+    ("force", "stored", "check"),
+    [
+        (lambda p, x, v: float("nan") if x > 0.5 else 0.0, None, "force_and_energy_are_finite"),
+        (lambda p, x, v: 2.0 * v, None, "motion_is_opposed"),
+        (lambda p, x, v: 2.0 * v, None, "it_gives_no_energy_to_what_shakes_it"),
+        (lambda p, x, v: -x, None, "the_force_at_rest_is_the_slope_of_the_energy"),
+        (
+            lambda p, x, v: -x,
+            lambda p, x: 0.5 * x * x * x * x,
+            "the_force_at_rest_is_the_slope_of_the_energy",
+        ),
+        (lambda p, x, v: sum([0.0] * 500), None, "a_call_allocates_nothing_but_numbers"),
+        (
+            lambda p, x, v: (KEPT.append(x + v + 0.1), 0.0)[1],
+            None,
+            "a_call_allocates_nothing_but_numbers",
+        ),
+    ],
+)
+def test_a_planted_fault_is_caught(force: Any, stored: Any, check: str) -> None:
+    bench = planted(force) if stored is None else planted(force, stored)
+    with pytest.raises(AssertionError):
+        getattr(EnvironmentContract(), f"test_{check}")(bench)
+
+
+def test_a_planted_jump_is_caught() -> None:
+    bench = planted(lambda p, x, v: -v if x > 0.1234 else 0.0)
+    with pytest.raises(AssertionError, match=r"it jumps by 1 near 0.1234"):
+        EnvironmentContract().test_jumps_are_declared_as_kinks(bench, 1.0)
+
+
+def test_what_numba_cannot_compile_says_why() -> None:
+    bench = planted(lambda p, x, v: 0.0 * len(repr(open)))
+    with pytest.raises(pytest.skip.Exception, match="numba does not compile it, it runs in Python"):
+        EnvironmentContract().test_compiled_it_is_the_same_to_the_bit(bench)

@@ -1,0 +1,119 @@
+"""What the motors of a run gave, against the truth of a simulation, and against what they may."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from tautwave.cli.terminal.show import BAD, Cell
+from tautwave.cli.terminal.summary import summary_sections
+from tautwave.config import Rig, resolved_yaml
+from tautwave.controller import axis
+from tautwave.laws.port import port_close
+from tautwave.report.claims import exceeds
+from tautwave.report.motors import motor_energy
+from tautwave.report.run.rebuild import rebuild_summary
+from tautwave.report.run.rundir import Run
+from tautwave.report.run.verdicts import verdicts
+from tautwave.rig import command_delays, debt_rates
+from tautwave.session.facts import pair_facts, port_debts
+from tests.certificate.rigs import NO_QUANTUM, NO_WALLS, rig
+from tests.report.synthetic import make_columns
+from tests.report.synthetic import rig as rig_keys
+from tests.rigs.running import run_rig
+
+QUIET = (*NO_QUANTUM, *NO_WALLS, "duration_s=1.5", "coupling.release_ramp_s=0")
+SCALED = ("coupling.pairs.lever.position_scale=0.8", "coupling.pairs.lever.force_scale=1.5")
+
+
+def ran(loaded: Rig) -> Run:
+    """Run a rig and return what a report would read of it."""
+    done = run_rig(loaded)
+    delays = command_delays(loaded)
+    facts = {
+        **pair_facts(loaded, "lever", delays)._asdict(),
+        **port_debts(loaded, "lever", delays),
+    }
+    columns: Any = {name: done.table[:, at] for at, name in enumerate(done.columns)}
+    rows = len(done.table)
+    keys = yaml.safe_load(resolved_yaml(loaded))
+    return Run(
+        Path(), keys, "", {"pairs": {"lever": facts}}, tuple(columns), rows,
+        whole=columns, time=np.arange(rows) / loaded.rate_hz,
+    )  # fmt: skip
+
+
+def true_work(run: Run, weight: float) -> np.ndarray[Any, Any]:
+    """What both motors did to their devices, by the plant's own books [J]."""
+    done = run.read("plant.master.lever.motor_work", "plant.slave.lever.motor_work")
+    master, slave = done.values()
+    return np.asarray(master - master[0] + weight * (slave - slave[0]))
+
+
+@pytest.mark.parametrize("changes", [(), SCALED])
+def test_what_the_motors_gave_is_their_work_on_the_devices(changes: tuple[str, ...]) -> None:
+    loaded = rig(*QUIET, *changes)
+    run = ran(loaded)
+    work = true_work(run, 1.0 / run.summary["pairs"]["lever"]["power_ratio"])
+    told = motor_energy(run, "lever")
+    assert abs(told["net"]) > 1e-4
+    assert told["net"] == pytest.approx(work[-1], rel=1e-9)
+    assert told["worst"] == pytest.approx(work.max(), abs=1e-12)
+    assert told["worst_at_s"] == pytest.approx(1e-3 * int(np.argmax(work)))
+    assert not exceeds(told, 1.0)
+    energy = rebuild_summary(run)["energy_j"]
+    assert energy["motors_net"] == told["net"]
+    assert energy["stated_debt"] == told["stated_debt"]
+
+
+def test_the_stated_debt_is_that_of_the_certificate_at_the_speed_of_the_run() -> None:
+    loaded = rig(*QUIET)
+    run = ran(loaded)
+    expected = 0.0
+    for side in ("master", "slave"):
+        axis = f"{side}.lever"
+        rates = debt_rates(loaded, axis, command_delays(loaded))
+        energy, flow = run.read(f"{axis}.port_energy", f"{axis}.gross_flow").values()
+        fastest = 1e3 * np.abs(np.diff(run.read(f"{axis}.position")[f"{axis}.position"])).max()
+        expected += rates.debt_per_speed_squared * fastest**2 + rates.debt_per_flow * flow[-1]
+        expected += max(0.0, (energy[:-1] - energy[1:]).max())
+    assert motor_energy(run, "lever")["stated_debt"] == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_port_that_gives_without_an_account_exceeds_what_it_may(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def generous(p: Any, account: float, gap: float, *rest: float) -> Any:
+        leaving, account, *others = port_close(p, account, gap, *rest)
+        return 1.2 * leaving, account + 1.0, *others
+
+    monkeypatch.setattr(axis, "port_close", generous)
+    run = ran(rig(*QUIET))
+    told = motor_energy(run, "lever")
+    assert told["worst"] > told["stated_debt"]
+    summary = {**rebuild_summary(run), "energy_j": rebuild_summary(run)["energy_j"]}
+    shown = next(s for s in summary_sections("x", summary, Path(), 0) if s.title == "Energy books")
+    [row] = [row for row in shown.rows if row[0] == "at the worst moment"]
+    assert isinstance(row[1], Cell)
+    assert row[1].style == BAD
+    assert "exceeded" in row[2].text  # type: ignore[union-attr]
+    run.summary.update(json.loads(json.dumps(summary)))
+    books = verdicts(run)[0]
+    assert books.status == "bad"
+    assert any("more than the" in sentence for sentence in books.sentences)
+
+
+def test_what_no_rig_states_is_no_debt_and_nothing_exceeds_it() -> None:
+    columns = make_columns(rows=500)
+    keys = rig_keys(("wrist",), 20)
+    run = Run(Path(), keys, "", {}, tuple(columns), 500, whole=columns, time=columns["time_s"])  # type: ignore[arg-type]
+    told = motor_energy(run, "wrist")
+    given = -sum(columns[f"{side}.wrist.port_energy"] for side in ("master", "slave"))
+    assert told["net"] == pytest.approx(given[-1] - given[0])
+    assert "stated_debt" not in told
+    assert not exceeds({**told, "worst": 1e3}, 1.0)

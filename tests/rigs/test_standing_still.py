@@ -1,0 +1,106 @@
+"""What `check` says of a pair that stands still under an effort, against runs that do."""
+
+from __future__ import annotations
+
+import pytest
+
+from tautwave.config import Rig
+from tautwave.couplings.wave.standing import held_share
+from tautwave.rig import command_delays
+from tautwave.session.facts import pair_facts, pair_sentence
+from tests.certificate.rigs import rig
+from tests.rigs.running import Run, pair_of, run_rig
+
+PAIR = "coupling.pairs.lever"
+QUIET = [
+    f"{side}.axes.lever.{key}=0"
+    for side in ("master", "slave")
+    for key in ("encoder_quantum", "position_noise")
+]
+PRESSED = (
+    *QUIET,
+    "duration_s=2.5",
+    "coupling.release_ramp_s=0",
+    "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0.2, 0.0], [0.7, 0.2]]}",
+)
+"""The hand presses the slave into its wall until all rests."""
+
+FASTER = ("slave.axes.lever.velocity_filter_s=0.004",)
+LATE = ("buses.bench.options={command_delay_s: 0.001}",)  # two periods
+LINE = ("coupling.delay_s=0.01",)
+SCALED = (
+    f"{PAIR}.position_scale=0.8",
+    f"{PAIR}.force_scale=1.2",
+    f"{PAIR}.sign=-1",
+    "simulation.environment.lever.side=below",
+    "simulation.environment.lever.position=-0.06",
+)
+UNFILTERED = ("master.axes.lever.velocity_filter_s=0", "slave.axes.lever.velocity_filter_s=0")
+
+
+def pressed(*changes: str) -> tuple[Rig, Run]:
+    loaded = rig(*PRESSED, *changes, name="bench-1dof-2khz")
+    return loaded, run_rig(loaded)
+
+
+def at_rest(run: Run) -> tuple[float, float, float]:
+    """Return the coupling's effort on master and slave [N m] and the position error [rad]."""
+    error = run["lever.position_error"]
+    assert error[-1] == pytest.approx(error[-500], rel=1e-4), "it still moves"
+    master, slave = (float(run[f"{side}.lever.port_effort"][-1]) for side in ("master", "slave"))
+    assert master > 0.05
+    return master, slave, float(error[-1])
+
+
+@pytest.mark.parametrize(
+    ("changes", "exact"),
+    [
+        ((), 1e-9),
+        ((f"{PAIR}.drift_time_s=0.02", *FASTER), 1e-9),
+        ((*LATE, *FASTER), 1e-9),
+        (SCALED, 1e-9),
+        (LINE, 1e-5),
+        ((*LATE, *LINE, *FASTER, *SCALED), 1e-5),
+    ],
+)
+def test_a_wave_pair_stands_off_as_check_says(changes: tuple[str, ...], exact: float) -> None:
+    loaded, run = pressed(*changes)
+    delays = command_delays(loaded)
+    facts = pair_facts(loaded, "lever", delays)
+    master, slave, error = at_rest(run)
+    ports = pair_of(run.assembly, "lever").axes
+    # What an empty account could not send yet would be an offset of its own.
+    assert min(state.account for _, state in ports.values()) > 0.0
+    assert error == pytest.approx(master * facts.offset_per_effort, rel=exact)
+    # One effort is on the line; each port gives its share of it.
+    keys = loaded.coupling.pairs["lever"]
+    one, two = (held_share(loaded, f"{side}.lever", delays[f"{side}.lever"])
+                for side in ("master", "slave"))  # fmt: skip
+    felt = -keys.sign * slave / keys.effective_force_scale
+    assert felt / master == pytest.approx(two / one, rel=exact)
+    arriving = -ports["master"][0].site.port.root * float(run["master.lever.wave_in"][-1])
+    assert master / arriving == pytest.approx(one, rel=exact)
+    assert facts.held_share == min(one, two)
+
+
+def test_the_velocity_filter_is_most_of_the_offset_of_the_bench() -> None:
+    """F tau / b alone would be 10.4 mrad at this effort."""
+    loaded, run = pressed()
+    master, _, error = at_rest(run)
+    assert error == pytest.approx(0.0460, abs=5e-5)
+    tau = pair_facts(loaded, "lever", command_delays(loaded)).coupling_delay_s
+    assert master * tau / 0.02 == pytest.approx(0.0104, abs=1e-4)
+
+
+@pytest.mark.parametrize("changes", [(), (*FASTER, *SCALED), UNFILTERED])
+def test_a_position_pair_is_as_stiff_as_check_says(changes: tuple[str, ...]) -> None:
+    law = f"{PAIR}={{stiffness: 25.4, damping: 0.1}}"
+    loaded, run = pressed("coupling.law=position", "coupling.wave_filter_hz=", law, *changes)
+    facts = pair_facts(loaded, "lever", command_delays(loaded))
+    master, _, error = at_rest(run)
+    acts = master / error
+    assert facts.offset_per_effort == pytest.approx(1.0 / acts, rel=1e-9)
+    assert facts.held_share == pytest.approx(acts / 25.4, rel=1e-9)
+    assert (acts < 20.0) is (changes != UNFILTERED)
+    said = pair_sentence(loaded, "lever", command_delays(loaded))
+    assert said.endswith(f"held still, K = 25.4 N m/rad acts as {acts:.4g}")

@@ -1,0 +1,83 @@
+"""Compiled steps of points in space: the same bits as plain Python, and who takes them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from tautwave.config import load_rig
+from tautwave.rig.scene.network3d import pruned_network3d
+from tautwave.scene3d.live import SPACE_SCHEMES, Model3d
+from tautwave.session.scene_pace import scene_pace
+from tautwave.simulation.run import simulate
+from tautwave.simulation.scene.playing import play
+from tests.scene.test_ticking import bits
+from tests.scene3d.networks import everything
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+# Numba compiles for half a minute of a processor, and others want it too.
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+
+
+@pytest.mark.parametrize("name", ["net", "everything"])
+@pytest.mark.parametrize("scheme", SPACE_SCHEMES)
+def test_compiled_ticks_are_the_live_steps_to_the_bit(name, scheme):
+    pytest.importorskip("numba")
+    from tautwave.simulation.scene.ticking3d import CompiledModel3d
+
+    network, period = everything(), 1e-4
+    if name == "net":
+        rig = load_rig(CONFIGS / "scene-net.yaml")
+        network, period = pruned_network3d(rig).network, rig.period_s
+    fast = CompiledModel3d(network, scheme, period)
+    slow = Model3d(network, scheme, period, keep_books=True)
+    for again in range(2):  # a reset forgets everything
+        for model in (fast, slow):
+            model.reset([0.01 * again, 0.0, 0.0])
+        assert fast.start == slow.start
+        for k in range(150):
+            places = [0.01 * math.sin(0.05 * k), 0.01 * math.cos(0.1 * k) - 0.01, -2e-4 * k]
+            push = [math.sin(0.2 * k)] * len(network.forced)
+            assert bits(fast.advance(places, push)) == bits(slow.advance(places, push))
+            assert bits(fast.booked) == bits(slow.booked)
+    for one, two in zip(fast.arrays, slow.arrays, strict=True):
+        assert bits(one) == bits(two)
+    assert fast.elements() == slow.elements()
+    assert fast.resting_efforts() == slow.resting_efforts()
+
+
+def test_a_network_is_played_on_by_either_engine():
+    pytest.importorskip("numba")
+    import numpy as np
+
+    ports = 0.01 * np.sin(np.linspace(0.0, 3.0, 300))[:, None] * np.ones((1, 3))
+    models = [Model3d(everything(), "symplectic", 1e-4) for _ in range(2)]
+    for model in models:
+        for _ in range(50):
+            model.advance([0.0, 0.0, 0.0], [0.1])
+    before = [list(values) for values in models[0].arrays]
+    fast = play(models[0], ports, engine="compiled", stride=2)
+    assert [list(values) for values in models[0].arrays] == before  # it is left alone
+    slow = play(models[1], ports, engine="python", stride=2)
+    assert np.array_equal(fast.efforts, slow.efforts)
+    assert np.array_equal(fast.places, slow.places)
+    assert fast.ledger == slow.ledger
+
+
+def test_simulate_takes_them_and_gives_the_same_rows():
+    pytest.importorskip("numba")
+    import numpy as np
+
+    rig = load_rig(CONFIGS / "scene-net.yaml")
+    one = simulate(rig, duration_s=0.2, engine="compiled")
+    two = simulate(rig, duration_s=0.2, engine="python")
+    assert np.array_equal(one.data, two.data, equal_nan=True)
+
+
+def test_what_a_cycle_costs_is_measured_by_either_engine():
+    pytest.importorskip("numba")
+    rig = load_rig(CONFIGS / "scene-net.yaml")
+    for engine in ("python", "compiled"):  # which is quicker is `bench`'s business
+        assert 0.0 < scene_pace(rig, engine).cycle_s < math.inf

@@ -1,0 +1,106 @@
+"""The cache of machine code: found again by the next process, never stale after an edit."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tautwave
+from tautwave.config import load_rig
+from tautwave.models.crossing import motion_bounds
+from tautwave.simulation import simulate
+from tautwave.simulation.kernel import compiled
+from tests.simulation.live import CONFIGS
+
+pytest.importorskip("numba")
+
+SOURCE = Path(str(tautwave.__file__)).parent
+RIG = next(path for path in CONFIGS if path.stem == "bench-1dof-loopback")
+HIT = """\
+import sys
+from tautwave import load_rig, simulate
+from tautwave.simulation.kernel.compiled import compiled_kernel
+simulate(load_rig(sys.argv[1]), duration_s=0.05)
+stats = compiled_kernel().stats
+print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
+"""
+# A caller in one module and what it calls in another: numba looks at the text of the caller only.
+EDITED = """\
+from tautwave.models.crossing import motion_bounds
+from tautwave.simulation.kernel.compiled import cached, cache_directory
+kernel = cached(motion_bounds)
+print(kernel(0.0, 0.0, 2.0, 1.0, 1.0, 0.0, 0.5)[1], sum(kernel.stats.cache_hits.values()))
+print(cache_directory().name)
+"""
+
+
+def python(code: str, *arguments: str, **environment: str) -> list[str]:
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, **environment},
+    )
+    return done.stdout.split()
+
+
+def files(directory: Path) -> set[str]:
+    return {path.name for path in directory.rglob("*.nb?")}
+
+
+def test_the_next_process_finds_the_kernel() -> None:
+    simulate(load_rig(RIG), duration_s=0.05)
+    before = files(compiled.cache_directory())
+    assert python(HIT, str(RIG)) == ["1", "0"]
+    assert files(compiled.cache_directory()) == before
+    kernels = [name for name in before if name.startswith("run.run_rig") and ".nbc" in name]
+    assert len(kernels) == 1  # one signature for all
+
+
+def test_what_is_cached_is_known_without_compiling(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert not compiled.is_cached(motion_bounds)
+    environment = {"NUMBA_CACHE_DIR": str(tmp_path)}
+    python(EDITED, **environment)
+    assert compiled.is_cached(motion_bounds)
+
+
+def test_one_signature_serves_every_rig() -> None:
+    for path in CONFIGS:
+        simulate(load_rig(path), duration_s=0.01)
+    assert len(compiled.compiled_kernel().signatures) == 1  # type: ignore[attr-defined]
+
+
+@pytest.mark.slow
+def test_an_edited_model_is_compiled_again(tmp_path: Path) -> None:
+    shutil.copytree(SOURCE, tmp_path / "tautwave")
+    where = {"PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    first = python(EDITED, **where)
+    again = python(EDITED, **where)
+    assert (first[1], again[1]) == ("0", "1")
+    assert first[0] == again[0] == "0.625"
+    called = tmp_path / "tautwave/models/plant_params.py"
+    text = called.read_text()
+    assert text.count("bound = t / mass") == 1
+    called.write_text(text.replace("bound = t / mass", "bound = 2.0 * t / mass"))
+    edited = python(EDITED, **where)
+    assert edited[1] == "0"
+    assert edited[2] != first[2]
+    assert edited[0] == "0.75"
+
+
+def test_the_folder_follows_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    name = compiled.source_hash()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "/somewhere")
+    assert compiled.cache_directory() == Path("/somewhere/tautwave") / name
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    monkeypatch.setenv("XDG_CACHE_HOME", "/cache")
+    assert compiled.cache_directory() == Path("/cache/tautwave") / name

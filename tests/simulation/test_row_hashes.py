@@ -1,0 +1,66 @@
+"""Rows of the shipped rigs are those of the commit that `tests/rigs/row_hashes.txt` names."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.rigs.row_hashes import (
+    FAST,
+    Case,
+    cases,
+    difference,
+    hashed,
+    math_of_this_machine,
+    read_kept,
+    rig_of,
+    rows_of,
+)
+from tests.rigs.running import run_rig
+
+pytest.importorskip("numba")
+MADE, KEPT = read_kept()
+SMALL = [case for case in cases() if case.rig in FAST and not case.changes]
+here = pytest.mark.skipif(
+    math_of_this_machine() != MADE,
+    reason="C library or NumPy round otherwise here than where row_hashes.txt was made",
+)
+
+
+def compare(case: Case) -> None:
+    told = difference(KEPT[case], rows_of(case))
+    assert told is None, f"{case}: {told}; see the docstring of tests/rigs/row_hashes.py"
+
+
+@here
+@pytest.mark.parametrize("case", SMALL, ids=str)
+def test_rows_stay_as_they_are(case: Case) -> None:
+    compare(case)
+
+
+@here
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [case for case in cases() if case not in SMALL], ids=str)
+def test_rows_of_every_rig_stay_as_they_are(case: Case) -> None:
+    compare(case)
+
+
+def test_every_case_is_kept() -> None:
+    assert list(KEPT) == list(cases())
+
+
+def test_a_single_bit_shows_and_has_a_name() -> None:
+    """The comparison itself can fail: one last bit of one number, a column moved, a row less."""
+    case = SMALL[0]
+    run = run_rig(rig_of(case), raises=False, duration_s=0.2)
+    kept = hashed(run.columns, run.table, None)
+    assert difference(kept, hashed(run.columns, run.table, None)) is None
+    at = run.columns.index("slave.lever.velocity")
+    other = run.table.copy()
+    row = int(abs(other[:, at]).argmax())
+    other.view("u8")[row, at] ^= 1
+    assert "in slave.lever.velocity" in str(difference(kept, hashed(run.columns, other, None)))
+    assert "199 rows, was 200" in str(difference(kept, hashed(run.columns, other[:-1], None)))
+    turned = [*run.columns[:4], run.columns[5], run.columns[4], *run.columns[6:]]
+    assert "another order" in str(difference(kept, hashed(turned, run.table, None)))
+    stopped = hashed(run.columns, run.table, RuntimeError("x"))
+    assert "ended with RuntimeError" in str(difference(kept, stopped))

@@ -1,0 +1,72 @@
+"""The face of the offline room: columns, errors, engines that are not there, timing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tautwave.config import load_rig
+from tautwave.errors import ConfigError
+from tautwave.simulation import simulate
+from tautwave.simulation.kernel import cbuild, compiled
+from tautwave.simulation.timing import ratios, step_seconds
+from tests.simulation.live import CONFIGS
+
+RIG = load_rig(next(path for path in CONFIGS if path.stem == "bench-1dof-loopback"))
+
+
+def test_columns_by_name() -> None:
+    simulation = simulate(RIG, duration_s=0.1, engine="python")
+    assert len(simulation) == 100
+    assert simulation["time_s"][-1] == pytest.approx(0.099)
+    assert simulation.error is None
+    with pytest.raises(KeyError, match=r"did you mean 'master\.lever\.position'"):
+        simulation["master.lever.positon"]
+
+
+def test_errors_say_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ConfigError, match="unknown engine 'fortran'; engines: compiled, python, c"):
+        simulate(RIG, engine="fortran")
+    with pytest.raises(ConfigError, match="nothing to simulate; add a simulation block"):
+        simulate(RIG.model_copy(update={"simulation": None}), engine="python")
+    monkeypatch.setitem(sys.modules, "numba", None)
+    with pytest.raises(ConfigError, match=r"pip install 'tautwave\[fast\]'"):
+        compiled.load_numba()
+
+
+def test_without_gcc_engine_c_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(ConfigError, match="needs gcc"):
+        cbuild.compile_text("", tmp_path)
+
+
+def test_what_gcc_refuses_is_told(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="gcc refuses the kernel"):
+        cbuild.compile_text("int main(", tmp_path)
+
+
+def test_timing_takes_turns() -> None:
+    pytest.importorskip("numba")
+    times = step_seconds(RIG, duration_s=0.05, repeats=3, engines=("compiled", "c", "python"))
+    assert {name: len(figures) for name, figures in times.items()} == {
+        "compiled": 3,
+        "c": 3,
+        "python": 3,
+    }
+    assert all(figure > 0.0 for figures in times.values() for figure in figures)
+    assert len(ratios(times, "python", "compiled")) == 3
+
+
+def test_numba_is_not_imported_before_it_is_used() -> None:
+    code = (
+        "import sys; from tautwave import simulate, load_rig; "
+        "simulate(load_rig(sys.argv[1]), duration_s=0.01, engine='python'); "
+        "print(sorted({'numba', 'scipy', 'matplotlib'} & set(sys.modules)))"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", code, str(RIG.source)], capture_output=True, text=True, check=True
+    )
+    assert said.stdout == "[]\n"
