@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner
 
 from tautwave.cli import main
@@ -90,6 +91,10 @@ def test_a_shipped_rig_runs_over_a_real_pty(name: str, tmp_path: Path) -> None:
         str(tmp_path / "run"),
     ]
     words += ["--set", "loop.missing_limit=10000", "--set", "loop.overrun_limit=10000"]
+    patient = {"dynamixel": "watchdog_s=2.5", "canopen": "heartbeat_timeout_ms=5000"}
+    rig = yaml.safe_load((CONFIGS / f"{name}.yaml").read_text())
+    for bus, block in rig["buses"].items():
+        words += ["--set", f"buses.{bus}.options.{patient[block['driver']]}"]
     done = CliRunner().invoke(main, words)
     assert done.exit_code == 0, done.output
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
