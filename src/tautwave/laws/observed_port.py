@@ -1,0 +1,255 @@
+"""The sampled wave port of an impedance device with an observer, a reserve and a filter inside.
+
+What it does in a period:
+
+1. an observer (`laws.observer`) tells velocity and outside acceleration; from them, and from every
+   effort under way, the port predicts the mean velocity of the period in which its effort acts,
+   and resists with R = b v - sqrt(2b) v_in;
+2. the leaving wave is sqrt(2b) times the *observed* advance minus the wave that arrived, passes
+   the wave filter, is repaid what was cut before, and is paid for from a tank: after the filter,
+   exactly what goes on the line;
+3. the tank starts with a reserve E0, takes F dx + waves in, with raw samples, and a leak of P watts
+   for what sensor noise feigns; it never holds more than the reserve and the filter's energy.
+
+What is true of the energy g that a port gave out, as its encoder sees it, for any device, hand,
+delay, noise or mass:
+
+    A = E0 + sum(F dx + e_in - e_out) + P t - spilled,  so  g = E0 - A + P t - spilled.
+
+A wave is sent only out of a positive A, so only a held effort can bring A below zero; the port
+stops below -E0, at most n + 1 commands later. Hence g <= 2 E0 + W + P t, W = (1 + n) F_max
+(v_max T + 2 nbar), with nbar what one sample may be off. Nothing in it is measured.
+
+Credit before the clip, never after: noise has no mean, and a tank clipped at zero turns its dips
+into lost waves. Repaying only out of what stands above half the reserve: else a starved port
+never recovers. An effort that limits cut pays for its own period: the wave may carry what came in.
+
+Sources: Niemeyer & Slotine 1991 (waves), Chopra & Spong, Franchi and others 2011 (tanks); the
+law and its bound are derived here.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from tautwave.laws.limit import clamp
+
+REPAID_SHARE = 0.1
+"""Of what stands above half the reserve, the share that a period may spend on repaying."""
+
+
+class ObservedPortParams(NamedTuple):
+    """Constants of one port, in the device's own units.
+
+    period T [s]; impedance b; root = sqrt(2 b); half_mobility = T / (2 mass lower bound);
+    divisor = 1 + b half_mobility + b slip; slip = 1 / series damper, 0 without, 1/b to match the
+    line; lead: periods from a sample to the middle of the period in which its command acts;
+    filter_gain: step of the wave filter, 1 without; repay: share of the unsent wave integral that
+    is sent per period; reserve E0 [J]; leak [J per period].
+    """
+
+    period: float
+    impedance: float
+    root: float
+    half_mobility: float
+    divisor: float
+    slip: float
+    lead: float
+    filter_gain: float
+    repay: float
+    reserve: float
+    leak: float
+
+
+def observed_port_params(
+    period: float,
+    impedance: float,
+    mass: float,
+    *,
+    delay: float = 0.0,
+    matched: bool = False,
+    filter_gain: float = 1.0,
+    drift_time: float = 0.05,
+    reserve: float,
+    leak: float = 0.0,
+) -> ObservedPortParams:
+    """Return the constants of a port.
+
+    Parameters
+    ----------
+    period : float
+        Period T of the axis [s].
+    impedance : float
+        Wave impedance b [N m s/rad or N s/m].
+    mass : float
+        Lower bound of the inertia [kg m**2 or kg].
+    delay : float
+        Command delay n in periods, with its fraction.
+    matched : bool
+        True puts a damper b in series, so that no wave is reflected (positions creep).
+    filter_gain : float
+        Step of the wave filter at this period, `laws.wave_filter.filter_gain`.
+    drift_time : float
+        Time constant in which cut waves are repaid [s].
+    reserve, leak : float
+        E0 [J], see `port_reserve`; energy [J] given to the tank each period.
+    """
+    mobility = period / (2.0 * mass)
+    slip = 0.0
+    if matched:
+        slip = 1.0 / impedance
+    return ObservedPortParams(
+        period,
+        impedance,
+        math.sqrt(2.0 * impedance),
+        mobility,
+        1.0 + impedance * mobility + impedance * slip,
+        slip,
+        delay + 0.5,
+        filter_gain,
+        period / (period + drift_time),
+        reserve,
+        leak,
+    )
+
+
+def port_reserve(
+    impedance: float, period: float, delay: float, velocity_gain: float, velocity_limit: float
+) -> float:
+    """Return E0 [J]: what a stop from the velocity limit can cost by wrong predictions.
+
+    b T (1/l + n) v**2, l the observer's correction of velocity per period [1]: an error of v lasts
+    1/l periods in the observer and n in what is under way.
+    """
+    return impedance * period * (1.0 / velocity_gain + delay) * velocity_limit * velocity_limit
+
+
+def observed_effort(
+    p: ObservedPortParams,
+    account: float,
+    velocity: float,
+    outside: float,
+    pending: float,
+    arriving: float,
+) -> float:
+    """Return the resisting effort of the port [N m or N].
+
+    Parameters
+    ----------
+    p : ObservedPortParams
+        Constants.
+    account : float
+        Energy in the tank after the last close [J].
+    velocity, outside : float
+        Observed velocity [rad/s or m/s] and acceleration from outside [rad/s**2 or m/s**2].
+    pending : float
+        Sum of the resisting efforts [N m or N] that act before this one, each times the periods
+        in which it acts, with half of what else acts in the same period (a local wall).
+    arriving : float
+        Arriving wave [W**0.5].
+    """
+    coast = velocity + p.period * p.lead * outside - 2.0 * p.half_mobility * pending
+    effort = (p.impedance * coast - p.root * arriving) / p.divisor
+    ahead = coast - (p.half_mobility + p.slip) * effort
+    given = -effort * ahead * p.period
+    if given > 0.0:
+        # Absorbing is never taken away; giving is limited to what is there.
+        funds = account + 0.5 * p.period * arriving * arriving
+        if given > funds:
+            if funds > 0.0:
+                return effort * (funds / given)
+            return 0.0
+    return effort
+
+
+def observed_close(
+    p: ObservedPortParams,
+    account: float,
+    gap: float,
+    filtered: float,
+    displacement: float,
+    advance: float,
+    periods: float,
+    effort: float,
+    wave_sum: float,
+    wave_energy: float,
+    cut: bool,
+) -> tuple[float, float, float, float, float, float, float]:
+    """Close the periods since the last sample: the tank first, then the leaving wave.
+
+    Parameters
+    ----------
+    p : ObservedPortParams
+        Constants.
+    account : float
+        Energy in the tank [J].
+    gap : float
+        Wave integral not sent yet [W**0.5 s]; sqrt(2b) times a position error.
+    filtered : float
+        The wave filter's state [W**0.5].
+    displacement, advance : float
+        Measured and observed displacement since the last valid sample [rad or m].
+    periods : float
+        Periods since then, >= 1.
+    effort : float
+        Mean resisting effort of the port that acted [N m or N].
+    wave_sum, wave_energy : float
+        Sum [W**0.5] and energy [J] of the arriving waves whose commands acted.
+    cut : bool
+        Whether limits took from an effort that acted, by more than the drive's quantum.
+
+    Returns
+    -------
+    tuple of float
+        Leaving wave [W**0.5], tank [J], gap [W**0.5 s], filter state [W**0.5]; energy absorbed
+        from outside and dissipated by the series damper [J], energy spilled from a full tank [J].
+    """
+    period = p.period
+    span = periods * period
+    slipped = p.slip * effort
+    income = effort * (displacement - span * slipped) + wave_energy
+    dissipated = effort * slipped * span
+    account = account + income + periods * p.leak
+    arriving = wave_sum
+    if periods != 1.0:
+        arriving = wave_sum / periods
+    plain = p.root * (advance / span - slipped) - arriving
+    filtered = filtered + p.filter_gain * (plain - filtered)
+    leaving = filtered + repayment(p, account, gap, filtered)
+    if cut:
+        carried = arriving * arriving + 2.0 * effort * displacement / span
+        if carried > 0.0:
+            leaving = clamp(leaving, math.sqrt(carried))
+        else:
+            leaving = 0.0
+    if account > 0.0:
+        leaving = clamp(leaving, math.sqrt(2.0 * account / period))
+    else:
+        leaving = 0.0
+    # Slots without a sample sent nothing: their share of the integral is kept.
+    gap = gap + period * (filtered - leaving) + (periods - 1.0) * period * plain
+    sent = 0.5 * period * leaving * leaving
+    account = account - sent
+    spilled = 0.0
+    full = p.reserve + filter_energy(p, filtered)
+    if account > full:
+        spilled = account - full
+        account = full
+    return leaving, account, gap, filtered, income - sent, dissipated, spilled
+
+
+def repayment(p: ObservedPortParams, account: float, gap: float, filtered: float) -> float:
+    """Return what is added to the leaving wave for waves that were cut before [W**0.5]."""
+    spare = REPAID_SHARE * (account - 0.5 * p.reserve)
+    if spare <= 0.0 or gap == 0.0:
+        return 0.0
+    bound = math.sqrt(filtered * filtered + 2.0 * spare / p.period)
+    return clamp(filtered + p.repay * gap / p.period, bound) - filtered
+
+
+def filter_energy(p: ObservedPortParams, filtered: float) -> float:
+    """Return what the wave filter still has to send [J]."""
+    if p.filter_gain == 1.0:
+        return 0.0
+    return 0.5 * p.period * (1.0 - p.filter_gain) / p.filter_gain * filtered * filtered

@@ -1,0 +1,117 @@
+"""Position, velocity and outside acceleration of a device from its samples: what a port predicts.
+
+A fading-memory filter of second degree: between samples the device moves by its known efforts and
+by an acceleration from outside that is taken as constant; each sample corrects the three. All
+poles of the error are `pole` (p). Standing under a constant effort the error is zero: the velocity
+is not biased by the effort, whatever the mass bound (a first-order tracker believes -F t_f / m).
+
+The energy at a port does not rest on this observer: the books take raw samples. It decides how
+close the port comes to its impedance, and with that how much of the waves has to be cut.
+
+Sources: Morrison, Introduction to Sequential Smoothing and Prediction, 1969 (the gains); the
+acceleration as a state is Ohnishi's disturbance observer (IEEE/ASME Trans. Mechatronics 1(1), 1996)
+in discrete form.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class ObserverParams(NamedTuple):
+    """Constants of an observer.
+
+    period T [s]; inverse_mass 1/m [1/(kg m**2) or 1/kg], m the lower bound of the inertia; pole
+    p [1]; position [1], velocity [1/s], disturbance [1/s**2]: corrections per error of a sample.
+    """
+
+    period: float
+    inverse_mass: float
+    pole: float
+    position: float
+    velocity: float
+    disturbance: float
+
+
+def observer_params(period: float, mass: float, pole: float) -> ObserverParams:
+    """Return the constants of an observer with a triple pole in [0, 1).
+
+    Parameters
+    ----------
+    period : float
+        Period T of the axis [s].
+    mass : float
+        Lower bound of the inertia [kg m**2 or kg].
+    pole : float
+        p: the share of an error that is left after a period [1].
+    """
+    position, velocity, disturbance = observer_gains(pole, period)
+    return ObserverParams(period, 1.0 / mass, pole, position, velocity, disturbance)
+
+
+def plain_observer(period: float, mass: float) -> ObserverParams:
+    """Return the constants that trust each sample and believe in nothing outside.
+
+    Mean velocity of the last period plus what the known effort adds: the port without an observer,
+    which bears the stiffest springs where a device has much damping, and passes on all noise.
+    """
+    return ObserverParams(period, 1.0 / mass, -1.0, 1.0, 1.0 / period, 0.0)
+
+
+def observer_gains(pole: float, span: float) -> tuple[float, float, float]:
+    """Return the corrections of position, velocity and acceleration over a span [s] of time."""
+    rest = 1.0 - pole
+    position = 1.0 - pole * pole * pole
+    velocity = 1.5 * rest * rest * (1.0 + pole) / span
+    return position, velocity, rest * rest * rest / (span * span)
+
+
+def observe(
+    p: ObserverParams,
+    position: float,
+    velocity: float,
+    outside: float,
+    sample: float,
+    effort: float,
+    periods: float,
+) -> tuple[float, float, float]:
+    """Move the observed state over `periods` and correct it by the sample at their end.
+
+    Parameters
+    ----------
+    p : ObserverParams
+        Constants.
+    position, velocity : float
+        Observed state at the sample before [rad or m, rad/s or m/s].
+    outside : float
+        Observed acceleration from outside [rad/s**2 or m/s**2].
+    sample : float
+        Measured position [rad or m].
+    effort : float
+        Mean of all resisting effort that acted meanwhile [N m or N].
+    periods : float
+        Periods since the sample before, >= 1. Missing samples widen the corrections, so that
+        the memory fades with time and not with samples: p becomes p**periods.
+
+    Returns
+    -------
+    tuple of float
+        Position, velocity, acceleration from outside at this sample.
+    """
+    span = periods * p.period
+    push = outside - effort * p.inverse_mass
+    ahead = position + span * velocity + 0.5 * span * span * push
+    error = sample - ahead
+    gain_x = p.position
+    gain_v = p.velocity
+    gain_w = p.disturbance
+    if periods != 1.0:
+        if p.pole < 0.0:
+            gain_v = gain_v / periods
+        else:
+            gain_x, gain_v, gain_w = observer_gains(p.pole**periods, span)
+    return (
+        ahead + gain_x * error,
+        velocity + span * push + gain_v * error,
+        outside + gain_w * error,
+    )

@@ -1,0 +1,93 @@
+"""What noise takes from a tank: the formula against the law run on noise, and the worst colour."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tautwave.analysis.ports.sensor_noise import (
+    noise_bounds,
+    noise_power,
+    noise_responses,
+    tank_changes,
+)
+from tautwave.laws.observed_port import observed_close, observed_effort
+from tautwave.laws.observer import observe
+from tests.laws.observed import PERIOD, ends
+
+UNIT = 0.05 / PERIOD
+"""b / T: joules per period and variance of the noise."""
+
+
+@pytest.mark.parametrize(
+    ("pole", "delay", "drain", "feigned"),
+    [
+        *((0.3, 0, 4.32, 1.40), (0.3, 1, 4.02, 5.46), (0.3, 2, 6.81, 5.87)),
+        *((0.5, 0, 1.95, 1.06), (0.5, 1, 1.92, 2.20), (0.5, 2, 2.54, 2.43)),
+        *((0.6, 0, 1.24, 0.96), (0.6, 1, 1.29, 1.35), (0.6, 2, 1.49, 1.51)),
+    ],
+)
+def test_worst_colours(pole: float, delay: int, drain: float, feigned: float) -> None:
+    end = ends(pole=pole, delay=delay)
+    bounds = noise_bounds(end.port, end.observer, delay)
+    assert bounds.drain / UNIT == pytest.approx(drain, abs=0.006)
+    assert bounds.feigned / UNIT == pytest.approx(feigned, abs=0.006)
+
+
+@pytest.mark.parametrize("delay", [0, 1, 2])
+@pytest.mark.parametrize("theta", [0.1, 0.8, 1.7, 2.9])
+def test_responses_are_those_of_the_law(theta: float, delay: int) -> None:
+    """A sine of noise on a lever at rest, a far end that sends back half of what left."""
+    end = ends(delay=delay)
+    port = end.port._replace(reserve=1e9)  # rich: linear
+    slots = 3000
+    noise = np.cos(theta * np.arange(slots))
+    at = velocity = outside = filtered = gap = leaving = 0.0
+    account, last = 1e6, 0.0
+    efforts, waves = [0.0] * (delay + 1), [0.0] * (delay + 1)
+    seen = np.zeros((slots, 3))
+    for k, sample in enumerate(noise):
+        effort, wave = efforts[0], waves[0]
+        ahead, velocity, outside = observe(end.observer, at, velocity, outside, sample, effort, 1.0)
+        energy = 0.5 * PERIOD * wave * wave
+        leaving, account, gap, filtered, _, _, _ = observed_close(
+            port, account, 0.0, filtered, sample - last, ahead - at, 1.0, effort, wave, energy,
+            False,
+        )  # fmt: skip
+        at, last = ahead, sample
+        came = 0.5 * leaving
+        sent = observed_effort(port, account, velocity, outside, sum(efforts[1:]), came)
+        efforts, waves = [*efforts[1:], sent], [*waves[1:], came]
+        seen[k] = efforts[0], came, leaving
+    carrier = np.exp(-1j * theta * np.arange(slots))[-2000:]
+    basis = np.stack([carrier.real, -carrier.imag], axis=1)
+    fitted = np.linalg.lstsq(basis, seen[-2000:], rcond=None)[0]
+    wanted = noise_responses(port, end.observer, delay, np.array([theta]), np.array([0.5 + 0.0j]))
+    for column, answer in enumerate(wanted):
+        real, imaginary = fitted[:, column]
+        assert real == pytest.approx(answer[0].real, rel=1e-6, abs=1e-9)
+        assert -imaginary == pytest.approx(answer[0].imag, rel=1e-6, abs=1e-9)
+
+
+def test_a_declared_colour_costs_less_than_an_unknown_one() -> None:
+    end = ends(delay=1)
+    unknown = noise_power(end.port, end.observer, 1, 9e-5, 0.0)
+    white = noise_power(end.port, end.observer, 1, 9e-5, 0.0, autocorrelation=())
+    worst = noise_power(end.port, end.observer, 1, 9e-5, 0.0, autocorrelation=(0.5,))
+    assert white.lost < 0.25 * unknown.lost
+    assert worst.lost < unknown.lost
+    assert noise_power(end.port, end.observer, 1, 0.0, 0.0) == (0.0, 0.0)
+    coarse = noise_power(end.port, end.observer, 1, 0.0, 1e-3)
+    assert coarse.lost == pytest.approx(0.12 * 0.05 * 1e-6 / PERIOD**2)
+
+
+def test_white_noise_drifts_as_the_effort_s_answer_to_the_newest_sample_says() -> None:
+    """-g_0 per variance without command delay, and nothing with one."""
+    theta = math.pi * (np.arange(400) + 0.5) / 400
+    none = np.zeros(400, dtype=complex)
+    for delay, wanted in ((0, -0.618), (1, 0.0), (2, 0.0)):
+        end = ends(delay=delay)
+        _, seen = tank_changes(end.port, end.observer, delay, theta, none)
+        assert np.mean(seen) / UNIT == pytest.approx(wanted, abs=5e-4)

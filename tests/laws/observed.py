@@ -1,0 +1,242 @@
+"""One end, and a pair of ends, of the observed port on devices of any kind; compiled, no product.
+
+Only the laws are the product's; devices, line and limits are written out here a second time.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tautwave.laws import limit, observed_port, observer
+from tautwave.laws.observed_port import ObservedPortParams, observed_port_params, port_reserve
+from tautwave.laws.observer import ObserverParams, observer_params, plain_observer
+from tautwave.laws.wave_filter import filter_gain
+
+PERIOD = 0.5e-3
+MASS = 1.1e-3
+"""Lower bound of the bench's inertia [kg m**2]."""
+
+
+class Ends(NamedTuple):
+    """Constants of a port with its observer and whole periods of command delay."""
+
+    port: ObservedPortParams
+    observer: ObserverParams
+    delay: int
+
+
+def ends(
+    impedance: float = 0.05,
+    pole: float | None = 0.5,
+    *,
+    delay: int = 0,
+    corner: float = 200.0,
+    fastest: float = 15.0,
+    leak: float = 0.0,
+    mass: float = MASS,
+) -> Ends:
+    """Return a port at 2 kHz; `pole` None: without an observer; `leak` in W."""
+    seen = plain_observer(PERIOD, mass) if pole is None else observer_params(PERIOD, mass, pole)
+    reserve = port_reserve(impedance, PERIOD, delay, seen.velocity * PERIOD, fastest)
+    port = observed_port_params(
+        PERIOD,
+        impedance,
+        mass,
+        delay=delay,
+        filter_gain=filter_gain(corner, PERIOD),
+        reserve=reserve,
+        leak=leak * PERIOD,
+    )
+    return Ends(port, seen, delay)
+
+
+@functools.cache
+def compiled() -> Any:
+    """Return `attack` and `pair`, compiled with the laws."""
+    from numba import njit
+    from numba.extending import register_jitable
+
+    for function in (
+        *(limit.clamp, observer.observer_gains, observer.observe),
+        *(observed_port.filter_energy, observed_port.repayment),
+        *(observed_port.observed_effort, observed_port.observed_close),
+        *(_move, _quantised),
+    ):
+        register_jitable(function)
+    return SimpleNamespace(attack=njit(_attack), pair=njit(_pair))
+
+
+def _attack(
+    port: Any,
+    seen: Any,
+    n: int,
+    most: float,
+    step: float,
+    quantum: float,
+    moves: Any,
+    waves: Any,
+    valid: Any,
+    stops: bool,
+) -> tuple[float, bool]:
+    """One end that an adversary moves as it likes, against the effort that acts.
+
+    `moves` [rad]: positive gives way to the effort. `waves` arrive. A port below the floor sends
+    nothing more; what is on its way still acts. Returns the most that it gave out [J], and whether
+    it stopped.
+    """
+    period = port.period
+    account, gap, filtered = port.reserve, 0.0, 0.0
+    at = velocity = outside = 0.0
+    x = sample = given = worst = last = 0.0
+    efforts, arrived, cuts = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
+    count = effort_sum = wave_sum = wave_energy = was_cut = 0.0
+    stopped = False
+    left = n + 2
+    for k in range(len(moves)):
+        effort, wave = efforts[0], arrived[0]
+        moved = moves[k]
+        if effort > 0.0:
+            moved = -moved
+        x += moved
+        given -= effort * moved + 0.5 * period * wave * wave
+        count += 1.0
+        effort_sum += effort
+        wave_sum += wave
+        wave_energy += 0.5 * period * wave * wave
+        was_cut += cuts[0]
+        leaving = 0.0
+        if valid[k]:
+            mean = effort_sum / count
+            ahead, velocity, outside = observer.observe(seen, at, velocity, outside, x, mean, count)
+            leaving, account, gap, filtered, _, _, _ = observed_port.observed_close(
+                port, account, gap, filtered, x - sample, ahead - at, count, mean, wave_sum,
+                wave_energy, was_cut > 0.0,
+            )  # fmt: skip
+            at, sample = ahead, x
+            count = effort_sum = wave_sum = wave_energy = was_cut = 0.0
+        given += 0.5 * period * leaving * leaving
+        worst = max(worst, given)
+        if stops and account < -port.reserve:
+            stopped = True
+        asked = sent = came = 0.0
+        if not stopped:
+            came = waves[k]
+            asked = sent = last
+            if valid[k]:
+                pending = 0.0
+                for i in range(1, n + 1):
+                    pending += efforts[i]
+                asked = observed_port.observed_effort(
+                    port, account, velocity, outside, pending, came
+                )
+                sent = limit.clamp(asked, most)
+                sent = min(max(sent, last - step), last + step)
+                if quantum > 0.0:
+                    sent = quantum * math.trunc(sent / quantum)
+        else:
+            left -= 1
+            if left == 0:
+                break
+        last = sent
+        for i in range(n):
+            efforts[i], arrived[i], cuts[i] = efforts[i + 1], arrived[i + 1], cuts[i + 1]
+        efforts[n], arrived[n] = sent, came
+        cuts[n] = 1.0 if abs(sent - asked) > 1.001 * quantum else 0.0
+    return worst, stopped
+
+
+def _quantised(value: float, step: float) -> float:
+    if step > 0.0:
+        return float(step * math.floor(value / step + 0.5))
+    return value
+
+
+def _move(
+    x: float, v: float, effort: float, mass: float, damping: float, spring: float, rest: float
+) -> tuple[float, float]:
+    """One period of a damped mass on a spring to `rest`, symplectic in 20 steps."""
+    span = 0.5e-3 / 20.0
+    for _ in range(20):
+        v += span / mass * (effort - damping * v - spring * (x - rest))
+        x += span * v
+    return x, v
+
+
+def _pair(
+    one: Any,
+    two: Any,
+    seen: Any,
+    n: int,
+    samples: int,
+    push: Any,
+    wall: float,
+    noise: Any,
+    quantum: float,
+    most: float,
+    mass: float,
+    damping: float,
+) -> tuple[Any, Any]:
+    """A pair: `push` [N m] on the master, a spring `wall` at the slave; rows, shares of waves cut.
+
+    Columns: both positions, both efforts, both accounts, true energy given by each end [J].
+    """
+    ports = (one, two)
+    period = one.period
+    steps = len(push)
+    rows = np.zeros((steps, 8))
+    x, v, sample = np.zeros(2), np.zeros(2), np.zeros(2)
+    at, velocity, outside = np.zeros(2), np.zeros(2), np.zeros(2)
+    account = np.array([one.reserve, two.reserve])
+    gap, filtered, leaving = np.zeros(2), np.zeros(2), np.zeros(2)
+    efforts, arrived, cuts = np.zeros((2, n + 1)), np.zeros((2, n + 1)), np.zeros((2, n + 1))
+    line = np.zeros((2, max(samples, 1)))
+    given, lost = np.zeros(2), np.zeros(2)
+    place = 0
+    for k in range(steps):
+        for e in range(2):
+            port = ports[e]
+            effort, wave = efforts[e, 0], arrived[e, 0]
+            before = x[e]
+            force = push[k] if e == 0 else 0.0
+            spring = 0.0 if e == 0 else wall
+            x[e], v[e] = _move(x[e], v[e], force - effort, mass, damping, spring, 0.0)
+            now = _quantised(x[e] + noise[k, e], quantum)
+            ahead, velocity[e], outside[e] = observer.observe(
+                seen, at[e], velocity[e], outside[e], now, effort, 1.0
+            )
+            energy = 0.5 * period * wave * wave
+            out, account[e], gap[e], filtered[e], _, _, _ = observed_port.observed_close(
+                port, account[e], gap[e], filtered[e], now - sample[e], ahead - at[e], 1.0, effort,
+                wave, energy, cuts[e, 0] > 0.0,
+            )  # fmt: skip
+            if abs(out) < 0.999999 * abs(filtered[e]):
+                lost[e] += 1.0 / steps
+            at[e], sample[e], leaving[e] = ahead, now, out
+            given[e] -= effort * (x[e] - before) + energy - 0.5 * period * out * out
+        for e in range(2):
+            came = leaving[1 - e]
+            if samples > 0:
+                came, line[e, place] = line[e, place], came
+            pending = 0.0
+            for i in range(1, n + 1):
+                pending += efforts[e, i]
+            asked = observed_port.observed_effort(
+                ports[e], account[e], velocity[e], outside[e], pending, came
+            )
+            sent = limit.clamp(asked, most)
+            for i in range(n):
+                efforts[e, i], arrived[e, i] = efforts[e, i + 1], arrived[e, i + 1]
+                cuts[e, i] = cuts[e, i + 1]
+            efforts[e, n], arrived[e, n] = sent, came
+            cuts[e, n] = 1.0 if sent != asked else 0.0
+        if samples > 0:
+            place = (place + 1) % samples
+        for e in range(2):
+            rows[k, e], rows[k, 2 + e] = x[e], efforts[e, 0]
+            rows[k, 4 + e], rows[k, 6 + e] = account[e], given[e]
+    return rows, lost

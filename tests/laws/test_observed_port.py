@@ -1,0 +1,183 @@
+"""The observed port: what it may give out, known beforehand, and what it holds under noise."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tautwave.laws.observed_port import filter_energy, observed_close, observed_effort
+from tests.laws.observed import PERIOD, Ends, compiled, ends
+
+LIMIT = 1.1
+FASTEST = 15.0
+NEVER = 1e9
+NUMBERS = st.floats(-5.0, 5.0)
+
+
+def claim(end: Ends, hidden: int = 0, most: float = LIMIT, fastest: float = FASTEST) -> float:
+    """Return what an end may give out [J]; `hidden`: samples in a row that may be missing."""
+    under_way = (1 + end.delay + hidden) * most * fastest * PERIOD
+    return 2.0 * end.port.reserve + under_way
+
+
+def attacks(
+    end: Ends, trials: int, seed: int, *, most: float = LIMIT, lost: float = 0.0, **other: Any
+) -> tuple[float, int]:
+    """Return the greatest share of the claim that random adversaries drew, and how many stopped."""
+    rng = np.random.default_rng(seed)
+    slots = 300
+    step, quantum = other.get("step", NEVER), other.get("quantum", 0.0)
+    greatest, stopped = 0.0, 0
+    for trial in range(trials):
+        pattern = rng.uniform(-1.0, 1.0, rng.integers(1, 6))
+        if trial % 2:
+            pattern = np.sign(pattern)
+        size = FASTEST * PERIOD * (1.0 if trial % 3 else math.exp(rng.uniform(-3.0, 0.0)))
+        moves = size * np.resize(pattern, slots)
+        rest = rng.integers(1, 60)
+        moves[:rest] *= -0.3
+        waves = np.resize(rng.normal(size=rng.integers(1, 6)), slots)
+        waves *= math.exp(rng.uniform(-3.0, 4.0))
+        valid = np.ones(slots, dtype=bool)
+        hidden = 0
+        if lost > 0.0:
+            valid = rng.uniform(size=slots) >= lost
+            blind = np.flatnonzero(~valid)
+            hidden = 3
+            for at in blind:  # never more than three in a row
+                valid[at] = at >= 3 and not valid[at - 3 : at].any()
+        worst, stop = compiled().attack(
+            *end, most, step, quantum, moves, waves, valid, other.get("stops", True)
+        )
+        greatest = max(greatest, worst / claim(end, hidden, most))
+        stopped += stop
+    return greatest, stopped
+
+
+@pytest.mark.parametrize("delay", [0, 1, 2])
+@pytest.mark.parametrize("pole", [0.5, 0.3, None])
+def test_no_adversary_draws_more_than_the_claim(pole: float | None, delay: int) -> None:
+    end = ends(pole=pole, delay=delay)
+    greatest, stopped = attacks(end, 300, seed=delay)
+    assert greatest <= 1.0 + 1e-9
+    assert stopped > 20  # they do reach the floor
+    weak, _ = attacks(end, 300, seed=delay, most=0.1)
+    assert 0.9 < weak <= 1.0 + 1e-9  # and the claim is not empty
+    without, _ = attacks(end, 60, seed=delay, stops=False)
+    assert without > 2.0  # nor is the stop
+
+
+def test_limits_missing_samples_and_quanta_change_no_claim() -> None:
+    end = ends(delay=1)
+    assert attacks(end, 300, seed=1, step=0.5, quantum=1e-3)[0] <= 1.0 + 1e-9
+    assert attacks(end, 300, seed=2, lost=0.2)[0] <= 1.0 + 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delay", [0, 1, 2])
+def test_no_adversary_of_ten_thousand_draws_more_than_the_claim(delay: int) -> None:
+    for seed, pole in enumerate((0.5, 0.3, None)):
+        greatest, _ = attacks(ends(pole=pole, delay=delay), 1200, seed=10 + seed, most=0.3)
+        assert 0.95 < greatest <= 1.0 + 1e-9
+
+
+@given(
+    *(NUMBERS, NUMBERS, NUMBERS, NUMBERS, NUMBERS),
+    st.floats(-0.02, 0.05),
+    st.integers(1, 3),
+    st.booleans(),
+)
+def test_the_tank_s_book_closes(
+    wave: float,
+    effort: float,
+    filtered: float,
+    gap: float,
+    moved: float,
+    account: float,
+    periods: int,
+    cut: bool,
+) -> None:
+    """What came in, less what went out, is in the tank or was spilled; and no wave is unpaid."""
+    port = ends(leak=1e-3).port
+    energy = 0.5 * PERIOD * wave * wave
+    move = 1e-3 * moved
+    leaving, after, _, state, absorbed, dissipated, spilled = observed_close(
+        port, account, gap, filtered, move, move, float(periods), effort, wave, energy, cut
+    )
+    sent = 0.5 * PERIOD * leaving * leaving
+    assert absorbed == pytest.approx(effort * move + energy - sent, abs=1e-12)
+    assert dissipated == 0.0
+    given_in = account + absorbed + periods * port.leak
+    assert after == pytest.approx(given_in - spilled, abs=1e-12)
+    assert spilled >= 0.0
+    assert after <= port.reserve + filter_energy(port, state) + 1e-15
+    if leaving != 0.0:
+        assert after >= -1e-15
+
+
+def test_an_effort_is_never_planned_to_give_what_is_not_there() -> None:
+    port = ends().port
+    whole = observed_effort(port, 1.0, -3.0, 0.0, 0.0, 0.0)
+    assert whole < 0.0  # resists
+    pulls = observed_effort(port, 1.0, 0.0, 0.0, 0.0, -2.0)
+    broke = observed_effort(port, -1.0, 0.0, 0.0, 0.0, -2.0)
+    assert broke == 0.0 != pulls
+    assert observed_effort(port, -1.0, -3.0, 0.0, 0.0, 0.0) == whole
+
+
+def hold(end: Ends, seconds: float, colour: tuple[float, ...] = (1.0,), **other: float) -> Any:
+    """Press 0.3 N m on a wall of 250 N m/rad; return rows and shares of waves cut."""
+    rng = np.random.default_rng(1)
+    slots = round(seconds / PERIOD)
+    white = rng.standard_normal((slots + len(colour), 2)) * other.get("deviation", 9e-5)
+    taps = np.asarray(colour) / np.linalg.norm(colour)
+    noise = sum(tap * white[at : at + slots] for at, tap in enumerate(taps))
+    return compiled().pair(
+        end.port, end.port, end.observer, end.delay, int(other.get("samples", 0)),
+        np.full(slots, 0.3), 250.0, noise, other.get("quantum", 2.1e-5), LIMIT, 1.6e-3, 0.01,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("delay", "error"), [(0, 6.43e-3), (1, 9.43e-3), (2, 12.43e-3)])
+def test_a_pressed_force_stays_for_a_minute(delay: int, error: float) -> None:
+    """An error of F / b (T (1 + n) + T (1 - f) / f), filter gain f; nothing creeps or is cut."""
+    end = ends(delay=delay, leak=5e-3)
+    rows, cut = hold(end, 60.0)
+    late = rows[len(rows) // 2 :]
+    apart = late[:, 0] - late[:, 1]
+    assert np.mean(apart) == pytest.approx(error, rel=2e-3)
+    assert abs(np.mean(apart[-2000:]) - np.mean(apart[:2000])) < 1e-4
+    assert np.mean(late[:, 3]) == pytest.approx(-0.3, rel=5e-3)
+    assert max(cut) == 0.0
+    assert np.std(late[:, 3]) < 0.030
+    true = rows[:, 6:8]
+    assert true.max() < claim(end) + 5e-3 * 60.0
+
+
+def test_without_the_leak_or_the_reserve_a_force_dies() -> None:
+    for end in (ends(leak=0.0), ends(leak=0.0, fastest=1e-3)):
+        rows, cut = hold(end, 60.0)
+        assert max(cut) > 0.02
+        assert abs(rows[-1, 0] - rows[-1, 1]) > 0.1
+
+
+def test_after_a_starved_time_the_gap_is_repaid() -> None:
+    """From what stands above half the reserve; repaid at once, a starved end never recovers."""
+    end = ends(leak=5e-3)
+    rng = np.random.default_rng(2)
+    slots = 60_000
+    noise = rng.standard_normal((slots, 2)) * 9e-5
+    noise[4000:12000] *= 5.0
+    rows, _ = compiled().pair(
+        end.port, end.port, end.observer, 0, 0,
+        np.full(slots, 0.3), 250.0, noise, 2.1e-5, LIMIT, 1.6e-3, 0.01,
+    )  # fmt: skip
+    apart = np.abs(rows[:, 0] - rows[:, 1])
+    assert apart[4000:12000].max() > 0.05
+    assert apart[-1] < 0.3 * apart.max()
+    assert apart[-1] < 0.8 * apart[-20_000]
