@@ -44,7 +44,7 @@ def test_responses_are_those_of_the_law(theta: float, delay: int) -> None:
     port = end.port._replace(reserve=1e9)  # rich: linear
     slots = 3000
     noise = np.cos(theta * np.arange(slots))
-    at = velocity = outside = filtered = gap = leaving = 0.0
+    at = velocity = outside = filtered = leaving = 0.0
     account, last = 1e6, 0.0
     efforts, waves = [0.0] * (delay + 1), [0.0] * (delay + 1)
     seen = np.zeros((slots, 3))
@@ -52,7 +52,7 @@ def test_responses_are_those_of_the_law(theta: float, delay: int) -> None:
         effort, wave = efforts[0], waves[0]
         ahead, velocity, outside = observe(end.observer, at, velocity, outside, sample, effort, 1.0)
         energy = 0.5 * PERIOD * wave * wave
-        leaving, account, gap, filtered, _, _, _ = observed_close(
+        leaving, account, _, filtered, _, _, _ = observed_close(
             port, account, 0.0, filtered, sample - last, ahead - at, 1.0, effort, wave, energy,
             False,
         )  # fmt: skip
