@@ -14,6 +14,7 @@ from tautwave.analysis.ports.device_class import (
     frequencies,
     returned_wave,
     sampled_support,
+    stable_when_locked,
     support,
 )
 from tests.laws.observed import MASS, PERIOD, Ends, ends
@@ -129,6 +130,28 @@ def test_the_damped_light_slave_is_refused() -> None:
     assert class_gain(end.port, end.observer, 0, least).greatest > 2.0
     milder = ends(0.02 / 20.0, None, mass=1e-6)
     assert class_gain(milder.port, milder.observer, 0, least).contracting
+
+
+def test_the_sign_near_standstill_is_that_of_the_limit() -> None:
+    """1 - c theta**2: what is fine at the lowest theta of the grid is fine below it."""
+    for impedance, pole, delay, damping, spring in CASES:
+        end = ends(impedance, pole, delay=delay)
+        least = DeviceClass(MASS, damping, spring)
+        excess = [
+            class_gain(end.port, end.observer, delay, least, np.array([theta])).greatest - 1.0
+            for theta in (3e-3, 1e-3, 5e-4)
+        ]
+        curve = np.array(excess) / np.array([9e-6, 1e-6, 2.5e-7])
+        assert curve == pytest.approx(curve[0], rel=0.05)
+
+
+def test_a_port_that_a_locked_lever_makes_unstable_is_refused() -> None:
+    end = ends(0.05, 0.5)
+    assert stable_when_locked(end.port, end.observer, 0)
+    heavy = end.port._replace(impedance=-3.0 / end.port.half_mobility)  # E(1) = 1, E(-1) < 0
+    assert not stable_when_locked(heavy, end.observer, 0)
+    least = DeviceClass(MASS, 1e-3, 0.0)
+    assert class_gain(heavy, end.observer, 0, least).greatest == math.inf
 
 
 def test_support_is_that_of_the_admittances_that_the_class_allows() -> None:

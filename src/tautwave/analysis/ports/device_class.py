@@ -18,7 +18,9 @@ support function, with corners, arcs and all.
 
 The returned wave is a Moebius map of Y*: S = (A Y* + B) / (C Y* + E). Hence |H S| > 1 inside (or
 outside) one disc of Y*, and the port is contracting on the whole class exactly as far as that disc
-and the convex set do not meet: a line that separates them proves it. No device is sampled.
+and the convex set do not meet: a line that separates them proves it. No device is sampled. The set
+holds Y = 0, so that each device can be stiffened into a locked lever within it, on which C Y + E
+has no zero on the circle: stable on the locked lever is stable on the class.
 
 Sources: the weights are those of Colgate & Schenkel 1997 for a held wall, applied to the
 device; the rest is derived here.
@@ -44,8 +46,11 @@ FOLDS = 6
 
 DIRECTIONS = 96
 NARROWINGS = 14
-LOWEST = 1e-3
-"""Least theta of the grid; below it the gain differs from 1 by less than rounding."""
+LOWEST = 5e-4
+"""Least theta of the grid: from 1e-2 down the gain is 1 - c theta**2, of one sign."""
+
+TURNS = 2048
+"""Frequencies at which the port on a locked lever is followed round the circle."""
 
 TOLERANCE = 1e-9
 """Excess of a gain over 1 that is rounding."""
@@ -131,6 +136,8 @@ def class_gain(
     """
     if theta is None:
         theta = frequencies(p.period, devices)
+    if not stable_when_locked(p, observer, delay_periods):
+        return ClassGain(math.inf, math.pi)
     s = returned_wave(p, observer, delay_periods, theta)
     # |c Y + e|**2 - |H|**2 |a Y + b|**2 = curve |Y|**2 + 2 Re(slope Y) + rest >= 0
     curve = np.abs(s.c) ** 2 - s.low_pass * np.abs(s.a) ** 2
@@ -146,9 +153,21 @@ def class_gain(
     return ClassGain(math.sqrt(max(float(gain[worst]), 0.0)), float(theta[worst]))
 
 
+def stable_when_locked(p: ObservedPortParams, observer: ObserverParams, delay_periods: int) -> bool:
+    """Return whether a port is stable on a lever that cannot move.
+
+    Its poles are the zeros of E, which has none of its own outside the circle: E goes round zero
+    as often as it has zeros there.
+    """
+    theta = 2.0 * math.pi * (np.arange(TURNS) + 0.5) / TURNS
+    locked = returned_wave(p, observer, delay_periods, theta).e
+    turns = np.angle(np.roll(locked, -1) / locked)
+    return bool(np.max(np.abs(turns)) < 0.5 * math.pi and abs(float(np.sum(turns))) < math.pi)
+
+
 def frequencies(period: float, devices: DeviceClass) -> Float:
     """Return a grid of theta in (0, pi), dense at the class' resonance."""
-    grid = [np.geomspace(LOWEST, 0.05, 40), np.linspace(0.05, math.pi - 1e-6, 320)]
+    grid = [np.geomspace(LOWEST, 0.05, 60), np.linspace(0.05, math.pi - 1e-6, 320)]
     swing = period * math.sqrt(devices.stiffness / devices.mass)
     width = max(0.5 * devices.damping * period / devices.mass, 1e-6)
     near = swing + width * np.concatenate([-np.geomspace(0.05, 40, 24), np.geomspace(0.05, 40, 24)])
