@@ -1,0 +1,19 @@
+"""Law observed_wave: a wave line whose ports hold a force under noise and claim joules they keep.
+
+An observer in place of the velocity filter, the wave filter inside the port, and a tank with a
+reserve; see `tautwave.laws.observed_port`.
+"""
+
+from tautwave.contracts import CouplingPlugin
+
+plugin = CouplingPlugin(
+    summary="transmission line between observed ports: holds under noise, claims its joules",
+    keys="tautwave.couplings.observed.keys:ObservedCoupling",
+    constants="tautwave.couplings.observed.from_keys:port_constants",
+    carries="waves",
+    divisors=True,
+    causalities=("impedance",),
+    linear="tautwave.couplings.observed.linear:linear_end",
+    verdict="tautwave.couplings.observed.verdict:verdict",
+    words="tautwave.couplings.observed.words:words",
+)

@@ -1,0 +1,62 @@
+"""What an end of an observed pair may give out, in joules known before the run.
+
+Two lines. *Seen*: as the encoder sees it, for any device, hand, noise and colour, 2 E0 + W + P t.
+*True*: if the declared noise is true. E0 is the reserve, W what commands under way can give within
+the limits until the guard has acted, P the leak. The true energy differs from the seen one by
+sum F_k (n[k+1] - n[k]): what noise can feign of income, P+ t, a martingale of which z deviations
+are counted, and the boundary. The sum of effort changes is bounded by `effort_rate_limit`.
+
+Source: derived here; see `tautwave.laws.observed_port` and `analysis.ports.sensor_noise`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+DEVIATIONS = 5.0
+"""z of the martingale term: one end in millions exceeds it."""
+
+
+class Claim(NamedTuple):
+    """Of one end, SI of the device.
+
+    reserve E0 [J]; leak, feigned [W]; effort, rate, velocity limits [N m, N m/s, rad/s or N, N/s,
+    m/s]; period T [s]; blind: periods whose effort acts before the guard can have stopped it;
+    deviation, quantum of the encoder [rad or m]; kinetic: energy at the velocity limit [J].
+    """
+
+    reserve: float
+    leak: float
+    feigned: float
+    effort: float
+    rate: float
+    velocity: float
+    period: float
+    blind: float
+    deviation: float
+    quantum: float
+    kinetic: float
+
+    @property
+    def sample_error(self) -> float:
+        """Return what one sample may be off, nbar [rad or m]."""
+        return 0.5 * self.quantum + DEVIATIONS * self.deviation
+
+    @property
+    def under_way(self) -> float:
+        """Return W [J]."""
+        way = self.velocity * self.period + 2.0 * self.sample_error
+        return self.blind * self.effort * way
+
+    def seen(self, seconds: float) -> float:
+        """Return the bound on what the encoder sees of the energy given out [J]."""
+        return 2.0 * self.reserve + self.under_way + self.leak * seconds
+
+    def true(self, seconds: float) -> float:
+        """Return the bound on the energy given out [J] if the declared noise is true."""
+        step = min(self.rate * self.period, 2.0 * self.effort)
+        change = step * math.sqrt(seconds / self.period)
+        error = self.deviation + 0.5 * self.quantum
+        drawn = DEVIATIONS * self.deviation * change + 2.0 * DEVIATIONS * error * self.effort
+        return self.seen(seconds) + self.feigned * seconds + drawn

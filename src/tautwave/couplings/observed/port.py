@@ -1,0 +1,123 @@
+"""One end of an observed wave pair: observer and tank around their laws, and the books."""
+
+from __future__ import annotations
+
+import math
+
+from tautwave.controller.records import AxisParams, AxisState
+from tautwave.controller.steps import OWN_GUARDS
+from tautwave.laws.observed_port import observed_close, observed_effort
+from tautwave.laws.observer import observe
+
+PORT_OVERDRAWN = OWN_GUARDS
+LIMP = OWN_GUARDS + 1
+"""Codes of the reasons to stop."""
+
+EMPTY = 1e-9
+"""Share of the reserve below which a tank is empty: it could not pay for the wave."""
+
+
+def start_end(s: AxisState, p: AxisParams, gap: float) -> None:
+    """Begin at rest with a full tank; `gap` [rad or m] is an offset to mend."""
+    e = s.end
+    e.at = s.position
+    e.velocity = 0.0
+    e.push = 0.0
+    e.account = p.end.port.reserve
+    e.gap = gap * p.end.port.root
+    e.filtered = 0.0
+    e.wanted = 0.0
+    e.cut_share = 0.0
+    e.leaving = 0.0
+    e.wave_in = 0.0
+    e.arrived = 0.0
+    e.wave_sum = 0.0
+    e.wave_energy = 0.0
+    e.port_absorbed = 0.0
+    e.damper_dissipated = 0.0
+    e.leaked = 0.0
+    e.spilled = 0.0
+    e.rate_held = 0.0
+    e.rate_mean = 0.0
+    e.rate_absorbed = 0.0
+    e.rate_dissipated = 0.0
+    e.rate_left = 0
+    e.rate_count = 0
+    e.cut_left = 0
+
+
+def act(s: AxisState, p: AxisParams, tag: float) -> None:
+    """Book the wave whose command acted in a slot."""
+    e = s.end
+    e.wave_sum += tag
+    e.wave_energy += p.half_period * tag * tag
+
+
+def close(
+    s: AxisState, p: AxisParams, displacement: float, count: float, span: float, port: float
+) -> None:
+    """Correct the observer, close the tank, and form the leaving wave."""
+    e = s.end
+    k = p.end
+    if math.fabs(s.port_effort - e.wanted) > k.quantum:
+        e.cut_left = k.delay + 2
+    at, velocity, push = observe(
+        k.observer, e.at, e.velocity, e.push, s.position, s.effort_sum / count, count
+    )
+    leaving, account, gap, filtered, absorbed, burnt, spilled = observed_close(
+        k.port,
+        e.account,
+        e.gap,
+        e.filtered,
+        displacement,
+        at - e.at,
+        count,
+        port,
+        e.wave_sum,
+        e.wave_energy,
+        e.cut_left > 0,
+    )
+    if e.cut_left > 0:
+        e.cut_left -= 1
+    elif account < EMPTY * k.port.reserve:
+        e.cut_share += k.watch
+    e.cut_share -= k.watch * e.cut_share
+    if account < -k.port.reserve:
+        s.alarm = PORT_OVERDRAWN
+    elif e.cut_share > k.limp:
+        s.alarm = LIMP
+    e.at = at
+    e.velocity = velocity
+    e.push = push
+    e.account = account
+    e.gap = gap
+    e.filtered = filtered
+    e.leaving = leaving
+    if k.wave != 1.0:
+        e.leaving = leaving / k.wave
+    e.port_absorbed += absorbed
+    e.damper_dissipated += burnt
+    e.leaked += count * k.port.leak
+    e.spilled += spilled
+    e.wave_sum = 0.0
+    e.wave_energy = 0.0
+
+
+def miss(s: AxisState, p: AxisParams) -> None:
+    """Let nothing leave."""
+    s.end.leaving = 0.0
+
+
+def think(s: AxisState, p: AxisParams, coast: float) -> float:
+    """Return the resisting effort of the port [N m or N]."""
+    e = s.end
+    k = p.end
+    # Of the controller's prediction only what is known of efforts is used: those under way and
+    # the wall's. A command that acts late leaves a share of the one before in front of it.
+    under_way = s.velocity - p.site.half_mobility * s.impulse - coast
+    pending = under_way / (2.0 * k.port.half_mobility)
+    if k.late > 0.0:
+        pending += k.late * s.acted_total
+    effort = observed_effort(k.port, e.account, e.velocity, e.push, pending, e.wave_in)
+    e.wanted = effort
+    return effort

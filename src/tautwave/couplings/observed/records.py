@@ -1,0 +1,65 @@
+"""Constants and state of an observed wave coupling at each axis; the line is that of law wave."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from tautwave.laws.observed_port import ObservedPortParams
+from tautwave.laws.observer import ObserverParams
+
+
+class ObservedEndParams(NamedTuple):
+    """Constants of one end.
+
+    `wave` is device wave per line wave: sign * sqrt(power ratio); `quantum` the effort's step
+    [N m or N], by which a command may be off without counting as cut; `late` the share of a period
+    for which the command before still acts; `watch` the weight of a period in the share of cut
+    waves [1], `limp` the share at which the run ends.
+    """
+
+    port: ObservedPortParams
+    observer: ObserverParams
+    wave: float
+    quantum: float
+    late: float
+    delay: int
+    watch: float
+    limp: float
+
+
+@dataclass(slots=True)
+class ObservedEnd:
+    """State of one end: observer, tank, waves, and its books [J].
+
+    `at`, `velocity`, `push` are observed: position [rad or m], velocity, acceleration from outside.
+    `wanted` is the effort asked for last [N m or N]; `cut_left` the periods for which an effort
+    that limits cut may still act, `cut_share` the share of the last periods in which the tank could
+    not pay for the whole wave. `wave_sum` and `wave_energy` are of the waves whose commands acted since the last
+    sample. The `rate_` fields are the rate converter of a slow axis.
+    """
+
+    at: float = 0.0
+    velocity: float = 0.0
+    push: float = 0.0
+    account: float = 0.0
+    gap: float = 0.0
+    filtered: float = 0.0
+    wanted: float = 0.0
+    cut_share: float = 0.0
+    leaving: float = 0.0
+    wave_in: float = 0.0
+    arrived: float = 0.0
+    wave_sum: float = 0.0
+    wave_energy: float = 0.0
+    port_absorbed: float = 0.0
+    damper_dissipated: float = 0.0
+    leaked: float = 0.0
+    spilled: float = 0.0
+    rate_held: float = 0.0
+    rate_mean: float = 0.0
+    rate_absorbed: float = 0.0
+    rate_dissipated: float = 0.0
+    rate_left: int = 0
+    rate_count: int = 0
+    cut_left: int = 0
