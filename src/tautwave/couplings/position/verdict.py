@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping
 from tautwave.certificate.belief import SIDES, delay_in_periods
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.config import Rig
-from tautwave.rig import port_constants
+from tautwave.couplings.position.from_keys import coupler_constants
+from tautwave.couplings.position.keys import PositionPair
 from tautwave.types import CommandDelay
 
 
@@ -18,7 +19,9 @@ def _coupler(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Iterato
     4 d_m d_s > (T_m + T_s)^2 K_m K_s (Nuno et al. 2009) in continuous time, the delays from a
     motion at one end until its effort at the other, half a period of hold included.
     """
-    stiffness = [port_constants(rig, f"{side}.{pair}").stiffness for side in SIDES]
+    keys = rig.coupling.pairs[pair]
+    assert isinstance(keys, PositionPair)
+    stiffness = [coupler_constants(keys, side).stiffness for side in SIDES]
     there = [
         rig.coupling.delay_s
         + rig.period_s * (0.5 + delay_in_periods(rig, delays[f"{side}.{pair}"]))
