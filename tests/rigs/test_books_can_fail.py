@@ -94,7 +94,7 @@ def test_the_naive_port_fails_the_same_books(monkeypatch: pytest.MonkeyPatch) ->
     def believe_infinite_mass(built: Assembly) -> None:
         control = built.control
         control.params = [
-            p._replace(site=p.site._replace(port=p.site.port._replace(half_mobility=0.0)))
+            p._replace(end=p.end._replace(port=p.end.port._replace(half_mobility=0.0)))
             for p in control.params
         ]
 

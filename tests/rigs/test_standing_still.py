@@ -78,7 +78,7 @@ def test_a_wave_pair_stands_off_as_check_says(changes: tuple[str, ...], exact: f
                 for side in ("master", "slave"))  # fmt: skip
     felt = -keys.sign * slave / keys.effective_force_scale
     assert felt / master == pytest.approx(two / one, rel=exact)
-    arriving = -ports["master"][0].site.port.root * float(run["master.lever.wave_in"][-1])
+    arriving = -ports["master"][0].end.port.root * float(run["master.lever.wave_in"][-1])
     assert master / arriving == pytest.approx(one, rel=exact)
     assert facts.held_share == min(one, two)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
 from tautwave.config import Rig, has_environment_parts
+from tautwave.controller.steps import Law
 from tautwave.controller.stops import never_began
 from tautwave.errors import ConfigError, TautwaveError
 from tautwave.rig import build_rig
@@ -18,7 +20,7 @@ from tautwave.simulation.outcome import error_of
 from tautwave.simulation.rows import Simulation
 
 Array = npt.NDArray[np.float64]
-ENGINES = ("compiled", "python", "c")
+ENGINES = ("compiled", "python")
 
 
 def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compiled") -> Simulation:
@@ -36,8 +38,8 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
     duration_s : float, optional
         Length [s]; the rig's own if not given.
     engine : str
-        `compiled` (numba; the first call on a machine compiles for some 15 s, later ones load
-        that), `python` (no compiler), or `c` (gcc; for checks and benchmarks).
+        `compiled` (numba; the first call on a machine compiles for half a minute of a processor,
+        later ones load that), or `python` (no compiler).
 
     Raises
     ------
@@ -51,20 +53,19 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
 
         return simulate_scene(rig, duration_s, engine)
     if has_environment_parts(rig):
-        return _simulate_live(rig, duration_s, engine)
-    run, tables_of = engine_of(engine)
+        return _simulate_live(rig, duration_s)
+    check_engine(engine)
     job = pack_rig(rig, duration_s)
+    run, tables_of = engine_of(engine, job.law)
     tables = tables_of(job)
     rows = run(*tables)
     return simulation_of_run(job, tables, rows)
 
 
-def _simulate_live(rig: Rig, duration_s: float | None, engine: str) -> Simulation:
+def _simulate_live(rig: Rig, duration_s: float | None) -> Simulation:
     """Return the rows of a rig with an environment that is a part: the live loop in memory."""
     from tautwave.simulation.scene.live import run_in_memory
 
-    if engine == "c":
-        raise ConfigError(f"{rig.name}: an environment from a part runs in Python; engine 'c'")
     built = build_rig(rig, clock="fake", duration_s=duration_s)
     result, data = run_in_memory(built)
     error = result.error
@@ -73,19 +74,26 @@ def _simulate_live(rig: Rig, duration_s: float | None, engine: str) -> Simulatio
     return Simulation(tuple(built.columns), data, error)
 
 
-def engine_of(name: str) -> tuple[Callable[..., int], Callable[[Job], Tables]]:
-    """Return the kernel of an engine and what makes its tables."""
+def check_engine(name: str) -> None:
+    """Refuse an engine that is none.
+
+    Raises
+    ------
+    ConfigError
+        Its name is unknown.
+    """
+    if name not in ENGINES:
+        raise ConfigError(f"unknown engine {name!r}; engines: {', '.join(ENGINES)}")
+
+
+def engine_of(name: str, law: Law) -> tuple[Callable[..., int], Callable[[Job], Tables]]:
+    """Return the kernel of an engine for a coupling, and what makes its tables."""
+    check_engine(name)
     if name == "compiled":
         from tautwave.simulation.kernel.compiled import compiled_kernel
 
-        return compiled_kernel(), record_tables
-    if name == "python":
-        return run_rig, object_tables
-    if name == "c":
-        from tautwave.simulation.kernel.cbuild import c_kernel
-
-        return c_kernel(), record_tables
-    raise ConfigError(f"unknown engine {name!r}; engines: {', '.join(ENGINES)}")
+        return compiled_kernel(law), record_tables
+    return functools.partial(run_rig, steps=law.steps), object_tables
 
 
 def simulation_of_run(job: Job, tables: Tables, rows: int) -> Simulation:

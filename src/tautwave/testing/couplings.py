@@ -10,9 +10,21 @@ import pytest
 
 from tautwave.certificate.data import CouplingVerdict
 from tautwave.config import Coupling, Pair
-from tautwave.contracts import CouplingPlugin, PortConstants
+from tautwave.contracts import CoupledAxis, CouplingPlugin
+from tautwave.controller.steps import Law
 from tautwave.registry import load_named
 from tautwave.wording import CouplingWords
+
+AXIS = CoupledAxis(1e-3, 1.0, 1e-3, 0.0, 0.0, 0, 0.0)
+"""A typical axis."""
+
+
+def numbers(constants: Any) -> dict[str, float]:
+    """Return the numbers of nested constants by their names; inner ones win."""
+    found: dict[str, float] = {}
+    for name, value in constants._asdict().items():
+        found |= numbers(value) if isinstance(value, tuple) else {name: float(value)}
+    return found
 
 
 class CouplingBench(NamedTuple):
@@ -50,7 +62,9 @@ class CouplingContract:
 
     def test_everything_that_is_named_is_there(self, bench: CouplingBench) -> None:
         plugin = bench.plugin
-        for named in (plugin.constants, plugin.linear):
+        assert isinstance(load_named(plugin.law), Law)
+        assert callable(load_named(plugin.end_constants))
+        for named in (plugin.link_constants, plugin.linear):
             if named:
                 assert callable(load_named(named))
         if plugin.verdict:
@@ -64,15 +78,16 @@ class CouplingContract:
     def test_constants_are_finite_and_in_the_units_of_each_device(
         self, bench: CouplingBench
     ) -> None:
-        constants = load_named(bench.plugin.constants)
+        constants = load_named(bench.plugin.end_constants)
         pair = bench.block(position_scale=2.0, force_scale=3.0).pairs["wrist"]
-        master, slave = constants(pair, "master"), constants(pair, "slave")
-        assert isinstance(master, PortConstants)
-        assert master.wave_impedance > 0.0
-        for key in ("wave_impedance", "stiffness", "damping", "injection"):
-            here, there = getattr(master, key), getattr(slave, key)
-            assert math.isfinite(here)
-            assert there == pytest.approx(1.5 * here)  # force over position scale
+        ends = [numbers(constants(pair, side, AXIS)) for side in ("master", "slave")]
+        assert ends[0].keys() == ends[1].keys()
+        for end in ends:
+            assert all(math.isfinite(value) for value in end.values())
+        for key in ("impedance", "stiffness", "damping", "injection"):
+            if key in ends[0]:
+                # Force over position scale.
+                assert ends[1][key] == pytest.approx(1.5 * ends[0][key]), key
 
     def test_what_stands_passes_its_filter(self, bench: CouplingBench) -> None:
         assert 0.0 < bench.block().filter_step(1e-3) <= 1.0

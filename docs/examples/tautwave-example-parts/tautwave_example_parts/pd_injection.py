@@ -12,8 +12,10 @@ from typing import Any
 from pydantic import Field
 
 from tautwave.config import Coupling, Pair, Rig
-from tautwave.contracts import CouplingPlugin, PortConstants
+from tautwave.contracts import CoupledAxis, CouplingPlugin
 from tautwave.wording import CouplingWords
+
+from tautwave_example_parts.pd_steps import PdParams, law
 
 SIDES = ("master", "slave")
 
@@ -24,6 +26,7 @@ class InjectedPair(Pair):
     stiffness: float = Field(gt=0, description="[N m/rad | N/m] Spring between the sides.")
     damping: float = Field(ge=0, description="[N m s/rad | N s/m] Damper between the sides.")
     injection: float = Field(ge=0, description="[N m s/rad | N s/m] Damper to ground, each side.")
+    reach: float = Field(default=1e3, gt=0, description="[rad | m] The run stops beyond it.")
 
 
 class InjectedCoupling(Coupling):
@@ -32,14 +35,19 @@ class InjectedCoupling(Coupling):
     pairs: Mapping[str, InjectedPair] = Field(description="The pairs by name.")
 
 
-def constants(pair: InjectedPair, side: str) -> PortConstants:
+def constants(pair: InjectedPair, side: str) -> PdParams:
     """Return what acts on one device, in its units."""
-    return PortConstants(
-        wave_impedance=pair.in_device_units(side, 1.0),
+    return PdParams(
         stiffness=pair.in_device_units(side, pair.stiffness),
         damping=pair.in_device_units(side, pair.damping),
         injection=pair.in_device_units(side, pair.injection),
+        reach=pair.reach if side == "master" else pair.reach * pair.position_scale,
     )
+
+
+def end_constants(pair: InjectedPair, side: str, axis: CoupledAxis) -> PdParams:
+    """Return the constants of one end; they are the same on any axis."""
+    return constants(pair, side)
 
 
 def elements(rig: Rig, name: str, delays: Mapping[str, Any]) -> Iterator[Any]:
@@ -72,7 +80,8 @@ words = CouplingWords(
 plugin = CouplingPlugin(
     summary="spring and damper between the sides, damping injected at both",
     keys=InjectedCoupling,
-    constants=constants,
+    law=law,
+    end_constants=end_constants,
     verdict=elements,
     words=words,
 )

@@ -20,7 +20,8 @@ from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.certificate.belief import SIDES, assumed, broken_damping, delay_in_periods
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.config import Rig, local_wall
-from tautwave.rig import port_constants
+from tautwave.couplings.position.from_keys import coupler_constants
+from tautwave.couplings.position.keys import PositionPair
 from tautwave.types import CommandDelay
 
 
@@ -43,11 +44,13 @@ def _coupler(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Iterato
 def _at_once(rig: Rig, pair: str, late: float) -> Element:
     """Return the verdict on a coupling without delay: a wall on the relative motion."""
     names = [f"{side}.{pair}" for side in SIDES]
-    master = port_constants(rig, names[0])
+    keys = rig.coupling.pairs[pair]
+    assert isinstance(keys, PositionPair)
+    master, slave = (coupler_constants(keys, side) for side in SIDES)
     wall = SampledWall(master.stiffness, master.damping, rig.period_s, late)
     needed = wall_leak(wall).damping
     # the slave's damping as the master would feel it
-    leverage = port_constants(rig, names[1]).stiffness / master.stiffness
+    leverage = slave.stiffness / master.stiffness
     present = [rig.axes[name].damping.lower - _of_wall(rig, name, late) for name in names]
     present = [max(0.0, present[0]), max(0.0, present[1] / leverage)]
     between = damping_between(present[0], present[1])
@@ -109,7 +112,9 @@ def _delayed(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Element
     4 d_m d_s > (T_m + T_s)^2 K_m K_s (Nuno et al. 2009) in continuous time, the delays from a
     motion at one end until its effort at the other, half a period of hold included.
     """
-    stiffness = [port_constants(rig, f"{side}.{pair}").stiffness for side in SIDES]
+    keys = rig.coupling.pairs[pair]
+    assert isinstance(keys, PositionPair)
+    stiffness = [coupler_constants(keys, side).stiffness for side in SIDES]
     there = [
         rig.coupling.delay_s
         + rig.period_s * (0.5 + delay_in_periods(rig, delays[f"{side}.{pair}"]))

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from tautwave import formats
-from tautwave.config.document import open_document
 from tautwave.config.guard import parse_json, read_guarded
+from tautwave.config.text.document import open_document
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.report.run.rebuild import rebuild_summary
 from tautwave.report.run.rundir import WHOLE_CELLS, Run
