@@ -359,7 +359,8 @@ class CoupledAxis(NamedTuple):
 
     `period` of its bus [s]; `gain` of its velocity tracker; `inertia`: lower bound, None where it
     takes velocity; `encoder_quantum` and `position_noise` [rad or m]; `delay` in whole periods
-    until a command acts; `outside_stiffness`: upper bound, 0 where none is stated.
+    until a command acts, `late` the share of a period beyond; `outside_stiffness`: upper bound, 0
+    where none is stated; `velocity_limit` [rad/s or m/s]; `effort_quantum` [N m or N].
     """
 
     period: float
@@ -369,6 +370,9 @@ class CoupledAxis(NamedTuple):
     position_noise: float
     delay: int
     outside_stiffness: float
+    late: float = 0.0
+    velocity_limit: float = math.inf
+    effort_quantum: float = 0.0
 
 
 class Row(Protocol):

@@ -63,6 +63,9 @@ def coupled_axis(rig: Rig, axis_name: str, delay: CommandDelay) -> CoupledAxis:
         position_noise=axis.position_noise,
         delay=delay.periods,
         outside_stiffness=axis.environment_stiffness_upper or 0.0,
+        late=delay.remainder_s / rig.axis_period_s(axis_name),
+        velocity_limit=math.inf if axis.velocity_limit is None else axis.velocity_limit,
+        effort_quantum=axis.effort_quantum,
     )
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -122,7 +122,7 @@ def wave_end(
     filter_gain : float
         Step of the wave filter on what leaves, see `laws.wave_filter.filter_gain`; 1: none.
     """
-    return _linearise(device, site, lambda step: _WaveStep(step, wave_gain, filter_gain))
+    return linearise(device, site, lambda step: _WaveStep(step, wave_gain, filter_gain))
 
 
 def position_end(
@@ -146,7 +146,7 @@ def position_end(
     sent_stiffness, sent_damping : float
         Those at the far end, times the scale from here to there.
     """
-    return _linearise(
+    return linearise(
         device,
         site,
         lambda step: _PositionStep(step, stiffness, damping, sent_stiffness, sent_damping),
@@ -183,10 +183,21 @@ def close_loop(master: LinearEnd, slave: LinearEnd, samples: int) -> Matrix:
     return whole
 
 
+class EndStep(Protocol):
+    """One slot of one end on a plain list of states: the arriving scalar in, the leaving out."""
+
+    size: int
+    names: list[str]
+
+    def __call__(self, state: list[float], arriving: float) -> tuple[list[float], float]:
+        """Return the states a slot later and what leaves."""
+        ...
+
+
 # -- one slot of one end, on plain lists ---------------------------------------------------------
 
 
-class _Common:
+class SlotState:
     """What both laws share: the device over a slot, and the site's close up to the velocity.
 
     State: velocity; command; commands on their way to the motor; impulse and tracked velocity of
@@ -245,8 +256,13 @@ class _Common:
         pending = sum(state[self._sent])
         return velocity - self.site.port.half_mobility * (impulse + 2.0 * pending)
 
+    def under_way(self, state: list[float]) -> float:
+        """Return the sum of efforts that act before the next one, each times its periods."""
+        acted = state[self._tail + 3]
+        return sum(state[self._sent]) + self.site.late_share * acted
 
-class _Wall:
+
+class WallState:
     """A pressed local wall. State: filtered velocity, command, commands on their way, last acted.
 
     Its share of the command is followed beside the whole: the port's books take what is left.
@@ -275,11 +291,11 @@ class _Wall:
 class _WaveStep:
     """One slot of a wave end. Extra state: position, gap, waves that belong to commands, filter."""
 
-    def __init__(self, common: _Common, wave_gain: float, filter_gain: float) -> None:
+    def __init__(self, common: SlotState, wave_gain: float, filter_gain: float) -> None:
         self._common = common
         self._wave_gain = wave_gain
         self._filter_gain = filter_gain
-        self._wall = _Wall(common.site)
+        self._wall = WallState(common.site)
         self._waves = common.size + 3
         self._walls = self._waves + common.site.delay_periods + 1
         self.size = self._walls + self._wall.size
@@ -314,10 +330,10 @@ class _WaveStep:
 class _PositionStep:
     """One slot of an end of a position coupling. Extra state: position."""
 
-    def __init__(self, common: _Common, k: float, b: float, sent_k: float, sent_b: float) -> None:
+    def __init__(self, common: SlotState, k: float, b: float, sent_k: float, sent_b: float) -> None:
         self._common = common
         self._law = k, b, sent_k, sent_b
-        self._wall = _Wall(common.site)
+        self._wall = WallState(common.site)
         self._at = common.size
         self.size = common.size + 1 + self._wall.size
         self.names = [*common.names, "position", *self._wall.names]
@@ -333,11 +349,9 @@ class _PositionStep:
         return state, sent_k * x + sent_b * velocity
 
 
-def _linearise(
-    device: Device, site: Site, law: Callable[[_Common], _WaveStep | _PositionStep]
-) -> LinearEnd:
+def linearise(device: Device, site: Site, law: Callable[[SlotState], EndStep]) -> LinearEnd:
     """Return the matrices of one end: each column is a slot begun at a unit vector."""
-    common = _Common(device, site)
+    common = SlotState(device, site)
     step = law(common)
     size = step.size
     a, b, c, moved = np.zeros((size, size)), np.zeros(size), np.zeros(size), np.zeros(size)

@@ -9,7 +9,9 @@ from tautwave.contracts import CouplingPlugin
 plugin = CouplingPlugin(
     summary="transmission line between observed ports: holds under noise, claims its joules",
     keys="tautwave.couplings.observed.keys:ObservedCoupling",
-    constants="tautwave.couplings.observed.from_keys:port_constants",
+    law="tautwave.couplings.observed.steps:law",
+    end_constants="tautwave.couplings.observed.from_keys:end_constants",
+    link_constants="tautwave.couplings.observed.from_keys:link_constants",
     carries="waves",
     divisors=True,
     causalities=("impedance",),

@@ -34,9 +34,9 @@ class ObservedEnd:
 
     `at`, `velocity`, `push` are observed: position [rad or m], velocity, acceleration from outside.
     `wanted` is the effort asked for last [N m or N]; `cut_left` the periods for which an effort
-    that limits cut may still act, `cut_share` the share of the last periods in which the tank could
-    not pay for the whole wave. `wave_sum` and `wave_energy` are of the waves whose commands acted since the last
-    sample. The `rate_` fields are the rate converter of a slow axis.
+    that limits cut may still act, `cut_share` the share of the last periods in which the tank
+    could not pay for the whole wave. `wave_sum` and `wave_energy` are of the waves whose commands
+    acted since the last sample. The `rate_` fields are the rate converter of a slow axis.
     """
 
     at: float = 0.0

@@ -45,9 +45,7 @@ def start(
     start_end(two, p2, gap)
 
 
-def fill_tank(
-    out: Row, at: int, s: AxisState, p: AxisParams, table: MutableSequence[float]
-) -> int:
+def fill_tank(out: Row, at: int, s: AxisState, p: AxisParams, table: MutableSequence[float]) -> int:
     """Write the accounts of a port with its tank, and of its series damper."""
     e = s.end
     weight = p.weight

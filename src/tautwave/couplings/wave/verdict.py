@@ -26,7 +26,6 @@ def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterat
 def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
     """Yield the line, its filters and scaling."""
     coupling = rig.coupling
-    assert isinstance(coupling, WaveCoupling)
     if rig.delay_samples:
         yield _fine(
             f"line of {pair}",
@@ -35,7 +34,7 @@ def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
             f"a constant delay of {coupling.delay_s:g} s each way is lossless and holds the "
             "waves under way (Niemeyer and Slotine 1991); a missing wave counts as 0",
         )
-    corner = coupling.wave_filter_hz
+    corner = coupling.wave_filter_hz if isinstance(coupling, WaveCoupling) else None
     if corner is not None:
         yield _fine(
             f"wave filters of {pair}",

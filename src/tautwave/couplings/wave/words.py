@@ -82,9 +82,10 @@ def _hints(rig: Rig) -> list[tuple[str, str]]:
     return []
 
 
-def _pair(
+def describe_pair(
     settings: Mapping[str, Any], effort: str, position: str, number: Callable[[Any], str]
 ) -> str:
+    """Return one line on a pair from its keys, empty without an impedance."""
     impedance = settings.get("wave_impedance")
     if impedance is None:
         return ""
@@ -98,7 +99,7 @@ words = CouplingWords(
     facts=_facts,
     hints=_hints,
     standing=standing,
-    pair=_pair,
+    pair=describe_pair,
     offset_caption="Dotted in the error: the standing offset of the effort F, F τ / b of a line of "
     "delay τ and impedance b, and the part of the velocity filters. The rest is what the devices' "
     "own dynamics cost.",

@@ -1,0 +1,57 @@
+"""Keys of law observed_wave. Units: [rad | m] reads "rad for a rotary axis, m for a linear one"."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from tautwave.config.keys.common import Name, Positive
+from tautwave.config.keys.coupling import Coupling
+from tautwave.couplings.wave.keys import WavePair
+
+Pole = Literal["plain"] | Annotated[float, Field(ge=0.0, le=0.9)]
+
+
+class ObservedPair(WavePair):
+    """A master axis and the slave axis of the same name, on a wave line between observed ports."""
+
+    wave_filter_hz: Positive = Field(
+        description="[Hz] Corner of the low-pass inside both ports, at the rate of each axis; a "
+        "tenth of the rate is a good start."
+    )
+    pole_master: Pole = Field(
+        default=0.5,
+        description="Pole of the master's observer: what is left of an error after a period. "
+        "Large: little noise; small: stiff contacts; plain: no observer.",
+    )
+    pole_slave: Pole = Field(default=0.5, description="Pole of the slave's observer.")
+
+    def pole(self, side: str) -> float | None:
+        """Return the pole of one side's observer, None for none."""
+        found = self.pole_master if side == "master" else self.pole_slave
+        return found if isinstance(found, float) else None
+
+
+class ObservedCoupling(Coupling):
+    """A wave line between observed ports."""
+
+    law: Literal["observed_wave"] = Field(
+        description="A wave line whose ports hold a force under noise and claim joules."
+    )
+    pairs: Mapping[Name, ObservedPair] = Field(
+        description="The pairs by name: one per axis of each side."
+    )
+
+    def problems(self, rate_hz: float) -> Sequence[tuple[str, str]]:
+        """Return a corner that the rate [Hz] cannot hold."""
+        return [
+            (
+                f"pairs.{name}.wave_filter_hz",
+                f"should not be above half the rate, {rate_hz / 2.0:g} Hz "
+                f"(got {pair.wave_filter_hz:g})",
+            )
+            for name, pair in self.pairs.items()
+            if pair.wave_filter_hz > rate_hz / 2.0
+        ]
