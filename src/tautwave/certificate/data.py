@@ -135,6 +135,9 @@ class CouplingVerdict(NamedTuple):
         What travels are waves: where both ends return less than arrives, any delay is stable.
     picture : str
         What the picture says where there is no wall; empty: it draws the waves that ports return.
+    claim : callable, optional
+        `(rig, axis_name, delays)`: the joules that an end may give out in a run as its encoder sees
+        it, known beforehand.
     """
 
     pair_elements: Callable[[Any, str, Mapping[str, CommandDelay]], Iterable[Element]]
@@ -144,6 +147,7 @@ class CouplingVerdict(NamedTuple):
     remedy: Callable[[Any, str], str] = _no_remedy
     contracting: bool = False
     picture: str = "no picture for this coupling"
+    claim: Callable[[Any, str, Mapping[str, CommandDelay]], float] | None = None
 
 
 class Certificate(NamedTuple):

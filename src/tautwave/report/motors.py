@@ -50,17 +50,20 @@ def motor_energy(run: Run, pair: str) -> dict[str, float]:
 def stated_debt(run: Run, pair: str) -> float | None:
     """Return the most that a wave pair may have given [J] by what was stated of it beforehand.
 
-    Both ports' `port_debt` at the speed and flow of the run, and what each gave until it could
+    What its ends claim, where their law does. Else both ports' `port_debt` at the speed and flow of the run, and what each gave until it could
     let go; what was forgiven to encoders; what walls held at the start, or created where the
     device's damping took it again; and what the books leave open. None for other couplings.
     """
     own = block(run.summary, "pairs", pair)
-    rates = block(own, "port_debt")
-    if not rates:
+    rates, claims = block(own, "port_debt"), block(own, "claim_j")
+    if not rates and not claims:
         return None
     debt = 0.0
     for side in SIDES:
         weight = 1.0 if side == "master" else 1.0 / (number(own.get("power_ratio")) or 1.0)
+        if claims:
+            debt += weight * (number(claims.get(side)) or 0.0) + _wall(run, pair, side, weight)
+            continue
         debt += _port(run, f"{side}.{pair}", block(rates, side), weight)
         forgiven = _last(run, f"{pair}.port_{side}.dissipated")
         debt += max(0.0, -forgiven) + _wall(run, pair, side, weight)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from tautwave.certificate.couplings import coupling_verdict
 from tautwave.config import Rig, count_velocity
 from tautwave.registry import coupling_words as words_of
 from tautwave.rig import DebtRates, coupling_part, debt_rates, one_way_delay, pair_scale
@@ -40,14 +41,19 @@ def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFact
 
 
 def port_debts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> dict[str, Any]:
-    """Return `port_debt`, what each wave port of a pair may owe; empty for other couplings.
+    """Return what each wave port of a pair may owe; empty for other couplings.
 
-    By side, in the device's own units: `per_speed_squared` [kg m^2 or kg] and `per_flow` [1] as in
+    `claim_j`, where the law claims joules beforehand: those of each side. Else `port_debt`: by side, in the device's own units: `per_speed_squared` [kg m^2 or kg] and `per_flow` [1] as in
     `tautwave.rig.debt_rates`, and the `exchanges` that pass until a port has let go. An
     admittance port may owe nothing.
     """
     if coupling_part(rig).carries != "waves":
         return {}
+    claim = coupling_verdict(rig).claim
+    if claim is not None:
+        return {
+            "claim_j": {side: claim(rig, f"{side}.{name}", delays) for side in ("master", "slave")}
+        }
     debts = {}
     for side in ("master", "slave"):
         axis_name = f"{side}.{name}"

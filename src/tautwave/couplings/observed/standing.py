@@ -12,7 +12,7 @@ from tautwave.wording import Standing
 
 
 def standing(rig: Rig, name: str, delays: Mapping[str, CommandDelay], tau: float) -> Standing:
-    """Return the standing offset: tau / b of the line, a period and the filter's lag beside it.
+    """Return the standing offset: tau / b of the line, with the lag of both ports' filters.
 
     The observer is not biased by a held effort, so the devices get all of the line's effort.
     """
@@ -22,5 +22,5 @@ def standing(rig: Rig, name: str, delays: Mapping[str, CommandDelay], tau: float
     for side in ("master", "slave"):
         period = rig.axis_period_s(f"{side}.{name}")
         gain = filter_gain(pair.wave_filter_hz, period)
-        lag += 0.5 * period * (1.0 + (1.0 - gain) / gain)
+        lag += 0.5 * period * (1.0 - gain) / gain
     return Standing((tau + lag) / pair.wave_impedance, 1.0, "a port gives all of the line's effort")

@@ -8,6 +8,7 @@ tank drains. And whatever device, hand or noise there is, it gives out no more t
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
@@ -288,6 +289,17 @@ def _remedy(rig: Rig, pair: str) -> str:
     return f"Lower wave_impedance {keys.wave_impedance:g}, or change the poles."
 
 
+def claimed_joules(rig: Rig, axis_name: str, delays: Delays) -> float:
+    """Return what an end may give out in a run, as its encoder sees it [J]; inf: no claim."""
+    claim = claim_of(rig, axis_name, delays)
+    return claim.seen(rig.duration_s) if isinstance(claim, Claim) else math.inf
+
+
 verdict = CouplingVerdict(
-    wave_verdict.pair_elements, _at_axis, _remedy, contracting=True, picture=""
+    wave_verdict.pair_elements,
+    _at_axis,
+    _remedy,
+    contracting=True,
+    picture="",
+    claim=claimed_joules,
 )
