@@ -18,9 +18,9 @@ from tautwave.contracts import Endpoint
 from tautwave.errors import BusTimeout, ConfigError, NotCertifiedError, SafetyStop
 from tautwave.report.run.recording import read_recording
 from tautwave.rig import BusWay, Way
-from tautwave.session import identifying
-from tautwave.session.exciting import Excitation, plan_excitation
-from tautwave.session.identifying import identify_device
+from tautwave.session.identification import identifying
+from tautwave.session.identification.exciting import Excitation, plan_excitation
+from tautwave.session.identification.identifying import identify_device
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BENCH = CONFIGS / "bench-1dof-loopback.yaml"

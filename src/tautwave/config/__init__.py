@@ -35,8 +35,8 @@ from tautwave.config.keys.simulation import (
     Spring,
 )
 from tautwave.config.load import load_rig, parse_rig
-from tautwave.config.resolved import resolved_yaml
 from tautwave.config.schema import rig_schema
+from tautwave.config.text.resolved import resolved_yaml
 from tautwave.config.walls import local_wall, render_stiffness, replace_wall
 
 __all__ = [

@@ -6,15 +6,15 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tautwave.config.document import Document, show_path
+from tautwave.config.inputs.recordings import find_recording
+from tautwave.config.inputs.sounds import complete_sound
 from tautwave.config.keys.coupling import Pair
 from tautwave.config.keys.rig import Rig, bus_spec, count_velocity, simulation_of
 from tautwave.config.keys.scene import Scene
 from tautwave.config.keys.scene3d import Scene3d
 from tautwave.config.keys.simulation import AxisSimulation, Hand, HandPart, Recording, Simulation
-from tautwave.config.recordings import find_recording
-from tautwave.config.sounds import complete_sound
-from tautwave.config.yaml12 import KeyPath
+from tautwave.config.text.document import Document, show_path
+from tautwave.config.text.yaml12 import KeyPath
 from tautwave.contracts import AxisFacts, DriverPlugin
 from tautwave.errors import ConfigError
 

@@ -10,13 +10,13 @@ from typing import Any
 from tautwave import formats, registry
 from tautwave.config.checks.rig import check_parts
 from tautwave.config.complete import complete_rig
-from tautwave.config.document import Document, open_document, read_text
-from tautwave.config.file_parts import name_file_parts, name_option_files
+from tautwave.config.inputs.file_parts import name_file_parts, name_option_files
 from tautwave.config.keys.rig import Rig
 from tautwave.config.messages import unknown_key, validate
-from tautwave.config.overrides import apply_overrides
 from tautwave.config.pieces import take_apart
-from tautwave.config.yaml12 import KeyPath
+from tautwave.config.text.document import Document, open_document, read_text
+from tautwave.config.text.overrides import apply_overrides
+from tautwave.config.text.yaml12 import KeyPath
 from tautwave.contracts import DriverPlugin
 from tautwave.errors import ConfigError
 

@@ -9,11 +9,11 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from tautwave.config.document import Document, nearest, open_document, show_value
 from tautwave.config.keys.common import Block
 from tautwave.config.keys.coupling import laws_with
 from tautwave.config.places import Place, locate, tags
-from tautwave.config.yaml12 import KeyPath, read_scalar
+from tautwave.config.text.document import Document, nearest, open_document, show_value
+from tautwave.config.text.yaml12 import KeyPath, read_scalar
 from tautwave.errors import ConfigError
 
 _PATTERNS = {

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from tautwave.config.document import Document
 from tautwave.config.keys.chosen import named_block
 from tautwave.config.keys.common import Block, Positive
 from tautwave.config.keys.coupling import AnyLaw, AnyPair, Coupling, Pair
@@ -27,6 +26,7 @@ from tautwave.config.keys.simulation import (
     Spring,
 )
 from tautwave.config.messages import salvage
+from tautwave.config.text.document import Document
 from tautwave.contracts import DriverPlugin
 
 SIDES = ("master", "slave")

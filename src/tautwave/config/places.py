@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 
 from pydantic import BaseModel
 
-from tautwave.config.document import Document
 from tautwave.config.keys.chosen import named_block
-from tautwave.config.yaml12 import KeyPath
+from tautwave.config.text.document import Document
+from tautwave.config.text.yaml12 import KeyPath
 
 
 class Place(NamedTuple):

@@ -8,8 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tautwave.config.document import nearest
-from tautwave.config.yaml12 import parse_yaml
+from tautwave.config.text.document import nearest
+from tautwave.config.text.yaml12 import parse_yaml
 from tautwave.errors import ConfigError
 from tautwave.files import make_directory, write_bytes
 

@@ -23,9 +23,10 @@ def write_report(directory: Path) -> Path:
     RecordingError
         There is neither a summary nor a readable recording.
     """
-    from tautwave.report.run import page
+    from tautwave.report.run.loading import load_run
+    from tautwave.report.run.page import write_page
 
-    return page.write_report(directory)
+    return write_page(load_run(Path(directory)))
 
 
 def write_figures(directory: Path, out: Path, kind: str, style: Style) -> list[Path]:
@@ -42,8 +43,9 @@ def write_figures(directory: Path, out: Path, kind: str, style: Style) -> list[P
         There is neither a summary nor a readable recording, or `out` cannot be written.
     """
     from tautwave.report.run import page
+    from tautwave.report.run.loading import load_run
 
-    return page.write_figures(directory, out, kind, style)
+    return page.write_figures(load_run(Path(directory)), out, kind, style)
 
 
 def compare_reports(a: Path, b: Path, out: Path) -> Path:

@@ -9,10 +9,10 @@ from tautwave import registry
 from tautwave.config.checks.scene import check_presence, check_scene
 from tautwave.config.checks.scene3d import check_dimension, check_scene3d
 from tautwave.config.checks.simulation import check_simulation
-from tautwave.config.document import Document, nearest, show_path, show_value
 from tautwave.config.keys.coupling import Pair, Wall
 from tautwave.config.keys.devices import Axis
 from tautwave.config.pieces import SIDES, Parts
+from tautwave.config.text.document import Document, nearest, show_path, show_value
 from tautwave.contracts import CouplingPlugin
 
 HARDWARE_LIMITS = ("effort_rate_limit", "velocity_limit", "position_range")

@@ -6,12 +6,12 @@ import difflib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from tautwave.config.document import Document, nearest
+from tautwave.config.inputs.sounds import check_sound
 from tautwave.config.keys.rig import Rig
 from tautwave.config.keys.scene import Scene, ScenePort
 from tautwave.config.pieces import Parts
-from tautwave.config.sounds import check_sound
-from tautwave.config.yaml12 import KeyPath
+from tautwave.config.text.document import Document, nearest
+from tautwave.config.text.yaml12 import KeyPath
 
 if TYPE_CHECKING:
     from tautwave.config.keys.scene3d import Scene3d

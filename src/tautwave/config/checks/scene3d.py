@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from typing import Any
 
 from tautwave.config.checks.scene import check_between
-from tautwave.config.document import Document, nearest, show_path
+from tautwave.config.inputs.sounds import check_sound
 from tautwave.config.keys.scene3d import Scene3d
 from tautwave.config.pieces import Parts
-from tautwave.config.sounds import check_sound
-from tautwave.config.yaml12 import KeyPath
+from tautwave.config.text.document import Document, nearest, show_path
+from tautwave.config.text.yaml12 import KeyPath
 
 GROUND = "ground"
 SPACE_ONLY = ("directions", "axes", "normal", "direction", "rows", "row_spacing", "clamped")

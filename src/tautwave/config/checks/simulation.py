@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from tautwave.config.document import Document, nearest
+from tautwave.config.inputs.recordings import check_recording
 from tautwave.config.keys.devices import Axis
 from tautwave.config.keys.simulation import (
     AxisSimulation,
@@ -16,8 +16,8 @@ from tautwave.config.keys.simulation import (
     Reference,
 )
 from tautwave.config.pieces import SIDES, Parts
-from tautwave.config.recordings import check_recording
-from tautwave.config.yaml12 import KeyPath
+from tautwave.config.text.document import Document, nearest
+from tautwave.config.text.yaml12 import KeyPath
 
 _IMPEDANCE_ONLY = ("inertia", "damping", "coulomb")
 

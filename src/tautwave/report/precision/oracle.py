@@ -8,20 +8,16 @@ and at half and double rate: how much of the effort is the discretisation's. Uni
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tautwave.config import Bus, Rig, Simulation, load_rig
+from tautwave.config import Bus, Rig, Simulation
 from tautwave.errors import TautwaveError
-from tautwave.files import write_text
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.figures.resampling import distance, resampled
-from tautwave.report.run.loading import load_run
 from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.units import number
 from tautwave.simulation.kernel.pack import Job, pack_rig
@@ -48,20 +44,16 @@ class Replay(NamedTuple):
     whole: bool
 
 
-def measure_precision(directory: Path) -> dict[str, Any]:
-    """Add `precision` to a run's summary; return the summary.
+def measure_precision(run: Run) -> dict[str, Any]:
+    """Return a run's summary with `precision`.
 
     What keeps it from being computed is said in `precision.error`, and is no error of the run.
     """
-    run = load_run(directory)
     summary = dict(run.summary)
     try:
-        rig = load_rig(directory / "rig.yaml")
-        summary["precision"] = precision_of(run, rig)
+        summary["precision"] = precision_of(run, run.checked_rig)
     except (TautwaveError, ArithmeticError, LookupError) as err:
         summary["precision"] = {"error": str(err) or type(err).__name__}
-    text = json.dumps(summary, indent=2, allow_nan=False)
-    write_text(directory / "summary.json", text + "\n")
     return summary
 
 

@@ -18,7 +18,6 @@ from tautwave.report.html import (
     verdict_rows,
 )
 from tautwave.report.run import tables
-from tautwave.report.run.loading import load_run
 from tautwave.report.run.parts import Part, Picture, certificate_picture, pair_parts, scene_parts
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import invalidated, outcome, uncertified, verdicts
@@ -28,7 +27,7 @@ PICTURE_BYTES = 2_000_000
 """Of all figures, animations and sounds inside the page; what is beyond stands beside it."""
 
 
-def write_report(directory: Path) -> Path:
+def write_page(run: Run) -> Path:
     """Write figures (SVG) and `report.html` into the directory of a run.
 
     Works from whatever the run left: a cut recording, no simulation truth, no summary.
@@ -37,30 +36,23 @@ def write_report(directory: Path) -> Path:
     -------
     Path
         Of the page: one file, no script, nothing from the network.
-
-    Raises
-    ------
-    RecordingError
-        There is neither a summary nor a readable recording.
     """
-    directory = Path(directory)
-    run = load_run(directory)
     parts: list[str] = []
     spent = 0
     for part in _body(run):
         if isinstance(part, str):
             parts.append(part)
             continue
-        size, inside = part.keep(directory)
+        size, inside = part.keep(run.directory)
         spent += size
         parts.append(inside() if spent <= PICTURE_BYTES else part.beside())
         spent -= size if spent > PICTURE_BYTES else 0
-    target = directory / "report.html"
+    target = run.directory / "report.html"
     write_text(target, page(f"{run.name} – tautwave report", parts))
     return target
 
 
-def write_figures(directory: Path, out: Path, kind: str, style: Style) -> list[Path]:
+def write_figures(run: Run, out: Path, kind: str, style: Style) -> list[Path]:
     """Write every figure of a run's report into `out`, as a paper wants them.
 
     Parameters
@@ -70,12 +62,9 @@ def write_figures(directory: Path, out: Path, kind: str, style: Style) -> list[P
 
     Raises
     ------
-    RecordingError
-        There is neither a summary nor a readable recording.
     WritingError
         `out` cannot be written.
     """
-    run = load_run(Path(directory))
     written = []
     with styled(style):
         for part in _body(run):

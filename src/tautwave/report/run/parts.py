@@ -226,13 +226,12 @@ def _files(directory: Path) -> Iterator[Part]:
 def certificate_picture(run: Run) -> Picture | str:
     """Return the certificate's figure, or why there is none."""
     from tautwave.certificate.picture import certificate_figure
-    from tautwave.config import parse_rig
 
     if not run.rig_text:
         return "No rig file to certify."
     try:
-        rig = parse_rig(run.rig_text, Path("rig.yaml"))
-        figure = certificate_figure(rig)
+        figure = certificate_figure(run.checked_rig)
     except (TautwaveError, ArithmeticError) as err:
-        return f"The certificate of this rig cannot be drawn: {str(err).splitlines()[0]}"
+        reason = str(err).splitlines()[0].replace(f"{run.directory}/", "")
+        return f"The certificate of this rig cannot be drawn: {reason}"
     return Picture("certificate", figure, "certificate of this rig")

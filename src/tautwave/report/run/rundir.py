@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from tautwave.config import Rig, parse_rig
 from tautwave.errors import ConfigError
 from tautwave.registry import coupling_words
 from tautwave.report.figures.envelope import Floats
@@ -71,6 +73,20 @@ class Run:
         step = AT_ONCE if self.scratch is None else 1
         for at in range(0, len(wanted), step):
             yield from self.read(*wanted[at : at + step]).items()
+
+    @cached_property
+    def checked_rig(self) -> Rig:
+        """The rig as the run had it, read and checked once.
+
+        Raises
+        ------
+        ConfigError
+            There is no rig file, or it is wrong here: of another version, or its parts are missing.
+        """
+        path = self.directory / "rig.yaml"
+        if not self.rig_text:
+            raise ConfigError(f"{path} is missing")
+        return parse_rig(self.rig_text, path)
 
     @property
     def began(self) -> bool:

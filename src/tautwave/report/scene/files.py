@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from tautwave.report.run.loading import load_run
 from tautwave.report.run.rundir import Run, is_scene3d
 from tautwave.report.units import count, plural
 
@@ -83,15 +82,8 @@ def _parts(masses: int, strings: int, links: int) -> str:
     )
 
 
-def write_scene(directory: Path) -> None:
-    """Write scene.gif and output.wav into the directory of a run that had a scene; else nothing.
-
-    Raises
-    ------
-    RecordingError
-        There is neither a summary nor a readable recording.
-    """
-    run = load_run(directory)
+def write_scene(run: Run) -> None:
+    """Write scene.gif and output.wav into the directory of a run that had a scene; else nothing."""
     if not run.ports:
         return
     from tautwave.report.scene.sound import write_sound
@@ -99,5 +91,5 @@ def write_scene(directory: Path) -> None:
     seen = shown(run)
     if seen is None or not seen.view.efforts or len(seen.view.time) < 2:
         return
-    write_sound(seen.view, directory / "output.wav")
-    seen.animate(directory / "scene.gif")
+    write_sound(seen.view, run.directory / "output.wav")
+    seen.animate(run.directory / "scene.gif")

@@ -14,9 +14,9 @@ from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.rundir import Run
 from tautwave.rig.scene.network import pruned_network, scene_forces, scene_of
 from tautwave.rig.scene.network3d import axis_scales, forces3d, pruned_network3d, scene3d_of
-from tautwave.scene.exact import MOST
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import LINEAR, Network, String
+from tautwave.scene.schemes.exact import MOST
 from tautwave.scene3d.live import Model3d
 from tautwave.scene3d.network import Network3d
 

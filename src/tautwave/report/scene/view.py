@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tautwave.config import Rig, parse_rig
+from tautwave.config import Rig
 from tautwave.errors import TautwaveError
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.rundir import Run
@@ -48,7 +48,7 @@ def view_scene(run: Run) -> SceneView | None:
     if "scene" not in run.rig or run.rows == 0:
         return None
     try:
-        rig = parse_rig(run.rig_text, run.directory / "rig.yaml")
+        rig = run.checked_rig
     except TautwaveError:
         return None
     network = pruned_network(rig).network

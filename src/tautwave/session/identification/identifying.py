@@ -30,7 +30,7 @@ from tautwave.runtime.recorder import Recorder
 from tautwave.session.certified import certificate_of, refuse_uncertified
 from tautwave.session.checking import bus_budgets, over_budget, require_drivers
 from tautwave.session.devices import devices
-from tautwave.session.exciting import Plan, excite, plan_excitation
+from tautwave.session.identification.exciting import Plan, excite, plan_excitation
 from tautwave.session.running import loop_conditions
 from tautwave.types import CommandDelay
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from tautwave.config.guard import read_guarded
-from tautwave.config.yaml12 import KeyPath, Mark, Problem, SyntaxProblem, parse_yaml
+from tautwave.config.text.yaml12 import KeyPath, Mark, Problem, SyntaxProblem, parse_yaml
 from tautwave.errors import ConfigError
 
 LARGEST = 256 * 1024

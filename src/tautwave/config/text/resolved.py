@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from tautwave.config.keys.rig import Rig
-from tautwave.config.yaml12 import read_scalar
+from tautwave.config.text.yaml12 import read_scalar
 
 _PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_./ -]*")
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}

@@ -6,8 +6,8 @@ import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from tautwave.config.document import Document, show_path, show_value
-from tautwave.config.yaml12 import KeyPath, Mark, Parsed, Problem, SyntaxProblem, parse_yaml
+from tautwave.config.text.document import Document, show_path, show_value
+from tautwave.config.text.yaml12 import KeyPath, Mark, Parsed, Problem, SyntaxProblem, parse_yaml
 
 _PART = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([^."'=\s][^.="']*?))\s*(\.|=|$)""")
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from tautwave.config.document import Document, nearest, show_path
 from tautwave.config.keys.simulation import Recording
-from tautwave.config.yaml12 import KeyPath
+from tautwave.config.text.document import Document, nearest, show_path
+from tautwave.config.text.yaml12 import KeyPath
 
 
 def find_recording(document: Document, path: KeyPath, file: str) -> Path | None:

@@ -13,10 +13,10 @@ import struct
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from tautwave.config.document import Document, show_path
+from tautwave.config.inputs.recordings import find_recording
 from tautwave.config.keys.scene import SoundForce
-from tautwave.config.recordings import find_recording
-from tautwave.config.yaml12 import KeyPath
+from tautwave.config.text.document import Document, show_path
+from tautwave.config.text.yaml12 import KeyPath
 from tautwave.errors import ConfigError
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from tautwave import registry
-from tautwave.config.document import Document
-from tautwave.config.recordings import find_recording
-from tautwave.config.yaml12 import KeyPath
+from tautwave.config.inputs.recordings import find_recording
+from tautwave.config.text.document import Document
+from tautwave.config.text.yaml12 import KeyPath
 from tautwave.errors import ConfigError
 
 PLACES = (("simulation", "hand"), ("simulation", "environment"))
