@@ -30,7 +30,7 @@ _HEAD_BYTES = _RECORD.size + _CHUNK.size + _LONGEST_NAME
 
 
 class ChunkPlace(NamedTuple):
-    """Where the content of one chunk lies in the file, and what it is to become."""
+    """Where the content of one chunk lies in the file, and its destination."""
 
     start: int
     stop: int
@@ -41,7 +41,7 @@ class ChunkPlace(NamedTuple):
 
 @dataclass
 class Contents:
-    """What one walk over the records found."""
+    """Result of one pass over the records."""
 
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
