@@ -110,7 +110,7 @@ def test_the_report_tells_it(resonator: Path) -> None:
     page = (resonator / "report.html").read_text()
     assert "reproduces the recorded efforts bit for bit" in page
     assert "error of this run" in page
-    assert "doubt of the oracle" in page
+    assert "uncertainty of the oracle" in page
     assert "Not computed" not in page
 
 

@@ -1,7 +1,6 @@
 """From a run's directory to tables, figures and one HTML page.
 
-Figures and the page are imported when they are asked for, so that reading a recording or a number
-costs no matplotlib.
+Figures and the page are imported on demand, so that reading a recording does not load matplotlib.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ def write_figures(directory: Path, out: Path, kind: str, style: Style) -> list[P
     Parameters
     ----------
     kind : `pdf` or `svg`
-    style : width, size and family of the letters
+    style : width, font size and family
 
     Raises
     ------

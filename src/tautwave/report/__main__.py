@@ -1,4 +1,4 @@
-"""`python -m tautwave.report DIR`: add to a run's summary what its recording tells, and draw it."""
+"""`python -m tautwave.report DIR`: complete a run's summary from its recording, draw the report."""
 
 from __future__ import annotations
 

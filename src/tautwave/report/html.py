@@ -122,14 +122,14 @@ def page(title: str, body: Iterable[str]) -> str:
 
 
 def picture(drawn: str, caption: str = "") -> str:
-    """A figure's SVG inside the page; it names itself for who cannot see it."""
+    """A figure's SVG inside the page; it carries its own description for screen readers."""
     return f"<figure>{drawn}{_under(caption)}</figure>"
 
 
 def image(data: bytes, kind: str, alt: str, caption: str = "", dark: bytes = b"") -> str:
-    """A PNG or a GIF inside the page, and its counterpart on dark ground.
+    """A PNG or a GIF inside the page, and its dark counterpart.
 
-    Without one the browser turns light and dark, and leaves hues about as they are.
+    Without one the browser inverts lightness and keeps the hues approximately.
     """
     other = ""
     if dark:
@@ -141,7 +141,7 @@ def image(data: bytes, kind: str, alt: str, caption: str = "", dark: bytes = b""
 
 
 def sound(data: bytes, label: str) -> str:
-    """A WAV file inside the page, with the browser's own buttons."""
+    """A WAV file inside the page, with the browser's controls."""
     source = _inside(data, "audio/wav")
     return f'<audio controls preload="none" src="{source}" aria-label="{escape(label)}"></audio>'
 
@@ -155,7 +155,7 @@ def _under(caption: str) -> str:
 
 
 def table(content: Table, kind: str = "") -> str:
-    """A table, or nothing where it has no rows; `kind` is `text` for prose in every column."""
+    """A table, or nothing if it has no rows; `kind` is `text` for prose in every column."""
     if not content.rows:
         return ""
     text_columns = [
@@ -194,7 +194,7 @@ def verdict_rows(found: Iterable[Verdict]) -> str:
 
 
 def banner(title: str, sentences: Iterable[str], status: str) -> str:
-    """A box nobody overlooks."""
+    """A prominent box."""
     text = "".join(f"<p>{escape(sentence)}</p>" for sentence in sentences)
     return f'<div class="banner {status}"><b>{escape(title)}</b>{text}</div>'
 
@@ -217,5 +217,5 @@ def folded(title: str, parts: Iterable[str]) -> Iterable[str]:
 
 
 def anchor(text: str) -> str:
-    """An identifier for a heading, safe whatever the pair is called."""
+    """A safe identifier for a heading, whatever the name of the pair."""
     return "part-" + "".join(c if c.isascii() and c.isalnum() else "-" for c in text)

@@ -1,4 +1,4 @@
-"""The certificate again, with the period, gaps and losses that a run measured."""
+"""The certificate recomputed with the measured period, gaps and losses of a run."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from tautwave.report.units import number
 def recheck_run(run: Run) -> dict[str, Any]:
     """Return a run's summary with `certificate.after_run`.
 
-    `invalidated` is true where the certificate held before the run and its measurements break
-    it. What keeps it from being computed is said in `error`.
+    `invalidated` is true if the certificate held before the run and its measurements break it. If
+    it cannot be computed, `error` says why.
     """
     summary = dict(run.summary)
     certificate = dict(block(summary, "certificate"))
@@ -33,7 +33,7 @@ def recheck_run(run: Run) -> dict[str, Any]:
 
 
 def measured_of(run: Run, rig: Rig) -> Measured:
-    """Return what a run measured of its own loop."""
+    """Return what a run measured about its own loop."""
     period = block(run.summary, "period_us")
     axes = block(run.summary, "axes")
     nominal = 1e6 * rig.period_s

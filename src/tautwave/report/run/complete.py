@@ -1,8 +1,8 @@
-"""Add to a run's summary what only its recording can tell: tracking, energy books of both kinds.
+"""Complete a run's summary from its recording: tracking, and energy books of both kinds.
 
-The controller's books rest on measured positions and the efforts that were sent; the plant's on
-the truth of a simulation. `residual` of either has to vanish. `sensing_gap` is how far the two
-disagree at the motors: what quantisation and noise hide from the controller.
+The controller's books rest on measured positions and the efforts that were sent; the plant's on the
+truth of a simulation. `residual` of either must vanish. `sensing_gap` is their difference at the
+motors: what quantisation and noise hide from the controller.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def plant_energy(run: Run, ratios: dict[str, float]) -> dict[str, float]:
             continue
         found = True
         residual += abs(weight * balance)
-        # Between its slots the truth of a slow axis is ahead of what the controller knows.
+        # Between its slots the truth of a slow axis is ahead of the controller's samples.
         served = served_rows(run, axis)
         sent = sent[served] if len(sent[served]) else sent
         motor = motor[served] if len(motor[served]) else motor

@@ -1,4 +1,4 @@
-"""Reading a run's directory: rig, summary and recording, as far as each of them is there."""
+"""Reading a run's directory: rig, summary and recording, as far as they exist."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MISSING = (
 
 
 def load_run(directory: Path) -> Run:
-    """Read what a run left in `directory`, however little that is.
+    """Read the files of a run in `directory`, however few there are.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def _text(path: Path, notes: list[str]) -> str:
 
 
 def _rig(text: str, notes: list[str]) -> dict[str, Any]:
-    """Return what the rig file says, as far as it can be read; its own checks were the run's."""
+    """Return the rig file's content as far as it is readable; the run has checked it."""
     if not text:
         return {}
     try:
@@ -144,5 +144,5 @@ def _summary(path: Path) -> tuple[dict[str, Any], str]:
 
 
 def _said(error: ConfigError, path: Path) -> str:
-    """Return a sentence about a file of the directory that the report is on anyway."""
+    """Return an error without the path of the reported directory."""
     return str(error).replace(str(path), path.name, 1)

@@ -1,4 +1,4 @@
-"""The report of one run: figures beside the recording, and one page that needs nothing else."""
+"""The report of one run: figures beside the recording, and one self-contained page."""
 
 from __future__ import annotations
 
@@ -24,13 +24,14 @@ from tautwave.report.run.verdicts import invalidated, outcome, uncertified, verd
 from tautwave.report.units import plural, quantity
 
 PICTURE_BYTES = 2_000_000
-"""Of all figures, animations and sounds inside the page; what is beyond stands beside it."""
+"""Total size of figures, animations and sounds inside the page; anything beyond is a file beside
+it."""
 
 
 def write_page(run: Run) -> Path:
     """Write figures (SVG) and `report.html` into the directory of a run.
 
-    Works from whatever the run left: a cut recording, no simulation truth, no summary.
+    Works with incomplete runs: a truncated recording, no simulation truth, no summary.
 
     Returns
     -------
@@ -53,12 +54,12 @@ def write_page(run: Run) -> Path:
 
 
 def write_figures(run: Run, out: Path, kind: str, style: Style) -> list[Path]:
-    """Write every figure of a run's report into `out`, as a paper wants them.
+    """Write every figure of a run's report into `out`, for a paper.
 
     Parameters
     ----------
     kind : `pdf` or `svg`
-    style : width, size and family of the letters
+    style : width, font size and family
 
     Raises
     ------
@@ -87,7 +88,7 @@ def _body(run: Run) -> Iterator[Part]:
 
 
 def _motion(run: Run) -> Iterator[Part]:
-    """What there is to show of a run that had a cycle."""
+    """The content for a run with at least one cycle."""
     yield from pair_parts(run)
     if run.ports:
         yield from scene_parts(run)
@@ -198,7 +199,7 @@ def _axes(run: Run) -> Iterator[str]:
 
 
 def _buses(run: Run) -> Iterator[str]:
-    """What each driver found, wrote and read back before it enabled anything."""
+    """What each driver found, wrote and read back before enabling."""
     buses = run.summary.get("buses")
     for name, found in buses.items() if isinstance(buses, dict) else ():
         notes = found.get("notes") if isinstance(found, dict) else None

@@ -1,4 +1,4 @@
-"""Read a recording back as NumPy arrays: chunk by chunk, also when its end is missing.
+"""Read a recording back as NumPy arrays: chunk by chunk, even if its end is missing.
 
 All messages of a chunk have the same length, so a decompressed chunk *is* a structured array. One
 chunk is in memory at a time; a selection of columns or every n-th row keeps the result small.
@@ -41,7 +41,7 @@ _HEAD_BYTES = _RECORD.size + _CHUNK.size + _LONGEST_NAME
 
 
 class _Chunk(NamedTuple):
-    """Where the content of one chunk lies in the file, and what it is to become."""
+    """Where the content of one chunk lies in the file, and its destination."""
 
     start: int
     stop: int
@@ -52,7 +52,7 @@ class _Chunk(NamedTuple):
 
 @dataclass
 class _Contents:
-    """What one walk over the records found."""
+    """Result of one pass over the records."""
 
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
@@ -62,9 +62,9 @@ class _Contents:
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording, or the columns and rows of it that were asked for.
+    """A recording, or selected columns and rows of it.
 
-    `recording["lever.position_error"]` is a column, `"lever.position_error" in recording` asks for
+    `recording["lever.position_error"]` is a column, `"lever.position_error" in recording` tests for
     it, `recording.columns` names all; `len` counts rows. Rows come as `to_pandas()` and
     `to_arrow()`, too.
 
@@ -80,7 +80,7 @@ class Recording:
         Content by file name.
     truncated
         The file has no end: its writer was killed, the disk was full, or the run is still going.
-        What is here is whole.
+        The rows read are complete.
     damaged_chunks
         Chunks left out because their checksum or compression is wrong.
     missing_rows
@@ -179,7 +179,7 @@ def read_recording(
     ----------
     path
         An MCAP file written by `tautwave run`, complete or not, or the directory of a run, which
-        may still be going: the rows are those that were in the file by then (about a second late).
+        may still be going: the rows are then those already in the file (about a second late).
     columns
         Names to read, in this order; all by default.
     rows
@@ -386,7 +386,7 @@ def _runs(content: bytes, size: int) -> Iterator[tuple[int, int]]:
 
 
 def _library(name: str, extra: str) -> Any:
-    """Import an optional library, or say how it is installed."""
+    """Import an optional library, or raise an error that says how to install it."""
     try:
         return importlib.import_module(name)
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""What a run with a scene shows: figure, still, animation, sound; in one dimension and in three."""
+"""The output of a run with a scene: figure, still, animation, sound; in one dimension and three."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class Shown(NamedTuple):
     """A recorded scene: one line about it, and the functions that draw it.
 
-    `still` takes whether the ground is dark, `animate` a path.
+    `still` takes whether the background is dark, `animate` a path.
     """
 
     view: SceneView | View3d
@@ -31,7 +31,7 @@ class Shown(NamedTuple):
 
 
 def shown(run: Run) -> Shown | None:
-    """Return what there is to show of a run's scene, None where nothing was recorded."""
+    """Return a run's recorded scene, None if nothing was recorded."""
     return _scene3d(run) if is_scene3d(run) else _line(run)
 
 

@@ -28,11 +28,10 @@ class SceneView(NamedTuple):
     time : (rows,)
         [s]
     at : dict of str to (rows,)
-        Position of every node that is known over time [m], ports and grounds included.
+        Position of every recorded node over time [m], ports and grounds included.
     efforts : dict of str to (rows,)
-        What each port's device felt [N], resisting.
-    energies : dict of str to (rows,)
-        Of the ledger [J], and `hold`.
+        Resisting force of each port on its device [N].
+    energies : dict of str to (rows,) Energies of the ledger [J], and `hold`.
     """
 
     network: Network

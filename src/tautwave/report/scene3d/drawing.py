@@ -1,8 +1,7 @@
-"""A scene of points as a picture, seen from above and aside, and as an animation (GIF).
+"""A 3D scene as a picture, seen obliquely from above, and as an animation (GIF).
 
-Threads turn from grey to orange as they are stretched; a contact is drawn as the ball or the plane
-that it is, on the port or the mass that has it. What is nearer is drawn later. Pillow, as for
-scenes of one dimension.
+Threads turn from grey to orange as they stretch; a contact is drawn as its ball or plane, on the
+port or mass that has it. Nearer objects are drawn later. Pillow, as for scenes of one dimension.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ _MARGIN = 0.07
 
 
 class _Frame(NamedTuple):
-    """How metres become pixels, least and greatest stretch, balls by node, corners of planes."""
+    """Scale from metres to pixels, range of stretch, balls by node, corners of planes."""
 
     left: float
     low: float
@@ -109,7 +108,7 @@ def _lengths(view: View3d, a: str, b: str, rows: slice) -> Floats:
 
 
 def _balls(view: View3d) -> dict[str, float]:
-    """Return the radius of what touches as a ball: the port of a contact, or half each."""
+    """Return the radii of nodes drawn as balls: the port of a contact, or half each."""
     ports = {port.name for port in view.network.ports}
     found: dict[str, float] = {}
     for link in view.network.links:
@@ -162,7 +161,7 @@ def _draw(view: View3d, frame: _Frame, row: int, title: str, hue: Colours = LIGH
     shapes += [(float(place[2]), "node", (name,), 0.0) for name, place in seen.items()]
     ports = {port.name for port in view.network.ports}
     fixed = {name for name, _ in view.network.grounds}
-    # A knot is a point: small beside the ball, which its neighbours must not hide.
+    # A knot is a point: draw it small, so that knots do not hide the ball.
     dot = max(1.2, min(2.4, 12.0 / math.sqrt(max(len(seen), 1)))) * OVER
     for _, kind, names, share in sorted(shapes):
         ends = [frame.pixels(seen[name]) for name in names]
@@ -181,11 +180,11 @@ def _draw(view: View3d, frame: _Frame, row: int, title: str, hue: Colours = LIGH
         fill = hue[MASTER] if name in ports else hue[SLAVE]
         box = (x - radius, y - radius, x + radius, y + radius)
         pen.ellipse(box, fill=fill, outline=hue[INK], width=OVER)
-        if radius > 6.0 * OVER:  # a light from the left above makes a ball of a disc
+        if radius > 6.0 * OVER:  # a highlight at the upper left makes a disc look like a ball
             shine = tuple(round(0.6 * part + 0.4 * 255) for part in ImageColor.getrgb(fill))
             x, y, radius = x - 0.35 * radius, y - 0.35 * radius, 0.3 * radius
             pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=shine)
-    for name in frame.balls:  # its outline over all that lies before it
+    for name in frame.balls:  # its outline over everything in front of it
         if name in ports and name in seen:
             (x, y), radius = frame.pixels(seen[name]), max(frame.balls[name] * frame.scale, dot)
             box = (x - radius, y - radius, x + radius, y + radius)
