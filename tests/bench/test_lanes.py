@@ -44,7 +44,7 @@ def energy(p: Plain, x: float, v: float) -> float:
 def test_every_way_gives_the_bits_of_plain_python(tmp_path: Path) -> None:
     sets, aims = plain_sets(2 * LANES), plain_aims(1200)
     _, results = _timed(_ways(tmp_path), as_records(sets), aims, 1)
-    assert len(results) >= 3
+    assert len(results) >= 2
     out = [0.0] * (4 * LANES)
     run_plain(sets, aims.tolist(), [0.0] * 100, [], out, [2 * LANES, 1200, 0])
     for way, found in results.items():
@@ -125,7 +125,7 @@ def test_the_suite_says_what_it_compared() -> None:
     assert rows[SCALAR][2] == 1.0
     assert {row[3] for row in rows.values()} == {"yes"}
     assert all(goal.measured is not None for goal in suite.goals[:1])
-    assert suite.goals[3].met
+    assert suite.goals[2].met
 
 
 def test_without_gcc_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

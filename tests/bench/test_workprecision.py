@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from tautwave import bench
 from tautwave.bench.peers import mujoco as peers_mujoco
 from tautwave.bench.peers import scipy_control as peers
-from tautwave.bench.workprecision import contact, plain_c, runs
+from tautwave.bench.workprecision import contact, runs
 from tautwave.bench.workprecision import linear as workprecision_linear
 from tautwave.bench.workprecision.figure import energy_figure, error_figure
 from tautwave.bench.workprecision.points import Point, Scene, cheapest, cpu_time, pareto
@@ -187,11 +187,6 @@ def test_cpu_time_counts_per_simulated_second() -> None:
 def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     """All of it, without compiling anything."""
     monkeypatch.setattr(module, "_scenes", lambda *_: [SCENE])
-    monkeypatch.setattr(
-        plain_c,
-        "c_costs",
-        lambda *_: (bench.Table("C", "what", ("scene",), [["wall"]]), []),
-    )
 
 
 @pytest.mark.usefixtures("tiny")
@@ -221,15 +216,6 @@ def test_the_figure_marks_front_choice_and_real_time() -> None:
     assert any(np.array_equal(np.asarray(line.get_ydata()), [1.0, 1.0]) for line in axes.lines)
     assert len(lines["rk4"]) == 3  # the one that exploded is not drawn
     assert energy_figure([SCENE]).axes
-
-
-@pytest.mark.slow
-def test_every_scene_in_c_has_the_bits_of_numba() -> None:
-    pytest.importorskip("numba")
-    from tautwave.bench.workprecision.plain_c import c_costs
-
-    table, _ = c_costs((contact.WALL, contact.HERTZ), (), 1.0, 1)
-    assert {row[5] for row in table.rows} == {"yes"}
 
 
 def test_the_record_tables_hold_what_was_given() -> None:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.config import parse_rig, resolved_yaml
-from tautwave.config.yaml12 import parse_yaml
+from tautwave.config.text.yaml12 import parse_yaml
 from tests.config.bench import BENCH
 
 CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tautwave.config import parse_rig, resolved_yaml, rig_schema
-from tautwave.config.yaml12 import parse_yaml
+from tautwave.config.text.yaml12 import parse_yaml
 
 jsonschema = pytest.importorskip("jsonschema")
 HERE = Path(__file__).parent

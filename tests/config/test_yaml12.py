@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tautwave.config.yaml12 import SyntaxProblem, parse_yaml, read_scalar
+from tautwave.config.text.yaml12 import SyntaxProblem, parse_yaml, read_scalar
 
 
 @pytest.mark.parametrize(

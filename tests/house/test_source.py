@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,7 +17,8 @@ PURE = sorted(
     path for floor in ("laws", "models") for path in (ROOT / "src/tautwave" / floor).rglob("*.py")
 )
 PURE_IMPORTS = {"__future__", "math", "typing", "tautwave.types"}
-GREATEST_MODULE = 400
+GREATEST_MODULE = 400  # lines
+GREATEST_FOLDER = 15  # modules beside each other
 
 
 def imported(source: str) -> Iterator[str]:
@@ -73,7 +75,10 @@ def test_planted_vagueness_is_noticed() -> None:
     assert not vague_parts('def wall(x):\n    """Force of the wall [N]."""')
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: "/".join(path.parts[-2:]))
+TESTS = sorted((ROOT / "tests").rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", [*SOURCES, *TESTS], ids=lambda path: "/".join(path.parts[-2:]))
 def test_modules_stay_readable(path: Path) -> None:
     lines = len(path.read_text().splitlines())
     assert lines <= GREATEST_MODULE, f"{path} has {lines} lines"
@@ -100,3 +105,17 @@ def test_every_lint_exception_has_its_reason() -> None:
     for line in ignores.splitlines():
         if re.match(r'\s+"[A-Z]+\d+",', line) or re.match(r'"\S+" = \["[A-Z]', line):
             assert "#" in line, f"no reason beside: {line}"
+
+
+def full_folders(folders: dict[str, int]) -> list[str]:
+    """Folders with more modules beside each other than one takes in at a glance."""
+    return sorted(folder for folder, modules in folders.items() if modules > GREATEST_FOLDER)
+
+
+def test_no_folder_has_more_modules_than_one_takes_in() -> None:
+    modules = [path for path in SOURCES if path.name not in {"__init__.py", "__main__.py"}]
+    assert not full_folders(Counter(str(path.parent.relative_to(ROOT)) for path in modules))
+
+
+def test_a_planted_full_folder_is_noticed() -> None:
+    assert full_folders({"src/a": GREATEST_FOLDER, "src/b": GREATEST_FOLDER + 1}) == ["src/b"]

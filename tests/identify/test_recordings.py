@@ -13,8 +13,8 @@ from click.testing import CliRunner, Result
 from tautwave.cli import main
 from tautwave.config import load_rig, parse_rig
 from tautwave.session import run
-from tautwave.session.recorded import contact_snippet, identify_recording
-from tautwave.session.recorded_columns import csv_columns
+from tautwave.session.identification.recorded import contact_snippet, identify_recording
+from tautwave.session.identification.recorded_columns import csv_columns
 from tests.analysis.test_identify_models import contact_recording
 
 ROOT = Path(__file__).parents[2]

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from tautwave.cli import main
 from tautwave.config import load_rig, simulation_of
 from tautwave.report.run.recording import read_recording
-from tautwave.session.identifying import identify_device
+from tautwave.session.identification.identifying import identify_device
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SLOW = ["rate_hz=1000"]  # as fast as a device moves; audio rates take minutes here

@@ -13,7 +13,7 @@ from tautwave.certificate import certify
 from tautwave.controller import rates
 from tautwave.errors import ConfigError
 from tautwave.rig import Assembly
-from tautwave.session.identifying import identify_device
+from tautwave.session.identification.identifying import identify_device
 from tests.analysis.reference.conversion import hold_matrix, pick_matrix
 from tests.rigs.closing import (
     ALL,

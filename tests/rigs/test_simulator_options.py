@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from tautwave.config import load_rig
-from tautwave.config.document import Document
 from tautwave.config.messages import validate
-from tautwave.config.yaml12 import KeyPath
+from tautwave.config.text.document import Document
+from tautwave.config.text.yaml12 import KeyPath
 from tautwave.errors import ConfigError
 
 

@@ -12,8 +12,8 @@ import pytest
 from tautwave.bench.workprecision.scenes import DRUM, Stage
 from tautwave.config import load_rig
 from tautwave.rig.scene.network import scene_of, scheme_choice
-from tautwave.scene.choice import choose_scene_scheme, scheme_error
 from tautwave.scene.network import Link, Mass, Network
+from tautwave.scene.schemes.choice import choose_scene_scheme, scheme_error
 from tautwave.session.plan import rig_plan
 from tests.scene.networks import everything
 

@@ -14,7 +14,7 @@ from tautwave.config import load_rig, parse_rig, resolved_yaml, rig_schema
 from tautwave.errors import ConfigError
 from tautwave.rig.scene.network import pruned_network, scene_forces, whole_network
 from tautwave.scene.compiling import compile_network
-from tautwave.scene.exact import linear_matrices
+from tautwave.scene.schemes.exact import linear_matrices
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RESONATOR = (CONFIGS / "scene-resonator.yaml").read_text()

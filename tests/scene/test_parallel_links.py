@@ -13,12 +13,13 @@ from hypothesis import strategies as st
 
 from tautwave.cli import main
 from tautwave.models import interaction as law
-from tautwave.scene import compiling, gradient, islands, live
-from tautwave.scene.exact import linear_matrices
+from tautwave.scene import compiling, live
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Link, Mass, Network
 from tautwave.scene.parallel_links import join_links
 from tautwave.scene.pruning import prune
+from tautwave.scene.schemes import gradient, islands
+from tautwave.scene.schemes.exact import linear_matrices
 from tests.scene.test_keys import CONFIGS
 
 NUMBERS = st.floats(-1.0, 1.0).filter(lambda x: x == 0.0 or abs(x) > 1e-12)

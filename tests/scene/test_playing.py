@@ -12,7 +12,7 @@ from tautwave.errors import ConfigError
 from tautwave.rig.scene.network import pruned_network
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Link, Mass, Network
-from tautwave.scene.stepping import pull_links
+from tautwave.scene.schemes.stepping import pull_links
 from tautwave.simulation.scene import playing
 from tautwave.simulation.scene import steps as network_steps
 from tautwave.simulation.scene.playing import Played, flows_of, lines_of, play

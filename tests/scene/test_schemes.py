@@ -11,10 +11,10 @@ import pytest
 from tautwave.analysis.ports.resonator_sampled import sampled_law
 from tautwave.errors import ConfigError
 from tautwave.scene.compiling import compile_network
-from tautwave.scene.exact import exact_islands
-from tautwave.scene.gradient import step_gradient
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Link, Mass, Network
+from tautwave.scene.schemes.exact import exact_islands
+from tautwave.scene.schemes.gradient import step_gradient
 from tests.scene.networks import RESONATOR, everything, granular
 
 

@@ -59,9 +59,9 @@ def test_a_scene_that_never_begins_is_an_error() -> None:
         simulate(load("resonator", *leaning, "rate_hz=1000", "duration_s=6"), engine="python")
 
 
-def test_c_does_no_scenes() -> None:
+def test_no_other_engine_does_scenes() -> None:
     with pytest.raises(ConfigError, match="engines: compiled, python"):
-        simulate(load("resonator"), engine="c")
+        simulate(load("resonator"), engine="fortran")
 
 
 @pytest.mark.slow

@@ -17,7 +17,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tautwave.cli import main
-from tautwave.config import load_rig, resolved_yaml, sounds
+from tautwave.config import load_rig, resolved_yaml
+from tautwave.config.inputs import sounds
 from tautwave.errors import ConfigError
 from tautwave.rig.scene.network import keep_sounds, pruned_network, scene_forces
 from tautwave.scene.signals import sound_signal

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from tautwave.config import load_rig, parse_rig, resolved_yaml, rig_schema
-from tautwave.config.yaml12 import parse_yaml
+from tautwave.config.text.yaml12 import parse_yaml
 from tautwave.errors import ConfigError
 from tautwave.rig.scene.network3d import forces3d, pruned_network3d, whole_network3d
 from tautwave.scene3d.network import problems_of_network3d

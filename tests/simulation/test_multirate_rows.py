@@ -44,7 +44,7 @@ def test_slow_rigs_of_every_kind(data: Tree) -> None:
     rig = rig_of(data)
     live = live_run(rig)
     error = live.result.error
-    for engine in ("compiled", "c"):
+    for engine in ("compiled",):
         if isinstance(error, SafetyStop) and "engage_tolerance" in str(error):
             with pytest.raises(SafetyStop) as caught:
                 simulate(rig, engine=engine)
@@ -71,7 +71,7 @@ def test_missing_samples_end_a_slow_run_with_the_same_sentence() -> None:
         "buses.arm.divisor": 10,
         "coupling.release_ramp_s": 0.05,
     }
-    live = assert_equal(rig_of(tree(SWING, changes)), "compiled", "c", "python")
+    live = assert_equal(rig_of(tree(SWING, changes)), "compiled", "python")
     assert "in 3 " in str(live.result.error)
 
 

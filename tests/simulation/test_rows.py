@@ -30,7 +30,7 @@ def bench(name: str, *changes: str) -> Rig:
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_shipped_rigs(path: Path) -> None:
-    live = assert_equal(load_rig(path), "compiled", "c", duration_s=2.5)
+    live = assert_equal(load_rig(path), "compiled", duration_s=2.5)
     assert len(live.table) > 2000
 
 
@@ -45,7 +45,7 @@ def test_rigs_of_every_kind(data: Tree) -> None:
     rig = rig_of(data)
     live = live_run(rig)
     error = live.result.error
-    for engine in ("compiled", "c"):
+    for engine in ("compiled",):
         if isinstance(error, SafetyStop) and "engage_tolerance" in str(error):
             with pytest.raises(SafetyStop) as caught:
                 simulate(rig, engine=engine)
@@ -86,14 +86,14 @@ def test_a_stop_ends_the_rows_as_live(name: str, law: str) -> None:
     if law == "position":
         data["coupling"]["law"] = law
         data["coupling"]["pairs"]["a"] = {"stiffness": 500.0, "damping": 3.0}
-    live = assert_equal(rig_of(data), "compiled", "c", "python")
+    live = assert_equal(rig_of(data), "compiled", "python")
     assert sentence in str(live.result.error)
     assert 50 < len(live.table) < 1000
 
 
 def test_a_stop_on_one_pair_stops_the_other() -> None:
     live = assert_equal(
-        bench("bench-2axis-loopback", "master.axes.wrist.velocity_limit=0.1"), "compiled", "c"
+        bench("bench-2axis-loopback", "master.axes.wrist.velocity_limit=0.1"), "compiled"
     )
     assert "master.wrist exceeded" in str(live.result.error)
 
@@ -103,7 +103,7 @@ def test_a_start_too_far_apart_is_refused_alike() -> None:
     error = live_run(rig).result.error
     assert "pair a: the slave starts +0.02 m from where the master wants it" in str(error)
     assert "engage_tolerance (0.01 m at the slave)" in str(error)
-    for engine in ("compiled", "c", "python"):
+    for engine in ("compiled", "python"):
         with pytest.raises(SafetyStop) as caught:
             simulate(rig, engine=engine)
         assert str(caught.value) == str(error)
@@ -127,7 +127,7 @@ def test_not_engaging_is_refused_alike(missing: float) -> None:
         assert error is None or "not engaged" in str(error)
     else:
         assert "not engaged after 5 s" in str(error)
-    for engine in ("compiled", "c", "python"):
+    for engine in ("compiled", "python"):
         with pytest.raises(SafetyStop) as caught:
             simulate(rig, engine=engine)
         assert str(caught.value) == str(error)

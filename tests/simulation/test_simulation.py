@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError
 from tautwave.simulation import simulate
-from tautwave.simulation.kernel import cbuild, compiled
-from tautwave.simulation.timing import ratios, step_seconds
+from tautwave.simulation.kernel import compiled
 from tests.simulation.live import CONFIGS
 
 RIG = load_rig(next(path for path in CONFIGS if path.stem == "bench-1dof-loopback"))
@@ -28,36 +26,13 @@ def test_columns_by_name() -> None:
 
 
 def test_errors_say_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(ConfigError, match="unknown engine 'fortran'; engines: compiled, python, c"):
+    with pytest.raises(ConfigError, match="unknown engine 'fortran'; engines: compiled, python"):
         simulate(RIG, engine="fortran")
     with pytest.raises(ConfigError, match="nothing to simulate; add a simulation block"):
         simulate(RIG.model_copy(update={"simulation": None}), engine="python")
     monkeypatch.setitem(sys.modules, "numba", None)
     with pytest.raises(ConfigError, match=r"pip install 'tautwave\[fast\]'"):
         compiled.load_numba()
-
-
-def test_without_gcc_engine_c_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("PATH", "")
-    with pytest.raises(ConfigError, match="needs gcc"):
-        cbuild.compile_text("", tmp_path)
-
-
-def test_what_gcc_refuses_is_told(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="gcc refuses the kernel"):
-        cbuild.compile_text("int main(", tmp_path)
-
-
-def test_timing_takes_turns() -> None:
-    pytest.importorskip("numba")
-    times = step_seconds(RIG, duration_s=0.05, repeats=3, engines=("compiled", "c", "python"))
-    assert {name: len(figures) for name, figures in times.items()} == {
-        "compiled": 3,
-        "c": 3,
-        "python": 3,
-    }
-    assert all(figure > 0.0 for figures in times.values() for figure in figures)
-    assert len(ratios(times, "python", "compiled")) == 3
 
 
 def test_numba_is_not_imported_before_it_is_used() -> None:

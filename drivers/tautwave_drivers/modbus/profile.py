@@ -37,7 +37,7 @@ KeyPath = tuple[str | int, ...]
 
 def _number(key: Any) -> Any:
     """Return a key that is a number, as YAML reads it: keys come as text."""
-    from tautwave.config.yaml12 import read_scalar
+    from tautwave.config.text.yaml12 import read_scalar
 
     found = read_scalar(key) if isinstance(key, str) else key
     return found if isinstance(found, int) and not isinstance(found, bool) else key
@@ -229,7 +229,7 @@ class Profile(Keys):
                 )
 
     def _unknown_names(self) -> Iterator[tuple[KeyPath, str]]:
-        from tautwave.config.document import nearest
+        from tautwave.config.text.document import nearest
 
         named: list[tuple[KeyPath, str]] = [
             (("roles", role), name) for role, name in self.roles.items()
@@ -309,6 +309,6 @@ def load_profile(name: str) -> Profile:
             f"modbus: there is no profile {name!r}; use one of {', '.join(SHIPPED)}, or the path "
             "of a .yaml file"
         )
-    from tautwave.config.document import read_text
+    from tautwave.config.text.document import read_text
 
     return parse_profile(read_text(path, "profile"), name)

@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from tautwave.config.document import nearest, read_text
 from tautwave.config.messages import read_model
-from tautwave.config.yaml12 import KeyPath
+from tautwave.config.text.document import nearest, read_text
+from tautwave.config.text.yaml12 import KeyPath
 from tautwave.errors import ConfigError
 from tautwave_sim.modbus.profile_keys import ProfileKeys, RegisterKeys, StepKeys
 from tautwave_sim.modbus.registers import Register

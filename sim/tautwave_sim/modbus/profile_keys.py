@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from tautwave.config.yaml12 import KeyPath, read_scalar
+from tautwave.config.text.yaml12 import KeyPath, read_scalar
 from tautwave_sim.modbus.registers import TYPES
 
 LAST = 0xFFFF

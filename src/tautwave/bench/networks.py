@@ -18,7 +18,7 @@ from tautwave.scene.ledger import take_ledger
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Link, Mass, Network
 from tautwave.scene.pruning import prune
-from tautwave.scene.stepping import pull_links
+from tautwave.scene.schemes.stepping import pull_links
 
 AUDIO_HZ = 44_100.0
 GRAINS = 10

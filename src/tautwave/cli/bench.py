@@ -94,7 +94,7 @@ def loop(duration: float, hour: bool, rate: bool, as_json: bool) -> None:
 @bench.command(short_help="Cost per step of each law, live and compiled.")
 @json_option
 def laws(as_json: bool) -> None:
-    """Measure the cost per step of each law: live, compiled, and in plain C.
+    """Measure the cost per step of each law: live and compiled.
 
     \b
     Example:

@@ -132,7 +132,7 @@ def _device(source: Path, options: Mapping[str, Any]) -> None:
 
     loaded = load_rig(source, options["overrides"])
     from tautwave.session import describe_ways
-    from tautwave.session.identifying import axis_to_identify, identify_device
+    from tautwave.session.identification.identifying import axis_to_identify, identify_device
 
     axis = axis_to_identify(loaded, options["axis"])
     ways = {name: options[name] for name in ("clock", "simulate", "attach")}
@@ -172,7 +172,7 @@ def _recording(source: Path, options: Mapping[str, Any]) -> None:
     from tautwave.cli.terminal.show import show
     from tautwave.report.figures.identification import contact_figure, write_figure
     from tautwave.report.units import axis_units
-    from tautwave.session.recorded import identify_recording, save_result
+    from tautwave.session.identification.recorded import identify_recording, save_result
 
     result = identify_recording(
         source,

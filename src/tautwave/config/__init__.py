@@ -1,4 +1,4 @@
-"""Rig files: `load_rig(path)` gives a `Rig` that is right, or a `ConfigError` with all mistakes.
+"""Rig files: `load_rig(path)` returns a valid `Rig` or raises a `ConfigError` with all mistakes.
 
 Imports pydantic and PyYAML, and nothing heavier.
 """
@@ -35,8 +35,8 @@ from tautwave.config.keys.simulation import (
     Spring,
 )
 from tautwave.config.load import load_rig, parse_rig
-from tautwave.config.resolved import resolved_yaml
 from tautwave.config.schema import rig_schema
+from tautwave.config.text.resolved import resolved_yaml
 from tautwave.config.walls import local_wall, render_stiffness, replace_wall
 
 __all__ = [

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from tautwave.scene.compiling import Arrays, Numbers
-from tautwave.scene.gradient import step_gradient
-from tautwave.scene.stepping import move_ports, pull_links, step_symplectic
-from tautwave.scene.tension import jump_ports
+from tautwave.scene.schemes.gradient import step_gradient
+from tautwave.scene.schemes.stepping import move_ports, pull_links, step_symplectic
+from tautwave.scene.schemes.tension import jump_ports
 
 SYMPLECTIC = 0
 GRADIENT = 1

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from tautwave.errors import ConfigError
 from tautwave.models.interaction import FRICTION, PLASTIC, elastic_tension
 from tautwave.scene.compiling import Compiled, compile_network
-from tautwave.scene.exact import Island, exact_islands, step_exact
-from tautwave.scene.gradient import step_gradient
-from tautwave.scene.kutta import aim_ports, step_kutta
 from tautwave.scene.ledger import Ledger, take_ledger
 from tautwave.scene.network import Network
-from tautwave.scene.stepping import move_ports, pull_links, step_symplectic
+from tautwave.scene.schemes.exact import Island, exact_islands, step_exact
+from tautwave.scene.schemes.gradient import step_gradient
+from tautwave.scene.schemes.kutta import aim_ports, step_kutta
+from tautwave.scene.schemes.stepping import move_ports, pull_links, step_symplectic
+from tautwave.scene.schemes.tension import jump_ports
 from tautwave.scene.strings import TouchedString
-from tautwave.scene.tension import jump_ports
 
 SCHEMES = ("exact", "symplectic", "rk4", "discrete_gradient")
 

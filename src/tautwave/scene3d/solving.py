@@ -1,10 +1,10 @@
 """The discrete-gradient step for points: energy, momentum and angular momentum at any stiffness.
 
-Over a step every mass moves by s at the mean velocity s/T (see `tautwave.scene.gradient`), and
-(2 m / T**2 + c / T)(s - free) + pulls(s) = 0 is solved an island at a time: Newton, its equations
-by stabilised biconjugate gradients (the derivative of a turning pull is not symmetric), Jacobi
-preconditioned, backtracking. Where that does not arrive, the step is cut in halves, down to a
-64th: in a short one mass outweighs every smooth pull. The last resort, for a 64th that is not
+Over a step every mass moves by s at the mean velocity s/T (see `tautwave.scene.schemes.gradient`),
+and (2 m / T**2 + c / T)(s - free) + pulls(s) = 0 is solved an island at a time: Newton, its
+equations by stabilised biconjugate gradients (the derivative of a turning pull is not symmetric),
+Jacobi preconditioned, backtracking. Where that does not arrive, the step is cut in halves, down to
+a 64th: in a short one mass outweighs every smooth pull. The last resort, for a 64th that is not
 solved, is s = 0: all of an island turn round on the spot, as at a wall. That makes no energy.
 
 Scratch rows of `work`, 3 n numbers each: 0 movement, 1 residual, 2 diagonal, 3 direction, 4 rest,

@@ -1,9 +1,10 @@
 """The standard mass-interaction step for points: symplectic Euler, with its energy books.
 
-As `tautwave.scene.stepping` in one dimension. A link's force is held over a step as a vector, so
-what it gives is tension times its direction times the ends' movement; what holding it creates or
-takes, and what turning it creates or takes, is `numeric`. Central forces and the order of this
-scheme keep momentum and angular momentum. Ends on top of each other have no direction: no force.
+As `tautwave.scene.schemes.stepping` in one dimension. A link's force is held over a step as a
+vector, so what it gives is tension times its direction times the ends' movement; what holding it
+creates or takes, and what turning it creates or takes, is `numeric`. Central forces and the order
+of this scheme keep momentum and angular momentum. Ends on top of each other have no direction: no
+force.
 """
 
 from __future__ import annotations

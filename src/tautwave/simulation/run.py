@@ -18,7 +18,7 @@ from tautwave.simulation.outcome import error_of
 from tautwave.simulation.rows import Simulation
 
 Array = npt.NDArray[np.float64]
-ENGINES = ("compiled", "python", "c")
+ENGINES = ("compiled", "python")
 
 
 def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compiled") -> Simulation:
@@ -36,8 +36,8 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
     duration_s : float, optional
         Length [s]; the rig's own if not given.
     engine : str
-        `compiled` (numba; the first call on a machine compiles for some 15 s, later ones load
-        that), `python` (no compiler), or `c` (gcc; for checks and benchmarks).
+        `compiled` (numba; the first call on a machine compiles for half a minute of a processor,
+        later ones load that), or `python` (no compiler).
 
     Raises
     ------
@@ -51,7 +51,7 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
 
         return simulate_scene(rig, duration_s, engine)
     if has_environment_parts(rig):
-        return _simulate_live(rig, duration_s, engine)
+        return _simulate_live(rig, duration_s)
     run, tables_of = engine_of(engine)
     job = pack_rig(rig, duration_s)
     tables = tables_of(job)
@@ -59,12 +59,10 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
     return simulation_of_run(job, tables, rows)
 
 
-def _simulate_live(rig: Rig, duration_s: float | None, engine: str) -> Simulation:
+def _simulate_live(rig: Rig, duration_s: float | None) -> Simulation:
     """Return the rows of a rig with an environment that is a part: the live loop in memory."""
     from tautwave.simulation.scene.live import run_in_memory
 
-    if engine == "c":
-        raise ConfigError(f"{rig.name}: an environment from a part runs in Python; engine 'c'")
     built = build_rig(rig, clock="fake", duration_s=duration_s)
     result, data = run_in_memory(built)
     error = result.error
@@ -81,10 +79,6 @@ def engine_of(name: str) -> tuple[Callable[..., int], Callable[[Job], Tables]]:
         return compiled_kernel(), record_tables
     if name == "python":
         return run_rig, object_tables
-    if name == "c":
-        from tautwave.simulation.kernel.cbuild import c_kernel
-
-        return c_kernel(), record_tables
     raise ConfigError(f"unknown engine {name!r}; engines: {', '.join(ENGINES)}")
 
 

@@ -13,10 +13,10 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args
 from pydantic import Field
 
 from tautwave.config import Rig
-from tautwave.config.document import Document, nearest, open_document, read_text, show_path
 from tautwave.config.keys.common import Block, Name, Positive
 from tautwave.config.messages import validate
-from tautwave.config.yaml12 import KeyPath
+from tautwave.config.text.document import Document, nearest, open_document, read_text, show_path
+from tautwave.config.text.yaml12 import KeyPath
 from tautwave.errors import ConfigError
 from tautwave.sweep.grid import Choice, Recipe
 from tautwave.sweep.points import Points

@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-from tautwave.config.yaml12 import KeyPath
+from tautwave.config.text.yaml12 import KeyPath
 
 
 class Choice(NamedTuple):

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, ValidationError
 
 from tautwave.config import Rig
-from tautwave.config.yaml12 import read_scalar
+from tautwave.config.text.yaml12 import read_scalar
 
 DEVICE, AXIS, PAIR = "device", "axis", "pair"
 

@@ -29,10 +29,10 @@ from tautwave.analysis.maps.stability import (
 from tautwave.analysis.ports.sampled_loop import Device
 from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.config import Rig, load_rig
-from tautwave.config.document import Document, nearest, open_document, read_text
 from tautwave.config.keys.common import AxisName, Block, Name, NonNegative, Positive
 from tautwave.config.keys.rig import simulation_of
 from tautwave.config.messages import validate
+from tautwave.config.text.document import Document, nearest, open_document, read_text
 from tautwave.errors import ConfigError, WritingError
 from tautwave.files import make_directory
 from tautwave.sweep.predict import true_device

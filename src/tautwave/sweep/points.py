@@ -19,9 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.config import Rig
-from tautwave.config.document import Document, open_document, read_text
 from tautwave.config.load import finish_rig
-from tautwave.config.overrides import apply_overrides
+from tautwave.config.text.document import Document, open_document, read_text
+from tautwave.config.text.overrides import apply_overrides
 from tautwave.sweep.family import Families, Family
 from tautwave.sweep.grid import Choice, PointId, Recipe, Texts
 

@@ -6,8 +6,6 @@ fifth of a compiled step, and looking through them more.
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable
 from contextlib import suppress
 from importlib.util import find_spec
 from typing import Any, NamedTuple
@@ -24,7 +22,6 @@ from tautwave.simulation.kernel.tables import Tables, record_tables
 from tautwave.simulation.outcome import error_of
 from tautwave.simulation.run import engine_of
 from tautwave.sweep.family import Family
-from tautwave.sweep.library import kept_kernel
 from tautwave.sweep.measure import BOOKS, Columns, Scales, scales_of
 from tautwave.sweep.points import Points
 from tautwave.sweep.template import Instance, Template, Templates
@@ -37,22 +34,12 @@ def sweep_engine(steps: int) -> str:
     """Return the engine for a sweep of so many steps: the fastest to the end that is there."""
     if steps < WORTH_COMPILING:
         return "python"
-    if shutil.which("gcc") is not None:
-        return "c"
     return "compiled" if find_spec("numba") is not None else "python"
 
 
 def takes_rows(wanted: tuple[str, ...]) -> bool:
     """Return whether measures need whole rows."""
     return any(name in BOOKS for name in wanted)
-
-
-def _engine(name: str) -> tuple[Callable[..., int], Callable[[Job], Tables]]:
-    """Return an engine as `simulation.engine_of` does; C from where it is kept."""
-    if name == "c":
-        with suppress(OSError):
-            return kept_kernel(), record_tables
-    return engine_of(name)
 
 
 class Run(NamedTuple):
@@ -78,7 +65,7 @@ class Simulator:
     """
 
     def __init__(self, engine: str, *, whole: bool) -> None:
-        self._run, self._tables_of = _engine(engine)
+        self._run, self._tables_of = engine_of(engine)
         self._records = self._tables_of is record_tables
         self._whole = whole
         self._out = np.empty(0)

@@ -1,26 +1,21 @@
-"""Bounces and long runs of the shipped contact models, in the subset that C understands.
+"""Bounces and long runs of the shipped contact models, in the subset that numba understands.
 
 One mass, 1 m/s towards a contact that begins at 0. The same text runs as plain Python.
 """
 
 from __future__ import annotations
 
-import ctypes
 import functools
-import shutil
-import tempfile
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from tautwave.bench.compiled import has_numba
 from tautwave.models.foam import FoamParams, elastic_energy
 from tautwave.models.integrators.schemes import integrate_step
 from tautwave.models.plant import plant_step
 from tautwave.models.plant_params import PlantCache, PlantParams
-from tautwave.simulation.kernel.cbuild import compile_text
-from tautwave.simulation.kernel.ctext import translate
 from tautwave.simulation.kernel.records import empty, record_type
 
 
@@ -100,29 +95,23 @@ def bounce_all(bounces: Sequence[Bounce], ends: Sequence[Bounced], counts: Seque
 
 
 def run_bounces(bounces: Sequence[Bounce], *, fast: bool = True) -> list[Any]:
-    """Return a `Bounced` for every bounce; in C where gcc is installed and `fast` asks for it."""
-    if not fast or shutil.which("gcc") is None:
+    """Return a `Bounced` for every bounce; compiled where `fast` asks for it and can be."""
+    if not fast or not has_numba():
         ends = [empty(Bounced) for _ in bounces]
         bounce_all(bounces, ends, [len(bounces)])
         return ends
     cases = np.array([_plain(bounce) for bounce in bounces], dtype=record_type(Bounce))
-    found = np.zeros(len(bounces), dtype=record_type(Bounced)).view(np.recarray)
+    found = np.zeros(len(bounces), dtype=record_type(Bounced))
     counts = np.array([len(bounces)], dtype=np.int64)
     _compiled()(cases, found, counts)
-    return list(found)
+    return list(found.view(np.recarray))
 
 
 @functools.cache
 def _compiled() -> Callable[..., int]:
-    with tempfile.TemporaryDirectory(prefix="tautwave-") as directory:
-        library = ctypes.CDLL(str(compile_text(translate(bounce_all), Path(directory))))
-    function = library.bounce_all
-    function.restype = ctypes.c_int64
+    from tautwave.simulation.kernel.compiled import cached
 
-    def run(*tables: Any) -> int:
-        return int(function(*[ctypes.c_void_p(table.ctypes.data) for table in tables]))
-
-    return run
+    return cached(bounce_all)
 
 
 def _plain(value: Any) -> Any:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 
+from tautwave.bench.compiled import has_numba
 from tautwave.bench.extremes.kernel import Bounce, run_bounces
 from tautwave.bench.result import Table, Value
 from tautwave.models.foam import FoamParams
@@ -47,9 +47,9 @@ def long_bounces(steps: int) -> dict[str, Bounce]:
 def long_table(steps: int) -> tuple[Table, float, int]:
     """Run both scenes; return the table, the greatest share of energy gained, and non-finite ends.
 
-    Without gcc 100 000 steps at most are made, in plain Python.
+    Without numba 100 000 steps at most are made, in plain Python.
     """
-    if shutil.which("gcc") is None:
+    if not has_numba():
         steps = min(steps, 100_000)
     rows: list[list[Value]] = []
     worst = 0.0

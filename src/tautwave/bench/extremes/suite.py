@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import csv
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+from tautwave.bench.compiled import has_numba
 from tautwave.bench.extremes.bounce import bounce_tables
 from tautwave.bench.extremes.long import long_table
 from tautwave.bench.extremes.rigs import rig_table
@@ -30,7 +30,7 @@ def extremes(*, full: bool = False, tell: Callable[[str], None] = lambda _: None
     tell("bounces, scheme by scheme")
     tables, found = bounce_tables()
     tell("whole rigs")
-    engine = "c" if shutil.which("gcc") is not None else "python"
+    engine = "compiled" if has_numba() else "python"
     rigs, broken = rig_table(duration_s=RIG_S, engine=engine)
     steps = FULL if full else STEPS
     tell(f"{steps:.0e} steps of conservative scenes")

@@ -9,8 +9,7 @@ branching instead was measured and is no faster (7.1 ns a step either way).
 
 from __future__ import annotations
 
-from tautwave.bench.plain.scene import DELAY, Plain, meet_wall
-from tautwave.simulation.kernel.ctext import translate
+from tautwave.bench.plain.scene import DELAY, Plain
 
 LANES = 16
 STATE = ("x1", "v1", "x2", "v2", "sum", "peak")
@@ -42,6 +41,49 @@ double far = S(x1) - S(x2);
 S(sum) = S(sum) + far * far;
 """
 
+MEET_WALL = """
+static void meet_wall(const R_Plain *p, double *x, double *v, double force) {
+double deep = *x - P(wall), left = P(period), speed_now = *v;
+double pull = force / P(mass), rest = force / P(stiffness);
+int pressing = deep > 0.0;
+for (int k = 0; k < 64; k++) {
+double when = -1.0;
+if (pressing) {
+double bend = 2.0 * rest - deep, speed = speed_now / P(rate);
+double square = speed * speed - bend * deep;
+if (square >= 0.0 && speed < 0.0)
+when = 2.0 * atan(deep / (sqrt(square) - speed)) / P(rate);
+else if (square >= 0.0 && bend < 0.0)
+when = 2.0 * atan((speed + sqrt(square)) / -bend) / P(rate);
+} else {
+double square = speed_now * speed_now - 2.0 * pull * deep;
+if (square >= 0.0 && speed_now > 0.0)
+when = -2.0 * deep / (speed_now + sqrt(square));
+else if (square >= 0.0 && pull > 0.0)
+when = (sqrt(square) - speed_now) / pull;
+}
+int met = 0.0 <= when && when < left;
+double span = met ? when : left;
+if (pressing) {
+double half = sin(0.5 * P(rate) * span), turn = -2.0 * half * half;
+double whole = sin(P(rate) * span), off = deep - rest;
+deep = deep + turn * off + speed_now / P(rate) * whole;
+speed_now = speed_now + turn * speed_now - P(rate) * off * whole;
+} else {
+deep = deep + speed_now * span + 0.5 * pull * span * span;
+speed_now = speed_now + pull * span;
+}
+if (!met) break;
+left = left - span;
+deep = 0.0;
+pressing = !pressing;
+}
+*x = P(wall) + deep;
+*v = speed_now;
+}
+"""
+"""`plain_scene.meet_wall`, operand by operand."""
+
 
 def scene_text() -> str:
     """Return both loops over sets in C: `in_turn` and `side_by_side`."""
@@ -54,7 +96,11 @@ def scene_text() -> str:
     turn = "at = at + 1 == D ? 0 : at + 1;"
     takes = "(int64_t n, int64_t steps, R_Plain *sets, const double *aims, double *out)"
     return f"""
-{translate(meet_wall)}
+#include <math.h>
+#include <stdint.h>
+typedef struct {{ {" ".join(f"double m_{name};" for name in Plain._fields)} }} R_Plain;
+#define P(name) p->m_##name
+{MEET_WALL}
 #define D {DELAY}
 #define L {LANES}
 #define Q(name) q_##name
@@ -70,7 +116,7 @@ for (int64_t k = 0; k < steps; k++) {{ double aim = aims[k];
 {TAKE}
 double x = deep > 0.0 ? wall_x : free_x, v = deep > 0.0 ? wall_v : free_v;
 if (deep > 0.0 ? leaves : enters) {{
-T_dd met = meet_wall(&sets[i], s_x2, s_v2, f2); x = met._0; v = met._1; }}
+x = s_x2; v = s_v2; meet_wall(&sets[i], &x, &v, f2); }}
 s_x2 = x; s_v2 = v;
 {KEEP} {turn} }}
 out[2 * i] = s_sum; out[2 * i + 1] = s_peak;
@@ -99,7 +145,7 @@ meets[l] = deep > 0.0 ? leaves : enters;
 any |= meets[l];
 }}
 if (any) for (int64_t l = 0; l < L; l++) if (meets[l]) {{
-T_dd met = meet_wall(&sets[i + l], s_x2[l], s_v2[l], push[l]); x[l] = met._0; v[l] = met._1; }}
+x[l] = s_x2[l]; v[l] = s_v2[l]; meet_wall(&sets[i + l], &x[l], &v[l], push[l]); }}
 for (int64_t l = 0; l < L; l++) {{ s_x2[l] = x[l]; s_v2[l] = v[l]; {KEEP} }}
 {turn} }}
 for (int64_t l = 0; l < L; l++) {{

@@ -92,21 +92,15 @@ def workprecision(
     if not has_numba():
         raise ConfigError(NO_NUMBA)
     scenes = list(_scenes(full, max_error, tell))
-    from tautwave.bench.workprecision.plain_c import c_costs
-
     charges = list(workprecision_plain.charges(scenes, _ROUNDS[full]))
-    tell("plain C")
-    costs, goals = c_costs((WALL, HERTZ), [WAVE_WALL, WAVE_FOAM], _DURATION_S[full], _ROUNDS[full])
     suite = Suite(
         "workprecision",
         [
             *(_scene_table(scene, max_error) for scene in scenes),
             _peer_table(scenes),
             workprecision_plain.mujoco_table(charges),
-            costs,
         ],
         [
-            *goals,
             *workprecision_plain.mujoco_goals(charges),
             *(goal for scene in scenes for goal in _peer_goals(scene)),
         ],

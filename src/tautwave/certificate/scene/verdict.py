@@ -41,8 +41,8 @@ from tautwave.certificate.scene.maps import (
 from tautwave.config import Rig
 from tautwave.rig.scene.network import pruned_network, scene_of
 from tautwave.scene.compiling import compile_network
-from tautwave.scene.exact import linear_matrices
 from tautwave.scene.network import ACTIVE, LINEAR, Network
+from tautwave.scene.schemes.exact import linear_matrices
 from tautwave.types import CommandDelay
 
 STABLE = 1e-9

@@ -6,12 +6,12 @@ import difflib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from tautwave.config.document import Document, nearest
+from tautwave.config.inputs.sounds import check_sound
 from tautwave.config.keys.rig import Rig
 from tautwave.config.keys.scene import Scene, ScenePort
 from tautwave.config.pieces import Parts
-from tautwave.config.sounds import check_sound
-from tautwave.config.yaml12 import KeyPath
+from tautwave.config.text.document import Document, nearest
+from tautwave.config.text.yaml12 import KeyPath
 
 if TYPE_CHECKING:
     from tautwave.config.keys.scene3d import Scene3d
@@ -39,7 +39,7 @@ def check_presence(document: Document) -> bool:
 
 
 def check_scene(document: Document, parts: Parts) -> None:
-    """Note what is wrong with a scene that is right block by block."""
+    """Note mistakes between the blocks of a scene, each of which is valid on its own."""
     scene = parts.scene
     if scene is None:
         return
@@ -80,7 +80,7 @@ def check_scene(document: Document, parts: Parts) -> None:
 
 
 def _ends(scene: Scene) -> Iterator[tuple[KeyPath, str]]:
-    """Give every node that a link or a port's coupling spring names, with its place."""
+    """Yield every node that a link or a port's coupling spring names, with its place."""
     for name, link in scene.links.items():
         for at, end in enumerate(link.between):
             yield ("scene", "links", name, "between", at), end

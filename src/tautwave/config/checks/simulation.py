@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from tautwave.config.document import Document, nearest
+from tautwave.config.inputs.recordings import check_recording
 from tautwave.config.keys.devices import Axis
 from tautwave.config.keys.simulation import (
     AxisSimulation,
@@ -16,14 +16,14 @@ from tautwave.config.keys.simulation import (
     Reference,
 )
 from tautwave.config.pieces import SIDES, Parts
-from tautwave.config.recordings import check_recording
-from tautwave.config.yaml12 import KeyPath
+from tautwave.config.text.document import Document, nearest
+from tautwave.config.text.yaml12 import KeyPath
 
 _IMPEDANCE_ONLY = ("inertia", "damping", "coulomb")
 
 
 def check_simulation(document: Document, parts: Parts) -> None:
-    """Note what is wrong between `simulation` and the rest of the rig."""
+    """Note mistakes between `simulation` and the rest of the rig."""
     if not parts.simulated:
         _check_needed(document, parts)
         return
@@ -59,7 +59,7 @@ def _check_axis_names(document: Document, parts: Parts) -> None:
     for full in parts.truths:
         side, _, name = full.partition(".")
         if full in known or side not in SIDES or not name:
-            continue  # what is no full name has been reported
+            continue  # names that are not full names have been reported
         hint = nearest(name, list(parts.sides[side]), f"{side}.") or "."
         document.report(
             ("simulation", "axes", full), f"unknown axis {full!r}{hint} Axes: {', '.join(known)}"

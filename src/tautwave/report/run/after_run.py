@@ -1,19 +1,15 @@
-"""The certificate again, with the period, gaps and losses that a run measured."""
+"""The certificate recomputed with the measured period, gaps and losses of a run."""
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tautwave.certificate.after import Measured, recheck
-from tautwave.config import Rig, load_rig
+from tautwave.config import Rig
 from tautwave.errors import TautwaveError
-from tautwave.files import write_text
 from tautwave.registry import load_driver
-from tautwave.report.run.loading import load_run
 from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.units import number
 from tautwave.rig import pair_scale
@@ -22,30 +18,26 @@ ROUNDING = 1e-12
 """Of all that passed to and fro: sums of doubles are no better."""
 
 
-def recheck_run(directory: Path) -> dict[str, Any]:
-    """Add `certificate.after_run` to a run's summary; return the summary.
+def recheck_run(run: Run) -> dict[str, Any]:
+    """Return a run's summary with `certificate.after_run`.
 
-    `invalidated` is true where the certificate held before the run and its measurements break
-    it. What keeps it from being computed is said in `error`.
+    `invalidated` is true if the certificate held before the run and its measurements break it. If
+    it cannot be computed, `error` says why.
     """
-    run = load_run(directory)
     summary = dict(run.summary)
     certificate = dict(block(summary, "certificate"))
     try:
-        rig = load_rig(directory / "rig.yaml")
-        after = recheck(rig, measured_of(run, rig))
+        after = recheck(run.checked_rig, measured_of(run, run.checked_rig))
     except TautwaveError as err:
         after = {"passed": None, "error": str(err)}
     after["invalidated"] = certificate.get("passed") is True and after["passed"] is False
     certificate["after_run"] = after
     summary["certificate"] = certificate
-    text = json.dumps(summary, indent=2, allow_nan=False)
-    write_text(directory / "summary.json", text + "\n")
     return summary
 
 
 def measured_of(run: Run, rig: Rig) -> Measured:
-    """Return what a run measured of its own loop."""
+    """Return what a run measured about its own loop."""
     period = block(run.summary, "period_us")
     axes = block(run.summary, "axes")
     nominal = 1e6 * rig.period_s

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tautwave.config import Axis, Rig, Scene, SceneLink
+from tautwave.config.inputs.sounds import read_sound
 from tautwave.config.keys.scene import SoundForce
-from tautwave.config.sounds import read_sound
 from tautwave.controller.records import PIPE
 from tautwave.errors import ConfigError
 from tautwave.files import make_directory, write_bytes
@@ -30,10 +30,10 @@ from tautwave.rig.controller import (
 from tautwave.rig.truth import SEED_WORD
 from tautwave.runtime.scene.axes import MOST_NODES, SceneControl, SceneRun
 from tautwave.runtime.scene.hold import HoldAccount
-from tautwave.scene.choice import SceneChoice, choose_scene_scheme
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import ACTIVE, GROUND, Link, Mass, Network, String
 from tautwave.scene.pruning import Pruned, prune
+from tautwave.scene.schemes.choice import SceneChoice, choose_scene_scheme
 from tautwave.scene.signals import force_signal, sound_signal
 from tautwave.types import CommandDelay
 

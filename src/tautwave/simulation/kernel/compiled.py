@@ -28,8 +28,9 @@ from tautwave.controller import rows as controller_rows
 from tautwave.errors import ConfigError
 from tautwave.laws import limit, port, site
 from tautwave.models import plant
-from tautwave.scene import batch, gradient, islands, kutta, ledger, stepping
-from tautwave.scene import tension as pulling
+from tautwave.scene import batch, ledger
+from tautwave.scene.schemes import gradient, islands, kutta, stepping
+from tautwave.scene.schemes import tension as pulling
 from tautwave.scene3d import ledger as ledger3d
 from tautwave.scene3d import solving as solving3d
 from tautwave.scene3d import stepping as stepping3d

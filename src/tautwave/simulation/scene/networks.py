@@ -13,7 +13,7 @@ from tautwave.errors import ConfigError
 from tautwave.scene import batch
 from tautwave.scene.compiling import Arrays, as_arrays, compile_network
 from tautwave.scene.network import Network
-from tautwave.scene.stepping import pull_links
+from tautwave.scene.schemes.stepping import pull_links
 from tautwave.simulation.kernel import compiled
 
 Floats = npt.NDArray[np.float64]

@@ -13,11 +13,11 @@ import numpy.typing as npt
 
 from tautwave.errors import ConfigError
 from tautwave.scene.compiling import Arrays, as_arrays
-from tautwave.scene.exact import exact_islands
 from tautwave.scene.ledger import Ledger, take_ledger
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Network
-from tautwave.scene.stepping import pull_links
+from tautwave.scene.schemes.exact import exact_islands
+from tautwave.scene.schemes.stepping import pull_links
 from tautwave.scene3d.live import Model3d
 from tautwave.simulation.kernel import compiled
 from tautwave.simulation.scene import steps as network_steps

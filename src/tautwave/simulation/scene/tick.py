@@ -9,11 +9,11 @@ from __future__ import annotations
 from typing import Any
 
 from tautwave.scene.compiling import Arrays
-from tautwave.scene.gradient import step_gradient
-from tautwave.scene.kutta import aim_ports, step_kutta
 from tautwave.scene.ledger import tally
-from tautwave.scene.stepping import move_ports, pull_links, step_symplectic
-from tautwave.scene.tension import jump_ports
+from tautwave.scene.schemes.gradient import step_gradient
+from tautwave.scene.schemes.kutta import aim_ports, step_kutta
+from tautwave.scene.schemes.stepping import move_ports, pull_links, step_symplectic
+from tautwave.scene.schemes.tension import jump_ports
 from tautwave.simulation.scene.steps import EXACT, KUTTA, SYMPLECTIC, Flows, step_flows
 
 

@@ -19,7 +19,7 @@ from tautwave.analysis.identification.contact_motion import motion_of
 from tautwave.analysis.identification.regression import Array, RecursiveLeastSquares
 from tautwave.errors import RecordingError
 from tautwave.files import make_directory, write_text
-from tautwave.session.recorded_columns import Series, read_series
+from tautwave.session.identification.recorded_columns import Series, read_series
 
 DEFAULT_FILTER_HZ = 40.0
 FORGETTING_S = 1.0

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from tautwave.scene.compiling import Arrays
-from tautwave.scene.tension import book_link, commit_mass, free_movement, link_pull
+from tautwave.scene.schemes.tension import book_link, commit_mass, free_movement, link_pull
 
 _NEWTON = 30
 _DONE = 2e-15

@@ -30,7 +30,7 @@ from tautwave.runtime.recorder import Recorder
 from tautwave.session.certified import certificate_of, refuse_uncertified
 from tautwave.session.checking import bus_budgets, over_budget, require_drivers
 from tautwave.session.devices import devices
-from tautwave.session.exciting import Plan, excite, plan_excitation
+from tautwave.session.identification.exciting import Plan, excite, plan_excitation
 from tautwave.session.running import loop_conditions
 from tautwave.types import CommandDelay
 
@@ -321,8 +321,8 @@ def fit_recorded(
             known=known,
         )
     except ValueError as err:
-        raise SafetyStop(
-            f"{name} was excited with up to {np.max(np.abs(effort)):.3g} "
+        raise RecordingError(
+            f"{path}: {name} was excited with up to {np.max(np.abs(effort)):.3g} "
             f"{'N m' if rig.axes[name].kind == 'rotary' else 'N'} and cannot be identified: "
             f"{err}; free it, or raise --share"
         ) from err

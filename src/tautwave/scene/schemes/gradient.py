@@ -23,8 +23,8 @@ import math
 
 from tautwave.models.interaction import CONTACT
 from tautwave.scene.compiling import Arrays
-from tautwave.scene.islands import solve_island
-from tautwave.scene.tension import book_link, commit_mass, free_movement, link_pull
+from tautwave.scene.schemes.islands import solve_island
+from tautwave.scene.schemes.tension import book_link, commit_mass, free_movement, link_pull
 
 _CLOSE = 1e-15
 _FAR = 1e-12

@@ -1,0 +1,1 @@
+"""Files that a rig names: recordings, sounds, parts of one's own."""

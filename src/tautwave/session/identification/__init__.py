@@ -1,0 +1,1 @@
+"""`identify`: of a device on its bus, and from a recording."""
