@@ -20,7 +20,8 @@ from tautwave.cli import main
 from tautwave.config import Rig
 from tautwave.report import write_report
 from tautwave.report.run.after_run import recheck_run
-from tautwave.report.run.complete import complete_summary
+from tautwave.report.run.complete import complete_summary, write_summary
+from tautwave.report.run.loading import load_run
 from tautwave.session import reporting, running
 
 
@@ -40,8 +41,10 @@ def keep_in_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     def complete(command: Sequence[str], **_: object) -> SimpleNamespace:
         assert command[1:3] == ["-m", "tautwave.report"]
         directory = Path(command[3])
-        complete_summary(directory)
-        recheck_run(directory)
+        run = load_run(directory)
+        run.summary = complete_summary(run)
+        run.summary = recheck_run(run)
+        write_summary(run)
         return SimpleNamespace(returncode=0, stderr="")
 
     monkeypatch.setattr(running, "certificate_of", certificate_of)

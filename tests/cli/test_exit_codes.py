@@ -40,8 +40,11 @@ reporting.subprocess = SimpleNamespace(run=light, TimeoutExpired=subprocess.Time
 """Another process for the report's, which takes seconds to draw."""
 NO_FIGURES = """CHILD = '''
 import sys, pathlib
-from tautwave.report.run.complete import complete_summary
-complete_summary(pathlib.Path(sys.argv[1]))
+from tautwave.report.run.complete import complete_summary, write_summary
+from tautwave.report.run.loading import load_run
+run = load_run(pathlib.Path(sys.argv[1]))
+run.summary = complete_summary(run)
+write_summary(run)
 '''"""
 SLOW = "CHILD = 'import time; time.sleep(60)'"
 CERTIFYING = """

@@ -295,5 +295,5 @@ def write_recording(path: Path, columns: Columns, rig_text: str = "", finish: bo
     for at in range(0, len(rows), file.rows_per_chunk):
         file.append(rows[at : at + file.rows_per_chunk])
     if finish:
-        file.finish({"ended_by": "loop"})
+        file.finish({"rows_written": str(len(rows)), "ended_by": "loop"})
     file.close()

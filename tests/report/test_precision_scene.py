@@ -15,6 +15,7 @@ from tautwave.report import write_report
 from tautwave.report.precision import scene as precision_scene
 from tautwave.report.precision.oracle import measure_precision
 from tautwave.report.precision.scene_table import decibels, scene_sentences, scene_tables
+from tautwave.report.run.complete import write_summary
 from tautwave.report.run.loading import load_run
 from tautwave.report.scene import inputs as scene_inputs
 from tautwave.report.units import quantity
@@ -69,7 +70,10 @@ def resonator(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def told_of(directory: Path) -> dict[str, Any]:
-    found: dict[str, Any] = measure_precision(directory)["precision"]
+    run = load_run(directory)
+    run.summary = measure_precision(run)
+    write_summary(run)
+    found: dict[str, Any] = run.summary["precision"]
     return found
 
 
@@ -106,7 +110,7 @@ def test_the_report_tells_it(resonator: Path) -> None:
     page = (resonator / "report.html").read_text()
     assert "reproduces the recorded efforts bit for bit" in page
     assert "error of this run" in page
-    assert "doubt of the oracle" in page
+    assert "uncertainty of the oracle" in page
     assert "Not computed" not in page
 
 

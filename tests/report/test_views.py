@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from tautwave.errors import RecordingError
 from tautwave.report.figures.envelope import trace
 from tautwave.report.run.loading import load_run
 from tautwave.report.run.rebuild import periods_us, rebuild_summary
@@ -132,4 +133,23 @@ def test_a_summary_that_nobody_can_read_is_a_note(tmp_path, columns, text):
     (tmp_path / "summary.json").write_text(text)
     run = load_run(tmp_path)
     assert any(note.startswith("summary.json cannot be read: line 1") for note in run.notes)
+    assert not any("summary.json is missing" in note for note in run.notes)
     assert run.summary["cycles"] == run.rows
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "no summary.json and"),
+        ("{", "summary.json cannot be read: line 1, column 2: "),
+        ("[1]", "summary.json holds no summary and"),
+        ("\udcff", "summary.json: not UTF-8 text (byte 0xff at offset 0) and"),
+    ],
+)
+def test_with_no_recording_either_it_is_said_what_the_summary_lacks(tmp_path, text, said):
+    if text is not None:
+        (tmp_path / "summary.json").write_bytes(text.encode(errors="surrogateescape"))
+    with pytest.raises(RecordingError) as caught:
+        load_run(tmp_path)
+    assert f"nothing to report: {said}" in str(caught.value)
+    assert str(caught.value).endswith("no readable recording.mcap (recording.mcap is missing)")

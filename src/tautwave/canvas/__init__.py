@@ -1,7 +1,7 @@
 """One style for all figures: colours, panels, and how they become bytes.
 
-Reports, certificates, sweeps and benchmarks draw on these panels, so that all look alike. Nothing
-here knows what is drawn; matplotlib is imported when the first figure is begun.
+Reports, certificates, sweeps and benchmarks draw on these panels, so that all have the same look.
+This package knows nothing of what is drawn; matplotlib is imported for the first figure.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ def png(figure: Figure, width: int = PNG_WIDTH) -> bytes:
 
     Parameters
     ----------
-    width : of the picture [px]
+    width : picture width [px]
     """
     import matplotlib
     from PIL import Image
@@ -44,7 +44,7 @@ def png(figure: Figure, width: int = PNG_WIDTH) -> bytes:
         canvas: Any = figure.canvas
         canvas.draw()
     picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3].copy())
-    # Of Pillow's ways this one alone keeps white white and a pale green patch green.
+    # The only method of Pillow that keeps white white and a pale green patch green.
     cut = Image.Quantize.MEDIANCUT
     small = picture.quantize(colors=256, method=cut, dither=Image.Dither.NONE)
     out = io.BytesIO()
@@ -55,13 +55,12 @@ def png(figure: Figure, width: int = PNG_WIDTH) -> bytes:
 def svg(figure: Figure, name: str, title: str = "") -> str:
     """The figure as SVG for a page and for a browser, light and dark.
 
-    Colours are attributes of the palette; a style inside turns them where dark is wanted, and a
-    page that holds the figure does the same for all of its figures.
+    Colours are attributes of the palette; an embedded style switches them in dark mode, and a page
+    does the same for all of its figures.
 
     Parameters
     ----------
-    name : unlike that of any other figure of the page
-    title : what it shows, for who cannot see it
+    name : unique among the figures of the page title : description for screen readers
     """
     raw = paper(figure, "svg", salt=name, outlines=False).decode("utf-8")
     raw = raw[raw.index("<svg") :]
@@ -75,7 +74,7 @@ def svg(figure: Figure, name: str, title: str = "") -> str:
     head = raw.index(">") + 1
     box = re.search(r'viewBox="([^"]*)"', raw[:head])
     said = escape(title or name)
-    # The namespaces are names; nothing is fetched from there.
+    # The namespaces are only names; nothing is fetched from them.
     start = (
         f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
         f'viewBox="{box[1] if box else ""}" role="img" stroke-linejoin="round">'
@@ -85,7 +84,7 @@ def svg(figure: Figure, name: str, title: str = "") -> str:
 
 
 def alone(drawn: str) -> str:
-    """An SVG of `svg` as a file of its own, which turns dark by itself, ground included."""
+    """An SVG of `svg` as a separate file, which switches to dark by itself, background included."""
     head = drawn.index("<title>")
     ground = f":root {{ background: {DARK[PAPER]}; }}"
     rules = f"<style>@media {DARK_QUERY} {{\n{ground}\n{dark_rules()}\n}}</style>"
@@ -93,13 +92,12 @@ def alone(drawn: str) -> str:
 
 
 def paper(figure: Figure, kind: str, *, salt: str = "", outlines: bool = True) -> bytes:
-    """The figure as PDF or SVG for a paper: light, letters embedded or as outlines.
+    """The figure as PDF or SVG for a paper: light, fonts embedded or as outlines.
 
     Parameters
     ----------
-    kind : `pdf` or `svg`
-    salt : what tells this figure's identifiers from another's
-    outlines : letters of an SVG as outlines, which look the same everywhere
+    kind : `pdf` or `svg` salt : makes this figure's identifiers unique outlines : draw an SVG's
+    text as outlines, which look the same everywhere
     """
     import matplotlib
 
@@ -116,7 +114,7 @@ def paper(figure: Figure, kind: str, *, salt: str = "", outlines: bool = True) -
 
 
 def _attributes(found: re.Match[str]) -> str:
-    """A style as attributes, which rules of a page outrank; letters stay a style."""
+    """A style as attributes, which a page's rules override; fonts stay in the style."""
     made, kept = [], []
     for part in found[1].split(";"):
         name, _, value = (piece.strip() for piece in part.partition(":"))

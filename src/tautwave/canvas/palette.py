@@ -1,9 +1,9 @@
-"""The colours of every figure, on light and on dark ground.
+"""The colours of every figure, on light and dark backgrounds.
 
-The categorical colours are Okabe and Ito's, distinguishable with every common colour
-blindness: master is always blue, slave always vermilion, walls green. Contacts have a colour ramp
-of their own, so that none is mistaken for a device or a wall. A figure uses these colours only:
-`DARK` has the counterpart of each, and a page swaps them without redrawing.
+The categorical colours are Okabe and Ito's, distinguishable with every common colour blindness:
+master is always blue, slave always vermilion, walls green. Contacts have a separate colour ramp, so
+that none is mistaken for a device or a wall. A figure uses only these colours: `DARK` has the
+counterpart of each, and a page swaps them without redrawing.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ LINE, FILTER, DAMPER, LIMIT = "#aa4499", "#56b4e9", "#e69f00", "#8c1d40"
 SHADE, WALL_SHADE, BAND = "#b9c4cc", "#a5d8c6", "#9aa5ad"
 PASSIVE, STABLE = "#cde8de", "#dde9f3"
 CONTACTS = ("#c49be8", "#a374d6", "#8150bd", "#61339c", "#421c74", "#220a44")
-"""Six contacts in the order of time, later ones further from the ground."""
+"""Six contacts in order of time, later ones with more contrast to the background."""
 
 DARK = {
     PAPER: "#14181d",
@@ -63,10 +63,10 @@ def element_style(element: str) -> dict[str, Any]:
 
 
 def dark_rules(scope: str = "svg") -> str:
-    """CSS that gives every colour of a figure its counterpart on dark ground.
+    """CSS that maps every colour of a figure to its dark counterpart.
 
-    A figure's SVG carries its colours as attributes, which a rule outranks, and a program that
-    knows no CSS ignores.
+    A figure's SVG has its colours as attributes: a rule overrides them, and a program without CSS
+    ignores the rule.
     """
     return "\n".join(
         f'{scope} [{what}="{light}"] {{ {what}: {dark}; }}'

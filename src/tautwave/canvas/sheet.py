@@ -1,8 +1,8 @@
-"""Panels, headings and legends: how every figure of a report, a certificate or a bench is laid out.
+"""Panels, headings and legends: the layout of every figure of a report, a certificate or a bench.
 
-A figure is as wide as a page's column at a size at which its letters can still be read at half of
-that. Legends stand above their panel, under its heading, in as many columns as there is room for,
-so that nothing is taken from the width. Matplotlib's objects, never pyplot.
+A figure is as wide as a page's column, with text that is readable at half that size. Legends stand
+above their panel, under its heading, in as many columns as fit, so that they take no width.
+Matplotlib's objects, never pyplot.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 LEAST_LINE = 1.4
-"""In a legend of a page [pt]."""
+"""Text size in a page's legend [pt]."""
 
 
 @dataclass
@@ -52,7 +52,7 @@ _sheets: WeakKeyDictionary[Figure, _Sheet] = WeakKeyDictionary()
 
 
 def style_of(figure: Figure) -> Style:
-    """Return the style that a figure was begun with."""
+    """Return the style of a figure."""
     return _sheets[figure].style
 
 
@@ -63,9 +63,8 @@ def panels(
 
     Parameters
     ----------
-    heights : of the rows [inch] at the page's width, without headings, legends and numbers
-    share : which panels have the first one's horizontal axis; True means all
-    columns : panels in each row
+    heights : row heights [inch] at the page's width, without headings, legends and numbers share :
+    which panels use the first one's horizontal axis; True means all columns : panels in each row
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -80,12 +79,12 @@ def panels(
         axes: list[Axes] = []
         for at in range(count):
             first = axes[0] if shared[at] and axes else None
-            # The place is found when everything is known: see `arrange`.
+            # The panels are placed by `arrange`, once everything is known.
             panel = figure.add_axes((0.1, 0.1, 0.8, 0.8), label=str(at), sharex=first)
             panel.margins(x=0)
             axes.append(panel)
         for at in range(count - columns):
-            # Over a panel with the same axis no numbers are needed.
+            # A panel above one with the same axis needs no numbers.
             if shared[at] and shared[at + columns]:
                 axes[at].tick_params(labelbottom=False)
     rows = [axes[at : at + columns] for at in range(0, count, columns)]
@@ -95,17 +94,17 @@ def panels(
 
 
 def plain(text: str) -> str:
-    """A name from a rig file or a path, safe from matplotlib's formulas and hidden labels."""
+    """A name from a rig file or a path, escaped from matplotlib's formulas and hidden labels."""
     return ("\u200b" if text.startswith("_") else "") + text.replace("$", r"\$")
 
 
 def heading(axes: Axes, text: str) -> None:
-    """Give one panel its title, at its left end."""
+    """Give one panel its title, left-aligned."""
     _panel(axes).heading = text
 
 
 def legend(axes: Axes, title: str = "") -> None:
-    """Give a panel its legend, above the data; `title` stands before the first entry."""
+    """Give a panel its legend, above the data; `title` precedes the first entry."""
     panel = _panel(axes)
     panel.legend, panel.ahead = True, title.replace("\n", " ")
 
@@ -140,7 +139,7 @@ def _letters(style: Style, share: float, weight: str = "normal") -> FontProperti
 
 
 def _width(figure: Figure, text: str, letters: FontProperties) -> float:
-    """Return how wide a text is [inch]."""
+    """Return the width of a text [inch]."""
     renderer: Any = figure.canvas.get_renderer()  # type: ignore[attr-defined]
     return float(renderer.get_text_width_height_descent(text, letters, False)[0]) / figure.dpi
 
@@ -197,12 +196,12 @@ def _draw_legend(
         alignment="left",
         **where,
     )
-    for line in made.get_lines():  # a thin line alone looks paler than many of them
+    for line in made.get_lines():  # a single thin line looks paler than many
         line.set_linewidth(max(line.get_linewidth(), LEAST_LINE * style.stroke))
 
 
 def arrange(figure: Figure) -> None:
-    """Put every panel where it belongs, with headings and legends; done before it is painted."""
+    """Place every panel, with headings and legends; called before painting."""
     import matplotlib
 
     sheet = _sheets[figure]
@@ -212,13 +211,13 @@ def arrange(figure: Figure) -> None:
     with matplotlib.rc_context(settings(sheet.style)):
         _thicken(sheet)
         for panel in sheet.panels:
-            for text in panel.texts:  # written in whatever letters matplotlib had by then
+            for text in panel.texts:  # created in matplotlib's own default font
                 text.set_fontproperties(_letters(sheet.style, 0.9))
         _Layout(figure, sheet).run()
 
 
 def _thicken(sheet: _Sheet) -> None:
-    """Give lines and marks the thickness that goes with the letters; drawings have a page's."""
+    """Scale lines and marks with the text size; drawings keep those of a page."""
     share = sheet.style.stroke
     if share == 1.0:
         return
@@ -234,7 +233,7 @@ def _thicken(sheet: _Sheet) -> None:
 
 
 class _Layout:
-    """Finds the places of one sheet's panels, from the top down [inch]."""
+    """Computes the places of one sheet's panels, from the top down [inch]."""
 
     def __init__(self, figure: Figure, sheet: _Sheet) -> None:
         self.figure, self.sheet, self.style = figure, sheet, sheet.style
@@ -255,7 +254,7 @@ class _Layout:
         self.top = 0.5 * self.em
 
     def _sized(self) -> None:
-        """Give every panel about its size, so that its numbers are those that it will have."""
+        """Give every panel its approximate size, so that it gets its final tick labels."""
         width, columns = self.style.width, len(self.sheet.rows[0])
         whole = self.style.height * sum(self.sheet.heights)
         self.figure.set_size_inches(width, whole)
@@ -265,7 +264,7 @@ class _Layout:
                 panel.set_position((0.1, 0.0, 1.0 / columns - 0.12, tall))
 
     def run(self) -> None:
-        """Lay out title, common legend and rows, then place all of it."""
+        """Lay out title, common legend and rows, then place them."""
         figure, em, width = self.figure, self.em, self.style.width
         if self.style.titled and self.sheet.title:
             letters = _letters(self.style, 1.2, "bold")
@@ -294,7 +293,7 @@ class _Layout:
             _draw_legend(figure, *common, self.style, loc="upper left", bbox_to_anchor=anchor)
 
     def _common(self) -> tuple[list[Any], list[str], int]:
-        """Return the legend of all panels: what several of them have is in it once."""
+        """Return the common legend of all panels, without duplicates."""
         handles: list[Any] = []
         labels: list[str] = []
         for panel in self.sheet.panels:
@@ -342,7 +341,7 @@ class _Layout:
 
 
 def _left_of(panel: Axes, renderer: Any) -> float:
-    """Return how much room the numbers and the label at the left of a panel need [inch]."""
+    """Return the width of the numbers and the label left of a panel [inch]."""
     if not panel.axison:
         return 0.1
     box = panel.yaxis.get_tightbbox(renderer)
@@ -351,7 +350,7 @@ def _left_of(panel: Axes, renderer: Any) -> float:
 
 
 def _right_of(panel: Axes, renderer: Any) -> float:
-    """Return how far the last number below a panel stands out at its right [inch]."""
+    """Return how far the last number below a panel extends past its right edge [inch]."""
     box = panel.xaxis.get_tightbbox(renderer) if panel.axison else None
     if box is None:
         return 0.0
@@ -359,7 +358,7 @@ def _right_of(panel: Axes, renderer: Any) -> float:
 
 
 def _below(panel: Axes, em: float) -> float:
-    """Return how much room the numbers and the label below a panel need [inch]."""
+    """Return the height of the numbers and the label below a panel [inch]."""
     if not panel.axison:
         return 0.6 * em
     numbers = 1.7 * em if panel.xaxis.get_tick_params().get("labelbottom", True) else 0.6 * em

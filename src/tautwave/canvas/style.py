@@ -1,4 +1,4 @@
-"""How large figures are and in which letters, and what that is in matplotlib's settings."""
+"""Size and font of figures, and the matplotlib settings for them."""
 
 from __future__ import annotations
 
@@ -14,17 +14,13 @@ FONT = "DejaVu Sans"
 
 
 class Style(NamedTuple):
-    """How large a figure is.
+    """Size and font of a figure.
 
     Attributes
     ----------
     width : float
         [inch]
-    size : float
-        Of the letters [pt].
-    family : str
-        Of the letters.
-    titled : bool
+    size : float Font size [pt]. family : str Font family. titled : bool
         Whether the figure carries its own title; a paper has a caption instead.
     """
 
@@ -35,12 +31,12 @@ class Style(NamedTuple):
 
     @property
     def stroke(self) -> float:
-        """How thick lines are and how large marks, compared with those of a page: as letters."""
+        """Scale of lines and marks relative to a page's; the same as that of the text."""
         return self.size / 9.5
 
     @property
     def height(self) -> float:
-        """How high panels are, compared with those of a page."""
+        """Scale of panel heights relative to a page's."""
         return min(max(self.width / 6.8, 0.6), 1.3)
 
 
@@ -50,7 +46,7 @@ _current: ContextVar[Style] = ContextVar("style", default=PAGE)
 
 @contextmanager
 def styled(style: Style) -> Iterator[None]:
-    """Every figure that is begun inside of the block has this style."""
+    """Give every figure begun inside the block this style."""
     token = _current.set(style)
     try:
         yield
@@ -59,12 +55,12 @@ def styled(style: Style) -> Iterator[None]:
 
 
 def find_font(name: str) -> str:
-    """Return a family of letters that is installed, by its name.
+    """Return an installed font family, by its name.
 
     Raises
     ------
     ConfigError
-        There is none of this name; the nearest ones are named.
+        There is no such font; the message lists the nearest ones.
     """
     from difflib import get_close_matches
 
@@ -79,12 +75,12 @@ def find_font(name: str) -> str:
 
 
 def current() -> Style:
-    """Return the style of figures that are begun now."""
+    """Return the style of figures begun now."""
     return _current.get()
 
 
 def settings(style: Style) -> Any:
-    """Return matplotlib's settings of a style; its stubs want their own keys, spelled out."""
+    """Return a style's matplotlib settings, with literal keys for its stubs."""
     return {
         "font.family": [style.family, FONT],
         "font.size": style.size,

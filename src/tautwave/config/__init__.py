@@ -1,4 +1,4 @@
-"""Rig files: `load_rig(path)` gives a `Rig` that is right, or a `ConfigError` with all mistakes.
+"""Rig files: `load_rig(path)` returns a valid `Rig` or raises a `ConfigError` with all mistakes.
 
 Imports pydantic and PyYAML, and nothing heavier.
 """

@@ -1,4 +1,4 @@
-"""Fill in what a right rig leaves to defaults that depend on other keys."""
+"""Fill in the defaults of a valid rig that depend on other keys."""
 
 from __future__ import annotations
 
@@ -88,12 +88,12 @@ def _complete_quanta(document: Document, rig: Rig, plugins: dict[str, DriverPlug
 def _check_counts(document: Document, rig: Rig) -> None:
     """Refuse encoders, believed or simulated, whose first count stops the run as too fast.
 
-    Here and not beside the other checks: a driver's options may say what the step is.
+    It is not among the other checks because a driver's options may determine the step.
 
     Raises
     ------
     ConfigError
-        With the velocity that one count means, and what would do.
+        Its message gives the velocity of one count, and what would be accepted.
     """
     problems = []
     for name, axis in rig.axes.items():

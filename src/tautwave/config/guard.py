@@ -1,4 +1,4 @@
-"""What stands before every parser of other people's files: size, encoding, depth, one sentence.
+"""Checks before any parser reads a user's file: size, encoding, depth, with one-sentence errors.
 
 Rig files, profiles and sweeps are YAML and go on to `parse_yaml`; EDS files (INI) and JSON go to
 libraries, which take any size, overflow on deep nesting and report errors in their own style.
@@ -32,7 +32,7 @@ def read_guarded(
     path : Path
         The file.
     kind : str
-        What it should be, for the sentences: `rig file`.
+        Kind of file, for the messages: `rig file`.
     largest : int
         Size limit [bytes]; a larger file is refused.
     encodings : sequence of str
@@ -84,7 +84,7 @@ def _decoded(path: Path, kind: str, raw: bytes, encodings: Sequence[str]) -> str
 
 
 def parse_json(text: str, deepest: int = DEEPEST_JSON) -> Any:
-    """Return what a JSON text says.
+    """Return the value of a JSON text.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""`load_rig`: from a file and `--set` arguments to a rig that is right, or all that is wrong."""
+"""`load_rig`: from a file and `--set` arguments to a valid rig, or a list of all mistakes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def load_rig(path: str | Path, overrides: Sequence[str] = ()) -> Rig:
     path : str or Path
         The rig file, YAML 1.2, SI units; `configs/README.md` describes it.
     overrides : sequence of str
-        `a.b=c` each, laid over the file in order; keys and values are checked like the file.
+        `a.b=c` each, applied to the file in order; keys and values are checked like the file.
 
     Returns
     -------
@@ -54,7 +54,7 @@ def parse_rig(text: str, path: str | Path = "rig.yaml", overrides: Sequence[str]
     text : str
         The rig file's text.
     path : str or Path
-        What messages call it, and where its relative paths start; it need not exist.
+        Name for messages and base of relative paths; it need not exist.
     overrides : sequence of str
         As for `load_rig`.
 
@@ -68,7 +68,7 @@ def parse_rig(text: str, path: str | Path = "rig.yaml", overrides: Sequence[str]
 
 
 def finish_rig(document: Document, path: Path, overrides: Sequence[str] = ()) -> Rig:
-    """Check and complete a document, which is used up by it; the last steps of `parse_rig`.
+    """Check and complete a document, which is consumed; the last steps of `parse_rig`.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def finish_rig(document: Document, path: Path, overrides: Sequence[str] = ()) ->
 
 
 def _check_format(document: Document) -> None:
-    """Refuse a newer file at once: of its keys nothing can be said."""
+    """Refuse a newer file before looking at its keys, which are unknown here."""
     newer = formats.too_new("rig", document.get(("format",)), formats.RIG)
     if newer is not None:
         document.problems.clear()
@@ -127,7 +127,7 @@ def _check_options(document: Document, plugin: DriverPlugin, path: KeyPath) -> N
     if options is None and path[-1] not in document.get(path[:-1]):
         options = {}
     if not isinstance(options, dict):
-        return  # the rig's own model has said so
+        return  # reported by the rig's own model
     for below in _not_finite(options):
         document.report((*path, *below), "Input should be a finite number")
     if plugin.options.model_config.get("extra") is None:
@@ -142,7 +142,7 @@ def _check_options(document: Document, plugin: DriverPlugin, path: KeyPath) -> N
 
 
 def _check_simulators(document: Document, plugins: dict[str, DriverPlugin | None]) -> None:
-    """Check what the options of a bus say to its simulated devices alone."""
+    """Check the options of a bus that only its simulated devices use."""
     for bus, plugin in plugins.items():
         path = ("buses", bus, "options")
         if plugin is None or not isinstance(document.get(path), dict):
@@ -150,7 +150,7 @@ def _check_simulators(document: Document, plugins: dict[str, DriverPlugin | None
         try:
             simulator = registry.load_simulator(document.get(("buses", bus, "driver")))
         except ConfigError:
-            continue  # a driver may come without one; a run says so
+            continue  # a driver may have none; a run reports it
         if simulator.options is not plugin.options:
             validate(document, simulator.options, path)
 

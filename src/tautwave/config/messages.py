@@ -1,4 +1,4 @@
-"""pydantic's errors as sentences: the key as it was written, the nearest key, what is allowed."""
+"""pydantic's errors as messages: the key as written, the nearest key, what is allowed."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ _PATTERNS = {
 def validate(document: Document, model: type[Any], path: KeyPath = ()) -> Any:
     """Return the block at `path` as a `model`, or None after noting every mistake in it.
 
-    The values go through JSON, in strict mode: text is text and a number is a number, but lists
-    may fill tuples and names may fill enumerations, also in a third party's model.
+    The values go through JSON, in strict mode: no type is converted, but lists are accepted for
+    tuples and names for enumerations, also in a third party's model.
     """
     try:
         return model.model_validate_json(json.dumps(document.get(path)), strict=True)
@@ -37,23 +37,24 @@ def validate(document: Document, model: type[Any], path: KeyPath = ()) -> Any:
 
 
 def read_model(text: str, name: str, kind: str, model: type[Any]) -> tuple[Document, Any]:
-    """Return the text of somebody's file as a document and as a `model`.
+    """Return the text of a user's file as a document and as a `model`.
 
     Parameters
     ----------
     text : str
         YAML.
     name : str
-        What messages call the file.
+        Name of the file in messages.
     kind : str
-        What it should be: `profile`.
+        Kind of file: `profile`.
     model : type
         Strict, as keys of rig files are.
 
     Raises
     ------
     ConfigError
-        It is not YAML or not such a model; every mistake with file, line, key and nearest key.
+        It is not YAML or does not fit the model; every mistake with file, line, key and nearest
+        key.
     """
     document = open_document(text, name, Path(), kind)
     found = validate(document, model)
@@ -63,7 +64,7 @@ def read_model(text: str, name: str, kind: str, model: type[Any]) -> tuple[Docum
 
 
 def salvage(model: type[Any], value: Any) -> Any:
-    """Return `value` as a `model`, None if it is wrong; says nothing."""
+    """Return `value` as a `model`, None if it is invalid; reports nothing."""
     try:
         return model.model_validate_json(json.dumps(value), strict=True)
     except ValidationError:
@@ -101,7 +102,7 @@ def _meant(place: Place) -> list[str]:
 
 
 def unknown_key(word: str, model: type[BaseModel]) -> str:
-    """Return the sentence about a key that `model` does not have."""
+    """Return the message about a key that `model` does not have."""
     keys = _keys(model)
     if not keys:
         return f"unknown key {word!r}; no keys are allowed here"
@@ -109,7 +110,7 @@ def unknown_key(word: str, model: type[BaseModel]) -> str:
 
 
 def _foreign_key(word: str, model: type[BaseModel]) -> str:
-    """Return the sentence about a key that other laws have; '' if none has it."""
+    """Return the message about a key of other laws; '' if none has it."""
     if not (issubclass(model, Block) and model.part_word):
         return ""
     laws = laws_with(word, model)
@@ -117,7 +118,7 @@ def _foreign_key(word: str, model: type[BaseModel]) -> str:
 
 
 def _asked_by(word: str, model: type[BaseModel] | None) -> str:
-    """Return which part asks for a key; '' for a key that every part has."""
+    """Return which part requires a key; '' for a key that every part has."""
     if model is None or not (issubclass(model, Block) and model.part_word):
         return ""
     bases = [base for base in model.__mro__[1:] if issubclass(base, Block)]
@@ -166,7 +167,7 @@ def _sentence(document: Document, place: Place, error: Any) -> tuple[KeyPath, st
     if kind in ("order", "part"):
         return path, error["msg"]
     if kind == "value_error":
-        return path, str(context["error"])  # a block's own sentence
+        return path, str(context["error"])  # a block's own message
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         return path, f"Input should be a mapping{got}"
     if kind in ("tuple_type", "list_type", "set_type"):
@@ -175,7 +176,7 @@ def _sentence(document: Document, place: Place, error: Any) -> tuple[KeyPath, st
 
 
 def _hint(kind: str, value: Any) -> str:
-    """Return what to write instead, for the traps of YAML and of units."""
+    """Return what to write instead, for common pitfalls of YAML and of units."""
     if value is None:
         return "; the key has no value"
     if kind == "bool_type" and str(value).lower() in ("yes", "no", "on", "off", "y", "n", "0", "1"):

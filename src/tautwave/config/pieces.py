@@ -1,7 +1,7 @@
-"""A rig file in pieces: every piece that is right by itself, though others may be wrong.
+"""A rig file in pieces: the pieces that are valid on their own, though others may not be.
 
-The cross-checks work on these pieces, so that a wrong number in one axis does not hide that
-another axis names a bus that does not exist. A piece that is wrong is None: it has been reported.
+The cross-checks work on these pieces, so that a wrong number in one axis does not hide that another
+axis names a bus that does not exist. An invalid piece is None: it has been reported.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class _Timing(Block):
 
 
 class Parts(NamedTuple):
-    """The pieces by name. `sides` lacks a side that is no mapping; `pairs` is None likewise."""
+    """The pieces by name. `sides` lacks a side that is not a mapping; then `pairs` is None."""
 
     rate_hz: float | None
     duration_s: float | None
@@ -61,14 +61,14 @@ class Parts(NamedTuple):
     scene3d: Scene3d | None = None
 
     def axes(self) -> Iterator[tuple[str, str, Axis]]:
-        """Give side, name and axis of every axis that is right by itself."""
+        """Yield side, name and axis of every valid axis."""
         for side, axes in self.sides.items():
             for name, axis in axes.items():
                 if axis is not None:
                     yield side, name, axis
 
     def axis(self, side: str, name: str) -> Axis | None:
-        """Return an axis, None if there is none or it is wrong."""
+        """Return an axis, None if it is missing or invalid."""
         return self.sides.get(side, {}).get(name)
 
 
@@ -112,7 +112,7 @@ def take_apart(document: Document, plugins: dict[str, DriverPlugin | None]) -> P
 
 
 def _coupling(block: Any) -> Coupling | None:
-    """Return the coupling with the keys of its law or, where they are wrong, those of all laws."""
+    """Return the coupling with the keys of its law or, if those are invalid, those of all laws."""
     model = Coupling.model_for(block)
     piece: Coupling | None = salvage(model, block)
     return salvage(AnyLaw, block) if piece is None and model.part_word else piece

@@ -24,7 +24,7 @@ class Place(NamedTuple):
 def locate(
     document: Document, model: type[BaseModel], base: KeyPath, loc: Sequence[str | int]
 ) -> Place:
-    """Return the place meant by `loc`, whose union tags and '[key]' are no keys of the file."""
+    """Return the place that `loc` means; its union tags and '[key]' are not keys of the file."""
     path, owner, kind = base, None, _plain(model)
     for part in loc:
         kind = named_block(kind, document.get(path))
@@ -51,7 +51,7 @@ def as_model(kind: Any) -> bool:
 
 
 def tags(kind: Any) -> list[str]:
-    """Return the values of `type` that a union of models tells apart."""
+    """Return the values of `type` that discriminate a union of models."""
     found: list[str] = []
     for member in get_args(kind):
         if as_model(member) and "type" in member.model_fields:

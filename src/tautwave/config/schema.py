@@ -16,8 +16,8 @@ from tautwave.errors import ConfigError
 def rig_schema() -> dict[str, Any]:
     """Return the JSON Schema (2020-12) of a rig file.
 
-    The options of every installed driver that loads are part of it. What has to agree between
-    keys (`load_rig` checks it) is not.
+    The options of every installed driver that loads are part of it. Cross-checks between keys (done
+    by `load_rig`) are not.
     """
     schema = Rig.model_json_schema()
     definitions = schema["$defs"]
@@ -86,7 +86,7 @@ def _add_laws(definitions: dict[str, Any]) -> None:
 
 
 def _add_parts(definitions: dict[str, Any], base: type[Block]) -> None:
-    """Put the keys of the installed parts of a kind, and any file's, where their base stands."""
+    """Replace the base of a kind of parts by the keys of the installed ones, and of any file."""
     file: dict[str, Any] = {
         "type": "object",
         "description": definitions[base.__name__]["description"],

@@ -15,13 +15,13 @@ from tautwave.files import make_directory, write_bytes
 
 PACKAGE = Path(__file__).parents[1]
 SHIPPED = PACKAGE / "examples"
-"""Where the wheel holds them (pyproject.toml, force-include)."""
+"""Their folder in a wheel (pyproject.toml, force-include)."""
 CHECKOUT = PACKAGE.parents[1] / "configs"
-"""Where an editable installation finds them."""
+"""Their folder in an editable installation."""
 
 
 class Example(NamedTuple):
-    """A shipped rig or sweep: what it is called, its file, and one sentence about it."""
+    """A shipped rig or sweep: its name, its file, and a one-sentence summary."""
 
     name: str
     path: Path
@@ -29,7 +29,7 @@ class Example(NamedTuple):
 
 
 class Copied(NamedTuple):
-    """A file of an example: where it is now, and whether it had to be written."""
+    """A file of an example: where it is, and whether it had to be written."""
 
     path: Path
     written: bool
@@ -76,16 +76,16 @@ def find_example(name: str) -> Example:
 
 
 def copy_example(name: str, folder: Path) -> list[Copied]:
-    """Copy an example, and the files it names, into `folder` as they lie to each other.
+    """Copy an example, and the files it names, into `folder`, keeping their relative places.
 
-    A file that is there already is kept if it is the same, else nothing is copied at all.
+    An existing identical file is kept; if a different one exists, nothing is copied.
 
     Parameters
     ----------
     name : str
         As `find_example` takes it.
     folder : Path
-        Is made where it does not exist.
+        Created if it does not exist.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def copy_example(name: str, folder: Path) -> list[Copied]:
 
 
 def _with_named(example: Example) -> Sequence[Path]:
-    """The example's file and what it names: a sweep its rig, a scene its sounds."""
+    """The example's file and the files it names: the rig of a sweep, the sounds of a scene."""
     found = [example.path]
     for path in found:  # grows meanwhile
         if path.suffix == ".yaml":

@@ -18,7 +18,7 @@ def local_wall(rig: Rig, axis_name: str) -> Wall | None:
 
 
 def replace_wall(rig: Rig, axis_name: str, wall: Wall) -> Rig:
-    """Return a rig with another wall at an axis."""
+    """Return a rig with a different wall at an axis."""
     side, name = axis_name.split(".")
     pair = rig.coupling.pairs[name].model_copy(update={f"wall_{side}": wall})
     coupling = rig.coupling.model_copy(update={"pairs": {**rig.coupling.pairs, name: pair}})

@@ -1,7 +1,6 @@
 """From a run's directory to tables, figures and one HTML page.
 
-Figures and the page are imported when they are asked for, so that reading a recording or a number
-costs no matplotlib.
+Figures and the page are imported on demand, so that reading a recording does not load matplotlib.
 """
 
 from __future__ import annotations
@@ -23,9 +22,10 @@ def write_report(directory: Path) -> Path:
     RecordingError
         There is neither a summary nor a readable recording.
     """
-    from tautwave.report.run import page
+    from tautwave.report.run.loading import load_run
+    from tautwave.report.run.page import write_page
 
-    return page.write_report(directory)
+    return write_page(load_run(Path(directory)))
 
 
 def write_figures(directory: Path, out: Path, kind: str, style: Style) -> list[Path]:
@@ -34,7 +34,7 @@ def write_figures(directory: Path, out: Path, kind: str, style: Style) -> list[P
     Parameters
     ----------
     kind : `pdf` or `svg`
-    style : width, size and family of the letters
+    style : width, font size and family
 
     Raises
     ------
@@ -42,8 +42,9 @@ def write_figures(directory: Path, out: Path, kind: str, style: Style) -> list[P
         There is neither a summary nor a readable recording, or `out` cannot be written.
     """
     from tautwave.report.run import page
+    from tautwave.report.run.loading import load_run
 
-    return page.write_figures(directory, out, kind, style)
+    return page.write_figures(load_run(Path(directory)), out, kind, style)
 
 
 def compare_reports(a: Path, b: Path, out: Path) -> Path:

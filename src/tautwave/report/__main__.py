@@ -1,4 +1,4 @@
-"""`python -m tautwave.report DIR`: add to a run's summary what its recording tells, and draw it."""
+"""`python -m tautwave.report DIR`: complete a run's summary from its recording, draw the report."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ from tautwave.errors import TautwaveError
 
 def main() -> int:
     """Complete `summary.json` and write the report of the directory in argv[1]."""
-    from tautwave.report import write_report
     from tautwave.report.precision.oracle import measure_precision
     from tautwave.report.run.after_run import recheck_run
-    from tautwave.report.run.complete import complete_summary
+    from tautwave.report.run.complete import complete_summary, write_summary
+    from tautwave.report.run.loading import load_run
+    from tautwave.report.run.page import write_page
     from tautwave.report.scene.files import write_scene
 
-    directory = Path(sys.argv[1])
     try:
-        complete_summary(directory)
-        recheck_run(directory)
-        measure_precision(directory)
-        write_scene(directory)
-        write_report(directory)
+        run = load_run(Path(sys.argv[1]))
+        for step in (complete_summary, recheck_run, measure_precision):
+            run.summary = step(run)
+        write_summary(run)
+        write_scene(run)
+        write_page(run)
     except TautwaveError as err:
         sys.stderr.write(f"{err}\n")
         return err.exit_code

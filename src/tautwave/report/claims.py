@@ -1,4 +1,4 @@
-"""What a run gave against what was stated of it beforehand; reads summaries, without NumPy."""
+"""Compare the energy of the motors with the stated limit; reads summaries, without NumPy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ROUNDING = 1e-9
 
 
 def exceeds(motors: Mapping[str, Any], gross_flow: float) -> bool:
-    """Return whether motors gave more than `stated_debt`.
+    """Return whether motors delivered more than `stated_debt`.
 
     `motors` is a pair's `motors` in the summary (`tautwave.report.motors.motor_energy`),
     `gross_flow` in J.

@@ -1,4 +1,4 @@
-"""Two runs on one page: verdicts side by side, what differs, and their lines over each other."""
+"""Two runs on one page: verdicts side by side, differences, and their curves overlaid."""
 
 from __future__ import annotations
 
@@ -160,10 +160,10 @@ def _joule(value: Any) -> str:
 
 
 ROUNDING = 1e-12
-"""Of the gross flow: below it an energy is what rounding left, and counts as zero."""
+"""Share of the gross flow below which an energy is rounding, and counts as zero."""
 
 RESOLVED = 1e-12
-"""[rad, m, N m or N]: no device resolves less, so an error below it counts as zero."""
+"""[rad, m, N m or N]: Below the resolution of any device; a smaller error counts as zero."""
 
 
 def _noise(runs: tuple[Run, Run]) -> float:
@@ -204,7 +204,7 @@ def _table(
     lines: list[Line],
     noise: float = 0.0,
 ) -> Table:
-    """Table of two runs; what is at most `noise` (in SI) in both has no ratio."""
+    """Table of two runs; values within `noise` (in SI) in both get no ratio."""
     rows = []
     for name, show, keys in lines:
         values = [block(run.summary, *keys[:-1]).get(keys[-1]) for run in runs]
@@ -230,7 +230,7 @@ def _plain(summary: dict[str, Any]) -> dict[str, Any]:
 
 
 def _changes(a: dict[str, Any], b: dict[str, Any], stem: str = "") -> list[tuple[str, str, str]]:
-    """Keys whose values differ, with both values; a block that one side lacks is one row."""
+    """Keys whose values differ, with both values; a block missing on one side is one row."""
     rows: list[tuple[str, str, str]] = []
     for key in dict.fromkeys([*a, *b]):
         first, second = a.get(key), b.get(key)

@@ -52,7 +52,8 @@ nav { margin: 14px 0 0; font-size: 14px; }
 nav a { margin-right: 14px; color: var(--info); }
 figure { margin: 16px 0 4px; max-width: 880px; break-inside: avoid; }
 figure img, figure svg { display: block; width: 100%; height: auto; }
-figure img.drawn { max-width: 560px; border: 1px solid var(--rule); border-radius: 6px; }
+figure img.drawn { width: auto; max-width: min(100%, 560px); max-height: 720px;
+  border: 1px solid var(--rule); border-radius: 6px; }
 audio { display: block; width: 100%; max-width: 560px; margin: 10px 0; }
 details { margin: 8px 0; }
 .wide { overflow-x: auto; }
@@ -122,14 +123,14 @@ def page(title: str, body: Iterable[str]) -> str:
 
 
 def picture(drawn: str, caption: str = "") -> str:
-    """A figure's SVG inside the page; it names itself for who cannot see it."""
+    """A figure's SVG inside the page; it carries its own description for screen readers."""
     return f"<figure>{drawn}{_under(caption)}</figure>"
 
 
 def image(data: bytes, kind: str, alt: str, caption: str = "", dark: bytes = b"") -> str:
-    """A PNG or a GIF inside the page, and its counterpart on dark ground.
+    """A PNG or a GIF inside the page, and its dark counterpart.
 
-    Without one the browser turns light and dark, and leaves hues about as they are.
+    Without one the browser inverts lightness and keeps the hues approximately.
     """
     other = ""
     if dark:
@@ -141,7 +142,7 @@ def image(data: bytes, kind: str, alt: str, caption: str = "", dark: bytes = b""
 
 
 def sound(data: bytes, label: str) -> str:
-    """A WAV file inside the page, with the browser's own buttons."""
+    """A WAV file inside the page, with the browser's controls."""
     source = _inside(data, "audio/wav")
     return f'<audio controls preload="none" src="{source}" aria-label="{escape(label)}"></audio>'
 
@@ -155,7 +156,7 @@ def _under(caption: str) -> str:
 
 
 def table(content: Table, kind: str = "") -> str:
-    """A table, or nothing where it has no rows; `kind` is `text` for prose in every column."""
+    """A table, or nothing if it has no rows; `kind` is `text` for prose in every column."""
     if not content.rows:
         return ""
     text_columns = [
@@ -194,7 +195,7 @@ def verdict_rows(found: Iterable[Verdict]) -> str:
 
 
 def banner(title: str, sentences: Iterable[str], status: str) -> str:
-    """A box nobody overlooks."""
+    """A prominent box."""
     text = "".join(f"<p>{escape(sentence)}</p>" for sentence in sentences)
     return f'<div class="banner {status}"><b>{escape(title)}</b>{text}</div>'
 
@@ -217,5 +218,5 @@ def folded(title: str, parts: Iterable[str]) -> Iterable[str]:
 
 
 def anchor(text: str) -> str:
-    """An identifier for a heading, safe whatever the pair is called."""
+    """A safe identifier for a heading, whatever the name of the pair."""
     return "part-" + "".join(c if c.isascii() and c.isalnum() else "-" for c in text)

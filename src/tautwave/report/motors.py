@@ -1,8 +1,8 @@
-"""What the motors of a pair gave in a run, and what the certificate lets them give.
+"""Energy that the motors of a pair delivered in a run, and the limit from the certificate.
 
-Every element has to be passive only together with its device, so the sum over elements of what
-each gave at its own worst moment says little. What the motors gave, all together, net and at the
-worst moment, is one number; beside it stands the most that the ports' accounts may have owed.
+Every element has to be passive only together with its device, so adding up each element's own worst
+moment says little. The energy of all motors together, net and at the worst moment, is one number;
+it is compared with the greatest debt of the ports' accounts.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from tautwave.report.units import number
 
 
 def given_energy(run: Run, axes: list[str]) -> Floats | None:
-    """Return what the motors of `axes` gave since the first row [J], (rows,); None if unrecorded.
+    """Return the energy delivered by the motors of `axes` since the first row [J], (rows,).
 
-    Axes by their full names; the slave's in the pair's units, as recorded.
+    None if unrecorded. Axes by full name; the slave's in the pair's units, as recorded.
     """
     columns = [f"{axis}.port_energy" for axis in axes]
     if not run.rows or not all(column in run.columns for column in columns):
@@ -31,14 +31,14 @@ def given_energy(run: Run, axes: list[str]) -> Floats | None:
 
 
 def worst_moment(run: Run, given: Floats) -> dict[str, float]:
-    """Return what was given net, at the worst moment, and when [J, J, s after the first row]."""
+    """Return net energy, energy at the worst moment, and its time [J, J, s from the first row]."""
     at = int(np.nanargmax(given))
     time = 0.0 if run.time is None else float(run.time[at] - run.time[0])
     return {"net": float(given[-1]), "worst": float(given[at]), "worst_at_s": time}
 
 
 def motor_energy(run: Run, pair: str) -> dict[str, float]:
-    """Return `worst_moment` of a pair and, where its rig states one, `stated_debt` [J]."""
+    """Return `worst_moment` of a pair and, if its rig states one, `stated_debt` [J]."""
     given = given_energy(run, [f"{side}.{pair}" for side in SIDES])
     if given is None or not np.isfinite(given).all():
         return {}
@@ -48,11 +48,12 @@ def motor_energy(run: Run, pair: str) -> dict[str, float]:
 
 
 def stated_debt(run: Run, pair: str) -> float | None:
-    """Return the most that a wave pair may have given [J] by what was stated of it beforehand.
+    """Return the greatest energy [J] that a wave pair may have delivered by its certificate.
 
-    What its ends claim, where their law does. Else both ports' `port_debt` at the speed and flow of the run, and what each gave until it could
-    let go; what was forgiven to encoders; what walls held at the start, or created where the
-    device's damping took it again; and what the books leave open. None for other couplings.
+    What its ends claim, where their law does. Else the sum of both ports' `port_debt` at the speed
+    and flow of the run, and what each could deliver before it let go; the allowance for encoders;
+    energy that walls held at the start, or created and the device's damping dissipated; and the
+    uncertainty of the books. None for other couplings.
     """
     own = block(run.summary, "pairs", pair)
     rates, claims = block(own, "port_debt"), block(own, "claim_j")
@@ -84,7 +85,7 @@ def _port(run: Run, axis: str, rates: dict[str, Any], weight: float) -> float:
 
 
 def _steps(run: Run, axis: str) -> tuple[Floats, Floats]:
-    """Return displacements between valid samples, and the time that each took [s]."""
+    """Return displacements between valid samples, and the duration of each [s]."""
     names = (f"{axis}.position", f"{axis}.valid", "skipped_slots")
     read = run.read(*names)
     position = read[names[0]]

@@ -1,4 +1,4 @@
-"""Numbers as a person reads them: engineering prefixes, powers of ten, counts.
+"""Numbers formatted for people: engineering prefixes, powers of ten, counts.
 
 A value that is missing (`None`) is "not recorded"; it is never shown as zero.
 """
@@ -15,7 +15,7 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: Any) -> float | None:
-    """`value` as a float, or None where it is missing or not a number."""
+    """`value` as a float, or None if it is missing or not a number."""
     if value is None or isinstance(value, bool):
         return None
     try:
@@ -36,7 +36,7 @@ def scale_for(peak: float, unit: str) -> tuple[float, str]:
     if not math.isfinite(size) or size == 0.0 or unit == "" or unit.startswith("√"):
         return 1.0, unit
     for weight, prefix in _PREFIXES:
-        # A length of 1500 m stays in m: nobody reads krad.
+        # A length of 1500 m stays in m, and there is no krad.
         if prefix == "k" and unit in ("rad", "s", "rad/s"):
             continue
         if size >= 0.9995 * weight:
@@ -71,7 +71,7 @@ def quantity(value: Any, unit: str, digits: int = 4) -> str:
 
 
 def microseconds(value: Any, digits: int = 4) -> str:
-    """`value` [us] in the prefix that suits it, as in `12.3 µs` or `1.4 ms`."""
+    """`value` [us] with a suitable prefix, as in `12.3 µs` or `1.4 ms`."""
     plain = number(value)
     return MISSING if plain is None else quantity(plain * 1e-6, "s", digits)
 

@@ -43,7 +43,8 @@ def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFact
 def port_debts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> dict[str, Any]:
     """Return what each wave port of a pair may owe; empty for other couplings.
 
-    `claim_j`, where the law claims joules beforehand: those of each side. Else `port_debt`: by side, in the device's own units: `per_speed_squared` [kg m^2 or kg] and `per_flow` [1] as in
+    `claim_j`, where the law claims joules beforehand: those of each side. Else `port_debt`: by
+    side, in the device's own units, `per_speed_squared` [kg m^2 or kg] and `per_flow` [1] as in
     `tautwave.rig.debt_rates`, and the `exchanges` that pass until a port has let go. An
     admittance port may owe nothing.
     """

@@ -19,7 +19,7 @@ HARDWARE_LIMITS = ("effort_rate_limit", "velocity_limit", "position_range")
 
 
 def check_parts(document: Document, parts: Parts) -> None:
-    """Note everything that is right by itself but does not fit the rest."""
+    """Note keys that are valid on their own but do not fit the others."""
     _check_timing(document, parts)
     _check_buses(document, parts)
     _check_ids(document, parts)
@@ -110,7 +110,7 @@ def _check_ids(document: Document, parts: Parts) -> None:
 
 
 def _law(parts: Parts) -> CouplingPlugin | None:
-    """Return what the law declares, None where it is wrong."""
+    """Return what the law declares, None if it is invalid."""
     return None if parts.coupling is None else registry.load_coupling(parts.coupling.law)
 
 
@@ -142,7 +142,7 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
             if getattr(axis, key).value > 0.0:
                 document.report((*path, key), "not used by an admittance axis; remove it")
         if axis.velocity_limit is None:
-            # Its command is a velocity: without a bound the ramps have nothing to fill.
+            # Its command is a velocity: without a limit there is nothing for the ramps to scale.
             document.report((*path, "velocity_limit"), "required key is missing (admittance axis)")
     plugin = parts.plugins.get(axis.bus)
     if plugin is not None and plugin.hardware:
@@ -198,7 +198,7 @@ def _check_names(document: Document, parts: Parts) -> None:
 
 
 def _meant_by_a_pair(parts: Parts, side: str, name: str) -> bool:
-    """Return whether a pair without an axis has named this one as its nearest."""
+    """Return whether the message about a pair without an axis already suggested this one."""
     lacking = [pair for pair in parts.pairs or {} if pair not in parts.sides[side]]
     return any(repr(name) in nearest(pair, list(parts.sides[side])) for pair in lacking)
 

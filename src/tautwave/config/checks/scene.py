@@ -39,7 +39,7 @@ def check_presence(document: Document) -> bool:
 
 
 def check_scene(document: Document, parts: Parts) -> None:
-    """Note what is wrong with a scene that is right block by block."""
+    """Note mistakes between the blocks of a scene, each of which is valid on its own."""
     scene = parts.scene
     if scene is None:
         return
@@ -80,7 +80,7 @@ def check_scene(document: Document, parts: Parts) -> None:
 
 
 def _ends(scene: Scene) -> Iterator[tuple[KeyPath, str]]:
-    """Give every node that a link or a port's coupling spring names, with its place."""
+    """Yield every node that a link or a port's coupling spring names, with its place."""
     for name, link in scene.links.items():
         for at, end in enumerate(link.between):
             yield ("scene", "links", name, "between", at), end

@@ -18,7 +18,7 @@ SPACE_ONLY = ("directions", "axes", "normal", "direction", "rows", "row_spacing"
 
 
 def check_dimension(document: Document) -> None:
-    """Note keys of three dimensions in a scene of one, and a dimension that is neither."""
+    """Note 3D keys in a one-dimensional scene, and a dimension other than 1 or 3."""
     scene = document.get(("scene",))
     if not isinstance(scene, dict) or scene.get("dimension") == 3:
         return
@@ -34,7 +34,7 @@ def check_dimension(document: Document) -> None:
 
 
 def _spatial(scene: dict[str, Any]) -> Iterator[KeyPath]:
-    """Give the places of vectors and of keys that only points have."""
+    """Yield the places of vectors and of keys that exist only in three dimensions."""
     if isinstance(scene.get("gravity"), list):
         yield ("gravity",)
     for kind in ("masses", "grounds", "links", "ports", "forces"):
@@ -49,7 +49,7 @@ def _spatial(scene: dict[str, Any]) -> Iterator[KeyPath]:
 
 
 def check_scene3d(document: Document, parts: Parts, scene: Scene3d) -> None:
-    """Note what is wrong with a scene of points that is right block by block."""
+    """Note mistakes between the blocks of a 3D scene, each of which is valid on its own."""
     known = [*scene.masses, *scene.ports, GROUND, *scene.grounds]
     _check_names(document, scene)
     touched: set[str] = set()

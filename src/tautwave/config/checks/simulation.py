@@ -23,7 +23,7 @@ _IMPEDANCE_ONLY = ("inertia", "damping", "coulomb")
 
 
 def check_simulation(document: Document, parts: Parts) -> None:
-    """Note what is wrong between `simulation` and the rest of the rig."""
+    """Note mistakes between `simulation` and the rest of the rig."""
     if not parts.simulated:
         _check_needed(document, parts)
         return
@@ -59,7 +59,7 @@ def _check_axis_names(document: Document, parts: Parts) -> None:
     for full in parts.truths:
         side, _, name = full.partition(".")
         if full in known or side not in SIDES or not name:
-            continue  # what is no full name has been reported
+            continue  # names that are not full names have been reported
         hint = nearest(name, list(parts.sides[side]), f"{side}.") or "."
         document.report(
             ("simulation", "axes", full), f"unknown axis {full!r}{hint} Axes: {', '.join(known)}"

@@ -1,4 +1,4 @@
-"""Files in a rig get their whole path, parts (`part: ./my_hand.py`) the hash of their text too."""
+"""Resolve files in a rig to absolute paths, and parts (`part: ./my_hand.py`) to path and hash."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ PLACES = (("simulation", "hand"), ("simulation", "environment"))
 
 
 def name_file_parts(document: Document) -> None:
-    """Write path and hash of every part that is a file into the document, as a run resolves them.
+    """Write path and hash of every part that is a file into the document.
 
-    A hash that is given has to be that of the file: a resolved rig runs what it ran then.
+    A hash that is already there must match the file: a resolved rig runs exactly what it ran
+    before.
     """
     coupling = document.get(("coupling",))
     if isinstance(coupling, dict):
@@ -45,7 +46,7 @@ def _name_file(document: Document, path: KeyPath, key: str = "part") -> None:
     try:
         digest = registry.hash_part(whole)
     except ConfigError:
-        return  # who looks for its keys says so
+        return  # reported where its keys are looked up
     given = block.setdefault("part_sha256", digest)
     if given is None:
         block["part_sha256"] = digest
@@ -58,9 +59,10 @@ def _name_file(document: Document, path: KeyPath, key: str = "part") -> None:
 
 
 def name_option_files(document: Document) -> None:
-    """Write the whole paths of files over those in the options of buses (`DriverPlugin.files`).
+    """Replace file paths in the options of buses (`DriverPlugin.files`) by absolute ones.
 
-    They start where those of recordings do; what has no suffix comes with the driver by that name.
+    They are relative to the same folder as those of recordings; a name without suffix comes with
+    the driver.
     """
     buses = document.get(("buses",))
     for bus in buses if isinstance(buses, dict) else ():
@@ -77,11 +79,11 @@ def _files_of(driver: object) -> Sequence[Sequence[str]]:
     try:
         return registry.load_driver(driver).files if isinstance(driver, str) else ()
     except ConfigError:
-        return ()  # who checks its options says so
+        return ()  # reported where its options are checked
 
 
 def _matching(value: Any, pattern: Sequence[str], at: KeyPath) -> Iterator[KeyPath]:
-    """Yield the whole path of each key under `value`, itself at `at`, that a pattern leads to."""
+    """Yield the full path of each key under `value` (itself at `at`) that matches a pattern."""
     if not pattern:
         yield at
         return

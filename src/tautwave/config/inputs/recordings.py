@@ -1,4 +1,4 @@
-"""Recorded references: where the file is, and whether it has the columns that are asked for."""
+"""Recorded references: find the file and check that it has the named columns."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from tautwave.config.text.yaml12 import KeyPath
 
 
 def find_recording(document: Document, path: KeyPath, file: str) -> Path | None:
-    """Return the whole path of a recording, None if there is none.
+    """Return the absolute path of a recording, None if there is none.
 
-    A relative path starts at the rig file's folder; one that was given with `--set` at the
-    current folder first, as a shell's completion has it.
+    A relative path starts at the rig file's folder; one given with `--set` is tried in the current
+    folder first, where the shell completes it.
     """
     for candidate in _candidates(document, path, file):
         try:

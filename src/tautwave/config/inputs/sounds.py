@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
 MOST_SAMPLES = 20_000_000
-"""Of all channels together; seven minutes of one at 44.1 kHz."""
+"""Largest number of samples over all channels; seven minutes of one channel at 44.1 kHz."""
 
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _NAMES = {2: "ADPCM", 6: "A-law", 7: "mu-law", 0x11: "ADPCM", 0x55: "MP3"}
@@ -50,7 +50,7 @@ def read_sound(path: Path) -> Sound:
     Raises
     ------
     ConfigError
-        It is none, is cut off or empty, is too long, or holds something else.
+        It is not a WAV file, is truncated, empty or too long, or has another format.
     """
     import numpy as np
 
@@ -78,7 +78,7 @@ def read_sound(path: Path) -> Sound:
     elif width == 1:
         samples = (np.frombuffer(data, np.uint8).astype(np.float64) - 128.0) / 128.0
     elif width == 3:
-        # Three bytes are the upper ones of four, so that the sign comes along.
+        # The three bytes become the upper ones of four, which preserves the sign.
         wide = np.zeros((count, 4), np.uint8)
         wide[:, 1:] = np.frombuffer(data, np.uint8).reshape(count, 3)
         samples = wide.view("<i4").ravel().astype(np.float64) / 2147483648.0
@@ -94,12 +94,12 @@ def sound_digest(path: Path) -> str:
 
 
 def can_resample() -> bool:
-    """Return whether the library that changes a sound's rate is installed."""
+    """Return whether the library for resampling sounds is installed."""
     return importlib.util.find_spec("scipy") is not None
 
 
 def check_sound(document: Document, path: KeyPath, force: SoundForce, rate_hz: float) -> None:
-    """Note a sound that is not there or cannot be used; `path` is the force's."""
+    """Note a sound that is missing or unusable; `path` is the force's."""
     at = (*path, "file")
     found = find_recording(document, at, force.file)
     if found is None:
@@ -131,7 +131,7 @@ def check_sound(document: Document, path: KeyPath, force: SoundForce, rate_hz: f
 
 
 def complete_sound(document: Document, name: str, force: SoundForce) -> SoundForce:
-    """Return a force with the whole path of its sound, and the sum that tells it from others."""
+    """Return a force with the absolute path of its sound, and its hash."""
     found = find_recording(document, ("scene", "forces", name, "file"), force.file)
     if found is None:
         return force

@@ -31,7 +31,7 @@ def part_keys(base: type[Block], name: str) -> type[Block]:
     Raises
     ------
     ConfigError
-        There is no such part, it does not load, or its keys are no `base`.
+        There is no such part, it does not load, or its keys are not a `base`.
     """
     found = registry.load_named(registry.load_part(base.part_group, name).keys)
     if not (isinstance(found, type) and issubclass(found, base)):
@@ -41,10 +41,10 @@ def part_keys(base: type[Block], name: str) -> type[Block]:
 
 
 def named_block(kind: Any, value: Any) -> Any:
-    """Return the keys that `value`, a mapping of the file, may have where `kind` is allowed.
+    """Return the model for `value`, a mapping of the file, where `kind` is allowed.
 
-    `kind` is a type of a key: where it is a union with a part, the keys of the part that `value`
-    names, or what is left of the union.
+    `kind` is the type of a key: if it is a union with a part, the result is the keys of the part
+    that `value` names, or the rest of the union.
     """
     bases = [member for member in get_args(kind) if getattr(member, "part_group", "")]
     if not bases or get_origin(kind) not in (Union, types.UnionType):
@@ -56,7 +56,7 @@ def named_block(kind: Any, value: Any) -> Any:
 
 
 def chosen_part(base: type[Block], otherwise: Any) -> Callable[[Any, Any, ValidationInfo], Any]:
-    """Return a validator that takes the keys of the part a block names, else `otherwise`."""
+    """Return a validator that uses the keys of the part a block names, else `otherwise`."""
     plain: TypeAdapter[Any] = TypeAdapter(otherwise)
 
     def choose(value: Any, handler: Any, info: ValidationInfo) -> Any:
@@ -80,7 +80,7 @@ def _keys_or_refusal(base: type[Block], name: str) -> type[Block]:
 
 
 def _refusing(base: type[Block], text: str) -> type[Block]:
-    """Return a block that says at `part` what is wrong with it."""
+    """Return a block that reports the mistake at `part`."""
 
     def refuse(name: str) -> str:
         raise PydanticCustomError("part", "{text}", {"text": text})

@@ -16,10 +16,10 @@ class Block(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
     part_group: ClassVar[str] = ""
-    """Of a base of parts' keys: their group of entry points."""
+    """Entry point group of the parts whose keys derive from this base."""
 
     part_word: ClassVar[str] = ""
-    """What a part that adds keys to a block is called in messages, such as `law wave`."""
+    """Name in messages of the part that adds keys to a block, such as `law wave`."""
 
 
 Positive = Annotated[float, Field(gt=0)]

@@ -90,7 +90,7 @@ class Pair(Block):
 
     @property
     def effective_force_scale(self) -> float:
-        """Slave effort per master effort: what was given, else 1/position_scale."""
+        """Slave effort per master effort: the given value, else 1/position_scale."""
         return 1.0 / self.position_scale if self.force_scale is None else self.force_scale
 
     def in_device_units(self, side: str, value: float) -> float:
@@ -101,7 +101,7 @@ class Pair(Block):
 
 
 class Coupling(Block):
-    """How master and slave are coupled; the law says which keys there are beside these."""
+    """How master and slave are coupled; the law adds keys to these."""
 
     law: str = Field(
         default="wave",
@@ -127,15 +127,15 @@ class Coupling(Block):
         return coupling_block(law) if isinstance(law, str) else _UnknownLaw
 
     def problems(self, rate_hz: float) -> Sequence[tuple[str, str]]:
-        """Return keys that do not fit the rate [Hz], each with a sentence."""
+        """Return keys that do not fit the rate [Hz], each with a message."""
         return ()
 
     def at_axis_rate(self) -> Self:
-        """Return the coupling as an end on a slow bus sees it, without what runs on the line."""
+        """Return the coupling as seen by an end on a slow bus, without what acts on the line."""
         return self
 
     def filter_step(self, period_s: float) -> float:
-        """Return the step of a low-pass on what travels [1] at a period [s]; 1 without one."""
+        """Return the coefficient of the line's low-pass [1] at a period [s]; 1 without one."""
         return 1.0
 
 
@@ -163,7 +163,7 @@ class AnyLaw(Coupling):
 
 
 class _UnknownLaw(AnyLaw):
-    """A coupling of a law that nobody knows."""
+    """A coupling with an unknown law."""
 
     law: Annotated[str, AfterValidator(_refuse_law)] = "wave"
 
@@ -223,13 +223,13 @@ def _choose_law(value: Any, handler: Any, info: ValidationInfo) -> Any:
         inner = pair_block(block)
         pairs = value["pairs"].items()
         value = {**value, "pairs": {name: _without_blanks(pair, inner) for name, pair in pairs}}
-    if info.mode == "json":  # lists may fill tuples there
+    if info.mode == "json":  # JSON mode accepts lists for tuples
         return block.model_validate_json(json.dumps(value), strict=True)
     return block.model_validate(value, strict=True)
 
 
 def _without_blanks(value: Any, block: type[Block]) -> Any:
-    """Leave out keys of other laws that say nothing: resolved rigs of version 1 list them all."""
+    """Drop null keys of other laws: resolved rigs of version 1 list them all."""
     if not isinstance(value, dict):
         return value
     blank = [
@@ -249,8 +249,8 @@ class Loop(Block):
 
     engine: Literal["python", "compiled"] = Field(
         default="python",
-        description="What the controller of a coupling runs as, the same numbers to the bit: plain "
-        "Python, or machine code (numba), compiled before anything is enabled.",
+        description="How the controller of a coupling runs, with identical results: plain Python, "
+        "or machine code (numba), compiled before anything is enabled.",
     )
 
     missing_limit: Annotated[int, Field(ge=1)] = Field(

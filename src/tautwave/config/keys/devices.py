@@ -25,7 +25,7 @@ class Bus(Block):
 
 
 class Belief(Block):
-    """What is believed of a device: best estimate, safe lower bound, and where they come from."""
+    """A belief about a device: best estimate, safe lower bound, and where they come from."""
 
     value: float
     lower: float
@@ -42,7 +42,7 @@ class Belief(Block):
 
 
 class Inertia(Belief):
-    """What is believed of a device's inertia [kg m^2 | kg]."""
+    """Belief about a device's inertia [kg m^2 | kg]."""
 
     value: Positive = Field(description="[kg m^2 | kg] Best estimate.")
     lower: Positive = Field(
@@ -55,7 +55,7 @@ class Inertia(Belief):
 
 
 class Damping(Belief):
-    """What is believed of a device's viscous damping [N m s/rad | N s/m]."""
+    """Belief about a device's viscous damping [N m s/rad | N s/m]."""
 
     value: NonNegative = Field(description="[N m s/rad | N s/m] Best estimate.")
     lower: NonNegative = Field(
@@ -67,7 +67,7 @@ class Damping(Belief):
 
 
 class Coulomb(Belief):
-    """What is believed of a device's Coulomb friction [N m | N]."""
+    """Belief about a device's Coulomb friction [N m | N]."""
 
     value: NonNegative = Field(description="[N m | N] Best estimate.")
     lower: NonNegative = Field(
@@ -96,7 +96,7 @@ def _check_range(ends: tuple[float, float]) -> tuple[float, float]:
 
 
 class Axis(Block):
-    """One axis of a device: where it hangs, what it takes, what is believed of it, its limits."""
+    """One axis of a device: its bus, causality, believed parameters and limits."""
 
     bus: str = Field(description="Name of the bus in `buses`.")
     id: Annotated[int, Field(ge=0)] = Field(description="The device's number on that bus.")
@@ -157,7 +157,7 @@ class Axis(Block):
 
     @property
     def held_bias(self) -> float:
-        """Velocity [rad/s | m/s] that its tracker believes per effort given, while it is held."""
+        """Velocity [rad/s | m/s] that the tracker of a held axis estimates per unit of effort."""
         return 0.0 if self.inertia is None else self.velocity_filter_s / self.inertia.lower
 
 

@@ -18,7 +18,7 @@ from tautwave.config.keys.simulation import AxisSimulation, EnvironmentPart, Sim
 from tautwave.contracts import AxisSpec, BusSpec
 
 VELOCITY_TIME_CONSTANT_S = 0.002
-"""[s] Velocity loop of a simulated admittance axis that does not say its own."""
+"""[s] Default velocity loop time constant of a simulated admittance axis."""
 
 
 def _no_slave() -> Side:
@@ -74,7 +74,7 @@ class Rig(Block):
     _source: Path | None = PrivateAttr(default=None)
 
     def __eq__(self, other: object) -> bool:
-        """Rigs are equal if all keys are; where they were read from does not matter."""
+        """Rigs are equal if all keys are, wherever they were read from."""
         if not isinstance(other, Rig):
             return NotImplemented
         return all(getattr(self, key) == getattr(other, key) for key in Rig.model_fields)
@@ -83,7 +83,7 @@ class Rig(Block):
 
     @property
     def source(self) -> Path | None:
-        """The file this rig was read from, None if it was none."""
+        """The file this rig was read from, None if there was none."""
         return self._source
 
     def read_from(self, path: Path) -> Self:
@@ -107,7 +107,7 @@ class Rig(Block):
         return self.buses[self.axes[axis_name].bus].divisor
 
     def axis_period_s(self, axis_name: str) -> float:
-        """[s] Between two exchanges with an axis; `period_s` on a bus served every cycle."""
+        """[s] Time between two exchanges with an axis; `period_s` on a bus served every cycle."""
         return self.period_s * self.axis_divisor(axis_name)
 
     @property
@@ -131,7 +131,7 @@ class Rig(Block):
 
 
 class AxisTruth(NamedTuple):
-    """What is true of a simulated axis, complete; units as in the keys of the same names."""
+    """The complete truth about a simulated axis; units as in the keys of the same names."""
 
     inertia: float
     damping: float
@@ -147,7 +147,7 @@ class AxisTruth(NamedTuple):
 
 
 def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
-    """Return the truth of one axis, drawn from the rig's belief where it is not given.
+    """Return the truth of one axis, by default the rig's belief.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
 
 
 def count_velocity(rig: Rig, axis_name: str, quantum: float) -> float:
-    """Return what one encoder count of `quantum` [rad or m] reads as at rest [rad/s or m/s].
+    """Return the velocity [rad/s or m/s] that one encoder count of `quantum` [rad or m] reads as.
 
     An impedance axis sees it behind its velocity filter t_f, quantum / (T + t_f), in its bus'
     period T; an admittance axis has no filter.
@@ -193,13 +193,13 @@ def count_velocity(rig: Rig, axis_name: str, quantum: float) -> float:
 
 
 def has_environment_parts(rig: Rig) -> bool:
-    """Return whether a slave meets an environment of others' making, which no compiler has seen."""
+    """Return whether a slave touches an external environment part, which cannot be compiled."""
     environments = {} if rig.simulation is None else rig.simulation.environment
     return any(isinstance(keys, EnvironmentPart) for keys in environments.values())
 
 
 def bus_spec(rig: Rig, bus_name: str) -> BusSpec:
-    """Return what the driver of a bus has to know of it; the master's axes come first."""
+    """Return what the driver of a bus has to know about it; the master's axes come first."""
     axes = tuple(_axis_spec(name, axis) for name, axis in rig.axes.items() if axis.bus == bus_name)
     divisor = rig.buses[bus_name].divisor
     return BusSpec(bus_name, axes, rig.rate_hz / divisor, divisor=divisor)

@@ -2,7 +2,7 @@
 
 A block with `count: n` stands for n parts of the same kind: mass `grain` with count 10 is grain1 to
 grain10, and a link between `grain` and `floor` is ten links. Lengths are in the scene's own metres
-(rad on a rotary axis), positions grow upwards.
+(rad on a rotary axis), positions are positive upwards.
 """
 
 from __future__ import annotations
@@ -16,36 +16,38 @@ from tautwave.config.keys.common import Block, Name, NonNegative, Positive
 Exponent = Annotated[float, Field(ge=1, le=10)]
 Ends = Annotated[
     tuple[Name, Name],
-    Field(description="The two nodes; stretch is position of the first less the second's."),
+    Field(
+        description="The two nodes; stretch is the position of the first minus that of the second."
+    ),
 ]
 
 
 class SceneMass(Block):
     """A mass, or several of a kind."""
 
-    mass: Positive = Field(description="[kg | kg m^2] Of each.")
+    mass: Positive = Field(description="[kg | kg m^2] Mass of each.")
     count: Annotated[int, Field(ge=1, le=100_000)] = Field(
         default=1, description="How many: NAME1, NAME2, ... if more than one."
     )
-    position: float = Field(default=0.0, description="[m | rad] Where the first one starts.")
-    spacing: float = Field(default=0.0, description="[m | rad] From each to the next.")
-    velocity: float = Field(default=0.0, description="[m/s | rad/s] At the start.")
+    position: float = Field(default=0.0, description="[m | rad] Start position of the first.")
+    spacing: float = Field(default=0.0, description="[m | rad] Distance from each to the next.")
+    velocity: float = Field(default=0.0, description="[m/s | rad/s] Start velocity.")
     damping: NonNegative = Field(
-        default=0.0, description="[N s/m | N m s/rad] Of each against the ground."
+        default=0.0, description="[N s/m | N m s/rad] Damping of each to ground."
     )
 
 
 class Chain(Block):
-    """What all links share."""
+    """Keys of all links."""
 
     between: Ends
     chain: bool = Field(
-        default=False, description="Both ends are one group: from each of it to the next."
+        default=False, description="Both ends are one group: link each member to the next."
     )
 
 
 class SpringLink(Chain):
-    """A spring with a damper beside it, both ways."""
+    """A spring and a damper in parallel, acting both ways."""
 
     type: Literal["spring"] = Field(description="Kind of link.")
     stiffness: Positive = Field(description="[N/m | N m/rad]")
@@ -66,15 +68,15 @@ class ContactLink(Chain):
     type: Literal["contact"] = Field(description="Kind of link.")
     stiffness: Positive = Field(description="[N/m**exponent]")
     exponent: Exponent = Field(default=1.0, description="1: linear; 1.5: Hertz; 2: squared.")
-    loss: NonNegative = Field(default=0.0, description="[s/m] Hunt and Crossley's.")
+    loss: NonNegative = Field(default=0.0, description="[s/m] Hunt and Crossley's loss factor.")
     gap: float = Field(
         default=0.0,
-        description="[m | rad] They touch when the first is closer than this above the second.",
+        description="[m | rad] Contact begins when the first is closer than this above the second.",
     )
 
 
 class NonlinearLink(Chain):
-    """A spring that gets stiffer both ways: stiffness * stretch**exponent."""
+    """A spring that stiffens both ways: stiffness * stretch**exponent."""
 
     type: Literal["nonlinear"] = Field(description="Kind of link.")
     stiffness: Positive = Field(description="[N/m**exponent]")
@@ -83,7 +85,7 @@ class NonlinearLink(Chain):
 
 
 class PlasticLink(Chain):
-    """A spring that gives way above a force and stays there: clay, or a plectrum."""
+    """A spring that yields above a force and keeps its set: clay, or a plectrum."""
 
     type: Literal["plastic"] = Field(description="Kind of link.")
     stiffness: Positive = Field(description="[N/m | N m/rad]")
@@ -108,18 +110,20 @@ class BowLink(Chain):
 
 
 class NegativeDamperLink(Chain):
-    """A damper that feeds. Nothing with one is certified."""
+    """A damper that feeds energy. No rig with one is certified."""
 
     type: Literal["negative_damper"] = Field(description="Kind of link.")
-    damping: Positive = Field(description="[N s/m | N m s/rad] That it gives.")
+    damping: Positive = Field(description="[N s/m | N m s/rad] Negative damping.")
 
 
 class EnergySourceLink(Chain):
-    """A motor that gives its power away at any speed. Nothing with one is certified."""
+    """A motor that delivers its power at any speed. No rig with one is certified."""
 
     type: Literal["energy_source"] = Field(description="Kind of link.")
     power: Positive = Field(description="[W]")
-    speed: Positive = Field(default=0.01, description="[m/s | rad/s] Below it less.")
+    speed: Positive = Field(
+        default=0.01, description="[m/s | rad/s] Below this speed it delivers less."
+    )
 
 
 SceneLink = Annotated[
@@ -159,10 +163,10 @@ class SceneString(Block):
     impedance: Positive = Field(description="[N s/m] sqrt(tension * mass per length).")
     frequency_hz: Positive = Field(description="[Hz] Pitch; made a whole number of samples.")
     position: Annotated[float, Field(gt=0, lt=1)] = Field(
-        default=0.1, description="Share of the length at which it is touched."
+        default=0.1, description="Where it is touched, as a share of its length."
     )
     reflection: Annotated[float, Field(ge=0, le=1)] = Field(
-        default=0.995, description="Of a wave at either end."
+        default=0.995, description="Reflection of a wave at either end."
     )
     brightness_hz: Positive | None = Field(
         default=None, description="[Hz] Corner of a low-pass at either end; none: lossless there."
@@ -179,7 +183,7 @@ class SineForce(Block):
 
 
 class NoiseForce(Block):
-    """Noise from the rig's seed, another one for each mass of a group."""
+    """Noise from the rig's seed, independent for each mass of a group."""
 
     type: Literal["noise"] = Field(description="Kind of force.")
     on: Name = Field(description="Mass, or group of masses.")
@@ -189,13 +193,13 @@ class NoiseForce(Block):
 
 
 class TapForce(Block):
-    """Short taps at random from the rig's seed, another pattern for each mass of a group."""
+    """Short random taps from the rig's seed, independent for each mass of a group."""
 
     type: Literal["taps"] = Field(description="Kind of force.")
     on: Name = Field(description="Mass, or group of masses.")
     amplitude: Positive = Field(description="[N | N m] Greatest.")
-    per_second: Positive = Field(description="[1/s] How many on average.")
-    length_s: Positive = Field(default=0.002, description="[s] Of each, half a sine.")
+    per_second: Positive = Field(description="[1/s] Mean rate.")
+    length_s: Positive = Field(default=0.002, description="[s] Length of each, half a sine.")
 
 
 class SoundForce(Block):
@@ -206,7 +210,7 @@ class SoundForce(Block):
     file: Annotated[str, Field(min_length=1)] = Field(
         description="WAV file, PCM of 8 to 32 bits or float; relative to the rig file."
     )
-    amplitude: Positive = Field(description="[N | N m] At full scale.")
+    amplitude: Positive = Field(description="[N | N m] Force at full scale.")
     channel: Literal["mono"] | Annotated[int, Field(ge=1)] = Field(
         default="mono", description="From 1; mono: the mean of all."
     )
@@ -224,7 +228,7 @@ SceneForce = Annotated[SineForce | NoiseForce | TapForce | SoundForce, Field(dis
 
 
 class SceneOutput(Block):
-    """What is heard: the force on a port, high-passed, as output.wav of a run."""
+    """Audio output: the force on a port, high-passed, as output.wav of a run."""
 
     port: Name | None = Field(default=None, description="Default: the first.")
     highpass_hz: Positive = Field(default=20.0, description="[Hz] Corner.")
@@ -234,11 +238,12 @@ class Scene(Block):
     """A mass-interaction network under the hand."""
 
     dimension: Literal[1] = Field(
-        default=1, exclude=True, description="1, or 3: points in space, with keys of their own."
+        default=1, exclude=True, description="1, or 3: points in space, with separate keys."
     )
     scheme: Literal["auto", "exact", "symplectic", "rk4", "discrete_gradient"] = Field(
         default="discrete_gradient",
-        description="auto: the least error at the rig's rate, found by trial; `check` shows which. "
+        description="auto: the scheme with the least error at the rig's rate, found by trial; "
+        "`check` shows which. "
         "exact: linear networks, any rate; symplectic: the standard one, w T < 2; "
         "rk4: fourth order, w T < 2.8, no plastic links; "
         "discrete_gradient: keeps the energy at any stiffness.",
@@ -259,13 +264,13 @@ class Scene(Block):
         description="One per axis of the master, by the axis' name."
     )
     forces: dict[Name, SceneForce] = Field(
-        default_factory=dict, description="Outside forces on masses, by name."
+        default_factory=dict, description="External forces on masses, by name."
     )
     record: list[Name] = Field(
         default_factory=list,
         description="Masses to keep and record even if they affect no port.",
     )
-    output: SceneOutput = Field(default_factory=SceneOutput, description="What is heard.")
+    output: SceneOutput = Field(default_factory=SceneOutput, description="Audio output.")
     engage_ramp_s: NonNegative = Field(
         default=0.2, description="[s] Fade-in time of the scene's efforts."
     )

@@ -1,4 +1,4 @@
-"""`scene` with `dimension: 3`: a network of points, whose links act along the line between ends.
+"""`scene` with `dimension: 3`: a network of points with links along the line between their ends.
 
 The keys are those of `tautwave.config.keys.scene`, with vectors [x, y, z] where a number was one
 coordinate; z points upwards. Groups may have rows, which makes a net of them.
@@ -35,18 +35,20 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 class Mass3d(Block):
     """A point with a mass, a row of them, or a net of rows."""
 
-    mass: Positive = Field(description="[kg] Of each.")
+    mass: Positive = Field(description="[kg] Mass of each.")
     count: Annotated[int, Field(ge=1, le=100_000)] = Field(
         default=1, description="How many in a row: NAME1, NAME2, ... if more than one in all."
     )
     rows: Annotated[int, Field(ge=1, le=100_000)] = Field(
-        default=1, description="How many rows, named on."
+        default=1, description="How many rows; numbering continues from row to row."
     )
-    position: Vector = Field(default=ZERO, description="[m] Where the first one starts.")
-    spacing: Vector = Field(default=ZERO, description="[m] From each to the next in its row.")
-    row_spacing: Vector = Field(default=ZERO, description="[m] From each row to the next.")
-    velocity: Vector = Field(default=ZERO, description="[m/s] At the start.")
-    damping: NonNegative = Field(default=0.0, description="[N s/m] Of each against the ground.")
+    position: Vector = Field(default=ZERO, description="[m] Start position of the first.")
+    spacing: Vector = Field(
+        default=ZERO, description="[m] Offset from each to the next in its row."
+    )
+    row_spacing: Vector = Field(default=ZERO, description="[m] Offset from each row to the next.")
+    velocity: Vector = Field(default=ZERO, description="[m/s] Start velocity.")
+    damping: NonNegative = Field(default=0.0, description="[N s/m] Damping of each to ground.")
     clamped: bool = Field(
         default=False, description="Its rim is fixed: both ends of a row, all four sides of a net."
     )
@@ -56,7 +58,7 @@ class ContactLink3d(ContactLink):
     """A contact of two spheres, or of a point and a plane, that only pushes."""
 
     gap: float = Field(
-        default=0.0, description="[m] They touch when they are closer: the sum of both radii."
+        default=0.0, description="[m] Contact begins below this distance: the sum of both radii."
     )
     normal: Vector | None = Field(
         default=None, description="The second end is a plane; direction of its outward normal."
@@ -103,25 +105,33 @@ class Port3d(Block):
 class Sine3d(SineForce):
     """A tone along a direction."""
 
-    direction: Vector = Field(default=(0.0, 0.0, 1.0), description="Of any length.")
+    direction: Vector = Field(
+        default=(0.0, 0.0, 1.0), description="Direction; its length does not matter."
+    )
 
 
 class Noise3d(NoiseForce):
     """Noise along a direction."""
 
-    direction: Vector = Field(default=(0.0, 0.0, 1.0), description="Of any length.")
+    direction: Vector = Field(
+        default=(0.0, 0.0, 1.0), description="Direction; its length does not matter."
+    )
 
 
 class Taps3d(TapForce):
     """Taps along a direction."""
 
-    direction: Vector = Field(default=(0.0, 0.0, 1.0), description="Of any length.")
+    direction: Vector = Field(
+        default=(0.0, 0.0, 1.0), description="Direction; its length does not matter."
+    )
 
 
 class Sound3d(SoundForce):
     """A sound along a direction."""
 
-    direction: Vector = Field(default=(0.0, 0.0, 1.0), description="Of any length.")
+    direction: Vector = Field(
+        default=(0.0, 0.0, 1.0), description="Direction; its length does not matter."
+    )
 
 
 Force3d = Annotated[Sine3d | Noise3d | Taps3d | Sound3d, Field(discriminator="type")]
@@ -140,7 +150,7 @@ class Scene3d(Block):
         default="auto", description="Execution engine; results are bit-identical."
     )
     gravity: float | Vector = Field(
-        default=0.0, description="[m/s^2] A number: downwards, along -z; or a vector."
+        default=0.0, description="[m/s^2] A number: downward, along -z; or a vector."
     )
     masses: dict[Name, Mass3d] = Field(default_factory=dict, description="By name.")
     grounds: dict[Name, Vector] = Field(
@@ -151,13 +161,13 @@ class Scene3d(Block):
         description="Points that axes of the master move, by name."
     )
     forces: dict[Name, Force3d] = Field(
-        default_factory=dict, description="Outside forces on masses, by name."
+        default_factory=dict, description="External forces on masses, by name."
     )
     record: list[Name] = Field(
         default_factory=list,
         description="Masses to keep and record even if they affect no port.",
     )
-    output: SceneOutput = Field(default_factory=SceneOutput, description="What is heard.")
+    output: SceneOutput = Field(default_factory=SceneOutput, description="Audio output.")
     engage_ramp_s: NonNegative = Field(
         default=0.2, description="[s] Fade-in time of the scene's efforts."
     )

@@ -19,7 +19,7 @@ from tautwave.registry import ENVIRONMENTS, HANDS
 
 
 class AxisSimulation(Block):
-    """What is true of one axis; whatever is not given is as the rig believes."""
+    """The truth about one axis; by default what the rig believes."""
 
     inertia: Positive | None = Field(default=None, description="[kg m^2 | kg] Impedance axes.")
     damping: NonNegative | None = Field(
@@ -52,7 +52,7 @@ class MinimumJerk(Block):
 
     type: Literal["minimum_jerk"] = Field(description="Kind of reference.")
     waypoints: Annotated[tuple[tuple[NonNegative, float], ...], Field(min_length=1)] = Field(
-        description="[s], [rad | m] Times, rising, and positions; held constant before and after."
+        description="[s], [rad | m] Increasing times, and positions; constant before and after."
     )
 
 
@@ -93,7 +93,7 @@ Reference = Annotated[MinimumJerk | Multisine | Hold | Recording, Field(discrimi
 
 
 class Grip(Block):
-    """How a hand holds: a mass on the device, spring and damper to where it wants to be.
+    """The grip of a hand: a mass on the device, spring and damper to its wanted position.
 
     The defaults are a light grip, in N and m; on a rotary axis the `lever_arm` turns them into
     rotary ones (times its square).
@@ -115,7 +115,7 @@ class Hand(Grip):
 
 
 class HandPart(Grip):
-    """Base of the keys of a hand that is a part: the grip, which part, and which text of it."""
+    """Base of the keys of a hand that is a part: the grip, the part, and the hash of its text."""
 
     part_group: ClassVar[str] = HANDS
 
@@ -124,7 +124,7 @@ class HandPart(Grip):
 
 
 class EnvironmentPart(Block):
-    """Base of the keys of an environment that is a part: which part, and which text of it."""
+    """Base of the keys of an environment that is a part: the part, and the hash of its text."""
 
     part_group: ClassVar[str] = ENVIRONMENTS
 
@@ -133,13 +133,13 @@ class EnvironmentPart(Block):
 
 
 class Free(Block):
-    """Nothing to touch."""
+    """No environment."""
 
     type: Literal["free"] = Field(description="Kind of environment.")
 
 
 class Spring(Block):
-    """A spring that pulls both ways."""
+    """A spring that acts both ways."""
 
     type: Literal["spring"] = Field(description="Kind of environment.")
     stiffness: Positive = Field(description="[N m/rad | N/m]")
@@ -183,7 +183,7 @@ AnyHand = Annotated[
 
 
 class Faults(Block):
-    """Mishaps drawn from the rig's seed."""
+    """Random faults drawn from the rig's seed."""
 
     missing_probability: Probability = Field(
         default=0.0, description="Probability of a missing sample, per axis and cycle."
@@ -197,7 +197,7 @@ class Faults(Block):
 
 
 class Integrator(Block):
-    """How simulated devices are moved within a cycle; see `tautwave.models.integrators`."""
+    """How the motion of simulated devices is integrated; see `tautwave.models.integrators`."""
 
     scheme: Literal[
         "auto",
@@ -236,4 +236,4 @@ class Simulation(Block):
         description="Of impedance axes; default: exact at walls and springs, discrete_gradient "
         "in foam.",
     )
-    faults: Faults = Field(default_factory=Faults, description="Mishaps; default: none.")
+    faults: Faults = Field(default_factory=Faults, description="Random faults; default: none.")

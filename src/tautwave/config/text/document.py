@@ -1,4 +1,4 @@
-"""A rig file as plain values that know where they were written, and `--set` on top of it."""
+"""A rig file as plain values with the line of each, and `--set` on top of it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from tautwave.config.text.yaml12 import KeyPath, Mark, Problem, SyntaxProblem, p
 from tautwave.errors import ConfigError
 
 LARGEST = 256 * 1024
-"""Bytes. A rig is a page; what is larger is not one (a recording given by mistake, say)."""
+"""[bytes] A rig is about a page; a larger file is not a rig (perhaps a recording given by
+mistake)."""
 
 _WORD = re.compile(r"[\w.-]+")
 
@@ -29,10 +30,10 @@ def show_path(path: KeyPath) -> str:
 
 @dataclass
 class Document:
-    """What was read, before it is known to be a rig.
+    """The parsed file before validation.
 
-    `marks` has a place per path, `spoiled` the paths whose value cannot be judged because it was
-    refused already, `problems` what was wrong so far.
+    `marks` has a place per path, `spoiled` the paths whose value was already refused, `problems`
+    the mistakes so far.
     """
 
     name: str
@@ -85,7 +86,7 @@ class Document:
 
 
 def read_text(path: Path, kind: str = "rig file") -> str:
-    """Return the text of a rig file, or of another `kind` of file that is a page or so.
+    """Return the text of a rig file, or of another `kind` of short file.
 
     Raises
     ------
@@ -123,7 +124,7 @@ def open_document(text: str, name: str, folder: Path, kind: str = "rig file") ->
 
 
 def describe_kind(value: Any) -> str:
-    """Return what kind of value this is, in a word."""
+    """Return the kind of this value, in a word."""
     if value is None:
         return "empty"
     if isinstance(value, bool):
@@ -148,7 +149,7 @@ def show_value(value: Any) -> str:
 
 
 def nearest(word: str, known: Sequence[str], prefix: str = "") -> str:
-    """Return `; did you mean 'x'?`, or '' where nothing is near; `prefix` goes before the x."""
+    """Return `; did you mean 'x'?`, or '' if nothing is close; `prefix` goes before the x."""
     import difflib  # only needed once something is wrong
 
     close = difflib.get_close_matches(word, known, n=1)

@@ -1,4 +1,4 @@
-"""`--set a.b=c`: one value laid over the rig file, read and checked like the file itself."""
+"""`--set a.b=c`: one value applied to the rig file, read and checked like the file itself."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class _Word(NamedTuple):
 
 
 def apply_overrides(document: Document, overrides: Sequence[str]) -> None:
-    """Lay every `a.b=c` over the document, in order; mistakes are noted in the document."""
+    """Apply every `a.b=c` to the document, in order; mistakes are noted in the document."""
     for argument in overrides:
         mark = Mark(0, argument)
         try:
@@ -34,7 +34,7 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> None:
 
 
 def _read(argument: str) -> tuple[list[_Word], Parsed]:
-    """Return the keys of an argument and its value; a sweep asks for the same ones often."""
+    """Return the keys of an argument and its value; cached, since a sweep repeats them often."""
     known = _numbers.get(argument)
     if known is None:
         keys, text = _split(argument)
@@ -66,7 +66,7 @@ def _split(argument: str) -> tuple[list[_Word], str]:
 
 
 def _put(document: Document, keys: list[_Word], parsed: Parsed, argument: str) -> None:
-    """Set the value, making the mappings on the way to it that do not exist yet."""
+    """Set the value, creating missing mappings on the way."""
     node: Any = document.value
     path: KeyPath = ()
     while True:
@@ -111,7 +111,7 @@ def _next_key(node: Any, path: KeyPath, keys: list[_Word]) -> tuple[str | int, l
 
 
 def _mark(document: Document, path: KeyPath, parsed: Parsed, argument: str) -> None:
-    """Replace everything the document knew at and below `path` by the argument's own."""
+    """Replace all marks of the document at and below `path` by the argument's."""
     for known in [p for p in document.marks if p[: len(path)] == path]:
         del document.marks[known]
     document.spoiled = {p for p in document.spoiled if p[: len(path)] != path}

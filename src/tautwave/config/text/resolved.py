@@ -16,14 +16,14 @@ _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 def resolved_yaml(rig: Rig) -> str:
     """Return the rig as YAML 1.2 text.
 
-    `load_rig` on it gives an equal rig wherever it lies, as long as recorded references stay
-    where they are.
+    `load_rig` on it returns an equal rig wherever the file is, as long as recorded references are
+    not moved.
     """
     values = rig.model_dump(mode="json")
     for key in ("scene",) if rig.scene is None else ("slave", "coupling"):
         del values[key]
     if values.get("coupling", {}).get("part_sha256", "") is None:
-        del values["coupling"]["part_sha256"]  # of a law that is installed
+        del values["coupling"]["part_sha256"]  # of an installed law
     return "\n".join(["# Resolved rig: every default is explicit.", *_lines(values, 0)]) + "\n"
 
 
@@ -50,7 +50,7 @@ def _flow(value: Any) -> str:
 
 
 def _text(text: str) -> str:
-    """Return text plain where YAML takes it for text, else in double quotes."""
+    """Return text unquoted if YAML reads it as text, else in double quotes."""
     if _PLAIN.fullmatch(text) and not text.endswith(" ") and read_scalar(text) == text:
         return text
     return '"' + "".join(_escape(letter) for letter in text) + '"'

@@ -20,7 +20,7 @@ from tautwave.errors import ConfigError
 KeyPath = tuple[str | int, ...]
 
 DEEPEST = 24
-"""A rig needs 8 levels; more than this is a mistake or an attack, and is refused."""
+"""A rig needs 8 levels; anything deeper is a mistake or an attack, and is refused."""
 
 _INT = re.compile(r"[-+]?[0-9]+")
 _OCTAL = re.compile(r"0o[0-7]{1,20}")
@@ -50,7 +50,7 @@ class Problem(NamedTuple):
 
 
 class Parsed(NamedTuple):
-    """Plain values, a mark per path, paths whose value cannot be judged, and what was wrong."""
+    """Plain values, a mark per path, paths whose value was refused, and the mistakes."""
 
     value: Any
     marks: dict[KeyPath, Mark]
@@ -101,13 +101,13 @@ def parse_yaml(text: str, mark: Mark | None = None) -> Parsed:
     text : str
         The document.
     mark : Mark, optional
-        Given to every value instead of its line, for text that is no file.
+        Given to every value instead of its line, for text that is not from a file.
 
     Returns
     -------
     Parsed
         `value` is None for an empty document; `problems` holds everything that YAML allows and a
-        rig file does not (duplicate keys, anchors, aliases, tags, keys that are no plain text).
+        rig file does not (duplicate keys, anchors, aliases, tags, keys that are not plain text).
 
     Raises
     ------
@@ -241,7 +241,7 @@ class _Builder:
         return None
 
     def skip(self) -> None:
-        """Read one value and forget it."""
+        """Read one value and discard it."""
         depth = 0
         while True:
             event = self.events.get_event()

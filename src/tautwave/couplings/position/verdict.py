@@ -22,7 +22,16 @@ from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.config import Rig, local_wall
 from tautwave.couplings.position.from_keys import coupler_constants
 from tautwave.couplings.position.keys import PositionPair
+from tautwave.couplings.position.steps import PositionEndParams
 from tautwave.types import CommandDelay
+
+
+def port_constants(rig: Rig, axis_name: str) -> PositionEndParams:
+    """Return spring and damper as one device feels them."""
+    side, name = axis_name.split(".")
+    keys = rig.coupling.pairs[name]
+    assert isinstance(keys, PositionPair)
+    return coupler_constants(keys, side)
 
 
 def damping_between(first: float, second: float) -> float:
@@ -44,13 +53,11 @@ def _coupler(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Iterato
 def _at_once(rig: Rig, pair: str, late: float) -> Element:
     """Return the verdict on a coupling without delay: a wall on the relative motion."""
     names = [f"{side}.{pair}" for side in SIDES]
-    keys = rig.coupling.pairs[pair]
-    assert isinstance(keys, PositionPair)
-    master, slave = (coupler_constants(keys, side) for side in SIDES)
+    master = port_constants(rig, names[0])
     wall = SampledWall(master.stiffness, master.damping, rig.period_s, late)
     needed = wall_leak(wall).damping
     # the slave's damping as the master would feel it
-    leverage = slave.stiffness / master.stiffness
+    leverage = port_constants(rig, names[1]).stiffness / master.stiffness
     present = [rig.axes[name].damping.lower - _of_wall(rig, name, late) for name in names]
     present = [max(0.0, present[0]), max(0.0, present[1] / leverage)]
     between = damping_between(present[0], present[1])
@@ -112,9 +119,7 @@ def _delayed(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Element
     4 d_m d_s > (T_m + T_s)^2 K_m K_s (Nuno et al. 2009) in continuous time, the delays from a
     motion at one end until its effort at the other, half a period of hold included.
     """
-    keys = rig.coupling.pairs[pair]
-    assert isinstance(keys, PositionPair)
-    stiffness = [coupler_constants(keys, side).stiffness for side in SIDES]
+    stiffness = [port_constants(rig, f"{side}.{pair}").stiffness for side in SIDES]
     there = [
         rig.coupling.delay_s
         + rig.period_s * (0.5 + delay_in_periods(rig, delays[f"{side}.{pair}"]))

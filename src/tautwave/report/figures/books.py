@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def energy_figure(view: EnergyView, pair: str) -> Figure | None:
-    """Stored, absorbed and dissipated energy of every element, and what does not balance."""
+    """Stored, absorbed and dissipated energy of every element, and the imbalance."""
     if not view.elements:
         return None
     titles = {
@@ -51,7 +51,7 @@ def _account(panel: Axes, view: EnergyView, kind: str) -> None:
     for element, line in lines.items():
         style = element_style(element)
         draw(panel, line, factor, label_of(element), **style)
-        # Areas only where little overlaps; with signs mixed they would hide each other.
+        # Areas only if they hardly overlap; with mixed signs they would hide each other.
         if kind == "stored" and len(lines) <= 4 and float(np.nanmin(line.value)) >= 0.0:
             panel.fill_between(
                 line.time, factor * line.value, color=style["color"], alpha=0.18, linewidth=0
@@ -80,9 +80,9 @@ def _balance(panel: Axes, view: EnergyView) -> None:
 
 
 def timing_figure(run: Run) -> Figure | None:
-    """Histograms of period, lateness and compute time, and when the slow cycles were.
+    """Histograms of period, lateness and compute time, and the times of slow cycles.
 
-    Columns are taken one after the other, so that an hour of recording stays small in memory.
+    Columns are read one by one, so that an hour of recording stays small in memory.
     """
     time = run.time
     if time is None or len(time) < 2:
@@ -96,7 +96,7 @@ def timing_figure(run: Run) -> Figure | None:
         ("compute_us", "compute per cycle", INK),
     ):
         for values in run.read(name).values():
-            # What is not late at all has no place on a log axis: it is counted in the first bin.
+            # Zero lateness has no place on a log axis: it is counted in the first bin.
             shown = np.maximum(values, edges[0])
             tally, _ = np.histogram(shown[np.isfinite(shown)], edges)
             axes[1].stairs(tally, edges, color=colour, linewidth=1.5, label=label)
@@ -132,7 +132,7 @@ def _period(panel: Axes, periods: Floats, budget: float) -> None:
     if np.isfinite(budget):
         label = "period asked for"
         panel.axvline(budget, color=LIMIT, linewidth=1.3, linestyle="-.", label=label)
-    # One below the other: beside each other they have room on a wide figure only.
+    # Stacked: side by side they fit only in a wide figure.
     for beyond, text, at, side in (
         (int((known < least).sum()), f"down to {quantity(low * 1e-6, 's', 3)}", 0.96, "left"),
         (int((known > most).sum()), f"up to {quantity(high * 1e-6, 's', 3)}", 0.82, "right"),
@@ -151,10 +151,10 @@ def _period(panel: Axes, periods: Floats, budget: float) -> None:
 
 
 def period_axis(periods: Floats, centre: float) -> tuple[float, float]:
-    """Return the ends of an axis for periods: nearly all of them, not what one hiccup makes of it.
+    """Return the ends of an axis for periods that covers nearly all of them, ignoring outliers.
 
-    The middle 99.8 % with half their width on both sides, and `centre`; whatever is beyond is
-    stated as a count.
+    The middle 99.8 % with half their width on both sides, and `centre`; the figure states how many
+    lie beyond.
     """
     low, high = np.quantile(periods, (0.001, 0.999)).tolist()
     room = 0.5 * max(high - low, 0.01 * centre)
@@ -179,7 +179,7 @@ def _mark_skipped(panel: Axes, time: Floats, skipped: Floats) -> None:
     where = np.flatnonzero(skipped > 0)
     if len(where) == 0:
         return
-    # Thousands of marks say no more than a few hundred, and cost seconds.
+    # Thousands of marks show no more than a few hundred, and take seconds.
     some = where[:: max(1, len(where) // 400)]
     panel.plot(
         time[some],

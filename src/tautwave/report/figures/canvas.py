@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 def draw(axes: Axes, line: Trace | None, factor: float, label: str, **style: Any) -> None:
-    """One trace, multiplied by `factor`; nothing when there is no such trace.
+    """Draw one trace, multiplied by `factor`, if it exists.
 
-    Noise is drawn pale behind its mean, so that it neither hides nor is hidden.
+    Noise is drawn pale behind its mean, so that both stay visible.
     """
     if line is None or not line.time.size:
         return
@@ -32,7 +32,7 @@ def draw(axes: Axes, line: Trace | None, factor: float, label: str, **style: Any
 
 
 def shade(axes: Axes, contacts: Sequence[Contact], label: str = "", colour: str = SHADE) -> None:
-    """A pale ground where there was contact; one collection, however many contacts there are."""
+    """Shade the times of contact; one collection, however many contacts there are."""
     if not contacts:
         return
     from matplotlib.collections import PolyCollection
@@ -64,7 +64,7 @@ def shade(axes: Axes, contacts: Sequence[Contact], label: str = "", colour: str 
 def mark_stop(
     axes: Axes, stop: Stop | None, *, labelled: bool = True, reason: bool = False
 ) -> None:
-    """A line across the panel where the run was stopped, and why."""
+    """Draw a line across the panel where the run was stopped, and the reason."""
     if stop is not None:
         label = plain(stop.label(reason=reason)) if labelled else "_"
         axes.axvline(stop.at_s, color=LIMIT, linewidth=1.6, label=label)

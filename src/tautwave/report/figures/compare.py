@@ -1,4 +1,4 @@
-"""Two runs over each other: errors, energies, timing."""
+"""Two runs overlaid: errors, energies, timing."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def energy_of(run: Run, pair: str, which: int) -> Trace | None:
 
 
 def overlay_figure(title: str, shown: Sequence[Overlay], labels: tuple[str, str]) -> Figure | None:
-    """The panels that have anything to show, with both runs in each."""
+    """The non-empty panels, with both runs in each."""
     shown = [overlay for overlay in shown if peak(*overlay.lines) > 0.0]
     if not shown:
         return None

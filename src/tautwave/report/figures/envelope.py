@@ -1,4 +1,4 @@
-"""Fewer points for a line, without losing a peak."""
+"""Decimate a line without losing a peak."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ Floats = NDArray[np.float64]
 class Trace(NamedTuple):
     """A line to draw: `time` [s] and `value`, both of shape (n,); NaN breaks the line.
 
-    `middle_time` and `middle` are the means of the buckets, both None where nothing was left out:
-    under noise they show the signal, and `value` the noise with every peak of it.
+    `middle_time` and `middle` are the bucket means, both None if nothing was decimated: with noise
+    they show the signal, and `value` the noise with all its peaks.
     """
 
     time: Floats
@@ -28,7 +28,7 @@ class Trace(NamedTuple):
         return Trace(self.time, factor * self.value, self.middle_time, middle)
 
     def is_rough(self) -> bool:
-        """True where the line runs up and down far more than its means do: noise."""
+        """True if the line varies far more than its means do: noise."""
         if self.middle is None:
             return False
         inside, across = (np.nansum(np.abs(np.diff(v))) for v in (self.value, self.middle))
@@ -36,10 +36,10 @@ class Trace(NamedTuple):
 
 
 def decimate(values: Floats, buckets: int = 900) -> NDArray[np.intp]:
-    """Indices of the samples to keep: of every bucket the first, the least and the greatest.
+    """Indices of the samples to keep: the first, least and greatest of every bucket.
 
-    NaN breaks the line where it stood. Both ends are always kept, and a series short enough is
-    kept whole, so what is drawn are true samples and every extreme survives.
+    NaN breaks the line where it occurs. Both ends are always kept, and a short series is kept
+    whole, so the line consists of true samples and every extreme survives.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def trace(time: Floats, values: Floats, buckets: int = 900) -> Trace:
 
 
 def peak(*lines: Trace | None) -> float:
-    """Greatest magnitude in some traces; 0 where there is nothing finite."""
+    """Greatest magnitude in some traces; 0 if nothing is finite."""
     greatest = 0.0
     for line in lines:
         if line is None:
@@ -103,7 +103,7 @@ def peak(*lines: Trace | None) -> float:
 
 
 def spread(*lines: Trace | None) -> float:
-    """Greatest range, highest less lowest, of some traces; 0 where there is nothing finite."""
+    """Greatest range, highest minus lowest, of some traces; 0 if nothing is finite."""
     widest = 0.0
     for line in lines:
         if line is None:

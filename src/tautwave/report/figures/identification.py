@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NAME = "identification.png"
-UNDER = 2.6  # a line that lies under another of its course [pt]
+UNDER = 2.6  # width of a line drawn under another one [pt]
 MOST_POINTS = 4000
 
 
@@ -91,7 +91,7 @@ def contact_figure(
 
 
 def _band(axes: Axes, fit: ContactFit) -> None:
-    """All samples at once with the 95 % interval; the view stays on what is plausible."""
+    """Fit to all samples with its 95 % interval; the view is limited to plausible values."""
     level = fit.working_stiffness if fit.name == "hunt_crossley" else fit.parameters["stiffness"]
     axes.axhspan(level.lower, level.upper, color=SOFT, alpha=0.25, linewidth=0)
     axes.axhline(level.value, color=INK, linewidth=0.9, label="all samples,\n95 % interval")
@@ -100,7 +100,7 @@ def _band(axes: Axes, fit: ContactFit) -> None:
 
 
 def _contacts(t: Array, fit: ContactFit) -> list[Contact]:
-    """Stretches of rows that touch."""
+    """Intervals of rows in contact."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], fit.touching.astype(int), [0]])))
     last = len(t) - 1
     return [

@@ -1,4 +1,4 @@
-"""The figure of a map: stiffness over something else; grounds are simulated, lines predicted."""
+"""The figure of a map: stiffness over another quantity; shading simulated, lines predicted."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 FILE = "map.png"
 UNSTABLE = PAPER
 SHOWN = 26
-"""Markers of the simulated boundary along a panel: enough to see, few enough to see the line."""
+"""Number of markers of the simulated boundary along a panel; few enough to leave the line
+visible."""
 
 
 def write_map_figure(plan: MapPlan, result: MapResult, out: Path) -> Path:
@@ -108,7 +109,7 @@ def _draw(axes: Axes, keys: Plane, plane: StabilityPlane, start: Column, *, rota
         markerfacecolor=PAPER,
         markeredgewidth=1.2,
         markersize=4.5,
-        label="simulated motion\nbegins to pay" if quantised else "simulation begins\nto grow",
+        label="simulated motion\nbegins to gain" if quantised else "simulation begins\nto grow",
         zorder=3,
     )
     operating = start.wall.stiffness
@@ -130,7 +131,10 @@ def _draw(axes: Axes, keys: Plane, plane: StabilityPlane, start: Column, *, rota
         (UNSTABLE, "unstable"),
     ]
     if quantised:
-        grounds = [(PASSIVE, "no motion pays"), (UNSTABLE, "a motion gains\nenergy each cycle")]
+        grounds = [
+            (PASSIVE, "no motion gains energy"),
+            (UNSTABLE, "a motion gains\nenergy each cycle"),
+        ]
     for colour, label in grounds:
         axes.plot([], [], "s", color=colour, markeredgecolor=EDGE, markersize=9, label=label)
     axes.set_xlim(float(x[0]), float(x[-1]))
@@ -143,7 +147,7 @@ def _draw(axes: Axes, keys: Plane, plane: StabilityPlane, start: Column, *, rota
 
 
 def _end_line(axes: Axes, x: Any, limit: Any, low: float, colour: str) -> None:
-    """Let a limit fall off the panel where it ends: on a log scale 0 is far below."""
+    """Let a limit drop out of the panel where it ends: on a log scale 0 is far below."""
     inside = np.flatnonzero(limit > 0.0)
     if not len(inside):
         return

@@ -1,4 +1,4 @@
-"""Figures over several pairs, and of velocities at their limits, with what stopped the run."""
+"""Figures over several pairs, and of velocities near their limits, with the cause of a stop."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NEAR = 0.6
-"""Share of its velocity limit from which an axis is shown with it."""
+"""Share of its velocity limit above which an axis is shown with it."""
 
 _DASHED = (0, (5, 1.5))
 
 
 def overview_figure(views: Sequence[PairView]) -> Figure | None:
-    """One row per pair: positions at the left, the effort that is transmitted at the right."""
+    """One row per pair: positions on the left, the transmitted effort on the right."""
     shown = [view for view in views if not is_flat(view)]
     if not shown:
         return None
@@ -48,7 +48,7 @@ def overview_figure(views: Sequence[PairView]) -> Figure | None:
 
 
 def is_flat(view: PairView) -> bool:
-    """Whether neither positions nor transmitted efforts of a pair leave what counts as nothing."""
+    """Whether positions and transmitted efforts of a pair all stay flat."""
     places = [view.lines.get(f"{side}.position") for side in SIDE]
     efforts = [view.lines.get(f"{side}.transmitted") for side in SIDE]
     still = max((view.least.get(f"{side}.position", 0.0) for side in SIDE), default=0.0)
@@ -56,7 +56,7 @@ def is_flat(view: PairView) -> bool:
 
 
 def velocity_figure(view: PairView) -> Figure | None:
-    """Velocities and their limits, where a limit was near or something stopped the run."""
+    """Velocities and their limits, if one came near its limit or the run was stopped."""
     sides = [side for side in SIDE if _is_fast(view, side)]
     if not sides:
         return None

@@ -47,7 +47,7 @@ _GROUNDS = (
 
 
 def tracking_figure(view: PairView) -> Figure | None:
-    """Positions of master and slave in master units, and their difference beneath."""
+    """Positions of master and slave in master units, with their difference below."""
     lines = view.lines
     if "master.position" not in lines and "slave.position" not in lines:
         return None
@@ -72,7 +72,7 @@ def tracking_figure(view: PairView) -> Figure | None:
     factor, label = scale_for(peak(error), unit)
     _shade(below, view, False)
     if expected is not None and expected.middle is not None and expected.is_rough():
-        # The noise of the effort says nothing about an offset.
+        # Noise of the effort is irrelevant to the offset.
         assert expected.middle_time is not None
         expected = Trace(expected.middle_time, expected.middle)
     draw(below, expected, factor, "standing offset", color=SOFT, linestyle=":", linewidth=1.6)
@@ -87,7 +87,7 @@ def tracking_figure(view: PairView) -> Figure | None:
 
 
 def effort_figure(view: PairView) -> Figure | None:
-    """What is transmitted, and everything that acts on each device."""
+    """The transmitted effort, and all efforts that act on each device."""
     lines = view.lines
     sides = [side for side in SIDE if f"{side}.port_effort" in lines]
     if not sides:
@@ -149,10 +149,10 @@ def _acting(panel: Axes, view: PairView, side: str) -> None:
     if shown["measured_effort"] is not None:
         shown["port_effort"] = None  # its mirror image
     if shown["wall_effort"] is None:
-        shown["commanded"] = None  # without a wall the port is all there is
+        shown["commanded"] = None  # without a wall there is only the port
     for name in ("hand_effort", "environment_effort"):
         if peak(shown[name]) == 0.0:
-            shown[name] = None  # nobody holds the slave, nothing stands before the master
+            shown[name] = None  # no hand on the slave, no environment at the master
     greatest = peak(*shown.values())
     factor, label = scale_for(greatest, view.units[side][1])
     _shade(panel, view, False)
@@ -173,7 +173,7 @@ def _acting(panel: Axes, view: PairView, side: str) -> None:
 
 
 def wave_figure(view: PairView) -> Figure | None:
-    """Waves leaving and arriving, and both ways enlarged, where the line shows as a shift."""
+    """Leaving and arriving waves; an enlargement of both directions shows the line's delay."""
     lines = view.lines
     if "master.wave_out" not in lines and "slave.wave_out" not in lines:
         return None
@@ -208,7 +208,7 @@ def _way(panel: Axes, lines: dict[str, Trace], source: str, sink: str) -> None:
 
 
 def contact_figure(view: PairView) -> Figure | None:
-    """Force against depth of the hardest contacts, and the hardest one in time."""
+    """Force over depth of the hardest contacts, and the hardest one over time."""
     cause = view.cause
     if not cause:
         return None
@@ -236,7 +236,7 @@ def contact_figure(view: PairView) -> Figure | None:
 
 
 def _pressing(panel: Axes, view: PairView, cause: str) -> None:
-    """The hardest contact in time, pushing upwards whichever way the wall stands."""
+    """The hardest contact over time, drawn pushing upward whichever side the wall is on."""
     zoom = view.zoom
     wall = zoom.get("environment" if cause == "environment" else f"{cause[5:]}.wall_effort")
     if wall is None:

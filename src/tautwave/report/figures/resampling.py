@@ -1,4 +1,4 @@
-"""Series at other instants: where two of them meet, and what lies between samples."""
+"""Resample series: at their common instants, and between samples."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tautwave.report.figures.envelope import Floats
 
 
 def distance(t: Floats, x: Floats, u: Floats, y: Floats) -> Floats:
-    """Return y - x at the instants [s] that both series have, shape (those,); no NaN."""
+    """Return y - x at the common instants [s] of both series, one-dimensional, without NaN."""
     if len(t) < 2 or len(u) < 2:
         return np.zeros(0)
     tick = 0.25 * min(float(np.min(np.diff(t))), float(np.min(np.diff(u))))
@@ -21,7 +21,7 @@ def distance(t: Floats, x: Floats, u: Floats, y: Floats) -> Floats:
 def resampled(at: Floats, time: Floats, values: Floats) -> Floats:
     """Return a series at other instants [s]: cubic between samples, held outside.
 
-    A series at half the rate is a choice of its samples; nothing is filtered.
+    Halving the rate selects samples; nothing is filtered.
     """
     if len(time) < 3:
         return np.full(len(at), values[0] if len(values) else 0.0)
@@ -33,6 +33,6 @@ def resampled(at: Floats, time: Floats, values: Floats) -> Floats:
     rise = two - one
     a, b = slope[where] * step - rise, slope[where + 1] * step - rise
     found = one + s * rise + s * (1.0 - s) * ((1.0 - s) * a - s * b)
-    # Rounding aside, a sample stays what it was.
+    # Apart from rounding, existing samples are unchanged.
     found = np.where(s < 1e-6, one, found)
     return np.where(s > 1.0 - 1e-6, two, found)

@@ -41,7 +41,7 @@ COLOURS = (MASTER, SLAVE, WALL, LINE, DAMPER, FILTER, INK)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 FILE = "sweep.png"
 GROWING = 1e-6
-"""Growth [1/s] above which a prediction counts as unstable: rounding is far below."""
+"""Growth [1/s] above which a prediction counts as unstable, far above rounding."""
 
 Row = Mapping[str, str]
 
@@ -57,14 +57,14 @@ class Curve(NamedTuple):
 
 
 class Change(NamedTuple):
-    """The first value at which a verdict is another one than before."""
+    """The first value at which a verdict has changed."""
 
     x: float
     stable: bool
 
 
 def write_sweep_figure(sweep: Sweep, rows: Sequence[Row], out: Path) -> Path | None:
-    """Draw what `rows` hold into `out`/sweep.png; None without a figure or with too few points."""
+    """Draw `rows` into `out`/sweep.png; None without a figure or with too few points."""
     if sweep.figure is None:
         return None
     curves = curves_of(sweep, sweep.figure, rows)
@@ -146,7 +146,7 @@ def _draw_panel(axes: Axes, keys: Panel, figure: Figure, curves: Sequence[Curve]
 
 
 def _mark_stability(axes: Axes, curves: Sequence[Curve], figure: Figure) -> None:
-    """Mark where verdicts change: predicted by a line over the panel, simulated by a marker."""
+    """Mark verdict changes: predicted by a line across the panel, simulated by a marker."""
     dashed: dict[str, Any] = {"linewidth": 1.1, "linestyle": (0, (4, 2))}
     filled: dict[str, Any] = {"markersize": 9, "markeredgecolor": PAPER, "linestyle": "none"}
     for curve in curves:
@@ -191,7 +191,7 @@ def _markers(curve: Curve, *, joined: bool) -> dict[str, Any]:
 
 
 def _known(curve: Curve, measure: str) -> tuple[list[float], list[float]]:
-    """Return the points of a curve at which a measure has a value."""
+    """Return the points of a curve where a measure has a value."""
     pairs = [(x, _value(row, measure)) for x, row in zip(curve.x, curve.rows, strict=True)]
     known = [(x, value) for x, value in pairs if value is not None]
     return [x for x, _ in known], [value for _, value in known]
@@ -213,7 +213,7 @@ def simulated_changes(curve: Curve) -> list[Change]:
 
 
 def _changes(x: Iterable[float], verdicts: Iterable[bool | None]) -> list[Change]:
-    """Return every change; a curve that begins unstable begins with one."""
+    """Return every change; a curve that is unstable at first starts with one."""
     found: list[Change] = []
     before = True
     for at, verdict in zip(x, verdicts, strict=True):
@@ -224,7 +224,7 @@ def _changes(x: Iterable[float], verdicts: Iterable[bool | None]) -> list[Change
 
 
 def stability_sentences(curve: Curve, figure: Figure) -> list[tuple[str, str]]:
-    """Return a sentence on where a case is stable, with its colour; none where not measured."""
+    """Return a sentence on where a case is stable, with its colour; nothing if not measured."""
     ranges = []
     first, last = curve.rows[0], curve.rows[-1]
     unit = _unit(figure)
@@ -238,7 +238,7 @@ def stability_sentences(curve: Curve, figure: Figure) -> list[tuple[str, str]]:
 
 
 def _unit(figure: Figure) -> str:
-    """Return what stands in brackets in the label of the horizontal axis."""
+    """Return the unit in brackets in the label of the horizontal axis."""
     return figure.label.partition("[")[2].partition("]")[0]
 
 
@@ -253,7 +253,7 @@ def _ranges(changes: Sequence[Change], unit: str) -> str:
 
 
 def _value(row: Row, name: str) -> float | None:
-    """Return a number of a row, None where it has none."""
+    """Return a number of a row, None if it is missing."""
     text: Any = row.get(name, "")
     try:
         value = float(text)

@@ -1,1 +1,1 @@
-"""How exact a run was: against its oracle, and at half and double its rate."""
+"""Precision of a run: against its oracle, and at half and double its rate."""

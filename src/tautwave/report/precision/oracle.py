@@ -1,27 +1,23 @@
-"""How exact a run was: against its oracle, and at half and double its rate.
+"""Precision of a run: against its oracle, and at half and double its rate.
 
-A simulated run is simulated again: with its devices moved by Dormand-Prince at 1e-12 (what the
-integrator did wrong), and at half and double the rate (what sampling does). A hardware run's laws
+A simulated run is simulated again: with its devices integrated by Dormand-Prince at 1e-12 (the
+integrator's error), and at half and double the rate (the effect of sampling). A hardware run's laws
 are run again on its recorded positions, at its own rate (they have to give the recorded efforts)
 and at half and double rate: how much of the effort is the discretisation's. Units are SI.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tautwave.config import Bus, Rig, Simulation, load_rig
+from tautwave.config import Bus, Rig, Simulation
 from tautwave.errors import TautwaveError
-from tautwave.files import write_text
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.figures.resampling import distance, resampled
-from tautwave.report.run.loading import load_run
 from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.units import number
 from tautwave.rig import coupling_law
@@ -36,38 +32,34 @@ FEW_CYCLES = 2000
 """Cycles of one pair that plain Python replays in less than a second, all rates together."""
 
 MOST_CYCLES = 120_000
-"""Cycles that are replayed at most, compiled: an hour's report stays as quick as a minute's."""
+"""Most cycles replayed when compiled: an hour's report stays as quick as a minute's."""
 
 FACTORS = {"half": 0.5, "double": 2.0}
 
 
 class Replay(NamedTuple):
-    """What replays a run: over which span [s], by which engine, and whether that is all of it."""
+    """How to replay a run: over which span [s], by which engine, and whether that is all of it."""
 
     span_s: float
     engine: str
     whole: bool
 
 
-def measure_precision(directory: Path) -> dict[str, Any]:
-    """Add `precision` to a run's summary; return the summary.
+def measure_precision(run: Run) -> dict[str, Any]:
+    """Return a run's summary with `precision`.
 
-    What keeps it from being computed is said in `precision.error`, and is no error of the run.
+    If it cannot be computed, `precision.error` says why; that is not an error of the run.
     """
-    run = load_run(directory)
     summary = dict(run.summary)
     try:
-        rig = load_rig(directory / "rig.yaml")
-        summary["precision"] = precision_of(run, rig)
+        summary["precision"] = precision_of(run, run.checked_rig)
     except (TautwaveError, ArithmeticError, LookupError) as err:
         summary["precision"] = {"error": str(err) or type(err).__name__}
-    text = json.dumps(summary, indent=2, allow_nan=False)
-    write_text(directory / "summary.json", text + "\n")
     return summary
 
 
 def precision_of(run: Run, rig: Rig) -> dict[str, Any]:
-    """Return how exact a run was, as plain numbers.
+    """Return the precision of a run, as plain numbers.
 
     Raises
     ------
@@ -84,7 +76,7 @@ def precision_of(run: Run, rig: Rig) -> dict[str, Any]:
     hardware = rig.simulation is None or "hardware" in taken
     lead = np.inf
     if run.time is not None:
-        # Before anything else happens both are alike: a run's end ramps down at its own time.
+        # Compare only before the release ramp, which starts at a different time in each run.
         lead = float(run.time[-1]) + rig.period_s
     span = min(rig.duration_s, lead)
     replay = replay_of(rig, span)
@@ -99,7 +91,7 @@ def precision_of(run: Run, rig: Rig) -> dict[str, Any]:
 
 
 def replay_of(rig: Rig, span_s: float) -> Replay:
-    """Return how much of a run is replayed and by what, so that it takes a second or two."""
+    """Return how much of a run to replay and by which engine, to take a second or two."""
     cycles = round(span_s * rig.rate_hz)
     few = max(200, FEW_CYCLES // max(1, len(rig.coupling.pairs)))
     if cycles <= few:
@@ -111,7 +103,7 @@ def replay_of(rig: Rig, span_s: float) -> Replay:
 
 
 def kernel_is_kept(rig: Rig) -> bool:
-    """Return whether the compiled kernel of a law is in the cache: a report compiles none."""
+    """Return whether the law's compiled kernel is in the cache; a report never compiles it."""
     if find_spec("numba") is None:
         return False
     from tautwave.simulation.kernel.compiled import is_cached
@@ -121,7 +113,7 @@ def kernel_is_kept(rig: Rig) -> bool:
 
 
 def _rows(job: Job, replay: Replay) -> Rows:
-    """Run a job over the replayed span; what ramps down after it is cut off."""
+    """Run a job over the replayed span; its release ramp is cut off."""
     cycles = max(1, round(replay.span_s * 1e9 / job.run.period_ns))
     longer = min(cycles + job.run.release_cycles + 2, job.run.cycles)
     job = job._replace(run=job.run._replace(cycles=longer))
@@ -173,7 +165,7 @@ def _rows_or_reason(make: Callable[[], Rows]) -> Rows | str:
 
 
 def _differences(base: Rows, other: Rows | str, position: str, effort: str) -> dict[str, Any]:
-    """Return the greatest distance of two runs at the instants that both have."""
+    """Return the greatest distance of two runs at their common instants."""
     if isinstance(other, str):
         return {"why_not": other}
     errors: dict[str, Any] = {}

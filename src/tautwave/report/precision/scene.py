@@ -1,9 +1,9 @@
-"""How exact a scene was: its network again, along the port positions that were recorded.
+"""Precision of a scene: its network run again along the recorded port positions.
 
-At the run's own rate this has to give the recorded efforts; at half and double the rate it tells
-what sampling does; at steps many times smaller it is the oracle. The ports' motion is given, so
-hand and device are no part of it. A scene of many contacts forgets where it began: two runs of it
-part, however small the step, and errors are counted up to there. Units are SI.
+At the run's own rate this must reproduce the recorded efforts; half and double the rate show the
+effect of sampling; many times smaller steps make the oracle. The ports' motion is given, so hand
+and device are not part of it. A scene with many contacts is chaotic: two runs diverge, however
+small the step, and errors are counted up to that point. Units are SI.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from tautwave.scene.network import Network
 from tautwave.simulation.scene.playing import Played, is_kept, play
 
 SECONDS = {"compiled": 4.0, "python": 4.0}
-"""CPU time that all replays together may take, about [s]."""
+"""Approximate CPU time limit of all replays together [s]."""
 
 FINE = {"compiled": 16, "python": 8}
-"""Steps of the oracle in a period; its doubt comes from half as many."""
+"""Steps of the oracle per period; half as many give its uncertainty."""
 
 APART = 0.1
-"""Of the travel: two runs whose nodes are farther apart than this, rms, have parted."""
+"""Share of the travel: two runs whose nodes are farther apart than this, rms, have diverged."""
 
 FELT = 0.01
-"""Of the greatest effort: a shortened replay begins where more than this is asked first."""
+"""Share of the greatest effort: a shortened replay begins where it is first exceeded."""
 
 _BLOCK = 256
 FACTORS = {"half": 0.5, "double": 2.0}
 
 
 def scene_precision(run: Run, rig: Rig) -> dict[str, Any]:
-    """Return how exact a run of a scene was, as plain numbers.
+    """Return the precision of a scene's run, as plain numbers.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def scene_precision(run: Run, rig: Rig) -> dict[str, Any]:
     budget = SECONDS[engine]
     model = _model(stage, rig.period_s, inputs)
     base, kept = _base(model, inputs, engine, 0.4 * budget)
-    # From here on everything costs as many steps as the base run, times these.
+    # The cost of each replay is that of the base run times its number of steps.
     fine = FINE[engine]
     replays = 0.5 + 2.0 + 1.5 * fine
     each = base.cpu_s / max(len(base.efforts), 1)
@@ -99,7 +99,7 @@ def scene_precision(run: Run, rig: Rig) -> dict[str, Any]:
 
 
 class _Replay(NamedTuple):
-    """Runs a window of a scene again, at other steps."""
+    """Runs a window of a scene again, with different steps."""
 
     rig: Rig
     stage: Stage
@@ -108,9 +108,9 @@ class _Replay(NamedTuple):
     engine: str
 
     def fine(self, steps: int) -> Played:
-        """Return the run with several steps a period, its ports moving within it."""
+        """Return the run with several steps per period, its ports moving within the period."""
         strings = tuple(
-            # As many samples more as keep the pitch: that of the run is no error of its step.
+            # Enough more samples to keep the run's pitch, which is not an error of its step.
             string._replace(
                 near=steps * (string.near + 1) - 1,
                 far=steps * (string.far + 1) - 1,
@@ -121,17 +121,17 @@ class _Replay(NamedTuple):
         stage = self.stage
         if strings and isinstance(stage.network, Network):
             stage = stage._replace(network=stage.network._replace(strings=strings))
-        # Symplectic steps take forces of their begin, all others act on their middle.
+        # Symplectic steps use the forces at their start, all others those at their middle.
         within = 0.0 if stage.oracle == "symplectic" else 0.5
         return self._play(stage, stage.oracle, steps, within, steps)
 
     @property
     def lag(self) -> float:
-        """Slots by which a row is earlier: rk4 ends at its sample, the others begin there."""
+        """Slots by which a row is earlier: rk4 steps end at their sample, others begin there."""
         return 1.0 if self.stage.scheme == "rk4" else 0.0
 
     def at_rate(self, factor: float) -> Played:
-        """Return the run at another rate, its efforts and places a row to each slot of the run."""
+        """Return the run at another rate, one row of efforts and positions per slot."""
         other = self.rig.model_copy(update={"rate_hz": factor * self.rig.rate_hz})
         stage = stage_of(other)
         played = self._play(stage, self.stage.scheme, factor, self.lag, max(1, round(factor)))
@@ -139,13 +139,13 @@ class _Replay(NamedTuple):
             return played
         held = round(1.0 / factor)
         efforts = np.repeat(played.efforts, held, axis=0)
-        # Only every second slot has places of its own.
+        # Only every second slot has positions of its own.
         places = np.repeat(played.places, held, axis=0)
         places[np.arange(len(places)) % held != held - 1] = np.nan
         return played._replace(efforts=efforts, places=places)
 
     def _play(self, stage: Stage, scheme: str, factor: float, within: float, stride: int) -> Played:
-        """Play with `factor` steps a slot; ports are seen `within` a step after its begin."""
+        """Run `factor` steps per slot; ports are sampled `within` a step after its start."""
         slots = len(self.window.ports)
         steps = int(slots * factor)
         slot = np.asarray((np.arange(steps) + within) / factor - self.lag, dtype=np.float64)
@@ -169,7 +169,7 @@ def _model(stage: Stage, period: float, inputs: Inputs, state: Any = None) -> Mo
 
 
 def _take_state(model: Model, other: Model) -> None:
-    """Let a model begin where another one is; both have the same masses and links."""
+    """Start a model in the state of another one with the same masses and links."""
     if not _strings(model):
         model.arrays = type(other.arrays)(*(list(values) for values in other.arrays))
 
@@ -198,7 +198,7 @@ def _base(model: Model, inputs: Inputs, engine: str, seconds: float) -> tuple[Pl
 
 
 def _window(base: Played, afford: int, kept: Sequence[Any]) -> tuple[int, int]:
-    """Return the slots to replay: all, or as many as can be afforded from the first touch on."""
+    """Return the slots to replay: all, or as many from the first touch on as time allows."""
     there = len(base.efforts)
     if there <= afford:
         return 0, there
@@ -239,7 +239,7 @@ def _gap(one: Played, other: Played) -> Floats:
 
 
 def _apart(one: Played, other: Played, travel: float) -> int | None:
-    """Return the row from which on two runs have parted."""
+    """Return the row at which two runs have diverged."""
     far = np.flatnonzero(_gap(one, other) > APART * travel)
     return int(far[0]) if far.size and travel > 0.0 else None
 
@@ -247,9 +247,9 @@ def _apart(one: Played, other: Played, travel: float) -> int | None:
 def _differences(
     base: Played, other: Played, travel: float, period: float, until: int | None = None
 ) -> dict[str, Any]:
-    """Return how far a run is from another one, up to where they part [SI].
+    """Return the distance of two runs, up to where they diverge [SI].
 
-    `level_db` compares the rms efforts of all rows: what two runs that have parted still share.
+    `level_db` compares the rms efforts of all rows, which two diverged runs still share.
     """
     apart = _apart(base, other, travel)
     rows = min(len(base.efforts), len(other.efforts))
@@ -272,7 +272,7 @@ def _differences(
 
 
 def pitches_of(rig: Rig) -> dict[str, dict[str, float]]:
-    """Return the pitch of each string [Hz]: what was asked, and at the run's rate and others.
+    """Return the pitch of each string [Hz]: as specified, and at the run's rate and others.
 
     A line of whole samples and its low-pass at each end: 2 (near + far) + 4 samples, and
     (1 - g)/g for each filter at low frequencies.

@@ -16,14 +16,14 @@ _HEAD = (
 )
 _ROWS = {
     "oracle": "error of this run",
-    "doubt": "doubt of the oracle",
+    "doubt": "uncertainty of the oracle",
     "half": "at half the rate",
     "double": "at double the rate",
 }
 
 
 def scene_sentences(precision: dict[str, Any]) -> Iterator[str]:
-    """Yield what was replayed, how far, against what, and by what."""
+    """Yield sentences on the replay: its span, its oracle and its engine."""
     oracle = block(precision, "oracle")
     scheme = str(precision.get("scheme")).replace("_", " ")
     span = quantity(precision["span_s"], "s", 3)
@@ -35,11 +35,11 @@ def scene_sentences(precision: dict[str, Any]) -> Iterator[str]:
             reach = f"{span} of the run, from {quantity(begins, 's', 3)} on, where it is felt first"
     yield (
         f"The network was simulated again along the recorded positions of its ports, over "
-        f"{reach}: with "
-        f"{oracle.get('steps')} steps to a period ({str(oracle.get('scheme')).replace('_', ' ')}, "
-        "the ports moving within it), the oracle, which tells what the scheme "
-        f"({scheme}) and the hold did wrong; and at half and double the rate, which shows the "
-        f"effect of sampling. Hand and device are not part of it: the motion of the ports is given."
+        f"{reach}: with {oracle.get('steps')} steps per period "
+        f"({str(oracle.get('scheme')).replace('_', ' ')}, the ports moving within it), the oracle, "
+        f"which shows the error of the scheme ({scheme}) and the hold; and at half and double the "
+        "rate, which shows the effect of sampling. Hand and device are not part of it: the motion "
+        "of the ports is given."
     )
     if not precision.get("whole"):
         why = ""
@@ -94,7 +94,7 @@ def scene_tables(precision: dict[str, Any]) -> Iterator[Table]:
 
 
 def decibels(level: float) -> str:
-    """Return a level with its sign, a thousandth of a decibel being nothing."""
+    """Return a level with its sign; below a thousandth of a decibel it is zero."""
     if abs(level) < 5e-4:
         return "0 dB"
     return f"{level:+.3f} dB".replace("-", "\N{MINUS SIGN}")

@@ -1,4 +1,4 @@
-"""The report's section on precision: what `precision` in the summary says, as tables of text."""
+"""The report's section on precision: `precision` of the summary as tables of text."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NAMES = {
 
 
 def precision_sentences(run: Run) -> Iterator[str]:
-    """Yield what was replayed, how far, and by what."""
+    """Yield sentences on the replay: its span and its engine."""
     precision = block(run.summary, "precision")
     if "error" in precision:
         yield f"Not computed: {precision['error']}."
@@ -35,14 +35,16 @@ def precision_sentences(run: Run) -> Iterator[str]:
     if precision.get("kind") == "hardware":
         yield (
             f"The laws of this rig were run again on the recorded positions, over {reach}. "
-            "Replayed is how far the efforts are from those that were sent, with the limits, "
-            "losses and lateness of the real run; the rest is what the rate alone changes."
+            "Row 'replayed' is the distance from the efforts that were sent, which includes the "
+            "limits, losses and lateness of the real run; the other rows show the effect of the "
+            "rate alone."
         )
         return
     yield (
-        f"This rig was simulated again, over {reach}: with its devices moved by Dormand-Prince at "
-        "1e-12, located contacts and all, which shows the integrator's error; and at half "
-        "and double the rate, which shows the effect of sampling. Noise and faults are drawn anew."
+        f"This rig was simulated again, over {reach}: with its devices integrated by "
+        "Dormand-Prince at 1e-12 with located contacts, which shows the integrator's error; and at "
+        "half and double the rate, which shows the effect of sampling. Noise and faults are drawn "
+        "anew."
     )
     if not precision.get("whole"):
         yield (
@@ -102,7 +104,7 @@ def _simulated(run: Run, pair: str, found: dict[str, Any]) -> Table:
 
 
 def step_notes(run: Run, pair: str, found: dict[str, Any]) -> Iterator[str]:
-    """Yield a warning where the oracle is within an encoder step: rounding may be all it is."""
+    """Yield a warning if the oracle is within an encoder step: the difference may be rounding."""
     moved = number(block(found, "oracle").get("position"))
     steps = [
         number(block(run.rig, side, "axes", pair).get("encoder_quantum")) or 0.0
@@ -117,7 +119,7 @@ def step_notes(run: Run, pair: str, found: dict[str, Any]) -> Iterator[str]:
 
 
 def order_notes(found: dict[str, Any], unit: str) -> Iterator[str]:
-    """Yield the order of convergence seen and what it leaves of error at the run's own rate."""
+    """Yield the observed order of convergence and the extrapolated error at the run's own rate."""
     half = number(block(found, "half").get("position_rms"))
     double = number(block(found, "double").get("position_rms"))
     if not half or not double:

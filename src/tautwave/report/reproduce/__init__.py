@@ -1,8 +1,8 @@
-"""The two papers this started from, drawn again: figures, and numbers beside the published ones.
+"""The two papers this project started from: their figures, and numbers beside the published ones.
 
 Colgate & Schenkel 1997 with its slides (a sampled virtual wall), and Berdahl, Smith & Niemeyer (a
 resonator and grains behind a coupling spring). Each chapter is a module of this folder that names
-figures and rows; it is imported when it is asked for.
+figures and rows; it is imported on demand.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 CHAPTERS = {
     "resonator": "a resonator behind a coupling spring: Bode and Nyquist plots, poles",
     "coupling": "how stiff the coupling spring may be (critical k_c), by scheme and period",
-    "positive-real": "which controllers are positive real, and what a digital delay leaves of it",
+    "positive-real": "which controllers are positive real, and the effect of a digital delay",
     "hand": "the hand that drives a delayed controller unstable, constructed and simulated",
     "wall": "the damping that a sampled wall needs, and the stiffness that stays stable",
     "limit-cycle": "the bounce of a device pressed against a sampled wall",
@@ -31,7 +31,7 @@ CHAPTERS = {
 
 
 class Row(NamedTuple):
-    """One number, as obtained here and as it should be.
+    """One number, as obtained here and as published.
 
     Attributes
     ----------
@@ -39,10 +39,9 @@ class Row(NamedTuple):
     obtained, reference : float
         In `unit`.
     tolerance : float
-        Greatest difference that its digits allow, in `unit`.
-    source : str
-        Who gives the reference: a paper; `recomputed` where a paper gives the formula, and the
-        digits were computed apart from this code; `predicted` by theory, a simulation obtained.
+        Greatest difference allowed by the published digits, in `unit`. source : str Source of the
+        reference: a paper; `recomputed` if a paper gives the formula and the digits were computed
+        independently of this code; `predicted` by theory, while a simulation obtained the number.
     """
 
     what: str
@@ -54,14 +53,15 @@ class Row(NamedTuple):
 
     @property
     def agrees(self) -> bool:
-        """Whether the two are within the tolerance; NaN is not."""
+        """Whether both agree within the tolerance; false for NaN."""
         return bool(abs(self.obtained - self.reference) <= self.tolerance * (1.0 + 1e-9))
 
 
 class Chapter(NamedTuple):
     """What a chapter module declares.
 
-    `rows` computes the numbers; `figures` makes each picture, by file name without its ending.
+    `rows` computes the numbers; `figures` maps file names without suffix to the functions that draw
+    them.
     """
 
     rows: Callable[[], list[Row]]
@@ -74,7 +74,7 @@ def chapter(name: str) -> Chapter:
     Raises
     ------
     ConfigError
-        There is none of this name; it says which there are.
+        There is no such chapter; the message lists them.
     """
     if name not in CHAPTERS:
         near = get_close_matches(name, CHAPTERS, n=1, cutoff=0.5)
@@ -86,9 +86,9 @@ def chapter(name: str) -> Chapter:
 
 
 def draw_chapter(name: str, directory: Path) -> list[Path]:
-    """Write the pictures of a chapter into a directory, made if need be, and return their paths.
+    """Write the pictures of a chapter into a directory, created if needed, and return their paths.
 
-    Each is an SVG that turns dark by itself, and a PNG.
+    Each is an SVG that follows dark mode, and a PNG.
 
     Raises
     ------

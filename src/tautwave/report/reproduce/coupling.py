@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
 GRID_S = np.unique(np.r_[np.geomspace(5e-5, 4e-4, 13), np.geomspace(4e-4, 2e-3, 41), PERIODS_S])
 LOW, HIGH = 500.0, 40_000.0
-"""Couplings [N/m] that are searched for a limit."""
+"""Range of couplings [N/m] searched for a limit."""
 SCHEMES: dict[Scheme, tuple[str, str, str]] = {
     "zoh": ("zero-order hold", canvas.SLAVE, "-"),
     "foh": ("first-order hold", canvas.WALL, "--"),
     "tustin": ("trapezoidal (Tustin)", canvas.MASTER, "-."),
     "cordis": ("explicit (CORDIS)", canvas.LINE, ":"),
-    "cordis_late": ("the same, object's\nposition a sample old", canvas.FILTER, "-"),
+    "cordis_late": ("the same, object's\nposition one sample old", canvas.FILTER, "-"),
 }
 SAMPLED: tuple[tuple[Scheme, float, int, float], ...] = (
     ("zoh", 1e-3, 0, 6319.753), ("zoh", 1e-3, 1, 5274.678),
@@ -38,7 +38,7 @@ SAMPLED: tuple[tuple[Scheme, float, int, float], ...] = (
     ("zoh", 1e-4, 0, 9492.788), ("tustin", 1e-4, 0, 15039.569),
     ("cordis", 1e-4, 0, 15025.919), ("cordis", 1e-4, 1, 7326.028),
 )  # fmt: skip
-_JUMP = 1.3  # up from one period to the next: the first unstable band is gone
+_JUMP = 1.3  # a rise from one period to the next: the first unstable band has vanished
 
 
 def rows() -> list[Row]:
@@ -63,7 +63,7 @@ def rows() -> list[Row]:
 def coupling_figure(periods_s: Floats = GRID_S) -> Figure:
     """Return the greatest stable coupling spring over the sampling period [s], by scheme."""
     figure, (prompt, late) = canvas.panels(
-        [2.7, 2.7], "How stiff the coupling spring may be before the loop is unstable", False
+        [2.7, 2.7], "How stiff the coupling spring may be before the loop becomes unstable", False
     )
     for axes, delay, name in (
         (prompt, 0, "half a sample of\npure delay, eq. 9"),
@@ -75,7 +75,7 @@ def coupling_figure(periods_s: Floats = GRID_S) -> Figure:
         axes.plot(1e3 * periods_s, pure, color=canvas.INK, linewidth=2.4, label=name)
         for scheme, (label, colour, dash) in SCHEMES.items():
             if scheme == "cordis_late" and delay:
-                continue  # its object is a sample late already
+                continue  # its object is already one sample late
             limits = np.array([sampled_limit(t, scheme, delay) for t in periods_s])
             _plot_limits(axes, 1e3 * periods_s, limits, color=colour, linestyle=dash, label=label)
         axes.axhline(
@@ -97,9 +97,10 @@ def coupling_figure(periods_s: Floats = GRID_S) -> Figure:
     prompt.plot(1e3 * np.array(PERIODS_S), points, "o", zorder=4, label=text, **dots)
     heading(
         prompt,
-        "Force held from the sample on; a gap: the first unstable range ends, the next is higher",
+        "Force held from the sample on; at a gap the first unstable range ends and the next is "
+        "higher",
     )
-    heading(late, "Force a whole sample later still")
+    heading(late, "Force delayed by one more sample")
     for axes in (prompt, late):
         legend(axes)
     return figure

@@ -1,8 +1,8 @@
 """Granular synthesis: ten grains between linear springs on the floor and squared ones on the bar.
 
-Source: Berdahl, Smith & Niemeyer; masses, gap and stiffnesses, which the paper leaves open, are
-those of `configs/scene-granular.yaml`. The paper gives no numbers: the reference is what physics
-asks for, energy kept without losses and the bar pushed by the sum of the grains.
+Source: Berdahl, Smith & Niemeyer; masses, gap and stiffnesses, which the paper does not give, are
+those of `configs/scene-granular.yaml`. The paper gives no numbers: the reference is physics,
+conserved energy without losses and a bar pushed by the sum of the grains.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def network(loss: float) -> Network:
 
 
 def thrown(loss: float) -> SceneModel:
-    """Return a model whose grains fly up at 0.9 m/s from ten heights, its books opened."""
+    """Return a model whose grains fly up at 0.9 m/s from ten heights, with its books started."""
     model = SceneModel(network(loss), "discrete_gradient", 1.0 / RATE_HZ)
     model.reset([BAR])
     for grain in range(GRAINS):
@@ -71,7 +71,7 @@ def rows() -> list[Row]:
         knocks += effort != 0.0
     return [
         Row("energy lost or gained, no losses", "J", kept, 0.0, 1e-12, "physics"),
-        Row("bar's force less the sum of the grains'", "N", balance, 0.0, 1e-12, "Newton 3"),
+        Row("bar's force minus the sum of the grains'", "N", balance, 0.0, 1e-12, "Newton 3"),
         Row("the grains reach the bar (1: yes)", "", float(knocks > 50), 1.0, 0.0, "the paper"),
     ]
 
@@ -110,7 +110,7 @@ def granular_figure() -> Figure:
     push.plot(1e3 * time, force, color=canvas.MASTER, linewidth=0.8)
     push.set_ylabel("force [N]")
     push.set_xlabel("time [ms]")
-    heading(push, "What the hand feels; its quick part is what is heard")
+    heading(push, "What the hand feels; its fast part is the sound")
     power = np.abs(np.fft.rfft(force * np.hanning(len(force))))[1:]
     hertz = np.fft.rfftfreq(len(force), 1.0 / RATE_HZ)[1:]
     level = 20.0 * np.log10(np.maximum(power / power.max(), 1e-9))

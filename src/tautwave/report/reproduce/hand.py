@@ -1,6 +1,7 @@
 """The constructed hand: a passive one that drives eq. 9 unstable, by a root and by a motion.
 
-Source: the necessity that Berdahl, Smith & Niemeyer omit, by construction; numbers recomputed.
+Source: the necessity proof omitted by Berdahl, Smith & Niemeyer, by construction; numbers
+recomputed.
 """
 
 from __future__ import annotations
@@ -56,10 +57,10 @@ def rows() -> list[Row]:
 def motion_figure() -> Figure:
     """Return the simulated motion of the hand beside the growth of its root."""
     figure, panels = canvas.panels(
-        [2.2], "A passive hand that the delayed object sets swinging", False, columns=2
+        [2.2], "A passive hand that the delayed object drives into oscillation", False, columns=2
     )
     for axes, period in zip(panels, PERIODS_S, strict=True):
-        # At 0.1 ms the one at 20 Hz needs a minute to be seen: there the one that grows fastest.
+        # At 0.1 ms growth at 20 Hz takes a minute to be visible: use the fastest growing one there.
         quick = destabilising_hand(delayed_controller(0.5 * period))
         found = quick if quick is not None and period < 1e-3 else constructed(period)
         seen = simulate_hand(found, delayed_controller(0.5 * period), growth_times=3.0)

@@ -1,7 +1,7 @@
 """The bounce of a device pressed against a sampled wall: predicted by its mode, and simulated.
 
 Source: Colgate & Schenkel's slides (a bias force, b < K T / 2); they show the bounce without
-numbers, so that the reference is the prediction, and the simulation is what is obtained.
+numbers, so the reference is the prediction, compared with the simulation.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SHARE = 0.03
 
 
 def rows() -> list[Row]:
-    """Return depth, frequency and peak effort of three devices, simulated beside predicted."""
+    """Return depth, frequency and peak effort of three devices, simulated and predicted."""
     told = []
     for damping in DAMPINGS:
         device = Device(MASS, damping)
@@ -85,7 +85,7 @@ def cycle_figure() -> Figure:
     pitch.set_xlabel("damping of the device b [N s/m]; passive from 0.5 on")
     pitch.set_ylabel("frequency [Hz]")
     pitch.set_ylim(0.0, None)
-    heading(pitch, "Faster than a hand moves on purpose: the interface does it")
+    heading(pitch, "Faster than deliberate hand motion: caused by the interface")
     legend(pitch)
     return figure
 

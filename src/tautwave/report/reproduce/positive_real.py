@@ -1,4 +1,4 @@
-"""Positive real or not: thirteen functions, and what half a sample of delay leaves of the object.
+"""Positive real or not: thirteen functions, and the object with half a sample of delay.
 
 Source: Berdahl, Smith & Niemeyer, appendices B and D; the functions and their answers, recomputed.
 """
@@ -50,7 +50,7 @@ def functions() -> list[tuple[str, Rational, bool]]:
 
 
 def rows() -> list[Row]:
-    """Return each verdict (1: positive real), and the period up to which low frequencies resist."""
+    """Return each verdict (1: positive real), and the longest period passive at low frequencies."""
     told = [
         Row(f"{name} (1: positive real)", "", float(positive_real(k).positive_real), float(is_real),
             0.0, "recomputed")
@@ -62,9 +62,9 @@ def rows() -> list[Row]:
 
 
 def region_figure() -> Figure:
-    """Return where over frequency and delay Re K(jw) e^(-jw tau) is not negative."""
+    """Return the regions of frequency and delay where Re K(jw) e^(-jw tau) is not negative."""
     figure, (wide, near) = canvas.panels(
-        [2.6], "Where the delayed object still resists: Re K ≥ 0", False, columns=2
+        [2.6], "Where the delayed object is still resistive: Re K ≥ 0", False, columns=2
     )
     low, high = features()[:2]
     for axes, hz in (
@@ -86,8 +86,8 @@ def region_figure() -> Figure:
         axes.set_ylabel("sampling period T [ms], delay T/2")
     wide.set_xscale("log")
     wide.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    heading(wide, "All frequencies: almost nothing is left")
-    heading(near, "Between the resonances there is")
+    heading(wide, "All frequencies: almost no passive region remains")
+    heading(near, "Between the resonances there is one")
     legend(wide)
     return figure
 

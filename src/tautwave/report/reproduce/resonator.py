@@ -84,7 +84,7 @@ def bode_figure() -> Figure:
         axes.set_ylabel("phase [degrees]")
         axes.set_yticks([-270, -180, -90, 0, 90])
     phase.set_ylim(-285, 105)
-    heading(phase, "Phase: only the delayed controllers leave the band, at low frequencies already")
+    heading(phase, "Phase: only the delayed controllers leave the band, even at low frequencies")
     near.set_xlim(285, 345)
     near.set_ylim(-195, 105)
     heading(near, "The same around anti-resonance and resonance")
@@ -99,7 +99,7 @@ def bode_figure() -> Figure:
 def nyquist_figure() -> Figure:
     """Return L = G K in the plane, ideal and half a sample late, whole and around -1."""
     figure, (whole, near) = canvas.panels(
-        [3.0], "The loop L = G K: does it go around -1?", False, columns=2
+        [3.0], "The loop L = G K: does it encircle -1?", False, columns=2
     )
     hz = np.unique(np.concatenate([np.geomspace(0.5, 2000.0, 3000), np.linspace(320, 345, 4000)]))
     s = np.asarray(1j * _TURN * hz)

@@ -1,4 +1,4 @@
-"""The sampled virtual wall: damping that it needs, and stiffness that stays stable.
+"""The sampled virtual wall: the damping it needs, and its greatest stable stiffness.
 
 Sources: Colgate & Schenkel 1997; Diolaiti et al. 2006, eq. 19; Colgate & Brown 1995; Gil et al.
 2009 (its linear rule, against the exact loop).
@@ -45,7 +45,7 @@ LIMITS = (
 
 
 def rows() -> list[Row]:
-    """Return needed dampings, stable stiffnesses, and the energy that a bounce gains."""
+    """Return required dampings, stable stiffnesses, and the energy gained in a bounce."""
     told = [
         Row(f"damping needed by {_name(wall)}", "N s/m", wall_leak(wall).damping, needed, 1e-6, who)
         for wall, needed, who in WALLS
@@ -94,7 +94,7 @@ def damping_figure() -> Figure:
 def stability_figure() -> Figure:
     """Return the greatest stable stiffness over B, exactly and by the linear rule."""
     figure, (axes,) = canvas.panels(
-        [2.6], "Stable is not passive: how stiff a wall a mass of 0.1 kg bears", False
+        [2.6], "Stable is not passive: the stiffest wall for a mass of 0.1 kg", False
     )
     dampings = np.geomspace(0.01, 190.0, 90)
     for delay, colour in ((0.0, canvas.MASTER), (1.0, canvas.SLAVE)):
@@ -108,7 +108,7 @@ def stability_figure() -> Figure:
         axes.loglog(dampings, rule, "--", color=colour, linewidth=1.0, label=label)
     b = np.linspace(0.01, 0.0999, 60)
     passive = 2.0 * (DAMPING - b) / T
-    axes.loglog(b, passive, color=canvas.WALL, label="passive for any hand, at once")
+    axes.loglog(b, passive, color=canvas.WALL, label="passive for any hand")
     axes.set_ylim(10.0, 3e5)
     axes.set_xlabel("virtual damping B [N s/m]")
     axes.set_ylabel("stiffness K [N/m]")

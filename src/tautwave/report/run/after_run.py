@@ -1,47 +1,43 @@
-"""The certificate again, with the period, gaps and losses that a run measured."""
+"""The certificate recomputed with the measured period, gaps and losses of a run."""
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tautwave.certificate.after import Measured, recheck
-from tautwave.config import Rig, load_rig
+from tautwave.config import Rig
 from tautwave.errors import TautwaveError
-from tautwave.files import write_text
 from tautwave.registry import load_driver
-from tautwave.report.run.loading import load_run
 from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.units import number
+from tautwave.rig import pair_scale
+
+ROUNDING = 1e-12
+"""Of all that passed to and fro: sums of doubles are no better."""
 
 
-def recheck_run(directory: Path) -> dict[str, Any]:
-    """Add `certificate.after_run` to a run's summary; return the summary.
+def recheck_run(run: Run) -> dict[str, Any]:
+    """Return a run's summary with `certificate.after_run`.
 
-    `invalidated` is true where the certificate held before the run and its measurements break
-    it. What keeps it from being computed is said in `error`.
+    `invalidated` is true if the certificate held before the run and its measurements break it. If
+    it cannot be computed, `error` says why.
     """
-    run = load_run(directory)
     summary = dict(run.summary)
     certificate = dict(block(summary, "certificate"))
     try:
-        rig = load_rig(directory / "rig.yaml")
-        after = recheck(rig, measured_of(run, rig))
+        after = recheck(run.checked_rig, measured_of(run, run.checked_rig))
     except TautwaveError as err:
         after = {"passed": None, "error": str(err)}
     after["invalidated"] = certificate.get("passed") is True and after["passed"] is False
     certificate["after_run"] = after
     summary["certificate"] = certificate
-    text = json.dumps(summary, indent=2, allow_nan=False)
-    write_text(directory / "summary.json", text + "\n")
     return summary
 
 
 def measured_of(run: Run, rig: Rig) -> Measured:
-    """Return what a run measured of its own loop."""
+    """Return what a run measured about its own loop."""
     period = block(run.summary, "period_us")
     axes = block(run.summary, "axes")
     nominal = 1e6 * rig.period_s
@@ -54,6 +50,11 @@ def measured_of(run: Run, rig: Rig) -> Measured:
         missed_cycles=int(number(run.summary.get("missed_cycles")) or 0),
         lost={name: int(block(axes, name).get("lost", 0)) for name in rig.axes},
         late={name: int(block(axes, name).get("late", 0)) for name in rig.axes},
+        balance_j={
+            name: balance
+            for name in rig.axes
+            if (balance := wall_balance(run, rig, name)) is not None
+        },
     )
 
 
@@ -75,3 +76,36 @@ def held_wall(run: Run, axis: str) -> float:
     pushed = effort[fresh][:-1] != 0.0
     spans = np.diff(slots[fresh])[pushed]
     return float(spans.max()) if spans.size else 0.0
+
+
+def wall_balance(run: Run, rig: Rig, axis: str) -> float | None:
+    """Return the least that a wall had taken in a contact, at any moment of it [J]; None: unknown.
+
+    Counted in is what the device's damping took at least, b (dx)^2 / dt between two samples, while
+    the wall pushed. Below 0 more came out than went in; what had not come out by the end of the run
+    never will. Each contact begins at nothing: what one took does not pay for the next. 0: it was
+    never touched.
+    """
+    side, _, pair = axis.partition(".")
+    names = ("skipped_slots", f"{axis}.valid", f"{axis}.position", f"{axis}.wall_effort")
+    columns = run.read(*names, f"{pair}.wall_{side}.absorbed")
+    if len(columns) < len(names) + 1 or rig.axes[axis].causality != "impedance":
+        return None
+    served = served_rows(run, axis)
+    slots = np.cumsum(1.0 + np.nan_to_num(columns["skipped_slots"]))[served]
+    _, valid, position, effort, absorbed = (column[served] for column in columns.values())
+    fresh = valid > 0.5
+    weight = 1.0 if side == "master" else 1.0 / pair_scale(rig.coupling.pairs[pair]).power
+    taken = np.diff(absorbed[fresh]) / weight
+    spans = np.diff(slots[fresh]) * rig.period_s
+    damped = rig.axes[axis].damping.lower * np.diff(position[fresh]) ** 2 / spans
+    pushed = (effort[fresh][:-1] != 0.0) | (taken != 0.0)
+    if not pushed.any():
+        return 0.0
+    total = np.cumsum(np.where(pushed, taken + damped, 0.0))
+    begins = pushed & ~np.concatenate([[False], pushed[:-1]])
+    before = np.concatenate([[0.0], total[:-1]])
+    last = np.maximum.accumulate(np.where(begins, np.arange(len(total)), 0))
+    least = float((total - before[last])[pushed].min())
+    rounding = ROUNDING * float(np.abs(taken).sum())
+    return 0.0 if abs(least) <= rounding else least

@@ -1,20 +1,18 @@
-"""Add to a run's summary what only its recording can tell: tracking, energy books of both kinds.
+"""Complete a run's summary from its recording: tracking, and energy books of both kinds.
 
-The controller's books rest on measured positions and the efforts that were sent; the plant's on
-the truth of a simulation. `residual` of either has to vanish. `sensing_gap` is how far the two
-disagree at the motors: what quantisation and noise hide from the controller.
+The controller's books rest on measured positions and the efforts that were sent; the plant's on the
+truth of a simulation. `residual` of either must vanish. `sensing_gap` is their difference at the
+motors: what quantisation and noise hide from the controller.
 """
 
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tautwave.files import write_text
-from tautwave.report.run.loading import load_run
 from tautwave.report.run.rebuild import rebuild_summary
 from tautwave.report.run.rundir import Run, served_rows
 
@@ -23,15 +21,8 @@ _LOSSES = ("grip_loss", "viscous_loss", "coulomb_loss", "environment_loss")
 _STORES = ("kinetic", "grip_stored", "environment_stored")
 
 
-def complete_summary(directory: Path) -> dict[str, Any]:
-    """Complete `summary.json` in a run's directory from its recording; return it.
-
-    Raises
-    ------
-    RecordingError
-        The recording cannot be read.
-    """
-    run = load_run(directory)
+def complete_summary(run: Run) -> dict[str, Any]:
+    """Return a run's summary with what only its recording can tell."""
     summary = dict(run.summary)
     rebuilt = rebuild_summary(run)
     pairs = {name: dict(block) for name, block in summary.get("pairs", {}).items()}
@@ -44,9 +35,20 @@ def complete_summary(directory: Path) -> dict[str, Any]:
     energy = dict(rebuilt.get("energy_j", {}))
     energy.update(plant_energy(run, {name: power_ratio(block) for name, block in pairs.items()}))
     summary["energy_j"] = energy
-    text = json.dumps(summary, indent=2, allow_nan=False)
-    write_text(directory / "summary.json", text + "\n")
     return summary
+
+
+def write_summary(run: Run) -> None:
+    """Replace `summary.json` by a run's summary, which is from then on what a reader finds there.
+
+    Raises
+    ------
+    WritingError
+        It cannot be written.
+    """
+    text = json.dumps(run.summary, indent=2, allow_nan=False) + "\n"
+    write_text(run.directory / "summary.json", text)
+    run.summary = json.loads(text)
 
 
 def power_ratio(pair: dict[str, Any]) -> float:
@@ -83,7 +85,7 @@ def plant_energy(run: Run, ratios: dict[str, float]) -> dict[str, float]:
             continue
         found = True
         residual += abs(weight * balance)
-        # Between its slots the truth of a slow axis is ahead of what the controller knows.
+        # Between its slots the truth of a slow axis is ahead of the controller's samples.
         served = served_rows(run, axis)
         sent = sent[served] if len(sent[served]) else sent
         motor = motor[served] if len(motor[served]) else motor

@@ -9,7 +9,7 @@ import numpy as np
 
 from tautwave.report.figures.envelope import Floats
 
-MERGE_S = 0.01  # shorter gaps are the same contact: a bounce a person cannot feel as two
+MERGE_S = 0.01  # shorter gaps count as one contact: a person cannot feel them as two
 
 
 class Contact(NamedTuple):
@@ -41,7 +41,7 @@ def find_contacts(
     Returns
     -------
     list[Contact]
-        A contact that holds on the first row begins there; the last row ends every contact.
+        A contact already present in the first row begins there; the last row ends every contact.
     """
     touching = np.isfinite(effort) & (effort != 0.0)
     if not touching.any():

@@ -1,4 +1,4 @@
-"""Reading a run's directory: rig, summary and recording, as far as each of them is there."""
+"""Reading a run's directory: rig, summary and recording, as far as they exist."""
 
 from __future__ import annotations
 
@@ -12,13 +12,18 @@ from tautwave.errors import ConfigError, RecordingError
 from tautwave.report.run.rebuild import rebuild_summary
 from tautwave.report.run.rundir import WHOLE_CELLS, Run
 from tautwave.report.run.scratch import spread_columns
+from tautwave.report.units import number
 
 LARGEST = 16 * 1024 * 1024
 """Bytes of rig.yaml and of summary.json: a run of many pairs leaves some 100 kB."""
 
+MISSING = (
+    "summary.json is missing, so the run ended before it could be written (a crash or a kill)."
+)
+
 
 def load_run(directory: Path) -> Run:
-    """Read what a run left in `directory`, however little that is.
+    """Read the files of a run in `directory`, however few there are.
 
     Raises
     ------
@@ -26,8 +31,9 @@ def load_run(directory: Path) -> Run:
         There is neither a summary nor a readable recording, or the run is of a newer tautwave.
     """
     notes: list[str] = []
+    directory = Path(directory)
     rig_text = _text(directory / "rig.yaml", notes)
-    summary = _summary(directory / "summary.json", notes)
+    summary, broken = _summary(directory / "summary.json")
     rig = _rig(rig_text, notes)
     newer = formats.too_new("rig", rig.get("format"), formats.RIG)
     if newer is not None:
@@ -38,9 +44,9 @@ def load_run(directory: Path) -> Run:
         _attach(run, path)
     except (RecordingError, OSError) as error:
         if not summary:
+            lacks = f"{broken} and" if broken else "no summary.json and"
             raise RecordingError(
-                f"{directory}: nothing to report: no summary.json and no readable recording.mcap "
-                f"({error})"
+                f"{directory}: nothing to report: {lacks} no readable recording.mcap ({error})"
             ) from error
         if run.began:
             notes.append(f"There are no figures, because the recording cannot be read: {error}.")
@@ -58,9 +64,9 @@ def load_run(directory: Path) -> Run:
     if not summary:
         run.summary = rebuild_summary(run)
         notes.append(
-            "summary.json is missing, so the run ended before it could be written (a crash or a "
-            "kill). The numbers here are rebuilt from the recording; what only the loop knew, "
-            "such as device faults and the reason of the end, is lost."
+            f"{f'{broken}.' if broken else MISSING} The numbers here are rebuilt from the "
+            "recording; what only the loop knew, such as device faults and the reason of the end, "
+            "is lost."
         )
     return run
 
@@ -74,13 +80,19 @@ def _attach(run: Run, path: Path) -> None:
     run.columns, run.metadata = found.columns, found.metadata
     if "time_s" not in run.columns:
         raise RecordingError(f"{path.name} has no column time_s")
-    clock = read_recording(path, ("time_s",))
+    # A whole file says at its end how long it is, and is then read in one go.
+    written = number(found.ending.get("rows_written"))
+    most = WHOLE_CELLS / len(run.columns)
+    if written is not None and written <= most:
+        clock = run.whole = read_recording(path)
+    else:
+        clock = read_recording(path, ("time_s",))
+        if len(clock) <= most:
+            run.whole = read_recording(path)
+        else:
+            run.scratch = spread_columns(path, run.columns, len(clock))
     run.rows, run.truncated = len(clock), clock.truncated
     run.time = clock["time_s"].copy()
-    if run.rows * len(run.columns) <= WHOLE_CELLS:
-        run.whole = read_recording(path)
-    else:
-        run.scratch = spread_columns(path, run.columns, run.rows)
     if clock.damaged_chunks:
         run.notes.append(
             f"{clock.damaged_chunks} chunks of the recording are damaged and were skipped."
@@ -106,7 +118,7 @@ def _text(path: Path, notes: list[str]) -> str:
 
 
 def _rig(text: str, notes: list[str]) -> dict[str, Any]:
-    """Return what the rig file says, as far as it can be read; its own checks were the run's."""
+    """Return the rig file's content as far as it is readable; the run has checked it."""
     if not text:
         return {}
     try:
@@ -118,19 +130,19 @@ def _rig(text: str, notes: list[str]) -> dict[str, Any]:
     return document.value
 
 
-def _summary(path: Path, notes: list[str]) -> dict[str, Any]:
+def _summary(path: Path) -> tuple[dict[str, Any], str]:
+    """Return a run's summary, empty where there is none that can be read; and why it cannot."""
     try:
         loaded = parse_json(read_guarded(path, "summary", LARGEST))
     except ConfigError as error:
-        if path.exists():
-            notes.append(f"{_said(error, path)}.")
-        return {}
+        return {}, _said(error, path) if path.exists() else ""
     except ValueError as error:
-        notes.append(f"summary.json cannot be read: {error}.")
-        return {}
-    return loaded if isinstance(loaded, dict) else {}
+        return {}, f"summary.json cannot be read: {error}"
+    if not isinstance(loaded, dict) or not loaded:
+        return {}, "summary.json holds no summary"
+    return loaded, ""
 
 
 def _said(error: ConfigError, path: Path) -> str:
-    """Return a sentence about a file of the directory that the report is on anyway."""
+    """Return an error without the path of the reported directory."""
     return str(error).replace(str(path), path.name, 1)

@@ -1,4 +1,4 @@
-"""The report of one run: figures beside the recording, and one page that needs nothing else."""
+"""The report of one run: figures beside the recording, and one self-contained page."""
 
 from __future__ import annotations
 
@@ -18,64 +18,54 @@ from tautwave.report.html import (
     verdict_rows,
 )
 from tautwave.report.run import tables
-from tautwave.report.run.loading import load_run
 from tautwave.report.run.parts import Part, Picture, certificate_picture, pair_parts, scene_parts
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import invalidated, outcome, uncertified, verdicts
 from tautwave.report.units import plural, quantity
 
 PICTURE_BYTES = 2_000_000
-"""Of all figures, animations and sounds inside the page; what is beyond stands beside it."""
+"""Total size of figures, animations and sounds inside the page; anything beyond is a file beside
+it."""
 
 
-def write_report(directory: Path) -> Path:
+def write_page(run: Run) -> Path:
     """Write figures (SVG) and `report.html` into the directory of a run.
 
-    Works from whatever the run left: a cut recording, no simulation truth, no summary.
+    Works with incomplete runs: a truncated recording, no simulation truth, no summary.
 
     Returns
     -------
     Path
         Of the page: one file, no script, nothing from the network.
-
-    Raises
-    ------
-    RecordingError
-        There is neither a summary nor a readable recording.
     """
-    directory = Path(directory)
-    run = load_run(directory)
     parts: list[str] = []
     spent = 0
     for part in _body(run):
         if isinstance(part, str):
             parts.append(part)
             continue
-        size, inside = part.keep(directory)
+        size, inside = part.keep(run.directory)
         spent += size
         parts.append(inside() if spent <= PICTURE_BYTES else part.beside())
         spent -= size if spent > PICTURE_BYTES else 0
-    target = directory / "report.html"
+    target = run.directory / "report.html"
     write_text(target, page(f"{run.name} – tautwave report", parts))
     return target
 
 
-def write_figures(directory: Path, out: Path, kind: str, style: Style) -> list[Path]:
-    """Write every figure of a run's report into `out`, as a paper wants them.
+def write_figures(run: Run, out: Path, kind: str, style: Style) -> list[Path]:
+    """Write every figure of a run's report into `out`, for a paper.
 
     Parameters
     ----------
     kind : `pdf` or `svg`
-    style : width, size and family of the letters
+    style : width, font size and family
 
     Raises
     ------
-    RecordingError
-        There is neither a summary nor a readable recording.
     WritingError
         `out` cannot be written.
     """
-    run = load_run(Path(directory))
     written = []
     with styled(style):
         for part in _body(run):
@@ -98,7 +88,7 @@ def _body(run: Run) -> Iterator[Part]:
 
 
 def _motion(run: Run) -> Iterator[Part]:
-    """What there is to show of a run that had a cycle."""
+    """The content for a run with at least one cycle."""
     yield from pair_parts(run)
     if run.ports:
         yield from scene_parts(run)
@@ -209,7 +199,7 @@ def _axes(run: Run) -> Iterator[str]:
 
 
 def _buses(run: Run) -> Iterator[str]:
-    """What each driver found, wrote and read back before it enabled anything."""
+    """What each driver found, wrote and read back before enabling."""
     buses = run.summary.get("buses")
     for name, found in buses.items() if isinstance(buses, dict) else ():
         notes = found.get("notes") if isinstance(found, dict) else None

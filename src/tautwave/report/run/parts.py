@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Picture(NamedTuple):
-    """A figure as it stands on the page, and as an SVG beside it."""
+    """A figure in the page, and as an SVG beside it."""
 
     name: str
     figure: Figure
@@ -30,19 +30,19 @@ class Picture(NamedTuple):
     caption: str = ""
 
     def keep(self, directory: Path) -> tuple[int, Callable[[], str]]:
-        """Write the file; return its size, and what makes the figure's place in the page."""
+        """Write the file; return its size, and a function that makes its HTML."""
         drawn = svg(self.figure, self.name, self.alt)
         write_text(directory / f"{self.name}.svg", alone(drawn))
         return len(drawn), lambda: picture(drawn, self.caption)
 
     def beside(self) -> str:
-        """Return what the page says where the figure is too large for it."""
+        """Return the note in the page if the figure is too large for it."""
         note = f"{self.alt}: too large for this page, in {self.name}.svg beside it."
         return f'<p class="note">{escape(note)}</p>'
 
 
 class Still(NamedTuple):
-    """A drawing, as a PNG on light ground and on dark."""
+    """A drawing, as PNGs for light and dark backgrounds."""
 
     name: str
     light: bytes
@@ -51,30 +51,30 @@ class Still(NamedTuple):
     caption: str
 
     def keep(self, directory: Path) -> tuple[int, Callable[[], str]]:
-        """Write the file; return the size in the page, and what makes its place there."""
+        """Write the file; return its size in the page, and a function that makes its HTML."""
         write_bytes(directory / f"{self.name}.png", self.light)
         size = 4 * (len(self.light) + len(self.dark)) // 3
         return size, lambda: image(self.light, "png", self.alt, self.caption, self.dark)
 
     def beside(self) -> str:
-        """Return what the page says where the drawing is too large for it."""
+        """Return the note in the page if the drawing is too large for it."""
         return f'<p class="note">{escape(self.alt)}: in {self.name}.png beside this page.</p>'
 
 
 class File(NamedTuple):
-    """A file of the run's directory that is shown inside the page, and linked."""
+    """A file of the run's directory, shown inside the page and linked."""
 
     path: Path
     show: Callable[[bytes], str]
     caption: str
 
     def keep(self, _directory: Path) -> tuple[int, Callable[[], str]]:
-        """Return the size that it takes in the page, and what makes its place there."""
+        """Return its size in the page, and a function that makes its HTML."""
         data = self.path.read_bytes()
         return 4 * len(data) // 3, lambda: self.show(data) + self._link("also as")
 
     def beside(self) -> str:
-        """Return a link where the file is too large for the page."""
+        """Return a link if the file is too large for the page."""
         return self._link("in")
 
     def _link(self, word: str) -> str:
@@ -86,7 +86,7 @@ class File(NamedTuple):
 
 
 FOLDED = 15
-"""Rows of a scene's account from which on it is folded."""
+"""Rows above which a scene's account is folded."""
 
 Part = str | Picture | Still | File
 
@@ -124,7 +124,7 @@ def _overview(run: Run, views: list[PairView]) -> Iterator[Part]:
 
 
 def _summary(run: Run, pair: str) -> str:
-    """One line of what is folded."""
+    """One line that summarises a folded section."""
     figures = block(run.summary, "pairs", pair)
     position, effort = units_of(run, pair)
     parts = [
@@ -190,7 +190,7 @@ def _contacts(run: Run, view: PairView) -> Iterator[str]:
 
 
 def scene_parts(run: Run) -> Iterator[Part]:
-    """Yield the figure of a scene, a still, what moves and what sounds, and its account."""
+    """Yield the figure of a scene, a still, its animation and sound, and its account."""
     yield '<h2 id="scene">Scene</h2>'
     from tautwave.report.scene.files import shown
 
@@ -224,15 +224,14 @@ def _files(directory: Path) -> Iterator[Part]:
 
 
 def certificate_picture(run: Run) -> Picture | str:
-    """Return the certificate's figure, or why there is none."""
+    """Return the certificate's figure, or a note why there is none."""
     from tautwave.certificate.picture import certificate_figure
-    from tautwave.config import parse_rig
 
     if not run.rig_text:
         return "No rig file to certify."
     try:
-        rig = parse_rig(run.rig_text, Path("rig.yaml"))
-        figure = certificate_figure(rig)
+        figure = certificate_figure(run.checked_rig)
     except (TautwaveError, ArithmeticError) as err:
-        return f"The certificate of this rig cannot be drawn: {str(err).splitlines()[0]}"
+        reason = str(err).splitlines()[0].replace(f"{run.directory}/", "")
+        return f"The certificate of this rig cannot be drawn: {reason}"
     return Picture("certificate", figure, "certificate of this rig")

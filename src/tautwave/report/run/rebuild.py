@@ -1,4 +1,4 @@
-"""What a summary would say, as far as the recording alone can tell (after a crash or a kill)."""
+"""Rebuild a summary as far as the recording allows (after a crash or a kill)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _PERCENTILES = {"p50": 50.0, "p99": 99.0, "p999": 99.9}
 
 
 def rebuild_summary(run: Run) -> dict[str, Any]:
-    """Summary of `run` from its recording; what the recording does not hold is absent.
+    """Summary of `run` from its recording; unrecorded values are absent.
 
     Returns
     -------
@@ -67,7 +67,7 @@ def rebuild_summary(run: Run) -> dict[str, Any]:
 
 
 def _motors(run: Run, pairs: dict[str, Any]) -> dict[str, float]:
-    """Return what all motors gave, net and at the worst moment, and what they may owe [J]."""
+    """Return the energy all motors delivered, net and at worst, and their allowed debt [J]."""
     axes = [f"{side}.{pair}" for pair in pairs for side in SIDES]
     axes += [f"master.{port}" for port in run.ports]
     given = given_energy(run, axes) if axes else None
@@ -84,8 +84,8 @@ def _motors(run: Run, pairs: dict[str, Any]) -> dict[str, float]:
 def scene_books(run: Run) -> dict[str, float | None]:
     """Totals of a scene's books [J]: gross flow, residual, and what was fed into it.
 
-    `generated` is what negative dampers and sources made, what held efforts gave back beyond what
-    the devices gave, and what a scheme made of itself.
+    `generated` is the energy from negative dampers and sources, what held efforts gave back beyond
+    what the devices put in, and what the scheme itself created.
     """
     names = ("residual", "hold", "made", "numeric", "pumped", "kinetic", "stored")
     read = {name: run.read(f"scene.{name}").get(f"scene.{name}") for name in names}
@@ -108,7 +108,7 @@ def scene_books(run: Run) -> dict[str, float | None]:
 
 
 def _known(value: float) -> float | None:
-    """None for what is not a number: JSON has no NaN, and the books count as open then."""
+    """None for NaN, which JSON lacks; the books then count as not closed."""
     return value if np.isfinite(value) else None
 
 
@@ -117,7 +117,7 @@ def spread(values: Floats) -> dict[str, float]:
     known = values[np.isfinite(values)]
     if known.size == 0:
         return {}
-    # Here `known` is a copy already, so sorting it in place saves another one of an hour's column.
+    # `known` is already a copy; sorting it in place saves another one.
     found = np.percentile(known, list(_PERCENTILES.values()), overwrite_input=True)
     percentiles = dict(zip(_PERCENTILES, found.tolist(), strict=True))
     return {**percentiles, "max": float(known.max())}
@@ -146,11 +146,11 @@ def element_books(run: Run, pair: str, element: str) -> tuple[Floats, Floats, Fl
 
 
 class Balance:
-    """Sum of what entered a pair's elements less what they stored and dissipated [J].
+    """Energy that entered a pair's elements minus what they stored and dissipated [J].
 
-    Give it one element at a time, so that an hour of recording stays small in memory. What
-    entered is what the motors took out of the devices (`port_energy`) where that is recorded:
-    then a loss between elements shows, too; else it is what the elements say they absorbed.
+    Add one element at a time, so that an hour of recording stays small in memory. The input is the
+    energy the motors took out of the devices (`port_energy`) if recorded, which also reveals a loss
+    between elements; else the energy the elements report as absorbed.
     """
 
     def __init__(self, run: Run, pair: str) -> None:
@@ -203,7 +203,7 @@ def _pair(run: Run, pair: str) -> dict[str, Any]:
 def _expected_offset(run: Run, pair: str) -> float | None:
     """Offset of the line [master units] at the greatest effort, averaged over the delay and 20 ms.
 
-    Shorter efforts are shocks and noise; they come and go before any offset has built up.
+    Shorter efforts are shocks and noise, over before an offset has built up.
     """
     each = offset_per_effort(run, pair)
     names = [f"master.{pair}.measured_effort", f"master.{pair}.port_effort"]

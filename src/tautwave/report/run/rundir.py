@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from tautwave.config import Rig, parse_rig
 from tautwave.errors import ConfigError
 from tautwave.registry import coupling_words
 from tautwave.report.figures.envelope import Floats
@@ -30,7 +32,7 @@ SIDES = ("master", "slave")
 
 @dataclass
 class Run:
-    """One finished, broken or half recovered run. Times in s, everything else SI.
+    """One finished, broken or partly recovered run. Times in s, everything else SI.
 
     `whole` is the recording in memory, None where it is too long and read by columns instead;
     `time` is its time column, `scratch` its columns spread out in a file.
@@ -50,7 +52,7 @@ class Run:
     scratch: Scratch | None = None
 
     def read(self, *names: str, rows: slice = slice(None)) -> dict[str, Floats]:
-        """Full columns by name; names that were not recorded are left out of the answer."""
+        """Full columns by name; unrecorded names are omitted."""
         present = tuple(dict.fromkeys(name for name in names if name in self.columns))
         if not present:
             return {}
@@ -66,15 +68,29 @@ class Run:
         return {name: part[name] for name in present}
 
     def each(self, names: Iterable[str]) -> Iterator[tuple[str, Floats]]:
-        """Columns one after the other, a few for each pass over a long recording."""
+        """Columns one after the other, a few per pass over a long recording."""
         wanted = list(names)
         step = AT_ONCE if self.scratch is None else 1
         for at in range(0, len(wanted), step):
             yield from self.read(*wanted[at : at + step]).items()
 
+    @cached_property
+    def checked_rig(self) -> Rig:
+        """The rig as the run had it, read and checked once.
+
+        Raises
+        ------
+        ConfigError
+            There is no rig file, or it is wrong here: of another version, or its parts are missing.
+        """
+        path = self.directory / "rig.yaml"
+        if not self.rig_text:
+            raise ConfigError(f"{path} is missing")
+        return parse_rig(self.rig_text, path)
+
     @property
     def began(self) -> bool:
-        """Whether there was a cycle, or nobody knows; without one there is nothing to show."""
+        """Whether there was a cycle, or it is unknown; without one there is nothing to show."""
         return self.rows > 0 or number(self.summary.get("cycles")) != 0.0
 
     @property
@@ -84,7 +100,7 @@ class Run:
 
     @property
     def rate_hz(self) -> float:
-        """Loop rate [Hz], NaN where nobody wrote it down."""
+        """Loop rate [Hz], NaN if unknown."""
         for place in (self.rig, self.summary, self.metadata):
             try:
                 rate = float(place["rate_hz"])
@@ -109,7 +125,7 @@ class Run:
     def ports(self) -> list[str]:
         """Names of the axes that touch a scene, in the rig's order; none without a scene."""
         ports = block(self.rig, "scene", "ports")
-        # In three dimensions a port has several axes, or one that is called as it is.
+        # In three dimensions a port has several axes, or one of its own name.
         axes = [block(ports, name).get("axes") or [name] for name in ports]
         return [name for of_port in axes for name in of_port]
 
@@ -136,7 +152,7 @@ def is_scene3d(run: Run) -> bool:
 
 
 def pair_settings(run: Run, pair: str) -> dict[str, Any]:
-    """What the rig file says of `pair`, empty where there is no rig file."""
+    """The rig file's block for `pair`, empty without a rig file."""
     return block(run.rig, "coupling", "pairs", pair)
 
 
@@ -178,7 +194,7 @@ def delay_of(run: Run, pair: str) -> float:
 
 
 def law_wording(run: Run) -> CouplingWords:
-    """The wording of the run's coupling; the default where it is not installed here."""
+    """The messages of the run's coupling; the default ones if it is not installed here."""
     try:
         return coupling_words(str(block(run.rig, "coupling").get("law", "wave")))
     except ConfigError:
@@ -186,7 +202,7 @@ def law_wording(run: Run) -> CouplingWords:
 
 
 def offset_per_effort(run: Run, pair: str) -> float | None:
-    """By how much a held effort sets master and slave apart [rad/(N m) or m/N]."""
+    """Offset between master and slave per held effort [rad/(N m) or m/N]."""
     offset = number(block(run.summary, "pairs", pair).get("offset_per_effort"))
     if offset is None:
         impedance = number(pair_settings(run, pair).get("wave_impedance"))

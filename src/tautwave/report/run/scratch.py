@@ -1,7 +1,7 @@
-"""Columns of a long recording, each in one piece: a recording has them row by row.
+"""Columns of a long recording, each contiguous: a recording stores them row by row.
 
-Taking one column out of an hour means to decompress it all, a few seconds each time. Here that
-is done once, into a file without a name that is gone when it is closed, whatever happens.
+Extracting one column of an hour means decompressing everything, a few seconds each time. This does
+it once, into an unnamed file that vanishes when it is closed, whatever happens.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Scratch:
         self._rows = rows
 
     def write(self, name: str, first: int, values: Floats) -> None:
-        """Put `values` into column `name` from row `first` on."""
+        """Write `values` into column `name` from row `first` on."""
         self._file.seek(self._at[name] + 8 * first)
         piece = np.ascontiguousarray(values).data
         if self._file.write(piece) != piece.nbytes:
@@ -48,7 +48,7 @@ class Scratch:
 
 
 def spread_columns(path: Path, columns: tuple[str, ...], rows: int) -> Scratch | None:
-    """Copy a recording column by column; None where the disk has no room for it.
+    """Copy a recording column by column; None if the disk has no room for it.
 
     Raises
     ------

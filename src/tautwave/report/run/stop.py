@@ -1,4 +1,4 @@
-"""Where and why a run was stopped: what figures mark."""
+"""Where and why a run was stopped, for the figures."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _REASONS = {
 
 
 class Stop(NamedTuple):
-    """A stop: when [s], on which axis (`side` and `pair` are empty where on none), and why.
+    """A stop: when [s], on which axis (`side` and `pair` are empty if on none), and why.
 
-    `kind` is `safety stop` or `fault`, `reason` what the axis did, empty where none did anything.
+    `kind` is `safety stop` or `fault`, `reason` what the axis did, empty if no axis was the cause.
     """
 
     at_s: float
@@ -33,13 +33,13 @@ class Stop(NamedTuple):
     reason: str
 
     def label(self, *, reason: bool = False) -> str:
-        """Return what a mark in a figure is called."""
+        """Return the label of the mark in a figure."""
         why = f": {self.reason}" if reason and self.reason else ""
         return f"{self.kind} at {self.at_s:.3f} s{why}"
 
 
 def stop_of(run: Run) -> Stop | None:
-    """Return where a run was stopped, None for one that ended as it should or by its user."""
+    """Return where a run was stopped, None if it ended normally or by its user."""
     outcome = block(run.summary, "outcome")
     kind, at = _KINDS.get(str(outcome.get("kind"))), number(outcome.get("at_s"))
     if kind is None or at is None or run.time is None or not len(run.time):

@@ -1,4 +1,4 @@
-"""Tables of the report as plain text cells; nothing here knows of HTML."""
+"""Tables of the report as plain text cells, independent of HTML."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MOST_ELEMENTS = 40
 
 
 class Table(NamedTuple):
-    """`head` and `rows` hold text; the first column is left-aligned; `note` stands beneath."""
+    """`head` and `rows` hold text; the first column is left-aligned; `note` is printed below."""
 
     title: str
     head: tuple[str, ...]
@@ -57,7 +57,7 @@ def element_table(run: Run) -> Table:
             rows.append((f"{pair}: {label}" if several else label, what, *cells))
     return Table(
         "Controller, by element",
-        ("element", "what it is", "absorbed", "stored at the end", "dissipated", "generated"),
+        ("element", "description", "absorbed", "stored at the end", "dissipated", "generated"),
         tuple(rows),
         "Every element keeps its own account from measured positions and the force that acted. "
         "Generated is the largest energy it ever gave beyond what it had received, available to "
@@ -116,7 +116,7 @@ def books_table(run: Run) -> Table:
 
 
 def plant_table(run: Run) -> Table:
-    """What hand, devices and environment did in truth, from the recording's last row."""
+    """True energies of hand, devices and environment, from the recording's last row."""
     axes: dict[str, dict[str, float]] = {}
     for column in run.columns:
         if column.startswith("plant.") and run.rows:
@@ -142,7 +142,7 @@ def _cell(value: float | None) -> str:
 
 
 def contact_table(view: PairView) -> list[Table]:
-    """Contacts of one pair, one table for each kind of surface that was touched."""
+    """Contacts of one pair, one table for each kind of surface."""
     titles = {
         "environment": "Contacts with the environment",
         "wall_slave": "Contacts with the slave's virtual wall",
@@ -245,7 +245,7 @@ def axis_table(run: Run) -> Table:
 
 
 def way_table(run: Run) -> Table:
-    """Which way each bus took: hardware, or simulated devices and where they were."""
+    """How each bus was run: hardware, or simulated devices and where they were."""
     rows = []
     for name, bus in block(run.summary, "buses").items():
         way = bus.get("words") if isinstance(bus, dict) else None
@@ -255,7 +255,7 @@ def way_table(run: Run) -> Table:
 
 
 def simulated_by(run: Run) -> str:
-    """Return the options of `tautwave run` that simulate what this run did."""
+    """Return the options of `tautwave run` that simulate the same buses as this run."""
     return "".join(
         f" --simulate {name}"
         for name, bus in block(run.summary, "buses").items()
@@ -272,7 +272,7 @@ def _faults(faults: Any) -> str:
 
 
 def left_out_table(run: Run) -> Table:
-    """What this rig does not need and runs without, with the reason."""
+    """Elements that this rig does not need and runs without, with the reason."""
     rows = []
     for entry in run.summary.get("left_out") or ():
         if isinstance(entry, dict):
@@ -292,4 +292,4 @@ def included_table(run: Run) -> Table:
         for name in run.elements(pair):
             what = ELEMENT.get(name.partition("_")[0], "")
             rows.append((f"{name.replace('_', ' ')} of {pair}", what or "–"))
-    return Table("In this run", ("element", "what it is"), tuple(rows))
+    return Table("In this run", ("element", "description"), tuple(rows))

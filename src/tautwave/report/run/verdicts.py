@@ -1,4 +1,4 @@
-"""One sentence each on books, tracking, timing and certificate: the report in ten seconds."""
+"""One sentence each on books, tracking, timing and certificate: a summary of the report."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def _books(run: Run) -> Verdict:
 
 
 def _given(run: Run, energy: dict[str, Any]) -> tuple[list[str], bool]:
-    """What the motors gave, and whether that is more than the ports may owe."""
+    """The energy the motors delivered, and whether it exceeds the ports' allowed debt."""
     net, gross = number(energy.get("motors_net")), number(energy.get("gross_flow")) or 0.0
     if net is None:
         return [], False
@@ -125,7 +125,7 @@ def _generated(run: Run, energy: dict[str, Any]) -> str:
 
 
 def expected_offset(run: Run, pair: str) -> float | None:
-    """Standing offset of the coupling at the effort held [master units], None without one."""
+    """Steady-state offset of the coupling at the held effort [master units], None without one."""
     return number(block(run.summary, "pairs", pair).get("expected_offset"))
 
 
@@ -210,7 +210,7 @@ BROKEN = "Passed before the run, but invalidated by what the run measured."
 
 
 def invalidated(run: Run) -> tuple[str, ...]:
-    """Sentences on what a run measured that breaks its own certificate; empty if nothing does."""
+    """Sentences on measurements that break the run's own certificate; empty if none do."""
     after = block(run.summary, "certificate", "after_run")
     if not after.get("invalidated"):
         return ()
@@ -218,7 +218,7 @@ def invalidated(run: Run) -> tuple[str, ...]:
 
 
 def uncertified(run: Run) -> tuple[str, ...]:
-    """Why a run had no certificate and was allowed all the same; empty for every other run."""
+    """Why a run without a certificate was allowed; empty for every other run."""
     certificate = block(run.summary, "certificate")
     if not certificate.get("allowed_uncertified"):
         return ()
@@ -226,7 +226,7 @@ def uncertified(run: Run) -> tuple[str, ...]:
 
 
 def _rendered(run: Run) -> list[str]:
-    """Walls that were derated: what was asked and what was rendered."""
+    """Derated walls: requested and rendered stiffness."""
     lines = []
     for axis, wall in block(run.summary, "certificate", "walls").items():
         asked, rendered = wall.get("asked_stiffness"), wall.get("rendered_stiffness")
@@ -236,7 +236,7 @@ def _rendered(run: Run) -> list[str]:
 
 
 def _slow(run: Run) -> list[str]:
-    """What buses with a divisor cost, as the certificate said."""
+    """The cost of buses with a divisor, as the certificate states it."""
     lines = []
     for name, element in block(run.summary, "certificate", "elements").items():
         sentences = element.get("sentences") if isinstance(element, dict) else None
@@ -246,13 +246,13 @@ def _slow(run: Run) -> list[str]:
 
 
 def _lines(verdicts: Any) -> list[str]:
-    """Verdicts of the certificate as sentences, whatever their shape."""
+    """Verdicts of the certificate as sentences, whatever their form."""
     if isinstance(verdicts, dict):
         found = [_ifs(value) for value in verdicts.values() if isinstance(value, dict)]
         given = [ifs for ifs in found if ifs]
         if len(given) < 2 or any(ifs != given[0] for ifs in given):
             return [f"{name}: {_say(value)}" for name, value in verdicts.items()]
-        # The same conditions of several verdicts are read once.
+        # Conditions that several verdicts share are stated once.
         lines = [f"{name}: {_say(value, ifs=False)}" for name, value in verdicts.items()]
         return [*lines, f"Conditional verdicts hold {'; '.join(given[0])}."]
     if isinstance(verdicts, list):
@@ -284,7 +284,7 @@ def units_of(run: Run, pair: str) -> tuple[str, str]:
 
 
 def describe_pair(run: Run, pair: str) -> str:
-    """What couples `pair`, in one line."""
+    """The coupling of `pair`, in one line."""
     settings = pair_settings(run, pair)
     position, effort = units_of(run, pair)
     parts = []

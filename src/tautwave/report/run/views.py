@@ -1,6 +1,6 @@
-"""What the figures of one pair need, taken from the recording column by column and decimated.
+"""The data for the figures of one pair, read from the recording column by column and decimated.
 
-Nothing here draws, and no full column outlives its reduction, so an hour of rows stays small.
+Nothing is drawn here, and no full column is kept, so an hour of rows stays small.
 """
 
 from __future__ import annotations
@@ -32,21 +32,20 @@ RESISTING = ("port_effort", "wall_effort")
 """Columns of resisting efforts, positive against the position; figures show them along it."""
 ACCOUNTS = ("absorbed", "stored", "dissipated")
 FLAT = 1e-4
-"""Share of an axis' limits below which a line is flat, and named instead of drawn."""
+"""Share of an axis' limits below which a line is flat: it is named instead of drawn."""
 
 
 @dataclass
 class PairView:
     """One pair, ready to draw.
 
-    `lines` holds traces by name; positions, `error` and `expected` are in master units,
-    everything of one axis in that axis' units. `contacts` and `phase` are by their cause:
-    `environment`, `wall_slave`, `wall_master`. `held` says that the environment is a spring,
-    which never lets go: that is no contact. `to_slave` turns what the master pushes back with
-    into the slave's units and sign; `wording` is that of the
-    coupling's law.
-    `limits` are of effort, `least` the smallest range that is drawn, both by side, and by side
-    and quantity; what stays within it is named in `flat`. `stop` is where the run was stopped.
+    `lines` holds traces by name; positions, `error` and `expected` are in master units, everything
+    of one axis in that axis' units. `contacts` and `phase` are by their cause: `environment`,
+    `wall_slave`, `wall_master`. `held` means that the environment is a spring, always attached,
+    which is not a contact. `to_slave` turns what the master pushes back with into the slave's units
+    and sign; `wording` is that of the coupling's law. `limits` are effort limits by side, `least`
+    the smallest range drawn, by side and quantity; lines that stay within it are listed in `flat`.
+    `stop` is where the run was stopped.
     """
 
     name: str
@@ -86,7 +85,7 @@ class EnergyView:
 
 
 def view_pair(run: Run, pair: str) -> PairView:
-    """Everything but the energy of `pair`."""
+    """The view of `pair`, without its energies."""
     settings = pair_settings(run, pair)
     view = PairView(pair, {side: axis_units(axis_kind(run, side, pair)) for side in SIDES})
     view.delay_s = delay_of(run, pair)
@@ -107,7 +106,7 @@ def view_pair(run: Run, pair: str) -> PairView:
 
 
 def _bounds(view: PairView, side: str, axis: dict[str, Any]) -> None:
-    """Take the limits of an axis, and from them what counts as no motion at all."""
+    """Set the limits of an axis, and from them the ranges that count as no motion."""
     effort, velocity = number(axis.get("effort_limit")), number(axis.get("velocity_limit"))
     if effort is not None:
         view.limits[side] = effort
@@ -167,7 +166,7 @@ def _positions(run: Run, view: PairView, settings: dict[str, Any], time: Floats)
     if error in read:
         view.lines["error"] = trace(time, read[error])
     if master in read and error in read:
-        # The loop's own error already holds scale, sign and the offset taken when engaging.
+        # The loop's own error already includes scale, sign and the offset taken when engaging.
         view.lines["slave.position"] = trace(time, read[master] - read[error])
     elif slave in read:
         scale = number(settings.get("position_scale")) or 1.0
@@ -197,7 +196,7 @@ def _efforts(run: Run, view: PairView, settings: dict[str, Any], time: Floats) -
     for side in SIDES:
         measured = view.lines.get(f"{side}.measured_effort")
         if measured is not None:
-            # An admittance port carries the measured effort; what it answers with is a velocity.
+            # An admittance port carries the measured effort and responds with a velocity.
             view.lines[f"{side}.port_effort"] = measured.times(-1.0)
     for side, factor in (("master", -1.0), ("slave", 1.0 / view.to_slave)):
         line = view.lines.get(f"{side}.port_effort")
@@ -226,7 +225,7 @@ def _touch(run: Run, view: PairView, settings: dict[str, Any], time: Floats) -> 
 
 
 def _around_stop(run: Run, view: PairView, time: Floats, at_s: float) -> None:
-    """Keep the velocities of a quarter of a second on both sides of a stop."""
+    """Keep the velocities within a quarter of a second of a stop."""
     window = slice(*np.searchsorted(time, (at_s - 0.25, at_s + 0.25)).tolist())
     names = {f"{side}.{view.name}.velocity": f"stop.{side}" for side in SIDES}
     for column, values in run.read(*names, rows=window).items():

@@ -1,7 +1,7 @@
 """The scene as a picture of masses, springs and bars, and as an animation (GIF).
 
-One column a mass, side by side; height is position. Ports and grounds are bars over the columns
-they are linked to, springs zigzags, contacts thin dashed lines. Drawn with Pillow, which comes with
+Each mass has a column; height is position. Ports and grounds are bars across the columns they are
+linked to, springs are zigzags, contacts thin dashed lines. Drawn with Pillow, which comes with
 matplotlib: a hundred frames take a second.
 """
 
@@ -35,14 +35,14 @@ FRAME_MS = 50
 BAR, GROUND_LINE = 5, 2  # thickness [pixel of the animation]
 ZIGZAG = ("spring", "nonlinear", "plastic")
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.08, 0.97, 0.08, 0.9
-_LAST = 0.88  # where columns end: beside them are the names of grounds
+_LAST = 0.88  # end of the columns; names of grounds are drawn beside them
 
 
 class _Frame(NamedTuple):
     """Where nodes are drawn: column and radius [pixel] of the masses, and the scale of heights.
 
-    `aside` moves a bar or a ground away from the masses that touch it, by a ball's radius: a ball
-    whose mass is where the surface is lies against it, and does not stand in it.
+    `aside` moves a bar or a ground away from the masses that touch it, by a ball's radius, so that
+    a ball at the surface lies against it and not inside.
     """
 
     columns: dict[str, float]
@@ -61,7 +61,7 @@ def _layout(view: SceneView, rows: slice) -> _Frame:
     moving = [name for name in view.at if name not in view.network.ports]
     fixed = {name for name, _ in view.network.grounds}
     moving = [name for name in moving if name not in fixed]
-    # A bow passes by: only what is held by a spring or a contact has a height that matters.
+    # A bow moves past: only nodes held by a spring or a contact have a relevant height.
     held = {end for link in view.network.links if link.stiffness for end in (link.a, link.b)}
     held |= set(moving)
     shown = [view.at[name][rows] for name in view.at if name in held]
@@ -79,7 +79,7 @@ def _layout(view: SceneView, rows: slice) -> _Frame:
 
 
 def _aside(view: SceneView, rows: slice, moving: set[str], size: float) -> dict[str, float]:
-    """Return by how much each bar and ground is drawn away from what touches it [pixel, down]."""
+    """Return the offset of each bar and ground from what touches it [pixel, down]."""
     sides: dict[str, list[float]] = {}
     for link in view.network.links:
         if link.kind != "contact" or link.a not in view.at or link.b not in view.at:
@@ -104,7 +104,7 @@ def draw_frame(view: SceneView, row: int, title: str = "", *, dark: bool = False
 
 
 def ground(dark: bool) -> Colours:
-    """Return each colour of the palette as it is on light ground, or on dark."""
+    """Return each colour of the palette for a light or dark background."""
     return DARK if dark else LIGHT
 
 
@@ -118,7 +118,7 @@ def _draw(
     for link in view.network.links:
         _link(pen, view, frame, row, (link.a, link.b), link.kind, hue)
     used = {end for link in view.network.links for end in (link.a, link.b)}
-    # Two bars may meet: names of ports begin at the left, those of grounds end at the right.
+    # Two bars may meet: names of ports are at the left, those of grounds at the right.
     for names, colour in ((view.network.ports, hue[MASTER]), (sorted(fixed), hue[EDGE])):
         taken = 0.0
         for name in names:
@@ -143,7 +143,7 @@ def _draw(
 
 
 def _squeezed(view: SceneView, frame: _Frame, name: str, row: int) -> tuple[float, float]:
-    """Return top and bottom of a ball; pressed into what it touches it is flatter, not inside."""
+    """Return top and bottom of a ball; pressed against a surface it is flattened, not inside."""
     y = frame.y(float(view.at[name][row]))
     top, bottom = y - frame.size, y + frame.size
     for link in view.network.links:
@@ -157,7 +157,7 @@ def _squeezed(view: SceneView, frame: _Frame, name: str, row: int) -> tuple[floa
         elif aside > 0.0:
             bottom = min(bottom, surface)
     least = 0.5 * frame.size
-    if bottom - top < least:  # far inside: the picture keeps it a ball, against the surface
+    if bottom - top < least:  # far inside: draw a full ball against the surface
         bottom = top + least if top > y - frame.size else bottom
         top = bottom - least
     return top, bottom
@@ -188,7 +188,7 @@ def _link(
     kind: str,
     hue: Colours,
 ) -> None:
-    """Draw a link between two nodes; a bar is met above or below the other end's column."""
+    """Draw a link between two nodes; it meets a bar above or below the other end's column."""
     if any(end not in view.at for end in ends):
         return
     column = next((frame.columns[end] for end in ends if end in frame.columns), None)
@@ -227,7 +227,7 @@ def _dashes(
 
 
 def liveliest(view: SceneView | View3d, rows: int) -> int:
-    """Return the first of the `rows` rows in which the device felt most."""
+    """Return the first of `rows` rows around the largest force on the device."""
     total = sum(np.abs(values) for values in view.efforts.values())
     power = np.concatenate([[0.0], np.cumsum(np.asarray(total, np.float64) ** 2)])
     last = len(power) - 1 - rows
@@ -284,11 +284,12 @@ def save_frames(drawn: Sequence[Image.Image], path: Path) -> None:
 
 
 def _palette(drawn: Sequence[Image.Image]) -> Image.Image:
-    """Return the colours of a few frames: in every one are the same things."""
+    """Return the colours of a few frames; all frames show the same objects."""
     some = drawn[:: max(1, len(drawn) // 4)]
-    strip = Image.new("RGB", (WIDTH, HEIGHT * len(some)))
+    wide, tall = drawn[0].size
+    strip = Image.new("RGB", (wide, tall * len(some)))
     for at, image in enumerate(some):
-        strip.paste(image, (0, HEIGHT * at))
+        strip.paste(image, (0, tall * at))
     found = np.array(strip.quantize(32, dither=Image.Dither.NONE).getpalette()).reshape(-1, 3)
     found[found.min(axis=1) > 244] = 255  # the mean of white and next to white
     palette = Image.new("P", (1, 1))

@@ -1,4 +1,4 @@
-"""The still figure of a scene: where everything is, what the device feels, where energy went."""
+"""The still figure of a scene: positions, force on the device, energies."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from tautwave.report.scene3d.view import View3d
 
 AXES = ((MASTER, "-"), (WALL, "--"), (DAMPER, "-."))
-"""Of up to three axes of a device."""
+"""Colours of up to three axes of a device."""
 
 MOST_POINTS = 3000
 _STYLE = {
@@ -42,7 +42,7 @@ _STYLE = {
     "lost": (DAMPER, "lost"),
     "made": (LINE, "fed"),
     "port_work": (INK, "from the devices"),
-    "pumped": (FILTER, "from outside forces"),
+    "pumped": (FILTER, "from external forces"),
     "hold": (SOFT, "hold and limits"),
 }
 
@@ -72,7 +72,7 @@ def scene_figure(view: SceneView) -> Figure:
 
 
 def draw_efforts(axes: Axes, view: SceneView | View3d) -> None:
-    """Draw what every axis feels."""
+    """Draw the force on every axis."""
     peak = max((float(np.abs(values).max()) for values in view.efforts.values()), default=0.0)
     factor, unit = scale_for(peak, "N")
     for at, (name, values) in enumerate(view.efforts.items()):
@@ -85,7 +85,7 @@ def draw_efforts(axes: Axes, view: SceneView | View3d) -> None:
 
 
 def draw_heard(axes: Axes, view: SceneView | View3d) -> None:
-    """Draw what is heard: the force on the device, high-passed."""
+    """Draw the sound: the force on the device, high-passed."""
     signal = output_signal(view)
     factor, unit = scale_for(float(np.abs(signal).max()) if len(signal) else 0.0, "N")
     time, shown = thin(view.time, signal)
@@ -116,14 +116,14 @@ def _positions(axes: Axes, view: SceneView) -> None:
     for name in sorted(fixed & used):
         axes.axhline(factor * float(view.at[name][0]), color=SOFT, linewidth=1.2, label=name)
     axes.set_ylabel(f"position [{unit}]")
-    heading(axes, "Where everything is")
+    heading(axes, "Positions")
     draw_legend(axes)
 
 
 def draw_energies(
     axes: Axes, view: SceneView | View3d, since_start: tuple[str, ...] = ("lifted",)
 ) -> None:
-    """Draw where the energy came from; some of it less what was there at the start."""
+    """Draw the energy sources; some are relative to their initial value."""
     styled = {name: values for name, values in view.energies.items() if name in _STYLE}
     peak = max((float(np.abs(values - values[0]).max()) for values in styled.values()), default=0.0)
     factor, unit = scale_for(peak, "J")

@@ -1,4 +1,4 @@
-"""What a run with a scene shows: figure, still, animation, sound; in one dimension and in three."""
+"""The output of a run with a scene: figure, still, animation, sound; in one dimension and three."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from tautwave.report.run.loading import load_run
 from tautwave.report.run.rundir import Run, is_scene3d
 from tautwave.report.units import count, plural
 
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 class Shown(NamedTuple):
     """A recorded scene: one line about it, and the functions that draw it.
 
-    `still` takes whether the ground is dark, `animate` a path.
+    `still` takes whether the background is dark, `animate` a path.
     """
 
     view: SceneView | View3d
@@ -32,7 +31,7 @@ class Shown(NamedTuple):
 
 
 def shown(run: Run) -> Shown | None:
-    """Return what there is to show of a run's scene, None where nothing was recorded."""
+    """Return a run's recorded scene, None if nothing was recorded."""
     return _scene3d(run) if is_scene3d(run) else _line(run)
 
 
@@ -83,15 +82,8 @@ def _parts(masses: int, strings: int, links: int) -> str:
     )
 
 
-def write_scene(directory: Path) -> None:
-    """Write scene.gif and output.wav into the directory of a run that had a scene; else nothing.
-
-    Raises
-    ------
-    RecordingError
-        There is neither a summary nor a readable recording.
-    """
-    run = load_run(directory)
+def write_scene(run: Run) -> None:
+    """Write scene.gif and output.wav into the directory of a run that had a scene; else nothing."""
     if not run.ports:
         return
     from tautwave.report.scene.sound import write_sound
@@ -99,5 +91,5 @@ def write_scene(directory: Path) -> None:
     seen = shown(run)
     if seen is None or not seen.view.efforts or len(seen.view.time) < 2:
         return
-    write_sound(seen.view, directory / "output.wav")
-    seen.animate(directory / "scene.gif")
+    write_sound(seen.view, run.directory / "output.wav")
+    seen.animate(run.directory / "scene.gif")

@@ -1,4 +1,4 @@
-"""What moved a scene, from the recording of a run; and its network, of whatever dimension."""
+"""The inputs of a scene, from the recording of a run; and its network, of either dimension."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Stage(NamedTuple):
         return Model3d(self.network, scheme, period)
 
     def forces(self, rig: Rig, cycles: int) -> list[Sequence[float]]:
-        """Return the outside forces over a run [N], in the order of `network.forced`."""
+        """Return the external forces over a run [N], in the order of `network.forced`."""
         if isinstance(self.network, Network):
             return scene_forces(rig, self.network, cycles)
         return forces3d(rig, self.network, cycles)
@@ -79,10 +79,10 @@ def stage_of(rig: Rig) -> Stage:
 
 
 class Inputs(NamedTuple):
-    """What moved a scene, at each slot of the loop from its first on.
+    """The inputs of a scene, at each slot of the loop from its first on.
 
-    `ports` (slots, p) where the ports were [m]; `pushes` (slots, f) outside forces [N]; `asked`
-    (slots, p) recorded efforts [N] of the scene, NaN in slots that were skipped.
+    `ports` (slots, p) positions of the ports [m]; `pushes` (slots, f) external forces [N]; `asked`
+    (slots, p) recorded efforts [N] of the scene, NaN in skipped slots.
     """
 
     ports: Floats
@@ -95,7 +95,7 @@ class Inputs(NamedTuple):
 
 
 def inputs_of(run: Run, rig: Rig, stage: Stage) -> Inputs | None:
-    """Return what moved the scene of a run; None where it was not recorded."""
+    """Return the inputs of a run's scene; None if they were not recorded."""
     names = list(stage.names)
     wanted = [f"master.{n}.{leaf}" for n in names for leaf in ("position", "valid")]
     wanted += [f"scene.asked.{name}" for name in names]
@@ -110,12 +110,12 @@ def inputs_of(run: Run, rig: Rig, stage: Stage) -> Inputs | None:
     if first is None:
         return None
     places, asked, valid = places[first:], asked[first:], valid[first:]
-    for port in range(len(names)):  # a sample that is missing leaves the port where it was
+    for port in range(len(names)):  # a missing sample leaves the port where it was
         row = np.maximum.accumulate(np.where(valid[:, port], np.arange(len(valid)), 0))
         places[:, port] = places[row, port]
     passed = 1 + np.nan_to_num(read["skipped_slots"][first:]).astype(np.int64)
     passed[0] = 1
-    # Slots that were skipped are made up with what is measured then.
+    # Skipped slots are made up with the next measurement.
     ports = np.repeat(scales * places + offsets, passed, axis=0)
     known = np.full_like(ports, np.nan)
     known[np.cumsum(passed) - 1] = asked
@@ -138,7 +138,7 @@ def armed_row(rig: Rig, stage: Stage, ports: Floats, valid: Any) -> int | None:
 
 
 def _pushes(run: Run, rig: Rig, stage: Stage, slots: int) -> Floats:
-    """Return the outside forces of a run, silent after their end, shape (slots, f)."""
+    """Return the external forces of a run, zero after their end, shape (slots, f)."""
     seconds = run.summary.get("asked_s", rig.duration_s)
     cycles = max(round(float(seconds) * rig.rate_hz), 1)
     pushes = np.zeros((slots, len(stage.network.forced)))

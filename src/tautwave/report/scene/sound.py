@@ -1,4 +1,4 @@
-"""What a scene sounds like: the force on the device, high-passed, as a WAV file at 44.1 kHz."""
+"""The sound of a scene: the force on the device, high-passed, as a WAV file at 44.1 kHz."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 SOUND_HZ = 44_100
 PEAK = 0.9
-"""Of full scale; the loudest sample is there, so the file says nothing about newtons."""
+"""Peak level as a share of full scale; the file is normalised, so it has no scale in newtons."""
 
 
 def output_signal(view: SceneView | View3d) -> Floats:
-    """Return the high-passed force on the port that is heard, at the rig's rate [N]."""
+    """Return the high-passed force on the output port, at the rig's rate [N]."""
     assert view.rig.scene is not None
     keys = view.rig.scene.output
     name = keys.port if keys.port is not None else next(iter(view.efforts))
@@ -30,9 +30,9 @@ def output_signal(view: SceneView | View3d) -> Floats:
 
 
 def high_pass(signal: Floats, corner_hz: float, rate_hz: float) -> Floats:
-    """Return a signal through a second-order Butterworth high-pass, without its start's thump.
+    """Return a signal through a second-order Butterworth high-pass, without the initial transient.
 
-    Bilinear transform with the corner where it was asked for.
+    Bilinear transform, prewarped at the corner.
     """
     if not 0.0 < corner_hz < 0.5 * rate_hz:
         return np.zeros_like(signal)
@@ -52,7 +52,7 @@ def high_pass(signal: Floats, corner_hz: float, rate_hz: float) -> Floats:
 
 
 def resample(signal: Floats, rate_hz: float, target_hz: float) -> Floats:
-    """Return a signal at another rate, band-limited: its spectrum cut off or continued by 0."""
+    """Return a signal at another rate, band-limited: its spectrum truncated or zero-padded."""
     if rate_hz == target_hz or len(signal) < 2:
         return signal
     count = max(round(len(signal) * target_hz / rate_hz), 2)
@@ -64,7 +64,7 @@ def resample(signal: Floats, rate_hz: float, target_hz: float) -> Floats:
 
 
 def write_sound(view: SceneView | View3d, path: Path) -> None:
-    """Write output.wav: one channel, 16 bits, 44.1 kHz, as loud as it goes."""
+    """Write output.wav: one channel, 16 bits, 44.1 kHz, normalised."""
     signal = resample(output_signal(view), view.rig.rate_hz, SOUND_HZ)
     peak = float(np.abs(signal).max()) if len(signal) else 0.0
     scaled = signal * (PEAK * 32767.0 / peak) if peak > 0.0 else signal

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tautwave.config import Rig, parse_rig
+from tautwave.config import Rig
 from tautwave.errors import TautwaveError
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.rundir import Run
@@ -28,11 +28,10 @@ class SceneView(NamedTuple):
     time : (rows,)
         [s]
     at : dict of str to (rows,)
-        Position of every node that is known over time [m], ports and grounds included.
+        Position of every recorded node over time [m], ports and grounds included.
     efforts : dict of str to (rows,)
-        What each port's device felt [N], resisting.
-    energies : dict of str to (rows,)
-        Of the ledger [J], and `hold`.
+        Resisting force of each port on its device [N].
+    energies : dict of str to (rows,) Energies of the ledger [J], and `hold`.
     """
 
     network: Network
@@ -48,7 +47,7 @@ def view_scene(run: Run) -> SceneView | None:
     if "scene" not in run.rig or run.rows == 0:
         return None
     try:
-        rig = parse_rig(run.rig_text, run.directory / "rig.yaml")
+        rig = run.checked_rig
     except TautwaveError:
         return None
     network = pruned_network(rig).network

@@ -1,8 +1,7 @@
-"""A scene of points as a picture, seen from above and aside, and as an animation (GIF).
+"""A 3D scene as a picture, seen obliquely from above, and as an animation (GIF).
 
-Threads turn from grey to orange as they are stretched; a contact is drawn as the ball or the plane
-that it is, on the port or the mass that has it. What is nearer is drawn later. Pillow, as for
-scenes of one dimension.
+Threads turn from grey to orange as they stretch; a contact is drawn as its ball or plane, on the
+port or mass that has it. Nearer objects are drawn later. Pillow, as for scenes of one dimension.
 """
 
 from __future__ import annotations
@@ -32,14 +31,19 @@ from tautwave.report.scene3d.view import View3d, project
 
 DRAWN = ("spring", "nonlinear", "plastic", "damper")
 _MARGIN = 0.07
+TALLEST = 2 * WIDTH  # what is taller still is drawn smaller
 
 
 class _Frame(NamedTuple):
-    """How metres become pixels, least and greatest stretch, balls by node, corners of planes."""
+    """Scale from metres to pixels, range of stretch, balls by node, corners of planes.
+
+    `height` is the picture's [pixel of the animation]: a tall scene gets a tall picture.
+    """
 
     left: float
     low: float
     scale: float
+    height: int
     slack: float
     tight: float
     balls: dict[str, float]
@@ -47,7 +51,7 @@ class _Frame(NamedTuple):
 
     def pixels(self, seen: Floats) -> tuple[float, float]:
         x = _MARGIN * WIDTH * OVER + (float(seen[0]) - self.left) * self.scale
-        y = (1.0 - _MARGIN) * HEIGHT * OVER - (float(seen[1]) - self.low) * self.scale
+        y = (self.height - _MARGIN * HEIGHT) * OVER - (float(seen[1]) - self.low) * self.scale
         return x, y
 
 
@@ -88,8 +92,14 @@ def _layout(view: View3d, rows: slice) -> _Frame:
             high = np.maximum(high, seen.max(axis=0) + ball)
     if not np.isfinite(low).all():
         low, high = np.zeros(2), np.ones(2)
+    planes = [corners for corners in _planes(view, rows) if np.isfinite(corners).all()]
+    for corners in planes:
+        seen = project(corners)[:, :2]
+        low, high = np.minimum(low, seen.min(axis=0)), np.maximum(high, seen.max(axis=0))
     size = np.maximum(high - low, 1e-6)
-    room = np.array([WIDTH, HEIGHT]) * OVER * (1.0 - 2.0 * _MARGIN)
+    height = round(min(max(float(size[1] / size[0]) * WIDTH, HEIGHT), TALLEST))
+    margins = 2.0 * _MARGIN * np.array([WIDTH, HEIGHT])
+    room = (np.array([WIDTH, height]) - margins) * OVER
     scale = float((room / size).min())
     middle = 0.5 * (low + high) - 0.5 * room / scale
     drawn = [
@@ -100,8 +110,7 @@ def _layout(view: View3d, rows: slice) -> _Frame:
     stretches = np.concatenate(drawn) if drawn else np.zeros(1)
     stretches = stretches[np.isfinite(stretches)]
     slack, tight = (float(stretches.min()), float(stretches.max())) if len(stretches) else (0, 0)
-    planes = _planes(view, rows)
-    return _Frame(float(middle[0]), float(middle[1]), scale, slack, tight, balls, planes)
+    return _Frame(float(middle[0]), float(middle[1]), scale, height, slack, tight, balls, planes)
 
 
 def _lengths(view: View3d, a: str, b: str, rows: slice) -> Floats:
@@ -109,7 +118,7 @@ def _lengths(view: View3d, a: str, b: str, rows: slice) -> Floats:
 
 
 def _balls(view: View3d) -> dict[str, float]:
-    """Return the radius of what touches as a ball: the port of a contact, or half each."""
+    """Return the radii of nodes drawn as balls: the port of a contact, or half each."""
     ports = {port.name for port in view.network.ports}
     found: dict[str, float] = {}
     for link in view.network.links:
@@ -136,7 +145,9 @@ def _planes(view: View3d, rows: slice) -> list[Floats]:
         middle = middle - way * float((middle - view.at[link.b][rows][0]) @ way - link.rest)
         side = np.cross(way, [0.0, 1.0, 0.0] if abs(way[1]) < 0.9 else [1.0, 0.0, 0.0])
         side /= np.linalg.norm(side)
-        size = float(np.abs(where - middle).max()) or 1e-3
+        off = where - middle
+        across = off - np.outer(off @ way, way)
+        size = float(max(np.abs(across).max(), 0.15 * np.abs(off).max())) or 1e-3
         other = np.cross(way, side)
         corners = [(1, 1), (1, -1), (-1, -1), (-1, 1)]
         planes.append(np.array([middle + size * (i * side + j * other) for i, j in corners]))
@@ -144,7 +155,7 @@ def _planes(view: View3d, rows: slice) -> list[Floats]:
 
 
 def _draw(view: View3d, frame: _Frame, row: int, title: str, hue: Colours = LIGHT) -> Image.Image:
-    image = Image.new("RGB", (WIDTH * OVER, HEIGHT * OVER), hue[PAPER])
+    image = Image.new("RGB", (WIDTH * OVER, frame.height * OVER), hue[PAPER])
     slack, tight = ImageColor.getrgb(hue[SHADE]), ImageColor.getrgb(hue[SLAVE])
     pen = ImageDraw.Draw(image)
     for corners in frame.planes:
@@ -162,7 +173,7 @@ def _draw(view: View3d, frame: _Frame, row: int, title: str, hue: Colours = LIGH
     shapes += [(float(place[2]), "node", (name,), 0.0) for name, place in seen.items()]
     ports = {port.name for port in view.network.ports}
     fixed = {name for name, _ in view.network.grounds}
-    # A knot is a point: small beside the ball, which its neighbours must not hide.
+    # A knot is a point: draw it small, so that knots do not hide the ball.
     dot = max(1.2, min(2.4, 12.0 / math.sqrt(max(len(seen), 1)))) * OVER
     for _, kind, names, share in sorted(shapes):
         ends = [frame.pixels(seen[name]) for name in names]
@@ -181,17 +192,16 @@ def _draw(view: View3d, frame: _Frame, row: int, title: str, hue: Colours = LIGH
         fill = hue[MASTER] if name in ports else hue[SLAVE]
         box = (x - radius, y - radius, x + radius, y + radius)
         pen.ellipse(box, fill=fill, outline=hue[INK], width=OVER)
-        if radius > 6.0 * OVER:  # a light from the left above makes a ball of a disc
+        if radius > 6.0 * OVER:  # a highlight at the upper left makes a disc look like a ball
             shine = tuple(round(0.6 * part + 0.4 * 255) for part in ImageColor.getrgb(fill))
             x, y, radius = x - 0.35 * radius, y - 0.35 * radius, 0.3 * radius
             pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=shine)
-    for name in frame.balls:  # its outline over all that lies before it
+    for name in frame.balls:  # its outline over everything in front of it
         if name in ports and name in seen:
             (x, y), radius = frame.pixels(seen[name]), max(frame.balls[name] * frame.scale, dot)
             box = (x - radius, y - radius, x + radius, y + radius)
             pen.ellipse(box, outline=hue[INK], width=OVER)
     caption = f"{title}{view.time[row]:.4f} s"
-    pen.text(
-        (0.01 * WIDTH * OVER, 0.93 * HEIGHT * OVER), caption, fill=hue[SOFT], font_size=13 * OVER
-    )
+    place = (0.01 * WIDTH * OVER, (frame.height - 0.07 * HEIGHT) * OVER)
+    pen.text(place, caption, fill=hue[SOFT], font_size=13 * OVER)
     return image

@@ -1,4 +1,4 @@
-"""The still figure of a scene of points: how far all moved, what the device feels, the energies."""
+"""The still figure of a 3D scene: displacements, force on the device, energies."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def figure3d(view: View3d) -> Figure:
-    """Return the figure: heights, the device's way, efforts, sound and energies, each by itself."""
+    """Return the figure: heights, the device's path, efforts, sound and energies."""
     figure, axes = panels([1.8, 1.3, 1.3, 1.0, 1.6], "The scene")
     _heights(axes[0], view)
     _across(axes[1], view)
@@ -49,7 +49,7 @@ def _heights(axes: Axes, view: View3d) -> None:
 
 
 def _across(axes: Axes, view: View3d) -> None:
-    """The device's way in the plane."""
+    """The device's path in the plane."""
     ports = [port.name for port in view.network.ports]
     peak = max((float(np.nanmax(np.abs(view.at[name][:, :2]))) for name in ports), default=0.0)
     factor, unit = scale_for(peak, "m")
@@ -60,5 +60,5 @@ def _across(axes: Axes, view: View3d) -> None:
             label = f"{plain(name)}, {c}"
             axes.plot(time, factor * moved, style, color=colour, linewidth=1.2, label=label)
     axes.set_ylabel(f"position [{unit}]")
-    heading(axes, "Where the device is, in the plane")
+    heading(axes, "Path of the device in the plane")
     draw_legend(axes)

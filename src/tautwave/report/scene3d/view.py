@@ -1,4 +1,4 @@
-"""A recorded scene of three dimensions as the report sees it, and how it is seen: a projection."""
+"""A recorded 3D scene as the report sees it, and its projection."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tautwave.config import Rig, parse_rig
+from tautwave.config import Rig
 from tautwave.errors import TautwaveError
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.rundir import Run
@@ -19,7 +19,7 @@ AZIMUTH, ELEVATION = math.radians(-62.0), math.radians(24.0)
 
 
 class View3d(NamedTuple):
-    """A scene of points over time.
+    """A 3D scene over time.
 
     Attributes
     ----------
@@ -30,11 +30,10 @@ class View3d(NamedTuple):
     time : (rows,)
         [s]
     at : dict of str to (rows, 3)
-        Position of every node that is known over time [m], ports and grounds included.
+        Position of every recorded node over time [m], ports and grounds included.
     efforts : dict of str to (rows,)
-        What each axis of a port felt [N], resisting.
-    energies : dict of str to (rows,)
-        Of the ledger [J], and `hold`.
+        Resisting force on each axis of a port [N].
+    energies : dict of str to (rows,) Energies of the ledger [J], and `hold`.
     """
 
     network: Network3d
@@ -46,7 +45,7 @@ class View3d(NamedTuple):
 
     @property
     def moving(self) -> list[str]:
-        """Names of the masses that are known."""
+        """Names of the recorded masses."""
         return [mass.name for mass in self.network.masses if mass.name in self.at]
 
 
@@ -55,7 +54,7 @@ def view_scene3d(run: Run) -> View3d | None:
     if "scene" not in run.rig or run.rows == 0:
         return None
     try:
-        rig = parse_rig(run.rig_text, run.directory / "rig.yaml")
+        rig = run.checked_rig
     except TautwaveError:
         return None
     network = pruned_network3d(rig).network
@@ -88,7 +87,7 @@ def view_scene3d(run: Run) -> View3d | None:
 
 
 def project(places: Floats) -> Floats:
-    """Return (..., 3) as seen from above and aside: right, up, and nearness [m]."""
+    """Return (..., 3) as seen obliquely from above: right, up, and nearness [m]."""
     x, y, z = places[..., 0], places[..., 1], places[..., 2]
     across = math.cos(AZIMUTH) * y - math.sin(AZIMUTH) * x
     near = math.cos(AZIMUTH) * x + math.sin(AZIMUTH) * y
