@@ -1,6 +1,7 @@
 """Hashes of the rows of every shipped rig, kept in `row_hashes.txt`: they change for a reason only.
 
     python -m tests.rigs.row_hashes                       compares all, names case and column
+    python -m tests.rigs.row_hashes --add                 adds the cases that are new
     python -m tests.rigs.row_hashes --record "REASON"     writes the file anew, with its reason
 
 A case is a rig, what is changed in it, an engine (`live`: the loop on the fake clock, with the
@@ -179,6 +180,17 @@ def read_kept() -> tuple[str, dict[Case, Rows]]:
     return made, found
 
 
+def add_new() -> int:
+    """Write the file with the cases that it does not have; those that it has stay as they are."""
+    made, kept = read_kept()
+    if made != math_of_this_machine():
+        print("C library or NumPy round otherwise here than where the file was made: not added")
+        return 1
+    head = [line for line in KEPT.read_text().splitlines() if line.startswith("#")]
+    write_rows(head, {case: kept[case] if case in kept else rows_of(case) for case in cases()})
+    return 0
+
+
 def write_kept(reason: str, found: dict[Case, Rows]) -> None:
     """Write the file; its first lines say which tool, commit and machine made it."""
     git = ("git", "-C", str(ROOT), "rev-parse", "--short=12", "HEAD")
@@ -188,8 +200,13 @@ def write_kept(reason: str, found: dict[Case, Rows]) -> None:
         f"# what they are. Commit {commit}, Python {sys.version.split()[0]}, "
         f"NumPy {np.__version__}.",
         f"# Reason: {reason}",
-        f"math {math_of_this_machine()}",
     ]
+    write_rows(lines, found)
+
+
+def write_rows(head: Sequence[str], found: dict[Case, Rows]) -> None:
+    """Write the file below its first lines."""
+    lines = [*head, f"math {math_of_this_machine()}"]
     columns: tuple[str, ...] = ()
     for case, rows in found.items():
         if rows.columns != columns:
@@ -221,7 +238,9 @@ def difference(kept: Rows, now: Rows) -> str | None:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Compare, or record."""
+    """Compare, add, or record."""
+    if arguments == ["--add"]:
+        return add_new()
     record = arguments[1] if arguments[:1] == ["--record"] and len(arguments) == 2 else ""
     if arguments and not record:
         print(__doc__)

@@ -6,7 +6,7 @@ the limits until the guard has acted, P the leak. The true energy differs from t
 sum F_k (n[k+1] - n[k]): what noise can feign of income, P+ t, a martingale of which z deviations
 are counted, and the boundary. The sum of effort changes is bounded by `effort_rate_limit`.
 
-Source: derived here; see `tautwave.laws.observed_port` and `analysis.ports.sensor_noise`.
+Source: derived here; see `tautwave.laws.observed_port` and `analysis.observed.sensor_noise`.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from tautwave.analysis.ports.sensor_noise import NoisePower, noise_power
+from tautwave.analysis.observed.sensor_noise import NoisePower, noise_power
 from tautwave.contracts import CoupledAxis
 from tautwave.couplings.observed.keys import ObservedPair
 from tautwave.couplings.observed.records import ObservedEndParams

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tautwave.analysis.ports.observed_loop import observed_end
+from tautwave.analysis.observed.loop import observed_end
 from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site
 from tautwave.couplings.observed.from_keys import bare_port, observer_of
 from tautwave.couplings.observed.keys import ObservedPair

@@ -24,6 +24,7 @@ def start_end(s: AxisState, p: AxisParams, gap: float) -> None:
     e.velocity = 0.0
     e.push = 0.0
     e.account = p.end.port.reserve
+    e.stored = 0.0
     e.gap = gap * p.end.port.root
     e.filtered = 0.0
     e.wanted = 0.0
@@ -90,6 +91,7 @@ def close(
     e.velocity = velocity
     e.push = push
     e.account = account
+    e.stored = account - k.port.reserve
     e.gap = gap
     e.filtered = filtered
     e.leaving = leaving

@@ -54,7 +54,7 @@ def fill_tank(out: Row, at: int, s: AxisState, p: AxisParams, table: MutableSequ
         out,
         at,
         weight * (e.port_absorbed + waiting),
-        weight * (e.account - p.end.port.reserve + waiting),
+        weight * (e.stored + waiting),
         weight * (e.spilled - e.leaked),
     )
     if has_damper(p):

@@ -34,7 +34,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.analysis.ports.sensor_noise import observer_response
+from tautwave.analysis.observed.sensor_noise import observer_response
 from tautwave.laws.observed_port import ObservedPortParams
 from tautwave.laws.observer import ObserverParams
 

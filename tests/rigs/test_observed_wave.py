@@ -1,0 +1,194 @@
+"""Law observed_wave in the product: it holds under noise, and keeps what it claims."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tautwave.certificate import certify
+from tautwave.couplings.observed.verdict import claimed_joules
+from tautwave.errors import ConfigError, SafetyStop
+from tautwave.rig import command_delays
+from tautwave.simulation import simulate
+from tests.certificate.rigs import element, rig
+from tests.rigs.running import books, run_rig
+
+pytest.importorskip("numba")
+
+NAME = "bench-observed-2khz"
+PAIR = "coupling.pairs.lever"
+HELD = (
+    "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0.2, 0.0], [0.7, 0.18]]}",
+    "simulation.axes.master.lever.coulomb=0",
+    "simulation.axes.slave.lever.coulomb=0",
+)
+"""The hand presses the slave into a wall of 250 N m/rad and stays: 0.3 N m."""
+
+
+def hold(*changes: str, seconds: float = 20.0):
+    return simulate(rig(*HELD, f"duration_s={seconds}", *changes, name=NAME))
+
+
+def late(run, column: str, share: float = 0.5) -> np.ndarray:
+    values = run.data[:, run.columns.index(column)]
+    return values[int(share * len(values)) : -1000]  # before the release
+
+
+@pytest.mark.parametrize(
+    ("changes", "filtered"),
+    [
+        ((), 1.0),
+        ((f"{PAIR}.pole_master=0.5", f"{PAIR}.pole_slave=0.5"), 1.0),
+        ((f"{PAIR}.pole_master=plain", f"{PAIR}.pole_slave=plain"), 1.0),
+        (("buses.bench.options={command_delay_s: 0.0005}",), 1.0),
+    ],
+)
+def test_a_pressed_force_stays_and_is_what_the_line_carries(
+    changes: tuple[str, ...], filtered: float
+) -> None:
+    run = hold(*changes)
+    assert run.error is None
+    effort = late(run, "slave.lever.port_effort")
+    error = late(run, "lever.position_error")
+    assert np.mean(late(run, "master.lever.port_effort")) == pytest.approx(
+        -np.mean(effort), rel=0.02
+    )
+    assert abs(np.mean(effort)) > 0.2
+    third = len(error) // 3
+    assert abs(np.mean(error[-third:]) - np.mean(error[:third])) < 3e-4
+    stored = late(run, "lever.port_slave.stored")
+    assert stored.min() > -5.0e-3  # the tank never empties: no wave is cut
+
+
+def test_missing_samples_cost_no_force() -> None:
+    run = hold("simulation.faults.missing_probability=0.05")
+    assert run.error is None
+    effort, error = late(run, "slave.lever.port_effort"), late(run, "lever.position_error")
+    assert abs(np.mean(effort)) > 0.2
+    assert abs(np.mean(error)) < 0.03
+    assert late(run, "lever.port_slave.stored").min() > -5.0e-3
+
+
+@pytest.mark.slow
+def test_an_hour_of_holding_leaves_the_force_where_it_was() -> None:
+    run = hold(seconds=3600.0)
+    assert run.error is None
+    effort = late(run, "slave.lever.port_effort", 0.01)
+    error = late(run, "lever.position_error", 0.01)
+    tenth = len(error) // 10
+    assert np.mean(effort[-tenth:]) == pytest.approx(np.mean(effort[:tenth]), rel=5e-3)
+    assert abs(np.mean(error[-tenth:]) - np.mean(error[:tenth])) < 1e-4
+
+
+def test_what_either_end_gave_is_below_its_claim() -> None:
+    loaded = rig("duration_s=10", name=NAME)
+    run = simulate(loaded)
+    for side in ("master", "slave"):
+        given_out = -run.data[:, run.columns.index(f"lever.port_{side}.absorbed")]
+        assert given_out.max() < claimed_joules(loaded, f"{side}.lever", command_delays(loaded))
+
+
+COMMAND_DELAYS = st.sampled_from([0.0, 0.0005, 0.001, 0.0013])
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    COMMAND_DELAYS,
+    st.sampled_from([0.0, 0.003, 0.02]),
+    st.sampled_from(["0.3", "0.5", "plain"]),
+    st.booleans(),
+    st.sampled_from([0.0, 0.05]),
+    st.sampled_from([1.0, -1.0, 0.5]),
+    st.sampled_from([1, 4]),
+    st.sampled_from([1.125, 0.05]),
+)
+def test_books_close_and_claims_hold_for_every_kind_of_rig(
+    delay: float,
+    line: float,
+    pole: str,
+    matched: bool,
+    missing: float,
+    scale: float,
+    divisor: int,
+    limit: float,
+) -> None:
+    loaded = rig(
+        "duration_s=0.6",
+        f"buses.bench.options={{command_delay_s: {delay}}}",
+        f"coupling.delay_s={line}",
+        f"{PAIR}.pole_master={pole}",
+        f"{PAIR}.pole_slave={pole}",
+        f"{PAIR}.matched_slave={str(matched).lower()}",
+        f"{PAIR}.position_scale={abs(scale)}",
+        f"{PAIR}.sign={1 if scale > 0 else -1}",
+        f"simulation.faults.missing_probability={missing}",
+        f"buses.bench.divisor={divisor}",
+        f"slave.axes.lever.effort_limit={limit}",
+        f"{PAIR}.wave_filter_hz={200 / divisor}",
+        f"{PAIR}.wall_master={{position: 0.2, stiffness: 0.5}}",
+        name=NAME,
+    )
+    live = run_rig(loaded, raises=False)
+    found = books(live, "lever")
+    assert found.residual < 1e-9 * found.gross_flow + 1e-15
+    run = simulate(loaded)
+    weight = 1.0 / (abs(scale) * (1.0 / abs(scale)))
+    for side in ("master", "slave"):
+        column = run.columns.index(f"lever.port_{side}.absorbed")
+        given_out = float(np.nanmax(-run.data[:, column]))
+        assert given_out < weight * claimed_joules(loaded, f"{side}.lever", command_delays(loaded))
+
+
+def test_noise_beyond_the_declared_ends_the_run_instead_of_the_force() -> None:
+    quiet = [f"{side}.axes.lever.position_noise=2.0e-5" for side in ("master", "slave")]
+    loud = [f"simulation.axes.{side}.lever.position_noise=2.0e-4" for side in ("master", "slave")]
+    run = hold(*quiet, *loud, seconds=10.0)
+    assert isinstance(run.error, SafetyStop)
+    assert "has lost its coupling" in str(run.error)
+    assert "position_noise" in str(run.error)
+
+
+LIGHT = (
+    f"{PAIR}.pole_slave=plain",
+    f"{PAIR}.wave_impedance=0.02",
+    "slave.axes.lever.inertia={value: 1.0e-6, lower: 1.0e-6, source: test}",
+    "slave.axes.lever.damping={value: 2.0e-3, lower: 2.0e-3, source: test}",
+    "simulation.axes.slave.lever={inertia: 1.0e-6, damping: 2.0e-3}",
+    "simulation.environment.lever={type: free}",
+)
+"""The damped light slave that exploded under law wave: bT/2m = 5, dT/m = 1."""
+
+
+def test_the_light_slave_is_refused_and_forced_it_stays_within_its_claim() -> None:
+    loaded = rig(*LIGHT, "duration_s=5", name=NAME)
+    certificate = certify(loaded)
+    assert not certificate.verdicts["passive"].passed
+    assert "lower wave_impedance" in element(certificate, "slave.lever port").passive.reason
+    run = simulate(loaded)
+    given_out = -run.data[:, run.columns.index("lever.port_slave.absorbed")]
+    assert given_out.max() < claimed_joules(loaded, "slave.lever", command_delays(loaded))
+
+
+def test_without_a_velocity_limit_nothing_is_claimed() -> None:
+    loaded = rig("slave.axes.lever.velocity_limit=null", name=NAME)
+    for refuse in (simulate, certify):
+        with pytest.raises(ConfigError, match="slave's axis has no velocity_limit"):
+            refuse(loaded)
+    unbounded = element(
+        certify(rig("slave.axes.lever.effort_rate_limit=null", name=NAME)), "slave.lever port"
+    )
+    assert "without effort_rate_limit" in unbounded.passive.reason
+
+
+def test_the_certificate_says_which_pole_bears_a_stiffer_environment() -> None:
+    changes = ("simulation.environment.lever.stiffness=2000", f"{PAIR}.pole_slave=0.5")
+    port = element(certify(rig(*changes, name=NAME)), "slave.lever port")
+    assert "set pole_slave to 0.3" in port.passive.reason
+    certified = element(certify(rig(*changes, f"{PAIR}.pole_slave=0.3", name=NAME)), port.name)
+    assert certified.passive.passed
+    assert certified.numbers["stiffest"] > 2000.0
+    assert math.isfinite(certified.numbers["true_j"])
