@@ -24,13 +24,13 @@ from tautwave.runtime import machine
 from tests import compiling
 
 # The same cases each time, so that a red run is about the change and not about luck; the machine's
-# speed is nobody's business. `.ci/run` tries twice as many; `pytest --hypothesis-profile=explore`
+# speed is nobody's business. `.ci/run` tries more; `pytest --hypothesis-profile=explore`
 # looks for new ones.
 settings.register_profile(
     "steady",
     derandomize=True,
     deadline=None,
-    max_examples=40 if os.environ.get("TAUTWAVE_LIBRARIES") == "required" else 20,
+    max_examples=25 if os.environ.get("TAUTWAVE_LIBRARIES") == "required" else 10,
     print_blob=True,
     suppress_health_check=[HealthCheck.too_slow],
 )

@@ -137,6 +137,7 @@ def test_a_contact_is_found_within_its_interval(kind: str) -> None:
     assert inside >= 0.9 * total, f"{inside} of {total}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_the_right_model_is_chosen(kind: str) -> None:
     motion = motion_of(*contact_recording(kind, 3), 5e-4, cutoff_hz=40.0)

@@ -119,6 +119,7 @@ numbers = st.integers(1, 9)
 terms = st.lists(st.tuples(numbers, numbers, numbers), min_size=1, max_size=3)
 
 
+@pytest.mark.slow
 @given(terms, st.integers(0, 3), st.integers(0, 3))
 @settings(max_examples=60)
 def test_sums_of_resonators_pass_and_with_less_damping_than_none_fail(

@@ -161,6 +161,7 @@ def test_criterion_does_not_overlook_axis_poles(num: list[int], den: list[int]) 
     assert found.stable == (num == [3])
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.floats(0.1, 5.0), min_size=1, max_size=3),
     st.floats(0.1, 20.0),

@@ -182,6 +182,7 @@ def random_pair(rng: np.random.Generator) -> tuple[LinearEnd, LinearEnd, int]:
     return ends[0], ends[1], samples
 
 
+@pytest.mark.slow
 def test_roots_of_a_long_line_are_the_eigenvalues_of_its_matrix() -> None:
     rng = np.random.default_rng(5)
     for _ in range(40):

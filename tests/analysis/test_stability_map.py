@@ -19,6 +19,7 @@ T = 1e-3
 START = Column(0.0, SampledWall(0.0, 0.0, T), Device(0.1, 0.1), 0.1)
 
 
+@pytest.mark.slow
 def test_a_plane_of_a_hundred_by_a_hundred() -> None:
     columns = [vary(START, "wall_damping", value) for value in np.linspace(0.0, 150.0, 100)]
     begin = time.process_time()
@@ -35,6 +36,7 @@ def test_a_plane_of_a_hundred_by_a_hundred() -> None:
     assert plane.simulated[0] == pytest.approx(200.0333, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [1.0, 2.4, 20.0])
 def test_with_delay(delay: float) -> None:
     start = START._replace(wall=START.wall._replace(delay=delay))

@@ -149,6 +149,7 @@ def test_a_paper_gets_its_width_its_letters_and_no_title(kind):
         assert b"<text" not in data  # outlines
 
 
+@pytest.mark.slow
 def test_lines_are_as_thick_as_the_letters_ask_for():
     def thickness(style):
         with styled(style):

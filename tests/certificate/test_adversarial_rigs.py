@@ -97,6 +97,7 @@ def test_nothing_more_comes_with_time(part: int) -> None:
     hold()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantum", [1e-6, 1e-4])
 def test_encoder_steps_let_out_no_more_than_is_told(quantum: float) -> None:
     for seed in range(8):

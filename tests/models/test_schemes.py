@@ -270,6 +270,7 @@ def test_books_close_with_everything_there(scheme: str) -> None:
     assert balance == pytest.approx(sum(foam_stored(p, foam, x, v, aim)) - stored, abs=1e-8 * gross)
 
 
+@pytest.mark.slow
 def test_the_oracle_is_the_exact_step_in_a_random_life_at_a_wall() -> None:
     p = plant(0.1, 0.3, 0.05, (538.0, 5.0), (0.0, 0.0), (4e3, 3.0, 0.001, 1.0))
     foam = contact(DORMAND_PRINCE, 1.0, 4e3, damping=3.0, position=0.001)

@@ -32,6 +32,7 @@ from tests.rigs.running import Run, Tree, books, pair_of, run_rig, tree
 # -- they close --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("samples", "b", "features"),
     [

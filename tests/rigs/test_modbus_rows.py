@@ -146,6 +146,7 @@ def test_rows_over_simulated_modbus_equal_those_of_loopback(name: str) -> None:
     assert np.ptp(over_modbus["true.slave.lever.position"]) > 0.1  # it did something
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [TCP, RTU], ids=lambda path: path.stem)
 def test_the_books_close_and_the_difference_to_ideal_drives_is_small(path: Path) -> None:
     data = tree_of(path)
@@ -166,6 +167,7 @@ def test_the_same_rig_gives_the_same_rows_twice(path: Path) -> None:
     assert np.array_equal(one.table, other.table, equal_nan=True)
 
 
+@pytest.mark.slow
 def test_contact_at_100_hz_under_a_1_khz_master_is_stable_and_its_price_is_told() -> None:
     data: Tree = yaml.safe_load(TCP.read_text(encoding="utf-8"))
     run = run_rig(data)

@@ -72,6 +72,7 @@ def test_many_rigs_with_slow_buses_generate_no_energy(data: Tree) -> None:
     check_any(data)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("master", "slave", "samples", "b", "features"),
     [
@@ -127,6 +128,7 @@ def test_a_slow_admittance_slave_closes_as_an_interval() -> None:
     assert not quick.verdicts["passive"].passed
 
 
+@pytest.mark.slow
 def test_free_masses_gain_nothing_at_any_ratio() -> None:
     """Thrown and left alone, the kinetic energy of both is at no time more than at the start."""
     for master, slave, samples, b in [(1, 10, 5, 10.0), (10, 1, 0, 3.0), (3, 7, 2, 30.0),

@@ -76,6 +76,7 @@ def test_the_slave_follows_a_recorded_hand(name: str) -> None:
     assert not missed(name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_with_the_coupling_cut_it_does_not(name: str) -> None:
     how = missed(name, CUT)

@@ -65,6 +65,7 @@ def test_shipped_scenes_run_and_their_books_close(name, duration):
     assert abs(data["scene.hold"][-1]) < 0.1 * data[f"master.{port}.gross_flow"][-1]
 
 
+@pytest.mark.slow
 def test_a_shipped_scene_runs_with_rk4_and_its_books_close():
     result, data, _ = run_rig("drum", 0.25, "scene.scheme=rk4", "scene.engage_ramp_s=0")
     assert result.error is None
@@ -176,6 +177,7 @@ def test_two_axes_touch_one_scene(tmp_path):
     assert np.abs(data["master.finger.position"]).max() > 1e-5  # moved by what the other hand does
 
 
+@pytest.mark.slow
 def test_what_a_run_leaves_behind(tmp_path):
     out = tmp_path / "run"
     rig = str(CONFIGS / "scene-resonator.yaml")

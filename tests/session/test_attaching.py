@@ -122,6 +122,7 @@ def test_servos_are_found_by_themselves_and_opened_where_they_are_named(run: Any
         assert "servo 9" in told.stderr
 
 
+@pytest.mark.slow
 def test_identify_shakes_what_is_served_elsewhere_and_what_is_named(tmp_path: Path) -> None:
     rig = config("bench-dynamixel-sim")
     words = ("--axis", "master.lever", *PATIENT[2:], "--duration", "0.6", "--out")
@@ -141,6 +142,7 @@ def test_identify_shakes_what_is_served_elsewhere_and_what_is_named(tmp_path: Pa
             assert len(recorded.time_s) > 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", ["tcp", "rtu"])
 def test_modbus_drives_are_found_by_themselves_and_opened_where_they_are_named(
     run: Any, link: str
@@ -170,6 +172,7 @@ def test_modbus_drives_are_found_by_themselves_and_opened_where_they_are_named(
         assert "unit 9" in told.stderr
 
 
+@pytest.mark.slow
 def test_drives_on_a_shared_can_interface_have_one_server(run: Any) -> None:
     rig = config("bench-canopen-vcan")
     with sim(rig, *UDP) as (child, _):

@@ -38,6 +38,7 @@ def slow_rigs(draw: st.DrawFn) -> Tree:
     return data
 
 
+@pytest.mark.slow
 @settings(max_examples=60, suppress_health_check=list(HealthCheck))
 @given(slow_rigs())
 def test_slow_rigs_of_every_kind(data: Tree) -> None:

@@ -69,6 +69,7 @@ def test_the_delay_of_a_command_is_the_declared_one(rpdo: str, slots: int) -> No
     rig.driver.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rpdo", ["sync", "event"])
 def test_the_wave_port_is_stable_with_either_delay(rpdo: str) -> None:
     run = run_rig(can_tree(rpdo=rpdo), duration_s=2.0)
@@ -104,6 +105,7 @@ def test_an_eds_that_is_not_there_is_a_sentence(tmp_path: Path) -> None:
         make(block(node(1, eds=str(tmp_path / "no.eds"))), ("impedance",))
 
 
+@pytest.mark.slow
 def test_what_a_cycle_costs_is_measured_on_both_backends() -> None:
     raw, virtual = measure(50)
     assert len(raw.spent_us) == len(raw.floor_us or ()) == 50
@@ -138,6 +140,7 @@ def command(*words: str) -> Any:
     )
 
 
+@pytest.mark.slow
 def test_check_shows_the_arithmetic_and_a_rig_that_is_too_fast_exits_4() -> None:
     done = command("check", str(CONFIG), "--json")
     assert done.returncode == 0, done.stderr

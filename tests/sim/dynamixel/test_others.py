@@ -231,6 +231,7 @@ def test_rustypot_gets_negative_values_that_need_stuffing(device: str) -> None:
         servos.close()
 
 
+@pytest.mark.slow
 def test_protocol_1_by_sdk_and_rustypot() -> None:
     with served("--model", "AX-12A", "--ids", "3") as found:
         with sdk(found["endpoint"], 1.0) as (port, packets):

@@ -124,6 +124,7 @@ def test_pymodbus_broadcasts(drives: dict[str, Any]) -> None:
             assert got.registers == [777]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("baud", "words"), [(115200, ()), (38400, ("--turnaround-s", "0.005"))], ids=["plain", "slow"]
 )
