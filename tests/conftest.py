@@ -11,6 +11,7 @@ import socket
 import subprocess
 import tempfile
 import threading
+from collections import Counter
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
@@ -64,12 +65,19 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         compiler.wait()
 
 
+@pytest.hookimpl(tryfirst=True)  # before markers are looked at
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    if any(name == "vcan0" for _, name in socket.if_nameindex()):
-        return
+    without_vcan = all(name != "vcan0" for _, name in socket.if_nameindex())
+    seen: Counter[str] = Counter()
     for item in items:
-        if item.get_closest_marker("vcan"):
+        if without_vcan and item.get_closest_marker("vcan"):
             item.add_marker(pytest.mark.skip(reason="there is no interface vcan0; see .ci/vcan"))
+        sparse = item.get_closest_marker("sparse")
+        if sparse is not None:
+            function = item.nodeid.partition("[")[0]
+            if seen[function] % sparse.args[0]:
+                item.add_marker(pytest.mark.slow)
+            seen[function] += 1
 
 
 def pytest_collection_finish() -> None:

@@ -121,6 +121,7 @@ TRUTHS = {
 }
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_a_contact_is_found_within_its_interval(kind: str) -> None:
     inside = total = 0
@@ -165,6 +166,7 @@ def shaken(seed: int, coulomb: float, count: int = 8000) -> tuple[Array, Array]:
     return seen, sent
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("coulomb", [0.0, 2e-3])
 def test_a_device_is_found_within_its_interval(coulomb: float) -> None:
     truth = {"inertia": 1.6e-3, "damping": 2e-3, "coulomb": coulomb, "bias": 0.0}

@@ -85,6 +85,7 @@ def test_check_of_two_axes_is_light() -> None:
     assert min(seconds for seconds, _ in found) < 10.0 * start  # about 4 times
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     ("name", "state"),
     [

@@ -43,6 +43,7 @@ def found_and_true(rig: Rig, axis: str, directory: Path) -> list[tuple[str, bool
     return pairs
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     ("name", "axis"),
     [

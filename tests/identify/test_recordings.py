@@ -50,6 +50,7 @@ def contact_csv(path: Path, kind: str = "contact", names: tuple[str, str, str] =
 # -- the bench's recordings; the bands are of repeated contacts of one bench ----------------------
 
 
+@pytest.mark.sparse(3)
 @needs_data
 @pytest.mark.parametrize(
     ("name", "model", "low", "high"),

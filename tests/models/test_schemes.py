@@ -137,6 +137,7 @@ def contact_time(exponent: float, k: float) -> float:
     return length * math.gamma(1.0 + share) / math.gamma(0.5 + share)
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize(
     ("scheme", "exponent", "low", "high"),
     [

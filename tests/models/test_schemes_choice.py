@@ -61,6 +61,7 @@ def growth_seen(scheme: int, stiffness: float, damping: float) -> float:
     return math.exp(sum(sizes) / len(sizes))
 
 
+@pytest.mark.sparse(5)
 @pytest.mark.parametrize("scheme", BOUNDED)
 @pytest.mark.parametrize("damping", [0.0, 5.0, 60.0])
 @pytest.mark.parametrize("share", [0.3, 0.97, 1.03, 1.5])
@@ -294,6 +295,7 @@ def test_what_a_scheme_cannot_hold_is_refused_with_numbers(
         axis_model(rig_with(*keys), "slave.lever", 10)
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     "scheme", ["auto", "symplectic_euler", "implicit_midpoint", "rk4", "dormand_prince"]
 )

@@ -30,6 +30,7 @@ def known(value: float) -> Tree:
 # -- closed forms --------------------------------------------------------------------------------
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     ("master", "slave", "samples"), [(1, 10, 5), (10, 1, 5), (3, 7, 7), (1, 50, 0)]
 )
@@ -57,6 +58,7 @@ def test_constant_velocity_passes_exactly(master: int, slave: int, samples: int)
             assert lost[-1] - lost[-1000] <= 1e-15 * books(run).gross_flow
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     ("master", "slave", "samples"), [(1, 10, 5), (10, 1, 5), (3, 7, 5), (4, 6, 0), (1, 50, 5)]
 )

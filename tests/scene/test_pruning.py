@@ -29,6 +29,7 @@ def with_rest(network: Network) -> Network:
     )
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize(
     ("network", "scheme"),
     [

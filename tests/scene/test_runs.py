@@ -49,6 +49,7 @@ def run_rig(name: str, duration: float, *overrides: str):
     return result, data, built
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize(
     ("name", "duration"), [("resonator", 0.6), ("granular", 0.12), ("string", 0.3), ("drum", 0.25)]
 )
@@ -280,7 +281,8 @@ simulation:
 """
 
 
-@pytest.mark.parametrize("scheme", ["symplectic", "discrete_gradient"])
+@pytest.mark.sparse(2)
+@pytest.mark.parametrize("scheme", ["discrete_gradient", "symplectic"])
 def test_an_instrument_that_runs_away_is_stopped_and_reported(tmp_path, scheme, monkeypatch):
     drawn = scheme == "symplectic"  # as the other one would be
     if not drawn:

@@ -132,6 +132,7 @@ def test_growth_is_the_predicted_one(stiffness: float, samples: int) -> None:
     assert stable == (mode.radius <= 1.0)
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(("b", "mass"), [(10.0, 0.5), (20.0, 0.5), (10.0, 0.2)])
 def test_boundary_is_the_predicted_one(b: float, mass: float) -> None:
     def rig(samples: int) -> Rig:
@@ -151,6 +152,7 @@ def test_boundary_is_the_predicted_one(b: float, mass: float) -> None:
     assert not growth(rig(boundary))[1]
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("samples", [1, 50, 400])
 def test_wave_line_stays_bounded(samples: int) -> None:
     rig = load_rig(BASE, [f"coupling.delay_s={samples / 1000!r}"])

@@ -48,6 +48,7 @@ def compare_positions(rows: list[list[Any]], expected: list[list[Any]]) -> None:
             assert not state.valid or state.position == wanted.position
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize("delay_s", [0.3e-3, 0.9e-3, 1.05e-3, 1.4e-3, 2.0e-3, 2.05e-3])
 def test_a_delayed_tpdo_is_never_taken_for_a_new_one(delay_s: float) -> None:
     late = started(with_faults({"kind": "delayed", "at_s": AT_S, "can_id": 0x182}, delay_s=delay_s))

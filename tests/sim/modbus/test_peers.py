@@ -41,6 +41,7 @@ def polled(text: str) -> list[int]:
     return [int(value) for value in re.findall(r"^\[\d+\]:\s+(-?\d+)", text, re.MULTILINE)]
 
 
+@pytest.mark.sparse(3)
 def test_what_is_announced_leads_a_driver_there(drives: dict[str, Any]) -> None:
     assert drives["driver"] == "modbus"
     assert drives["options"] == {"endpoint": drives["endpoint"]}
