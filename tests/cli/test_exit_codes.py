@@ -20,7 +20,7 @@ from tautwave.cli.terminal.summary import last_line
 from tautwave.runtime.recorder import Recorder, RecorderStats
 from tautwave.session import running
 from tautwave.session.reporting import final_code, lost_rows
-from tests.commands import keep_in_one_process, tautwave
+from tests.commands import PATIENT, keep_in_one_process, tautwave
 
 RIG = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
 STOPPED = "master.axes.lever.velocity_limit=0.05"
@@ -112,7 +112,9 @@ def test_signals_during_the_report_end_the_report_and_not_the_exit_code(tmp_path
 def test_a_closed_terminal_ramps_down_and_a_killed_recorder_is_told(tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.close(reader)
-    with start(tmp_path, NO_FIGURES + LIGHT + RUN, "--duration", 60, stdout=writer) as run:
+    with start(
+        tmp_path, NO_FIGURES + LIGHT + RUN, "--duration", 60, *PATIENT, stdout=writer
+    ) as run:
         os.close(writer)
         wait_for(run, "running")
         os.kill(writer_of(run.pid), signal.SIGKILL)

@@ -20,6 +20,7 @@ from tautwave.registry import load_driver
 from tautwave.rig import Assembly
 from tautwave.session.checking import bus_budgets, over_budget
 from tautwave_drivers.modbus.driver import ModbusDriver
+from tests.commands import PATIENT, assert_ran_to_its_end
 from tests.rigs.running import Run, Tree, books, rig_of, run_rig
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -221,9 +222,17 @@ def test_the_shipped_rigs_run_on_the_real_clock(path: Path, tmp_path: Path) -> N
     start = "from tautwave.cli import main; main()"
     out = tmp_path / "run"
     words = [sys.executable, "-c", start, "run", str(path), "--duration", "4", "--out", str(out)]
+    words += PATIENT
+    patient = {
+        "canopen": ["heartbeat_timeout_ms=5000"],
+        "dynamixel": ["watchdog_s=2.5"],
+        "modbus": ["silence_s=5", "comm_timeout_s=5"],
+    }
+    for bus, block in yaml.safe_load(path.read_text())["buses"].items():
+        for option in patient.get(block["driver"], []):
+            words += ["--set", f"buses.{bus}.options.{option}"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=100, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    told = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    told = assert_ran_to_its_end(done.returncode, out, done.stdout + done.stderr)
     assert "measured" in json.dumps(told) or path == RTU
 
 

@@ -46,7 +46,7 @@ def served(*options: str) -> Iterator[dict[str, Any]]:
         yield json.loads(child.stdout.readline())
     finally:
         child.terminate()
-        rest, _ = child.communicate(timeout=10)
+        rest, _ = child.communicate(timeout=60)
     assert rest == b""
     assert child.returncode == 0
 
