@@ -22,7 +22,7 @@ class JointState(NamedTuple):
 
 
 class AxisCommand(NamedTuple):
-    """What one axis shall do until the next command.
+    """Command of one axis until the next one.
 
     `effort` [N m or N] is used by impedance axes, `velocity` [rad/s or m/s] by admittance axes,
     both positive along `position`; the other one is 0.
