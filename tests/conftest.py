@@ -8,16 +8,20 @@ import multiprocessing
 import os
 import signal
 import socket
+import subprocess
 import tempfile
 import threading
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
+# Before NumPy: threads of BLAS only wait for each other beside the workers of xdist.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pytest
 from hypothesis import HealthCheck, settings
 
-# Before NumPy: threads of BLAS only wait for each other beside the workers of xdist.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+from tautwave.runtime import machine
+from tests import compiling
 
 # The same cases each time, so that a red run is about the change and not about luck; the machine's
 # speed is nobody's business. `.ci/run` tries twice as many; `pytest --hypothesis-profile=explore`
@@ -44,6 +48,20 @@ Report = pytest.TestReport | pytest.CollectReport
 VCAN_REQUIRED = os.environ.get("TAUTWAVE_VCAN") == "required"
 # `.ci/run` sets it: it has installed every library, so a test that misses one is another hole.
 LIBRARIES_REQUIRED = os.environ.get("TAUTWAVE_LIBRARIES") == "required"
+
+
+COMPILER = pytest.StashKey[subprocess.Popen[bytes] | None]()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.stash[COMPILER] = compiling.start(config)
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    compiler = config.stash.get(COMPILER, None)
+    if compiler is not None:
+        compiler.terminate()
+        compiler.wait()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -91,6 +109,20 @@ def alone_with_its_servers(tmp_path_factory: pytest.TempPathFactory) -> Iterator
     """Keep what this worker serves from being found by others, and theirs by it."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def cheap_in_a_worker() -> Iterator[None]:
+    """Keep this worker's memory unlocked and have it wait for who compiles.
+
+    Tests of the installed command lock theirs. A worker has gigabytes of it: to lock them took
+    seconds for every run.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        asked = machine._lock_memory
+        patch.setattr(machine, "_lock_memory", lambda w: "memory locked" if w else asked(w))
+        compiling.wait_for_it(patch)
         yield
 
 

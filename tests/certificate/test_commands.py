@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -19,7 +20,11 @@ INTO_THE_WALL = (
     "--set",
     "simulation.hand.lever.reference.waypoints=[[0.1, 0.0], [0.7, -0.38], [3.0, -0.38]]",
 )
-OVERRUNS = ("--set", "simulation.faults={overrun_probability: 0.02, overrun_slots: 3}")
+
+
+def overruns(slots: int) -> tuple[str, str]:
+    faults = f"{{overrun_probability: 0.02, overrun_slots: {slots}}}"
+    return ("--set", f"simulation.faults={faults}")
 
 
 @pytest.fixture
@@ -174,24 +179,37 @@ def test_a_derated_wall_is_what_runs(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("one_process")
-def test_overruns_in_a_wall_break_the_certificate(tmp_path: Path) -> None:
-    done = tautwave("run", README_RIG, *QUICK, *INTO_THE_WALL, *OVERRUNS, cwd=tmp_path)
+def test_overruns_in_a_wall_that_let_energy_out_break_the_certificate(tmp_path: Path) -> None:
+    done = tautwave("run", README_RIG, *QUICK, *INTO_THE_WALL, *overruns(8), cwd=tmp_path)
     assert done.exit_code == 3, done.stderr
     certificate = summary_of(tmp_path)["certificate"]
     after = certificate["after_run"]
     assert certificate["passed"] is True
     assert after["invalidated"] is True
     held = after["walls"]["slave.lever"]
-    assert held["held_s"] == pytest.approx(4e-3)  # three slots skipped: one effort for four
-    assert held["needed_damping"] == pytest.approx(3.0 * 4e-3 / 2.0 + 4e-4, rel=1e-6)
-    assert "held for 4 ms" in done.stderr
+    assert held["held_s"] == pytest.approx(9e-3)  # eight slots skipped: one effort for nine
+    assert held["needed_damping"] == pytest.approx(3.0 * 9e-3 / 2.0 + 4e-4, rel=1e-6)
+    assert held["balance_j"] < 0.0
+    assert "held for 9 ms" in done.stderr
+    assert re.search(r"A contact gave \S+ J more than it took\.", done.stderr)
     assert "invalidates its certificate" in page_of(tmp_path / "out")
+
+
+@pytest.mark.usefixtures("one_process")
+def test_overruns_in_a_wall_that_let_none_out_do_not(tmp_path: Path) -> None:
+    done = tautwave("run", README_RIG, *QUICK, *INTO_THE_WALL, *overruns(3), cwd=tmp_path)
+    assert done.exit_code == 0, done.stderr
+    for held in summary_of(tmp_path)["certificate"]["after_run"]["walls"].values():
+        assert held["held_s"] == pytest.approx(4e-3)
+        assert held["needed_damping"] > held["damping"]
+        assert held["balance_j"] >= 0.0
+        assert "No contact of this run gave more than it took" in held["sentence"]
 
 
 @pytest.mark.usefixtures("one_process")
 def test_overruns_out_of_contact_break_nothing(tmp_path: Path) -> None:
     still = "simulation.hand.lever.reference={type: hold, position: 0.0}"
-    done = tautwave("run", README_RIG, *QUICK, *OVERRUNS, "--set", still, cwd=tmp_path)
+    done = tautwave("run", README_RIG, *QUICK, *overruns(3), "--set", still, cwd=tmp_path)
     assert done.exit_code == 0, done.stderr
     summary = summary_of(tmp_path)
     assert summary["missed_cycles"] > 10
@@ -220,6 +238,22 @@ def test_a_calm_run_keeps_its_certificate() -> None:
         ({"held_s": {"slave.lever": 1e-3}, "latched": False, "worst_period_s": 1.2e-3}, False),
         ({"held_s": {}, "latched": False, "worst_period_s": 1.2e-3}, True),
         ({"held_s": {"slave.lever": 1e-3}, "late": {"slave.lever": 3}}, False),
+        # What the books say of held efforts counts where the devices' time is the loop's.
+        ({"held_s": {"slave.lever": 9e-3}, "balance_j": {"slave.lever": 1e-9}}, True),
+        ({"held_s": {"slave.lever": 9e-3}, "balance_j": {"slave.lever": -1e-9}}, False),
+        ({"held_s": {"slave.lever": 9e-3}, "balance_j": {"master.lever": 1e-9}}, False),
+        (
+            {"held_s": {"slave.lever": 9e-3}, "balance_j": {"slave.lever": 1e-9}, "latched": False},
+            False,
+        ),
+        (
+            {
+                "held_s": {"slave.lever": 9e-3},
+                "balance_j": {"slave.lever": 1e-9},
+                "late": {"slave.lever": 1},
+            },
+            False,
+        ),
         ({"period_s": 1.5e-3}, False),
         ({"lost": {"slave.lever": 5}, "missed_cycles": 9}, True),
     ],

@@ -27,6 +27,24 @@ PLANTED = [
     ("floors", "src/tautwave/report/planted.py", "import tautwave.session"),
     ("floors", "src/tautwave/certificate/planted.py", "import tautwave.report"),
     ("floors", "src/tautwave/stray.py", "EXHAUSTIVE = True"),
+    ("floors", "src/tautwave/formats.py", "import tautwave.files"),
+    ("floors", "src/tautwave/wording.py", "import tautwave.registry"),
+    ("floors", "src/tautwave/session/planted.py", "import tautwave.testing"),
+    ("floors", "src/tautwave/canvas/planted.py", "import tautwave.simulation"),
+    ("floors", "src/tautwave/sweep/planted.py", "import tautwave.certificate"),
+    ("drivers", "drivers/tautwave_drivers/cia402/planted.py", "import tautwave_drivers.modbus"),
+    ("drivers", "drivers/tautwave_drivers/dynamixel/planted.py", "import tautwave_drivers.canopen"),
+    ("drivers", "drivers/tautwave_drivers/stray.py", "EXHAUSTIVE = True"),
+    ("simulators", "sim/tautwave_sim/modbus/planted.py", "import tautwave_sim.canopen"),
+    ("simulators", "sim/tautwave_sim/physics.py", "import tautwave_sim.axis"),
+    ("rig-files", "src/tautwave/config/keys/planted.py", "import tautwave.config.checks"),
+    ("rig-files", "src/tautwave/config/text/planted.py", "import tautwave.config.load"),
+    ("scenes", "src/tautwave/scene/schemes/planted.py", "import tautwave.scene.live"),
+    ("scenes", "src/tautwave/scene/network.py", "import tautwave.scene.compiling"),
+    ("mathematics", "src/tautwave/analysis/exact/planted.py", "import tautwave.analysis.walls"),
+    ("mathematics", "src/tautwave/analysis/walls/planted.py", "import tautwave.analysis.maps"),
+    ("parts", "src/tautwave/couplings/position/planted.py", "import tautwave.couplings.wave.keys"),
+    ("outside", "src/tautwave/testing/planted.py", "import tautwave.session"),
     ("pure", "src/tautwave/laws/planted.py", "import numpy"),
     ("pure", "src/tautwave/models/planted.py", "from time import monotonic_ns"),
     ("controller", "src/tautwave/controller/planted.py", "import tautwave.config"),
@@ -85,17 +103,36 @@ def test_the_tree_keeps_every_contract(tree: Path) -> None:
     assert f"{len(CONTRACTS)} kept, 0 broken" in output
 
 
+def plant(tree: Path, module: str, line: str) -> None:
+    planted = tree / module
+    before = planted.read_text() if planted.exists() else ""
+    planted.write_text(f"{before}\n{line}\n")
+
+
+def test_violations_planted_together_break_every_contract(tree: Path) -> None:
+    for _, module, line in PLANTED:
+        plant(tree, module, line)
+    broken, output = broken_contracts(tree)
+    assert broken == {entry["name"] for entry in CONTRACTS}, output
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("contract", "module", "line"), PLANTED)
 def test_a_planted_violation_breaks_its_contract(
     tree: Path, contract: str, module: str, line: str
 ) -> None:
     name = next(entry["name"] for entry in CONTRACTS if entry["id"] == contract)
-    planted = tree / module
-    before = planted.read_text() if planted.exists() else ""
-    planted.write_text(f"{before}\n{line}\n")
+    plant(tree, module, line)
     broken, output = broken_contracts(tree)
     assert name in broken, output
 
 
 def test_every_contract_has_a_planted_violation() -> None:
     assert {entry["id"] for entry in CONTRACTS} == {contract for contract, _, _ in PLANTED}
+
+
+def test_contributing_has_the_floors_as_they_are_checked() -> None:
+    floors = next(entry["layers"] for entry in CONTRACTS if entry["id"] == "floors")
+    text = (ROOT / "CONTRIBUTING.md").read_text().partition("## The floors")[2]
+    shown = re.findall(r"^ {4}(\w+(?: \| \w+)*) {2,}", text.partition("\n## ")[0], re.MULTILINE)
+    assert shown == ["tautwave_drivers | tautwave_sim", *(layer.strip("()") for layer in floors)]

@@ -75,7 +75,10 @@ def test_planted_vagueness_is_noticed() -> None:
     assert not vague_parts('def wall(x):\n    """Force of the wall [N]."""')
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: "/".join(path.parts[-2:]))
+TESTS = sorted((ROOT / "tests").rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", [*SOURCES, *TESTS], ids=lambda path: "/".join(path.parts[-2:]))
 def test_modules_stay_readable(path: Path) -> None:
     lines = len(path.read_text().splitlines())
     assert lines <= GREATEST_MODULE, f"{path} has {lines} lines"

@@ -38,7 +38,8 @@ def run_pytest(
         "--continue-on-collection-errors",
     ]
     required = {"TAUTWAVE_VCAN": vcan, "TAUTWAVE_LIBRARIES": libraries}
-    environment = {**os.environ, **required, "PYTHONPATH": str(folder)}
+    path = f"{folder}{os.pathsep}{CONFTEST.parents[1]}"  # the conftest imports from tests
+    environment = {**os.environ, **required, "PYTHONPATH": path}
     environment.pop("PYTEST_ADDOPTS", None)
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     return done.returncode, done.stdout

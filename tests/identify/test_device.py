@@ -15,7 +15,7 @@ from click.testing import CliRunner, Result
 from tautwave.cli import main
 from tautwave.config import Rig, load_rig, simulation_of
 from tautwave.contracts import Endpoint
-from tautwave.errors import BusTimeout, ConfigError, NotCertifiedError, SafetyStop
+from tautwave.errors import BusTimeout, ConfigError, NotCertifiedError, RecordingError, SafetyStop
 from tautwave.report.run.recording import read_recording
 from tautwave.rig import BusWay, Way
 from tautwave.session.identification import identifying
@@ -90,10 +90,13 @@ def test_a_heavy_device_is_shaken_harder_and_a_light_one_less() -> None:
     assert light.gain < 0.5
 
 
-def test_a_blocked_device_is_a_safety_sentence(tmp_path: Path) -> None:
+def test_a_blocked_device_is_a_recording_that_tells_nothing(tmp_path: Path) -> None:
     rig = load_rig(BENCH, ["simulation.axes.master.lever.coulomb=1.0"])
-    with pytest.raises(SafetyStop, match="cannot be identified: the device hardly moved"):
+    with pytest.raises(
+        RecordingError, match="cannot be identified: the device hardly moved"
+    ) as told:
         identify_device(rig, axis="master.lever", out=tmp_path, clock="fake", duration_s=3.0)
+    assert told.value.exit_code == 2  # nothing was stopped: the run itself went as it should
 
 
 def test_leaving_the_range_stops_and_says_what_to_do(

@@ -1,10 +1,8 @@
-"""Reading recordings back: exactly, in part, damaged, cut off, and by other people's readers."""
+"""Reading recordings back: exactly, in part, and by other people's readers."""
 
 from __future__ import annotations
 
-import io
 import json
-import random
 import sys
 import time
 import warnings
@@ -18,66 +16,15 @@ from hypothesis import strategies as st
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
-from mcap.writer import Writer
-from numpy.typing import NDArray
 
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.report.run.recording import read_recording
-from tautwave.runtime.mcap_file import McapFile
-from tautwave.runtime.mcap_schema import CDR_HEADER
 from tautwave.runtime.recorder import Recorder
+from tests.report.recordings import COLUMNS, EPOCH_NS, Sample, slots, write
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
     from mcap_ros2.decoder import DecoderFactory
-
-# Interleaved on purpose: the message groups what belongs together, the row does not.
-COLUMNS = (
-    "time_s",
-    "master.wrist.position",
-    "slave.wrist.position",
-    "master.wrist.wave_in",
-    "wrist.position_error",
-    "slave.wrist.wave_in",
-    "wrist.line.absorbed",
-    "true.master.wrist.position",
-)
-EPOCH_NS = 1_700_000_000_000_000_000
-
-
-def slots(count: int, columns: int = len(COLUMNS), seed: int = 0) -> NDArray[np.float64]:
-    """Rows as the ring holds them: time first, the cycle's number last."""
-    rows = np.random.default_rng(seed).standard_normal((count, columns + 1))
-    rows[:, 0] = np.arange(count) * 1e-3
-    rows[:, -1] = np.arange(count)
-    return rows
-
-
-def write(path: Path, rows: NDArray[np.float64], columns: tuple[str, ...] = COLUMNS) -> McapFile:
-    file = McapFile(
-        str(path),
-        columns,
-        {"version": "1.2", "rate_hz": "1000.0"},
-        {"rig.yaml": b"name: x\n"},
-        EPOCH_NS,
-    )
-    for at in range(0, len(rows), file.rows_per_chunk):
-        file.append(rows[at : at + file.rows_per_chunk])
-    file.finish({"rows_written": str(len(rows))})
-    file.close()
-    return file
-
-
-@pytest.fixture(scope="module")
-def sample(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, NDArray[np.float64], int]:
-    """A complete file of 2500 rows, its rows, and the rows in one chunk."""
-    path = tmp_path_factory.mktemp("sample") / "recording.mcap"
-    rows = slots(2500)
-    rows[7, 1:5] = np.nan, np.inf, -0.0, 5e-324
-    return path, rows, write(path, rows).rows_per_chunk
-
-
-Sample = tuple[Path, NDArray[np.float64], int]
 
 
 def test_every_bit_comes_back(sample: Sample) -> None:
@@ -173,105 +120,6 @@ def test_a_selection_is_a_slice_of_the_whole(
     assert part.missing_rows == 0
 
 
-def test_a_full_ring_leaves_a_gap_that_is_counted(tmp_path: Path) -> None:
-    rows = slots(1000)
-    kept = np.delete(rows, slice(300, 420), axis=0)
-    write(tmp_path / "r.mcap", kept)
-    recording = read_recording(tmp_path / "r.mcap")
-    assert (len(recording), recording.missing_rows) == (880, 120)
-
-
-def test_cut_off_anywhere_in_the_last_chunk_the_rest_is_whole(
-    sample: Sample, tmp_path: Path
-) -> None:
-    path, rows, per_chunk = sample
-    content = path.read_bytes()
-    with path.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
-    last = max(summary.chunk_indexes, key=lambda index: index.chunk_start_offset)
-    first = last.chunk_start_offset
-    chunk_end = first + last.chunk_length
-    whole = 2500 // per_chunk * per_chunk
-    dice = random.Random(4)
-    edges = {first, first + 1, first + 8, first + 9, first + 60, chunk_end - 1, chunk_end}
-    edges |= {len(content) - n for n in (1, 7, 8, 9, 20, 37)}
-    for cut in sorted(edges | {dice.randrange(first, len(content)) for _ in range(60)}):
-        short = tmp_path / "short.mcap"
-        short.write_bytes(content[:cut])
-        recording = read_recording(short)
-        expected = whole if cut < chunk_end else 2500
-        assert recording.truncated
-        assert recording.data.tobytes() == rows[:expected, :-1].tobytes(), cut
-        assert recording.attachments == {"rig.yaml": b"name: x\n"}
-
-
-def test_a_damaged_chunk_is_left_out_and_counted(sample: Sample, tmp_path: Path) -> None:
-    path, rows, per_chunk = sample
-    content = bytearray(path.read_bytes())
-    with path.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
-    second = sorted(index.chunk_start_offset for index in summary.chunk_indexes)[1]
-    content[second + 400] ^= 0xFF
-    (tmp_path / "bad.mcap").write_bytes(content)
-    recording = read_recording(tmp_path / "bad.mcap")
-    assert recording.damaged_chunks == 1
-    expected = np.delete(rows, slice(per_chunk, 2 * per_chunk), axis=0)
-    assert recording.data.tobytes() == expected[:, :-1].tobytes()
-
-
-def test_whatever_is_damaged_there_is_one_sentence_or_whole_rows(
-    sample: Sample, tmp_path: Path
-) -> None:
-    path, rows, _ = sample
-    content = path.read_bytes()[:60_000] + path.read_bytes()[-3000:]
-    known = {row.tobytes() for row in rows[:, :-1]}
-    dice = random.Random(5)
-    sentences = []
-    for _ in range(150):
-        bad = bytearray(content)
-        for _ in range(dice.randrange(1, 4)):
-            at = dice.randrange(len(bad)) if dice.random() < 0.5 else dice.randrange(1500)
-            bad[at] = dice.randrange(256)
-        (tmp_path / "bad.mcap").write_bytes(bad)
-        try:
-            recording = read_recording(tmp_path / "bad.mcap")
-        except RecordingError as error:
-            sentences.append(str(error))
-            continue
-        if recording.columns == COLUMNS:
-            assert {row.tobytes() for row in recording.data} <= known
-    assert sentences
-    assert not any("\n" in sentence for sentence in sentences)
-
-
-def test_a_file_rewritten_by_other_tools_still_reads(sample: Sample, tmp_path: Path) -> None:
-    path, rows, _ = sample
-    target = tmp_path / "rewritten.mcap"
-    with path.open("rb") as stream, target.open("wb") as out:
-        reader = make_reader(stream)
-        writer = Writer(out, chunk_size=20_000)
-        writer.start()
-        for metadata in reader.iter_metadata():
-            writer.add_metadata(metadata.name, metadata.metadata)
-        ids = None
-        for schema, channel, message in reader.iter_messages():
-            if ids is None:
-                assert schema is not None
-                known = writer.register_schema(schema.name, schema.encoding, schema.data)
-                ids = writer.register_channel(channel.topic, channel.message_encoding, known)
-                other = writer.register_channel("/other", "cdr", known)
-                writer.add_message(other, 0, b"something else", 0)
-            writer.add_message(
-                ids, message.log_time, message.data, message.publish_time, message.sequence
-            )
-        writer.finish()  # type: ignore[no-untyped-call]
-    recording = read_recording(target)
-    assert recording.data.tobytes() == rows[:, :-1].tobytes()
-    assert read_recording(target, stride=10).data.tobytes() == rows[::10, :-1].tobytes()
-
-
 def test_times_that_are_no_numbers_do_not_break_the_order(tmp_path: Path) -> None:
     rows = slots(10)
     rows[0, 0], rows[4, 0], rows[9, 0] = np.nan, np.inf, -np.inf
@@ -294,53 +142,6 @@ def test_chunks_are_at_most_64_kib(sample: Sample) -> None:
         chunks = [r for r in StreamReader(stream, emit_chunks=True).records if isinstance(r, Chunk)]
     assert {chunk.compression for chunk in chunks} == {"zstd"}
     assert all(63_000 < chunk.uncompressed_size <= 65_536 for chunk in chunks[:-1])
-
-
-def foreign() -> bytes:
-    out = io.BytesIO()
-    writer = Writer(out)
-    writer.start()
-    schema = writer.register_schema("a/msg/B", "ros2msg", b"float64 x\n")
-    channel = writer.register_channel("/b", "cdr", schema)
-    writer.add_message(channel, 1, CDR_HEADER + bytes(8), 1)
-    writer.finish()  # type: ignore[no-untyped-call]
-    return out.getvalue()
-
-
-@pytest.mark.parametrize(
-    ("content", "sentence"),
-    [
-        (b"", "is empty"),
-        (b"time_s,position\n0,1\n" * 100, "is not an MCAP file"),
-        (b"\x89MCA", "is not an MCAP file"),
-        (foreign(), "is an MCAP file, but not a tautwave recording"),
-        (foreign()[:30], "is an MCAP file, but not a tautwave recording"),
-    ],
-)
-def test_what_is_no_recording_is_said_in_one_sentence(
-    tmp_path: Path, content: bytes, sentence: str
-) -> None:
-    path = tmp_path / "other.mcap"
-    path.write_bytes(content)
-    with pytest.raises(RecordingError, match=sentence) as caught:
-        read_recording(path)
-    assert str(path) in str(caught.value)
-
-
-def test_no_file_no_rows_no_such_column(sample: Sample, tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match=r"nope\.mcap cannot be read: No such file"):
-        read_recording(tmp_path / "nope.mcap")
-    with pytest.raises(RecordingError, match=r"holds no recording\.mcap; give a recording, or the"):
-        read_recording(tmp_path)
-    write(tmp_path / "none.mcap", slots(0))
-    with pytest.raises(RecordingError, match="holds no rows"):
-        read_recording(tmp_path / "none.mcap")
-    with pytest.raises(RecordingError, match=r"did you mean 'master\.wrist\.position'"):
-        read_recording(sample[0], ["master.wrist.positon"])
-    with pytest.raises(RecordingError, match=r"there is no column 'zzz'$"):
-        read_recording(sample[0], ["time_s"])["zzz"]
-    with pytest.raises(RecordingError, match="every n-th row"):
-        read_recording(sample[0], stride=0)
 
 
 def test_the_names_as_they_were_are_in_the_file(sample: Sample) -> None:
@@ -416,3 +217,13 @@ def test_a_library_that_is_missing_is_one_sentence(
     told = rf"this needs {library}; pip install 'tautwave\[{extra}\]'"
     with pytest.raises(ConfigError, match=told):
         getattr(read_recording(sample[0]), method)()
+
+
+def test_a_loop_gives_row_by_row_by_name(sample: Sample) -> None:
+    path, rows, _ = sample
+    recording = read_recording(path, ["master.wrist.position", "time_s"], rows=slice(5, 9))
+    looped = list(recording)
+    assert len(looped) == len(recording) == 4
+    assert [list(row) for row in looped] == [["master.wrist.position", "time_s"]] * 4
+    assert np.array_equal([list(row.values()) for row in looped], rows[5:9, [1, 0]], equal_nan=True)
+    assert type(looped[0]["time_s"]) is float

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+from collections.abc import Iterator
 from contextlib import suppress
 
 import pytest
@@ -11,6 +12,15 @@ import pytest
 from tautwave.runtime.machine import quiet_collector, realtime
 
 
+@pytest.fixture
+def thawed() -> Iterator[None]:
+    """Nothing is frozen, as in a program of its own; `tests/conftest.py` freezes what it found."""
+    gc.unfreeze()
+    yield
+    gc.freeze()
+
+
+@pytest.mark.usefixtures("thawed")
 def test_the_collector_is_off_inside_and_back_afterwards() -> None:
     assert gc.isenabled()
     with suppress(RuntimeError), quiet_collector():
@@ -19,6 +29,14 @@ def test_the_collector_is_off_inside_and_back_afterwards() -> None:
         raise RuntimeError
     assert gc.isenabled()
     assert gc.get_freeze_count() == 0
+
+
+def test_what_a_program_froze_itself_stays_frozen(thawed: None) -> None:
+    gc.freeze()
+    before = gc.get_freeze_count()
+    with quiet_collector():
+        assert not gc.isenabled()
+    assert gc.get_freeze_count() == before
 
 
 def test_a_collector_that_was_off_stays_off() -> None:

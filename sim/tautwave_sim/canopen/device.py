@@ -19,7 +19,7 @@ from tautwave_sim.canopen.objects import INVALID, LOAD, PDOS, SAVE, build
 from tautwave_sim.canopen.options import NodeKeys, Quirks
 from tautwave_sim.canopen.pdo import Rpdo, Tpdo
 from tautwave_sim.canopen.sdo import SdoServer
-from tautwave_sim.canopen.states import State
+from tautwave_sim.cia402 import State
 
 HEARTBEAT_LOST, RPDO_LATE = 0x8130, 0x8250
 PDO_TOO_SHORT = 0x8210

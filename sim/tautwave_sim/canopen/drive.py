@@ -8,7 +8,7 @@ from tautwave_sim.canopen.control import CSP, CST, CSV, HM, PP, PT, PV, Control
 from tautwave_sim.canopen.dictionary import WRONG_VALUE, ObjectDictionary, SdoAbort
 from tautwave_sim.canopen.motor import Motor
 from tautwave_sim.canopen.options import Quirks
-from tautwave_sim.canopen.states import HALT, POWERED, State, StateMachine
+from tautwave_sim.cia402 import HALT, POWERED, State, StateMachine
 
 NEW_SETPOINT, RELATIVE = 0x10, 0x40
 VOLTAGE, REMOTE, REACHED, LIMITED, BIT12, BIT13 = 0x10, 0x200, 0x400, 0x800, 0x1000, 0x2000

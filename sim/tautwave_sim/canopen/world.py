@@ -18,7 +18,7 @@ from tautwave_sim.axis import SimulatedAxis
 from tautwave_sim.canopen.device import Device, Nmt
 from tautwave_sim.canopen.motor import Motor, motor_scale
 from tautwave_sim.canopen.options import NodeKeys, Quirks, SimulatedCanopenOptions
-from tautwave_sim.canopen.states import State
+from tautwave_sim.cia402 import State
 from tautwave_sim.wire.can import CanTiming
 from tautwave_sim.wire.can_faults import CanFaultPlan
 from tautwave_sim.wire.can_medium import CanMedium, MediumPort

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Protocol
 
-from tautwave_sim.canopen.states import State, StateMachine
+from tautwave_sim.cia402 import State, StateMachine
 from tautwave_sim.modbus.options import Quirks
 from tautwave_sim.modbus.registers import RegisterBank
 from tautwave_sim.modbus.table import Table

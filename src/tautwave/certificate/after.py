@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from tautwave.analysis.walls.passivity import wall_leak
@@ -33,6 +34,9 @@ class Measured(NamedTuple):
         Slots that were skipped.
     lost, late : mapping of str to int
         Missing samples, and samples older than a period, by axis.
+    balance_j : mapping of str to float
+        By axis: the least that wall and device's damping had taken in a contact, at any moment of
+        it [J]; no key where that is not known.
     """
 
     period_s: float
@@ -42,14 +46,18 @@ class Measured(NamedTuple):
     missed_cycles: int
     lost: Mapping[str, int]
     late: Mapping[str, int]
+    balance_j: Mapping[str, float] = MappingProxyType({})
 
 
 def recheck(rig: Rig, measured: Measured) -> dict[str, Any]:
     """Return the certificate after a run as plain data.
 
     A wall passes if its condition holds for the longest time that its effort was actually held:
-    the leak of a held effort, K T / 2, grows with that time. Skipped slots and lost samples out
-    of contact cost a wall nothing, and a wave port keeps its account over them.
+    the leak of a held effort, K T / 2, grows with that time. This is the worst case over all
+    motions. If the loop's slots are also the devices', the energy of a held effort is known, its
+    force times the displacement between two samples; then a wall also passes if at no moment of a
+    contact more energy had come out than went in. Skipped slots and lost samples out of contact
+    cost a wall nothing, and a wave port keeps its account over them.
 
     Returns
     -------
@@ -109,7 +117,9 @@ def _wall(
     needed = wall_leak(sampled).damping
     present = axis.damping.lower
     regular = longest <= rig.period_s + RESOLUTION_S and periods == delay
-    passed = needed <= present or (wall.passivity_control and regular)
+    balance = measured.balance_j.get(axis_name) if measured.latched and periods == delay else None
+    kept = balance is not None and balance >= 0.0
+    passed = needed <= present or (wall.passivity_control and regular) or kept
     unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
     sentence = (
         f"{wall_name(rig, axis_name)}: its effort was held for {1e3 * longest:.4g} ms at most, "
@@ -117,12 +127,19 @@ def _wall(
     if periods > delay:
         sentence += "from a sample up to a period old, "
     sentence += f"which needs {needed:.4g} {unit} of the device's {present:.4g}."
+    if balance is not None and needed > present:
+        sentence += (
+            " No contact of this run gave more than it took."
+            if kept
+            else f" A contact gave {-balance:.2g} J more than it took."
+        )
     if not passed:
         sentence += (
             " Sampling may have created energy: lower K, or make the loop keep its deadlines."
         )
     return {
         "held_s": held,
+        "balance_j": balance,
         "needed_damping": needed,
         "damping": present,
         "passed": passed,

@@ -7,11 +7,12 @@ believed device: free, and held by the stated hand or environment.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from typing import Any
 
-from tautwave.analysis.ports.sampled_loop import wave_end
+from tautwave.analysis.ports.sampled_loop import Device, Site, wave_end
 from tautwave.analysis.ports.scattering import greatest_gain, port_scattering, spring_damping
 from tautwave.certificate.belief import (
     Contact,
@@ -178,22 +179,35 @@ def _proved(
 ) -> float:
     """Return the greatest share of a wave that an end returns, its filter included, proved."""
     device, site = believed_parts(rig, axis_name, delays, bound, contact, damping=damping)
-    filtered = rig.coupling.filter_step(rig.period_s)
+    return _returned(device, site, rig.coupling.filter_step(rig.period_s))
+
+
+# Both ends of a pair often believe the same, and after a run the same is asked again.
+@functools.lru_cache(maxsize=1024)
+def _returned(device: Device, site: Site, filtered: float) -> float:
     return greatest_gain(port_scattering(device, site, filter_gain=filtered)).upper
 
 
 def _stiffest(rig: Rig, axis_name: str, delays: Delays, left: float) -> float:
+    """Return the stiffest spring at which the bare port of an axis returns no more than arrives."""
+    if left == 0.0:
+        return 0.0
+    device, site = believed_parts(rig, axis_name, delays, "lower", damping=left)
+    filtered = rig.coupling.filter_step(rig.period_s)
+    return _stiffest_spring(device, site, _impedance(rig, axis_name), rig.period_s, filtered)
+
+
+@functools.lru_cache(maxsize=1024)
+def _stiffest_spring(
+    device: Device, site: Site, impedance: float, period: float, filtered: float
+) -> float:
     """Return the stiffest spring at which the bare port returns no more than arrives.
 
     Without a velocity filter it is near 2 m b_d / (b T^2), m the mass's lower bound, b_d the
     damping and b the impedance: one period of a force that the port cannot predict. Springs on
     which that mass oscillates faster than half the rate are not covered.
     """
-    if left == 0.0:
-        return 0.0
-    device, site = believed_parts(rig, axis_name, delays, "lower", damping=left)
-    period, filtered = rig.period_s, rig.coupling.filter_step(rig.period_s)
-    rule = 2.0 * device.mass * left / (_impedance(rig, axis_name) * period**2)
+    rule = 2.0 * device.mass * device.damping / (impedance * period**2)
     top = device.mass * (math.pi / period) ** 2
     low = min((0.1 if site.gain == 1.0 else 1e-4) * rule, 1e-3 * top)
 
@@ -218,8 +232,7 @@ def _stiffest(rig: Rig, axis_name: str, delays: Delays, left: float) -> float:
         high = low
     # The grid only suggests a spring; the one returned is proved.
     for _ in range(STIFFEST_STEPS):
-        held = device._replace(stiffness=high)
-        if greatest_gain(port_scattering(held, site, filter_gain=filtered)).upper <= 1.0 + UNITY:
+        if _returned(device._replace(stiffness=high), site, filtered) <= 1.0 + UNITY:
             return high
         high *= 0.5
     return 0.0

@@ -52,7 +52,8 @@ nav { margin: 14px 0 0; font-size: 14px; }
 nav a { margin-right: 14px; color: var(--info); }
 figure { margin: 16px 0 4px; max-width: 880px; break-inside: avoid; }
 figure img, figure svg { display: block; width: 100%; height: auto; }
-figure img.drawn { max-width: 560px; border: 1px solid var(--rule); border-radius: 6px; }
+figure img.drawn { width: auto; max-width: min(100%, 560px); max-height: 720px;
+  border: 1px solid var(--rule); border-radius: 6px; }
 audio { display: block; width: 100%; max-width: 560px; margin: 10px 0; }
 details { margin: 8px 0; }
 .wide { overflow-x: auto; }

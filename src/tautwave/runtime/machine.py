@@ -49,15 +49,22 @@ def _pin(cpu: int | None) -> str:
 
 @contextmanager
 def quiet_collector() -> Iterator[None]:
-    """Collect once, freeze live objects, and keep the collector off inside the block."""
+    """Collect once, freeze live objects, and keep the collector off inside the block.
+
+    In a program that froze its objects itself nothing more is frozen, and its objects stay frozen:
+    there is a single heap of frozen objects, and thawing it thaws all of them.
+    """
     was_enabled = gc.isenabled()
+    frozen = gc.get_freeze_count() > 0
     gc.collect()
-    gc.freeze()
+    if not frozen:
+        gc.freeze()
     gc.disable()
     try:
         yield
     finally:
-        gc.unfreeze()
+        if not frozen:
+            gc.unfreeze()
         if was_enabled:
             gc.enable()
 

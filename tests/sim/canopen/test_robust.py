@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tautwave_sim.canopen.states import State
+from tautwave_sim.cia402 import State
 from tests.sim.canopen.master import Master
 
 IDS = st.one_of(

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave_sim.canopen.states import State, StateMachine
+from tautwave_sim.cia402 import State, StateMachine
 from tests.sim.canopen.master import Master
 
 SHUTDOWN, SWITCH_ON, ENABLE, NO_VOLTAGE, QUICK, RESET = 0x06, 0x07, 0x0F, 0x00, 0x02, 0x80

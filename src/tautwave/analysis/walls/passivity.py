@@ -18,6 +18,7 @@ rank-two Hermitian form of the delayed hold, written here.
 
 from __future__ import annotations
 
+import functools
 import math
 from fractions import Fraction
 from typing import NamedTuple
@@ -75,6 +76,7 @@ class Leak(NamedTuple):
     frequency: float
 
 
+@functools.lru_cache(maxsize=1024)  # asked again for each word that is said of a wall
 def wall_leak(wall: SampledWall) -> Leak:
     """Return the damping a wall needs, filter and delay included.
 

@@ -6,6 +6,7 @@ with the hand that is stated. The two are never mixed.
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 from tautwave.analysis.walls.limits import TIGHT, greatest_damping, greatest_stiffness, least_rate
@@ -107,6 +108,7 @@ class WallVerdict(NamedTuple):
     activity: float
 
 
+@functools.lru_cache(maxsize=256)  # the same wall is assessed before a run and after it
 def assess_wall(wall: SampledWall, device: WallDevice, hand: Hand | None = None) -> WallVerdict:
     """Return the verdicts on a wall.
 

@@ -12,6 +12,10 @@ from tautwave.errors import TautwaveError
 from tautwave.registry import load_driver
 from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.units import number
+from tautwave.rig import pair_scale
+
+ROUNDING = 1e-12
+"""Of all that passed to and fro: sums of doubles are no better."""
 
 
 def recheck_run(run: Run) -> dict[str, Any]:
@@ -46,6 +50,11 @@ def measured_of(run: Run, rig: Rig) -> Measured:
         missed_cycles=int(number(run.summary.get("missed_cycles")) or 0),
         lost={name: int(block(axes, name).get("lost", 0)) for name in rig.axes},
         late={name: int(block(axes, name).get("late", 0)) for name in rig.axes},
+        balance_j={
+            name: balance
+            for name in rig.axes
+            if (balance := wall_balance(run, rig, name)) is not None
+        },
     )
 
 
@@ -67,3 +76,36 @@ def held_wall(run: Run, axis: str) -> float:
     pushed = effort[fresh][:-1] != 0.0
     spans = np.diff(slots[fresh])[pushed]
     return float(spans.max()) if spans.size else 0.0
+
+
+def wall_balance(run: Run, rig: Rig, axis: str) -> float | None:
+    """Return the least that a wall had taken in a contact, at any moment of it [J]; None: unknown.
+
+    Counted in is what the device's damping took at least, b (dx)^2 / dt between two samples, while
+    the wall pushed. Below 0 more came out than went in; what had not come out by the end of the run
+    never will. Each contact begins at nothing: what one took does not pay for the next. 0: it was
+    never touched.
+    """
+    side, _, pair = axis.partition(".")
+    names = ("skipped_slots", f"{axis}.valid", f"{axis}.position", f"{axis}.wall_effort")
+    columns = run.read(*names, f"{pair}.wall_{side}.absorbed")
+    if len(columns) < len(names) + 1 or rig.axes[axis].causality != "impedance":
+        return None
+    served = served_rows(run, axis)
+    slots = np.cumsum(1.0 + np.nan_to_num(columns["skipped_slots"]))[served]
+    _, valid, position, effort, absorbed = (column[served] for column in columns.values())
+    fresh = valid > 0.5
+    weight = 1.0 if side == "master" else 1.0 / pair_scale(rig.coupling.pairs[pair]).power
+    taken = np.diff(absorbed[fresh]) / weight
+    spans = np.diff(slots[fresh]) * rig.period_s
+    damped = rig.axes[axis].damping.lower * np.diff(position[fresh]) ** 2 / spans
+    pushed = (effort[fresh][:-1] != 0.0) | (taken != 0.0)
+    if not pushed.any():
+        return 0.0
+    total = np.cumsum(np.where(pushed, taken + damped, 0.0))
+    begins = pushed & ~np.concatenate([[False], pushed[:-1]])
+    before = np.concatenate([[0.0], total[:-1]])
+    last = np.maximum.accumulate(np.where(begins, np.arange(len(total)), 0))
+    least = float((total - before[last])[pushed].min())
+    rounding = ROUNDING * float(np.abs(taken).sum())
+    return 0.0 if abs(least) <= rounding else least

@@ -286,9 +286,10 @@ def save_frames(drawn: Sequence[Image.Image], path: Path) -> None:
 def _palette(drawn: Sequence[Image.Image]) -> Image.Image:
     """Return the colours of a few frames; all frames show the same objects."""
     some = drawn[:: max(1, len(drawn) // 4)]
-    strip = Image.new("RGB", (WIDTH, HEIGHT * len(some)))
+    wide, tall = drawn[0].size
+    strip = Image.new("RGB", (wide, tall * len(some)))
     for at, image in enumerate(some):
-        strip.paste(image, (0, HEIGHT * at))
+        strip.paste(image, (0, tall * at))
     found = np.array(strip.quantize(32, dither=Image.Dither.NONE).getpalette()).reshape(-1, 3)
     found[found.min(axis=1) > 244] = 255  # the mean of white and next to white
     palette = Image.new("P", (1, 1))

@@ -31,14 +31,19 @@ from tautwave.report.scene3d.view import View3d, project
 
 DRAWN = ("spring", "nonlinear", "plastic", "damper")
 _MARGIN = 0.07
+TALLEST = 2 * WIDTH  # what is taller still is drawn smaller
 
 
 class _Frame(NamedTuple):
-    """Scale from metres to pixels, range of stretch, balls by node, corners of planes."""
+    """Scale from metres to pixels, range of stretch, balls by node, corners of planes.
+
+    `height` is the picture's [pixel of the animation]: a tall scene gets a tall picture.
+    """
 
     left: float
     low: float
     scale: float
+    height: int
     slack: float
     tight: float
     balls: dict[str, float]
@@ -46,7 +51,7 @@ class _Frame(NamedTuple):
 
     def pixels(self, seen: Floats) -> tuple[float, float]:
         x = _MARGIN * WIDTH * OVER + (float(seen[0]) - self.left) * self.scale
-        y = (1.0 - _MARGIN) * HEIGHT * OVER - (float(seen[1]) - self.low) * self.scale
+        y = (self.height - _MARGIN * HEIGHT) * OVER - (float(seen[1]) - self.low) * self.scale
         return x, y
 
 
@@ -87,8 +92,14 @@ def _layout(view: View3d, rows: slice) -> _Frame:
             high = np.maximum(high, seen.max(axis=0) + ball)
     if not np.isfinite(low).all():
         low, high = np.zeros(2), np.ones(2)
+    planes = [corners for corners in _planes(view, rows) if np.isfinite(corners).all()]
+    for corners in planes:
+        seen = project(corners)[:, :2]
+        low, high = np.minimum(low, seen.min(axis=0)), np.maximum(high, seen.max(axis=0))
     size = np.maximum(high - low, 1e-6)
-    room = np.array([WIDTH, HEIGHT]) * OVER * (1.0 - 2.0 * _MARGIN)
+    height = round(min(max(float(size[1] / size[0]) * WIDTH, HEIGHT), TALLEST))
+    margins = 2.0 * _MARGIN * np.array([WIDTH, HEIGHT])
+    room = (np.array([WIDTH, height]) - margins) * OVER
     scale = float((room / size).min())
     middle = 0.5 * (low + high) - 0.5 * room / scale
     drawn = [
@@ -99,8 +110,7 @@ def _layout(view: View3d, rows: slice) -> _Frame:
     stretches = np.concatenate(drawn) if drawn else np.zeros(1)
     stretches = stretches[np.isfinite(stretches)]
     slack, tight = (float(stretches.min()), float(stretches.max())) if len(stretches) else (0, 0)
-    planes = _planes(view, rows)
-    return _Frame(float(middle[0]), float(middle[1]), scale, slack, tight, balls, planes)
+    return _Frame(float(middle[0]), float(middle[1]), scale, height, slack, tight, balls, planes)
 
 
 def _lengths(view: View3d, a: str, b: str, rows: slice) -> Floats:
@@ -135,7 +145,9 @@ def _planes(view: View3d, rows: slice) -> list[Floats]:
         middle = middle - way * float((middle - view.at[link.b][rows][0]) @ way - link.rest)
         side = np.cross(way, [0.0, 1.0, 0.0] if abs(way[1]) < 0.9 else [1.0, 0.0, 0.0])
         side /= np.linalg.norm(side)
-        size = float(np.abs(where - middle).max()) or 1e-3
+        off = where - middle
+        across = off - np.outer(off @ way, way)
+        size = float(max(np.abs(across).max(), 0.15 * np.abs(off).max())) or 1e-3
         other = np.cross(way, side)
         corners = [(1, 1), (1, -1), (-1, -1), (-1, 1)]
         planes.append(np.array([middle + size * (i * side + j * other) for i, j in corners]))
@@ -143,7 +155,7 @@ def _planes(view: View3d, rows: slice) -> list[Floats]:
 
 
 def _draw(view: View3d, frame: _Frame, row: int, title: str, hue: Colours = LIGHT) -> Image.Image:
-    image = Image.new("RGB", (WIDTH * OVER, HEIGHT * OVER), hue[PAPER])
+    image = Image.new("RGB", (WIDTH * OVER, frame.height * OVER), hue[PAPER])
     slack, tight = ImageColor.getrgb(hue[SHADE]), ImageColor.getrgb(hue[SLAVE])
     pen = ImageDraw.Draw(image)
     for corners in frame.planes:
@@ -190,7 +202,6 @@ def _draw(view: View3d, frame: _Frame, row: int, title: str, hue: Colours = LIGH
             box = (x - radius, y - radius, x + radius, y + radius)
             pen.ellipse(box, outline=hue[INK], width=OVER)
     caption = f"{title}{view.time[row]:.4f} s"
-    pen.text(
-        (0.01 * WIDTH * OVER, 0.93 * HEIGHT * OVER), caption, fill=hue[SOFT], font_size=13 * OVER
-    )
+    place = (0.01 * WIDTH * OVER, (frame.height - 0.07 * HEIGHT) * OVER)
+    pen.text(place, caption, fill=hue[SOFT], font_size=13 * OVER)
     return image

@@ -321,8 +321,8 @@ def fit_recorded(
             known=known,
         )
     except ValueError as err:
-        raise SafetyStop(
-            f"{name} was excited with up to {np.max(np.abs(effort)):.3g} "
+        raise RecordingError(
+            f"{path}: {name} was excited with up to {np.max(np.abs(effort)):.3g} "
             f"{'N m' if rig.axes[name].kind == 'rotary' else 'N'} and cannot be identified: "
             f"{err}; free it, or raise --share"
         ) from err
