@@ -86,8 +86,9 @@ def choose_way(
     Parameters
     ----------
     named : Endpoint
-        Endpoint in the driver's options. fake : bool A fake clock runs, which no endpoint can
-        follow.
+        Endpoint in the driver's options.
+    fake : bool
+        A fake clock runs, which no endpoint can follow.
     simulation : bool
         The rig has a simulation block.
     simulate, attach : bool
