@@ -23,10 +23,10 @@ from tautwave.errors import TautwaveError
 @json_option
 @click.pass_context
 def reproduce(ctx: click.Context, name: str | None, out: Path | None, as_json: bool) -> None:
-    """Compute the numbers of chapter NAME again, beside the published ones.
+    """Recompute the numbers of chapter NAME, beside the published ones.
 
-    Without NAME and --out: list the chapters. Exit code 1 where a number differs by more than the
-    digits of its reference allow.
+    Without NAME and --out: list the chapters. Exit code 1 if a number differs by more than the
+    published digits allow.
 
     \b
     Examples:
@@ -68,7 +68,7 @@ def reproduce(ctx: click.Context, name: str | None, out: Path | None, as_json: b
 
 
 class DiffersError(TautwaveError):
-    """A number came out unlike its reference."""
+    """A number differs from its reference."""
 
     exit_code = 1
 
