@@ -60,7 +60,8 @@ def svg(figure: Figure, name: str, title: str = "") -> str:
 
     Parameters
     ----------
-    name : unique among the figures of the page title : description for screen readers
+    name : unique among the figures of the page
+    title : description for screen readers
     """
     raw = paper(figure, "svg", salt=name, outlines=False).decode("utf-8")
     raw = raw[raw.index("<svg") :]

@@ -173,13 +173,16 @@ def believed_end(
     Parameters
     ----------
     rig : Rig
-        Any rig, simulated or not. axis_name : str Full name; a master that is held also gets the
-        hand's mass.
+        Any rig, simulated or not.
+    axis_name : str
+        Full name; a master that is held also gets the hand's mass.
     delays : mapping
         Declared command delay of each axis.
     bound : str
         `lower` or `value`: which mass is taken.
-    contact : Contact, optional What is attached to the axis; none: free. wall : Wall, optional
+    contact : Contact, optional
+        What is attached to the axis; none: free.
+    wall : Wall, optional
         A pressed local wall.
     damping : float, optional
         Device damping [N m s/rad or N s/m]; its lower bound if not given.

@@ -45,8 +45,11 @@ def integrated(
     Parameters
     ----------
     axis_name : str
-        For messages. keys : Integrator The rig's block. plant, foam The truth of the axis; `foam`
-        is None if it touches only walls and springs.
+        For messages.
+    keys : Integrator
+        The rig's block.
+    plant, foam
+        The truth of the axis; `foam` is None if it touches only walls and springs.
     speed : float
         Greatest speed expected [m/s or rad/s].
     period : float

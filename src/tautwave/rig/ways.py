@@ -86,8 +86,9 @@ def choose_way(
     Parameters
     ----------
     named : Endpoint
-        Endpoint in the driver's options. fake : bool A fake clock runs, which no endpoint can
-        follow.
+        Endpoint in the driver's options.
+    fake : bool
+        A fake clock runs, which no endpoint can follow.
     simulation : bool
         The rig has a simulation block.
     simulate, attach : bool
@@ -124,8 +125,10 @@ def bus_ways(
     attach : bool
         Simulated devices are already served, and not by this run.
 
-    Raises ------ ConfigError Nothing would respond on a bus, there is no such bus, or nothing to
-    attach to.
+    Raises
+    ------
+    ConfigError
+        Nothing would respond on a bus, there is no such bus, or nothing to attach to.
     """
     fake = clock == "fake"
     _refuse_nonsense(rig, fake, simulate, attach)

@@ -31,14 +31,18 @@ class Control(ABC):
     ----------
     run : RunParams
         Length, ramps and limits.
-    names : sequence of AxisName Names of the axes. params : sequence of AxisParams
+    names : sequence of AxisName
+        Names of the axes.
+    params : sequence of AxisParams
         Constants of the axes.
 
     Attributes
     ----------
     axes : list of AxisState
         The axes.
-    state : RunState State of the run. columns : list of str
+    state : RunState
+        State of the run.
+    columns : list of str
         What `fill` writes.
     """
 

@@ -60,10 +60,16 @@ class Loop:
     ----------
     clock : Clock
         Real or fake.
-    buses : sequence of LoopBus The buses. control : Control The controller; its axes are those of
-    the buses, in their order. sources : sequence of RowSource They fill the columns after the
-    timing columns, in this order. sink : RowSink Destination of the rows. progress : callable,
-    optional Called now and then with the fraction done and a short text.
+    buses : sequence of LoopBus
+        The buses.
+    control : Control
+        The controller; its axes are those of the buses, in their order.
+    sources : sequence of RowSource
+        They fill the columns after the timing columns, in this order.
+    sink : RowSink
+        Destination of the rows.
+    progress : callable, optional
+        Called now and then with the fraction done and a short text.
     """
 
     def __init__(

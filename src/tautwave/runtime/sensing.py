@@ -45,8 +45,12 @@ def bus_commands(control: Control, bus: LoopBus, first: int) -> list[AxisCommand
 class Sensing:
     """Passes the samples of every axis to the controller, and keeps the faults.
 
-    Parameters ---------- buses : sequence of LoopBus The buses. control : Control Receives the
-    samples.
+    Parameters
+    ----------
+    buses : sequence of LoopBus
+        The buses.
+    control : Control
+        Receives the samples.
     """
 
     def __init__(self, buses: Sequence[LoopBus], control: Control) -> None:

@@ -62,11 +62,15 @@ def run_sweep(
     plan : SweepPlan
         From `load_sweep`.
     out : Path
-        Directory of the table; created if needed. jobs : int Processes; 1 simulates in this one.
-        executor : Executor, optional Runs the pieces, instead of `jobs` processes. engine : str,
-        optional Of `simulate`; by default the fastest available, plain Python for a small sweep.
-        progress : callable, optional Called now and then with the fraction done of the remaining
-        points, and a short text.
+        Directory of the table; created if needed.
+    jobs : int
+        Processes; 1 simulates in this one.
+    executor : Executor, optional
+        Runs the pieces, instead of `jobs` processes.
+    engine : str, optional
+        Of `simulate`; by default the fastest available, plain Python for a small sweep.
+    progress : callable, optional
+        Called now and then with the fraction done of the remaining points, and a short text.
 
     Raises
     ------

@@ -49,8 +49,9 @@ class SceneRun:
     scales, offsets : sequences of float
         Position in the scene: scale * position of the axis + offset.
     forces : sequence of sequences of float
-        External force on each forced mass by slot [N]; 0 after its end. account : HoldAccount,
-        optional Stops the run if held efforts have created too much energy.
+        External force on each forced mass by slot [N]; 0 after its end.
+    account : HoldAccount, optional
+        Stops the run if held efforts have created too much energy.
     """
 
     def __init__(

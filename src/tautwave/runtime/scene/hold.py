@@ -59,9 +59,13 @@ class HoldAccount:
 
     Parameters
     ----------
-    axes : sequence of AxisState Axes of its ports. delays : sequence of (int, float) Whole periods
-    until a command acts, and the remainder as a share of one. dampings : sequence of float Lower
-    bound of each device's damping [N s/m or N m s/rad]. period : float
+    axes : sequence of AxisState
+        Axes of its ports.
+    delays : sequence of (int, float)
+        Whole periods until a command acts, and the remainder as a share of one.
+    dampings : sequence of float
+        Lower bound of each device's damping [N s/m or N m s/rad].
+    period : float
         T [s].
     allowance : float
         Debt above which the run is stopped [J].
@@ -100,8 +104,11 @@ class HoldAccount:
         Parameters
         ----------
         asked : sequence of float
-            Resisting efforts [N m or N] of the scene until now. slots : int Elapsed slots. ledger :
-            Ledger Ledger of the scene, its ports at the present positions.
+            Resisting efforts [N m or N] of the scene until now.
+        slots : int
+            Elapsed slots.
+        ledger : Ledger
+            Ledger of the scene, its ports at the present positions.
         """
         given = 0.0
         dissipated = 0.0
