@@ -1,8 +1,9 @@
 """Remove masses that no port can feel and no recorder sees, and merge identical links.
 
 A mass is kept if a path of links leads from it to a port or to a recorded mass; grounds are not
-part of a path, since they do not move. The removed masses move independently and change no bit of the rest. Identical parallel links become
-one of twice the strength if no number changes by a bit: see `parallel_links`.
+part of a path, since they do not move. The removed masses move independently and change no bit of
+the rest. Identical parallel links become one of twice the strength if no number changes by a bit:
+see `parallel_links`.
 """
 
 from __future__ import annotations

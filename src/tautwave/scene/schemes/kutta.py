@@ -4,7 +4,8 @@ A port moves linearly from its last to its present position, so the network is a
 present, and its forces are those at the end of the step. Stable for w T < 2.8; of a linear mode the
 step takes (w T)**6 / 72 of its energy and never makes any. Across a contact's edge the order is
 that of the contact's exponent plus one. Powers are integrated with the weights of the step; any
-excess energy of a link or a mass is booked as the scheme's (`numeric`). Hairer, Norsett, Wanner, II.1.
+excess energy of a link or a mass is booked as the scheme's (`numeric`). Hairer, Norsett, Wanner,
+II.1.
 
 Plain Python on lists, or compiled by numba.
 """
