@@ -97,8 +97,9 @@ def paper(figure: Figure, kind: str, *, salt: str = "", outlines: bool = True) -
 
     Parameters
     ----------
-    kind : `pdf` or `svg` salt : makes this figure's identifiers unique outlines : draw an SVG's
-    text as outlines, which look the same everywhere
+    kind : `pdf` or `svg`
+    salt : makes this figure's identifiers unique
+    outlines : draw an SVG's text as outlines, which look the same everywhere
     """
     import matplotlib
 

@@ -128,7 +128,8 @@ def bus_ways(
     Raises
     ------
     ConfigError
-        Nothing would respond on a bus, there is no such bus, or nothing to attach to.
+        Nothing would respond on a bus, there is no such bus, or nothing to
+        attach to.
     """
     fake = clock == "fake"
     _refuse_nonsense(rig, fake, simulate, attach)

@@ -1,4 +1,4 @@
-"""Planes of a quantised wall's stiffness: where an adversary's motion gains energy, simulated and predicted.
+"""Planes of a quantised wall's stiffness: where an adversary gains energy, simulated and predicted.
 
 Nothing of the rule is used in the simulation: an operator moves the device to and fro around an
 encoder edge, once per sample at constant speed; the live wall law answers the quantised position
