@@ -214,7 +214,10 @@ def missing_modules(needs: Iterable[str]) -> tuple[str, ...]:
 def require_modules(name: str) -> None:
     """Refuse the driver `name` if the modules it needs to move devices are not installed.
 
-    Raises ------ ConfigError Its message names the modules, and what to install.
+    Raises
+    ------
+    ConfigError
+        Its message names the modules, and what to install.
     """
     missing = missing_modules(load_driver(name).needs)
     if missing:

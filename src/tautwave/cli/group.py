@@ -33,7 +33,7 @@ EXIT_CODES = (
     "configuration; 3 not certified, or the certificate invalidated by the run's measurements;"
     " 4 over the bus-time budget; 5 bus or device fault; 6 safety stop; 7 a recording or another"
     " result is incomplete or cannot be written (3, 5 and 6 outrank it, and the last line names"
-    " both); 129, 130, 143 ended by SIGHUP, Ctrl-C, SIGTERM before anything moved; 141 141 the "
+    " both); 129, 130, 143 ended by SIGHUP, Ctrl-C, SIGTERM before anything moved; 141 the "
     "reader of its output closed early."
 )
 

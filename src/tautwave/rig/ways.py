@@ -125,8 +125,11 @@ def bus_ways(
     attach : bool
         Simulated devices are already served, and not by this run.
 
-    Raises ------ ConfigError Nothing would respond on a bus, there is no such bus, or nothing to
-    attach to.
+    Raises
+    ------
+    ConfigError
+        Nothing would respond on a bus, there is no such bus, or nothing to
+        attach to.
     """
     fake = clock == "fake"
     _refuse_nonsense(rig, fake, simulate, attach)
