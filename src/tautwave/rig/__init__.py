@@ -1,4 +1,4 @@
-"""From a rig to what runs: the only package that knows everybody."""
+"""Build the running objects from a rig: the only package that knows all others."""
 
 from tautwave.rig.assembly import (
     Assembly,
@@ -12,20 +12,23 @@ from tautwave.rig.controller import (
     PairScale,
     axis_names,
     axis_params,
+    bare_site,
     controlled_axis,
+    coupling_law,
     coupling_part,
     debt_rates,
+    end_constants,
     limit_params,
     make_control,
     pair_params,
     pair_scale,
-    port_constants,
     run_params,
     site_params,
     slave_offset,
     velocity_gain,
     wall_params,
     wave_gain,
+    wave_port,
 )
 from tautwave.rig.rates import at_axis_rate, at_full_rate, one_way_delay, standing_offset
 from tautwave.rig.truth import (
@@ -54,13 +57,16 @@ __all__ = [
     "axis_model",
     "axis_names",
     "axis_params",
+    "bare_site",
     "build_rig",
     "bus_ways",
     "choose_way",
     "command_delays",
     "controlled_axis",
+    "coupling_law",
     "coupling_part",
     "debt_rates",
+    "end_constants",
     "foam_params",
     "limit_params",
     "make_clock",
@@ -69,7 +75,6 @@ __all__ = [
     "overlaid",
     "pair_params",
     "pair_scale",
-    "port_constants",
     "run_params",
     "simulated_axes",
     "site_params",
@@ -79,4 +84,5 @@ __all__ = [
     "velocity_gain",
     "wall_params",
     "wave_gain",
+    "wave_port",
 ]

@@ -1,0 +1,45 @@
+"""The map of the architecture page leads to where things are."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+ROW = re.compile(r"^\| ([^|`]+) \| `([^`]+)` \| `(\w+)` \|$", re.MULTILINE)
+
+
+def defined(path: Path) -> set[str]:
+    """Names that a module, or the modules of a folder, define at their top level."""
+    found: set[str] = set()
+    for module in sorted(path.glob("*.py")) if path.is_dir() else [path]:
+        for node in ast.parse(module.read_text()).body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                found.add(node.name)
+            elif isinstance(node, ast.Assign | ast.AnnAssign):
+                targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+                found |= {target.id for target in targets if isinstance(target, ast.Name)}
+    return found
+
+
+def wrong_rows(text: str) -> list[str]:
+    """What is looked for in a table and is not where the table says."""
+    return [
+        what
+        for what, where, name in ROW.findall(text)
+        if not (ROOT / where).exists() or name not in defined(ROOT / where)
+    ]
+
+
+def test_what_is_looked_for_is_where_the_map_says() -> None:
+    text = (ROOT / "docs/architecture.md").read_text()
+    table = text.partition("## Where is it")[2].partition("\n## ")[0]
+    assert len(ROW.findall(table)) == table.count("\n| ") - 1 >= 20
+    assert wrong_rows(table) == []
+
+
+def test_a_row_that_leads_nowhere_is_noticed() -> None:
+    assert wrong_rows("| walls | `src/tautwave/laws/wall.py` | `wall_effort` |") == []
+    assert wrong_rows("| walls | `src/tautwave/laws/wall.py` | `wal_effort` |") == ["walls"]
+    assert wrong_rows("| walls | `src/tautwave/wall.py` | `wall_effort` |") == ["walls"]
