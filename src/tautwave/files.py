@@ -55,7 +55,9 @@ def make_directory(path: Path) -> None:
     Raises
     ------
     ConfigError
-        A file has its name. WritingError The disk is full, or permission is denied.
+        A file has its name.
+    WritingError
+        The disk is full, or permission is denied.
     """
     with writing(path):
         try:

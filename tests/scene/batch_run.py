@@ -40,9 +40,9 @@ def run_network(
     period : float
         T [s].
     ports : (steps, p)
-        Where the ports are [m].
+        Positions of the ports [m].
     pushes : (steps, f)
-        Outside forces on `network.forced` [N]; none if not given.
+        External forces on `network.forced` [N]; none if not given.
     engine : str
         `numba`, or `python` for the same numbers some hundred times slower.
 
@@ -60,7 +60,7 @@ def run_network(
     """
     if scheme not in SCHEMES or network.strings:
         raise ConfigError(
-            f"scheme {scheme}: run_network does {' and '.join(SCHEMES)}, without strings"
+            f"scheme {scheme}: run_network supports {' and '.join(SCHEMES)}, without strings"
         )
     start = np.ascontiguousarray(ports, np.float64)
     made = compile_network(network, start[0].tolist() if len(start) else ())

@@ -92,13 +92,13 @@ def test_what_is_wrong_is_named():
     )
     told = "\n".join(problems_of(network))
     for part in (
-        "mass 'a': a mass is greater than 0 (got 0)",
+        "mass 'a': a mass must be greater than 0 (got 0)",
         "link 'one': unknown node 'd'. Nodes: a, b, c, c, hand, ground",
         "link 'two': both ends are at 'c'",
         "link 'three': unknown type 'rubber'",
         "node 'b': nothing is linked to it; link it, or remove it",
         "node 'hand': nothing is linked to it",
-        "node 'c' is there twice",
+        "node 'c' exists twice",
         "unknown node 'e'",
     ):
         assert part in told

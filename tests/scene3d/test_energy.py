@@ -241,7 +241,7 @@ def test_what_is_wrong_with_a_network_is_said():
     )
     told = " ".join(problems_of_network3d(wrong))
     for part in (
-        "mass 'a': a mass is greater than 0",
+        "mass 'a': a mass must be greater than 0",
         "unknown node 'nobody'",
         "'lonely': nothing is linked to it",
         "link 'c': between points a contact needs a rest above 0",

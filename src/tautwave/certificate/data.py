@@ -127,13 +127,14 @@ class CouplingVerdict(NamedTuple):
     pair_elements : callable
         `(rig, pair, delays)`: the elements that belong to neither axis, at least one.
     axis_elements : callable
-        `(rig, axis_name, delays, damping)`: those of one axis, `damping` of its device being
-        taken by its local wall [N m s/rad or N s/m].
+        `(rig, axis_name, delays, damping)`: those of one axis, `damping` of its device being taken
+        by its local wall [N m s/rad or N s/m].
     remedy : callable
         `(rig, pair)`: what to change in an unstable pair, a sentence.
     contracting : bool
-        The line carries waves: if both ends return less than arrives, any delay is stable. picture
-        : str Text of the picture if there is no wall; empty: it draws the waves that ports return.
+        The line carries waves: if both ends return less than arrives, any delay is stable.
+    picture : str
+        Text of the picture if there is no wall; empty: it draws the waves that ports return.
     """
 
     pair_elements: Callable[[Any, str, Mapping[str, CommandDelay]], Iterable[Element]]

@@ -222,8 +222,8 @@ def _keep(out: Path, rig: Any, result: Any) -> None:
 
         found = haptics(rig)
         data["haptics"] = found.as_dict()
-        told = found.sentences()
-        more = [Section(head, ("",), [(line,) for line in lines]) for head, lines in told]
+        chapters = found.sentences()
+        more = [Section(head, ("",), [(line,) for line in lines]) for head, lines in chapters]
         said = [*said[:-1], *more, said[-1]]
     make_directory(out)
     write_text(out / "check.json", json.dumps(data, indent=2, ensure_ascii=False) + "\n")

@@ -58,7 +58,9 @@ class Recorder:
         Slots of the ring; 8192 are 8 s at 1 kHz.
     lossless
         True: `commit` waits while the ring is full (virtual time). False: it drops and counts.
-    rate_hz Rate of the loop; recorded. epoch_ns
+    rate_hz
+        Rate of the loop; recorded.
+    epoch_ns
         Unix time [ns] of `time_s` = 0; now by default.
 
     Attributes

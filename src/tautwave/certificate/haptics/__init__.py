@@ -36,13 +36,13 @@ class Haptics(NamedTuple):
 
     def sentences(self) -> list[tuple[str, list[str]]]:
         """Return headings with the sentences under each."""
-        told = [
+        headed = [
             ("Stiffest wall", [one.sentence() for one in self.widths]),
             ("Felt by the hand", [line for one in self.felt for line in one.sentences()]),
             ("Limit cycles", [line for one in self.cycles for line in one.sentences()]),
             ("Not said", list(self.silent)),
         ]
-        return [(heading, lines) for heading, lines in told if lines]
+        return [(heading, lines) for heading, lines in headed if lines]
 
 
 def haptics(rig: Rig) -> Haptics:

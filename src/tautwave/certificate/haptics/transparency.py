@@ -123,7 +123,7 @@ class Felt(NamedTuple):
         spring, damper = ("N m/rad", "N m s/rad") if self.rotary else ("N/m", "N s/m")
         mass = "kg m^2" if self.rotary else "kg"
         top, name = self.hertz[-1], f"pair {self.pair}"
-        told = [
+        lines = [
             f"{name}: at {self.hertz[0]:g} Hz free motion feels like {self.mass:.3g} {mass} and "
             f"{self.damping:.3g} {damper} (ideal: nothing), a clamped slave like "
             f"{self.stiffness:.3g} {spring} (ideal: rigid).",
@@ -135,13 +135,13 @@ class Felt(NamedTuple):
             where = f"within {CLOSE_DB:g} dB of the ideal up to {top if at is None else at:.3g} Hz"
             if at == self.hertz[0]:
                 where = f"more than {CLOSE_DB:g} dB off the ideal from {at:g} Hz on"
-            told.append(f"{name}: touching {self.contact} it feels {where}.")
+            lines.append(f"{name}: touching {self.contact} it feels {where}.")
         at = int(np.argmin(self.margin))
         least = f"least margin {self.margin[at]:.2g} at {self.hertz[at]:.3g} Hz"
         if self.stable:
             near = " nearly lossless:" if self.margin[at] <= self.blur[at] else ""
-            told.append(f"{name}: absolutely stable (Llewellyn) up to {top:g} Hz,{near} {least}.")
-            return told
+            lines.append(f"{name}: absolutely stable (Llewellyn) up to {top:g} Hz,{near} {least}.")
+            return lines
         text = f"{name}: fails Llewellyn's condition in its linear regime: {least}"
         if self.ends is not None:
             m, b, k = self.ends.hand
@@ -149,7 +149,7 @@ class Felt(NamedTuple):
             m, _, k = self.ends.environment
             load = f"a mass of {m:.3g} {mass}" if m else f"a spring of {k:.3g} {spring}"
             text += f"{load if m or k else 'nothing'} at the slave together are unstable"
-        return [*told, f"{text}."]
+        return [*lines, f"{text}."]
 
     @property
     def stable(self) -> bool:
