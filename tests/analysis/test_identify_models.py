@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tautwave.analysis.identification.contact_model import choose, fit_contact
-from tautwave.analysis.identification.contact_motion import fit_hunt_crossley, motion_of
+from tautwave.analysis.identification.contact_motion import motion_of
 from tautwave.analysis.identification.device_model import fit_device
 from tautwave.analysis.identification.regression import (
     Array,
@@ -18,6 +18,7 @@ from tautwave.analysis.identification.regression import (
 )
 from tautwave.models.plant import plant_cache, plant_step
 from tautwave.models.plant_params import PlantParams
+from tests.analysis.reference.hunt_crossley import fit_hunt_crossley
 
 PERIOD = 1e-3
 HAND = np.array([0.143, 5.0, 538.0])

@@ -9,17 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tautwave.analysis.exact.axis import passivity_margin
-from tautwave.analysis.exact.positive_real import (
-    LOSSLESS,
-    NOT,
-    PLAIN,
-    STRICT,
-    WEAK,
-    discrete_positive_real,
-    positive_real,
-)
+from tautwave.analysis.exact.positive_real import LOSSLESS, NOT, PLAIN, STRICT, WEAK, positive_real
 from tautwave.analysis.exact.rational import Rational, S, constant, rational
 from tautwave.analysis.ports.resonator import controller_impedance, device_admittance
+from tests.analysis.reference.discrete import discrete_positive_real
 
 PADE = rational(["-0.00025", 1], ["0.00025", 1])  # of half a sample at 1 ms
 PASS = {

@@ -8,14 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from tautwave.analysis.ports.loop_modes import (
-    least_damped,
-    loop_roots,
-    mode_of,
-    spectral_radius,
-    stability_boundary,
-    stability_crossings,
-)
+from tautwave.analysis.ports.loop_modes import least_damped, loop_roots, mode_of, spectral_radius
 from tautwave.analysis.ports.sampled_loop import (
     Device,
     LinearEnd,
@@ -26,6 +19,7 @@ from tautwave.analysis.ports.sampled_loop import (
     wave_end,
 )
 from tautwave.laws.port import port_params
+from tests.analysis.reference.boundary import stability_boundary, stability_crossings
 
 T = 1e-3
 

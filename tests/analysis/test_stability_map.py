@@ -8,12 +8,14 @@ import time
 import numpy as np
 import pytest
 
-from tautwave.analysis.maps.simulated import simulated_growths, simulated_map, time_growth
+from tautwave.analysis.maps.simulated import simulated_growths
 from tautwave.analysis.maps.stability import Column, stability_plane, vary
 from tautwave.analysis.ports.sampled_loop import Device
-from tautwave.analysis.walls.sampled import SampledWall, prompt_bound
+from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.analysis.walls.stability import wall_matrix, wall_mode
 from tautwave.errors import ConfigError
+from tests.analysis.reference.simulated_map import simulated_map, time_growth
+from tests.analysis.reference.wall_bounds import prompt_bound
 
 T = 1e-3
 START = Column(0.0, SampledWall(0.0, 0.0, T), Device(0.1, 0.1), 0.1)

@@ -10,7 +10,7 @@ import pytest
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Link, Mass, Network, problems_of
 from tautwave.scene.pruning import prune
-from tautwave.simulation.scene.networks import run_network
+from tests.scene.batch_run import run_network
 from tests.scene.networks import RESONATOR, everything, granular
 
 

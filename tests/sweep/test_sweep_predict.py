@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tautwave.analysis.ports.loop_modes import least_damped, stability_boundary
+from tautwave.analysis.ports.loop_modes import least_damped
 from tautwave.config import Rig, load_rig
 from tautwave.controller import run
 from tautwave.controller.records import AxisState
@@ -19,6 +19,7 @@ from tautwave.sweep.measure import growth_of, is_bounded, moving_energy, scales_
 from tautwave.sweep.predict import pair_ends, pair_matrix, pair_mode
 from tautwave.sweep.rows import simulate_rows
 from tautwave.types import CommandDelay
+from tests.analysis.reference.boundary import stability_boundary
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BASE = CONFIGS / "delay-stability.yaml"
