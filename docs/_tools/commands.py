@@ -49,10 +49,10 @@ def exit_codes_page() -> str:
     for kind in vars(errors).values():
         if isinstance(kind, type) and issubclass(kind, errors.TautwaveError):
             kinds.setdefault(kind.exit_code, []).append(f"`{kind.__name__}`")
-    told = EXIT_CODES.removeprefix("Exit codes: ").removesuffix(".")
+    text = EXIT_CODES.removeprefix("Exit codes: ").removesuffix(".")
     tree = inspect.cleandoc(errors.__doc__ or "").partition("\n\n")[2]
     rows = []
-    for part in told.split("; "):
+    for part in text.split("; "):
         codes, meaning = re.fullmatch(r"([\d, ]+) (.*)", part, re.S).groups()  # type: ignore[union-attr]
         first = int(codes.partition(",")[0])
         rows.append((codes, meaning, ", ".join(kinds.get(first, ())) if first else ""))

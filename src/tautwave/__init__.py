@@ -57,7 +57,7 @@ def __getattr__(name: str) -> Any:
     import importlib
 
     value = getattr(importlib.import_module(f"{__name__}.{module}"), name)
-    globals()[name] = value  # found without this function from now on
+    globals()[name] = value  # cached: later look-ups bypass this function
     return value
 
 

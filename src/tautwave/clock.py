@@ -14,7 +14,7 @@ from typing import Any
 class MonotonicClock:
     """CLOCK_MONOTONIC with absolute deadlines.
 
-    Linux wakes late by its timer slack and scheduling; nothing here spins to hide it.
+    Linux wakes late by its timer slack and scheduling; no spinning hides it.
     """
 
     real = True
@@ -33,8 +33,8 @@ class MonotonicClock:
     def wait(self, transport: Any, deadline_ns: int) -> bool:
         """Wait in the kernel until `transport.fileno()` is readable or the deadline passes.
 
-        A transport that is simulated in this process is run up to the present instead, and slept
-        for until its next event.
+        A transport simulated in this process is instead advanced to the present, with sleeps until
+        its next event.
         """
         if hasattr(transport, "advance"):
             return self._run(transport, deadline_ns)
@@ -55,7 +55,7 @@ class MonotonicClock:
 
 
 class FakeClock:
-    """A clock that jumps: computing takes no time, sleeping neither.
+    """A clock that jumps: neither computing nor sleeping takes time.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class FakeClock:
         return self._now_ns
 
     def sleep_until(self, deadline_ns: int) -> None:
-        """Jump to `deadline_ns`, and beyond it by what `oversleep` says."""
+        """Jump to `deadline_ns`, plus what `oversleep` returns."""
         if deadline_ns > self._now_ns:
             self._now_ns = deadline_ns
         if self._oversleep is not None:

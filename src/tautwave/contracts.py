@@ -1,4 +1,4 @@
-"""Every Protocol a plugin or a part of the loop has to fulfil. It fits on a card on purpose."""
+"""Every Protocol a plugin or a part of the loop has to fulfil. Deliberately short."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 
 READ_SHARE = 0.8
-"""Of a loop period: what has not come by then is missing, so that commands still go out."""
+"""Share of a loop period after which a sample counts as missing, so that commands still go out."""
 
 
 class AxisSpec(NamedTuple):
-    """What a driver has to know of one of its axes.
+    """What a driver has to know about one of its axes.
 
     `name` is `master.wrist` or `slave.wrist`; `device_id` the number on the bus; `kind` is
     `rotary` or `linear`; `causality` is `impedance` (takes effort) or `admittance` (takes
@@ -31,12 +31,12 @@ class AxisSpec(NamedTuple):
 
 
 class BusSpec(NamedTuple):
-    """What a driver has to know of its bus: its axes, how often it is served, and what is allowed.
+    """What a driver has to know about its bus: its axes, its rate, and what is allowed.
 
-    `rate_hz` is the rig's over the bus' divisor. `allow_unwatched`: go on with a device that has
-    no watchdog of its own; `configure`: write lasting settings into devices where they differ.
-    With a `divisor` above 1 `read` and `write` come in the last cycle before the next request, not
-    in that of the request: what is written acts no sooner than one bus period after the sample.
+    `rate_hz` is the rig's over the bus' divisor. `allow_unwatched`: accept a device without a
+    watchdog; `configure`: write lasting settings into devices where they differ. With a `divisor`
+    above 1 `read` and `write` come in the last cycle before the next request, not in that of the
+    request: a command acts at least one bus period after the sample.
     """
 
     name: str
@@ -53,9 +53,9 @@ class BusSpec(NamedTuple):
 
 
 class AxisFacts(NamedTuple):
-    """What the options of a bus say of an axis: steps of its sensor and of its commands, SI.
+    """What the options of a bus determine for an axis: steps of its sensor and commands, SI.
 
-    0 where there is none, or where it is not known.
+    0 if there is none, or it is unknown.
     """
 
     encoder_quantum: float = 0.0
@@ -82,11 +82,11 @@ class InMemory(Protocol):
     """A transport whose other end is simulated in this process: a clock runs it while it waits."""
 
     def next_event_ns(self) -> int | None:
-        """Return when something happens next by itself [ns], None if nothing will."""
+        """Return the time of the next event [ns], None if there is none."""
         ...
 
     def advance(self, to_ns: int) -> None:
-        """Let everything happen that happens up to `to_ns`."""
+        """Process all events up to `to_ns`."""
         ...
 
     def readable(self) -> bool:
@@ -122,7 +122,7 @@ class BytePort(Protocol):
         ...
 
     def read(self) -> bytes:
-        """Return all that has come, at once; raises `DriverError` when the line is gone."""
+        """Return all received bytes without waiting; raises `DriverError` when the line is gone."""
         ...
 
     def close(self) -> None: ...
@@ -135,20 +135,20 @@ class Driver(Protocol):
     A driver may also be a `RowSource`, whose columns are then recorded, and have `notes`, a
     sequence of sentences on what `open` found, wrote and read back, for the summary. `poll()`, if
     it has one, is called in every cycle between `request` and `read` on a bus with a divisor, to
-    go on with an exchange of several questions; it never blocks.
+    continue an exchange of several requests; it never blocks.
     """
 
     command_delay: CommandDelay
-    """Time from a sample until the command that answers it acts, in periods of the bus."""
+    """Time from a sample until the resulting command acts, in periods of the bus."""
 
     def open(self) -> None:
-        """Torque off; verify identity, limits and watchdog. Blocks, by the clock only."""
+        """Torque off; verify identity, limits and watchdog. Blocks only through the clock."""
         ...
 
     def enable_step(self) -> bool:
-        """Go one step on, without blocking; called once a period, on every bus until all are on.
+        """Advance one step without blocking; called once per period, on every bus until all are on.
 
-        Returns True when enabled, and then keeps the devices' watchdogs fed when called again.
+        Returns True when enabled; further calls keep the devices' watchdogs fed.
         """
         ...
 
@@ -159,7 +159,7 @@ class Driver(Protocol):
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Return one state per axis by the deadline, invalid where no fresh sample came.
 
-        At once, if the deadline has passed: an answer that came too late is thrown away so.
+        Returns immediately if the deadline has passed; that discards a late response.
         """
         ...
 
@@ -183,7 +183,7 @@ class Driver(Protocol):
 class Budget(NamedTuple):
     """Bus time of one cycle: `time_s` needed, the greatest rate [Hz] that fits, the arithmetic.
 
-    `remedy` says what would fit more axes or a higher rate.
+    `remedy` says how more axes or a higher rate would fit.
     """
 
     time_s: float
@@ -193,10 +193,10 @@ class Budget(NamedTuple):
 
 
 class CycleCost(NamedTuple):
-    """What one exchange costs the host, measured: `spent_us` [us] one per cycle.
+    """Measured host cost of one exchange: `spent_us` [us], one per cycle.
 
-    `floor_us` are those of a bare exchange of the same bytes, taken in turn with it, where that
-    was measured; a goal is in microseconds at the median (`goal_us`) or a ratio of the medians
+    `floor_us` is the same for a bare exchange of the same bytes, measured alternately, if
+    available; a goal is in microseconds at the median (`goal_us`) or a ratio of the medians
     (`goal_ratio`). `why_not` says why there are no figures.
     """
 
@@ -209,10 +209,10 @@ class CycleCost(NamedTuple):
 
 
 class Endpoint(NamedTuple):
-    """Where the options of a bus lead; `name` is for people, such as `/dev/ttyUSB0`.
+    """The endpoint named by the options of a bus; `name` is for people, such as `/dev/ttyUSB0`.
 
-    `real`: motors may be behind it, so a run opens it unless told to simulate. `virtual`: only
-    software answers there (vcan, UDP multicast). `none`: it names nothing that could be opened.
+    `real`: motors may be behind it, so a run opens it unless `--simulate` is given. `virtual`: only
+    software can be there (vcan, UDP multicast). `none`: there is nothing to open.
     """
 
     kind: Literal["real", "virtual", "none"]
@@ -228,7 +228,7 @@ def _no_facts(options: Any, bus: BusSpec) -> Sequence[AxisFacts]:
 
 
 ScanProgress = Callable[[float, str], None]
-"""Takes the share of a scan that is done (0 to 1) and what it is at."""
+"""Takes the fraction of a scan that is done (0 to 1) and its current step."""
 
 
 def no_progress(done: float, text: str) -> None:
@@ -244,11 +244,11 @@ class DriverPlugin(NamedTuple):
     devices, one mapping of columns each, and `scan_options` is the pydantic model `tautwave scan`
     makes its command-line options of. `needs` names the extra's modules; `hardware` is True when
     motors may move, and then every limit has to be in the rig file. `facts(options, bus)`, pure,
-    tells what the options say of each axis; `measure(cycles)` takes the host's cost of that many
-    exchanges of two axes, for `tautwave bench buses`. `endpoint(options)`, pure, tells where they
-    lead; a driver that does not say is taken at its `hardware`. `files` are the options that may be
-    paths of files, such as `("devices", "*", "profile")`: with a suffix and relative they start at
-    the rig file, and get there as whole paths.
+    returns what the options determine for each axis; `measure(cycles)` measures the host's cost of
+    that many exchanges of two axes, for `tautwave bench buses`. `endpoint(options)`, pure, returns
+    the endpoint; without it `hardware` decides. `files` are the options that may be file paths,
+    such as `("devices", "*", "profile")`: relative ones with a suffix start at the rig file, and
+    arrive as absolute paths.
     """
 
     options: type[Any]
@@ -266,7 +266,7 @@ class DriverPlugin(NamedTuple):
 
 
 class Simulator(Protocol):
-    """The other end of a driver: devices with physics behind them."""
+    """The other end of a driver: simulated devices with physics."""
 
     transport: Any
 
@@ -295,14 +295,13 @@ class SimulatorPlugin(NamedTuple):
     """What a `tautwave.simulators` entry point names.
 
     `make(options, bus, physics, clock)` builds the devices in this process, `physics` one
-    `AxisModel` per axis. On the real clock, where `served(options)` is True, they live in a process
-    of their own instead: `serve(options, bus, physics, announce, stopped)` runs them on the real
+    `AxisModel` per axis. On the real clock, where `served(options)` is True, they run in a separate
+    process instead: `serve(options, bus, physics, announce, stopped)` runs them on the real
     endpoint until `stopped()`, and first calls `announce` with at least `driver`, `endpoint` (a
     word for people and scripts) and `options`, the bus options that lead a driver there.
-    `instead(options)` gives the bus options that take the place of those that name a real endpoint,
-    where its devices are simulated on the real clock.
-    `bench_options` is the pydantic model that `tautwave sim DRIVER` makes its command-line options
-    of, `bench(bench_options)` what is served then.
+    `instead(options)` returns the bus options that replace a real endpoint when its devices are
+    simulated on the real clock. `bench_options` is the pydantic model that `tautwave sim DRIVER`
+    makes its command-line options of, `bench(bench_options)` the devices to serve.
     """
 
     options: type[Any]
@@ -376,14 +375,14 @@ class CoupledAxis(NamedTuple):
 
 
 class Row(Protocol):
-    """A row of the recording: anything whose floats can be set by index."""
+    """A row of the recording: any object whose floats can be set by index."""
 
     def __setitem__(self, index: int, value: float, /) -> None: ...
 
 
 @runtime_checkable
 class RowSource(Protocol):
-    """Something that owns columns of the recording and fills them once a cycle."""
+    """The owner of some columns of the recording, which it fills once per cycle."""
 
     @property
     def columns(self) -> Sequence[str]:

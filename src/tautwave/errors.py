@@ -1,4 +1,4 @@
-"""Every error tautwave raises on purpose, and the exit code each one ends in.
+"""Every error tautwave raises deliberately, and its exit code.
 
 TautwaveError
 ├── ConfigError (ValueError)          2  the rig file or an argument is wrong
@@ -52,7 +52,7 @@ class BusBudgetError(TautwaveError):
 
 
 class DriverError(TautwaveError):
-    """A bus or a device failed. The sentence says which, where, and what to do."""
+    """A bus or a device failed. The message says which, where, and what to do."""
 
     exit_code = 5
 

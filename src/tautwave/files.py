@@ -1,9 +1,8 @@
-"""Files that a run leaves behind: the one place for their modes, and for what cannot be written.
+"""Output files: one place for their modes, and for write errors.
 
-The rule: everything tautwave leaves behind (recording, summary, report, figures, tables, the
-traceback of an error) gets the mode that the user's umask gives to any new file, and its
-directory likewise; nothing sets a mode of its own. With umask 022 that is 0644 in 0755, with 077
-it is 0600 in 0700.
+The rule: every output file (recording, summary, report, figures, tables, the traceback of an error)
+and its directory get the modes of the user's umask, and no code sets any other. With umask 022 that
+is 0644 in 0755, with 077 it is 0600 in 0700.
 """
 
 from __future__ import annotations
@@ -16,11 +15,11 @@ from pathlib import Path
 from tautwave.errors import ConfigError, WritingError
 
 MODE = 0o666
-"""Before the umask."""
+"""Mode before the umask."""
 
 
 def create(path: str | os.PathLike[str], *, replace: bool = True) -> int:
-    """Return the descriptor of a new file, open for writing; OSError says why there is none.
+    """Return the descriptor of a new file, open for writing; raises OSError.
 
     An existing file is emptied, or with `replace` False refused.
     """
@@ -30,7 +29,7 @@ def create(path: str | os.PathLike[str], *, replace: bool = True) -> int:
 
 @contextmanager
 def writing(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Turn what keeps the block from writing `path` into one sentence.
+    """Turn an error while writing `path` into one sentence.
 
     Raises
     ------
@@ -56,9 +55,9 @@ def make_directory(path: Path) -> None:
     Raises
     ------
     ConfigError
-        Something else has its name.
+        A file has its name.
     WritingError
-        There is no room for it, or it may not be made.
+        The disk is full, or permission is denied.
     """
     with writing(path):
         try:

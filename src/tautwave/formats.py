@@ -1,8 +1,8 @@
-"""Versions of the files that outlive a run: what they are now, and what is read.
+"""Format versions of the files that outlive a run. A file without a version is of version 1.
 
-A file without a version is of version 1. A version goes up when what is in a file means something
-else than before, or cannot be read by the reader before; a new key with a default does not.
-Whoever raises one keeps reading the older, or says here what to do with it.
+Raise a version when the meaning of a file's content changes, or when the previous reader cannot
+read it; a new key with a default does not need it. Keep reading older versions, or say here what to
+do with them.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ RECORDING = 1
 
 
 def too_new(kind: str, given: object, known: int) -> str | None:
-    """Return why a file of version `given` is not read, with the remedy; None where it is.
+    """Return why a file of version `given` cannot be read, with the remedy; None if it can.
 
-    What is no version at all is not looked at here.
+    A value that is not a version is not checked here.
     """
     text = str(given)
     if isinstance(given, bool) or not text.isdecimal():

@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 _HALF_WIDTH = 32  # zero crossings of the windowed sinc on each side
 _KAISER = 9.0  # some -90 dB beyond the transition band
 _EDGE = 0.92  # of the new Nyquist frequency: where a low-pass ends when going down
-_KEPT = 1_000_000  # samples of a motion that is kept for the next run
+_KEPT = 1_000_000  # samples of a motion that is cached for the next run
 _SEAM_S = 0.5  # longest blend from the end of a recording into its beginning
 
 
@@ -38,7 +38,7 @@ def reference_positions(
     rate_hz
         Slots per second.
     base_directory
-        Where a recording's relative `file` is looked for: the rig file's directory.
+        Base of a recording's relative `file`: the rig file's directory.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def reference_positions(
 
 @functools.lru_cache(maxsize=8)
 def _kept_positions(reference: str, rate_hz: float, samples: int) -> Array:
-    """Return what the same hand did in the last runs: a sweep asks 100 000 times for it."""
+    """Return a cached hand motion: a sweep needs the same one 100 000 times."""
     positions = _sampled(json.loads(reference), rate_hz, samples, Path())
     positions.flags.writeable = False
     return positions
@@ -126,7 +126,7 @@ def read_recording(path: Path, column: str, time_column: str) -> tuple[Array, Ar
     Raises
     ------
     ConfigError
-        Naming the file and the columns there are, or the line that cannot be used.
+        Its message names the file and its columns, or the invalid line.
     """
     times: list[float] = []
     values: list[float] = []
@@ -172,10 +172,10 @@ def read_recording(path: Path, column: str, time_column: str) -> tuple[Array, Ar
 
 
 def recorded_positions(times: Array, values: Array, new_times: Array, repeat: bool) -> Array:
-    """Play a recording at `new_times` (from 0): once and then held, or in a cycle.
+    """Sample a recording at `new_times` (from 0): once and then held, or repeated.
 
-    In a cycle the last stretch (at most 0.5 s or a quarter of the recording) is blended into the
-    first with a minimum-jerk weight, so position, velocity and acceleration have no seam.
+    When repeated, the last part (at most 0.5 s or a quarter of the recording) is blended into the
+    first with a minimum-jerk weight, so position, velocity and acceleration are continuous.
     """
     clock = times - times[0]
     length = float(clock[-1])
@@ -195,7 +195,7 @@ def recorded_positions(times: Array, values: Array, new_times: Array, repeat: bo
 
 
 def _rate(times: Array) -> float:
-    """Samples per second of times that need not increase evenly; 0 if there is only one."""
+    """Mean sampling rate [Hz] of times that may be uneven; 0 if there is only one."""
     steps = np.diff(times)
     steps = steps[steps > 0.0]
     return float(1.0 / np.median(steps)) if steps.size else 0.0

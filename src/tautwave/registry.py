@@ -83,7 +83,7 @@ def coupling_names() -> list[str]:
 
 
 def load_coupling(name: str) -> CouplingPlugin:
-    """Return the coupling `name` (or of that file): what it declares, none of its code.
+    """Return the coupling `name` (or that of a file): its declaration, without loading its code.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def load_part(group: str, name: str) -> Any:
     Raises
     ------
     ConfigError
-        As for `load_driver`; or the file is none, does not import, or has no `plugin`.
+        As for `load_driver`; or the file does not exist, does not import, or has no `plugin`.
     """
     if not is_file_part(name):
         return _load(group, name, PARTS[group])
@@ -136,13 +136,13 @@ def hash_part(path: str) -> str:
 
 @lru_cache(maxsize=64)
 def _file_module(path: str, digest: str) -> ModuleType:
-    """Import a file under a name of its own, once for each text it has had."""
+    """Import a file under a unique name, once for each version of its text."""
     name = f"tautwave_part_{digest[:16]}"
     spec = spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None
     module = module_from_spec(spec)
-    sys.modules[name] = module  # so that what is defined there can be found again
+    sys.modules[name] = module  # so that its definitions can be found by pickling and the like
     try:
         spec.loader.exec_module(module)
     except Exception as err:
@@ -152,7 +152,7 @@ def _file_module(path: str, digest: str) -> ModuleType:
 
 
 def coupling_words(name: str) -> CouplingWords:
-    """Return what the coupling `name` says of itself; few words where its part has none.
+    """Return the messages of the coupling `name`; default ones if its part has none.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def coupling_words(name: str) -> CouplingWords:
 
 
 def load_named(text: Any) -> Any:
-    """Return what `module:attribute` names; a part declares its functions so, or as they are.
+    """Return the object that `module:attribute` names; a part may also declare the object itself.
 
     Raises
     ------
@@ -190,7 +190,7 @@ def list_drivers() -> list[Installed]:
 
 
 def unknown_word(what: str, name: str, known: list[str]) -> str:
-    """Return the sentence about a name that nothing installed has, with the nearest that is."""
+    """Return the message about an unknown name, with the nearest installed one."""
     from difflib import get_close_matches
 
     if not known:
@@ -207,17 +207,17 @@ def list_parts(group: str) -> list[Installed]:
 
 
 def missing_modules(needs: Iterable[str]) -> tuple[str, ...]:
-    """Return those of the modules that are not installed."""
+    """Return the modules that are not installed."""
     return tuple(module for module in needs if not _importable(module))
 
 
 def require_modules(name: str) -> None:
-    """Refuse the driver `name` where what it needs to move devices is not installed.
+    """Refuse the driver `name` if the modules it needs to move devices are not installed.
 
     Raises
     ------
     ConfigError
-        It names the modules, and what to install.
+        Its message names the modules, and what to install.
     """
     missing = missing_modules(load_driver(name).needs)
     if missing:
@@ -229,7 +229,7 @@ def _find(group: str) -> dict[str, EntryPoint]:
     return _found(entry_points, group)
 
 
-@lru_cache(maxsize=8)  # every call reads the metadata of all that is installed: 5 ms
+@lru_cache(maxsize=8)  # every call reads the metadata of all installed packages: 5 ms
 def _found(look_up: Callable[..., Iterable[EntryPoint]], group: str) -> dict[str, EntryPoint]:
     return {point.name: point for point in look_up(group=group)}
 
@@ -256,7 +256,7 @@ def _load(group: str, name: str, kind: type[Any]) -> Any:
 
 
 def _remedy(point: EntryPoint) -> str:
-    """Return what to install: the extra that is called like the driver, if there is one."""
+    """Return what to install: the extra with the driver's name, if there is one."""
     package, extras = "tautwave", [point.name]
     if point.dist is not None:
         package = point.dist.name

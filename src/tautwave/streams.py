@@ -1,4 +1,4 @@
-"""Seeded random streams: one per element and purpose, so that leaving one out shifts no other."""
+"""Seeded random streams: one per element and purpose, so that omitting one affects no other."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-BLOCK = 4096  # drawn in blocks; the numbers are those of one long draw
+BLOCK = 4096  # drawn in blocks; the numbers equal those of one long draw
 
 NOISE, MISSING, OVERRUN, HAND = 0, 1, 2, 3
 """Purposes; the last word of a seed."""

@@ -1,4 +1,4 @@
-"""What is true of a simulated axis, as data: handed to a simulator when a rig is built."""
+"""The truth about a simulated axis, as data: passed to a simulator when a rig is built."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class AxisModel(NamedTuple):
     Exactly one physics applies: `servo` for an admittance axis, `foam` (with `plant`) for a power-
     law contact, `part` (with `plant`) for an environment that is a part, else `plant`. `reference`
     is the hand's position at every loop slot, empty without a hand. `command_delay` is in periods,
-    with a fraction. `seed` starts the axis' own random streams: noise and missing samples.
+    with a fraction. `seed` seeds the axis' random streams: noise and missing samples.
     """
 
     period: float
@@ -38,12 +38,12 @@ class AxisModel(NamedTuple):
 
 
 class HandPlugin(NamedTuple):
-    """What a `tautwave.hands` entry point names: what an operator wants, and how firmly.
+    """What a `tautwave.hands` entry point names: the motion an operator wants, and the grip.
 
     `keys` is the pydantic block, a `tautwave.config.HandPart`: its own keys, and the grip (mass,
-    damping, stiffness, lever arm). `motion(keys, times, seed)` returns the wanted position
-    [rad or m] at each of the times [s]; `seed` is a tuple of integers for random numbers of its
-    own. Both may be `module:attribute`, loaded when asked for.
+    damping, stiffness, lever arm). `motion(keys, times, seed)` returns the wanted position [rad or
+    m] at each of the times [s]; `seed` is a tuple of integers that seeds its random numbers. Both
+    may be `module:attribute`, loaded on demand.
     """
 
     summary: str
@@ -52,13 +52,13 @@ class HandPlugin(NamedTuple):
 
 
 class EnvironmentPlugin(NamedTuple):
-    """What a `tautwave.environments` entry point names: what a slave meets.
+    """What a `tautwave.environments` entry point names: what a slave touches.
 
     `keys` is the pydantic block, a `tautwave.config.EnvironmentPart`; `params(keys)` a tuple of
     floats p. `stored(p, x)` is the energy [J] held at a position x [rad or m], `force(p, x, v)` the
-    effort on the device [N m or N] at x and a velocity v [rad/s or m/s]; at rest it is the slope of
-    `stored` downwards, and what motion adds opposes it. `kinks(p)` are the positions where either
-    bends or jumps: steps end there. Each may be `module:attribute`, loaded when asked for.
+    effort on the device [N m or N] at x and a velocity v [rad/s or m/s]; at rest it is the negative
+    slope of `stored`, and its velocity-dependent part opposes motion. `kinks(p)` are the positions
+    of kinks and jumps in either: steps end there. Each may be `module:attribute`, loaded on demand.
     """
 
     summary: str

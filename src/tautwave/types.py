@@ -9,9 +9,9 @@ class JointState(NamedTuple):
     """What a driver measured on one axis.
 
     `position` [rad or m]; `velocity` [rad/s or m/s] and `effort` [N m or N] are NaN where the
-    device does not measure them. `effort` is the force the outside world (hand, environment)
-    applies to the device, positive along `position`. `valid` is False when no fresh sample came
-    in this cycle; the numbers are then not to be used. `age_ns` is the time since the sample.
+    device does not measure them. `effort` is the external force (hand, environment) on the device,
+    positive along `position`. `valid` is False when no fresh sample came in this cycle; the numbers
+    are then not to be used. `age_ns` is the time since the sample.
     """
 
     position: float
@@ -22,7 +22,7 @@ class JointState(NamedTuple):
 
 
 class AxisCommand(NamedTuple):
-    """What one axis shall do until the next command.
+    """Command of one axis until the next one.
 
     `effort` [N m or N] is used by impedance axes, `velocity` [rad/s or m/s] by admittance axes,
     both positive along `position`; the other one is 0.

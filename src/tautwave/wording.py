@@ -1,4 +1,4 @@
-"""What a part says of itself, for `check` and the report; figures are SI."""
+"""Messages of a part for `check` and the report; figures are SI."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ def _no_words(*_: Any) -> str:
 
 
 class Standing(NamedTuple):
-    """What a pair does while both devices are held still.
+    """Statics of a pair while both devices are held still.
 
-    `offset`: by how much a held effort sets them apart, per effort that the master gives [rad/(N m)
-    or m/N, master]; `held_share`: the share of the coupling's effort that they get [1]; `words`
-    say so of one of them.
+    `offset`: offset between them per unit of effort held at the master [rad/(N m) or m/N, master];
+    `held_share`: the share of the coupling's effort that they get [1]; `words` describe one of
+    them.
     """
 
     offset: float = 0.0
@@ -51,13 +51,13 @@ def _no_standing(*_: Any) -> Standing:
 
 
 class CouplingWords(NamedTuple):
-    """What `check` and the report say of a coupling, in sentences without a full stop.
+    """Messages of a coupling for `check` and the report, without a full stop.
 
     `coupling(rig)` is one line; `plan(rig)` and `pair_plan(rig, name)` give its elements, in or
     left out; `facts(rig, delays)` and `hints(rig)` subject and sentence. `standing(rig, name,
     delays, tau)` is a `Standing`, tau [s] the one-way delay in all. Of a recording, `pair(settings,
     effort, position, number)` describes one pair from the keys in `rig.yaml`; `offset_caption` and
-    `offset_cause` say where the standing offset comes from ({delay} in the cause: only with one).
+    `offset_cause` say what causes the steady-state offset ({delay} in the cause: only with one).
     """
 
     coupling: Callable[[Any], str] = _law_of

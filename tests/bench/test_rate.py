@@ -34,7 +34,7 @@ def test_goals_are_those_of_the_compiled_loop() -> None:
         for pairs, rate, missed, empty in ((1, 10000, 0.002, 0.001), (6, 4000, 0.0, 0.0),
                                            (2, 1000, 0.0, 0.0))
     ]  # fmt: skip
-    suite = rate_suite({"cases": cases, "seconds": 1.0, "realtime": ["not asked for"]})
+    suite = rate_suite({"cases": cases, "seconds": 1.0, "realtime": ["not requested"]})
     assert len(suite.tables[0].rows) == 6
     assert [goal.measured for goal in suite.goals] == [30.0, 2.0, 30.0, 0.0]
     assert [goal.met for goal in suite.goals] == [True, False, True, True]

@@ -119,3 +119,25 @@ def test_no_folder_has_more_modules_than_one_takes_in() -> None:
 
 def test_a_planted_full_folder_is_noticed() -> None:
     assert full_folders({"src/a": GREATEST_FOLDER, "src/b": GREATEST_FOLDER + 1}) == ["src/b"]
+
+
+def merged_entries(source: str) -> list[str]:
+    """Lines of docstrings in which the next entry of a section has run into a sentence."""
+    docs = [
+        ast.get_docstring(node) or ""
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and ast.get_docstring(node)
+    ]
+    merged = re.compile(r"---- \w|^ +.*[.;] \w+ : (?:str|int|float|bool|sequence|[A-Z]\w+)\b")
+    return [line for doc in docs for line in doc.splitlines() if merged.search(line)]
+
+
+def test_entries_of_a_docstring_have_lines_of_their_own() -> None:
+    found = {str(path.relative_to(ROOT)): merged_entries(path.read_text()) for path in SOURCES}
+    assert {path: lines for path, lines in found.items() if lines} == {}
+
+
+def test_planted_merged_entries_are_noticed() -> None:
+    planted = 'def f():\n    """It.\n\n    a : int\n        One. b : int Two.\n    """'
+    assert merged_entries(planted) == ["    One. b : int Two."]
+    assert merged_entries('class A:\n    """It.\n\n    Parameters ---------- a : int\n    """')

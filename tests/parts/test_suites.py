@@ -110,5 +110,7 @@ def test_a_planted_jump_is_caught() -> None:
 
 def test_what_numba_cannot_compile_says_why() -> None:
     bench = planted(lambda p, x, v: 0.0 * len(repr(open)))
-    with pytest.raises(pytest.skip.Exception, match="numba does not compile it, it runs in Python"):
+    with pytest.raises(
+        pytest.skip.Exception, match="numba cannot compile it, so it runs in Python"
+    ):
         EnvironmentContract().test_compiled_it_is_the_same_to_the_bit(bench)

@@ -53,8 +53,8 @@ def test_nothing_asked_for_is_said() -> None:
     with realtime(0, None, False) as told:
         assert told == [
             "not pinned to a core",
-            "mlockall not asked for",
-            "SCHED_FIFO not asked for",
+            "mlockall not requested",
+            "SCHED_FIFO not requested",
         ]
 
 

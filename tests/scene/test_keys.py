@@ -83,7 +83,7 @@ def test_disconnected_parts_are_named():
                 "scene.links.c={type: plastic, between: [object, ground], stiffness: 1, "
                 "yield_force: 1}",
             ],
-            "rk4 does not do plastic links; links.c needs discrete_gradient",
+            "rk4 does not support plastic links; links.c needs discrete_gradient",
         ),
         (["scene.masses.object.count=3", "scene.masses.b={mass: 1, count: 2}",
           "scene.links.c={type: spring, between: [object, b], stiffness: 1}"],

@@ -10,7 +10,7 @@ import pytest
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Link, Mass, Network, problems_of
 from tautwave.scene.pruning import prune
-from tautwave.simulation.scene.networks import run_network
+from tests.scene.batch_run import run_network
 from tests.scene.networks import RESONATOR, everything, granular
 
 
@@ -29,6 +29,7 @@ def with_rest(network: Network) -> Network:
     )
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize(
     ("network", "scheme"),
     [
@@ -92,13 +93,13 @@ def test_what_is_wrong_is_named():
     )
     told = "\n".join(problems_of(network))
     for part in (
-        "mass 'a': a mass is greater than 0 (got 0)",
+        "mass 'a': a mass must be greater than 0 (got 0)",
         "link 'one': unknown node 'd'. Nodes: a, b, c, c, hand, ground",
         "link 'two': both ends are at 'c'",
         "link 'three': unknown type 'rubber'",
         "node 'b': nothing is linked to it; link it, or remove it",
         "node 'hand': nothing is linked to it",
-        "node 'c' is there twice",
+        "node 'c' exists twice",
         "unknown node 'e'",
     ):
         assert part in told

@@ -340,5 +340,5 @@ def test_rk4_gives_a_bounce_back_at_the_order_of_its_edges(exponent):
 
 
 def test_rk4_does_no_plastic_links():
-    with pytest.raises(ConfigError, match="rk4 does not do plastic links"):
+    with pytest.raises(ConfigError, match="rk4 does not support plastic links"):
         SceneModel(everything(), "rk4", 1e-3)

@@ -175,7 +175,7 @@ def test_check_tells_the_ways_and_what_simulate_makes_of_them(tmp_path: Path) ->
         "words": "hardware at /dev/ttyNONE",
     }
     told = tautwave("check", CONFIGS / f"{SERVOS}.yaml", "--set", HARD, "--simulate", cwd=tmp_path)
-    assert "served by this run on an endpoint of its own" in " ".join(told.stdout.split())
+    assert "served by this run on a separate endpoint" in " ".join(told.stdout.split())
 
 
 def test_a_rig_file_is_no_name_of_a_bus(tmp_path: Path) -> None:

@@ -20,24 +20,21 @@ from tests.rigs.running import run_rig
 pytest.importorskip("numba")
 MADE, KEPT = read_kept()
 SMALL = [case for case in cases() if case.rig in FAST and not case.changes]
-here = pytest.mark.skipif(
-    math_of_this_machine() != MADE,
-    reason="C library or NumPy round otherwise here than where row_hashes.txt was made",
-)
 
 
 def compare(case: Case) -> None:
-    told = difference(KEPT[case], rows_of(case))
-    assert told is None, f"{case}: {told}; see the docstring of tests/rigs/row_hashes.py"
+    """Where sine and exponential have other bits than where the file was made, rows may too."""
+    found = difference(KEPT[case], rows_of(case))
+    if found is not None and math_of_this_machine() != MADE:
+        pytest.skip(f"C library or NumPy round otherwise here than at the record: {found}")
+    assert found is None, f"{case}: {found}; see the docstring of tests/rigs/row_hashes.py"
 
 
-@here
 @pytest.mark.parametrize("case", SMALL, ids=str)
 def test_rows_stay_as_they_are(case: Case) -> None:
     compare(case)
 
 
-@here
 @pytest.mark.slow
 @pytest.mark.parametrize("case", [case for case in cases() if case not in SMALL], ids=str)
 def test_rows_of_every_rig_stay_as_they_are(case: Case) -> None:

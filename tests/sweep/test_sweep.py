@@ -192,7 +192,7 @@ def test_interrupted_sweep_goes_on_where_it_stopped(
     second = run_sweep(plan, out, progress=lambda *told: heard.append(told))
     assert (second.resumed, second.interrupted, stub.left) == (3, False, 0)
     # A bar that began at 3 of 8 would think that it is quick.
-    assert heard[0] == (0.2, "simulating the other 5 points")
+    assert heard[0] == (0.2, "simulating the remaining 5 points")
     assert heard[-1][0] == 1.0
     assert second.table.read_text() == whole.table.read_text()
     third = run_sweep(plan, out)

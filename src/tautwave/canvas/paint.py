@@ -60,7 +60,8 @@ def svg(figure: Figure, name: str, title: str = "") -> str:
 
     Parameters
     ----------
-    name : unique among the figures of the page title : description for screen readers
+    name : unique among the figures of the page
+    title : description for screen readers
     """
     raw = paper(figure, "svg", salt=name, outlines=False).decode("utf-8")
     raw = raw[raw.index("<svg") :]
@@ -96,8 +97,9 @@ def paper(figure: Figure, kind: str, *, salt: str = "", outlines: bool = True) -
 
     Parameters
     ----------
-    kind : `pdf` or `svg` salt : makes this figure's identifiers unique outlines : draw an SVG's
-    text as outlines, which look the same everywhere
+    kind : `pdf` or `svg`
+    salt : makes this figure's identifiers unique
+    outlines : draw an SVG's text as outlines, which look the same everywhere
     """
     import matplotlib
 

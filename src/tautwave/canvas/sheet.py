@@ -63,8 +63,9 @@ def panels(
 
     Parameters
     ----------
-    heights : row heights [inch] at the page's width, without headings, legends and numbers share :
-    which panels use the first one's horizontal axis; True means all columns : panels in each row
+    heights : row heights [inch] at the page's width, without headings, legends and numbers
+    share : which panels use the first one's horizontal axis; True means all
+    columns : panels in each row
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -20,7 +20,11 @@ class Style(NamedTuple):
     ----------
     width : float
         [inch]
-    size : float Font size [pt]. family : str Font family. titled : bool
+    size : float
+        Font size [pt].
+    family : str
+        Font family.
+    titled : bool
         Whether the figure carries its own title; a paper has a caption instead.
     """
 

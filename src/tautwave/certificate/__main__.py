@@ -1,6 +1,6 @@
 """`python -m tautwave.certificate < RIG.yaml`: the certificate of a rig as JSON on stdout.
 
-A live run asks this process, so that its own never imports the analysis.
+A live run starts this process, so that its own never imports the analysis.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The certificate once more, with what a run measured: period, jitter, gaps, losses."""
+"""The certificate recomputed with a run's measurements: period, jitter, gaps, losses."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tautwave.config import Rig, Wall, local_wall
 from tautwave.rig import at_axis_rate
 
 RESOLUTION_S = 1.1e-6
-"""[s] Measured periods nearer to the nominal one are it: the loop's histogram has bins of 1 us."""
+"""[s] A measured period this close counts as nominal: the loop's histogram has bins of 1 us."""
 
 
 class Measured(NamedTuple):
@@ -26,7 +26,7 @@ class Measured(NamedTuple):
     period_s, worst_period_s : float
         Median and 99.9th percentile of the time between cycles [s].
     latched : bool
-        Samples and commands belong to slots of a grid that host jitter does not move.
+        Samples and commands belong to slots of a grid unaffected by host jitter.
     held_s : mapping of str to float
         By axis: the longest time for which one effort of its wall was held [s]; 0 if it was
         never touched.
@@ -52,12 +52,12 @@ class Measured(NamedTuple):
 def recheck(rig: Rig, measured: Measured) -> dict[str, Any]:
     """Return the certificate after a run as plain data.
 
-    A wall passes if its condition holds for the longest time that its effort was really held:
-    the leak of a held effort, K T / 2, grows with that time. That is the worst of all motions.
-    Where the loop's slots are the devices' too, what a held effort did is known, its force times
-    the way between two samples; there a wall also passes if at no moment of a contact more had come
-    out than went in. Skipped slots and lost samples out of contact cost a wall nothing, and a wave
-    port keeps its account over them.
+    A wall passes if its condition holds for the longest time that its effort was actually held:
+    the leak of a held effort, K T / 2, grows with that time. This is the worst case over all
+    motions. If the loop's slots are also the devices', the energy of a held effort is known, its
+    force times the displacement between two samples; then a wall also passes if at no moment of a
+    contact more energy had come out than went in. Skipped slots and lost samples out of contact
+    cost a wall nothing, and a wave port keeps its account over them.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def recheck(rig: Rig, measured: Measured) -> dict[str, Any]:
         own = at_axis_rate(rig, axis_name)
         held = measured.held_s.get(axis_name, 0.0)
         if not measured.latched and held > 0.0:
-            # A slow axis waits its cycles, and one of them may be late.
+            # A slow axis waits for its bus period, one cycle of which may be late.
             held = max(held, own.period_s - rig.period_s + measured.worst_period_s)
         delay = delay_in_periods(own, delays[axis_name])
         recomputed = _wall(own, axis_name, wall, delay, held, measured)
@@ -103,7 +103,7 @@ def recheck(rig: Rig, measured: Measured) -> dict[str, Any]:
 def _wall(
     rig: Rig, axis_name: str, wall: Wall, delay: float, held: float, measured: Measured
 ) -> dict[str, Any]:
-    """Return how a wall fared with the longest time its effort was held."""
+    """Return the verdict on a wall for the longest time its effort was held."""
     axis = rig.axes[axis_name]
     longest = max(held, rig.period_s)
     periods = delay + (1.0 if held > 0.0 and measured.late.get(axis_name, 0) else 0.0)

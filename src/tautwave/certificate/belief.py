@@ -1,4 +1,4 @@
-"""What a rig believes of its devices and hands, as the analysis wants it."""
+"""A rig's beliefs about its devices and hands, in the form the analysis needs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tautwave.rig import command_delays, true_delay_s
 from tautwave.types import CommandDelay
 
 LEVER_ARM = 0.075
-"""[m] At which the seed's linear hand holds a rotary axis that states no hand of its own."""
+"""[m] Lever arm of the seed's linear hand on a rotary axis without a stated hand."""
 
 SIDES = ("master", "slave")
 
@@ -23,7 +23,7 @@ class StatedHand(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """Stiffness [N m/rad or N/m] and damping [N m s/rad or N s/m] that an end may meet."""
+    """Stiffness [N m/rad or N/m] and damping [N m s/rad or N s/m] that an end may touch."""
 
     stiffness: float
     damping: float
@@ -58,7 +58,7 @@ def stated_hand(rig: Rig, pair: str) -> StatedHand:
 
 
 def stated_environment(rig: Rig, pair: str) -> Contact | None:
-    """Return what a simulated slave meets, pressed; None where nothing is stated or it is free.
+    """Return the environment of a simulated slave, in contact; None if it is free.
 
     Foam counts with its tangent stiffness at the slave's effort limit, without its loss.
     """
@@ -76,7 +76,7 @@ def stated_environment(rig: Rig, pair: str) -> Contact | None:
 
 
 def stated_contact(rig: Rig, axis_name: str) -> Contact | None:
-    """Return what holds an axis: the stated hand at the master, the environment at the slave."""
+    """Return what is attached to an axis: the hand at the master, the environment at the slave."""
     side, pair = axis_name.split(".")
     if side == "slave":
         return stated_environment(rig, pair)
@@ -85,7 +85,7 @@ def stated_contact(rig: Rig, axis_name: str) -> Contact | None:
 
 
 def drive_lag(rig: Rig, axis_name: str) -> float | None:
-    """Return the velocity lag [s] that a simulation states of an admittance axis, else None."""
+    """Return the velocity lag [s] that a simulation states for an admittance axis, else None."""
     if rig.simulation is None:
         return None
     return simulation_of(rig, axis_name).velocity_time_constant_s
@@ -94,7 +94,7 @@ def drive_lag(rig: Rig, axis_name: str) -> float | None:
 def assumed(
     axis: Axis, name: str, *, inertia: bool = False, damping: bool = False, coulomb: bool = False
 ) -> list[str]:
-    """Return a condition for each parameter of an axis that somebody only assumed."""
+    """Return a condition for each assumed parameter of an axis."""
     found = []
     if inertia and axis.inertia is not None and _is_assumed(axis.inertia.source):
         found.append(
@@ -117,7 +117,7 @@ def _is_assumed(source: str) -> bool:
 
 
 def broken_inertia(rig: Rig, axis_name: str) -> str | None:
-    """Return a sentence where a simulation contradicts `inertia.lower`, None elsewhere."""
+    """Return a sentence if a simulation contradicts `inertia.lower`, else None."""
     axis = rig.axes[axis_name]
     if rig.simulation is None or axis.inertia is None:
         return None
@@ -131,7 +131,7 @@ def broken_inertia(rig: Rig, axis_name: str) -> str | None:
 
 
 def broken_damping(rig: Rig, axis_name: str) -> str | None:
-    """Return a sentence where a simulation contradicts `damping.lower`, None elsewhere."""
+    """Return a sentence if a simulation contradicts `damping.lower`, else None."""
     axis = rig.axes[axis_name]
     if rig.simulation is None or axis.causality == "admittance":
         return None
@@ -145,7 +145,7 @@ def broken_damping(rig: Rig, axis_name: str) -> str | None:
 
 
 def broken_coulomb(rig: Rig, axis_name: str) -> str | None:
-    """Return a sentence where a simulation contradicts `coulomb.lower`, None elsewhere."""
+    """Return a sentence if a simulation contradicts `coulomb.lower`, else None."""
     believed = rig.axes[axis_name].coulomb.lower
     truth = believed if rig.simulation is None else simulation_of(rig, axis_name).coulomb
     if truth >= believed:
@@ -157,7 +157,7 @@ def broken_coulomb(rig: Rig, axis_name: str) -> str | None:
 
 
 def broken_delay(rig: Rig, axis_name: str, delay: CommandDelay) -> str | None:
-    """Return a sentence where a simulation contradicts the declared command delay."""
+    """Return a sentence if a simulation contradicts the declared command delay."""
     if rig.simulation is None:
         return None
     truth = true_delay_s(rig, axis_name, delay)

@@ -1,4 +1,4 @@
-"""What the law of a rig says of itself; a part without a verdict is never certified."""
+"""The verdict of a rig's coupling law; a part without one is never certified."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tautwave.types import CommandDelay
 
 
 def coupling_verdict(rig: Rig) -> CouplingVerdict:
-    """Return what the part of a rig's law says of its own passivity."""
+    """Return the passivity verdict that the part of a rig's law declares."""
     named = coupling_part(rig).verdict
     if not named:
         return SILENT

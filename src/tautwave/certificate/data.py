@@ -1,4 +1,4 @@
-"""The certificate as plain data: verdicts, what they rest on, and the sentences people read."""
+"""The certificate as plain data: verdicts, their conditions, and sentences for people."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 from tautwave.types import CommandDelay
 
 VERDICTS = ("passive", "passive_quantised", "coupled_stable")
-"""Of a rig, always all three; `require` names the one that has to pass."""
+"""Verdicts of a rig, always all three; `require` names the one that has to pass."""
 
 
 class Verdict(NamedTuple):
-    """One answer.
+    """One verdict.
 
     Attributes
     ----------
@@ -22,9 +22,9 @@ class Verdict(NamedTuple):
     reason : str
         By which theorem, or why not: one sentence.
     conditions : tuple of str
-        What nobody has measured and the answer rests on; empty for a plain pass.
+        Unmeasured assumptions that the verdict rests on; empty for a plain pass.
     margin : float or None
-        Room left, > 0 where it passes; unit and meaning are in `reason` or in the element.
+        Margin, > 0 if it passes; unit and meaning are in `reason` or in the element.
     """
 
     passed: bool
@@ -54,7 +54,7 @@ class Element(NamedTuple):
     """One element of the rig: a wall, a port, the line, a filter, a scaling, a coupling.
 
     `axis` is the full name of its axis or, where it belongs to no axis, the pair's name.
-    `numbers` holds everything that was computed, `sentences` what people read.
+    `numbers` holds everything that was computed, `sentences` the text for people.
     """
 
     name: str
@@ -81,8 +81,8 @@ class Element(NamedTuple):
 class LoopCase(NamedTuple):
     """One linear regime of a pair: what is in contact, mass taken [kg or kg m^2], and its mode.
 
-    `radius` is the greatest |z|, `growth` ln|z| / T [1/s], `frequency` [Hz]. nan where the small
-    gain of both ends already says that it is stable.
+    `radius` is the greatest |z|, `growth` ln|z| / T [1/s], `frequency` [Hz]. NaN if the small gain
+    of both ends already shows stability.
     """
 
     contact: str
@@ -120,24 +120,24 @@ def _no_remedy(rig: Any, pair: str) -> str:
 
 
 class CouplingVerdict(NamedTuple):
-    """What the part of a law says of its own passivity: its `verdict`.
+    """The passivity verdict that the part of a law declares: its `verdict`.
 
     Attributes
     ----------
     pair_elements : callable
         `(rig, pair, delays)`: the elements that belong to neither axis, at least one.
     axis_elements : callable
-        `(rig, axis_name, delays, damping)`: those of one axis, `damping` of its device being
-        taken by its local wall [N m s/rad or N s/m].
+        `(rig, axis_name, delays, damping)`: those of one axis, `damping` of its device being taken
+        by its local wall [N m s/rad or N s/m].
     remedy : callable
         `(rig, pair)`: what to change in an unstable pair, a sentence.
     contracting : bool
-        What travels are waves: where both ends return less than arrives, any delay is stable.
+        The line carries waves: if both ends return less than arrives, any delay is stable.
     picture : str
-        What the picture says where there is no wall; empty: it draws the waves that ports return.
+        Text of the picture if there is no wall; empty: it draws the waves that ports return.
     claim : callable, optional
-        `(rig, axis_name, delays)`: the joules that an end may give out in a run as its encoder sees
-        it, known beforehand.
+        `(rig, axis_name, delays)`: the energy [J] that an end may deliver in a run as its encoder
+        sees it, fixed beforehand.
     """
 
     pair_elements: Callable[[Any, str, Mapping[str, CommandDelay]], Iterable[Element]]
@@ -151,7 +151,7 @@ class CouplingVerdict(NamedTuple):
 
 
 class Certificate(NamedTuple):
-    """What is guaranteed of a rig, and on what it rests.
+    """What is guaranteed for a rig, and under which conditions.
 
     Attributes
     ----------
@@ -164,7 +164,7 @@ class Certificate(NamedTuple):
     elements, loops : tuples
         Element by element, pair by pair.
     walls : mapping of str to dict
-        By axis: stiffness asked and rendered, and whether `derate` asks for less.
+        By axis: requested and rendered stiffness, and whether `derate` reduced it.
     """
 
     rig: str
@@ -210,7 +210,7 @@ class Certificate(NamedTuple):
 
 
 def join_verdicts(verdicts: Iterable[Verdict], passing: str) -> Verdict:
-    """Return the verdict that holds where all do; `passing` is its reason then."""
+    """Return the verdict that passes if all do; `passing` is then its reason."""
     every = list(verdicts)
     failing = [verdict.reason for verdict in every if not verdict.passed]
     if failing:

@@ -1,4 +1,4 @@
-"""`derate: true` on a wall: the stiffest one that the required verdict certifies, instead."""
+"""`derate: true` on a wall: replace it by the stiffest one that the required verdict certifies."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ Delays = Mapping[str, CommandDelay]
 def derate_walls(
     rig: Rig, delays: Delays, coulomb: Mapping[str, float]
 ) -> tuple[Rig, dict[str, dict[str, Any]]]:
-    """Return the rig with derated walls, and what was asked and is rendered by axis.
+    """Return the rig with derated walls, and requested and rendered stiffness by axis.
 
-    A wall of which no stiffness passes stays as it is, and fails.
+    A wall that passes at no stiffness is left unchanged, and fails.
     """
     walls: dict[str, dict[str, Any]] = {}
     for axis_name in rig.axes:
@@ -71,7 +71,7 @@ def _limit(
 def _quantised_limit(sampled: SampledWall, axis: Axis, friction: float) -> float:
     """Return the greatest K with K Q / 2 + q + B' (Q + 2 q / K) <= c; 0 if there is none.
 
-    Q is the encoder's step, q the effort's, B' what the wall's damper makes of a step, c the
+    Q is the encoder's step, q the effort's, B' the effort of the wall's damper per step, c the
     Coulomb friction: `walls.wall_verdict`'s condition.
     """
     step, cut = axis.encoder_quantum, axis.effort_quantum
@@ -84,7 +84,7 @@ def _quantised_limit(sampled: SampledWall, axis: Axis, friction: float) -> float
 
 
 def _stable_limit(rig: Rig, axis_name: str, wall: Wall, delays: Delays) -> float:
-    """Return the greatest stiffness below the wall's at which the pair is stable; 0: none seen."""
+    """Return the greatest stiffness below the wall's at which the pair is stable; 0: none found."""
     pair = axis_name.split(".")[1]
 
     def stable(stiffness: float) -> bool:
@@ -107,5 +107,5 @@ def _stable_limit(rig: Rig, axis_name: str, wall: Wall, delays: Delays) -> float
 
 def _round_down(value: float) -> float:
     step = 10.0 ** (math.floor(math.log10(value)) + 1 - DIGITS)
-    # 3.9999999999 is 4: the verdict itself allows for so much rounding.
+    # 3.9999999999 is 4: the verdict allows for that much rounding.
     return float(f"{math.floor(value / step * (1.0 + TIGHT)) * step:.{DIGITS}g}")

@@ -1,7 +1,7 @@
 """Coupled stability of a pair: the exact sampled loop with the stated hand, free and in contact.
 
-The device is what the rig believes: damping's lower bound, and both the lower bound of the mass
-and its best value. A local wall is pressed all the time (bilateral), as is what the slave meets.
+The device has the rig's beliefs: the lower bound of damping, and both the lower bound and the best
+value of the mass. Local walls and the slave's environment are in permanent contact (bilateral).
 Linear regime: see `tautwave.analysis.ports.sampled_loop`.
 """
 
@@ -42,10 +42,10 @@ from tautwave.rig import (
 from tautwave.types import CommandDelay
 
 STABLE = 1e-9
-"""By how much |z| may exceed 1 for rounding."""
+"""Rounding tolerance of |z| above 1."""
 
 LONG = 60
-"""Samples of line above which a small gain of both ends is enough to be stable."""
+"""Delay in samples above which only the small gain of both ends is tested."""
 
 Delays = Mapping[str, CommandDelay]
 
@@ -100,7 +100,7 @@ def _remedy(rig: Rig, name: str, worst: LoopCase) -> str:
 def _cases(rig: Rig, name: str, delays: Delays, hand: StatedHand) -> Iterator[LoopCase]:
     environment = stated_environment(rig, name)
     walls = {side: local_wall(rig, f"{side}.{name}") for side in SIDES}
-    # A controlled wall gives less than its spring: the linear one says nothing about it.
+    # A wall with passivity control gives less than its spring: the linear model does not apply.
     walls = {s: None if w is None or w.passivity_control else w for s, w in walls.items()}
     masters: list[tuple[Wall | None, str]] = [(None, "")]
     masters += [(walls["master"], "the master's wall")] if walls["master"] else []
@@ -183,17 +183,17 @@ def believed_end(
     rig : Rig
         Any rig, simulated or not.
     axis_name : str
-        Full name; the hand's mass is added at the master when it is held.
+        Full name; a master that is held also gets the hand's mass.
     delays : mapping
         Declared command delay of each axis.
     bound : str
         `lower` or `value`: which mass is taken.
     contact : Contact, optional
-        What the axis is held by; none: free.
+        What is attached to the axis; none: free.
     wall : Wall, optional
         A pressed local wall.
     damping : float, optional
-        Of the device [N m s/rad or N s/m]; its lower bound if not given.
+        Device damping [N m s/rad or N s/m]; its lower bound if not given.
     """
     side, name = axis_name.split(".")
     axis, delay = rig.axes[axis_name], delays[axis_name]
@@ -251,6 +251,6 @@ def believed_parts(
 
 
 def _hand_mass(rig: Rig, axis_name: str, contact: Contact | None) -> float:
-    """Return the mass that rides on a master which is held."""
+    """Return the mass of the hand on a master that is held."""
     side, name = axis_name.split(".")
     return stated_hand(rig, name).hand.mass if side == "master" and contact else 0.0

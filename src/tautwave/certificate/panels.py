@@ -1,4 +1,4 @@
-"""What the pictures of certificates share: an axis of frequencies, and words under a scene."""
+"""Shared parts of certificate pictures: a frequency axis, and the caption of a scene."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SCENE = (
 
 
 def decades(panel: Axes) -> None:
-    """Number a logarithmic frequency axis at decades, plainly."""
+    """Label a logarithmic frequency axis at decades with plain numbers."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
     panel.xaxis.set_major_locator(LogLocator(numticks=5))

@@ -1,4 +1,4 @@
-"""The certificate as a picture: needed damping over frequency, K-B plane, waves of the ports."""
+"""The certificate as a picture: required damping over frequency, K-B plane, waves of the ports."""
 
 from __future__ import annotations
 
@@ -57,15 +57,15 @@ if TYPE_CHECKING:
 WALLS = (
     "K and B are a virtual wall's spring [effort per depth] and damper [effort per velocity]: its "
     "effort is K times the depth plus B times the velocity. Left: the damping that the sampled "
-    "wall requires of its device at each frequency; it is passive for any hand where the device "
-    "has more. Right: which K and B pass."
+    "wall requires of its device at each frequency; it is passive for any hand if the device has "
+    "more. Right: which K and B pass."
 )
 PORTS = (
     "A port is passive where it reflects no more of a wave than arrives, a ratio of 1. Its "
     "energy account has to withhold anything above."
 )
 MOST = 65
-"""Points of a limit over B at most, more where it bends: a corner that is drawn is the law's."""
+"""Most points of a limit over B, denser where it bends, so that drawn corners are real."""
 
 
 def draw_certificate(rig: Rig, path: Path) -> None:
@@ -74,7 +74,7 @@ def draw_certificate(rig: Rig, path: Path) -> None:
 
 
 def explanation(rig: Rig) -> list[str]:
-    """Return what the figure shows, for who has not read the paper."""
+    """Return the figure's caption, for readers who do not know the paper."""
     if rig.scene is not None:
         return [SCENE]
     texts = [WALLS] if _walls(rig) else []
@@ -84,7 +84,7 @@ def explanation(rig: Rig) -> list[str]:
 def certificate_figure(rig: Rig) -> Figure:
     """Return the picture of a rig's certificate.
 
-    A row per local wall: the device damping that it needs at each frequency beside what the
+    A row per local wall: the device damping that it requires at each frequency and the damping the
     device has, and the plane of K and B with both limits. A row for the ports of a wave line.
     """
     delays = declared_delays(rig)
@@ -139,7 +139,7 @@ def _walls(rig: Rig) -> list[str]:
 
 
 def bend(limit: Callable[[float], float], low: float, high: float) -> tuple[Floats, Floats]:
-    """Return a limit over an interval, with points where it bends.
+    """Return a limit over an interval, sampled more densely where it bends.
 
     Every piece is halved until its middle lies on its chord to a 500th of the whole range, or
     there are `MOST` points. Parameters and results in the limit's own units.
@@ -168,7 +168,7 @@ def _needed(panel: Axes, found: WallVerdict, unit: str) -> None:
     present = found.device.damping
     greatest = max(float(needed.max()), present, 1e-12)
     low, high = min(0.0, float(needed.min())), 1.2 * greatest
-    if low < -2.0 * high:  # damping that a wall has to spare says nothing more
+    if low < -2.0 * high:  # a wall's surplus of damping is not of interest
         low = -0.5 * high
     factor, shown = _scaled(greatest, unit)
     panel.axhspan(factor * low, factor * present, color=WALL_SHADE, alpha=0.45, label="passive")
@@ -186,7 +186,7 @@ def _needed(panel: Axes, found: WallVerdict, unit: str) -> None:
 
 
 def _scaled(greatest: float, unit: str) -> tuple[float, str]:
-    """Return factor and unit of an axis; a power of ten instead of a prefix on a product."""
+    """Return factor and unit of an axis; products of units get a power of ten, not a prefix."""
     if not 0.0 < greatest < 0.01:
         return 1.0, unit
     power = 3 * math.floor(math.log10(greatest) / 3.0)
@@ -219,7 +219,7 @@ def _plane(panel: Axes, found: WallVerdict, units: tuple[str, str], asked: float
     who = "with the stated hand" if found.hand is not None else "without a hand"
     ends = [stable(0.0), stable(widest)]
     if min(ends) > high:
-        # Far above the frame in a panel of its own scale: a number says more than a line.
+        # Far above the frame: print the number instead of drawing a line.
         far = f"{who}: stable to K = {min(ends):.3g}"
         panel.plot([], [], " ", label=far if math.isfinite(min(ends)) else f"{who}: always stable")
     else:

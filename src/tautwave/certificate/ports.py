@@ -1,8 +1,8 @@
-"""Ports and couplings: what their proofs guarantee on what the rig believes.
+"""Ports and couplings: what their proofs guarantee under the rig's beliefs.
 
-The proofs are in the docstrings of `tautwave.laws.port` and `tautwave.laws.admittance`. Beside
-them stands the norm of the wave that the port returns, computed from the laws as they are
-implemented, on the believed device: free, and with what is stated to hold it.
+The proofs are in the docstrings of `tautwave.laws.port` and `tautwave.laws.admittance`. In
+addition, the norm of the wave that the port returns, computed from the implemented laws on the
+believed device: free, and held by the stated hand or environment.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from tautwave.rig import debt_rates, velocity_gain, wave_port
 from tautwave.types import CommandDelay
 
 UNITY = 1e-6
-"""By how much a norm may exceed 1 for rounding and the grid."""
+"""Tolerance of a norm above 1, for rounding and the grid."""
 
 ACCOUNT = "leaving waves are limited by the port's energy account"
 STIFFEST_STEPS = 8
@@ -46,7 +46,7 @@ Delays = Mapping[str, CommandDelay]
 
 
 def port_element(rig: Rig, axis_name: str, delays: Delays, wall_needs: float) -> Element:
-    """Return the wave port of an axis; `wall_needs` is the damping its wall takes."""
+    """Return the wave port of an axis; `wall_needs` is the damping its wall requires."""
     axis = rig.axes[axis_name]
     if axis.causality == "admittance":
         return _admittance(rig, axis_name, delays)
@@ -87,7 +87,7 @@ def port_element(rig: Rig, axis_name: str, delays: Delays, wall_needs: float) ->
 def _bears(
     axis_name: str, stiffest: float, left: float, wall_needs: float, unit: str, damper: str
 ) -> str:
-    """Return what may hold the axis before its port's energy account has to step in."""
+    """Return the stiffest hold of an axis that its port tolerates without its energy account."""
     head = f"{axis_name} port: held, "
     whose = "left over by its wall" if wall_needs > 0.0 else "of the device"
     if stiffest == 0.0:
@@ -150,13 +150,13 @@ def _passive(rig: Rig, axis_name: str, delays: Delays, norms: dict[str, Any]) ->
             )
         conditions.append(
             f"{ACCOUNT} at {axis_name}: {would}; {owes} and {100.0 * rates.debt_per_flow:.3g} % of "
-            "what flows to and fro, then the port lets go"
+            "the gross energy flow, then the port lets go"
         )
     return Verdict(True, f"{reason}.", tuple(conditions), margin)
 
 
 def _norms(rig: Rig, axis_name: str, delays: Delays, left: float) -> dict[str, Any]:
-    """Return greatest returned shares, proved: free, held as stated; and the stiffest spring."""
+    """Return the greatest returned shares, proved, free and held; and the stiffest spring."""
     contact = stated_contact(rig, axis_name)
     free = max(_proved(rig, axis_name, delays, at, None, 0.0) for at in ("lower", "value"))
     held, needed = None, None
@@ -204,8 +204,8 @@ def _stiffest_spring(
     """Return the stiffest spring at which the bare port returns no more than arrives.
 
     Without a velocity filter it is near 2 m b_d / (b T^2), m the mass's lower bound, b_d the
-    damping and b the impedance: one period of a force that the port cannot predict. Nothing is
-    said of springs on which that mass swings faster than half the rate.
+    damping and b the impedance: one period of a force that the port cannot predict. Springs on
+    which that mass oscillates faster than half the rate are not covered.
     """
     rule = 2.0 * device.mass * device.damping / (impedance * period**2)
     top = device.mass * (math.pi / period) ** 2
@@ -217,7 +217,7 @@ def _stiffest_spring(
         end = wave_end(held, site, filter_gain=filtered)
         return scattering_norm(end, (swing,)) <= 1.0 + UNITY
 
-    # Upwards, not by halving a wide range: a wave filter may hide a failure from stiffer springs.
+    # Search upward, not by bisection: a wave filter may mask the failure at stiffer springs.
     if not fine(low):
         return 0.0
     high = low

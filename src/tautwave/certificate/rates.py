@@ -1,4 +1,4 @@
-"""A slow bus in the certificate: its converters are passive, and what it costs is said."""
+"""A slow bus in the certificate: its converters are passive, and its cost is stated."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tautwave.types import CommandDelay
 Delays = Mapping[str, CommandDelay]
 
 PLAIN = Wall(position=0.0, stiffness=1.0)
-"""Stands for a wall where an axis has none: a spring."""
+"""A spring, in place of a wall on an axis without one."""
 
 
 def converter_element(rig: Rig, axis_name: str, delays: Delays) -> Element | None:
@@ -32,7 +32,7 @@ def converter_element(rig: Rig, axis_name: str, delays: Delays) -> Element | Non
     name = f"rate converter of {axis_name}"
     numbers = slow_costs(rig, axis_name, delays)
     reason = (
-        f"{name}: means of {divisor} waves lose what is not constant over them, a wave held for "
+        f"{name}: the mean of {divisor} waves dissipates their varying part, a wave held for "
         f"{divisor} slots keeps its energy, and both keep the wave integral (Cauchy and Schwarz)."
     )
     verdict = Verdict(True, reason)
@@ -41,11 +41,11 @@ def converter_element(rig: Rig, axis_name: str, delays: Delays) -> Element | Non
 
 
 def slow_costs(rig: Rig, axis_name: str, delays: Delays) -> dict[str, Any]:
-    """Return what an axis could do at its rate and, in a tuple beside it, at the rig's rate.
+    """Return the performance of an axis at its own rate, and at the rig's rate.
 
-    delay_s: one-way delay of its pair [s], all in; wall_stiffness: the stiffest passive local wall
-    on it, None without device damping or on an admittance axis; rigid_stiffness: what the master
-    feels of a rigid environment behind the line, held still: effort given per standing offset.
+    delay_s: total one-way delay of its pair [s]; wall_stiffness: the stiffest passive local wall on
+    it, None without device damping or on an admittance axis; rigid_stiffness: felt at the master in
+    front of a rigid environment, at rest: effort per steady-state offset.
     """
     pair = axis_name.partition(".")[2]
     full = at_full_rate(rig)
@@ -77,8 +77,8 @@ def _cost(rig: Rig, axis_name: str, divisor: int, numbers: Mapping[str, Any]) ->
     slow, fast = numbers["delay_s"]
     rigid, rigid_fast = numbers["rigid_stiffness"]
     text = (
-        f"{axis_name} is served every {divisor} cycles, at {numbers['rate_hz']:.4g} Hz. What that "
-        f"costs, with what it would be at {rig.rate_hz:.4g} Hz in brackets: one-way delay "
+        f"{axis_name} is served every {divisor} cycles, at {numbers['rate_hz']:.4g} Hz. The cost, "
+        f"with values at {rig.rate_hz:.4g} Hz in brackets: one-way delay "
         f"{1e3 * slow:.4g} ms ({1e3 * fast:.4g}); a rigid environment feels like {rigid:.4g} "
         f"{_unit(rig, f'master.{pair}')} at the master ({rigid_fast:.4g})"
     )

@@ -28,11 +28,11 @@ def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certific
     Parameters
     ----------
     rig : Rig
-        A checked rig. The simulation's truth is used for two things only: the hand and the
-        environment that are stated there, and to find beliefs that it contradicts.
+        A checked rig. The simulation is used for two things only: its hand and environment, and to
+        find beliefs that its truth contradicts.
     coulomb : mapping, optional
-        Coulomb friction that is certain, by full axis name [N m or N]; what is not given is the
-        rig's own `coulomb.lower`.
+        Lower bound of Coulomb friction by full axis name [N m or N]; default: the rig's
+        `coulomb.lower`.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certific
         return scene3d_certificate(rig, delays, PASSES)
     if rig.scene is not None:
         from tautwave.certificate.scene.verdict import (
-            scene_certificate,  # only what a rig has is loaded
+            scene_certificate,  # load only what the rig uses
         )
 
         return scene_certificate(rig, delays, PASSES)
@@ -86,7 +86,7 @@ def _elements(
 
 
 def _damping_of(rig: Rig, axis_name: str, wall: Element | None) -> float:
-    """Return the device damping that a wall needs; none where its controller stands in for it."""
+    """Return the device damping that a wall requires; 0 if its passivity controller replaces it."""
     if wall is None or "needed_damping" not in wall.numbers:
         return 0.0
     keys = local_wall(rig, axis_name)

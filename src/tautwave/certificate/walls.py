@@ -1,7 +1,7 @@
-"""Local walls: Colgate and Schenkel's condition on what the rig believes, or the controller's.
+"""Local walls: Colgate and Schenkel's condition under the rig's beliefs, or passivity control.
 
 The wall and the port of an axis act on one device. The port on a free device needs none of its
-damping; so the wall may have all of it, and what it leaves is what the port has with a hand.
+damping, so the wall may use all of it; the rest is left for the port when a hand holds the device.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ FREE_FLIGHT = (
 
 
 def wall_name(rig: Rig, axis_name: str) -> str:
-    """Return how a wall is called: "slave wall", with its pair where there are several."""
+    """Return the name of a wall: "slave wall", with its pair if there are several."""
     side, pair = axis_name.split(".")
     return f"{side} wall" if len(rig.coupling.pairs) == 1 else f"{side} wall of {pair}"
 
@@ -65,7 +65,7 @@ def wall_verdict(
         axis.inertia.lower,
         axis.damping.lower,
         coulomb.get(axis_name, 0.0),
-        # An effort cut off to its step is off by up to that step, as from 2 / K of it in position.
+        # An effort truncated to its step is off by up to that step, like 2 / K of it in position.
         axis.encoder_quantum + 2.0 * axis.effort_quantum / wall.stiffness,
     )
     hand = stated_hand(rig, pair).hand if side == "master" else None
@@ -81,7 +81,7 @@ def wall_element(
 ) -> Element | None:
     """Return the wall of an axis with its verdicts, None without one.
 
-    `asked` is the stiffness in the rig file, which `derate` may have lowered.
+    `asked` is the stiffness in the rig file, which `derate` may have reduced.
     """
     wall = local_wall(rig, axis_name)
     if wall is None:
@@ -123,7 +123,7 @@ def wall_element(
 
 
 def adversary(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay, name: str) -> list[str]:
-    """Return a passive hand that this wall drives unstable, in a sentence; none if none is found.
+    """Return a sentence with a passive hand that is unstable with this wall; none if none is found.
 
     The hand is one mass on a spring and a damper, found by the necessity theorem's construction
     (`analysis.necessity`) and verified on the exact sampled loop.
@@ -211,7 +211,7 @@ def _passive(
 
 
 def _rate_limit(rig: Rig, axis_name: str, wall: Wall) -> tuple[str, ...]:
-    """Return a condition where a limit on the effort's rate may hold the wall's effort up.
+    """Return a condition if the effort rate limit may delay the release of the wall's effort.
 
     A wall's effort changes by at most K v + 2 B v / T per second at the speed v.
     """

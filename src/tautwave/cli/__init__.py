@@ -1,4 +1,4 @@
-"""The command line. Light on purpose: each command imports its backend when it runs."""
+"""The command line. Kept light: each command imports its backend when it runs."""
 
 from tautwave.cli.group import main
 

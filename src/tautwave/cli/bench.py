@@ -1,4 +1,4 @@
-"""`tautwave bench`: what this machine can do. Offered where `tautwave.bench` is installed."""
+"""`tautwave bench`: performance of this machine. Available if `tautwave.bench` is installed."""
 
 from __future__ import annotations
 
@@ -36,8 +36,9 @@ duration_option = click.option(
 def bench(ctx: click.Context, as_json: bool) -> None:
     """Measure loop timing and cost per step on this machine.
 
-    Without a suite both run, quickly (below a minute). Times are CPU times unless a table says
-    otherwise; goals are printed as met or not met, the exit code is 0 either way.
+    Without a suite, loop and laws run in their short form (below a minute). Times are CPU times
+    unless a table says otherwise; goals are printed as met or not met, the exit code is 0 either
+    way.
 
     \b
     Examples:
@@ -70,7 +71,8 @@ def bench(ctx: click.Context, as_json: bool) -> None:
 @click.option(
     "--rate",
     is_flag=True,
-    help="How fast it can go instead: 1, 2 and 6 pairs at 1 to 10 kHz, in Python and compiled, "
+    help="Measure the fastest rate instead: 1, 2 and 6 pairs at 1 to 10 kHz, in Python and "
+    "compiled, "
     "--duration for each.",
 )
 @json_option
@@ -135,7 +137,7 @@ def buses(cycles: int, as_json: bool) -> None:
 def workprecision(full: bool, out: Path | None, max_error: float, as_json: bool) -> None:
     """Measure error against run time: scenes, schemes, steps over decades, peers.
 
-    SciPy, python-control and MuJoCo take part where they are installed (the extra `bench`).
+    SciPy, python-control and MuJoCo are included if installed (the extra `bench`).
 
     \b
     Examples:
@@ -153,8 +155,8 @@ def workprecision(full: bool, out: Path | None, max_error: float, as_json: bool)
 def extremes(full: bool, out: Path | None, as_json: bool) -> None:
     """Run stiff and extreme cases: what is refused, what goes wrong, by how much.
 
-    Contacts from 1 to 1e9 N/m on 1 mg to 100 kg with every scheme, whole rigs with one thing at
-    its extremes, and ten million (--full: a thousand million) steps of scenes that lose nothing.
+    Contacts from 1 to 1e9 N/m on 1 mg to 100 kg with every scheme, whole rigs with one parameter at
+    its extremes, and ten million (--full: a billion) steps of lossless scenes.
 
     \b
     Examples:
@@ -172,7 +174,7 @@ def extremes(full: bool, out: Path | None, as_json: bool) -> None:
 @bench.command(short_help="1,000 parameter sets in SIMD lanes against one at a time.")
 @json_option
 def lanes(as_json: bool) -> None:
-    """Measure what a sweep gains where 16 parameter sets share the processor's vectors.
+    """Measure the gain of a sweep that runs 16 parameter sets in SIMD lanes.
 
     \b
     Example:
@@ -255,7 +257,7 @@ def heading(column: str) -> str:
 
 
 def figure(value: Any) -> str:
-    """Return a number with the digits that a measurement has: three, or all before the point."""
+    """Return a measured number with its significant digits: three, or all before the point."""
     if value is None:
         return "-"
     if not isinstance(value, float):

@@ -1,4 +1,4 @@
-"""`tautwave check`: what a rig file says, without touching a device."""
+"""`tautwave check`: check a rig file without touching a device."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def _print_schema(ctx: click.Context, param: click.Parameter, wanted: bool) -> N
     help="Print the JSON Schema of a rig file, for editors, and stop.",
 )
 @out_option(
-    "Write check.json, all of it as text (check.txt), certificate.png, and what the rig can show a "
-    "hand (z-width.png, transparency.png, limit-cycle.png) into DIR as well."
+    "Write check.json, all of it as text (check.txt), certificate.png, and the haptic performance "
+    "of the rig (z-width.png, transparency.png, limit-cycle.png) into DIR as well."
 )
 @set_option
 @simulate_option
@@ -90,7 +90,7 @@ def check(
 
 
 def check_sections(name: str, result: Any, verbose: bool = False) -> list[Section]:
-    """What a `session.CheckResult` says on a screen; `verbose`: all of it. The verdict is last."""
+    """Show a `session.CheckResult` on a screen; `verbose`: all of it. The verdict is last."""
     from tautwave.session.facts import AXIS_HEADS, PAIR_HEADS
 
     facts = [(label, str(value)) for label, value in result.facts]
@@ -103,7 +103,7 @@ def check_sections(name: str, result: Any, verbose: bool = False) -> list[Sectio
             *certificate_sections(result.certificate),
             _last(name, result),
         ]
-    # Pairs and axes have tables of their own.
+    # Pairs and axes have separate tables.
     rows = {f"pair {row[0]}" for row in result.pairs} | {row[0] for row in result.axes}
     brief = _folded([(label, value) for label, value in facts if label not in rows])
     return [
@@ -117,7 +117,7 @@ def check_sections(name: str, result: Any, verbose: bool = False) -> list[Sectio
 
 
 def _folded(facts: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Return facts whose lines fit on a screen beside their labels."""
+    """Return facts wrapped to fit on a screen beside their labels."""
     room = SCREEN - 4 - max(len(label) for label, _ in facts)
     fold = partial(textwrap.fill, width=room, break_long_words=False, break_on_hyphens=False)
     return [(label, fold(value)) for label, value in facts]
@@ -129,7 +129,7 @@ BUS_HEADS = ("bus", ">time needed", ">greatest rate", "")
 
 
 def _verdicts(certificate: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]]:
-    """Yield a line for each verdict: what it says, not what it rests on."""
+    """Yield a line for each verdict, without its conditions."""
     from tautwave.cli.terminal.summary import verdict
 
     verdicts = certificate.get("verdicts")
@@ -146,7 +146,7 @@ def _verdicts(certificate: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]
 
 
 def _last(name: str, result: Any) -> Section:
-    """Return a line for each thing that fails, and whether the rig may run."""
+    """Return a line for each failure, and whether the rig may run."""
     out = sum(1 for _, state, _ in result.plan if state == "left out")
     more = f"{out} elements are left out; --verbose lists them, with the whole certificate."
     rows: list[tuple[str | Cell, ...]] = [(Cell(more, FAINT),)]
@@ -163,7 +163,7 @@ def _last(name: str, result: Any) -> Section:
 
 
 def certificate_sections(certificate: Mapping[str, Any]) -> list[Section]:
-    """The three verdicts with what they rest on, then what was found, element by element."""
+    """The three verdicts with their conditions, then the results element by element."""
     from tautwave.cli.terminal.summary import verdict
 
     verdicts = certificate.get("verdicts")
@@ -207,7 +207,7 @@ def _buses(budget: Mapping[str, Any], *, arithmetic: bool) -> Iterator[tuple[str
 
 
 def _keep(out: Path, rig: Any, result: Any) -> None:
-    """Write everything that is found into a directory: text, data and pictures.
+    """Write all results into a directory: text, data and pictures.
 
     Raises
     ------
@@ -222,8 +222,8 @@ def _keep(out: Path, rig: Any, result: Any) -> None:
 
         found = haptics(rig)
         data["haptics"] = found.as_dict()
-        told = found.sentences()
-        more = [Section(head, ("",), [(line,) for line in lines]) for head, lines in told]
+        chapters = found.sentences()
+        more = [Section(head, ("",), [(line,) for line in lines]) for head, lines in chapters]
         said = [*said[:-1], *more, said[-1]]
     make_directory(out)
     write_text(out / "check.json", json.dumps(data, indent=2, ensure_ascii=False) + "\n")

@@ -1,4 +1,4 @@
-"""`tautwave drivers`: the plugins and parts that are installed, and what each still needs."""
+"""`tautwave drivers`: the installed plugins and parts, and what each still needs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def drivers(as_json: bool) -> None:
             [{"kind": kind, **entry._asdict()} for kind, rows in found.items() for entry in rows]
         )
         return
-    headings = ("name", "package", "what it is", "missing")
+    headings = ("name", "package", "description", "missing")
     show(
         [
             Section(f"{kind.capitalize()}s", headings, [_row(entry) for entry in rows])

@@ -12,13 +12,12 @@ from tautwave.cli.terminal.show import Section, show
 
 @click.command(short_help="List the shipped rig files, or copy one.")
 @click.argument("name", required=False)
-@out_option("Copy into DIR, which is made if need be; default: the current directory.")
+@out_option("Copy into DIR, which is created if needed; default: the current directory.")
 @json_option
 def example(name: str | None, out: Path | None, as_json: bool) -> None:
     """List the rig files that come with tautwave, or copy the one called NAME.
 
-    A sweep comes with its rig, a scene with its sounds. A file that is there already is never
-    replaced.
+    A sweep comes with its rig, a scene with its sounds. An existing file is never replaced.
 
     \b
     Examples:

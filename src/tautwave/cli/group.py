@@ -1,4 +1,4 @@
-"""The `tautwave` group: commands loaded when asked for, errors as sentences and exit codes."""
+"""The `tautwave` group: commands loaded on demand, errors as sentences and exit codes."""
 
 from __future__ import annotations
 
@@ -33,30 +33,30 @@ EXIT_CODES = (
     "configuration; 3 not certified, or the certificate invalidated by the run's measurements;"
     " 4 over the bus-time budget; 5 bus or device fault; 6 safety stop; 7 a recording or another"
     " result is incomplete or cannot be written (3, 5 and 6 outrank it, and the last line names"
-    " both); 129, 130, 143 ended by SIGHUP, Ctrl-C, SIGTERM before anything moved; 141 the reader"
-    " of its output has gone before the end."
+    " both); 129, 130, 143 ended by SIGHUP, Ctrl-C, SIGTERM before anything moved; 141 the "
+    "reader of its output closed early."
 )
 
 
 class Commands(click.Group):
-    """Commands that live in modules of their own, imported by name."""
+    """Commands in separate modules, imported by name."""
 
     owns_process = False
-    """Whether the process is there for one command and ends with it."""
+    """Whether the process was started for one command and ends with it."""
 
     def main(self, args: Any = None, *more: Any, **keys: Any) -> Any:
-        """As click does it; without arguments of its caller the process is the command's."""
+        """As in click; without arguments from a caller the process belongs to the command."""
         self.owns_process = args is None
         if self.owns_process:
             open_streams()
         return super().main(args, *more, **keys)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Names in the order in which a person meets them."""
+        """Names in the order in which a user needs them."""
         return [name for name in COMMANDS if name != "bench" or _has_bench()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import the command's module; None where there is no such command."""
+        """Import the command's module; None if there is no such command."""
         if cmd_name not in self.list_commands(ctx):
             return None
         module = importlib.import_module(f"tautwave.cli.{cmd_name}")
@@ -65,7 +65,7 @@ class Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """As click does it, with a suggestion on a typing mistake."""
+        """As in click, with a suggestion on a typing mistake."""
         name, known = args[0], self.list_commands(ctx)
         if name not in known and not name.startswith("-") and not ctx.resilient_parsing:
             near = get_close_matches(name, known, n=1, cutoff=0.5)
@@ -74,7 +74,7 @@ class Commands(click.Group):
         return super().resolve_command(ctx, args)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Keep the command line's arguments: they are written into the recording."""
+        """Keep the command line's arguments for the recording."""
         ctx.meta[_PARSED] = tuple(args)
         return super().parse_args(ctx, args)
 
@@ -97,7 +97,7 @@ class Commands(click.Group):
             ctx.exit(getattr(err, "exit_code", 130))
         except Exception as err:  # noqa: BLE001  the last boundary: nobody wants to read a traceback here
             if isinstance(err, OSError) and err.errno == errno.EPIPE:
-                drop(sys.stdout)  # `tautwave bench | head`: as every other program
+                drop(sys.stdout)  # `tautwave bench | head`: as with any other program
                 ctx.exit(128 + signal.SIGPIPE)
             if isinstance(err, OSError) and err.errno in NO_ROOM:
                 where = "output" if err.filename is None else str(err.filename)
@@ -108,7 +108,7 @@ class Commands(click.Group):
 
 
 def command_line(ctx: click.Context) -> str:
-    """The command as it was typed, ready to be pasted."""
+    """The command as it was typed, ready to paste."""
     return shlex.join(("tautwave", *ctx.meta.get(_PARSED, ())))
 
 
@@ -117,7 +117,7 @@ def _has_bench() -> bool:
 
 
 def _save_traceback(err: Exception, command: str) -> str:
-    """Write the traceback into a file; return the sentence that says where it is."""
+    """Write the traceback into a file; return a sentence with its path."""
     import platform
     import secrets
     import tempfile

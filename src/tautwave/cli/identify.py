@@ -1,4 +1,4 @@
-"""`tautwave identify`: a device from its own excitation, or what was touched from a recording."""
+"""`tautwave identify`: a device by exciting it, or an environment from a recording."""
 
 from __future__ import annotations
 
@@ -94,12 +94,13 @@ _RECORDING_ONLY = ("position", "effort", "time", "model", "filter_hz", "begin_s"
 @click.option("--to", "end_s", type=float, metavar="S", help="RECORDING: use up to here.")
 @click.pass_context
 def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
-    """Identify the device of an axis of RIG, or what was touched in a RECORDING.
+    """Identify the device of an axis of RIG, or the environment in a RECORDING.
 
-    A RIG (.yaml) is run: the coupling is off, one axis is shaken by a few sines within its limits
-    and a soft return, nothing may hold it. Out come inertia, viscous and Coulomb friction with
-    95 % intervals, as lines for the rig file. A RECORDING is a run's directory, its .mcap, or a
-    .csv: out come stiffness, damping, surface and force offset of the environment (or the hand).
+    A RIG (.yaml) is run: the coupling is off, one axis is excited by a few sines within its limits
+    and a soft centring spring; nothing may hold it. The result is inertia, viscous and Coulomb
+    friction with 95 % intervals, as lines for the rig file. A RECORDING is a run's directory, its
+    .mcap, or a .csv: the result is stiffness, damping, surface and force offset of the environment
+    (or the hand).
 
     \b
     Examples:
@@ -156,7 +157,7 @@ def _device(source: Path, options: Mapping[str, Any]) -> None:
             )
     finally:
         with suppress(OSError):
-            directory.rmdir()  # works on an empty one only: a refused rig leaves nothing
+            directory.rmdir()  # removes it only if empty: a refused rig leaves nothing
     from tautwave.report.figures.identification import device_figure, write_figure
 
     units = axis_units(result.kind)
@@ -209,7 +210,7 @@ def _head(what: str) -> tuple[str, str, str, str]:
 
 
 def device_sections(result: Any, units: tuple[str, str], picture: Path) -> list[Any]:
-    """Parameters, lines for the rig file, doubts and files of an identified device."""
+    """Parameters, lines for the rig file, warnings and files of an identified device."""
     from tautwave.cli.terminal.show import Section
 
     place, effort = units
@@ -245,7 +246,7 @@ def _lines_of(result: Any) -> list[str]:
 
 
 def contact_sections(result: Any, units: tuple[str, str], picture: Path) -> list[Any]:
-    """Parameters of the chosen model, residuals of all, doubts and files."""
+    """Parameters of the chosen model, residuals of all, warnings and files."""
     from tautwave.cli.terminal.show import NOTE, Section
 
     place, effort = units

@@ -1,4 +1,4 @@
-"""Command-line options made of a plugin's pydantic model: `tautwave sim` and `tautwave scan`."""
+"""Command-line options from a plugin's pydantic model: `tautwave sim` and `tautwave scan`."""
 
 from __future__ import annotations
 
@@ -51,11 +51,11 @@ def parse_model(model: type[Any], arguments: Sequence[str], command: str) -> Any
 
 
 def describe_model(model: type[Any]) -> list[tuple[str, str]]:
-    """Return each option with what it is for, for `--help`."""
+    """Return each option with its description, for `--help`."""
     rows = []
     for name, field in model.model_fields.items():
         given = "" if field.is_required() else _shown(field.get_default())
-        default = f" [default: {given}]" if given else ""  # nothing is no default to print
+        default = f" [default: {given}]" if given else ""  # an empty default is not printed
         rows.append((f"--{name.replace('_', '-')}", f"{field.description or ''}{default}".strip()))
     return rows
 

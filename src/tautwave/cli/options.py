@@ -32,7 +32,7 @@ EVERY_BUS = ""
 def _simulated(
     ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
 ) -> bool | tuple[str, ...]:
-    """Return True where no bus is named, else the names."""
+    """Return True if no bus is named, else the names."""
     for name in value:
         if name.endswith((".yaml", ".yml")):
             raise click.BadParameter(
@@ -61,13 +61,13 @@ def out_option(text: str) -> Callable[[Any], Any]:
 
 
 def positive(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
-    """Let only finite numbers above 0 pass; click's FloatRange lets NaN and inf through."""
+    """Accept only finite numbers above 0; click's FloatRange accepts NaN and inf."""
     if value is not None and not (value > 0.0 and math.isfinite(value)):
         raise click.BadParameter(f"has to be a finite number above 0 (got {value:g})", ctx, param)
     return value
 
 
 def echo_json(value: Any) -> None:
-    """Print `value` as JSON that people can read too."""
+    """Print `value` as readable JSON."""
     with unheard(sys.stdout, BrokenPipeError):
         click.echo(json.dumps(value, indent=2, ensure_ascii=False))

@@ -1,4 +1,4 @@
-"""`tautwave report`: the page of a run again, or two runs side by side."""
+"""`tautwave report`: rebuild the page of a run, or compare two runs."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def report(
 ) -> None:
     """Rebuild the report of the run in DIR, or compare it with the one in DIR2.
 
-    Works from the recording, also where the run was killed before it could write its summary.
+    Works from the recording, even if the run was killed before it could write its summary.
 
     \b
     Examples:

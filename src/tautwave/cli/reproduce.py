@@ -23,10 +23,10 @@ from tautwave.errors import TautwaveError
 @json_option
 @click.pass_context
 def reproduce(ctx: click.Context, name: str | None, out: Path | None, as_json: bool) -> None:
-    """Compute the numbers of chapter NAME again, beside the published ones.
+    """Recompute the numbers of chapter NAME, beside the published ones.
 
-    Without NAME and --out: list the chapters. Exit code 1 where a number differs by more than the
-    digits of its reference allow.
+    Without NAME and --out: list the chapters. Exit code 1 if a number differs by more than the
+    published digits allow.
 
     \b
     Examples:
@@ -45,9 +45,9 @@ def reproduce(ctx: click.Context, name: str | None, out: Path | None, as_json: b
     names = list(CHAPTERS) if name is None else [name]
     chapters = {key: chapter(key) for key in names}
     found = {key: one.rows() for key, one in chapters.items()}
-    sections = [_section(key, told) for key, told in found.items()]
-    data = {key: [{**row._asdict(), "agrees": row.agrees} for row in told]
-            for key, told in found.items()}  # fmt: skip
+    sections = [_section(key, computed) for key, computed in found.items()]
+    data = {key: [{**row._asdict(), "agrees": row.agrees} for row in computed]
+            for key, computed in found.items()}  # fmt: skip
     drawn: list[Path] = []
     if out is not None:
         from tautwave.files import make_directory, write_text
@@ -62,20 +62,25 @@ def reproduce(ctx: click.Context, name: str | None, out: Path | None, as_json: b
         echo_json(data)
     else:
         show([*sections, Section("Figures", ("",), [(str(path),) for path in drawn])])
-    differ = [f"{key}: {row.what}" for key, told in found.items() for row in told if not row.agrees]
+    differ = [
+        f"{key}: {row.what}"
+        for key, computed in found.items()
+        for row in computed
+        if not row.agrees
+    ]
     if differ:
         raise DiffersError(f"differs from its reference: {'; '.join(differ)}")
 
 
 class DiffersError(TautwaveError):
-    """A number came out unlike its reference."""
+    """A number differs from its reference."""
 
     exit_code = 1
 
 
-def _section(name: str, told: Sequence[Any]) -> Section:
+def _section(name: str, computed: Sequence[Any]) -> Section:
     rows: list[tuple[str | Cell, ...]] = []
-    for row in told:
+    for row in computed:
         verdict: str | Cell = "" if row.agrees else Cell("differs", BAD)
         rows.append((row.what, f"{row.obtained:.9g}", f"{row.reference:.9g}", row.unit,
                      row.source, verdict))  # fmt: skip

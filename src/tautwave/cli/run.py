@@ -33,22 +33,22 @@ from tautwave.runtime.interrupts import interrupts
     type=click.Choice(["real", "fake"]),
     default="real",
     show_default=True,
-    help="real: keeps time; fake: as fast as it computes, reproducible, no device.",
+    help="real: real time; fake: as fast as possible, reproducible, no devices.",
 )
 @set_option
 @click.option("--allow-uncertified", is_flag=True, help="Run a rig that is not certified.")
-@click.option(
-    "--allow-unwatched", is_flag=True, help="Run devices that have no watchdog of their own."
-)
-@click.option("--configure", is_flag=True, help="Write settings into devices where they differ.")
+@click.option("--allow-unwatched", is_flag=True, help="Run devices without a watchdog.")
+@click.option("--configure", is_flag=True, help="Write settings into devices if they differ.")
 @simulate_option
 @click.option(
     "--attach",
     is_flag=True,
-    help="Use simulated devices that `tautwave sim RIG` serves already, in another terminal.",
+    help="Use simulated devices that `tautwave sim RIG` already serves in another terminal.",
 )
 @click.option(
-    "--play", is_flag=True, help="Play the sound of a scene after the run, where there is a device."
+    "--play",
+    is_flag=True,
+    help="Play the sound of a scene after the run, if there is an audio device.",
 )
 @click.pass_context
 @interrupts()
@@ -68,11 +68,11 @@ def run(
 ) -> None:
     """Run RIG: check it, move, record, report.
 
-    The first lines say which way each bus takes: hardware, simulated here, or simulated elsewhere.
-    Hardware that the rig names is opened unless --simulate says otherwise.
+    The first lines say how each bus runs: hardware, simulated here, or simulated elsewhere.
+    Hardware named in the rig is opened unless --simulate is given.
 
     Ctrl-C, SIGTERM and a closed terminal (SIGHUP) ramp down, write the report and exit 0; a second
-    one stops at once, and one during the report ends the report only. The run's directory holds
+    one stops immediately, and one during the report ends only the report. The run's directory holds
     rig.yaml, summary.json, recording.mcap, report.html and its figures.
 
     \b
@@ -123,7 +123,7 @@ def run(
             )
     finally:
         with suppress(OSError):
-            directory.rmdir()  # works on an empty one only: a run that never began leaves nothing
+            directory.rmdir()  # removes it only if empty: a run that never began leaves nothing
     if cast("Commands", ctx.find_root().command).owns_process:
         with interrupts() as heard:
             heard.stay_deaf()
@@ -143,7 +143,7 @@ def run(
 
 
 def _played(directory: Path) -> str:
-    """Play the sound of a run; return what is to be said about it."""
+    """Play the sound of a run; return a sentence about it."""
     from tautwave.cli.terminal.play import play_sound
 
     sound = directory / "output.wav"
@@ -153,7 +153,7 @@ def _played(directory: Path) -> str:
 
 
 def fresh_directory(out: Path | None, name: str) -> Path:
-    """Create the run's directory; never one that already holds something."""
+    """Create the run's directory; refuse one that is not empty."""
     if out is None:
         stem = re.sub(r"[^\w.-]+", "-", name).strip("-.") or "run"
         out = first = Path("runs") / f"{stem}-{datetime.now(UTC):%Y%m%d-%H%M%S}"

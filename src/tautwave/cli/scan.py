@@ -68,7 +68,7 @@ def scan(ctx: click.Context, driver: str | None, as_json: bool, wants_help: bool
 def _scanned(
     plugin: DriverPlugin, options: Any, progress: ScanProgress
 ) -> Sequence[Mapping[str, Any]]:
-    """Scan; a plugin whose scan takes the options alone shows no progress."""
+    """Scan; a plugin whose scan takes only the options shows no progress."""
     scan: Any = plugin.scan
     try:
         signature(scan).bind(options, progress)

@@ -36,8 +36,8 @@ def sim(
 ) -> None:
     """Serve the simulated devices of RIG, or of DRIVER without a rig, until interrupted.
 
-    On stdout first one line of JSON per endpoint, then nothing. `tautwave sim DRIVER --help` shows
-    the options of a driver. `tautwave run RIG --attach` finds what is served of RIG by itself.
+    Prints one line of JSON per endpoint on stdout, then nothing. `tautwave sim DRIVER --help` shows
+    the options of a driver. `tautwave run RIG --attach` finds the served devices of RIG.
 
     \b
     Examples:

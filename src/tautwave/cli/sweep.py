@@ -12,7 +12,7 @@ import click
 from tautwave.cli.options import PATH, echo_json, json_option, out_option
 
 INTERRUPTED = 130
-"""Exit code of a sweep that Ctrl-C ended early: a shell's own."""
+"""Exit code of a sweep that Ctrl-C ended early, as in a shell."""
 
 
 @click.command(short_help="Simulate a grid of rigs; table and picture.")
@@ -31,11 +31,11 @@ def sweep(
 ) -> None:
     """Simulate every point of the sweep FILE: a rig, what is varied, what is measured.
 
-    Rows go into points.csv as they come. Whatever ends a sweep leaves what was done (Ctrl-C: exit
-    code 130), and the same command goes on from there. Where pyarrow is installed the finished
-    table is there as Parquet too. No device is touched.
+    Rows are appended to points.csv as they finish. If a sweep is interrupted (Ctrl-C: exit code
+    130), the same command resumes it. If pyarrow is installed the finished table is also written as
+    Parquet. No device is touched.
 
-    A file with planes is a map: the stiffness of a wall over something else, with the passive and
+    A file with planes is a map: the stiffness of a wall over another quantity, with the passive and
     the stable limit as predicted and as simulated.
 
     \b
@@ -88,13 +88,13 @@ def sweep(
 
 
 def default_directory(name: str) -> Path:
-    """Return where the results of a sweep of this name go."""
+    """Return the directory for the results of a sweep of this name."""
     stem = re.sub(r"[^\w.-]+", "-", name).strip("-.") or "unnamed"
     return Path("runs") / f"sweep-{stem}"
 
 
 def draw_map(file: Path, out: Path | None, *, as_json: bool) -> None:
-    """Compute the planes of a map file, write and draw them, and say how far they agree."""
+    """Compute the planes of a map file, write and draw them, and report their agreement."""
     from tautwave.cli.terminal.progress import Progress
     from tautwave.cli.terminal.show import Section, show
     from tautwave.report.figures.map import write_map_figure
@@ -141,7 +141,7 @@ def draw_map(file: Path, out: Path | None, *, as_json: bool) -> None:
 
 
 def sweep_sections(sweep: Any, result: Any, rows: list[Any], picture: Path | None) -> list[Any]:
-    """How many points were done, where each case is stable, and where the files are."""
+    """Report the number of points, where each case is stable, and where the files are."""
     from tautwave.cli.terminal.show import NOTE, Section
     from tautwave.report.figures.sweep import curves_of, stability_sentences
     from tautwave.sweep.parquet import NO_PYARROW

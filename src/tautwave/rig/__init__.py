@@ -1,4 +1,4 @@
-"""From a rig to what runs: the only package that knows everybody."""
+"""Build the running objects from a rig: the only package that knows all others."""
 
 from tautwave.rig.assembly import (
     Assembly,

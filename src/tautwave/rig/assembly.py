@@ -1,4 +1,4 @@
-"""Everything that one run of a rig needs, built from the file; no device is touched."""
+"""Build everything that one run of a rig needs; no device is touched."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 LOOPBACK = "loopback"
 DeviceMaker = Callable[[BusSpec, Sequence[AxisModel], int], Simulator]
-"""Makes the simulated devices of a bus for so many cycles."""
+"""Makes the simulated devices of a bus for a number of cycles."""
 
 
 class Assembly(NamedTuple):
-    """A rig, built. `columns` are those of a recorded row, in order; `scene` if there is one."""
+    """A built rig. `columns` are those of a recorded row, in order; `scene` if there is one."""
 
     clock: Clock
     buses: Sequence[LoopBus]
@@ -60,18 +60,18 @@ def build_rig(
     duration_s : float, optional
         Length of the run [s]; the rig's own if not given.
     ways : mapping, optional
-        Which way each bus takes, with the options that lead there; `bus_ways` if not given.
+        How each bus is run, with its options; `bus_ways` if not given.
     allow_unwatched, configure : bool
         Handed to the drivers, in `BusSpec`.
 
     devices : callable, optional
-        Makes the simulated devices of loopback buses, in place of their simulator.
+        Makes the simulated devices of loopback buses, instead of their simulator.
 
     Raises
     ------
     ConfigError
-        A driver is not installed, a recorded reference cannot be read, or a bus has nothing that
-        could answer.
+        A driver is not installed, a recorded reference cannot be read, or nothing would respond on
+        a bus.
     """
     cycles = round((rig.duration_s if duration_s is None else duration_s) * rig.rate_hz)
     cycles = max(cycles, 1)
@@ -143,7 +143,7 @@ def command_delays(rig: Rig) -> dict[str, CommandDelay]:
 
 
 def make_clock(rig: Rig, clock: str) -> Clock:
-    """Return the clock of a run; a fake one oversleeps as the rig's seeded faults say."""
+    """Return the clock of a run; a fake one oversleeps by the rig's seeded faults."""
     if clock == "real":
         return MonotonicClock()
     faults = None if rig.simulation is None else rig.simulation.faults

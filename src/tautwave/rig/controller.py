@@ -36,13 +36,13 @@ class PairScale(NamedTuple):
 
 
 def pair_scale(keys: PairKeys) -> PairScale:
-    """Return how slave units map to the pair's."""
+    """Return the mapping from slave units to the pair's."""
     force = keys.effective_force_scale
     return PairScale(keys.position_scale, force, float(keys.sign), force * keys.position_scale)
 
 
 def coupling_part(rig: Rig) -> CouplingPlugin:
-    """Return what the law of a rig declares."""
+    """Return the declaration of a rig's coupling law."""
     return registry.load_coupling(rig.coupling.law)
 
 
@@ -121,7 +121,7 @@ def limit_params(rig: Rig, axis: Axis) -> LimitParams:
         velocity=math.inf if axis.velocity_limit is None else axis.velocity_limit,
         position_low=low,
         position_high=high,
-        # A damper B needs b >= B of the device itself (Colgate): no more than is sure to be there.
+        # A damper B needs device damping b >= B (Colgate): use the lower bound.
         stop_damping=axis.damping.lower,
     )
 
@@ -155,10 +155,10 @@ def bare_site(rig: Rig, axis_name: str) -> SiteParams:
 
 
 class DebtRates(NamedTuple):
-    """What the account of a port may owe for a while, `laws.port.port_debt`, as the rig is.
+    """Greatest temporary debt of a port's account, `laws.port.port_debt`, for this rig.
 
-    debt_per_speed_squared [kg or kg m^2]: times the square of the greatest speed, in J;
-    debt_per_flow [1]: and times the energy that went to and fro.
+    debt_per_speed_squared [kg or kg m^2]: to multiply by the square of the greatest speed;
+    debt_per_flow [1]: to multiply by the gross energy flow.
     """
 
     debt_per_speed_squared: float
@@ -166,7 +166,7 @@ class DebtRates(NamedTuple):
 
 
 def debt_rates(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> DebtRates:
-    """Return what the account of an impedance axis' port may owe."""
+    """Return the allowed debt of an impedance axis' port."""
     delay = delays[axis_name]
     port = end_constants(rig, axis_name, delay).port
     gain = velocity_gain(rig, rig.axes[axis_name])
@@ -207,7 +207,7 @@ def controlled_axis(
     weight: float = 1.0,
     end: Any = None,
 ) -> AxisParams:
-    """Return the constants of one axis around those of its laws; without more, one on its own."""
+    """Return the constants of one axis around those of its laws; by default an uncoupled axis."""
     impedance = rig.axes[axis_name].causality == "impedance"
     return AxisParams(
         site=site,
@@ -273,7 +273,7 @@ def run_params(rig: Rig, cycles: int, axes: int) -> RunParams:
 
 
 def axis_names(rig: Rig, axes: Sequence[str]) -> list[AxisName]:
-    """Return what people call the axes."""
+    """Return the display names of the axes."""
     return [AxisName(name, rig.axes[name].bus, position_unit(rig.axes[name].kind)) for name in axes]
 
 
@@ -296,7 +296,7 @@ def make_control(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -> C
 
 
 def slave_offset(keys: PairKeys) -> tuple[float | None, float]:
-    """Return where the slave is with the master at 0 (None: at engagement), and the tolerance.
+    """Return the slave position for master 0 (None: set at engagement), and the tolerance.
 
     The rig file gives both in master units; here they are in the slave's.
     """

@@ -24,7 +24,7 @@ _NAMES = {number: name for name, number in SCHEMES.items()}
 
 
 class Integrated(NamedTuple):
-    """How one axis is moved: its contact with scheme and sub-steps, None for `exact`, and why."""
+    """How one axis is integrated: contact with scheme and sub-steps (None for `exact`), and why."""
 
     foam: FoamParams | None
     scheme: str
@@ -45,15 +45,15 @@ def integrated(
     Parameters
     ----------
     axis_name : str
-        For the sentences.
+        For messages.
     keys : Integrator
-        What the rig asks for.
+        The rig's block.
     plant, foam
-        The truth of the axis; `foam` None where it meets walls and springs only.
+        The truth of the axis; `foam` is None if it touches only walls and springs.
     speed : float
         Greatest speed expected [m/s or rad/s].
     period : float
-        [s] Of the axis' exchanges.
+        [s] Period of the axis' exchanges.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def integrated(
                 "depth, but exact handles walls and springs only; use "
                 "discrete_gradient, or auto"
             )
-        return Integrated(None, "exact", "exact, as asked for")
+        return Integrated(None, "exact", "exact, as specified")
     if error is None and keys.scheme != "dormand_prince":
         reason = refusal(plant, contact, scheme, speed, period)
         if reason:
@@ -94,7 +94,7 @@ def integrated(
                 f"simulation.integrator: {axis_name}: {reason}. Use discrete_gradient or auto, or "
                 "give max_error, which divides the step"
             )
-        return _with(foam, contact, Trial(scheme, 1, 0.0, math.nan, 0.0), "as asked for")
+        return _with(foam, contact, Trial(scheme, 1, 0.0, math.nan, 0.0), "as specified")
     error = error or DEFAULT_ERROR
     trial = try_scheme(plant, contact, scheme, speed, period, error, math.inf)
     if not trial.error <= error:

@@ -1,4 +1,4 @@
-"""What a slow bus makes of a rig: the same axis seen at its own rate, and delays in all."""
+"""Effects of a slow bus: the rig seen at an axis' own rate, and total delays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def at_axis_rate(rig: Rig, axis_name: str) -> Rig:
     """Return a rig whose every cycle is an exchange with this axis; the rig itself on a fast bus.
 
     The wave filter runs at the line's rate and is left out; a simulated command waits for the next
-    exchange, as on the slow bus. Only this axis is to be looked at in it.
+    exchange, as on the slow bus. Only this axis is valid in the result.
     """
     divisor = rig.axis_divisor(axis_name)
     if divisor == 1:
@@ -52,10 +52,10 @@ def at_full_rate(rig: Rig) -> Rig:
 def one_way_delay(rig: Rig, name: str, delays: Mapping[str, CommandDelay]) -> float:
     """Return the mean one-way delay tau [s] of a pair as it acts, all samples counted.
 
-    A wave that left for a period is on the line `delay_s`, was closed one period late and acts
-    one command delay later; a wave filter adds (1-a)/a periods T. On a bus with divisor n that
-    period is n T, and the sample waits n - 1 periods T for its slot; the command delay is in
-    periods of the bus. The converters themselves delay no integral.
+    A wave describes the previous period, spends `delay_s` on the line and acts one command delay
+    after it arrives; a wave filter adds (1-a)/a periods T. On a bus with divisor n that period is n
+    T, and the sample waits n - 1 periods T for its slot; the command delay is in periods of the
+    bus. The converters themselves delay no integral.
     """
     period = rig.period_s
     mean = 0.0
@@ -70,9 +70,9 @@ def one_way_delay(rig: Rig, name: str, delays: Mapping[str, CommandDelay]) -> fl
 
 
 def standing_offset(rig: Rig, name: str, delays: Mapping[str, CommandDelay]) -> float:
-    """Return by how much a held effort sets a pair apart, per effort that its master gives.
+    """Return the steady-state offset of a pair per unit of effort held at its master.
 
-    In rad per N m or m per N, master units, both devices held still; the law's part says how much.
+    In rad per N m or m per N, master units, both devices held still; from the law's part.
     """
     words = coupling_words(rig.coupling.law)
     return words.standing(rig, name, delays, one_way_delay(rig, name, delays)).offset

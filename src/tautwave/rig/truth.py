@@ -37,15 +37,15 @@ SEED_WORD = 2**32  # NumPy's seeds are not negative
 
 
 def true_delay_s(rig: Rig, axis_name: str, declared: CommandDelay) -> float:
-    """Return when a command really acts in a simulation [s] after it was written.
+    """Return the true delay of a command in a simulation [s].
 
-    On a bus whose delay is an option the truth says all of it. On one with a protocol the bus
-    makes `declared` true by itself, and the truth says what the drive adds.
+    On a bus whose delay is an option, the truth gives all of it. On a bus with a protocol, the bus
+    itself causes the `declared` delay, and the truth is what the drive adds.
     """
     truth = simulation_of(rig, axis_name).command_delay_s
     period = rig.axis_period_s(axis_name)
     if "command_delay_s" in rig.buses[rig.axes[axis_name].bus].options:
-        # With a divisor a command waits for the next exchange, whatever the drive does then.
+        # With a divisor a command first waits for the next exchange.
         return max(truth, period) if rig.axis_divisor(axis_name) > 1 else truth
     return truth + declared.periods * period + declared.remainder_s
 
@@ -139,12 +139,12 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
 def wanted_positions(
     rig: Rig, axis_name: str, hand: Hand | HandPart, cycles: int
 ) -> Sequence[float]:
-    """Return where a hand wants to be at every slot of its axis [rad or m].
+    """Return the hand's wanted position at every slot of its axis [rad or m].
 
     Raises
     ------
     ConfigError
-        A recording cannot be read, or a part fails or gives something else than finite positions.
+        A recording cannot be read, or a part fails or returns non-finite positions.
     """
     divisor = rig.axis_divisor(axis_name)
     rate, last = rig.rate_hz / divisor, cycles // divisor + 1
@@ -171,12 +171,12 @@ def wanted_positions(
 def part_contact(
     rig: Rig, axis_name: str, keys: EnvironmentPart, plant: PlantParams
 ) -> PartContact:
-    """Return what an environment that is a part does to an axis, with sub-steps that it needs.
+    """Return the contact model of an environment part, with the sub-steps it needs.
 
     Raises
     ------
     ConfigError
-        The axis takes velocities, or the part fails or gives something else than finite numbers.
+        The axis takes velocities, or the part fails or returns non-finite numbers.
     """
     place = f"simulation.environment.{axis_name.split('.')[1]}: part {keys.part}"
     if rig.axes[axis_name].causality != "impedance":
@@ -215,14 +215,14 @@ def _look_for_nan(
 
 
 def _seed(rig: Rig, axis_name: str) -> tuple[int, int]:
-    # By name, not by place: another axis in the rig shifts no stream.
+    # Seeded by name, not position: adding an axis does not shift other streams.
     return (rig.seed % SEED_WORD, zlib.crc32(axis_name.encode()))
 
 
 def greatest_speed(rig: Rig, axis_name: str, mass: float) -> float:
-    """Return the speed at which an axis may hit something [m/s or rad/s].
+    """Return the greatest impact speed of an axis [m/s or rad/s].
 
-    Its velocity limit; without one, what its motor reaches over a tenth of a second.
+    Its velocity limit; without one, the speed its motor reaches in a tenth of a second.
     """
     limit = rig.axes[axis_name].velocity_limit
     if limit is not None:
@@ -231,12 +231,12 @@ def greatest_speed(rig: Rig, axis_name: str, mass: float) -> float:
 
 
 def axis_integration(rig: Rig, axis_name: str) -> Integrated:
-    """Return how an impedance axis of a rig with `simulation.integrator` is moved, and why.
+    """Return how an impedance axis of a rig with `simulation.integrator` is integrated, and why.
 
     Raises
     ------
     ConfigError
-        The scheme cannot hold what the axis meets.
+        The scheme cannot integrate the axis' contact.
     """
     assert rig.simulation is not None
     keys = rig.simulation.integrator
@@ -252,7 +252,7 @@ def axis_integration(rig: Rig, axis_name: str) -> Integrated:
 def foam_params(period: float, keys: Foam, plant: PlantParams, effort: float) -> FoamParams:
     """Return a foam with as many sub-steps as its stiffness needs at this rate.
 
-    The greatest speed expected is what the effort limit reaches over a tenth of a second.
+    The greatest speed expected is that reached at the effort limit in a tenth of a second.
     """
     side = 1.0 if keys.side == "above" else -1.0
     foam = FoamParams(keys.stiffness, keys.exponent, keys.loss, keys.position, side, 1)

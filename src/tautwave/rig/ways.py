@@ -17,7 +17,7 @@ Simulate = bool | Collection[str]
 
 
 class Way(Enum):
-    """What answers on a bus, and for simulated devices of this run where they live."""
+    """What a bus connects to, and where simulated devices of this run are."""
 
     HARDWARE = "hardware"
     MEMORY = "simulated here, in memory"
@@ -28,9 +28,9 @@ class Way(Enum):
 class BusWay(NamedTuple):
     """The way of one bus.
 
-    `named` is the endpoint in the rig file; `endpoint` what is opened, "" where nothing is, or as
-    long as it is not known; `options` are laid over those of the bus; `server` is the process
-    that serves it elsewhere, 0 where that is not known.
+    `named` is the endpoint in the rig file; `endpoint` what is opened, "" if nothing is or it is
+    not yet known; `options` override those of the bus; `server` is the process that serves it
+    elsewhere, 0 if unknown.
     """
 
     way: Way
@@ -47,12 +47,12 @@ class BusWay(NamedTuple):
     def describe(self) -> str:
         """Return the way as text, for people."""
         if self.way is Way.HARDWARE:
-            return f"hardware at {self.endpoint or 'what its options name'}"
+            return f"hardware at {self.endpoint or 'the endpoint in its options'}"
         text = str(self.way.value)
         if self.endpoint:
             text += f", at {self.endpoint}" if self.way is Way.ELSEWHERE else f" at {self.endpoint}"
         elif self.way is Way.SERVED:
-            text += " on an endpoint of its own"
+            text += " on a separate endpoint"
         if self.server:
             text += f" (process {self.server})"
         if self.forced:
@@ -81,20 +81,20 @@ def choose_way(
     attach: bool = False,
     serves: bool = False,
 ) -> Way | None:
-    """Return the way of a bus, None where nothing would answer.
+    """Return the way of a bus, None if nothing would respond.
 
     Parameters
     ----------
     named : Endpoint
-        Where the driver's options lead.
+        Endpoint in the driver's options.
     fake : bool
-        A fake clock runs; no endpoint keeps its time.
+        A fake clock runs, which no endpoint can follow.
     simulation : bool
         The rig has a simulation block.
     simulate, attach : bool
-        What was asked for: simulate this bus; use devices that are served already.
+        Command-line options: simulate this bus; use devices that are already served.
     serves : bool
-        Its simulator has an endpoint of its own for these options.
+        Its simulator has an endpoint for these options.
     """
     if not simulation:
         if named.kind == "none" or (fake and named.kind == "real"):
@@ -123,12 +123,13 @@ def bus_ways(
     simulate : bool or collection of str
         Buses to simulate although they name hardware; True: all.
     attach : bool
-        Simulated devices are served already, instead of by this run.
+        Simulated devices are already served, and not by this run.
 
     Raises
     ------
     ConfigError
-        A bus has nothing that could answer, there is no such bus, or nothing to attach to.
+        Nothing would respond on a bus, there is no such bus, or nothing to
+        attach to.
     """
     fake = clock == "fake"
     _refuse_nonsense(rig, fake, simulate, attach)
@@ -198,7 +199,7 @@ def _way_of(rig: Rig, name: str, fake: bool, simulate: bool, attach: bool) -> Bu
 
 
 def endpoint_of(plugin: DriverPlugin, options: Mapping[str, Any]) -> Endpoint:
-    """Return where the options of a bus lead, as its driver says."""
+    """Return the endpoint in the options of a bus, according to its driver."""
     if plugin.endpoint is None:
         return Endpoint("real" if plugin.hardware else "virtual")
     return plugin.endpoint(plugin.options.model_validate(options))
@@ -218,7 +219,7 @@ def _nothing_answers(rig: Rig, name: str, fake: bool) -> str:
         )
     driver = bus.driver
     if driver == "loopback":
-        return f"bus {name}: nothing answers on it; add a simulation block to the rig"
+        return f"bus {name}: nothing would respond on it; add a simulation block to the rig"
     return (
         f"bus {name}: it has no endpoint, and the rig has no simulation; add a simulation block "
         "to the rig, or name a device in its options"
@@ -226,7 +227,7 @@ def _nothing_answers(rig: Rig, name: str, fake: bool) -> str:
 
 
 def overlaid(rig: Rig, ways: Mapping[str, BusWay]) -> Rig:
-    """Return the rig with the options that its ways lay over those of the buses."""
+    """Return the rig with the bus options overridden by its ways."""
     buses = {
         name: bus.model_copy(update={"options": {**bus.options, **ways[name].options}})
         if name in ways and ways[name].options
@@ -237,10 +238,10 @@ def overlaid(rig: Rig, ways: Mapping[str, BusWay]) -> Rig:
 
 
 def as_taken(rig: Rig, ways: Mapping[str, BusWay]) -> Rig:
-    """Return the rig as its ways make it: what is hardware has no simulated truth.
+    """Return the rig for its ways, without the simulated truth of hardware.
 
-    Where every bus is hardware there is no simulation left; else the hand of a real master, the
-    environment of a real slave and the truth of both are taken out.
+    If every bus is hardware the simulation block is removed; else the hand of a real master, the
+    environment of a real slave and the truth of both are.
     """
     if rig.simulation is None:
         return rig

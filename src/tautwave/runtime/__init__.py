@@ -1,1 +1,1 @@
-"""The live loop: one thread, bounded time, nothing that escapes without a safe stop."""
+"""The live loop: one thread, bounded time, a safe stop on every exit."""

@@ -1,4 +1,4 @@
-"""The controller in the loop: what was measured goes in, commands and a row come out."""
+"""The controller in the loop: measurements in, commands and a row out."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from tautwave.types import AxisCommand, JointState
 
 
 class Control(ABC):
-    """Everything that one run controls; its axes are in the order of the buses.
+    """The controller of one run; its axes are in the order of the buses.
 
     Parameters
     ----------
     run : RunParams
         Length, ramps and limits.
     names : sequence of AxisName
-        What the axes are called.
+        Names of the axes.
     params : sequence of AxisParams
         Constants of the axes.
     law : Law
@@ -44,7 +44,7 @@ class Control(ABC):
     axes : list of AxisState
         The axes.
     state : RunState
-        Where the run stands.
+        State of the run.
     columns : list of str
         What `fill` writes.
     """
@@ -77,14 +77,14 @@ class Control(ABC):
         return self.state.kind != 0
 
     def take(self, which: int, measured: JointState, slot: int) -> bool:
-        """Take what an exchange brought of an axis; return whether it is a sample to be used."""
+        """Take an axis' sample from an exchange; return whether it is usable."""
         m = self.samples[which]
         m.position, _, m.effort, m.valid, _ = measured
         check_sample(self.run, self.state, self.params[which], self.axes, m, slot, which)
         return m.valid
 
     def miss(self, first: int, count: int) -> None:
-        """Do without samples of some axes, without counting them as missing."""
+        """Skip the samples of some axes without counting them as missing."""
         for m in self.samples[first : first + count]:
             m.valid = False
 
@@ -102,7 +102,7 @@ class Control(ABC):
         return AxisCommand(value, 0.0) if self.params[which].impedance else AxisCommand(0.0, value)
 
     def stop_after(self, slot: int) -> None:
-        """Ramp down from the next slot on, if nothing ends the run before."""
+        """Ramp down from the next slot on, unless the run ends first."""
         if self.state.end == self.run.cycles:
             end_by(self.run, self.state, slot)
 
@@ -112,7 +112,7 @@ class Control(ABC):
             begin_stop(self.run, self.state, self.axes, slot, OVERRUN, 0, skipped)
 
     def fault(self, slot: int, which: int) -> bool:
-        """Stop since a device said so, -1: a bus; return whether that is the first reason."""
+        """Stop on the fault of a device (-1: a bus); return whether that is the first reason."""
         return begin_stop(self.run, self.state, self.axes, slot, FAULT, which, 0)
 
     def error(self) -> TautwaveError | None:
@@ -126,7 +126,7 @@ class Control(ABC):
         return stop_place(self.run, self.state, self.names, self.pairs_of_axes(), self.law)
 
     def pairs_of_axes(self) -> Sequence[PairParams]:
-        """Return the pairs that can be told apart in a refusal to engage."""
+        """Return the names of pairs for a refusal to engage."""
         return ()
 
 

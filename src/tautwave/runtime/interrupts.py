@@ -1,8 +1,8 @@
-"""What Ctrl-C, SIGTERM and a closed terminal (SIGHUP) mean in each part of a run.
+"""The effect of Ctrl-C, SIGTERM and a closed terminal (SIGHUP) in each phase of a run.
 
-Before anything moves they end the run by an exception; while the loop runs they ask it to ramp
-down; while the report is made they end the report. After that nobody listens, so that nothing
-replaces the exit code of a run that has ended.
+Before anything moves they raise an exception; while the loop runs they request a ramp down; while
+the report is made they end the report. After that they are ignored, so that nothing replaces the
+exit code of a run that has ended.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _WORDS = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SI
 
 
 class Interrupted(KeyboardInterrupt):
-    """One of `SIGNALS` ended what was being done; `exit_code` is the shell's own for it."""
+    """Raised on one of `SIGNALS`; `exit_code` is that of a shell."""
 
     def __init__(self, number: int) -> None:
         super().__init__(_WORDS[signal.Signals(number)])
@@ -26,26 +26,26 @@ class Interrupted(KeyboardInterrupt):
 
 
 class Interrupts:
-    """Who hears the next signal."""
+    """Handler of the next signal."""
 
     def __init__(self) -> None:
         self.hear: Callable[[int], object] = self._raise
         self.number = int(signal.SIGINT)
-        """Of the last signal."""
+        """Number of the last signal."""
         self._waiting = False
         self._deaf = False
 
     def handle(self, number: int, _: object) -> None:
-        """Do what this part of the run wants done; a signal handler."""
+        """Call the handler of this phase of the run; a signal handler."""
         self.number = number
         self.hear(number)
 
     def stay_deaf(self) -> None:
-        """Ignore signals until the process has ended: nothing replaces its exit code."""
+        """Ignore signals until the process has ended, so that its exit code stands."""
         self._deaf = True
 
     def restore(self, before: Mapping[signal.Signals, Any]) -> None:
-        """Give the signals back, or nobody."""
+        """Restore the previous handler, or none."""
         for number, handler in before.items():
             signal.signal(number, signal.SIG_IGN if self._deaf else handler)
 
@@ -53,12 +53,14 @@ class Interrupts:
         self._waiting = True
 
     def _raise(self, number: int) -> None:
-        self.hear = self._remember  # what follows is cleaning up; a second one would tear it
+        self.hear = (
+            self._remember
+        )  # the clean-up that follows must not be interrupted by a second signal
         raise Interrupted(number)
 
     @contextmanager
     def calling(self, hear: Callable[[], object]) -> Iterator[None]:
-        """Call `hear` on each signal inside the block; from its end on they wait."""
+        """Call `hear` on each signal inside the block; after it they are kept pending."""
         self.hear = lambda _: hear()
         try:
             yield
@@ -67,9 +69,10 @@ class Interrupts:
 
     @contextmanager
     def raised(self) -> Iterator[None]:
-        """Raise `Interrupted` on the first signal inside the block, or on one that waits for it.
+        """Raise `Interrupted` on the first signal inside the block, or on a pending one.
 
-        From its end on signals wait for the next such block; if there is none, they are ignored.
+        After the block signals are kept for the next such block; if there is none, they are
+        ignored.
         """
         self.hear = self._raise
         if self._waiting:
@@ -85,11 +88,11 @@ _outermost: list[Interrupts] = []
 
 @contextmanager
 def interrupts() -> Iterator[Interrupts]:
-    """Take over the signals inside the block, which begins with raising `Interrupted`.
+    """Handle the signals inside the block, at first by raising `Interrupted`.
 
-    Handlers belong to the whole process, so a block inside another one shares what that one has,
-    and what comes after the inner block is still heard as the inner block left it. Outside the
-    main thread, where Python has no signals, nothing is ever heard.
+    Handlers belong to the whole process, so nested blocks share them, and the handler set in the
+    inner block stays in effect after it. Outside the main thread, where Python has no signals, this
+    does nothing.
     """
     if _outermost:
         yield _outermost[0]
@@ -98,7 +101,7 @@ def interrupts() -> Iterator[Interrupts]:
     if threading.current_thread() is not threading.main_thread():
         yield heard
         return
-    # `nohup` has SIGHUP ignored, and means it.
+    # `nohup` ignores SIGHUP deliberately.
     heeded = [n for n in SIGNALS if n != signal.SIGHUP or signal.getsignal(n) != signal.SIG_IGN]
     before = {number: signal.signal(number, heard.handle) for number in heeded}
     _outermost.append(heard)

@@ -1,7 +1,7 @@
 """The control loop: sense, close, think, act, record, sleep. One thread, absolute deadlines.
 
 Whatever ends it (time, Ctrl-C, a limit, a fault, a bug), the last commands are each axis' safe
-command, then `disable`, then `close`; that is the one promise this file makes.
+command, then `disable`, then `close`: the one guarantee of this file.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ TIMING_COLUMNS = ("time_s", "lateness_us", "compute_us", "skipped_slots")
 
 
 class RowSink(Protocol):
-    """Where rows go: the recorder, or a list in tests."""
+    """Destination of the rows: the recorder, or a list in tests."""
 
     @property
     def row(self) -> Row:
@@ -32,14 +32,14 @@ class RowSink(Protocol):
 
     @property
     def commit(self) -> Callable[[], object]:
-        """Take the row as it stands."""
+        """Take the row."""
 
 
 class LoopResult(NamedTuple):
-    """How a run went. `error` is what ended it early, or None; `faults` are whole sentences.
+    """Result of a run. `error` is what ended it early, or None; `faults` are full sentences.
 
-    `stop` is where the controller, or a device, saw the reason. `opened` is False where a bus was
-    refused, or a stop asked for, before all of them were open.
+    `stop` says where the controller or a device found the reason. `opened` is False if a bus was
+    refused, or a stop requested, before all of them were open.
     """
 
     cycles: int
@@ -61,15 +61,15 @@ class Loop:
     clock : Clock
         Real or fake.
     buses : sequence of LoopBus
-        What is moved.
+        The buses.
     control : Control
-        What decides how; its axes are those of the buses, in their order.
+        The controller; its axes are those of the buses, in their order.
     sources : sequence of RowSource
-        Who fills the columns after the timing columns, in this order.
+        They fill the columns after the timing columns, in this order.
     sink : RowSink
-        Where rows go.
+        Destination of the rows.
     progress : callable, optional
-        Called now and then with the share done and a word.
+        Called now and then with the fraction done and a short text.
     """
 
     def __init__(
@@ -102,10 +102,10 @@ class Loop:
         self.period = Histogram()
         self.compute = Histogram()
 
-    # -- asked from outside ---------------------------------------------------------------
+    # -- requests from outside ------------------------------------------------------------
 
     def stop(self) -> None:
-        """Ask for a ramp down (first call) or for an end at once (second); safe in a signal."""
+        """Request a ramp down (first call) or an immediate end (second); signal-safe."""
         if self._stop_asked:
             self._leave_now = True
         self._stop_asked = True
@@ -140,21 +140,21 @@ class Loop:
         )
 
     def _open(self) -> None:
-        """Open every bus, unless a stop is asked for."""
+        """Open every bus, unless a stop is requested."""
         for bus in self._buses:
             if self._stop_asked:
                 raise KeyboardInterrupt
             bus.driver.open()
 
     def _enable(self) -> None:
-        """Step every bus' enabling, one step a period of the bus, until all are on."""
+        """Advance the enabling of every bus, one step per bus period, until all are on."""
         period = self._control.run.period_ns
         on = [False] * len(self._buses)
         step = 0
         deadline = self._clock.now_ns()
         limit = deadline + int(ENABLE_TIMEOUT_S * 1e9)
         while True:
-            # Those that are on already are stepped too: their drives watch for silence.
+            # Buses that are already on are stepped too, to feed their drives' watchdogs.
             for number, bus in enumerate(self._buses):
                 if step % bus.divisor == 0:
                     on[number] = bus.driver.enable_step()
@@ -173,8 +173,8 @@ class Loop:
             deadline += period
             now = self._clock.now_ns()
             if now >= deadline:
-                # A host that is too slow gives the drives time to answer: steps that chased each
-                # other would each find that nothing has come.
+                # A slow host must give the drives time to respond: back-to-back steps would find
+                # nothing.
                 deadline = now + period
             self._clock.sleep_until(deadline)
 
@@ -204,7 +204,7 @@ class Loop:
             deadline += period
             slot += 1
             clock.sleep_until(deadline)
-            # Slots that passed while we were late are skipped and counted, never run twice.
+            # Slots that passed while we were late are skipped and counted, never made up.
             skipped = (clock.now_ns() - deadline) // period
             if skipped > 0:
                 slot += skipped
@@ -237,7 +237,7 @@ class Loop:
         return True
 
     def _leave(self) -> None:
-        """Safe command on every axis, then disable, then close; nothing stops this."""
+        """Safe command on every axis, then disable, then close; no error interrupts this."""
         buses = self._buses
         calls = [partial(bus.driver.write, [SAFE_COMMAND] * len(bus.axes)) for bus in buses]
         calls += [partial(bus.driver.disable) for bus in buses]

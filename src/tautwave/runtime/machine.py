@@ -1,6 +1,6 @@
-"""What a real-time loop asks of the machine: priority, locked memory, a core, no collector.
+"""Real-time requests to the machine: priority, locked memory, a core, no garbage collector.
 
-Every request may be refused; each answer is a sentence for the report.
+Every request may be refused; each result is a sentence for the report.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _MCL_CURRENT, _MCL_FUTURE = 1, 2
 
 def _raise_priority(priority: int) -> str:
     if priority == 0:
-        return "SCHED_FIFO not asked for"
+        return "SCHED_FIFO not requested"
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except OSError as err:
@@ -26,7 +26,7 @@ def _raise_priority(priority: int) -> str:
 
 def _lock_memory(wanted: bool) -> str:
     if not wanted:
-        return "mlockall not asked for"
+        return "mlockall not requested"
     try:
         libc = ctypes.CDLL(None, use_errno=True)
         if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0:
@@ -49,10 +49,10 @@ def _pin(cpu: int | None) -> str:
 
 @contextmanager
 def quiet_collector() -> Iterator[None]:
-    """Collect once, freeze what is alive, and keep the collector off inside the block.
+    """Collect once, freeze live objects, and keep the collector off inside the block.
 
-    In a program that froze its objects itself nothing more is frozen, and what it froze stays so:
-    there is one heap of frozen objects, and thawing it thaws all.
+    In a program that froze its objects itself nothing more is frozen, and its objects stay frozen:
+    there is a single heap of frozen objects, and thawing it thaws all of them.
     """
     was_enabled = gc.isenabled()
     frozen = gc.get_freeze_count() > 0
@@ -71,7 +71,7 @@ def quiet_collector() -> Iterator[None]:
 
 @contextmanager
 def realtime(priority: int, cpu: int | None, lock_memory: bool) -> Iterator[list[str]]:
-    """Ask for real-time conditions inside the block; yield one sentence per request.
+    """Request real-time conditions inside the block; yield one sentence per request.
 
     The scheduler and the affinity are put back afterwards; locked memory is released.
     """

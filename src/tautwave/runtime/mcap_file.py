@@ -1,10 +1,9 @@
 """Write rows of float64 as an MCAP file, a chunk at a time.
 
 The `mcap` library's `Writer.add_message` costs 12-22 us a row in Python, too much beside a loop
-that simulates 20-50 times faster than real time. Here the messages of one chunk and their index
-are put together by NumPy in one go, 2 us a row of 60 floats and 4 us of 100, most of it zstd;
-every other record is the library's own.
-Format: https://mcap.dev/spec
+that simulates 20-50 times faster than real time. Here NumPy assembles the messages of one chunk and
+their index in one operation, 2 us for a row of 60 floats and 4 us for 100, most of it zstd; every
+other record is written by the library. Format: https://mcap.dev/spec
 """
 
 from __future__ import annotations
@@ -69,17 +68,13 @@ def record_type(columns: int) -> np.dtype[Any]:
 
 
 class McapFile:
-    """A recording being written. Every method may raise OSError; what is in the file stays whole.
+    """A recording being written. Every method may raise OSError; the rows in the file stay intact.
 
     Parameters
     ----------
-    path
-        Of the new file; an existing one is replaced.
-    columns
+    path The new file; an existing one is replaced. columns
         Names; one of them is `time_s`.
-    metadata, attachments
-        Go in front of the rows, so that a truncated file has them too.
-    epoch_ns
+    metadata, attachments Written before the rows, so that a truncated file has them too. epoch_ns
         Unix time [ns] of `time_s` = 0.
     """
 
@@ -184,7 +179,7 @@ class McapFile:
         )
 
     def finish(self, ending: Mapping[str, str]) -> None:
-        """Write how the run ended and the summary by which viewers seek; the file is complete."""
+        """Write how the run ended and the summary for seeking; the file is then complete."""
         self._add_metadata(ENDING_NAME, ending)
         data_end = _encode(DataEnd(data_section_crc=0))
         summary_at = self.length + len(data_end)
@@ -229,7 +224,7 @@ class McapFile:
         return records
 
     def _log_times(self, time_s: NDArray[np.float64]) -> NDArray[np.uint64]:
-        """Unix time [ns] of each row; a row whose time is not a number keeps its predecessor's."""
+        """Unix time [ns] of each row; a row whose time is NaN gets its predecessor's."""
         good = np.abs(time_s) < 4e9
         offsets = np.rint(np.where(good, time_s, 0.0) * 1e9).astype(np.int64)
         times = np.maximum(self._epoch_ns + offsets, 0)
@@ -280,7 +275,7 @@ class McapFile:
         self._write(encoded)
 
     def _write(self, content: bytes) -> None:
-        """Append whole records, or none of them: a disk that fills up leaves no half record."""
+        """Append whole records, or none: a full disk leaves no partial record."""
         rest = memoryview(content)
         try:
             while rest:

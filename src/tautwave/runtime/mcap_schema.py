@@ -47,7 +47,7 @@ def message_layout(columns: Sequence[str]) -> MessageLayout:
     """Nested definitions for dotted column names.
 
     Names that ROS does not allow are made legal (lower case, `[a-z][a-z0-9_]*`) and unique; the
-    names as they were travel in the file's metadata.
+    original names are in the file's metadata.
     """
     used_types = {MESSAGE, "Time", "Duration"}
     root = _Group(MESSAGE)

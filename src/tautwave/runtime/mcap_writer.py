@@ -1,10 +1,10 @@
 """The recording's other process: takes rows from the ring and writes the MCAP file.
 
-Started by `Recorder` as `python -m tautwave.runtime.mcap_writer`, configured on standard
-input, answering one line of JSON on standard output. The end of standard input means that the
-loop closed the recording or that it no longer exists, even by `kill -9`; either way the ring is
-drained and the file completed. A chunk's slots are given free only when the chunk is in the
-file, so killing this process loses at most the chunk it was about to write.
+Started by `Recorder` as `python -m tautwave.runtime.mcap_writer`, configured on standard input,
+answering one line of JSON on standard output. The end of standard input means that the loop closed
+the recording or died, even by `kill -9`; either way the ring is drained and the file completed. A
+chunk's slots are freed only when the chunk is in the file, so killing this process loses at most
+the chunk it was about to write.
 """
 
 from __future__ import annotations
@@ -24,12 +24,14 @@ from tautwave.runtime.ring import Ring
 
 IDLE_S = 0.05  # at 1 kHz a wake-up takes some 50 of 8192 rows
 BUSY_S = 0.002  # when the ring is a quarter full or more
-OLDEST_S = 1.0  # a chunk is not kept open longer than this, so slow loops are on disk, too
+OLDEST_S = (
+    1.0  # limit on how long a chunk stays open, so that rows of slow loops reach the disk too
+)
 NICE = 5
 
 
 class Order(NamedTuple):
-    """What `Recorder` asks for; travels as JSON with the attachments in base64."""
+    """The order from `Recorder`; sent as JSON with the attachments in base64."""
 
     descriptor: int
     path: str
@@ -48,7 +50,7 @@ class Order(NamedTuple):
 
     @classmethod
     def read(cls, descriptor: int) -> Order:
-        """The order on `descriptor`; EOFError when it ends too early."""
+        """Read the order from `descriptor`; EOFError if it ends early."""
         (length,) = struct.unpack("<Q", _read_exactly(descriptor, 8))
         fields: dict[str, Any] = json.loads(_read_exactly(descriptor, length))
         fields["columns"] = tuple(fields["columns"])
@@ -72,17 +74,17 @@ def write_error(path: str, error: OSError) -> str:
 
 
 def drain(order: Order, ring: Ring, file: Any) -> None:
-    """Move rows from the ring to the file until the loop has closed it or is gone."""
+    """Move rows from the ring to the file until the loop has closed it or died."""
     import numpy as np
 
     slots = np.frombuffer(ring.slots.cast("B"), np.float64).reshape(ring.rows, ring.width)
-    # The loop must be able to fill a chunk while the last one is still being written.
+    # The loop must be able to fill one chunk while another is being written.
     per_chunk = min(file.rows_per_chunk, max(1, ring.rows // 2))
     tail, mark = 0, -1.0
     delay = IDLE_S
     last_write = time.monotonic()
     while True:
-        # In this order: what was published before the end is seen after it.
+        # In this order, rows published before the end are seen after it.
         ended = _wait_for_end(order.parent, delay)
         head = ring.words[words.HEAD]
         delay = BUSY_S if head - tail >= ring.rows // 4 else IDLE_S
@@ -96,7 +98,7 @@ def drain(order: Order, ring: Ring, file: Any) -> None:
             if not _is_fresh(block, mark):
                 if ended:
                     raise RuntimeError(f"row {tail} of the ring was counted but never copied")
-                break  # its stores are seen later than its count: look again after the wait
+                break  # its stores became visible later than its count: check again after the wait
             file.append(block)
             mark = block[-1, -1]
             tail += count
@@ -116,7 +118,7 @@ def main() -> int:
     try:
         order = Order.read(0)
     except EOFError:
-        return 1  # the loop vanished before it said anything
+        return 1  # the loop died before it sent anything
     try:
         ring = Ring(order.rows, len(order.columns), order.descriptor)
         from tautwave.runtime.mcap_file import McapFile
@@ -168,7 +170,7 @@ def _wait_for_end(parent: int, delay: float) -> bool:
 
 
 def _leave_the_loop_alone() -> None:
-    """Ordinary priority on any core, deaf to the signals that end the loop."""
+    """Ordinary priority on any core, ignoring the signals that end the loop."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     try:

@@ -26,7 +26,7 @@ from tautwave.runtime.mcap_writer import Order
 from tautwave.runtime.ring import Ring
 
 READY_S = 30.0  # a loaded machine may need seconds to start an interpreter
-STUCK_S = 30.0  # without any progress at close; then the writer is killed
+STUCK_S = 30.0  # time without progress at close after which the writer is killed
 _FULL_POLL_S = 0.0005
 
 
@@ -59,7 +59,7 @@ class Recorder:
     lossless
         True: `commit` waits while the ring is full (virtual time). False: it drops and counts.
     rate_hz
-        Of the loop; recorded.
+        Rate of the loop; recorded.
     epoch_ns
         Unix time [ns] of `time_s` = 0; now by default.
 
@@ -125,7 +125,7 @@ class Recorder:
             epoch_ns=time.time_ns() if self._epoch_ns is None else self._epoch_ns,
             parent=os.getpid(),
         )
-        # The child finds the modules where this process found them, and not in its directory.
+        # The child imports modules from this process' path, not from its directory.
         where = os.pathsep.join(entry for entry in sys.path if entry)
         self._writer = subprocess.Popen(
             [sys.executable, "-m", "tautwave.runtime.mcap_writer"],
@@ -145,7 +145,7 @@ class Recorder:
             raise WritingError(error)
 
     def problem(self) -> str | None:
-        """One sentence once the writer has failed or died, else None. Not for every cycle."""
+        """One sentence once the writer has failed or died, else None. Too slow for every cycle."""
         if self._stats is not None:
             return self._stats.error
         if self._writer is None or self._writer.poll() is None:
@@ -206,7 +206,7 @@ class Recorder:
         return f"{written} rows are in {self.path}, which `tautwave report` still reads"
 
     def _converse(self, order: Order) -> str:
-        """Give the writer its order and wait for its answer; '' or why it cannot write."""
+        """Send the order to the writer and wait for its reply; '' or why it cannot write."""
         writer = self._writer
         assert writer is not None
         assert writer.stdin is not None
@@ -224,7 +224,7 @@ class Recorder:
         return f"the recording's writer ended with exit code {code} before it was ready"
 
     def _wait_for_room(self) -> bool:
-        """Sleep until the writer has taken rows out; False when there is no writer any more."""
+        """Sleep until the writer has taken rows out; False if the writer has gone."""
         ring, writer = self._ring, self._writer
         while ring.is_full:
             if writer is None or writer.poll() is not None:

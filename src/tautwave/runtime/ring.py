@@ -1,7 +1,7 @@
 """Hand rows of float64 from the loop to another process through shared memory.
 
-One process pushes, one drains; neither ever takes a lock. The memory is an anonymous `memfd`
-passed on by file descriptor: it has no name, so nothing is left in /dev/shm however the two end.
+One process pushes, one drains; neither ever takes a lock. The memory is an anonymous `memfd` passed
+by file descriptor: it has no name, so nothing is left in /dev/shm however the two end.
 
 A row is copied into its slot first and counted in `HEAD` afterwards, so the other side never sees
 half a row. x86 keeps the order in which one core's stores are seen, and between the copy and the
@@ -22,8 +22,8 @@ PAGE_BYTES = 4096
 # Index of each 64-bit word in the first page: one cache line apart, so that the two processes do
 # not fight over a line. HEAD, DROPPED and CLOSED belong to the loop, the others to the writer.
 HEAD = 0  # rows published
-DROPPED = 8  # rows that found the ring full
-CLOSED = 16  # 1: the loop is done and says so
+DROPPED = 8  # rows dropped because the ring was full
+CLOSED = 16  # 1: the loop has finished
 TAIL = 24  # rows taken out; their slots are free
 WRITTEN = 32  # rows in the file
 FILE_BYTES = 40  # length of the file
@@ -40,8 +40,7 @@ class Ring:
         Slots, at least 2.
     columns
         Floats in a row.
-    descriptor
-        Of an existing ring (the draining end); without it a new ring is made.
+    descriptor An existing ring (the draining end); without it a new ring is made.
     """
 
     def __init__(self, rows: int, columns: int, descriptor: int | None = None) -> None:
@@ -69,7 +68,7 @@ class Ring:
             self._touch_every_page(size)
 
     def push(self) -> bool:
-        """Hand `row` over; False when there was no room, and then it is counted as dropped."""
+        """Push `row`; False if there was no room, and it is then counted as dropped."""
         head = self._head
         if head >= self._limit and not self._find_room():
             self.dropped += 1
@@ -96,7 +95,7 @@ class Ring:
 
     @property
     def error(self) -> str:
-        """What the writer said last, or ''."""
+        """The writer's last message, or ''."""
         return bytes(self._error).rstrip(b"\0").decode("utf-8", "replace")
 
     @error.setter
@@ -105,13 +104,13 @@ class Ring:
         self._error[:] = encoded.ljust(ERROR_BYTES, b"\0")
 
     def close_descriptor(self) -> None:
-        """Give up the file descriptor; the memory stays mapped."""
+        """Close the file descriptor; the memory stays mapped."""
         if self.descriptor >= 0:
             os.close(self.descriptor)
             self.descriptor = -1
 
     def close(self) -> None:
-        """Give the memory back; from now on `push` drops. Other views onto `slots` must be gone."""
+        """Release the memory; from now on `push` drops. No other views onto `slots` may exist."""
         if self._closed:
             return
         self._closed = True

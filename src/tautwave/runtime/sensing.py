@@ -1,10 +1,11 @@
-"""The loop's first step: ask the buses, read the buses, count what is missing, late or broken.
+"""The loop's first step: request from and read the buses; count missing and late samples, faults.
 
-A bus with divisor n is asked in slots j n and read in slots j n + n - 1, so that an exchange may
-take n - 1 slots and the loop never waits for it; its driver's `poll`, if it has one, is called in
-the slots between, for an exchange of several questions. A request up to half a bus period late
-still belongs to its slot, as drives round; later, the exchange is left out. An answer that nobody
-fetched in its slot is thrown away: its pair has booked a missing sample by then.
+A bus with divisor n gets its request in slots j n and is read in slots j n + n - 1, so that an
+exchange may take n - 1 slots and the loop never waits for it; its driver's `poll`, if it has one,
+is called in the slots between, for an exchange of several requests. A request up to half a bus
+period late still belongs to its slot, since drives round; later, the exchange is skipped. A
+response that was not fetched in its slot is discarded: its pair has already booked a missing
+sample.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ class LoopBus(NamedTuple):
     divisor: int = 1
 
     def due(self, slot: int) -> bool:
-        """Return whether this slot is one in which the bus is read and written."""
+        """Return whether the bus is read and written in this slot."""
         return self.divisor == 1 or slot % self.divisor == self.divisor - 1
 
 
@@ -42,14 +43,14 @@ def bus_commands(control: Control, bus: LoopBus, first: int) -> list[AxisCommand
 
 
 class Sensing:
-    """Hands the controller the samples of every axis, and keeps what went wrong getting them.
+    """Passes the samples of every axis to the controller, and keeps the faults.
 
     Parameters
     ----------
     buses : sequence of LoopBus
-        Who is asked.
+        The buses.
     control : Control
-        Who gets the samples.
+        Receives the samples.
     """
 
     def __init__(self, buses: Sequence[LoopBus], control: Control) -> None:
@@ -58,7 +59,7 @@ class Sensing:
         self._firsts = first_axes(buses)
         self._control = control
         self._period_ns = control.run.period_ns
-        self._asked = [-1] * len(buses)  # exchange that a slow bus still has to answer
+        self._asked = [-1] * len(buses)  # pending exchange of a slow bus
         self._polls = [getattr(bus.driver, "poll", None) for bus in buses]
         self.fault: DeviceFault | None = None
         self.lost = [0] * axes
@@ -66,7 +67,7 @@ class Sensing:
         self.faults: list[Fault] = []
 
     def sense(self, slot: int, deadline_ns: int) -> None:
-        """Fill in the controller's samples; `fault` is what a device stopped the run for."""
+        """Fill in the controller's samples; `fault` is the device fault that stopped the run."""
         control = self._control
         for number, bus in enumerate(self._buses):
             if bus.divisor == 1:
@@ -83,7 +84,7 @@ class Sensing:
                     continue
                 asked, self._asked[number] = self._asked[number], -1
                 if asked < 0:
-                    # The loop was away when it should have asked: nobody's sample is missing.
+                    # The loop was too late to send the request: no sample counts as missing.
                     control.miss(first, len(bus.axes))
                     continue
             measured = bus.driver.read(deadline_ns)

@@ -26,14 +26,14 @@ class Histogram:
         self._total += 1
 
     def add_all(self, other: Histogram) -> None:
-        """Count what another histogram has counted."""
+        """Add the counts of another histogram."""
         for index, count in enumerate(other._counts):
             self._counts[index] += count
         self._total += other._total
         self._greatest_ns = max(self._greatest_ns, other._greatest_ns)
 
     def quantile_us(self, share: float) -> float:
-        """Return the upper edge of the bin below which `share` of all durations lie [us]."""
+        """Return the upper edge [us] of the bin that contains the quantile `share`."""
         wanted = share * self._total
         seen = 0
         for index, count in enumerate(self._counts):

@@ -31,11 +31,11 @@ def advance_many(
     period : float
         T [s].
     ports : (steps, p)
-        Where the ports are [m].
+        Positions of the ports [m].
     forced : (f,) ints
-        Masses that are pushed.
+        Masses with an external force.
     pushes : (steps, f)
-        By how much [N].
+        External forces [N].
     efforts : (steps, p)
         Filled with the resisting efforts [N].
 

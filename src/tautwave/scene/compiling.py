@@ -1,7 +1,7 @@
 """From a network to flat arrays: nodes are masses, then ports, then grounds; links sorted by law.
 
 The same arrays are lists of floats live and NumPy arrays in compiled code (`as_arrays`).
-Coordinates are indexed by node; three dimensions would be three such arrays beside each other.
+Coordinates are indexed by node.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ class Arrays(NamedTuple):
     Sizes: n masses, p ports, g grounds, N = n + p + g nodes, l links. `count` is (n, p, l,
     contacts). Constant: `mass`, its inverse `mobility`, `drag`, `weight` (n); `kind`, `a`, `b`,
     `k`, `z`, `rest`, `e`, `loss`, `limit`, `scale` (l); `links_first` (n + 1) and `links_of`: links
-    of each mass; `islands` and `island_first`: masses to be solved together, `alone`: the others.
+    of each mass; `islands` and `island_first`: masses solved together, `alone`: the others.
 
-    State: `x`, `v` (N), `force` (N) of the links on the nodes, `pushed` (n) outside force; of each
+    State: `x`, `v` (N), `force` (N) of the links on the nodes, `pushed` (n) external force; of each
     link `tension`, `stretch`, `slope`, `set_in`. Books [J]: `stored`, `lost`, `made`, `numeric`
     (l), `dragged`, `pumped`, `mass_numeric` (n), `port_work` (p). `work` is scratch, (8, n) flat.
     """
@@ -101,7 +101,7 @@ class Compiled(NamedTuple):
 def compile_network(network: Network, ports_at: Sequence[float] = ()) -> Compiled:
     """Return a network as lists, at rest in its initial state.
 
-    Of identical parallel links the first carries the strength of all, the others none.
+    The first of several identical parallel links carries the strength of all, the others none.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def compile_network(network: Network, ports_at: Sequence[float] = ()) -> Compile
 
 
 def _end_mass(string: String) -> Mass:
-    """Return the node of a string: both lines resist with their impedance, nothing weighs."""
+    """Return the node of a string: it resists with both lines' impedance, and has no mass."""
     return Mass(string.name, 0.0, damping=2.0 * string.impedance)
 
 

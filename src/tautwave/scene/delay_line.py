@@ -1,7 +1,7 @@
 """Constant-delay line between two sites in one process.
 
-Two rings of floats, one per direction. A slot that the loop skipped still passes: the line
-advances, nothing enters it (a null wave, which is passive) and what leaves it is handed over.
+Two rings of floats, one per direction. The line also advances in a slot that the loop skipped:
+nothing enters it (a null wave, which is passive), and the leaving waves are handed over.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class DelayLine:
     Attributes
     ----------
     absorbed, stored : float
-        Energy that went in less what came out [J], and energy on the line [J].
+        Energy in minus energy out [J], and energy on the line [J].
     """
 
     __slots__ = ("_at", "_half_period", "_samples", "_to_master", "_to_slave", "absorbed", "stored")
@@ -56,13 +56,13 @@ class DelayLine:
         return at_master, at_slave
 
     def fill(self, from_master: float, from_slave: float) -> None:
-        """Put the same two values in every place of the line, without energy."""
+        """Fill the whole line with the same two values, without booking energy."""
         for index in range(self._samples):
             self._to_slave[index] = from_master
             self._to_master[index] = from_slave
 
     def recount(self) -> float:
-        """Return the energy on the line [J], summed from the waves that are on it now."""
+        """Return the energy on the line [J], summed over the waves on it."""
         total = 0.0
         for wave in self._to_slave:
             total += wave * wave

@@ -1,4 +1,4 @@
-"""A network at run time, live: ports in, efforts out, once a period. No NumPy on the way."""
+"""A network at run time, live: ports in, efforts out, once a period. Without NumPy."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SCHEMES = ("exact", "symplectic", "rk4", "discrete_gradient")
 
 
 class SceneModel:
-    """A network that is advanced a period at a time.
+    """A network that is advanced one period at a time.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class SceneModel:
     Raises
     ------
     ConfigError
-        The scheme cannot do this network.
+        The scheme does not support this network.
     """
 
     def __init__(
@@ -48,7 +48,9 @@ class SceneModel:
         if network.strings and scheme != "discrete_gradient":
             raise ConfigError("a string needs scheme discrete_gradient: its node has no mass")
         if scheme == "rk4" and any(link.kind == "plastic" for link in network.links):
-            raise ConfigError("rk4 does not do plastic links: use discrete_gradient or symplectic")
+            raise ConfigError(
+                "rk4 does not support plastic links: use discrete_gradient or symplectic"
+            )
         self.network = network
         self.scheme = scheme
         self.period = period
@@ -58,7 +60,7 @@ class SceneModel:
         self.reset([0.0] * len(network.ports))
 
     def reset(self, positions: Sequence[float]) -> None:
-        """Put everything back to the start, with the ports at `positions` [m]."""
+        """Reset to the start, with the ports at `positions` [m]."""
         self.compiled: Compiled = compile_network(self.network, positions)
         self.arrays = arrays = self.compiled.arrays
         if self.scheme == "exact" and not self._islands:
@@ -75,13 +77,12 @@ class SceneModel:
         self.start = self.booked = self.ledger()
 
     def advance(self, positions: Sequence[float], pushes: Sequence[float] = ()) -> list[float]:
-        """Take where the ports are [m] and what pushes each forced mass [N]; step; give efforts.
+        """Take port positions [m] and external forces [N]; step; return efforts.
 
         Returns
         -------
         list of float
-            What the network pulls each port back with [N], along the port's positive direction
-            negative: a resisting effort, to be held until the next call.
+            Resisting effort of the network on each port [N], to be held until the next call.
         """
         s = self.arrays
         period = self.period
@@ -120,7 +121,7 @@ class SceneModel:
         return [-s.force[first + port] for port in self._ports]
 
     def resting_efforts(self) -> list[float]:
-        """Return what springs and contacts pull the ports with where everything stands [N]."""
+        """Return the static forces of springs and contacts on the ports [N]."""
         s = self.arrays
         efforts = [0.0] * (s.count[0] + s.count[1])
         for i in range(s.count[2]):
@@ -133,11 +134,11 @@ class SceneModel:
         return efforts[self._first_port :]
 
     def ledger(self) -> Ledger:
-        """Return the energies now; what a string's node gives counts as stored on its lines."""
+        """Return the present energies; what a string's node gave is stored on its lines."""
         return self.with_strings(take_ledger(self.arrays))
 
     def with_strings(self, ledger: Ledger) -> Ledger:
-        """Return a ledger of the network alone with its strings in it."""
+        """Return a network's ledger with its strings included."""
         for at, string in enumerate(self.strings):
             node = len(self.network.masses) + at
             ledger = ledger._replace(
@@ -148,9 +149,9 @@ class SceneModel:
         return ledger
 
     def residual(self) -> float:
-        """Return by how much the account has not closed since the start [J].
+        """Return the residual of the account since the start [J].
 
-        With the symplectic scheme the account is a step behind: ask before the ports move on.
+        With the symplectic scheme the account is a step behind: call it before the ports move.
         """
         if self.scheme == "symplectic":
             pull_links(self.arrays)

@@ -1,8 +1,8 @@
-"""A network as plain data: nodes by name, links between them. Nothing here computes a motion.
+"""A network as plain data: nodes by name, links between them. No motion is computed here.
 
-Node names are unique over masses, ports and grounds; `ground` is always there, at 0. `place` says
-where a part stands in the file it came from, for messages. 1-D: one coordinate a node; the arrays
-made of it (`compiling`) are indexed by node, so that three coordinates are three more arrays.
+Node names are unique over masses, ports and grounds; `ground` at 0 always exists. `place` is the
+line of an element in its file, for messages. 1-D: one coordinate a node; the arrays made of it
+(`compiling`) are indexed by node, so that three coordinates are three more arrays.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ KINDS = (*ELASTIC, "damper", "friction", "bow", *ACTIVE)
 
 
 class Mass(NamedTuple):
-    """A mass [kg], where it is at the start [m, m/s], and its damping to ground [N s/m]."""
+    """A mass [kg], its initial position and velocity [m, m/s], its damping to ground [N s/m]."""
 
     name: str
     mass: float
@@ -32,7 +32,7 @@ class Link(NamedTuple):
     """A link from node `a` to node `b`; stretch is x_a - x_b - rest. See `models.interaction`.
 
     `kind` is one of `KINDS`; `limit` is the yield or friction force [N] or a source's power [W];
-    `loss` Hunt and Crossley's [s/m]; `scale` the speed [m/s] at which friction turns over. Between
+    `loss` Hunt and Crossley's [s/m]; `scale` the speed [m/s] at which friction saturates. Between
     points of three dimensions (`scene3d`) stretch is their distance less `rest`, along a
     `normal` if there is one: a plane.
     """
@@ -52,7 +52,7 @@ class Link(NamedTuple):
 
 
 class String(NamedTuple):
-    """A string seen at one point of it, as two transmission lines with an end each.
+    """A string at its contact point, as two terminated transmission lines.
 
     `impedance` [N s/m] is sqrt(tension * mass per length). A wave needs `near` and `far` samples
     to an end and comes back after 2 near + 2 or 2 far + 2, turned over, times `reflection`, through
@@ -70,8 +70,8 @@ class String(NamedTuple):
 class Network(NamedTuple):
     """Masses, links, ports (moved from outside) and grounds (name, position [m]).
 
-    `forced` are masses an outside force acts on, `recorded` those somebody wants to see;
-    `gravity` pulls every mass down by `gravity` [m/s**2].
+    `forced` are masses with an external force, `recorded` those to record; `gravity` [m/s**2] acts
+    downward on every mass.
     """
 
     masses: tuple[Mass, ...]
@@ -90,7 +90,7 @@ class Network(NamedTuple):
 
 
 def problems_of(network: Network) -> list[str]:
-    """Return what is wrong with a network, a sentence each: names, zero masses, loose ends."""
+    """Return the mistakes of a network, a sentence each: names, zero masses, loose ends."""
     return list(_problems(network))
 
 
@@ -101,10 +101,10 @@ def _problems(network: Network) -> Iterator[str]:
     if len(known) < len(names):
         for name in sorted(known):
             if names.count(name) > 1:
-                yield f"node {name!r} is there twice; give one of them another name"
+                yield f"node {name!r} exists twice; rename one of them"
     for mass in network.masses:
         if not mass.mass > 0.0:
-            yield f"mass {mass.name!r}: a mass is greater than 0 (got {mass.mass:g})"
+            yield f"mass {mass.name!r}: a mass must be greater than 0 (got {mass.mass:g})"
     touched: set[str] = set()
     for link in network.links:
         if link.kind not in KINDS:

@@ -1,10 +1,10 @@
-"""Parallel links that are alike: one of twice the strength, to the bit.
+"""Identical parallel links: one of twice the strength, to the bit.
 
 Every law is proportional to its strengths (stiffness, damping, greatest force or power), so that
 doubling them doubles tension, slope and energy exactly, short of under- and overflow. A network's
-step adds the forces of alike links between the same two nodes to each other before it adds them to
-the nodes: two and two, which is exact, and then again what has become alike. That sum is the
-tension of the one link this module makes of them; three alike links are a double and a single one.
+step adds the forces of identical links between the same two nodes before it adds them to the nodes:
+in pairs, which is exact, then in pairs of pairs. That sum is the tension of the single link this
+module replaces them by; three identical links become a double and a single one.
 """
 
 from __future__ import annotations
@@ -15,10 +15,9 @@ from tautwave.scene.network import Link
 
 
 def join_links(links: Sequence[Link]) -> list[tuple[Link, str]]:
-    """Return every link with its strength after joining, and the name of what took it over.
+    """Return every link with its strength after merging, and the link it was merged into.
 
-    A link that was taken over has no strength left; its name there is "" for all others. What
-    remains is joined no further: doing it again changes nothing.
+    A merged link has no strength left; the name is "" for all others. The operation is idempotent.
     """
     result = list(links)
     into: dict[int, int] = {}
@@ -49,7 +48,7 @@ def _scaled(link: Link, factor: float) -> Link:
 
 
 def _last(into: dict[int, int], at: int) -> int:
-    """Return who took a link over in the end: whoever took it may have been taken over itself."""
+    """Return the link that a link was finally merged into, following chains of merges."""
     while at in into:
         at = into[at]
     return at

@@ -1,9 +1,9 @@
-"""What a network can do without: parts nobody can feel or see, and links that are one link.
+"""Remove masses that no port can feel and no recorder sees, and merge identical links.
 
-A mass counts if some path of links leads from it to a port or to a recorded mass; grounds are no
-path, since they do not move. What is left out moves by itself and changes no bit of the rest.
-Parallel links that are alike become one of twice the strength, where no number changes by a bit:
-see `strands`.
+A mass is kept if a path of links leads from it to a port or to a recorded mass; grounds are not
+part of a path, since they do not move. The removed masses move independently and change no bit of
+the rest. Identical parallel links become one of twice the strength if no number changes by a bit:
+see `parallel_links`.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from tautwave.scene.parallel_links import join_links
 
 
 class Pruned(NamedTuple):
-    """A network of what remains, and a sentence for each part that was left out or merged."""
+    """The remaining network, and a sentence for each element left out or merged."""
 
     network: Network
     left_out: tuple[str, ...]
 
 
 def prune(network: Network, *, merge: bool = True) -> Pruned:
-    """Return the smallest network that no port and no recorder can tell from the whole.
+    """Return the smallest network that is equivalent at all ports and recorded masses.
 
-    Every number that remains is the same to the bit, with `merge` and without.
+    All remaining numbers are identical to the bit, with `merge` and without.
     """
     left_out: list[str] = []
     links = network.links
@@ -37,7 +37,8 @@ def prune(network: Network, *, merge: bool = True) -> Pruned:
     waiting = list(reached)
     while waiting:
         for other in near.get(waiting.pop(), ()):
-            # A port's motion is given: it hands nothing on, but whatever it touches is felt there.
+            # A port's motion is prescribed: it transmits nothing, but feels everything linked to
+            # it.
             if other not in reached and other not in fixed:
                 reached.add(other)
                 waiting.append(other)
@@ -55,7 +56,7 @@ def prune(network: Network, *, merge: bool = True) -> Pruned:
     if merge:
         joined = join_links(kept)
         merged = tuple(link for link, into in joined if not into)
-        merges = [f"link {link.name}: one with {into}, exactly" for link, into in joined if into]
+        merges = [f"link {link.name}: merged with {into}, exactly" for link, into in joined if into]
     used = {end for link in merged for end in (link.a, link.b)}
     grounds = tuple(ground for ground in network.grounds if ground[0] in used)
     left_out += [

@@ -1,4 +1,4 @@
-"""Outside forces of a scene: tones, noise and taps from a seed, and sounds."""
+"""External forces of a scene: tones, noise and taps from a seed, and sounds."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def force_signal(
     cycles : int
         Samples.
     seed : tuple of int
-        Of the random ones.
+        Seed of the random ones.
     """
     time = np.arange(cycles) / rate_hz
     amplitude = float(keys["amplitude"])
@@ -58,7 +58,7 @@ def sound_signal(
     channel = keys["channel"]
     one = samples.mean(axis=1) if channel == "mono" else samples[:, channel - 1]
     if sound_hz != rate_hz:
-        # Its import takes long; a sound at the scene's own rate does without.
+        # Slow to import, and not needed for a sound at the scene's own rate.
         from scipy.signal import resample_poly
 
         ratio = Fraction(rate_hz / sound_hz).limit_denominator(10_000)

@@ -1,9 +1,9 @@
-"""A string at the point where it is touched: two lines of the same kind as the wave coupling's.
+"""A string at its contact point: two lines of the same kind as the wave coupling's.
 
 The point moves at v; a line of impedance b gets the wave u = sqrt(2 b) v - a where a arrives, and
-resists with b v - sqrt(2 b) a. So the point is a node of the network without mass, with the
-damping 2 b, pushed by sqrt(2 b)(a_near + a_far): whatever touches it is solved with it, and what
-it gives is on the lines, to the bit of the account. No force: the waves pass through unchanged.
+resists with b v - sqrt(2 b) a. So the point is a node of the network without mass, with the damping
+2 b, pushed by sqrt(2 b)(a_near + a_far): links to it are solved together with it, and the energy it
+gives is on the lines, exactly. Without a force the waves pass through unchanged.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from tautwave.scene.network import String
 
 
 class LineEnd:
-    """One half of a string: a line to an end that turns waves over, and loses some."""
+    """One half of a string: a line to an end that inverts waves, with losses."""
 
     __slots__ = (
         "_back",
@@ -75,18 +75,18 @@ class TouchedString:
         self._ends = (LineEnd(string, string.near, period), LineEnd(string, string.far, period))
 
     def push(self, s: Arrays) -> None:
-        """Before a step: let what arrives push the node."""
+        """Before a step: apply the arriving waves to the node."""
         near, far = self._ends
         s.pushed[self._node] = self._root * (near.arriving + far.arriving)
 
     def carry_on(self, s: Arrays) -> None:
-        """After a step: send what the node's motion makes of it."""
+        """After a step: send the waves that result from the node's motion."""
         motion = self._root * s.v[self._node]
         for end in self._ends:
             end.send(motion - end.arriving)
 
     def absorbed(self, s: Arrays) -> float:
-        """Energy that the node has given to both lines [J]."""
+        """Energy from the node to both lines [J]."""
         return float(s.dragged[self._node] - s.pumped[self._node])
 
     @property

@@ -32,8 +32,8 @@ class Arrays3d(NamedTuple):
     and `island_first`: masses to be solved together; `axis_port`, `axis_way` (3 q), `origin` (3 p).
 
     State: `x`, `v`, `force` (3 N), `pushed` (3 n); of each link `tension`, its elastic share
-    `elastic`, `stretch`, `way` and `apart` (3 l: where it pulls, and from b to a), `set_in`, and
-    of its derivative `bend` (3 l) and `side`. Books [J] as in one dimension.
+    `elastic`, `stretch`, `way` and `apart` (3 l: direction of the pull, and vector from b to a),
+    `set_in`, and of its derivative `bend` (3 l) and `side`. Books [J] as in one dimension.
     """
 
     count: Numbers
@@ -189,7 +189,7 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
 
 
 def port_places(network: Network3d, axes_at: Sequence[float]) -> list[Vector]:
-    """Return where the ports are when their axes are at `axes_at` [m]."""
+    """Return the positions of the ports with their axes at `axes_at` [m]."""
     found = []
     given = iter(axes_at)
     for port in network.ports:
@@ -199,18 +199,6 @@ def port_places(network: Network3d, axes_at: Sequence[float]) -> list[Vector]:
             where = [one + moved * part for one, part in zip(where, unit(way), strict=True)]
         found.append((where[0], where[1], where[2]))
     return found
-
-
-def as_arrays3d(arrays: Arrays3d) -> Arrays3d:
-    """Return a copy for compiled code: int64 and float64 arrays."""
-    import numpy as np
-
-    return Arrays3d(
-        *(
-            np.array(values, np.int64 if name in INDEX_FIELDS else np.float64)
-            for name, values in zip(Arrays3d._fields, arrays, strict=True)
-        )
-    )
 
 
 def _flat(vectors: Sequence[Sequence[float]]) -> list[float]:

@@ -1,4 +1,4 @@
-"""The energy of a network of points, in the account of `tautwave.scene.ledger`."""
+"""The energy of a 3D network, in the account of `tautwave.scene.ledger`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from tautwave.scene3d.arrays import Arrays3d
 
 
 def take_ledger3d(s: Arrays3d) -> Ledger:
-    """Return the energies of a network as it is now."""
+    """Return the present energies of a network."""
     return Ledger(*tally3d(s))
 
 

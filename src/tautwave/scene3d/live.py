@@ -1,4 +1,4 @@
-"""A network of points at run time: positions of the axes in, their efforts out, once a period."""
+"""A 3D network at run time: positions of the axes in, their efforts out, once per period."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SPACE_SCHEMES = ("symplectic", "discrete_gradient")
 
 
 class Model3d:
-    """A network of points that is advanced a period at a time, as a `SceneModel` is.
+    """A 3D network that is advanced one period at a time, like a `SceneModel`.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class Model3d:
         self.reset([0.0] * len(self._axes))
 
     def reset(self, positions: Sequence[float]) -> None:
-        """Put everything back to the start, with the axes of the ports at `positions` [m]."""
+        """Reset to the start, with the axes of the ports at `positions` [m]."""
         self.compiled: Compiled3d = compile_network3d(self.network, positions)
         self.arrays = self.compiled.arrays
         self._forced = [
@@ -71,12 +71,12 @@ class Model3d:
         self.start = self.booked = self.ledger()
 
     def advance(self, positions: Sequence[float], pushes: Sequence[float] = ()) -> list[float]:
-        """Take where the axes are [m] and every outside force [N]; step; give the efforts.
+        """Take axis positions [m] and external forces [N]; step; return the efforts.
 
         Returns
         -------
         list of float
-            What resists each axis [N], to be held until the next call.
+            Resisting effort on each axis [N], to be held until the next call.
         """
         s = self.arrays
         period = self.period
@@ -105,7 +105,7 @@ class Model3d:
         return [axis_effort(s, axis) for axis in self._axes]
 
     def resting_efforts(self) -> list[float]:
-        """Return what springs and contacts resist the axes with where everything stands [N]."""
+        """Return the static efforts of springs and contacts on the axes [N]."""
         s = self.arrays
         efforts = [0.0] * len(self._axes)
         ports = self._ports
@@ -124,13 +124,13 @@ class Model3d:
         return efforts
 
     def ledger(self) -> Ledger:
-        """Return the energies now."""
+        """Return the present energies."""
         return take_ledger3d(self.arrays)
 
     def residual(self) -> float:
-        """Return by how much the account has not closed since the start [J].
+        """Return the residual of the account since the start [J].
 
-        With the symplectic scheme the account is a step behind: ask before the ports move on.
+        With the symplectic scheme the account is a step behind: call it before the ports move.
         """
         if self.scheme == "symplectic":
             set_forces3d(self.arrays)

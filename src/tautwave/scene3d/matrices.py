@@ -1,8 +1,8 @@
-"""A network of points near where it stands: mass, damping and stiffness matrix of its linear part.
+"""Mass, damping and stiffness matrices of a 3D network's linear part, near its present position.
 
 A spring of stiffness k, stretched to the length r with the tension t, has the stiffness k along its
-line and t/r across it: less than k while it is not pressed, whatever way it points. A damper acts
-along its line. Power laws, contacts, plastic links and friction are no part of this.
+line and t/r across it: less than k while it is not compressed, whatever its direction. A damper
+acts along its line. Power laws, contacts, plastic links and friction are not included.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Matrix = npt.NDArray[np.float64]
 class Tangent(NamedTuple):
     """Over the coordinates of masses and ports, 3 (n + p): `damping`, `stiffness`; `mass` (3 n).
 
-    `ways` (3 p, q) turns positions of the axes into those of the ports.
+    `ways` (3 p, q) maps positions of the axes to those of the ports.
     """
 
     mass: Matrix
@@ -45,7 +45,7 @@ def tangent(s: Arrays3d) -> Tangent:
             continue
         r = length_of(s, i)
         along = np.outer(link_way(s, i), link_way(s, i))
-        # Without a rest length the line makes no difference, not even where it has none.
+        # Without a rest length the direction is irrelevant, even at zero length.
         across = s.k[i] if s.rest[i] == 0.0 else s.k[i] * (r - s.rest[i]) / r if r > 0.0 else 0.0
         of_link = (s.k[i] - across) * along + across * np.eye(3)
         for row, one in ((s.a[i], 1.0), (s.b[i], -1.0)):
@@ -62,11 +62,11 @@ def tangent(s: Arrays3d) -> Tangent:
 
 
 def symplectic_share(s: Arrays3d, period: float) -> float:
-    """Return how much of its limit the symplectic scheme may need in any posture; 1 is the limit.
+    """Return the share of the symplectic scheme's stability limit used in the worst posture.
 
-    That is k T**2/m + 2 z T/m over 4, for all links at once (`steepest`), closed, sliding and side
-    by side: no posture is stiffer. Springs by a power and contacts by a power on a plane have no
-    greatest stiffness and are left out.
+    That is k T**2/m + 2 z T/m over 4, for all links at once (`steepest`), with contacts closed,
+    links sliding and in parallel: no posture is stiffer. Nonlinear springs and nonlinear contacts
+    with a plane have no greatest stiffness and are left out.
     """
     count = s.count[0]
     whole = np.zeros((count, count))
@@ -89,9 +89,9 @@ def symplectic_share(s: Arrays3d, period: float) -> float:
 
 
 def steepest(s: Arrays3d, i: int) -> tuple[float, float]:
-    """Return the greatest stiffness [N/m] and damping [N s/m] of a link, where it has them.
+    """Return the greatest stiffness [N/m] and damping [N s/m] of a link, if they exist.
 
-    Two balls are pressed together by their radii at most; friction is steepest at rest.
+    Two balls overlap at most by their radii; friction is steepest at rest.
     """
     kind, k, e = s.kind[i], s.k[i], s.e[i]
     if kind in (SPRING, PLASTIC):

@@ -1,7 +1,7 @@
-"""A network of points in three dimensions as plain data, its pruning, and what is wrong with it.
+"""A network of points in three dimensions as plain data, its pruning, and its mistakes.
 
-Links are those of `tautwave.scene.network`; names follow the same rules. What depends on names
-alone (pruning, loose ends) is asked of the one-dimensional network with the same names.
+Links are those of `tautwave.scene.network`; names follow the same rules. Pruning and loose ends
+depend on names alone, and use the one-dimensional network with the same names.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ WAYS: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class Mass3d(NamedTuple):
-    """A mass [kg], where it is at the start [m, m/s], and its damping to ground [N s/m]."""
+    """A mass [kg], its initial position and velocity [m, m/s], its damping to ground [N s/m]."""
 
     name: str
     mass: float
@@ -28,7 +28,7 @@ class Mass3d(NamedTuple):
 
 
 class Port3d(NamedTuple):
-    """A point that axes of a device move, each along a direction of length 1 (`unit`).
+    """A point moved by axes of a device, each along a unit vector (`unit`).
 
     It is at `offset` [m] plus the sum of each axis' position times its direction.
     """
@@ -42,7 +42,7 @@ class Port3d(NamedTuple):
 class Network3d(NamedTuple):
     """Masses, links, ports and grounds (name, position [m]); `gravity` [m/s**2] is a vector.
 
-    `forced` are masses and the direction of length 1 in which an outside force acts on them.
+    `forced` are masses and the unit vectors of their external forces.
     """
 
     masses: tuple[Mass3d, ...]
@@ -60,14 +60,14 @@ class Network3d(NamedTuple):
 
 
 class Pruned3d(NamedTuple):
-    """A network of what remains, and a sentence for each part that was left out or merged."""
+    """The remaining network, and a sentence for each element left out or merged."""
 
     network: Network3d
     left_out: tuple[str, ...]
 
 
 def unit(vector: Vector) -> Vector:
-    """Return a vector with length 1, or nothing where it has none."""
+    """Return the unit vector, or nothing for a zero vector."""
     size = math.sqrt(sum(part * part for part in vector))
     return (vector[0] / size, vector[1] / size, vector[2] / size) if size > 0.0 else ORIGIN
 
@@ -85,7 +85,7 @@ def skeleton(network: Network3d) -> Network:
 
 
 def problems_of_network3d(network: Network3d) -> list[str]:
-    """Return what is wrong with a network, a sentence each."""
+    """Return the mistakes of a network, a sentence each."""
     problems = problems_of(skeleton(network))
     for port in network.ports:
         if not 1 <= len(port.axes) <= 3 or len(port.directions) < len(port.axes):
@@ -100,9 +100,9 @@ def problems_of_network3d(network: Network3d) -> list[str]:
 
 
 def prune_network3d(network: Network3d, *, merge: bool = True) -> Pruned3d:
-    """Return the smallest network that no port and no recorder can tell from the whole.
+    """Return the smallest network that is equivalent at all ports and recorded masses.
 
-    See `tautwave.scene.pruning`: every number that remains is the same to the bit.
+    See `tautwave.scene.pruning`: all remaining numbers are identical to the bit.
     """
     small, left_out = prune(skeleton(network), merge=merge)
     masses = {mass.name for mass in small.masses}

@@ -1,11 +1,12 @@
-"""The discrete-gradient step for points: energy, momentum and angular momentum at any stiffness.
+"""The discrete-gradient step in 3D: keeps energy, momentum and angular momentum at any stiffness.
 
 Over a step every mass moves by s at the mean velocity s/T (see `tautwave.scene.schemes.gradient`),
 and (2 m / T**2 + c / T)(s - free) + pulls(s) = 0 is solved an island at a time: Newton, its
 equations by stabilised biconjugate gradients (the derivative of a turning pull is not symmetric),
-Jacobi preconditioned, backtracking. Where that does not arrive, the step is cut in halves, down to
-a 64th: in a short one mass outweighs every smooth pull. The last resort, for a 64th that is not
-solved, is s = 0: all of an island turn round on the spot, as at a wall. That makes no energy.
+Jacobi preconditioned, backtracking. If that does not converge, the step is halved, down to a 64th:
+in a short step inertia dominates every smooth force. The last resort, for a 64th that does not
+converge, is s = 0: all velocities of the island are reversed in place, as at a wall. That creates
+no energy.
 
 Scratch rows of `work`, 3 n numbers each: 0 movement, 1 residual, 2 diagonal, 3 direction, 4 rest,
 5 Jacobian times 10, 6 correction, 7 movement without links, 8 first rest, 9 as 5 for the second
@@ -24,11 +25,11 @@ PIECES = 64
 _DONE = 5e-16
 _FLOOR = 1e-12
 _INNER = 1e-8
-"""Squared: how far the inner equations are solved, as a share of where they began."""
+"""Squared tolerance of the inner equations, relative to their initial residual."""
 
 
 def step_gradient3d(s: Arrays3d, period: float) -> int:
-    """Advance all masses by one step [s]; `force` then holds the mean of what links pulled in it.
+    """Advance all masses by one step [s]; `force` then holds the mean force of the links in it.
 
     Returns
     -------
@@ -65,7 +66,7 @@ def step_gradient3d(s: Arrays3d, period: float) -> int:
 
 
 def _owned(s: Arrays3d, i: int, m: int) -> bool:
-    """Whether mass `m` is the one of its two ends that visits link `i`."""
+    """Whether mass `m` is the end that processes link `i`."""
     return bool(s.a[i] == m or s.a[i] >= s.count[0])
 
 
@@ -230,12 +231,12 @@ def correct(s: Arrays3d, first: int, last: int, period: float) -> None:
 
 
 def solve_step3d(s: Arrays3d, first: int, last: int, period: float) -> tuple[int, bool]:
-    """Find the movement of the masses islands[first:last]; moves nothing.
+    """Find the movement of the masses islands[first:last] without moving them.
 
     Returns
     -------
     tuple of int and bool
-        Newton's iterations, and whether they arrived.
+        Newton's iterations, and whether they converged.
     """
     n = 3 * s.count[0]
     work = s.work
@@ -258,7 +259,7 @@ def solve_step3d(s: Arrays3d, first: int, last: int, period: float) -> tuple[int
         if worst < before:
             continue
         back = 1.0
-        for _ in range(10):  # too far: back by half, until it pays
+        for _ in range(10):  # overshoot: halve the step until the residual falls
             if before <= _FLOOR * scale:
                 break
             back = 0.5 * back
@@ -286,7 +287,7 @@ def _move(s: Arrays3d, first: int, last: int, share: float) -> None:
 
 
 def turn_round(s: Arrays3d, first: int, last: int, period: float) -> None:
-    """Let the masses islands[first:last] stay where they are, so that their speeds turn over."""
+    """Keep the masses islands[first:last] in place, which reverses their velocities."""
     for at in range(first, last):
         m = 3 * s.islands[at]
         for c in range(m, m + 3):
@@ -295,7 +296,7 @@ def turn_round(s: Arrays3d, first: int, last: int, period: float) -> None:
 
 
 def commit_step3d(s: Arrays3d, first: int, last: int, period: float, share: float) -> None:
-    """Move the masses islands[first:last] by what was found, and book their links."""
+    """Move the masses islands[first:last] by the solution, and book their links."""
     for at in range(first, last):
         m = s.islands[at]
         for c in range(3 * m, 3 * m + 3):

@@ -1,10 +1,9 @@
-"""The standard mass-interaction step for points: symplectic Euler, with its energy books.
+"""The standard mass-interaction step in 3D: symplectic Euler, with its energy books.
 
-As `tautwave.scene.schemes.stepping` in one dimension. A link's force is held over a step as a
-vector, so what it gives is tension times its direction times the ends' movement; what holding it
-creates or takes, and what turning it creates or takes, is `numeric`. Central forces and the order
-of this scheme keep momentum and angular momentum. Ends on top of each other have no direction: no
-force.
+The counterpart of `tautwave.scene.schemes.stepping`. A link's force is held over a step as a
+vector, so its work is tension times its direction times the ends' movement; the energy that holding
+and turning it creates or takes is `numeric`. Central forces and the order of this scheme keep
+momentum and angular momentum. Coincident ends have no direction and no force.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from tautwave.scene3d.arrays import Arrays3d
 
 
 def set_forces3d(s: Arrays3d) -> None:
-    """Book what every link did since the last call, and set the forces at the present state."""
+    """Book the work of every link since the last call, and set the forces at the present state."""
     x, v, force, way, apart = s.x, s.v, s.force, s.way, s.apart
     for at in range(3 * (s.count[0] + s.count[1])):
         force[at] = 0.0
@@ -133,7 +132,7 @@ def step_network3d(s: Arrays3d, period: float) -> None:
 
 
 def place_port(s: Arrays3d, port: int, axes_at: list[float], period: float) -> None:
-    """Put a port where its axes [m] are; its speed is that of getting there in a period."""
+    """Put a port at its axes' positions [m]; its speed is the displacement over a period."""
     node = 3 * (s.count[0] + port)
     for c in range(3):
         where = s.origin[3 * port + c]
@@ -145,7 +144,7 @@ def place_port(s: Arrays3d, port: int, axes_at: list[float], period: float) -> N
 
 
 def move_port3d(s: Arrays3d, port: int, axes_at: list[float], period: float) -> None:
-    """Move a port to where its axes are; books the work of the force that acted meanwhile."""
+    """Move a port to its axes' positions; book the work of the force that acted meanwhile."""
     node = 3 * (s.count[0] + port)
     before = (s.x[node], s.x[node + 1], s.x[node + 2])
     place_port(s, port, axes_at, period)
@@ -154,7 +153,7 @@ def move_port3d(s: Arrays3d, port: int, axes_at: list[float], period: float) -> 
 
 
 def axis_effort(s: Arrays3d, axis: int) -> float:
-    """Return what resists an axis [N]: the force on its port, against its direction."""
+    """Return the resisting effort on an axis [N]: the force on its port, against its direction."""
     node = 3 * (s.count[0] + s.axis_port[axis])
     effort = 0.0
     for c in range(3):

@@ -1,9 +1,9 @@
-"""What a link between points does in a step of discrete gradients: mean pull, derivative, books.
+"""A 3D link in a discrete-gradient step: mean tension, derivative, books.
 
 With D the way from b to a before the step and D' after it, r and r' their lengths, a link pulls
-along (D + D')/(r + r') with its mean tension over r' - r: its work is then exactly what its
-potential changes by, whatever the step, and it turns nothing. At r = r' = 0 there is no pull.
-Dampers and friction take the rate (r' - r)/T.
+along (D + D')/(r + r') with its mean tension over r' - r: its work is then exactly the change of
+its potential, whatever the step, and it exerts no torque. At r = r' = 0 there is no force. Dampers
+and friction take the rate (r' - r)/T.
 
 Sources: LaBudde & Greenspan 1976; Gonzalez 1996.
 """
@@ -27,7 +27,7 @@ from tautwave.scene3d.arrays import Arrays3d
 
 
 def length_of(s: Arrays3d, i: int) -> float:
-    """Return how far the ends of a link are apart, along its normal if it has one."""
+    """Return the distance of the ends of a link, along its normal if it has one."""
     one = 3 * s.a[i]
     two = 3 * s.b[i]
     dx = s.x[one] - s.x[two]
@@ -40,7 +40,7 @@ def length_of(s: Arrays3d, i: int) -> float:
 
 
 def link_way(s: Arrays3d, i: int) -> list[float]:
-    """Return the direction from b to a of a link, (0, 0, 0) where its ends are at one place."""
+    """Return the direction from b to a of a link, (0, 0, 0) if its ends coincide."""
     if s.flat[i]:
         return [float(s.normal[3 * i + c]) for c in range(3)]
     r = length_of(s, i)
@@ -49,7 +49,7 @@ def link_way(s: Arrays3d, i: int) -> list[float]:
 
 
 def jump_links(s: Arrays3d, port: int) -> None:
-    """Book what the links of a port store more or less, now that it was put elsewhere."""
+    """Book the change of energy stored in the links of a port that was moved."""
     node = s.count[0] + port
     for j in range(s.links_first[node], s.links_first[node + 1]):
         i = s.links_of[j]
@@ -65,7 +65,7 @@ def jump_links(s: Arrays3d, port: int) -> None:
 
 
 def port_rate(s: Arrays3d, i: int) -> float:
-    """Return how fast ports move the ends of a link apart, along `way` [m/s]."""
+    """Return the rate at which ports stretch a link, along `way` [m/s]."""
     masses = s.count[0]
     at = 3 * i
     rate = 0.0
@@ -97,7 +97,7 @@ def pull_link(s: Arrays3d, i: int, row: int, period: float) -> None:
         sx = sx - s.work[row + two]
         sy = sy - s.work[row + two + 1]
         sz = sz - s.work[row + two + 2]
-    ex = ey = ez = 0.0  # direction at the end: of the derivative
+    ex = ey = ez = 0.0  # direction at the end, for the derivative
     both = 0.0
     if s.flat[i]:
         ex = s.normal[at]
@@ -137,7 +137,7 @@ def pull_link(s: Arrays3d, i: int, row: int, period: float) -> None:
     given = port_rate(s, i)
     w = moved / period + given
     elastic = 0.0
-    steep = 0.0  # derivative by the rate alone
+    steep = 0.0  # derivative with respect to the rate alone
     if kind >= FRICTION:
         pull, steep = rate_tension(kind, s.z[i], s.limit[i], s.scale[i], w)
         slope = steep / period

@@ -1,4 +1,4 @@
-"""How a simulation ended: that of the controller, in its words."""
+"""How a simulation ended, from the controller's state."""
 
 from __future__ import annotations
 

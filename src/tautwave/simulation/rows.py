@@ -24,7 +24,7 @@ class Simulation:
     data : ndarray
         One row per executed cycle, one column per name; SI.
     error : TautwaveError or None
-        What ended it early: a limit that was passed, samples or slots that were missing.
+        What ended it early: an exceeded limit, missing samples or slots.
     """
 
     columns: tuple[str, ...]

@@ -1,8 +1,9 @@
-"""`simulate`: a rig on the fake clock, as fast as the same laws and models run compiled."""
+"""`simulate`: a rig on the fake clock, with the same laws and models, compiled."""
 
 from __future__ import annotations
 
 import functools
+import warnings
 from collections.abc import Callable
 
 import numpy as np
@@ -26,10 +27,10 @@ ENGINES = ("compiled", "python")
 def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compiled") -> Simulation:
     """Simulate a rig; every row equals, to the bit, that of a run with `--clock fake`.
 
-    Whatever driver a bus names, its devices move as the loopback's do, with the command delay
-    that the driver declares. A rig with a scene takes the live loop itself, in this process, and
-    its drivers' simulators. Nothing is written to disk, and nothing is opened: every bus is
-    simulated in memory, whatever endpoint it names.
+    Whatever its driver, the devices of a bus move as the loopback's, with the driver's declared
+    command delay. A rig with a scene runs the live loop in this process, with its drivers'
+    simulators. Nothing is written to disk or opened: every bus is simulated in memory, whatever
+    endpoint it names.
 
     Parameters
     ----------
@@ -38,13 +39,13 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
     duration_s : float, optional
         Length [s]; the rig's own if not given.
     engine : str
-        `compiled` (numba; the first call on a machine compiles for half a minute of a processor,
-        later ones load that), or `python` (no compiler).
+        `compiled` (numba; the first call on a machine compiles for half a minute, later ones load
+        the cache), or `python` (no compiler).
 
     Raises
     ------
     ConfigError
-        The rig simulates nothing, the engine is unknown, or what it needs is not installed.
+        The rig has no simulation, the engine is unknown, or a library is not installed.
     SafetyStop
         The coupling never engaged.
     """
@@ -58,12 +59,29 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
     job = pack_rig(rig, duration_s)
     run, tables_of = engine_of(engine, job.law)
     tables = tables_of(job)
-    rows = run(*tables)
+    try:
+        rows = run(*tables)
+    except Exception as err:
+        reason = why_not_compiled(err) if engine == "compiled" else ""
+        if not reason:
+            raise
+        warnings.warn(f"law {job.law.name} runs in Python: {reason}", stacklevel=2)
+        run, tables_of = engine_of("python", job.law)
+        tables = tables_of(job)
+        rows = run(*tables)
     return simulation_of_run(job, tables, rows)
 
 
+def why_not_compiled(err: Exception) -> str:
+    """Return what numba says of code that it cannot compile; nothing for any other error."""
+    if not type(err).__module__.startswith("numba."):
+        return ""
+    lines = [line.strip() for line in str(err).splitlines() if line.strip()]
+    return f"numba does not compile it: {lines[0] if lines else type(err).__name__}"
+
+
 def _simulate_live(rig: Rig, duration_s: float | None) -> Simulation:
-    """Return the rows of a rig with an environment that is a part: the live loop in memory."""
+    """Return the rows of a rig with an environment part: the live loop in memory."""
     from tautwave.simulation.scene.live import run_in_memory
 
     built = build_rig(rig, clock="fake", duration_s=duration_s)
@@ -97,7 +115,7 @@ def engine_of(name: str, law: Law) -> tuple[Callable[..., int], Callable[[Job], 
 
 
 def simulation_of_run(job: Job, tables: Tables, rows: int) -> Simulation:
-    """Return what a run left in its tables; raise if the coupling never engaged."""
+    """Return the rows of a run from its tables; raise if the coupling never engaged."""
     outcomes = tables.outcomes
     if isinstance(outcomes, np.ndarray):
         outcomes = outcomes.view(np.recarray)  # its records have attributes

@@ -33,7 +33,7 @@ class Family:
         self._read: list[dict[str, float | int | None]] = [{} for _ in keys]
 
     def read(self, values: Values) -> tuple[float | int, ...] | None:
-        """Return the values as a validated rig would hold them; None if one is invalid."""
+        """Return the values as in a validated rig; None if one is invalid."""
         found = []
         for local, known, value in zip(self.keys, self._read, values, strict=True):
             key = repr(value)
@@ -46,7 +46,7 @@ class Family:
         return tuple(found)
 
     def rig(self, read: tuple[float | int, ...]) -> Rig:
-        """Return the rig with values that were `read`; its seed is the family's."""
+        """Return the rig with values from `read`; its seed is the family's."""
         return with_values(self.base, dict(zip(self.keys, read, strict=True)))
 
 
@@ -69,7 +69,7 @@ class Families:
     ) -> tuple[Family, Values] | None:
         """Return the family of a point and its values there; None if it has no local keys.
 
-        `read` reads the rig of this very point; what it raises is raised.
+        `read` reads the rig of this point; its errors are passed on.
         """
         shape = self._shapes.get(case)
         if shape is None:

@@ -1,7 +1,7 @@
 """Sweep files: a rig, what is varied, what is measured. Read and checked like rig files.
 
-A sweep lists its values; there are no expressions. What depends on another key is a column beside
-it (`columns`: zipped, one point per row), or a case of its own.
+A sweep lists its values; there are no expressions. A key that depends on another one is a column
+beside it (`columns`: zipped, one point per row), or a separate case.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ Measure = Literal[
 MEASURES: tuple[str, ...] = get_args(Measure)
 
 GREATEST = 10_000_000
-"""Points of a sweep."""
+"""Most points of a sweep."""
 
 CHECKED = 2000
-"""Rigs that are checked before the first one runs; the others are when their turn comes."""
+"""Rigs checked before the first one runs; the others are checked when they run."""
 
 Values = Annotated[list[Any], Field(min_length=1)]
 
@@ -81,7 +81,7 @@ class Figure(Block):
 
 
 class Varied(Block):
-    """What is set, and what is varied."""
+    """Fixed and varied keys."""
 
     set: dict[str, Any] = Field(default_factory=dict, description="Keys of the rig and values.")
     grid: dict[str, Values] = Field(
@@ -93,7 +93,7 @@ class Varied(Block):
 
 
 class Case(Varied):
-    """One curve: what it sets and varies on its own, after the common part."""
+    """One curve: the keys it sets and varies itself, after the common part."""
 
     label: str | None = Field(default=None, description="Label; default: its name.")
 
@@ -101,19 +101,19 @@ class Case(Varied):
 class Sweep(Varied):
     """A sweep file. Its own `set`, `grid` and `columns` hold for every case."""
 
-    name: Annotated[str, Field(min_length=1)] = Field(description="What it is called.")
+    name: Annotated[str, Field(min_length=1)] = Field(description="Name of the sweep.")
     rig: str = Field(description="Rig file; a relative path starts at this file's folder.")
-    pair: Name | None = Field(default=None, description="Pair that is measured; default: first.")
+    pair: Name | None = Field(default=None, description="Measured pair; default: first.")
     duration_s: Positive | None = Field(default=None, description="[s] Default: the rig's own.")
     cases: dict[Name, Case] = Field(default_factory=dict, description="Curves by name.")
     measures: Annotated[tuple[Measure, ...], Field(min_length=1)] = Field(
-        description="Measures kept of each simulation."
+        description="Measures of each simulation."
     )
     figure: Figure | None = Field(default=None, description="Default: no figure.")
 
 
 class SweepPlan(NamedTuple):
-    """A sweep file that is right, and all its points."""
+    """A valid sweep file, and all its points."""
 
     sweep: Sweep
     keys: tuple[str, ...]
@@ -121,7 +121,7 @@ class SweepPlan(NamedTuple):
 
 
 def load_sweep(path: str | Path) -> SweepPlan:
-    """Read and check a sweep file and every rig that it makes.
+    """Read and check a sweep file and all of its rigs.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def load_sweep(path: str | Path) -> SweepPlan:
     path = Path(path)
     try:
         document = open_document(read_text(path), str(path), path.parent)
-    except ConfigError as err:  # the reader is shared and speaks of rig files
+    except ConfigError as err:  # the shared reader's messages say "rig file"
         raise ConfigError(
             [text.replace("rig file", "sweep file") for text in err.problems]
         ) from err
@@ -147,7 +147,7 @@ def load_sweep(path: str | Path) -> SweepPlan:
 
 
 def _scopes(sweep: Sweep) -> Iterator[tuple[str, KeyPath, Varied]]:
-    """Give every case, the sweep itself where there are none."""
+    """Yield every case, the sweep itself if there are none."""
     if not sweep.cases:
         yield "", (), Varied()
     for name, case in sweep.cases.items():
@@ -160,7 +160,7 @@ def _blocks(sweep: Sweep, path: KeyPath, case: Varied) -> list[tuple[KeyPath, Va
 
 
 def _check(document: Document, sweep: Sweep) -> None:
-    """Note what is right key by key but does not fit together."""
+    """Note keys that are valid on their own but do not fit together."""
     blocks: list[tuple[KeyPath, Varied]] = [((), sweep)]
     blocks += [(path, case) for _, path, case in _scopes(sweep) if path]
     total = 0
@@ -205,7 +205,7 @@ def _check(document: Document, sweep: Sweep) -> None:
 
 
 def _check_points(document: Document, sweep: Sweep, points: Points) -> None:
-    """Load the rigs of points; all that is wrong with any of them is raised at once."""
+    """Load the rigs of points; raise one error with the mistakes of all."""
     problems: dict[str, None] = {}
     for number in points.sample(CHECKED):
         try:
@@ -221,7 +221,7 @@ def _check_points(document: Document, sweep: Sweep, points: Points) -> None:
 
 
 def _recipes(sweep: Sweep) -> Iterator[Recipe]:
-    """Give what every case sets and varies: common first, then the case's own."""
+    """Yield the keys every case sets and varies: common first, then the case's own."""
     for name, path, case in _scopes(sweep):
         blocks = _blocks(sweep, path, case)
         fixed = tuple(
@@ -251,7 +251,7 @@ def _recipes(sweep: Sweep) -> Iterator[Recipe]:
 
 
 def _placed(document: Document, choices: list[Choice], err: ConfigError) -> Iterator[str]:
-    """Say of a refused override where in the sweep file it stands."""
+    """Replace the place of a refused override by that in the sweep file."""
     for problem in err.problems:
         for choice in choices:
             start = f"--set {choice.argument}: "
@@ -264,7 +264,7 @@ def _placed(document: Document, choices: list[Choice], err: ConfigError) -> Iter
 
 
 def _unfit(document: Document, sweep: Sweep, rig: Rig) -> str:
-    """Return what keeps a right rig out of this sweep, or ''."""
+    """Return why a valid rig cannot be used in this sweep, or ''."""
     if rig.simulation is None:
         return (
             f"{document.where(('rig',))}: rig: a sweep requires a simulation, and this rig has none"

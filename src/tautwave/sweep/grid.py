@@ -1,4 +1,4 @@
-"""What a sweep varies: overrides, and the axes along which they change."""
+"""Overrides of a sweep, and the axes along which they vary."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Choice(NamedTuple):
 
     @property
     def cell(self) -> str:
-        """Return its value as a table shows it."""
+        """Return its value as shown in a table."""
         return self.value if isinstance(self.value, str) else json.dumps(self.value)
 
 
@@ -38,7 +38,7 @@ class PointId(NamedTuple):
 
 
 class Recipe(NamedTuple):
-    """One case: what it sets, and along which axes it varies; an axis is a list of groups."""
+    """One case: its fixed settings and its axes; an axis is a list of groups."""
 
     case: str
     fixed: tuple[Choice, ...]
@@ -50,7 +50,7 @@ class Recipe(NamedTuple):
         return math.prod(len(axis) for axis in self.axes)
 
     def places(self, number: int) -> tuple[int, ...]:
-        """Return where along each axis a point of this case is; the last changes fastest."""
+        """Return the index of a point along each axis; the last varies fastest."""
         found = []
         for axis in reversed(self.axes):
             number, at = divmod(number, len(axis))
@@ -58,19 +58,19 @@ class Recipe(NamedTuple):
         return tuple(reversed(found))
 
     def choices(self, number: int) -> list[Choice]:
-        """Return what is varied at a point of this case."""
+        """Return the varied settings of a point of this case."""
         places = self.places(number)
         groups = (axis[at] for axis, at in zip(self.axes, places, strict=True))
         return [choice for group in groups for choice in group]
 
     def varied(self) -> Iterator[str]:
-        """Give every key that is varied."""
+        """Yield every varied key."""
         for axis in self.axes:
             for choice in axis[0]:
                 yield choice.key
 
     def corners(self) -> Iterator[int]:
-        """Give points that hold every value of every key: beside the first and the last of all."""
+        """Yield points that cover every value of every key, in addition to the first and last."""
         yield 0
         stride = 1
         for axis in reversed(self.axes):
@@ -82,14 +82,14 @@ class Recipe(NamedTuple):
 
 
 class Texts:
-    """What is written of a case's points, ready for each group of each axis.
+    """Text of a case's points, precomputed for each group of each axis.
 
     Parameters
     ----------
     recipe : Recipe
         The case.
     salt : bytes
-        What its ids depend on beside what is varied.
+        Input to its ids besides the varied settings.
     """
 
     def __init__(self, recipe: Recipe, salt: bytes) -> None:
@@ -116,7 +116,7 @@ class Texts:
         return self.identity(texts).hex()
 
     def row(self, places: Sequence[int]) -> dict[str, str]:
-        """Return id, case and values of the point at these places, as a table shows them."""
+        """Return id, case and values of the point at these places, as shown in a table."""
         row = {"id": self.identity_at(places), "case": self._case}
         for axis, at in zip(self._cells, places, strict=True):
             row.update(axis[at])

@@ -53,7 +53,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*")
 
 
 class Part(NamedTuple):
-    """One record of the packed tables: a device's, an axis' or a pair's, and whose."""
+    """One record of the packed tables: of a device, an axis or a pair, and its owner."""
 
     kind: str
     name: str
@@ -69,7 +69,7 @@ class LocalKey(NamedTuple):
 
 
 def local_key(key: str) -> LocalKey | None:
-    """Return a key with what it affects; None if that is more than its own block."""
+    """Return a key with the records it affects; None if it affects more than its own block."""
     for pattern, reached in _REACH:
         match = re.fullmatch(pattern, key)
         if match is not None:
@@ -104,17 +104,17 @@ def _nested(one: str, other: str) -> bool:
 
 
 def read_value(rig: Rig, local: LocalKey, value: Any) -> float | int | None:
-    """Return the value of a key as a rig read with it would hold it.
+    """Return the value of a key as it would be in a rig read with it.
 
-    The block's own model judges it, as it judges the file's. None if it is not right, or is no
-    plain number: whoever reads the rig as a whole finds out what there is to say.
+    The block's model validates it, as for the file. None if it is invalid or not a plain number:
+    reading the whole rig then reports the error.
     """
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     if abs(value) >= EXACT_INTEGERS and isinstance(value, int):
         return None
     if value == 0 and math.copysign(1.0, value) < 0.0:
-        return None  # equal to another value, but not the same
+        return None  # equal to another value, but of another type
     read = read_scalar(json.dumps(value))
     if type(read) is not type(value) or read != value:
         return None

@@ -1,7 +1,7 @@
-"""Maps: a wall of a rig over its stiffness and one thing more; predicted and simulated limits.
+"""Maps: a rig's wall over its stiffness and one more quantity; predicted and simulated limits.
 
-A map file is a sweep file with `planes` in place of `figure`: no run in time, but the simulator's
-own one-period map at every point, which tells growth however slow. Over the encoder's step or
+A map file is a sweep file with `planes` instead of `figure`: not a run in time, but the simulator's
+own one-period map at every point, which shows growth however slow. Over the encoder's step or
 Coulomb friction it is an adversary's motion on the quantised wall. Read and checked like a rig.
 """
 
@@ -43,7 +43,7 @@ Variable = Literal[
 ]
 Scale = Literal["linear", "log"]
 QUANTISED = ("coulomb", "quantum")
-"""What is varied where the encoder's step counts."""
+"""Quantities varied on a quantised wall."""
 BOUNDARIES, POINTS = "boundaries.csv", "points.csv"
 
 
@@ -56,14 +56,14 @@ class Range(Block):
     scale: Scale = Field(default="log", description="Spacing and scale.")
 
     def values(self) -> Floats:
-        """Return the values, rising."""
+        """Return the values in increasing order."""
         if self.scale == "log":
             return np.geomspace(self.low, self.high, self.points)
         return np.linspace(self.low, self.high, self.points)
 
 
 class Plane(Block):
-    """One plane: stiffness over something else."""
+    """One plane: stiffness over another quantity."""
 
     title: str = Field(default="", description="Heading of the panel.")
     x: Variable = Field(
@@ -72,8 +72,8 @@ class Plane(Block):
     )
     label: str = Field(description="Label of the horizontal axis, with the unit in brackets.")
     factor: Positive = Field(default=1.0, description="Display factor of the value.")
-    values: Range = Field(description="Of what is varied.")
-    stiffness: Range = Field(description="Of the wall [N m/rad | N/m].")
+    values: Range = Field(description="Values of that quantity.")
+    stiffness: Range = Field(description="Stiffness of the wall [N m/rad | N/m].")
     wall_damping: float | None = Field(default=None, description="Default: that of the rig's wall.")
     delay_periods: NonNegative | None = Field(
         default=None, description="Delay until a command acts. Default: from the rig."
@@ -89,7 +89,7 @@ class Plane(Block):
 class MapFile(Block):
     """A map file."""
 
-    name: Annotated[str, Field(min_length=1)] = Field(description="What it is called.")
+    name: Annotated[str, Field(min_length=1)] = Field(description="Name of the map.")
     rig: str = Field(description="Rig file; a relative path starts at this file's folder.")
     set: dict[str, object] = Field(default_factory=dict, description="Keys of the rig and values.")
     axis: AxisName = Field(description="Axis of the wall, such as master.wrist.")
@@ -101,7 +101,7 @@ class MapFile(Block):
 
 
 class MapPlan(NamedTuple):
-    """A map file that is right, its rig, and what each plane starts from."""
+    """A valid map file, its rig, and the base of each plane."""
 
     file: MapFile
     rig: Rig
@@ -109,7 +109,7 @@ class MapPlan(NamedTuple):
 
 
 class MapResult(NamedTuple):
-    """Planes by name, and the files they were written to."""
+    """Planes by name, and their files."""
 
     planes: dict[str, StabilityPlane]
     boundaries: Path
@@ -117,7 +117,7 @@ class MapResult(NamedTuple):
 
 
 def is_map(path: str | Path) -> bool:
-    """Return whether a sweep file asks for planes; what cannot be read is not judged here."""
+    """Return whether a sweep file has planes; unreadable files are left to the reader."""
     try:
         document = open_document(read_text(Path(path)), str(path), Path(path).parent)
     except ConfigError:
@@ -178,7 +178,7 @@ def _check(document: Document, file: MapFile) -> None:
 
 
 def _check_quantised(document: Document, name: str, plane: Plane, start: Column) -> None:
-    """Report what the limit of a quantised wall does not know."""
+    """Report settings that the limit of a quantised wall does not cover."""
     place = ("planes", name, "x")
     if start.wall.damping != 0.0:
         document.report(place, f"over {plane.x} the wall is a spring: set wall_damping: 0 here")
@@ -189,7 +189,7 @@ def _check_quantised(document: Document, name: str, plane: Plane, start: Column)
 
 
 def _start(rig: Rig, file: MapFile, plane: Plane) -> Column:
-    """Return the rig's wall on the rig's device, with what the plane itself fixes."""
+    """Return the rig's wall on the rig's device, with the plane's own settings."""
     side, name = file.axis.split(".")
     axis = rig.axes[file.axis]
     keys = rig.coupling.pairs[name]

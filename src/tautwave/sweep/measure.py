@@ -1,4 +1,4 @@
-"""What a sweep keeps of one simulation: numbers from the columns of its recording, SI."""
+"""Measures of one simulation in a sweep: numbers from the columns of its recording, SI."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ PREDICTED = ("predicted_radius", "predicted_growth", "predicted_frequency")
 """Measures of the rig, not of its simulation."""
 
 BOOKS = ("gross_flow", "residual", "generated")
-"""Measures that look at every account of a recording."""
+"""Measures that need every account of a recording."""
 
 BOUNDED = 1.1
 """Greatest energy of the last half per that of the first half that still counts as stable."""
 
 STEADY = 0.9
-"""Share of its course that an exponential explains, above which growth is that of one mode."""
+"""Explained share of the variance above which growth is that of a single mode."""
 
 WINDOWS = 20
 
 FAINTEST = 1e-290
-"""[J] Energies below are left out: their logarithm is that of rounding."""
+"""[J] Energies below are ignored: they are rounding."""
 
 
 class Scales(NamedTuple):
-    """What the columns of a pair are measured with: period [s], slave per master units."""
+    """Scales of a pair's columns: period [s], slave per master units."""
 
     pair: str
     period_s: float
@@ -46,7 +46,7 @@ class Scales(NamedTuple):
 
 
 def scales_of(rig: Rig, pair: str) -> Scales:
-    """Return with what a pair of a rig is measured."""
+    """Return the scales of a pair of a rig."""
     keys = rig.coupling.pairs[pair]
     return Scales(pair, rig.period_s, keys.position_scale, pair_scale(keys).power)
 
@@ -54,10 +54,10 @@ def scales_of(rig: Rig, pair: str) -> Scales:
 def measure_run(
     scales: Scales, wanted: tuple[str, ...], columns: Columns, *, finished: bool
 ) -> dict[str, float]:
-    """Return the wanted measures of one simulation; predictions are none of it.
+    """Return the requested measures of one simulation, without predictions.
 
     Amplitudes and errors are in master units, growth in 1/s, energies in J; `stable` is 1 or 0.
-    What has no value (the growth of what never moved) is NaN.
+    A measure without a value (growth without motion) is NaN.
     """
     names = set(wanted)
     count = len(columns[f"{scales.pair}.position_error"])
@@ -109,7 +109,7 @@ def farthest(values: Floats, origin: float) -> float:
 def amplitude(scales: Scales, columns: Columns, first: int) -> float:
     """Return the largest distance of master or slave from their start [master units].
 
-    From cycle `first` on; as an index, so that -10 are the last ten.
+    From cycle `first` on; an index, so -10 means the last ten.
     """
     found = []
     for side, unit in (("master", 1.0), ("slave", scales.position_scale)):
@@ -119,7 +119,7 @@ def amplitude(scales: Scales, columns: Columns, first: int) -> float:
 
 
 class Growth(NamedTuple):
-    """Growth of the amplitude [1/s], and how much of its course a pure exponential explains [1]."""
+    """Growth of the amplitude [1/s], and the share a pure exponential explains [1]."""
 
     rate: float
     steadiness: float
@@ -128,9 +128,9 @@ class Growth(NamedTuple):
 def growth_of(energy: Floats, period: float) -> Growth:
     """Return half the slope of ln(energy) over the last half of a simulation.
 
-    Where one mode has outgrown the rest this is its ln|z| / T. Energies are averaged over
-    `WINDOWS` windows, so that what swings within them does not count as growth; those too small
-    or too large for a float are left out. NaN where nothing is left.
+    If one mode dominates this is its ln|z| / T. Energies are averaged over `WINDOWS` windows, so
+    that oscillation within them does not count as growth; those too small or too large for a float
+    are ignored. NaN if nothing is left.
     """
     last = np.ascontiguousarray(energy[len(energy) // 2 :])
     if len(last) >= 2 * WINDOWS and last.min() > FAINTEST and last.max() < math.inf:
@@ -154,7 +154,7 @@ Windows = tuple[Integers, Integers, Floats]
 
 @functools.lru_cache(maxsize=8)
 def _windows(count: int, period: float) -> Windows:
-    """Return the windows of so many energies that all are usable."""
+    """Return windows long enough that all are usable."""
     return _windows_of(np.arange(count), period)
 
 
@@ -170,7 +170,7 @@ def _windows_of(usable: Integers, period: float) -> Windows:
 def is_bounded(energy: Floats, growth: Growth) -> bool:
     """Return whether an energy [J] stays bounded, as far as a finite run can tell.
 
-    It does not if the last half goes beyond the first, or if it grows steadily, however slowly.
+    It does not if the last half exceeds the first, or if it grows steadily, however slowly.
     """
     half = len(energy) // 2
     within = half > 0 and bool(energy[half:].max() <= BOUNDED * energy[:half].max())

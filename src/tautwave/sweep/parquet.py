@@ -1,10 +1,9 @@
-"""A finished table of a sweep as Parquet: the same rows with their types, and where they are from.
+"""A finished table of a sweep as Parquet: the same rows with their types, and their origin.
 
-Every type follows from the sweep, none from what happens to stand in the first rows: a key whose
-values are whole numbers is `int64`, one with any fraction `double`, one of true and false `bool`;
-whatever else is varied is the text that the CSV has. Measures are `double`: NaN where a simulation
-gave NaN, null where there was none. A key that a case does not vary is null there, or no
-text.
+Types follow from the sweep, not from the first rows: a key whose values are integers is `int64`,
+one with any fraction `double`, one of true and false `bool`; anything else is text as in the CSV.
+Measures are `double`: NaN where a simulation gave NaN, null where there was none. A key that a case
+does not vary is null there, or empty text.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ def type_of(values: Iterable[Any]) -> str:
 
 
 def origin(plan: SweepPlan) -> dict[str, str]:
-    """Return what a file says of where it is from: the sweep, its rig file and what is varied."""
+    """Return the origin written into a file: the sweep, its rig file and the varied keys."""
     from tautwave import __version__
 
     return {

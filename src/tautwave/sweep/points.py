@@ -1,6 +1,6 @@
 """The points of a sweep, built lazily: a sweep of a million points starts as fast as one of ten.
 
-A point is identified by its index; its rig is read, checked and completed on request. The rig file
+A point is identified by its index; its rig is read, checked and completed on demand. The rig file
 is parsed once, and points that differ in local keys only (`sweep.local_keys`) share one reading.
 """
 
@@ -38,7 +38,7 @@ class Point(NamedTuple):
 
 
 class Points(Sequence[Point]):
-    """All points of a sweep, in its order; small, and as easily sent to another process.
+    """All points of a sweep, in its order; small, and cheap to send to another process.
 
     Parameters
     ----------
@@ -47,14 +47,14 @@ class Points(Sequence[Point]):
     recipes : sequence of Recipe
         The cases.
     pair : str, optional
-        Pair that is measured; the first if not given.
+        Measured pair; the first if not given.
     duration_s : float, optional
         Length of each simulation [s]; the rig's own if not given.
 
     Raises
     ------
     ConfigError
-        There is no such rig file, or it is not YAML.
+        The rig file does not exist, or is not YAML.
     """
 
     def __init__(
@@ -78,13 +78,13 @@ class Points(Sequence[Point]):
         self._begin()
 
     def _begin(self) -> None:
-        """Begin with nothing remembered."""
+        """Start with empty caches."""
         self._documents: dict[int, bytes] = {}
         self._texts: dict[int, Texts] = {}
         self._families = Families()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is sent to another process: nothing that it can find out itself."""
+        """Return the state to send to another process, without what it can compute itself."""
         return {
             name: value
             for name, value in self.__dict__.items()
@@ -108,7 +108,7 @@ class Points(Sequence[Point]):
         return self.point(at)
 
     def _place(self, number: int) -> tuple[int, int]:
-        """Return the number of a point's case, and its own in it."""
+        """Return the index of a point's case, and its index within it."""
         if number < 0:
             number += len(self)
         for case, recipe in enumerate(self._recipes):
@@ -118,12 +118,12 @@ class Points(Sequence[Point]):
         raise IndexError(f"there are {len(self)} points")
 
     def choices(self, number: int) -> tuple[int, list[Choice]]:
-        """Return the number of a point's case and what is varied at it."""
+        """Return the index of a point's case and its varied settings."""
         case, own = self._place(number)
         return case, self._recipes[case].choices(own)
 
     def overrides(self, number: int) -> list[Choice]:
-        """Return everything that is set at a point, in order."""
+        """Return all settings of a point, in order."""
         case, varied = self.choices(number)
         return [*self._recipes[case].fixed, *varied]
 
@@ -135,7 +135,7 @@ class Points(Sequence[Point]):
         return PointId(self._texts_of(case).identity_at(recipe.places(own)), recipe.case, values)
 
     def row(self, number: int) -> dict[str, str]:
-        """Return what a table shows of a point beforehand: id, case and values as text."""
+        """Return the leading cells of a point's row: id, case and values as text."""
         case, own = self._place(number)
         return self._texts_of(case).row(self._recipes[case].places(own))
 
@@ -156,7 +156,7 @@ class Points(Sequence[Point]):
         return found
 
     def _document_of(self, case: int) -> Document:
-        """Return the rig file's document with what a case sets, to be used up."""
+        """Return the rig file's document with a case's settings, to be consumed."""
         kept = self._documents.get(case)
         if kept is None:
             document = pickle.loads(self._document)
@@ -171,7 +171,7 @@ class Points(Sequence[Point]):
         Raises
         ------
         ConfigError
-            It is not right.
+            It is not valid.
         """
         found = self.family(number)
         if found is not None:
@@ -182,7 +182,7 @@ class Points(Sequence[Point]):
         return self.read_rig(number)
 
     def read_rig(self, number: int) -> Rig:
-        """Return the rig of a point as `rig` does, read for this one alone."""
+        """Return the rig of a point like `rig`, read for this point alone."""
         return self._seeded(self._read(*self.choices(number)), number)
 
     def _read(self, case: int, varied: Sequence[Choice]) -> Rig:
@@ -195,7 +195,7 @@ class Points(Sequence[Point]):
     def seed_at(self, number: int, given: int) -> int:
         """Return the seed of a point of a rig whose file gives a seed.
 
-        Noise of one point says nothing about that of its neighbour, unless the seed is varied.
+        Points have independent noise, unless the seed is varied.
         """
         _, varied = self.choices(number)
         values = {choice.key: choice.value for choice in varied}
@@ -203,9 +203,9 @@ class Points(Sequence[Point]):
         return seed if "seed" in values else given + zlib.crc32(repr(values).encode())
 
     def family(self, number: int) -> tuple[Family, tuple[Any, ...]] | None:
-        """Return the points that this one shares a reading with, and its values among them.
+        """Return the family that this point shares a reading with, and its values in it.
 
-        None if it shares none. The first of a family is read here, see `rig`.
+        None if there is none. The first of a family is read here, see `rig`.
         """
         case, own = self._place(number)
         recipe = self._recipes[case]
@@ -214,11 +214,11 @@ class Points(Sequence[Point]):
         )
 
     def pair_of(self, rig: Rig) -> str:
-        """Return the pair that is measured."""
+        """Return the measured pair."""
         return self._pair or next(iter(rig.coupling.pairs))
 
     def duration_of(self, rig: Rig) -> float:
-        """Return how long a simulation lasts [s]."""
+        """Return the length of a simulation [s]."""
         return self._duration_s or rig.duration_s
 
     def point(self, number: int) -> Point:
@@ -227,18 +227,18 @@ class Points(Sequence[Point]):
         return Point(*self.point_id(number), rig, self.pair_of(rig), self.duration_of(rig))
 
     def keys(self) -> tuple[str, ...]:
-        """Return every key that is varied, in the order of the sweep."""
+        """Return every varied key, in the order of the sweep."""
         return tuple(dict.fromkeys(key for recipe in self._recipes for key in recipe.varied()))
 
     def varied(self) -> Iterator[Choice]:
-        """Give every value of every key that is varied, case by case."""
+        """Yield every value of every varied key, case by case."""
         for recipe in self._recipes:
             yield from (choice for axis in recipe.axes for group in axis for choice in group)
 
     def sample(self, most: int) -> Iterable[int]:
-        """Return the points to look at beforehand: all, or at most about `most` of them.
+        """Return the points to check beforehand: all, or about `most` of them.
 
-        Of every case those that hold every value of every key, then some spread over the rest.
+        From every case those that cover every value of every key, then some spread over the rest.
         """
         if len(self) <= most:
             return range(len(self))

@@ -1,7 +1,7 @@
-"""Who does the pieces of a sweep: this process, a pool of processes, later perhaps a cluster.
+"""Executors of a sweep's pieces: this process, a pool of processes, later perhaps a cluster.
 
-An executor is a function. It gets what makes a worker, and pieces that it draws as it needs them;
-it gives back what the workers make of them, in any order. That is all a sweep knows of it.
+An executor is a function. It gets a worker factory, and an iterator of pieces that it consumes as
+needed; it yields the workers' results in any order. That is all a sweep knows about it.
 """
 
 from __future__ import annotations
@@ -16,33 +16,33 @@ from multiprocessing import connection, get_context, parent_process
 from typing import Any, Protocol
 
 AHEAD = 2
-"""Pieces that wait for each worker: enough never to keep it waiting, and memory stays flat."""
+"""Queued pieces per worker: enough to keep it busy, few enough to keep memory flat."""
 
 Piece = tuple[int, int]
-"""First point and the one after the last."""
+"""First point and end (exclusive)."""
 
 Worker = Callable[[Piece], Any]
 
 
 class Executor(Protocol):
-    """What runs pieces. `begin` and what it makes workers from can be sent to other processes."""
+    """Runs pieces. `begin` and its arguments can be sent to other processes."""
 
     def __call__(
         self, begin: Callable[[], Worker], pieces: Iterable[Piece]
     ) -> Generator[Any, None, None]:
-        """Yield the result of every piece as it comes; closing it ends the work."""
+        """Yield the result of every piece as it finishes; closing the generator ends the work."""
         ...
 
 
 def in_process(begin: Callable[[], Worker], pieces: Iterable[Piece]) -> Generator[Any, None, None]:
-    """Do one piece after the other, here."""
+    """Run the pieces one after the other in this process."""
     worker = begin()
     for piece in pieces:
         yield worker(piece)
 
 
 class ProcessPool:
-    """Do pieces in processes of this machine; each begins once and then works on."""
+    """Run pieces in processes on this machine; each creates one worker."""
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
@@ -50,7 +50,7 @@ class ProcessPool:
     def __call__(
         self, begin: Callable[[], Worker], pieces: Iterable[Piece]
     ) -> Generator[Any, None, None]:
-        """Yield results in any order; what was begun is waited for and kept, never killed."""
+        """Yield results in any order; started pieces are finished and kept, never killed."""
         pool = ProcessPoolExecutor(
             self.jobs, get_context("spawn"), initializer=_begin, initargs=(begin,)
         )
@@ -86,13 +86,13 @@ _worker: Worker | None = None
 
 
 def _begin(begin: Callable[[], Worker]) -> None:
-    """Make this process' worker. Ctrl-C belongs to the process that hands out the work."""
+    """Make this process' worker. Ctrl-C is handled by the process that distributes the work."""
     global _worker
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(OSError):
         os.nice(5)
     parent = parent_process()
-    if parent is not None:  # a sweep that is killed leaves nobody behind
+    if parent is not None:  # a killed sweep leaves no worker behind
         threading.Thread(target=_leave_with, args=(parent.sentinel,), daemon=True).start()
     _worker = begin()
 

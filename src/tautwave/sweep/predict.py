@@ -1,6 +1,6 @@
 """From a rig to the linear analysis of one of its pairs: state matrix, least damped mode.
 
-What is assumed is in `tautwave.analysis.ports.sampled_loop`; local walls, a unilateral environment
+The assumptions are in `tautwave.analysis.ports.sampled_loop`; local walls, a unilateral environment
 and Coulomb friction are left out, so this is motion in free space or at a spring, small and smooth.
 """
 
@@ -36,7 +36,7 @@ def pair_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[LinearEnd,
     name : str
         The pair.
     contact : bool
-        Take a wall at the slave as a spring and damper that is always pressed; else it is absent.
+        Treat a wall at the slave as a spring and damper in permanent contact; else it is absent.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def pair_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[LinearEnd,
             believed.periods,
             believed.remainder_s / rig.axis_period_s(axis),
         )
-        # A slow side's filter runs at the line's rate, outside of its end.
+        # A slow side's filter runs at the line's rate, outside its end.
         filtered = rig.coupling.filter_step(rig.period_s) if rig.axis_divisor(axis) == 1 else 1.0
         ends.append(linear(keys, side, device, site, filtered))
     return ends[0], ends[1]
@@ -100,7 +100,7 @@ def linear_of(rig: Rig) -> str:
 def pair_matrix(rig: Rig, name: str, *, contact: bool = False) -> Matrix:
     """Return the closed-loop state matrix of one pair, shape (n, n); see `pair_ends`.
 
-    It is that of a cycle or, with a slow bus, of all cycles until both sides are in step again.
+    It is that of a cycle or, with a slow bus, of all cycles until both sides are in phase again.
     """
     one, two = rated_ends(rig, name, contact=contact)
     if common_slots(one, two) > 1:
@@ -121,7 +121,7 @@ def pair_mode(rig: Rig, name: str, *, samples: int | None = None, contact: bool 
 
 
 def true_device(rig: Rig, axis: str, *, contact: bool = False) -> Device:
-    """Return what is simulated on an axis, its hand or environment included."""
+    """Return the simulated device of an axis, its hand or environment included."""
     truth = axis_model(rig, axis, 1)
     plant = truth.plant
     wall = (

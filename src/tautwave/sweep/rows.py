@@ -1,7 +1,7 @@
 """One closed-loop simulation of a rig as columns, by the same kernel as `simulate`, in memory.
 
-What only needs a few columns of one pair gets only those: the rows of a whole recording cost a
-fifth of a compiled step, and looking through them more.
+Measures that need only a few columns of one pair get only those: writing the rows of a whole
+recording costs a fifth of a compiled step, and reading them more.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from tautwave.sweep.points import Points
 from tautwave.sweep.template import Instance, Template, Templates
 
 WORTH_COMPILING = 1_000_000
-"""Steps below which plain Python is done before a compiler or its cache is loaded."""
+"""Steps below which plain Python finishes before a compiler or its cache is loaded."""
 
 
 def sweep_engine(steps: int) -> str:
-    """Return the engine for a sweep of so many steps: the fastest to the end that is there."""
+    """Return the fastest available engine for a sweep of this many steps."""
     if steps < WORTH_COMPILING:
         return "python"
     return "compiled" if find_spec("numba") is not None else "python"
@@ -43,9 +43,9 @@ def takes_rows(wanted: tuple[str, ...]) -> bool:
 
 
 class Run(NamedTuple):
-    """One simulation: its columns by name, how many cycles it took, and how it ended.
+    """One simulation: its columns by name, its number of cycles, and how it ended.
 
-    The end is `finished`, `safety_stop` (a limit was passed: columns up to there) or `fault`.
+    The end is `finished`, `safety_stop` (a limit was exceeded: columns up to there) or `fault`.
     """
 
     columns: Columns
@@ -54,14 +54,14 @@ class Run(NamedTuple):
 
 
 class Simulator:
-    """Simulates one point after the other; the memory of the rows is used again.
+    """Simulates one point after the other, reusing the memory of the rows.
 
     Parameters
     ----------
     engine : str
         Of `simulate`.
     whole : bool
-        Keep whole rows, not only what `rows.measured_columns` names.
+        Keep whole rows, not only those in `rows.measured_columns`.
     """
 
     def __init__(self, engine: str, *, whole: bool) -> None:
@@ -80,7 +80,7 @@ class Simulator:
         Raises
         ------
         ConfigError
-            The rig is not right, or cannot be simulated.
+            The rig is not valid, or cannot be simulated.
         """
         found = None if self._whole else points.family(number)
         if found is not None:
@@ -117,7 +117,9 @@ class Simulator:
 
             def make(family: Family) -> Template | None:
                 rig = family.base
-                with suppress(ConfigError):  # the family's own rig; another of its points may do
+                with suppress(
+                    ConfigError
+                ):  # fails for the family's own rig; another point may work
                     facts = self._facts(rig)
                     pair, duration_s = points.pair_of(rig), points.duration_of(rig)
                     return Template(family, self._measured(rig, pair, duration_s, facts), facts)
@@ -141,7 +143,7 @@ class Simulator:
         return Run(columns, count, _outcome(job, tables))
 
     def _facts(self, rig: Rig) -> RigFacts:
-        """Return the facts of the last rig if its drivers would get to see the same."""
+        """Return the facts of the last rig if its drivers would get the same inputs."""
         seen = [(bus.driver, bus.options, bus_spec(rig, name)) for name, bus in rig.buses.items()]
         if self._known is None or self._known[0] != seen:
             self._known = seen, rig_facts(rig)
@@ -159,7 +161,7 @@ class Simulator:
 
 
 def _outcome(job: Job, tables: Tables) -> str:
-    """Return how a run ended, see `Run`."""
+    """Return how a run ended; see `Run`."""
     outcomes = tables.outcomes
     if isinstance(outcomes, np.ndarray):
         if outcomes["kind"][0] == FINISHED:

@@ -1,8 +1,7 @@
-"""Many closed-loop simulations: points of a sweep to rows of a table, here or elsewhere.
+"""Many closed-loop simulations: points of a sweep to rows of a table, in this or other processes.
 
-Rows are appended to `points.csv` as they come, so whatever ends a sweep leaves what was done, and
-the same sweep into the same directory goes on from there. At the end the file is put into the
-order of the sweep.
+Rows are appended to `points.csv` as they finish, so an interrupted sweep keeps them, and the same
+sweep into the same directory resumes. At the end the file is sorted into the order of the sweep.
 """
 
 from __future__ import annotations
@@ -13,6 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tautwave.errors import ConfigError, RecordingError, WritingError
+from tautwave.rig import coupling_law
+from tautwave.simulation.run import simulate
 from tautwave.sweep.file import SweepPlan
 from tautwave.sweep.measure import PREDICTED, measure_run, predict_pair
 from tautwave.sweep.parquet import column_types, origin, write_parquet
@@ -23,14 +24,14 @@ from tautwave.sweep.table import SweepTable, TableRows, line_of
 
 TABLE = "points.csv"
 LARGEST = 64
-"""Points of a piece at most: a row of any of them is on disk some tenths of a second later."""
+"""Most points of a piece, so that each row reaches the disk within tenths of a second."""
 
 STEPS = 1_000_000
-"""Steps of a piece at most, as far as a point has fewer."""
+"""Most steps of a piece, unless a single point has more."""
 
 
 class SweepResult(NamedTuple):
-    """How a sweep went: rows in the sweep's order, all points asked for, points taken over."""
+    """Result of a sweep: rows in the sweep's order, total number of points, points resumed."""
 
     rows: TableRows
     total: int
@@ -41,7 +42,7 @@ class SweepResult(NamedTuple):
 
 
 class Finished(NamedTuple):
-    """A piece that is done: numbers of its points, and their lines."""
+    """A finished piece: indices of its points, and their lines."""
 
     numbers: range
     text: str
@@ -56,22 +57,22 @@ def run_sweep(
     engine: str | None = None,
     progress: Callable[[float, str], None] | None = None,
 ) -> SweepResult:
-    """Simulate every point that `out` does not hold yet.
+    """Simulate every point that is not yet in `out`.
 
     Parameters
     ----------
     plan : SweepPlan
         From `load_sweep`.
     out : Path
-        Directory of the table; made if needed.
+        Directory of the table; created if needed.
     jobs : int
         Processes; 1 simulates in this one.
     executor : Executor, optional
-        Who does the work, in place of `jobs` processes.
+        Runs the pieces, instead of `jobs` processes.
     engine : str, optional
-        Of `simulate`; by default the fastest there is, plain Python for a small sweep.
+        Of `simulate`; by default the fastest available, plain Python for a small sweep.
     progress : callable, optional
-        Called now and then with the share done of what was left to do, and a word or more.
+        Called now and then with the fraction done of the remaining points, and a short text.
 
     Raises
     ------
@@ -89,16 +90,18 @@ def run_sweep(
         out.mkdir(parents=True, exist_ok=True)
         with SweepTable(path, header, points.ids()) as table:
             resumed = done = int(table.done.sum())
-            here = executor is None and jobs <= 1  # where Ctrl-C costs the piece it comes in
+            here = executor is None and jobs <= 1  # where Ctrl-C costs only the piece in progress
             size = max(1, min(LARGEST, STEPS // cycles, (total - done) // (4 * jobs)))
             size = 1 if here else size
             pieces = list(_pieces(table.done.tolist(), size))
             name = engine or sweep_engine((total - done) * cycles)
             begin = functools.partial(_Piecework, points, header, plan.sweep.measures, name)
             run = executor or (in_process if here else ProcessPool(min(jobs, len(pieces))))
+            if name == "compiled" and pieces and not here:
+                _compile_once(plan, progress)
             interrupted = False
-            left = total - resumed  # what was there already says nothing about the time left
-            word = f"simulating the other {left} points" if resumed else "simulating"
+            left = total - resumed  # resumed points do not count towards the time left
+            word = f"simulating the remaining {left} points" if resumed else "simulating"
             work = run(begin, pieces) if pieces else None
             try:
                 for finished in work or ():
@@ -122,8 +125,24 @@ def run_sweep(
     return SweepResult(TableRows(path, done), total, resumed, interrupted, path, parquet)
 
 
+def _compile_once(plan: SweepPlan, progress: Callable[[float, str], None] | None) -> None:
+    """Compile before there are workers, each of which would; nothing where the cache has it."""
+    from tautwave.simulation.kernel.compiled import is_cached
+    from tautwave.simulation.kernel.run import run_law
+
+    try:
+        rig = plan.points[0].rig
+    except ConfigError:
+        return  # the worker reports it in the point's row
+    if is_cached(run_law, coupling_law(rig)):
+        return
+    if progress is not None:
+        progress(0.0, "compiling for half a minute, once per machine and version")
+    simulate(rig, duration_s=2.0 * rig.period_s)
+
+
 def _cycles(plan: SweepPlan) -> int:
-    """Return the cycles of the first point, as a guess at those of any."""
+    """Return the cycles of the first point, as an estimate for all."""
     try:
         point = plan.points[0]
     except ConfigError:
@@ -132,7 +151,7 @@ def _cycles(plan: SweepPlan) -> int:
 
 
 def _pieces(done: Sequence[bool], size: int) -> Iterator[Piece]:
-    """Give runs of points that are not done, of at most `size`."""
+    """Yield ranges of unfinished points, of at most `size`."""
     start = 0
     while start < len(done):
         if done[start]:
@@ -175,7 +194,7 @@ def simulate_point(
 ) -> dict[str, str]:
     """Simulate and measure one point; return its row as text.
 
-    A rig that turns out not to be right is a row as well: its outcome says why.
+    An invalid rig also gives a row: its outcome says why.
     """
     row = points.row(number)
     try:

@@ -1,7 +1,7 @@
-"""The table of a sweep: a CSV file that survives whatever ends the sweep, put in order at the end.
+"""The table of a sweep: a CSV file that survives interruptions, sorted at the end.
 
-Rows are appended as they come. What is kept in memory is a few bytes per point: its id and, while
-the table is put in order, where its row stands.
+Rows are appended as they finish. Memory holds a few bytes per point: its id and, during the sort,
+the place of its row.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Ids = npt.NDArray[np.uint64]
 
 
 class TableRows:
-    """Rows of a table, read from the file each time; nothing is kept."""
+    """Rows of a table, read from the file each time, not cached."""
 
     def __init__(self, path: Path, count: int) -> None:
         self._path = path
@@ -42,7 +42,7 @@ class SweepTable:
     Parameters
     ----------
     path : Path
-        The file; made if needed, and gone on with if it is there.
+        The file; created if needed, resumed if it exists.
     header : sequence of str
         Its columns.
     ids : ndarray
@@ -51,7 +51,7 @@ class SweepTable:
     Raises
     ------
     RecordingError
-        The file is that of another sweep, or another process writes it.
+        The file belongs to another sweep, or another process is writing to it.
     """
 
     def __init__(self, path: Path, header: Sequence[str], ids: Ids) -> None:
@@ -83,7 +83,7 @@ class SweepTable:
             ) from err
 
     def _number(self, identity: str) -> int:
-        """Return the number of the point with this id, -1 if there is none."""
+        """Return the index of the point with this id, -1 if there is none."""
         try:
             value = np.uint64(int(identity, 16))
         except (ValueError, OverflowError):
@@ -94,7 +94,7 @@ class SweepTable:
         return int(self._order[at])
 
     def _take_over(self) -> None:
-        """Read what is there; cut off a last line that was not finished."""
+        """Read the existing rows; cut off an incomplete last line."""
         end = 0
         foreign = rows = 0
         self._file.seek(0)
@@ -129,13 +129,13 @@ class SweepTable:
             )
 
     def append(self, numbers: Sequence[int], text: str) -> None:
-        """Add finished rows, one line each, and hand them to the system at once."""
+        """Append finished rows, one line each, and flush them."""
         self._file.write(text.encode())
         self._file.flush()
         self.done[list(numbers)] = True
 
     def put_in_order(self) -> None:
-        """Replace the file by one in the order of the sweep, each point once; or not at all."""
+        """Atomically replace the file by one in the order of the sweep, each point once."""
         places = np.full(len(self.done), -1, dtype=np.int64)
         self._file.seek(0)
         head = self._file.readline()

@@ -115,7 +115,7 @@ class Template:
                     rig = self._family.rig(read) if rig is None else rig
                     params = self._pack(reached, rig)
                 except ConfigError:
-                    return None  # packing it as a whole reports the error
+                    return None  # packing the whole point reports the error
                 if params is None:
                     return None
                 if len(reached.kept) >= KEPT:
@@ -126,12 +126,12 @@ class Template:
 
     @property
     def size(self) -> int:
-        """Bytes of its tables, twice: before a run, and after."""
+        """Size of its tables in bytes, counted twice: before a run, and after."""
         return 2 * int(self.job.table.nbytes + self.job.flags.nbytes)
 
     @property
     def is_drawn(self) -> bool:
-        """Whether there is noise or a fault, which each point draws from its own seed."""
+        """Whether there is noise or a fault, drawn from each point's own seed."""
         return self.job.fake.overruns or bool(self._drawn)
 
     def _draw(self, seed: int) -> tuple[Array, Array]:

@@ -1,6 +1,6 @@
-"""Suites for parts and drivers, to be run by whoever writes one; they need pytest.
+"""Suites for authors of parts and drivers; they need pytest.
 
-A test class that inherits from a suite and gives its one fixture is the whole of it:
+Inherit from a suite and provide its one fixture:
 
     from tautwave.testing import DriverBench, DriverContract
 

@@ -1,4 +1,4 @@
-"""What a coupling's declaration has to hold: `class TestX(CouplingContract)` with a `bench`."""
+"""Requirements of a coupling's declaration: `class TestX(CouplingContract)` with a `bench`."""
 
 from __future__ import annotations
 

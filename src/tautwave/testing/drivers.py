@@ -1,6 +1,7 @@
-"""What every driver has to do, whatever its bus: `class TestX(DriverContract)` with a `bench`.
+"""Requirements of every driver, whatever its bus: `class TestX(DriverContract)` with a `bench`.
 
-A bench gives a driver and the devices behind it on the fake clock. The loop relies on every line.
+A bench provides a driver and the devices behind it on the fake clock. The loop relies on every
+test.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ ENABLE_LIMIT = 5000  # cycles
 
 
 class DriverBench(NamedTuple):
-    """A driver before `open`, its axes' causality, and how far a device was told to move.
+    """A driver before `open`, its axes' causality, and access to the devices' state.
 
-    `commanded(axis)` is what the device behind the driver was last told [N m, N, rad/s or m/s];
+    `commanded(axis)` is the last command the device received [N m, N, rad/s or m/s];
     `position(axis)` is its true position.
     """
 

@@ -1,7 +1,7 @@
-"""What every environment that is a part has to do: `class TestX(EnvironmentContract)`, a `bench`.
+"""Requirements of every environment part: `class TestX(EnvironmentContract)` with a `bench`.
 
-A simulation relies on every line: the books close whatever the part does, so nobody else notices
-an energy that does not belong to its force.
+A simulation relies on every test: the books close whatever the part does, so no other check finds
+an energy that does not match its force.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from tautwave.truth import EnvironmentPlugin
 
 PLACES = 201
 ALLOCATED = 512
-"""Bytes that a call may need while it runs: numbers, no arrays."""
+"""Bytes that a call may allocate temporarily: numbers, no arrays."""
 
 
 class EnvironmentBench(NamedTuple):
-    """An environment, keys of a rig file for it (without `part`), and what a device does there.
+    """An environment, its keys in a rig file (without `part`), and the range of device motion.
 
     `low` and `high` [rad or m] are positions it reaches, `speed` [rad/s or m/s] its greatest,
     `mass` [kg m^2 or kg] its inertia.
@@ -119,12 +119,14 @@ class EnvironmentContract:
             before = math.fabs(force(high) - force(low))
             if at_kink or before <= 1e-9 * largest:
                 continue
-            for _ in range(40):  # halve towards where it changes most
+            for _ in range(40):  # bisect towards the largest change
                 middle = 0.5 * (low + high)
                 left, right = force(middle) - force(low), force(high) - force(middle)
                 low, high = (low, middle) if math.fabs(left) > math.fabs(right) else (middle, high)
             jump = math.fabs(force(high) - force(low))
-            assert jump < 1e-3 * before, f"it jumps by {jump:g} near {low:g}: no declared kink"
+            assert jump < 1e-3 * before, (
+                f"it jumps by {jump:g} near {low:g}, which is not a declared kink"
+            )
 
     def test_it_gives_no_energy_to_what_shakes_it(self, bench: EnvironmentBench) -> None:
         part = bench.contact()
@@ -173,7 +175,9 @@ class EnvironmentContract:
             stored: Any = numba.njit(part.stored)
             force(part.params, 0.0, 0.0), stored(part.params, 0.0)
         except numba.core.errors.NumbaError as err:
-            pytest.skip(f"numba does not compile it, it runs in Python: {str(err).splitlines()[0]}")
+            pytest.skip(
+                f"numba cannot compile it, so it runs in Python: {str(err).splitlines()[0]}"
+            )
         for x in bench.places():
             assert stored(part.params, x) == part.stored(part.params, x)
             for v in (-bench.speed, 0.0, bench.speed):

@@ -1,4 +1,4 @@
-"""What every hand that is a part has to do: `class TestX(HandContract)` with a `bench`."""
+"""Requirements of every hand part: `class TestX(HandContract)` with a `bench`."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from tautwave.truth import HandPlugin
 
 
 class HandBench(NamedTuple):
-    """A hand and the keys of a rig file for it (without `part`), at a rate [Hz]."""
+    """A hand and its keys in a rig file (without `part`), at a rate [Hz]."""
 
     plugin: HandPlugin
     keys: Mapping[str, Any]
     rate_hz: float = 1000.0
 
     def wanted(self, count: int, seed: tuple[int, ...] = (1, 2)) -> list[float]:
-        """Return the positions it wants at the first slots [rad or m]."""
+        """Return its wanted positions at the first slots [rad or m]."""
         block = load_named(self.plugin.keys).model_validate({"part": "mine", **self.keys})
         times = [slot / self.rate_hz for slot in range(count)]
         return list(load_named(self.plugin.motion)(block, times, seed))

@@ -279,31 +279,31 @@ def _finish(motion: Motion, model: str, theta: Sequence[float] | Array, side: in
         behind[at] -= step
         slopes.append(((columns_at(ahead) - columns_at(behind)) @ found / (2.0 * step))[:, None])
     values = [*(float(value) for value in found), *theta]
-    told = intervals(np.concatenate(slopes, axis=1), residual, values)
+    estimates = intervals(np.concatenate(slopes, axis=1), residual, values)
     sign = 1.0 if found[1] >= 0.0 else -1.0
-    working = told[1].scaled(sign)
+    working = estimates[1].scaled(sign)
     parameters = {"stiffness": working}
     elastic = found[1] * columns[:, 1]
     if model == "hunt_crossley":
         exponent = theta[1]
         parameters["stiffness"] = working.scaled(deep ** (1.0 - exponent) / exponent)
-        parameters |= {"exponent": told[4], "loss": _ratio(told[2], told[1])}
+        parameters |= {"exponent": estimates[4], "loss": _ratio(estimates[2], estimates[1])}
     else:
-        parameters["damping"] = told[2].scaled(sign)
+        parameters["damping"] = estimates[2].scaled(sign)
     if model == "mass":
-        parameters["mass"] = told[3].scaled(sign)
+        parameters["mass"] = estimates[3].scaled(sign)
     if model == "preloaded":
-        parameters["preload"] = told[3].scaled(sign)
+        parameters["preload"] = estimates[3].scaled(sign)
         elastic = elastic + found[3] * columns[:, 3]
     touching = np.ones(len(motion.rows), dtype=bool)
     if side:
         touching = motion.filtered((depth > 0.0).astype(np.float64)) > 0.5
-        surface = told[len(found)]
+        surface = estimates[len(found)]
         if model == "preloaded":  # noise moves the jump, which no derivative of the fit sees
             noise = 0.5 * white_noise(motion.position)
             surface = Estimate(surface.value, surface.lower - noise, surface.upper + noise)
         parameters["surface"] = surface
-    parameters["offset"] = told[0]
+    parameters["offset"] = estimates[0]
     return ContactFit(
         model,
         parameters,

@@ -1,4 +1,4 @@
-"""Planes of a quantised wall's stiffness: where an adversary's motion pays, simulated and told.
+"""Planes of a quantised wall's stiffness: where an adversary gains energy, simulated and predicted.
 
 Nothing of the rule is used in the simulation: an operator moves the device to and fro around an
 encoder edge, once per sample at constant speed; the live wall law answers the quantised position
@@ -142,15 +142,15 @@ def quantised_plane(
         if progress is not None:
             progress((at + 1) / len(columns))
     x = np.array([column.x for column in columns])
-    told = np.array(passive)
+    predicted = np.array(passive)
     return StabilityPlane(
         x,
         stiffness,
-        told,
+        predicted,
         np.full(len(columns), math.nan),
         np.array(simulated),
         np.array(growths).T,
-        stiffness[:, None] <= told,
+        stiffness[:, None] <= predicted,
         tuple(
             (float(at), place, limit)
             for at, place, limit in zip(x, simulated, passive, strict=True)

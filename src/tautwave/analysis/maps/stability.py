@@ -85,7 +85,9 @@ class StabilityPlane(NamedTuple):
     @property
     def disagreement(self) -> float:
         """Greatest relative distance of a simulated boundary from the predicted one [1]."""
-        return max((abs(found / told - 1.0) for _, found, told in self.edges), default=0.0)
+        return max(
+            (abs(found / predicted - 1.0) for _, found, predicted in self.edges), default=0.0
+        )
 
 
 GROWING = 1e-13

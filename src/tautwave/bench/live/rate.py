@@ -105,7 +105,7 @@ def measure(
     first = pairs_rig(1, 1000, engines[0]).loop
     found = []
     with realtime(first.fifo_priority, first.cpu, first.lock_memory) as granted:
-        told = list(granted)
+        requests = list(granted)
         for count in pairs:
             for rate_hz in rates_hz:
                 zero = dict.fromkeys((*engines, "empty"), 0)
@@ -119,7 +119,7 @@ def measure(
                     for engine in engines:
                         _run(paced, engine, seconds)
                 found.append(_figures(paced))
-    return {"realtime": told, "seconds": seconds * rounds, "cases": found}
+    return {"realtime": requests, "seconds": seconds * rounds, "cases": found}
 
 
 def _figures(paced: Paced) -> dict[str, Any]:

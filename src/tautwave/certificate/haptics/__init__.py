@@ -1,4 +1,4 @@
-"""What a rig can show a hand: stiffest walls, felt impedance, limit cycles of walls that fail."""
+"""Haptic performance of a rig: stiffest walls, felt impedance, limit cycles of walls that fail."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ __all__ = ["AxisWidth", "Felt", "Haptics", "WallCycle", "haptics"]
 
 
 class Haptics(NamedTuple):
-    """What `haptics` found.
+    """Result of `haptics`.
 
-    `silent` holds a sentence for each axis or pair of which nothing can be said.
+    `silent` holds a sentence for each axis or pair without a result.
     """
 
     widths: tuple[AxisWidth, ...]
@@ -35,20 +35,20 @@ class Haptics(NamedTuple):
         }
 
     def sentences(self) -> list[tuple[str, list[str]]]:
-        """Return headings and what is said under each."""
-        told = [
+        """Return headings with the sentences under each."""
+        headed = [
             ("Stiffest wall", [one.sentence() for one in self.widths]),
             ("Felt by the hand", [line for one in self.felt for line in one.sentences()]),
             ("Limit cycles", [line for one in self.cycles for line in one.sentences()]),
             ("Not said", list(self.silent)),
         ]
-        return [(heading, lines) for heading, lines in told if lines]
+        return [(heading, lines) for heading, lines in headed if lines]
 
 
 def haptics(rig: Rig) -> Haptics:
-    """Return what a rig can show a hand, by what it believes of its devices; a second or two.
+    """Return the haptic performance of a rig from its believed parameters; takes a second or two.
 
-    Walls are those that run: derated where the rig asks for it.
+    Walls are as run: derated where the rig says so.
     """
     if rig.scene is not None:
         return Haptics((), (), (), ("the hand touches a scene; its certificate says how",))

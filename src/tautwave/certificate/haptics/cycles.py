@@ -1,7 +1,7 @@
-"""Limit cycles of the walls that are not passive: predicted, and simulated beside.
+"""Limit cycles of the walls that are not passive: predicted and simulated.
 
-A hand that pushes with a constant force, without a spring of its own, is the bias; amplitudes grow
-in proportion to it, the frequency does not change.
+The bias is a hand that pushes with a constant force, without stiffness; amplitudes grow in
+proportion to it, the frequency does not change.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from tautwave.rig import at_axis_rate
 from tautwave.types import CommandDelay
 
 BIAS = 0.1
-"""Of the axis' effort limit: what the hand pushes with."""
+"""Share of the axis' effort limit that the hand pushes with."""
 
 SAMPLES = 40_000
 
@@ -35,7 +35,7 @@ SAMPLES = 40_000
 class WallCycle(NamedTuple):
     """One wall that fails, pressed by a constant force on its bare device; SI of the axis.
 
-    `predicted` is None where the theory does not apply, and `reason` says why. `fall`: start of
+    `predicted` is None if the theory does not apply; `reason` says why. `fall`: start of
     the simulation, in resting depths from the wall.
     """
 
@@ -51,18 +51,20 @@ class WallCycle(NamedTuple):
     reason: str = ""
 
     def sentences(self) -> list[str]:
-        """Return what becomes of the device, by both."""
+        """Return the predicted and simulated motion in sentences."""
         place, push = ("rad", "N m") if self.rotary else ("m", "N")
         head = f"{self.name}, pressed with {self.bias:.3g} {push}"
         if self.predicted is None:
             first = f"{head}: no prediction: {self.reason}."
         elif self.predicted == UNBOUNDED:
-            return [f"{head}: without damping of the device nothing bounds the bounce."]
+            return [f"{head}: without damping of the device the bounce is unbounded."]
         elif self.predicted == REST:
-            first = f"{head}: comes to rest; no limit cycle, though some passive hand finds one."
+            first = (
+                f"{head}: comes to rest; no limit cycle, though some passive hand can sustain one."
+            )
         else:
             first = f"{head}: predicted limit cycle {_words(self.predicted, place, push)}"
-            first += ", faster than a hand moves on purpose." if self.predicted.involuntary else "."
+            first += ", faster than deliberate hand motion." if self.predicted.involuntary else "."
         if self.simulated == REST:
             return [first, f"{self.name}, simulated: comes to rest."]
         return [first, f"{self.name}, simulated: {_words(self.simulated, place, push)}."]
@@ -91,7 +93,7 @@ def wall_cycles(rig: Rig, delays: Mapping[str, CommandDelay]) -> tuple[WallCycle
         if verdict.passive:
             continue
         body = verdict.device
-        # The wall's law carries the delay: the device gets none of its own.
+        # The wall's law includes the delay: the device gets none.
         device = Device(body.mass, body.damping)
         name, rotary = wall_name(rig, axis_name), axis.kind == "rotary"
         bias = BIAS * axis.effort_limit

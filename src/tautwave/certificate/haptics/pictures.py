@@ -42,14 +42,14 @@ WIDTH, FELT, CYCLES = "z-width.png", "transparency.png", "limit-cycle.png"
 SHOWN_CYCLES = 4
 
 WIDTH_WORDS = (
-    "The stiffest wall over its virtual damping: for any hand where it is passive, with the stated "
-    "hand (a slave: with none) where it is stable only."
+    "The stiffest wall over its virtual damping: passive for any hand, or only stable with the "
+    "stated hand (a slave: with none)."
 )
 FELT_WORDS = (
-    "Left: impedance at the hand. An ideal rig adds nothing to what the slave touches. Right: "
+    "Left: impedance at the hand. An ideal rig shows exactly what the slave touches. Right: "
     "Llewellyn's margin, in the linear regime: where it is not negative, the rig is stable between "
-    "any passive hand and environment. Grey: too near to 0 to tell of a sampled rig. What is "
-    "missing, a port's energy account has to withhold."
+    "any passive hand and environment. Grey: too close to 0 to decide for a sampled rig. Where the "
+    "margin is negative, a port's energy account has to intervene."
 )
 CYCLE_WORDS = (
     "The bare device pressed against the wall by a constant force. Depth grows in proportion to "
@@ -58,7 +58,7 @@ CYCLE_WORDS = (
 
 
 def draw_haptics(name: str, found: Haptics, directory: Path) -> list[Path]:
-    """Write a PNG of each kind that there is something to show of; return their paths.
+    """Write a PNG of each non-empty kind; return their paths.
 
     Raises
     ------
@@ -78,12 +78,12 @@ def draw_haptics(name: str, found: Haptics, directory: Path) -> list[Path]:
 
 
 def bounding(cycles: tuple[WallCycle, ...]) -> tuple[WallCycle, ...]:
-    """Return the limit cycles that have a bound, and so a picture."""
+    """Return the bounded limit cycles, which can be drawn."""
     return tuple(one for one in cycles if one.predicted != UNBOUNDED)
 
 
 def width_figure(name: str, widths: tuple[AxisWidth, ...]) -> Figure:
-    """Return K over B of every impedance axis, two beside each other."""
+    """Return K over B of every impedance axis, two per row."""
     rows = (len(widths) + 1) // 2
     title = f"{name}: the stiffest walls (Z-width)"
     figure, axes = panels([2.3] * rows + [0.1], title, False, columns=2)
@@ -109,7 +109,7 @@ def felt_figure(name: str, felt: tuple[Felt, ...]) -> Figure:
 
 
 def cycle_figure(name: str, cycles: tuple[WallCycle, ...]) -> Figure:
-    """Return a few simulated periods of every limit cycle beside what is predicted."""
+    """Return a few simulated periods of every limit cycle with the prediction."""
     title = f"{name}: limit cycles of walls that are not passive"
     figure, axes = panels([2.0] * len(cycles) + [0.1], title, False)
     text_panel(axes[-1], [(SOFT, CYCLE_WORDS)])
@@ -120,7 +120,7 @@ def cycle_figure(name: str, cycles: tuple[WallCycle, ...]) -> Figure:
 
 def _width(panel: Axes, one: AxisWidth) -> None:
     spring, damper = ("N m/rad", "N m s/rad") if one.rotary else ("N/m", "N s/m")
-    # The first B is 0: on a logarithmic axis the next one stands for it, at the left end.
+    # The first B is 0: on a logarithmic axis draw it at the next one, at the left end.
     across = one.dampings[1:]
     passive, stable = one.passive[1:], one.stable[1:]
     finite = np.concatenate([values[np.isfinite(values) & (values > 0)] for values in

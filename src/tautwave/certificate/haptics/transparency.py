@@ -1,9 +1,10 @@
-"""What the hand feels of one pair: impedance free, blocked and in contact, and Llewellyn's margin.
+"""What the hand feels through a pair: impedance free, blocked, in contact; Llewellyn's margin.
 
 The pair as it is implemented, in its linear regime: energy accounts full, nothing clipped, local
-walls not touched, nothing missing. The devices move as the rig best believes; absolute stability is
-judged with the lower bounds of mass and damping. The ideal rig is massless: free it shows nothing,
-blocked anything, and in contact what the slave touches, in the master's units.
+walls not touched, no samples missing. The devices have the rig's best estimates; absolute stability
+is judged with the lower bounds of mass and damping. The ideal rig is massless: its felt impedance
+is zero when free, infinite when blocked, and in contact that of the environment, in the master's
+units.
 """
 
 from __future__ import annotations
@@ -51,10 +52,10 @@ Floats = NDArray[np.float64]
 LOWEST_HZ = 0.1
 POINTS = 400
 CLOSE_DB = 3.0
-"""Up to where what is felt counts as what is touched."""
+"""Limit up to which the felt impedance counts as that of the environment."""
 
 WIDTH_HZ = 10.0
-"""Up to where free and blocked are compared: people move no faster on purpose."""
+"""Limit up to which free and blocked are compared: deliberate motion is no faster."""
 
 Delays = Mapping[str, CommandDelay]
 
@@ -122,7 +123,7 @@ class Felt(NamedTuple):
         spring, damper = ("N m/rad", "N m s/rad") if self.rotary else ("N/m", "N s/m")
         mass = "kg m^2" if self.rotary else "kg"
         top, name = self.hertz[-1], f"pair {self.pair}"
-        told = [
+        lines = [
             f"{name}: at {self.hertz[0]:g} Hz free motion feels like {self.mass:.3g} {mass} and "
             f"{self.damping:.3g} {damper} (ideal: nothing), a clamped slave like "
             f"{self.stiffness:.3g} {spring} (ideal: rigid).",
@@ -134,33 +135,33 @@ class Felt(NamedTuple):
             where = f"within {CLOSE_DB:g} dB of the ideal up to {top if at is None else at:.3g} Hz"
             if at == self.hertz[0]:
                 where = f"more than {CLOSE_DB:g} dB off the ideal from {at:g} Hz on"
-            told.append(f"{name}: touching {self.contact} it feels {where}.")
+            lines.append(f"{name}: touching {self.contact} it feels {where}.")
         at = int(np.argmin(self.margin))
         least = f"least margin {self.margin[at]:.2g} at {self.hertz[at]:.3g} Hz"
         if self.stable:
             near = " nearly lossless:" if self.margin[at] <= self.blur[at] else ""
-            told.append(f"{name}: absolutely stable (Llewellyn) up to {top:g} Hz,{near} {least}.")
-            return told
+            lines.append(f"{name}: absolutely stable (Llewellyn) up to {top:g} Hz,{near} {least}.")
+            return lines
         text = f"{name}: fails Llewellyn's condition in its linear regime: {least}"
         if self.ends is not None:
             m, b, k = self.ends.hand
             text += f"; a hand of {m:.3g} {mass}, {b:.3g} {damper} and {k:.3g} {spring} on it and "
             m, _, k = self.ends.environment
             load = f"a mass of {m:.3g} {mass}" if m else f"a spring of {k:.3g} {spring}"
-            text += f"{load if m or k else 'nothing'} at the slave swing up together"
-        return [*told, f"{text}."]
+            text += f"{load if m or k else 'nothing'} at the slave together are unstable"
+        return [*lines, f"{text}."]
 
     @property
     def stable(self) -> bool:
-        """Llewellyn's verdict, but for what a response at one frequency cannot tell.
+        """Llewellyn's verdict, up to the uncertainty of a response at one frequency.
 
-        It leaves out what a hold gives at multiples of the rate: (w T)^2 / 12 of its power.
+        It neglects the power of a hold at multiples of the rate: a share of (w T)^2 / 12.
         """
         return self.ends is None and bool(np.all(self.margin >= -self.blur))
 
     @property
     def blur(self) -> Floats:
-        """How much of `margin` a response at one frequency leaves open, (w T)^2 / 12."""
+        """Uncertainty of `margin` from a response at one frequency, (w T)^2 / 12."""
         return np.asarray((2.0 * math.pi * HIGHEST * self.hertz / self.hertz[-1]) ** 2 / 12.0)
 
     def as_dict(self) -> dict[str, Any]:
@@ -191,14 +192,14 @@ class Felt(NamedTuple):
 
 
 def pair_felt(rig: Rig, pair: str, delays: Delays) -> Felt | str:
-    """Return what the hand feels of a pair, or a sentence that says why nothing is known."""
+    """Return what the hand feels through a pair, or a sentence why it is unknown."""
     if is_silent(rig) or not coupling_part(rig).linear:
         return f"pair {pair}: law {rig.coupling.law} has no linear model (its part names none)"
     if max(rig.axis_divisor(f"{side}.{pair}") for side in SIDES) > 1:
         return f"pair {pair}: its sides run at different rates; give both buses divisor 1 to see it"
     ends = [believed_end(rig, f"{side}.{pair}", delays, "value") for side in SIDES]
     if any(end.push is None for end in ends):
-        return f"pair {pair}: the linear model of law {rig.coupling.law} says nothing of pushes"
+        return f"pair {pair}: the linear model of law {rig.coupling.law} has no force inputs"
     best, certain = (_response(rig, pair, delays, bound) for bound in ("value", "lower"))
     hertz = np.geomspace(LOWEST_HZ, HIGHEST * rig.rate_hz, POINTS)
     s = np.asarray(2j * math.pi * hertz)
@@ -211,7 +212,7 @@ def pair_felt(rig: Rig, pair: str, delays: Delays) -> Felt | str:
     contact = stated_environment(rig, pair)
     if contact is not None:
         load = Environment(0.0, contact.damping, contact.stiffness).impedance(s)
-        # What a unit at the slave is at the master: both transmissions where all is slow.
+        # Scale from slave to master: both transmissions at low frequency.
         ratio = float((-h.h12 * h.h21)[0].real)
         touching, ideal = transmitted(h, load), ratio * load
     low, high = (float(2.0 * math.pi * hertz[at]) for at in (0, -1))
@@ -240,13 +241,13 @@ def pair_felt(rig: Rig, pair: str, delays: Delays) -> Felt | str:
 
 
 def _is_unstable(rig: Rig, pair: str, delays: Delays, ends: Ends) -> bool:
-    """Return whether the exact sampled loop swings up between a hand and an environment."""
+    """Return whether the exact sampled loop is unstable between a hand and an environment."""
     law = registry.load_named(coupling_part(rig).linear)
     keys, filtered = rig.coupling.pairs[pair], rig.coupling.filter_step(rig.period_s)
     loop = []
     for side, (mass, damping, stiffness) in zip(SIDES, ends, strict=True):
         if rig.axes[f"{side}.{pair}"].inertia is None:
-            return False  # a drive's passivity is that of springs outside only
+            return False  # a drive's passivity covers external springs only
         device, site = believed_parts(rig, f"{side}.{pair}", delays, "lower")
         held = device._replace(
             mass=device.mass + mass, damping=device.damping + damping, stiffness=stiffness

@@ -33,9 +33,9 @@ class AxisWidth(NamedTuple):
     ----------
     axis, rotary : str, bool
     mass, damping : float
-        Of the device, as they are certain.
+        Lower bounds for the device.
     period_s, delay : float
-        Of the loop [s], until a command acts [periods].
+        Loop period [s], delay until a command acts [periods].
     hand : Hand or None
         What holds a master.
     dampings : ndarray of shape (n,)
@@ -43,7 +43,7 @@ class AxisWidth(NamedTuple):
     passive : ndarray of shape (n,)
         Greatest K for any hand [N/m or N m/rad].
     stable : ndarray of shape (n,)
-        K at which device and `hand` first swing up [N/m or N m/rad].
+        K at which device and `hand` first become unstable [N/m or N m/rad].
     wall : tuple of float, optional
         K and B of the axis' own wall.
     """
@@ -71,7 +71,7 @@ class AxisWidth(NamedTuple):
         return float(self.stable[at]), float(self.dampings[at])
 
     def sentence(self) -> str:
-        """Return what the plot says."""
+        """Return the plot's result in sentences."""
         spring, damper = ("N m/rad", "N m s/rad") if self.rotary else ("N/m", "N s/m")
         head = f"{self.axis}: "
         periods = "one period" if self.delay == 1.0 else f"{self.delay:g} periods"
@@ -106,7 +106,7 @@ class AxisWidth(NamedTuple):
 
 
 def axis_width(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> AxisWidth:
-    """Return the Z-width of an impedance axis, with or without a wall of its own."""
+    """Return the Z-width of an impedance axis, with or without a wall."""
     own = at_axis_rate(rig, axis_name)
     axis = own.axes[axis_name]
     side, pair = axis_name.split(".")

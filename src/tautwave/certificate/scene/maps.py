@@ -1,7 +1,8 @@
-"""A scene's linear part as the sampled system that it is, and its loop with device and hand.
+"""A scene's linear part as a sampled system, and its loop with device and hand.
 
-The map is found by probing: the very steps of the live loop, on the network without its nonlinear
-links, weight and rest lengths, from every unit state. So what is certified is what runs.
+The map is found by probing: the same steps as in the live loop, on the network without its
+nonlinear links, weight and rest lengths, from every unit state. So the certificate covers the code
+that runs.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from tautwave.scene.network import LINEAR, Network
 Matrix = npt.NDArray[np.float64]
 
 EXACT_ORDER = 8
-"""Greatest order whose condition is proved in integers; above it is searched on a grid."""
+"""Greatest order for which the condition is proved in integers; above, it is searched on a grid."""
 
 
 class LinearScene(NamedTuple):
@@ -38,7 +39,7 @@ class LinearScene(NamedTuple):
 
 
 class Need(NamedTuple):
-    """Device damping that a port needs [N s/m or N m s/rad], at which frequency, proved or not."""
+    """Device damping required by a port [N s/m or N m s/rad], its frequency, proved or not."""
 
     damping: float
     frequency: float
@@ -82,7 +83,7 @@ def linear_scene(
             a[:, state], c[state] = after, effort
         else:
             b, d = after, effort
-    # The last position is in the axis' units, so that only input and output are scaled.
+    # The last position is in the axis' units, so only input and output are scaled.
     b[:-1] *= scale
     a[:-1, -1] *= scale
     c[:-1] *= scale
@@ -150,9 +151,9 @@ def leak_over(scene: LinearScene, theta: Matrix, delay: float) -> Matrix:
 
 
 def _seen(scene: LinearScene) -> tuple[Matrix, Matrix, Matrix]:
-    """Return the states that the port can see and move: the controllable and observable ones."""
+    """Return the states that the port can observe and control."""
     a, b, c = scene.a, scene.b, scene.c
-    # The port's last position counts only where a damper is at the port.
+    # The port's last position matters only if a damper is at the port.
     if not np.any(a[:-1, -1]) and c[-1] == 0.0:
         a, b, c = a[:-1, :-1], b[:-1], c[:-1]
     near: set[int] = {i for i in range(len(b)) if c[i] != 0.0}
@@ -166,7 +167,7 @@ def _seen(scene: LinearScene) -> tuple[Matrix, Matrix, Matrix]:
 
 
 def own_radius(scene: LinearScene) -> float:
-    """Return the greatest |z| of the scene by itself, parts that no link joins to a port included.
+    """Return the greatest |z| of the scene by itself, including parts not linked to any port.
 
     A free mass has a double pole at 1, which rounding splits by some 1e-8.
     """

@@ -1,4 +1,4 @@
-"""The picture of a scene's certificate: what its ports need, and what they are."""
+"""The picture of a scene's certificate: damping required by its ports, and their stiffness."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 def scene_certificate(rig: Rig, delays: Mapping[str, CommandDelay]) -> Figure:
-    """Return a row per port: device damping needed over frequency, and the sampled stiffness.
+    """Return a row per port: required device damping over frequency, and the sampled stiffness.
 
     Only the linear part is drawn: contacts are open, strings and other nonlinear links absent.
     """

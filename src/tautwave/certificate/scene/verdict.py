@@ -1,9 +1,10 @@
 """The certificate of a rig with a scene: its linear part by matrices, the rest by its ledger.
 
-Ideal: masses, springs and dampers make a positive real impedance; shown from the network's own
-matrices, and exactly (`analysis.positive_real`) where it is small. Sampled: Colgate and Schenkel's
-condition on the very steps that run. Nonlinear links are named as conditions: no theorem covers
-them under a hold, their account is kept and recorded. What feeds energy is not certified at all.
+In continuous time, masses, springs and dampers make a positive real impedance; shown from the
+network's own matrices, and exactly (`analysis.positive_real`) where it is small. When sampled,
+Colgate and Schenkel's condition is evaluated on the steps that run. Nonlinear links are conditions:
+no theorem covers them under a hold, but their energy is accounted for and recorded. Elements that
+feed energy are not certified at all.
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ def _named(network: Network, kinds: tuple[str, ...]) -> list[str]:
 
 
 def _curved(network: Network) -> tuple[str, ...]:
-    """Return the condition that nonlinear links and strings are, if there are any."""
+    """Return the condition for nonlinear links and strings, if there are any."""
     names = [link.name for link in network.links if link.kind not in (*LINEAR, *ACTIVE)]
     names += [string.name for string in network.strings]
     if not names:
@@ -99,7 +100,7 @@ def _active(network: Network) -> Verdict | None:
 
 
 def _network(network: Network) -> Element:
-    """Return the network as it would be without sampling."""
+    """Return the element for the network without sampling."""
     bad = _active(network)
     masses = len(network.masses)
     numbers: dict[str, float] = {"masses": masses, "links": len(network.links)}
@@ -126,7 +127,7 @@ def _network(network: Network) -> Element:
 
 
 def _exact(network: Network) -> str | None:
-    """Return what exact arithmetic says of the impedance at the first port, if it is small."""
+    """Return the exact-arithmetic result for the impedance at the first port, if it is small."""
     linear = linear_part(network)
     port = linear.ports[0]
     if len(linear.masses) > SMALL or not any(port in (link.a, link.b) for link in linear.links):
@@ -160,7 +161,7 @@ def _linear(rig: Rig, network: Network, name: str) -> LinearScene:
 
 
 def _port(rig: Rig, network: Network, name: str, delay: CommandDelay) -> Element:
-    """Return the sampled port: Colgate and Schenkel on what runs."""
+    """Return the element for the sampled port: Colgate and Schenkel's condition on what runs."""
     axis_name = f"master.{name}"
     axis = rig.axes[axis_name]
     unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
@@ -213,7 +214,7 @@ def _port(rig: Rig, network: Network, name: str, delay: CommandDelay) -> Element
 
 
 def _loop(rig: Rig, network: Network, name: str, delay: CommandDelay) -> PairLoop:
-    """Return the exact loop of hand, device and linear part."""
+    """Return the verdict on the exact loop of hand, device and linear part."""
     axis_name = f"master.{name}"
     axis = rig.axes[axis_name]
     hand = stated_hand(rig, name)

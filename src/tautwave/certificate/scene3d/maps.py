@@ -1,8 +1,8 @@
-"""The sampled linear part of a network of points, and its loop with devices and hands.
+"""The sampled linear part of a 3D network, and its loop with devices and hands.
 
-All axes at once: Colgate and Schenkel's condition holds for them together if, at every frequency,
+All axes together: Colgate and Schenkel's condition holds for them together if, at every frequency,
 2 (1 - cos w T) B - T herm((1 - exp(-j w T)) H) has no negative eigenvalue, with the devices'
-damping B on the diagonal: their proof, a sum over aliases, goes axis by axis where B stands.
+damping B on the diagonal: their proof, a sum over aliases, applies axis by axis to B.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ class Map3d(NamedTuple):
 
 
 class Need3d(NamedTuple):
-    """The share of the devices' damping that the axes need together, and at which frequency [Hz].
+    """Share of the devices' damping that all axes require together, at which frequency [Hz].
 
-    `alone` is what each axis needs with the others held [N s/m].
+    `alone` is the requirement of each axis with the others held [N s/m].
     """
 
     share: float
@@ -45,14 +45,14 @@ class Need3d(NamedTuple):
 
 
 def network3d_map(s: Arrays3d, scheme: str, period: float, scales: Matrix) -> Map3d:
-    """Return what a step of a scheme does near the present positions; `scales` are of the axes."""
+    """Return the linearised step of a scheme at the present positions; `scales` are of the axes."""
     near = tangent(s)
     n, axes = len(near.mass), len(scales)
     ways = near.ways * scales
     k, kp, kpp = _blocks(near.stiffness, n, ways)
     z, zp, zpp = _blocks(near.damping, n, ways)
     mass, eye = np.diag(near.mass), np.eye(n)
-    # Over (x, v, last q, q); a port's speed is what its axes moved since the last sample.
+    # Over (x, v, last q, q); a port's speed is its axes' motion since the last sample.
     rate = np.hstack([np.zeros((axes, 2 * n)), -np.eye(axes) / period, np.eye(axes) / period])
     place = np.hstack([np.zeros((axes, 2 * n + axes)), np.eye(axes)])
     at = np.hstack([eye, np.zeros((n, n + 2 * axes))])
@@ -96,7 +96,7 @@ def radius_of(law: Map3d) -> float:
 
 
 def needed_together(law: Map3d, damping: Matrix, delays: Matrix) -> Need3d:
-    """Return what the held, sampled axes need of the devices' `damping` [N s/m] (searched).
+    """Return how much of the devices' `damping` [N s/m] the held, sampled axes require (searched).
 
     `delays` [periods] are of each axis' effort.
     """
@@ -125,7 +125,7 @@ def needed_together(law: Map3d, damping: Matrix, delays: Matrix) -> Need3d:
 
 
 def leak_together(law: Map3d, theta: Matrix, delays: Matrix) -> npt.NDArray[np.complex128]:
-    """Return the damping that all axes together need at angles w T: a Hermitian matrix each."""
+    """Return the damping that all axes together require at angles w T: a Hermitian matrix each."""
     turn = np.exp(1j * theta)
     found = np.array([_response(law, z) for z in turn]).reshape(-1, *law.d.shape)
     late = np.exp(-1j * np.outer(theta, delays))[:, :, None] * found
@@ -147,7 +147,7 @@ def joint_poles(
     stiffnesses: Matrix,
     delays: list[int],
 ) -> npt.NDArray[np.complex128]:
-    """Return the poles in z of the network under all its held devices, each effort as late."""
+    """Return the poles in z of the network with all devices held, each effort with its delay."""
     law = seen(law)
     n, axes = len(law.a), len(masses)
     size = 2 * axes + n + sum(delays)

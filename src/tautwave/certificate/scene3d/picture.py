@@ -1,4 +1,4 @@
-"""The picture of a certificate of points in space: what each axis needs, and all together."""
+"""The picture of a 3D scene's certificate: damping required by each axis, and by all together."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def scene3d_certificate(rig: Rig, delays: Mapping[str, CommandDelay]) -> Figure:
-    """Return the damping that each axis needs over frequency, and the share that all need.
+    """Return the damping each axis requires over frequency, and the share required by all.
 
     Only the linear part near the start position is drawn: contacts are open.
     """

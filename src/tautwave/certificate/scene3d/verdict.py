@@ -1,8 +1,8 @@
-"""The certificate of a rig with a scene of three dimensions.
+"""The certificate of a rig with a 3D scene.
 
-What turns is not linear. Proved at any position: the network gives no energy of its own before it
-is sampled. Near the start position: its linear part, sampled as it runs, all axes at once. Beyond
-that nothing is claimed: what links do as they turn, and nonlinear ones, are named as conditions.
+Links that turn are not linear. Proved at any position: before sampling the network creates no
+energy. Near the start position: its linear part, sampled as it runs, for all axes together. Beyond
+that nothing is claimed: turning links and nonlinear ones are listed as conditions.
 """
 
 from __future__ import annotations
@@ -49,11 +49,11 @@ LARGE = 60
 """Masses above which the linear part is not turned into matrices."""
 
 FELT = 20
-"""Masses that the ports feel linearly, above which their condition is not searched."""
+"""Number of masses that the ports feel linearly, above which their condition is not searched."""
 
 
 class _Scene:
-    """A rig's network near its start, and what all its verdicts share."""
+    """A rig's network near its start, and the data all its verdicts share."""
 
     def __init__(self, rig: Rig, delays: Mapping[str, CommandDelay]) -> None:
         self.rig = rig
@@ -76,7 +76,7 @@ class _Scene:
                 self.least = float(values.min()) if values.min() < -1e-9 * values.max() else 0.0
 
     def conditions(self) -> tuple[str, ...]:
-        """Return what no theorem covers."""
+        """Return the conditions that no theorem covers."""
         curved = [k.name for k in self.network.links if k.kind not in (*LINEAR, *ACTIVE)]
         turning = [
             k.name
@@ -105,7 +105,7 @@ class _Scene:
         return tuple(conditions)
 
     def active(self) -> Verdict | None:
-        """Return the refusal of what feeds energy."""
+        """Return the refusal of elements that feed energy."""
         names = [link.name for link in self.network.links if link.kind in ACTIVE]
         if not names:
             return None
@@ -121,7 +121,7 @@ def _listed(names: list[str]) -> str:
 
 
 def _rate_for(s: Arrays3d, rate: float) -> float:
-    """Return the least of some rates [Hz] at which the symplectic scheme holds in any posture."""
+    """Return the lowest tried rate [Hz] at which the symplectic scheme is stable in any posture."""
     low, high = rate, 2.0 * rate
     while symplectic_share(s, 1.0 / high) >= 1.0:
         low, high = high, 2.0 * high
@@ -137,7 +137,7 @@ def _rate_for(s: Arrays3d, rate: float) -> float:
 def scene3d_certificate(
     rig: Rig, delays: Mapping[str, CommandDelay], passes: Mapping[str, str]
 ) -> Certificate:
-    """Return the certificate of a rig with a scene of points; `passes` as for other scenes."""
+    """Return the certificate of a rig with a 3D scene; `passes` as for other scenes."""
     scene = _Scene(rig, delays)
     elements = (_network(scene), *_ports(scene))
     loops = (_loop(scene),)
@@ -152,7 +152,7 @@ def scene3d_certificate(
 
 
 def _network(scene: _Scene) -> Element:
-    """Return the network as it would be without sampling: true at any position."""
+    """Return the element for the network without sampling, valid at any position."""
     network = scene.network
     numbers = {
         "masses": float(len(network.masses)),
@@ -166,13 +166,13 @@ def _network(scene: _Scene) -> Element:
             True,
             "network: every link has a potential or only dissipates, along its line, so the "
             "network is passive in continuous time at any position"
-            + ("." if network.gravity == (0.0, 0.0, 0.0) else ", except for falling weight."),
+            + ("." if network.gravity == (0.0, 0.0, 0.0) else ", except for the work of gravity."),
         )
     return Element("network", "network", "scene", verdict, verdict, numbers, (verdict.reason,))
 
 
 def _ports(scene: _Scene) -> Iterator[Element]:
-    """Yield the sampled axes: each with the others held, then all together."""
+    """Yield the elements of the sampled axes: each with the others held, then all together."""
     rig = scene.rig
     need: Need3d | None = None
     damping = np.array([rig.axes[name].damping.lower for name in scene.axes])
@@ -188,8 +188,8 @@ def _ports(scene: _Scene) -> Iterator[Element]:
     if need is not None and len(scene.axes) > 1 and felt:
         reason = (
             "all axes together: near the start position the linear part needs "
-            f"{need.share:.1%} of the damping believed (Colgate and Schenkel for all axes at once, "
-            f"searched on a grid; at {need.frequency:.4g} Hz)"
+            f"{need.share:.1%} of the damping believed (Colgate and Schenkel for all axes "
+            f"together, searched on a grid; at {need.frequency:.4g} Hz)"
         )
         verdict = scene.active() or Verdict(
             need.share <= 1.0,
@@ -257,7 +257,7 @@ def _axis(scene: _Scene, at: int, name: str, need: Need3d | None, why: str) -> E
 
 
 def _loop(scene: _Scene) -> PairLoop:
-    """Return the loop of all hands, devices and the linear part, near the start position."""
+    """Return the verdict on the loop of all hands, devices and the linear part, near the start."""
     rig = scene.rig
     names = list(scene.network.axes)
     ports = ", ".join(port.name for port in scene.network.ports)
@@ -324,7 +324,7 @@ def _loop(scene: _Scene) -> PairLoop:
 
 
 def _refusal(scene: _Scene) -> str | None:
-    """Return why the network by itself is not stable where it starts."""
+    """Return why the network by itself is not stable at its start."""
     assert scene.law is not None
     if scene.least < 0.0:
         rate = math.sqrt(-scene.least)

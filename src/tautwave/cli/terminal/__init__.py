@@ -1,1 +1,1 @@
-"""What a person sees in the terminal: tables, progress, the end of a run."""
+"""Terminal output: tables, progress, the summary of a run."""

@@ -1,4 +1,4 @@
-"""Playing the sound of a run, afterwards and where there is something to play it on."""
+"""Play the sound of a run afterwards, if there is a player."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from typing import Any
 PLAYERS = (("paplay",), ("pw-play",), ("aplay", "-q"), ("afplay",))
 """Commands of the system, tried in this order; then the library sounddevice, if installed."""
 PATIENCE_S = 10.0
-"""How much longer than its sound a player may take."""
+"""Time limit of a player beyond the length of its sound [s]."""
 
 
 def play_sound(path: Path) -> str:
     """Play a WAV file to its end; return "" or, in a sentence, why it was not played.
 
-    Ctrl-C ends the sound, nothing else.
+    Ctrl-C ends only the sound.
     """
     try:
         seconds = _length(path)

@@ -1,8 +1,8 @@
-"""Progress of a run, shown by a small process of its own.
+"""Progress of a run, shown by a small separate process.
 
-The loop may not wait for a terminal: a stopped one (Ctrl-S) or a full pipe would block it with
-motors on. So the loop writes a short line into a non-blocking pipe, dropping it where the pipe is
-full, and `progress_bar.py` at its other end draws: a bar on a terminal, else a line every 10 %.
+The loop must not wait for a terminal: a stopped one (Ctrl-S) or a full pipe would block it with
+motors on. So the loop writes a short line into a non-blocking pipe, drops it if the pipe is full,
+and `progress_bar.py` at the other end draws: a bar on a terminal, else a line every 10 %.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _CHILD = Path(__file__).with_name("progress_bar.py")
 
 
 class Progress:
-    """Callable that takes the fraction done (0 to 1) and a word or two on what is being done."""
+    """Callable that takes the fraction done (0 to 1) and the current activity in a word or two."""
 
     def __init__(self, title: str) -> None:
         self._fraction = -1.0
@@ -36,7 +36,7 @@ class Progress:
         if text == self._text and -0.005 < fraction - self._fraction < 0.005:
             return
         self._fraction, self._text = fraction, text
-        with suppress(OSError):  # full or gone: a bar that lags is better than a loop that waits
+        with suppress(OSError):  # full or closed: a lagging bar is better than a waiting loop
             os.write(self._pipe.fileno(), f"{fraction:.4f}\t{text}\n".encode())
 
     def __enter__(self) -> Self:

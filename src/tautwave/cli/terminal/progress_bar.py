@@ -12,7 +12,7 @@ STEP = 0.1
 
 
 def reports(stream: TextIO) -> Iterator[tuple[float, str]]:
-    """Fraction and text of each line; a line that is neither is dropped."""
+    """Fraction and text of each line; invalid lines are dropped."""
     for line in stream:
         number, _, text = line.rstrip("\n").partition("\t")
         try:
@@ -33,7 +33,7 @@ def draw_lines(stream: TextIO, out: TextIO, title: str) -> None:
 
 
 def draw_bar(stream: TextIO, title: str) -> None:
-    """Draw a bar that leaves nothing behind: the summary says what there is to say."""
+    """Draw a bar that is erased at the end: the summary follows."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -67,7 +67,7 @@ def main() -> None:
         else:
             draw_lines(sys.stdin, sys.stderr, title)
     except BrokenPipeError:
-        os._exit(0)  # nobody reads any more, and flushing at exit would complain about it
+        os._exit(0)  # the reader has gone, and flushing at exit would raise
 
 
 if __name__ == "__main__":

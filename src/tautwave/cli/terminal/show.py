@@ -15,14 +15,14 @@ GOOD, BAD, NOTE, FAINT = "green", "bold red", "yellow", "dim"
 
 
 class Cell(NamedTuple):
-    """Text with a colour. Colours are sparing: a plain str is the rule."""
+    """Text with a colour. Use sparingly: most text is a plain str."""
 
     text: str
     style: str
 
 
 class Section(NamedTuple):
-    """A titled table. A column whose name begins with '>' is aligned to the right."""
+    """A titled table. A column whose name begins with '>' is right-aligned."""
 
     title: str
     columns: Sequence[str]
@@ -31,7 +31,7 @@ class Section(NamedTuple):
 
 
 def show(sections: Sequence[Section]) -> None:
-    """Print the sections that have something to say on stdout; the first one is the headline."""
+    """Print the non-empty sections on stdout; the first one is the headline."""
     filled = _filled(sections)
     with unheard(sys.stdout, BrokenPipeError):
         if sys.stdout.isatty():
@@ -45,7 +45,7 @@ def show(sections: Sequence[Section]) -> None:
 
 
 def plain_lines(section: Section) -> Iterator[str]:
-    """`section` as aligned text in ASCII as far as our own text goes."""
+    """`section` as aligned text, with our own text in ASCII."""
     if section.title:
         yield plain(section.title)
     rows = [[plain(_text(cell)) for cell in row] for row in section.rows]
@@ -63,7 +63,7 @@ def plain_lines(section: Section) -> Iterator[str]:
 
 
 def plain_text(sections: Sequence[Section]) -> str:
-    """Return the sections that have something to say as plain text, as `show` prints them."""
+    """Return the non-empty sections as plain text, as `show` prints them."""
     parts = [list(plain_lines(section)) for section in _filled(sections)]
     return "\n\n".join("\n".join(lines) for lines in parts) + "\n"
 
@@ -73,7 +73,7 @@ def _filled(sections: Sequence[Section]) -> list[Section]:
 
 
 def _lines(row: Sequence[str]) -> Iterator[list[str]]:
-    """Yield a row line by line, where a cell has several."""
+    """Yield a row line by line if a cell has several lines."""
     cells = [cell.split("\n") for cell in row]
     for at in range(max(len(cell) for cell in cells)):
         yield [cell[at] if at < len(cell) else "" for cell in cells]
@@ -86,7 +86,7 @@ _DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
 def plain(text: str) -> str:
-    """Typeset figures as a script can read them: `2.1e-14`, `12 us`."""
+    """Convert typeset numbers to machine-readable ones: `2.1e-14`, `12 us`."""
     text = _POWER.sub(lambda power: "e" + power[1].translate(_DIGITS), text)
     for mark, sign in _ASCII.items():
         text = text.replace(mark, sign)

@@ -1,4 +1,4 @@
-"""Standard streams that are closed, or that nobody reads any more."""
+"""Standard streams that are closed, or whose reader has gone."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import TextIO
 
 
 def open_streams() -> None:
-    """Give a process that was started without some of its standard streams (`>&-`) empty ones.
+    """Open empty streams for a process that was started without standard ones (`>&-`).
 
-    Else the next file that is opened, a recording, takes the number of the stream, and what a
-    library prints ends in it.
+    Otherwise the next opened file, a recording, would get the stream's number, and a library's
+    output would end up in it.
     """
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         try:
             os.fstat(number)
         except OSError:
-            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # takes the lowest number
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # gets the lowest number
         if getattr(sys, name) is None:
             stream = open(number, mode, encoding="utf-8", closefd=False)  # noqa: SIM115
             setattr(sys, name, stream)
@@ -29,7 +29,7 @@ def open_streams() -> None:
 def unheard(stream: TextIO, ignored: type[OSError] = OSError) -> Iterator[None]:
     """Print inside the block; a reader that has gone (a closed terminal, `head`) ends it quietly.
 
-    What a command did, and so its exit code, does not hang on who reads about it.
+    The exit code of a command does not depend on the reader of its output.
     """
     try:
         yield
@@ -39,6 +39,6 @@ def unheard(stream: TextIO, ignored: type[OSError] = OSError) -> Iterator[None]:
 
 
 def drop(stream: TextIO) -> None:
-    """Let what is still to be written go nowhere: Python flushes when it ends, else exits 120."""
+    """Discard the remaining output: Python flushes at exit, and would end with 120."""
     with suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

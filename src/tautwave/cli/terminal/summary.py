@@ -1,4 +1,4 @@
-"""The end of a run on one screen, read from its summary. What is missing there is not shown."""
+"""The result of a run on one screen, read from its summary. Missing values are not shown."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FILES = ("report.html", "summary.json", "recording.mcap", "rig.yaml", "output.wa
 def summary_sections(
     name: str, summary: Mapping[str, Any], directory: Path, exit_code: int
 ) -> list[Section]:
-    """Outcome, tracking, books, timing, devices, what was left out, and where the files are."""
+    """Outcome, tracking, books, timing, devices, elements left out, and paths of the files."""
     motion = [
         Section(
             "Tracking",
@@ -40,7 +40,7 @@ def summary_sections(
 
 
 def outcome(summary: Mapping[str, Any], exit_code: int) -> tuple[str, str]:
-    """How the run ended: a word or two, and a sentence ('' where there is none)."""
+    """How the run ended: a word or two, and a sentence ('' if there is none)."""
     ended = summary.get("outcome")
     kind = _dig(ended, "kind") if isinstance(ended, Mapping) else ended
     word = str(kind or ("finished" if exit_code == 0 else "stopped")).replace("_", " ")
@@ -48,7 +48,7 @@ def outcome(summary: Mapping[str, Any], exit_code: int) -> tuple[str, str]:
 
 
 def last_line(name: str, summary: Mapping[str, Any], exit_code: int) -> str:
-    """Why the exit code is not 0: what ended the run, what was not kept of it, or both."""
+    """Why the exit code is not 0: what ended the run, what was not saved, or both."""
     word, sentence = outcome(summary, exit_code)
     incomplete = str(summary.get("incomplete") or "")
     if exit_code == 7:
@@ -122,7 +122,7 @@ def _books(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
 def _motors(
     summary: Mapping[str, Any], energy: Mapping[str, Any]
 ) -> Iterator[Sequence[str | Cell]]:
-    """What the motors gave, net and at the worst moment of each pair, beside what may be."""
+    """Energy of the motors, net and at each pair's worst moment, beside the allowed debt."""
     net = number(energy.get("motors_net"))
     if net is None:
         return
@@ -145,7 +145,7 @@ def _motors(
 
 
 def _certificate_notes(summary: Mapping[str, Any]) -> Iterator[str]:
-    """What a run did to its certificate, and what it rendered instead of what was asked."""
+    """The certificate after the run, and walls rendered with reduced stiffness."""
     for axis, wall in (_dig(summary, "certificate", "walls") or {}).items():
         asked, rendered = wall.get("asked_stiffness"), wall.get("rendered_stiffness")
         if asked != rendered:
@@ -158,7 +158,7 @@ def _certificate_notes(summary: Mapping[str, Any]) -> Iterator[str]:
 
 
 def verdict(passed: Any, state: Any = None) -> Cell:
-    """What a certificate says; one that is not evaluated is never called passed."""
+    """The verdicts of a certificate; one that was not evaluated is never called passed."""
     if passed is None:
         return Cell("not yet evaluated", NOTE)
     if passed and state == "conditional":

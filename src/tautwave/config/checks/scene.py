@@ -171,7 +171,7 @@ def _check_scheme(document: Document, parts: Parts, scene: Scene) -> None:
     plastic = [name for name, link in scene.links.items() if link.type == "plastic"]
     if scene.scheme == "rk4" and plastic:
         document.report(
-            path, f"rk4 does not do plastic links; links.{plastic[0]} needs discrete_gradient"
+            path, f"rk4 does not support plastic links; links.{plastic[0]} needs discrete_gradient"
         )
     rate = parts.rate_hz
     for name, string in scene.strings.items():

@@ -33,10 +33,11 @@ class ObservedEnd:
     """State of one end: observer, tank, waves, and its books [J].
 
     `at`, `velocity`, `push` are observed: position [rad or m], velocity, acceleration from outside.
-    `stored` is what the tank holds beyond its reserve, 0 before it was filled. `wanted` is the effort asked for last [N m or N]; `cut_left` the periods for which an effort
-    that limits cut may still act, `cut_share` the share of the last periods in which the tank
-    could not pay for the whole wave. `wave_sum` and `wave_energy` are of the waves whose commands
-    acted since the last sample. The `rate_` fields are the rate converter of a slow axis.
+    `stored` is what the tank holds beyond its reserve, 0 before it was filled. `wanted` is the
+    last requested effort [N m or N]; `cut_left` the periods for which an effort that limits cut
+    may still act, `cut_share` the share of the last periods in which the tank could not pay for
+    the whole wave. `wave_sum` and `wave_energy` are of the waves whose commands acted since the
+    last sample. The `rate_` fields are the rate converter of a slow axis.
     """
 
     at: float = 0.0

@@ -76,9 +76,9 @@ def _at_once(rig: Rig, pair: str, late: float) -> Element:
     broken = [text for name in names if (text := broken_damping(rig, name)) is not None]
     margin = between - needed
     if broken:
-        told = Verdict(False, f"{head}: {broken[0]}", margin=margin)
+        result = Verdict(False, f"{head}: {broken[0]}", margin=margin)
     elif margin < 0.0:
-        told = Verdict(
+        result = Verdict(
             False,
             f"{head}: not passive; {have}. Use law wave, or require coupled_stable",
             margin=margin,
@@ -92,16 +92,16 @@ def _at_once(rig: Rig, pair: str, late: float) -> Element:
             for name in names
             if rig.axes[name].effort_rate_limit is not None
         ]
-        told = Verdict(True, f"{head}: passive for any hand and environment; {have}.",
+        result = Verdict(True, f"{head}: passive for any hand and environment; {have}.",
                        tuple(conditions), margin)  # fmt: skip
     steps = any(rig.axes[name].encoder_quantum for name in names)
-    quantised = told
-    if told.passed and steps:
+    quantised = result
+    if result.passed and steps:
         quantised = Verdict(
             False, f"{head}: nothing is proved of its limit cycles on encoder steps."
         )
     return Element(
-        f"coupling of {pair}", "coupling", pair, told, quantised, numbers, (told.reason,)
+        f"coupling of {pair}", "coupling", pair, result, quantised, numbers, (result.reason,)
     )
 
 
@@ -144,8 +144,10 @@ def _delayed(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Element
         "damping": present,
         "product_ratio": _ratio(present[0] * present[1], needed[0] * needed[1]),
     }
-    told = Verdict(False, reason)
-    return Element(f"coupling of {pair}", "coupling", pair, told, told, numbers, (f"{reason}.",))
+    result = Verdict(False, reason)
+    return Element(
+        f"coupling of {pair}", "coupling", pair, result, result, numbers, (f"{reason}.",)
+    )
 
 
 def _ratio(value: float, limit: float) -> float:

@@ -56,8 +56,8 @@ def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
 
 
 def _fine(name: str, kind: str, pair: str, why: str) -> Element:
-    told = Verdict(True, f"{name}: {why}.")
-    return Element(name, kind, pair, told, told, {}, (told.reason,))
+    result = Verdict(True, f"{name}: {why}.")
+    return Element(name, kind, pair, result, result, {}, (result.reason,))
 
 
 def _remedy(rig: Rig, pair: str) -> str:

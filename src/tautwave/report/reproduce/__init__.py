@@ -39,9 +39,11 @@ class Row(NamedTuple):
     obtained, reference : float
         In `unit`.
     tolerance : float
-        Greatest difference allowed by the published digits, in `unit`. source : str Source of the
-        reference: a paper; `recomputed` if a paper gives the formula and the digits were computed
-        independently of this code; `predicted` by theory, while a simulation obtained the number.
+        Greatest difference allowed by the published digits, in `unit`.
+    source : str
+        Source of the reference: a paper; `recomputed` if a paper gives the formula and the digits
+        were computed independently of this code; `predicted` by theory, while a simulation obtained
+        the number.
     """
 
     what: str

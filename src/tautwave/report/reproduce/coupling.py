@@ -43,11 +43,11 @@ _JUMP = 1.3  # a rise from one period to the next: the first unstable band has v
 
 def rows() -> list[Row]:
     """Return the critical springs: eq. 9, and by the scheme that renders the object."""
-    told = []
+    listed = []
     for period, coupling, hz in ((1e-3, 3986.095, 339.472), (1e-4, 15058.934, 432.038)):
         first = resonator.critical_couplings(0.5 * period)[0]
         name = f"eq. 9, T = {1e3 * period:g} ms"
-        told += [
+        listed += [
             relative(f"{name}: k_c", "N/m", first.gain, coupling, 1e-5, "Berdahl et al."),
             relative(
                 f"{name}: where", "Hz", first.frequency / (2 * math.pi), hz, 1e-5, "recomputed"
@@ -56,8 +56,8 @@ def rows() -> list[Row]:
     for scheme, period, delay, coupling in SAMPLED:
         found = sampled_boundaries(period, scheme, delay, points=40)[0].coupling
         name = f"{scheme}, T = {1e3 * period:g} ms, {delay} samples late: k_c"
-        told.append(relative(name, "N/m", found, coupling, 1e-5, "recomputed"))
-    return told
+        listed.append(relative(name, "N/m", found, coupling, 1e-5, "recomputed"))
+    return listed
 
 
 def coupling_figure(periods_s: Floats = GRID_S) -> Figure:

@@ -38,11 +38,11 @@ def constructed(period: float) -> Counterexample:
 
 def rows() -> list[Row]:
     """Return the hand and its growing root, at both periods; the root is counted again."""
-    told = []
+    listed = []
     for period in PERIODS_S:
         found, name = constructed(period), f"T = {1e3 * period:g} ms"
         mass, damping, stiffness, root = PUBLISHED[period]
-        told += [
+        listed += [
             relative(f"{name}: mass", "kg", found.hand.mass, mass, 2e-5, "recomputed"),
             relative(f"{name}: damping", "N s/m", found.hand.damping, damping, 2e-5, "recomputed"),
             relative(f"{name}: spring", "N/m", found.hand.stiffness, stiffness, 2e-5, "recomputed"),
@@ -50,8 +50,8 @@ def rows() -> list[Row]:
             relative(f"{name}: swing", "rad/s", found.root.imag, root.imag, 2e-5, "recomputed"),
         ]
         counted = verified_unstable(found, delayed_controller(0.5 * period))
-        told.append(Row(f"{name}: unstable (1: yes)", "", float(counted), 1.0, 0.0, "recomputed"))
-    return told
+        listed.append(Row(f"{name}: unstable (1: yes)", "", float(counted), 1.0, 0.0, "recomputed"))
+    return listed
 
 
 def motion_figure() -> Figure:

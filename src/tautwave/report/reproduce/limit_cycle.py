@@ -33,7 +33,7 @@ SHARE = 0.03
 
 def rows() -> list[Row]:
     """Return depth, frequency and peak effort of three devices, simulated and predicted."""
-    told = []
+    listed = []
     for damping in DAMPINGS:
         device = Device(MASS, damping)
         said = predict_limit_cycle(WALL, device, BIAS)
@@ -46,8 +46,8 @@ def rows() -> list[Row]:
             ("frequency", "Hz", seen.frequency, said.frequency),
             ("peak effort", "N", seen.peak_effort, said.peak_effort),
         ):
-            told.append(relative(f"{name}: {what}", unit, got, wanted, SHARE, "predicted"))
-    return told
+            listed.append(relative(f"{name}: {what}", unit, got, wanted, SHARE, "predicted"))
+    return listed
 
 
 def cycle_figure() -> Figure:

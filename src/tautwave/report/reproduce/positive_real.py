@@ -51,14 +51,14 @@ def functions() -> list[tuple[str, Rational, bool]]:
 
 def rows() -> list[Row]:
     """Return each verdict (1: positive real), and the longest period passive at low frequencies."""
-    told = [
+    listed = [
         Row(f"{name} (1: positive real)", "", float(positive_real(k).positive_real), float(is_real),
             0.0, "recomputed")
         for name, k, is_real in functions()
     ]  # fmt: skip
     period = 2.0 * greatest_passive_delay()
-    told.append(Row("longest passive T at f = 0", "s", period, 2.4566e-7, 5e-12, "recomputed"))
-    return told
+    listed.append(Row("longest passive T at f = 0", "s", period, 2.4566e-7, 5e-12, "recomputed"))
+    return listed
 
 
 def region_figure() -> Figure:

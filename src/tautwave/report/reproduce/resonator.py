@@ -28,7 +28,7 @@ _TURN = 2.0 * math.pi
 def rows() -> list[Row]:
     """Return frequencies, decay and peak of the object, and the poles of hand and object."""
     found = features()
-    told = [
+    listed = [
         relative("anti-resonance", "Hz", found.anti_resonance_hz, 299.871, 1e-6, PAPER),
         relative("resonance, device blocked", "Hz", found.resonance_hz, 330.031, 1e-6, PAPER),
         relative("decay of the ring", "s", found.decay_s, 0.8, 1e-6, PAPER),
@@ -41,15 +41,15 @@ def rows() -> list[Row]:
     ):
         for got, pole in zip(closed_loop_poles(delay=delay), poles, strict=False):
             which = "object" if abs(pole) > 1e3 else "hand"
-            told += [
+            listed += [
                 Row(f"{which}'s pole, {name}: growth", "1/s", got.real, pole.real, 1e-5, AGAIN),
                 relative(f"{which}'s pole, {name}", "rad/s", got.imag, pole.imag, 1e-6, AGAIN),
             ]
     for period in PERIODS_S:
         verdict = revised_bode(_loop(0.5 * period)).stable
         name = f"stable at k_c = 3 N/mm, T = {1e3 * period:g} ms (1: yes)"
-        told.append(Row(name, "", float(verdict), 1.0, 0.0, PAPER))
-    return told
+        listed.append(Row(name, "", float(verdict), 1.0, 0.0, PAPER))
+    return listed
 
 
 def bode_figure() -> Figure:
@@ -125,8 +125,8 @@ def nyquist_figure() -> Figure:
     margins = [
         modulus_margin(_loop(delay), _TURN * 0.5, _TURN * 2000.0).margin for delay, *_ in curves
     ]
-    told = ", ".join(f"{value:.2g}" for value in margins)
-    heading(near, f"Around -1; distances {told}")
+    distances = ", ".join(f"{value:.2g}" for value in margins)
+    heading(near, f"Around -1; distances {distances}")
     legend(whole)
     return figure
 

@@ -46,7 +46,7 @@ LIMITS = (
 
 def rows() -> list[Row]:
     """Return required dampings, stable stiffnesses, and the energy gained in a bounce."""
-    told = [
+    listed = [
         Row(f"damping needed by {_name(wall)}", "N s/m", wall_leak(wall).damping, needed, 1e-6, who)
         for wall, needed, who in WALLS
     ]
@@ -54,13 +54,13 @@ def rows() -> list[Row]:
         wall = SampledWall(0.0, damping, T, delay)
         found = stable_stiffness(wall, Device(MASS, DAMPING)).limit
         name = f"greatest stable K, B = {damping:g} N s/m, {delay:g} samples late"
-        told.append(relative(name, "N/m", found, limit, 1e-5, AGAIN))
+        listed.append(relative(name, "N/m", found, limit, 1e-5, AGAIN))
     held = SampledWall(1000.0, 0.0, T)
     radius = wall_mode(held, Device(MASS)).radius
-    told.append(Row("pole radius, K = 1 N/mm, undamped", "1", radius, 1.0024968828, 1e-9, AGAIN))
+    listed.append(Row("pole radius, K = 1 N/mm, undamped", "1", radius, 1.0024968828, 1e-9, AGAIN))
     gain = bounce_gain(held, MASS)
-    told.append(Row("energy of a bounce, after over before", "1", gain, 1.17009, 5e-6, AGAIN))
-    return told
+    listed.append(Row("energy of a bounce, after over before", "1", gain, 1.17009, 5e-6, AGAIN))
+    return listed
 
 
 def damping_figure() -> Figure:

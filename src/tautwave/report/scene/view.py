@@ -31,7 +31,8 @@ class SceneView(NamedTuple):
         Position of every recorded node over time [m], ports and grounds included.
     efforts : dict of str to (rows,)
         Resisting force of each port on its device [N].
-    energies : dict of str to (rows,) Energies of the ledger [J], and `hold`.
+    energies : dict of str to (rows,)
+        Energies of the ledger [J], and `hold`.
     """
 
     network: Network

@@ -33,7 +33,8 @@ class View3d(NamedTuple):
         Position of every recorded node over time [m], ports and grounds included.
     efforts : dict of str to (rows,)
         Resisting force on each axis of a port [N].
-    energies : dict of str to (rows,) Energies of the ledger [J], and `hold`.
+    energies : dict of str to (rows,)
+        Energies of the ledger [J], and `hold`.
     """
 
     network: Network3d

@@ -1,4 +1,4 @@
-"""From a rig's `scene` keys to its network, its outside forces, and what runs it."""
+"""From a rig's `scene` keys to its network, its external forces, and its controller."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from tautwave.scene.schemes.choice import SceneChoice, choose_scene_scheme
 from tautwave.scene.signals import force_signal, sound_signal
 from tautwave.types import CommandDelay
 
-if TYPE_CHECKING:  # a scene of one dimension loads nothing of three
+if TYPE_CHECKING:  # a one-dimensional scene loads no 3D code
     from tautwave.scene3d.live import Model3d
 
 COUPLING = "coupling"
-"""What a port's own spring is called: `coupling of NAME`."""
+"""Name of a port's own spring: `coupling of NAME`."""
 
 HOLD_SPEED = 0.1
-"""Of its velocity limit: by the energy of a device that fast a scene may be overdrawn."""
+"""Share of the velocity limit whose kinetic energy is the allowed debt of a scene."""
 
 
 def scene_of(rig: Rig) -> Scene:
@@ -51,13 +51,13 @@ def scene_of(rig: Rig) -> Scene:
 
 
 def _given(rig: Rig) -> Scene:
-    """Return the scene as the file has it."""
+    """Return the scene as in the file."""
     assert isinstance(rig.scene, Scene)
     return rig.scene
 
 
 def scheme_choice(rig: Rig) -> SceneChoice:
-    """Return what `scheme: auto` takes: at the velocity limit of the fastest port."""
+    """Return the choice of `scheme: auto`, at the velocity limit of the fastest port."""
     scene = _given(rig)
     speed = max(
         (
@@ -70,7 +70,7 @@ def scheme_choice(rig: Rig) -> SceneChoice:
 
 
 def top_speed(axis: Axis) -> float:
-    """Return an axis' velocity limit; without one, what its greatest effort makes in 0.1 s."""
+    """Return an axis' velocity limit; without one, the speed reached at full effort in 0.1 s."""
     assert axis.inertia is not None
     if axis.velocity_limit is not None:
         return axis.velocity_limit
@@ -78,7 +78,7 @@ def top_speed(axis: Axis) -> float:
 
 
 def whole_network(rig: Rig) -> Network:
-    """Return a rig's network with every group spelled out, nothing left out."""
+    """Return a rig's network with every group expanded, nothing left out."""
     scene = _given(rig)
     masses = [
         Mass(node, keys.mass, keys.position + at * keys.spacing, keys.velocity, keys.damping)
@@ -116,7 +116,7 @@ def whole_network(rig: Rig) -> Network:
 
 
 def pruned_network(rig: Rig) -> Pruned:
-    """Return the network as it runs, and what was left out of it."""
+    """Return the network as it runs, and the elements left out."""
     return prune(whole_network(rig))
 
 
@@ -158,7 +158,7 @@ def _strings(rig: Rig) -> list[String]:
 
 
 def scene_forces(rig: Rig, network: Network, cycles: int) -> list[Sequence[float]]:
-    """Return the outside force on each of `network.forced` over a run [N], packed."""
+    """Return the external force on each of `network.forced` over a run [N], packed."""
     scene = scene_of(rig)
     total: dict[str, Any] = {}
     sounds = {
@@ -173,7 +173,7 @@ def scene_forces(rig: Rig, network: Network, cycles: int) -> list[Sequence[float
             if name in sounds:
                 signal = sounds[name]
             else:
-                # By name, not by place: another force in the rig shifts no stream.
+                # Seeded by name, not position: adding a force does not shift other streams.
                 seed = (rig.seed % SEED_WORD, zlib.crc32(f"{name} on {node}".encode()))
                 signal = force_signal(keys.model_dump(), rig.rate_hz, cycles, seed)
             total[node] = total[node] + signal if node in total else signal
@@ -186,7 +186,7 @@ def sound_force(keys: SoundForce, rate_hz: float, cycles: int) -> Any:
     Raises
     ------
     ConfigError
-        The file has gone, or is another one, since the rig was read.
+        The file is missing, or has changed since the rig was read.
     """
     path = Path(keys.file)
     try:
@@ -199,7 +199,7 @@ def sound_force(keys: SoundForce, rate_hz: float, cycles: int) -> Any:
 def keep_sounds(rig: Rig, directory: Path) -> Rig:
     """Copy a rig's sounds into `directory`/sounds; return the rig that names the copies.
 
-    Their paths are relative, so that the directory can go anywhere and its rig.yaml still runs.
+    Their paths are relative, so the directory can be moved and its rig.yaml still runs.
     """
     if rig.scene is None or not any(f.type == "sound" for f in rig.scene.forces.values()):
         return rig
@@ -221,7 +221,7 @@ def scene_control(
     ports: Sequence[str],
     nodes: Sequence[str],
 ) -> SceneControl:
-    """Return the controller of a scene, without the scene; `ports` are axes of the master."""
+    """Return the controller for a scene, without the scene; `ports` are axes of the master."""
     axes = tuple(delays)
     params = []
     at = 0
@@ -248,7 +248,7 @@ def scene_run(
     forces: Sequence[Sequence[float]],
     account: HoldAccount | None,
 ) -> SceneControl:
-    """Put a scene behind its controller, and return that."""
+    """Attach a scene to its controller, and return the controller."""
     axes = [control.axes[at] for at in control.ports]
     params = [control.params[at] for at in control.ports]
     control.scene = SceneRun(model, axes, params, scales, offsets, forces, account)
@@ -258,13 +258,13 @@ def scene_run(
 def hold_account(
     rig: Rig, links: Sequence[Link], names: Sequence[str], control: SceneControl, scheme: str
 ) -> HoldAccount | None:
-    """Return what bounds the energy that held efforts create; None for instruments that feed.
+    """Return the bound on energy created by held efforts; None for scenes that feed energy.
 
     `names` are those of the axes on the master. The allowance is the energy of all devices at
     `HOLD_SPEED` of their velocity limits.
     """
     if any(link.kind in ACTIVE for link in links):
-        return None  # nothing is certified of these, and their energy has no bound to keep
+        return None  # these are not certified, and their energy has no bound
     keys = [rig.axes[f"master.{name}"] for name in names]
     allowance = 0.0
     for axis in keys:
@@ -288,7 +288,7 @@ def build_scene(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -> Sc
     Raises
     ------
     ConfigError
-        The scheme cannot do this network.
+        The scheme does not support this network.
     """
     scene = scene_of(rig)
     network = pruned_network(rig).network

@@ -1,4 +1,4 @@
-"""From the `scene` keys of a rig with three dimensions to its network, and what runs it."""
+"""From the keys of a rig's 3D `scene` to its network and its controller."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from tautwave.types import CommandDelay
 
 
 def scene3d_of(rig: Rig) -> Scene3d:
-    """Return the scene of a rig that has one of three dimensions."""
+    """Return the scene of a rig with a 3D scene."""
     assert isinstance(rig.scene, Scene3d)
     return rig.scene
 
 
 def whole_network3d(rig: Rig) -> Network3d:
-    """Return a rig's network with every group spelled out, nothing left out."""
+    """Return a rig's network with every group expanded, nothing left out."""
     scene = scene3d_of(rig)
     masses: list[Mass3d] = []
     grounds: list[tuple[str, Vector]] = [(GROUND, ORIGIN), *scene.grounds.items()]
@@ -92,7 +92,7 @@ def whole_network3d(rig: Rig) -> Network3d:
 
 
 def pruned_network3d(rig: Rig) -> Pruned3d:
-    """Return the network as it runs, and what was left out of it."""
+    """Return the network as it runs, and the elements left out."""
     return prune_network3d(whole_network3d(rig))
 
 
@@ -129,7 +129,7 @@ def _law(keys: Link3d) -> dict[str, Any]:
 
 
 def forces3d(rig: Rig, network: Network3d, cycles: int) -> list[Sequence[float]]:
-    """Return each outside force of `network.forced` over a run [N], packed."""
+    """Return each external force of `network.forced` over a run [N], packed."""
     scene = scene3d_of(rig)
     total: dict[tuple[str, Vector], Any] = {}
     for name, keys in scene.forces.items():
@@ -140,7 +140,7 @@ def forces3d(rig: Rig, network: Network3d, cycles: int) -> list[Sequence[float]]
                 continue
             signal = sound
             if signal is None:
-                # By name, not by place: another force in the rig shifts no stream.
+                # Seeded by name, not position: adding a force does not shift other streams.
                 seed = (rig.seed % SEED_WORD, zlib.crc32(f"{name} on {node}".encode()))
                 signal = force_signal(keys.model_dump(), rig.rate_hz, cycles, seed)
             total[force] = total[force] + signal if force in total else signal
@@ -148,12 +148,12 @@ def forces3d(rig: Rig, network: Network3d, cycles: int) -> list[Sequence[float]]
 
 
 def columns3d(network: Network3d) -> list[str]:
-    """Return what the first coordinates of the network's masses are called, `NAME.x` and so on."""
+    """Return the names of the first coordinates of the network's masses, `NAME.x` and so on."""
     return [f"{mass.name}.{c}" for mass in network.masses[:MOST_NODES] for c in "xyz"]
 
 
 def axis_scales(rig: Rig) -> list[float]:
-    """Return how far each axis of the ports moves the scene, in the network's order."""
+    """Return the scale from each port axis to the scene, in the network's order."""
     scene = scene3d_of(rig)
     return [port.position_scale for name, port in scene.ports.items() for _ in scene.axes_of(name)]
 

@@ -1,9 +1,9 @@
 """A scene in the loop: axes of the master as its ports, and its books.
 
-All ports of a cycle are closed first; the last one advances the scene by one period with what is
-measured now, and every axis gets the effort that answers it: the paper's one-sample structure. What
-ramp and limits cut off, and what a held effort creates, is the difference between what the devices
-gave and what the network got: `hold`.
+All ports of a cycle are closed first; the last one advances the scene by one period with the
+present measurements, and every axis gets the resulting effort: the paper's one-sample structure.
+`hold` is the difference between the energy from the devices and that received by the network: what
+ramp and limits clip, and what a held effort creates.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from tautwave.runtime.scene.hold import HoldAccount
 from tautwave.scene.ledger import Ledger
 from tautwave.scene.live import SceneModel
 
-if TYPE_CHECKING:  # a scene of one dimension loads nothing of three
+if TYPE_CHECKING:  # a one-dimensional scene loads no 3D code
     from tautwave.scene3d.live import Model3d
 
 MOST_NODES = 100
-"""Positions of more nodes are not recorded."""
+"""Most nodes whose positions are recorded."""
 
 
 @dataclass(slots=True)
@@ -58,7 +58,7 @@ SCENE = Law("scene", Steps(close=book_work), SceneEnd)
 
 
 class SceneRun:
-    """The scene of a run, its axes, and how their positions are the scene's.
+    """The scene of a run, its axes, and the mapping of their positions to the scene.
 
     Parameters
     ----------
@@ -69,9 +69,9 @@ class SceneRun:
     scales, offsets : sequences of float
         Position in the scene: scale * position of the axis + offset.
     forces : sequence of sequences of float
-        Outside force on each forced mass by slot [N]; 0 after its end.
+        External force on each forced mass by slot [N]; 0 after its end.
     account : HoldAccount, optional
-        Ends the run where holding the efforts has created too much.
+        Stops the run if held efforts have created too much energy.
     """
 
     def __init__(
@@ -99,11 +99,11 @@ class SceneRun:
         self._ended = 0
 
     def place(self, port: int) -> None:
-        """Take where an axis was measured."""
+        """Take the measured position of an axis."""
         self.positions[port] = self._scales[port] * self.axes[port].position + self._offsets[port]
 
     def begin(self) -> None:
-        """Start the scene with the ports where they are."""
+        """Start the scene with the ports at their present positions."""
         self.model.reset(self.positions)
         self.slot = 0
         self._ended = 0
@@ -111,12 +111,12 @@ class SceneRun:
             self.account.begin()
 
     def is_calm(self, port: int, share: float) -> bool:
-        """Return True when the scene at rest asks an axis for at most `share` of its limit."""
+        """Return True if the scene at rest commands at most `share` of an axis' limit."""
         resting = self._scales[port] * self.model.resting_efforts()[port]
         return abs(resting) <= share * self.params[port].site.limit.effort
 
     def think(self, skipped: int, ramp: float) -> None:
-        """Advance over the slots that went by and this one; render what the scene answers."""
+        """Advance over the elapsed slots and this one; set the scene's efforts."""
         if not self._ended:
             self._ended = self._advance(skipped)
         for s, p, effort in zip(self.axes, self.params, self.efforts, strict=True):
@@ -130,10 +130,10 @@ class SceneRun:
                 fade_axis(s, p, ceiling)
 
     def _advance(self, skipped: int) -> int:
-        """Step the network; return 0, or a guard's code and leave the efforts as they were.
+        """Step the network; return 0, or a guard's code with the efforts unchanged.
 
-        RUNAWAY: its state is not finite or grows beyond all scales, an unstable instrument.
-        OVERDRAWN: holding its efforts has created more energy than can be answered for.
+        RUNAWAY: its state is not finite or grows without bound (unstable). OVERDRAWN: holding its
+        efforts has created more energy than allowed.
         """
         try:
             for _ in range(skipped + 1):
@@ -171,8 +171,8 @@ class SceneRun:
 class SceneControl(Control):
     """A scene as the controller of its axes.
 
-    `scene.hold` is what the devices gave less what the network got; `scene.asked.PORT` what the
-    scene asked for before ramp and limits.
+    `scene.hold` is the energy from the devices minus that received by the network;
+    `scene.asked.PORT` the scene's effort before ramp and limits.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ class SceneControl(Control):
         self.columns += [f"scene.at.{name}" for name in nodes]
 
     def step(self, slot: int, skipped: int) -> bool:
-        """Close every axis and let the scene think, or engage."""
+        """Close every axis and step the scene, or engage."""
         r, o = self.run, self.state
         if o.armed_at < 0:
             return self._engage(slot)
@@ -229,10 +229,10 @@ class SceneControl(Control):
         return True
 
     def _engage(self, slot: int) -> bool:
-        """Start the scene with its ports where they are, once it asks for little there."""
+        """Start the scene with its ports where they are, once its efforts there are small."""
         r, o = self.run, self.state
         if o.kind != FINISHED:
-            return True  # a stop has begun: nothing engages any more
+            return True  # a stop has begun: do not engage
         armed = True
         for port, at in enumerate(self.ports):
             m = self.samples[at]

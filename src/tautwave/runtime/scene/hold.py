@@ -1,13 +1,13 @@
-"""What a scene gives out beyond what it got, because its efforts are held: watched, and bounded.
+"""Energy that a scene generates because its efforts are held: monitored, and bounded.
 
-No theorem bounds what holding the effort of a stiff contact creates. It is booked sample by
-sample: what the network says it got through its ports, less what the devices gave at the effort it
-asked for, and with a scheme that holds forces what that made (`numeric`). Against it stand what the
-devices' own damping takes at least, b dx**2 / t, and what the scene loses itself. The difference is
-a debt that is never negative: calm times earn no credit. While it stays below an allowance, scene
-and devices give the hand no more than they got and that allowance, whatever the scene is.
-
-Limits and ramps are left out of it: an effort that they cut off is one the device does not get.
+No theorem bounds the energy created by holding the effort of a stiff contact. It is booked sample
+by sample: what the network received through its ports by its own account, minus what the devices
+delivered at the scene's effort, plus, for a scheme that holds forces, what that created
+(`numeric`). It is offset by the least dissipation of the devices' damping, b dx**2 / t, and by the
+scene's own losses. The difference is a debt that is never negative: quiet periods earn no credit.
+While it stays below an allowance, scene and devices give the hand no more than they received plus
+that allowance, whatever the scene is. Limits and ramps are excluded: an effort that they clip never
+reaches the device.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from tautwave.controller.records import AxisState
 from tautwave.scene.ledger import Ledger
 
 STORED_SHARE = 0.25
-"""Of the scene's energy: by so much may `numeric` swing without any growth where w T < 1."""
+"""Share of the scene's energy by which `numeric` may oscillate without growth for w T < 1."""
 
 
 class _Held:
-    """One axis: the efforts asked for that acted since its last sample."""
+    """One axis: the scene's efforts that acted since its last sample."""
 
     __slots__ = ("count", "late", "pipe", "position", "recent", "total")
 
@@ -36,7 +36,7 @@ class _Held:
         self.position = 0.0
 
     def pass_slot(self, asked: float) -> None:
-        """One slot went by: an effort acted in it, the command delay behind what is asked."""
+        """Book one slot: the effort that acted in it, one command delay after it was computed."""
         self.pipe.append(asked)
         acting = self.pipe.popleft()
         self.total += self.late * self.recent + (1.0 - self.late) * acting
@@ -44,7 +44,7 @@ class _Held:
         self.count += 1
 
     def close(self, position: float) -> tuple[float, float]:
-        """Return the energy that the device gave [J] and dx**2 / slots, since the last sample."""
+        """Return the energy from the device [J] and dx**2 / slots, since the last sample."""
         moved = position - self.position
         self.position = position
         given = moved * self.total / self.count
@@ -60,17 +60,17 @@ class HoldAccount:
     Parameters
     ----------
     axes : sequence of AxisState
-        Of its ports.
+        Axes of its ports.
     delays : sequence of (int, float)
-        Whole periods until a command acts, and the rest as a share of one.
+        Whole periods until a command acts, and the remainder as a share of one.
     dampings : sequence of float
-        What each device's damping is at least [N s/m or N m s/rad].
+        Lower bound of each device's damping [N s/m or N m s/rad].
     period : float
         T [s].
     allowance : float
-        Debt above which a run is to be stopped [J].
+        Debt above which the run is stopped [J].
     holds_forces : bool
-        The scheme holds forces: `numeric` swings with what is stored.
+        The scheme holds forces: `numeric` oscillates with the stored energy.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class HoldAccount:
         self.begin()
 
     def begin(self) -> None:
-        """Start with no debt, the axes where they are."""
+        """Start with no debt, the axes at their present positions."""
         self.debt = 0.0
         self._held = [_Held(periods, late) for periods, late in self._delays]
         for held, axis in zip(self._held, self._axes, strict=True):
@@ -99,16 +99,16 @@ class HoldAccount:
         self._created = 0.0
 
     def overdrawn(self, asked: Sequence[float], slots: int, ledger: Ledger) -> bool:
-        """Book a cycle; return whether the scene has created more than can be answered for.
+        """Book a cycle; return whether the scene has created more energy than allowed.
 
         Parameters
         ----------
         asked : sequence of float
-            Resisting efforts [N m or N] that the scene asked for until now.
+            Resisting efforts [N m or N] of the scene until now.
         slots : int
-            That went by.
+            Elapsed slots.
         ledger : Ledger
-            Of the scene, its ports where the devices are now.
+            Ledger of the scene, its ports at the present positions.
         """
         given = 0.0
         dissipated = 0.0

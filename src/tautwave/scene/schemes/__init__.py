@@ -1,1 +1,1 @@
-"""How a network of masses and links is stepped: one module a scheme, and which one is taken."""
+"""Integration schemes of a network of masses and links, one module each, and their choice."""

@@ -1,9 +1,9 @@
-"""Which scheme a scene takes at its rate: the one with the least error, found by trying.
+"""Choice of a scene's scheme at its rate: the one with the least error, found by trial.
 
-The rate is the rig's, so what is left to choose is the error. Contacts are tried one by one on the
-bounce of the masses at their ends (`models.integrator_choice`, entry phases and neighbouring steps
-with it), the rest on a mode at a bound of the fastest (Gershgorin). On anything else than springs,
-dampers and contacts nothing is tried: discrete gradients keep the energy of those.
+The rate is the rig's, so only the error can be chosen. Each contact is tried on a bounce of the
+masses at its ends (`models.integrator_choice`, over entry phases and neighbouring steps), the rest
+on a mode at a bound of the fastest (Gershgorin). With elements other than springs, dampers and
+contacts there is no trial: discrete gradients keep their energy.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from tautwave.models.plant_params import PlantParams
 from tautwave.scene.network import LINEAR, Network
 
 MOST_EXACT = 400
-"""Masses above which a dense exponential is no scheme for a loop (`scene.exact`)."""
+"""Masses above which a dense exponential is too slow for a loop (`scene.schemes.exact`)."""
 
 _TRIED = {
     "discrete_gradient": DISCRETE_GRADIENT,
@@ -30,7 +30,7 @@ _TRIED = {
 
 
 class SceneChoice(NamedTuple):
-    """What was chosen, and why in a sentence."""
+    """The choice, and its reason in a sentence."""
 
     scheme: str
     why: str
@@ -47,7 +47,7 @@ def choose_scene_scheme(network: Network, period: float, speed: float) -> SceneC
     period : float
         T [s].
     speed : float
-        Greatest speed at which anything meets [m/s].
+        Greatest impact speed [m/s].
     """
     if network.strings:
         return SceneChoice("discrete_gradient", "discrete_gradient: strings need it")
@@ -67,7 +67,7 @@ def choose_scene_scheme(network: Network, period: float, speed: float) -> SceneC
 
 
 def scheme_error(network: Network, name: str, period: float, speed: float) -> float:
-    """Return the worst error [1] of a scheme, contacts and fastest mode; inf: it does not hold."""
+    """Return the worst error [1] of a scheme on contacts and fastest mode; inf: unstable."""
     scheme = _TRIED[name]
     masses = {mass.name: mass.mass for mass in network.masses}
     contacts = [link for link in network.links if link.kind == "contact"]

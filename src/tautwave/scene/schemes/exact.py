@@ -1,10 +1,10 @@
 """Linear networks without any error of discretisation: each island by its matrix exponential.
 
-What a port does is held over a step (its position for springs, its speed for dampers), as are
-outside forces and weight; between samples the motion is exact, so that frequencies and decays are
-those of the continuous network at any rate. The energy lost in a step is a quadratic form of state
-and input, exact as well. Its force on a port is what the links pull at the sample: the paper's
-one-sample structure ("zoh" of `analysis.resonator_sampled`).
+A port is held over a step (its position for springs, its speed for dampers), as are external forces
+and weight; between samples the motion is exact, so frequencies and decays are those of the
+continuous network at any rate. The energy lost in a step is a quadratic form of state and input,
+exact as well. Its force on a port is that of the links at the sample: the paper's one-sample
+structure ("zoh" of `analysis.resonator_sampled`).
 
 With u held, x' = A x + B u is one matrix A over (x, u): exp(A T) - 1 by Taylor series of a short
 step and doubling, in increments, so that slow modes keep their digits. The loss
@@ -28,15 +28,15 @@ Matrix = npt.NDArray[np.float64]
 _SHORT = 0.25
 _TERMS = 24
 MOST = 400
-"""Masses of one island; a dense matrix of more is slower than any other scheme."""
+"""Most masses of one island; a larger dense matrix is slower than any other scheme."""
 
 
 class Island(NamedTuple):
     """One connected part: its masses, ports and links, and its maps as lists of rows.
 
-    The state is (x of the masses, v of the masses), the input (position of each port, speed of
-    each port, outside force on each mass, 1). `change` (2n, 2n + u) gives the increment of the
-    state, `loss` (2n + u, 2n + u) the energy lost.
+    The state is (x of the masses, v of the masses), the input (position of each port, speed of each
+    port, external force on each mass, 1). `change` (2n, 2n + u) gives the increment of the state,
+    `loss` (2n + u, 2n + u) the energy lost.
     """
 
     masses: tuple[int, ...]
@@ -82,7 +82,7 @@ def exact_islands(s: Arrays, period: float) -> tuple[Island, ...]:
     ]
     if max(map(len, groups), default=0) > MOST:
         raise ConfigError(
-            f"scheme exact: at most {MOST} masses hang together; use discrete_gradient"
+            f"scheme exact: at most {MOST} masses may be connected; use discrete_gradient"
         )
     return tuple(_island(s, masses, period) for masses in groups)
 
@@ -171,7 +171,7 @@ def _size(a: Matrix) -> float:
 def step_exact(s: Arrays, islands: Sequence[Island], period: float) -> None:
     """Advance all masses by one step [s]; ports were put in place by `tension.jump_ports`.
 
-    `force` then holds what the links pulled at the sample, before the step.
+    `force` then holds the forces of the links at the sample, before the step.
     """
     masses = s.count[0]
     for i in range(masses + s.count[1]):
@@ -219,7 +219,7 @@ def _step_island(s: Arrays, island: Island, period: float) -> None:
 
 
 def _book_ports(s: Arrays, i: int, moved: dict[int, float], period: float) -> None:
-    """Book what the ports at a damper did: its mean tension times what they moved."""
+    """Book the work of ports at a damper: its mean tension times their displacement."""
     masses, ports = s.count[0], s.count[0] + s.count[1]
     one, two = s.a[i], s.b[i]
     swept = moved.get(one, 0.0) - moved.get(two, 0.0)

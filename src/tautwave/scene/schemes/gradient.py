@@ -3,16 +3,16 @@
 Over a step every mass moves by s at the mean velocity s/T; links pull with their discrete gradient,
 dampers and friction with the mean rate, so that
 
-    (2 m / T**2)(s - T v) + c s / T + pulls(s) = outside force,      v' = v + 2 (s - T v)/T.
+    (2 m / T**2)(s - T v) + c s / T + pulls(s) = external force,      v' = v + 2 (s - T v)/T.
 
-Solved as (2 m / T**2 + c / T)(s - free) + pulls(s) = 0: so a mass that touches nothing keeps its
-speed to the bit, and one that bounces gives back what it had, however many steps that takes.
+Solved as (2 m / T**2 + c / T)(s - free) + pulls(s) = 0: so a free mass keeps its
+speed to the bit, and a bouncing one returns all its energy, however many steps that takes.
 
-A port stands where it is for the whole step; that it jumped there is booked with the links' stored
-energy, its speed counts for dampers only. A mass linked to no other is one increasing equation
-(Newton between brackets); masses linked to each other are solved an island at a time (Newton,
-conjugate gradients on a Laplacian, Jacobi preconditioned), so no island changes a bit of another.
-A node may be without mass where something damps it (`drag`): the end of a string.
+A port stands still for the whole step; its jump is booked as a change of the links' stored energy,
+and its speed counts only for dampers. A mass linked to no other is one increasing equation (Newton
+between brackets); masses linked to each other are solved an island at a time (Newton, conjugate
+gradients on a Laplacian, Jacobi preconditioned), so no island changes a bit of another. A damped
+node (`drag`) may be massless: the end of a string.
 
 Source: Chatziioannou & van Walstijn 2015. Plain Python on lists, or compiled by numba.
 """
@@ -87,7 +87,7 @@ def step_gradient(s: Arrays, period: float) -> int:
 
 
 def solve_alone(s: Arrays, m: int, base: float, free: float, period: float) -> tuple[float, int]:
-    """Movement of a mass that is linked to no other mass, and how often it was improved."""
+    """Movement of a mass linked to no other mass, and the number of iterations."""
     low = -math.inf
     high = math.inf
     at = free

@@ -1,9 +1,9 @@
 """Masses that are linked to each other, moved together: Newton with conjugate gradients.
 
 The Jacobian is 2 m / T**2 + c / T on the diagonal and a Laplacian of the links' slopes: symmetric,
-positive where no link feeds. Each island is solved by itself, so none changes a bit of another.
-Scratch rows of `Arrays.work`: 0 movement, 1 residual, 2 diagonal, 3 direction, 4 rest, 5 Jacobian
-times direction, 6 correction, 7 movement without links.
+and positive unless a link feeds energy. Each island is solved by itself, so none changes a bit of
+another. Scratch rows of `Arrays.work`: 0 movement, 1 residual, 2 diagonal, 3 direction, 4 rest, 5
+Jacobian times direction, 6 correction, 7 movement without links.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ _FLOOR = 1e-12
 
 
 def _owned(s: Arrays, i: int, m: int) -> bool:
-    """Whether mass `m` is the one of its two ends that visits link `i`."""
+    """Whether mass `m` is the end that processes link `i`."""
     return bool(s.a[i] == m or s.a[i] >= s.count[0])
 
 
 def _apart(s: Arrays, i: int, at: int) -> float:
-    """Return by how much a scratch row (its offset) moves the ends of a link apart."""
+    """Return the change of a link's stretch by a scratch row (given by its offset)."""
     one = s.a[i]
     two = s.b[i]
     masses = s.count[0]
@@ -157,7 +157,7 @@ def solve_island(s: Arrays, first: int, last: int, period: float) -> int:
         if worst >= before:
             if before <= _FLOOR * scale:
                 break
-            for _ in range(10):  # too far over a kink: back by half, until it pays
+            for _ in range(10):  # overshoot across a kink: halve the step until the residual falls
                 for at in range(first, last):
                     m = s.islands[at]
                     s.work[6 * n + m] = 0.5 * s.work[6 * n + m]

@@ -1,10 +1,11 @@
 """Kutta's classical step of a network: fourth order where its motion is smooth, with its books.
 
-A port goes in a straight line from where it was to where it is now, so the network is carried on to
-the present, and its forces are those at the end of the step. Stable for w T < 2.8; of a linear mode
-the step takes (w T)**6 / 72 of its energy and never makes any. Across a contact's edge the order is
-that of the contact's exponent plus one. Powers are integrated with the weights of the step; what a
-link or a mass has more than that is the scheme's (`numeric`). Hairer, Norsett, Wanner, II.1.
+A port moves linearly from its last to its present position, so the network is advanced to the
+present, and its forces are those at the end of the step. Stable for w T < 2.8; of a linear mode the
+step takes (w T)**6 / 72 of its energy and never makes any. Across a contact's edge the order is
+that of the contact's exponent plus one. Powers are integrated with the weights of the step; any
+excess energy of a link or a mass is booked as the scheme's (`numeric`). Hairer, Norsett, Wanner,
+II.1.
 
 Plain Python on lists, or compiled by numba.
 """
@@ -23,13 +24,13 @@ from tautwave.scene.compiling import Arrays
 
 
 def aim_ports(s: Arrays, port: int, position: float, period: float) -> None:
-    """Let a port move to where its device is in the coming step."""
+    """Let a port move to its device's position in the coming step."""
     at = s.count[0] + port
     s.v[at] = (position - s.x[at]) / period
 
 
 def step_kutta(s: Arrays, period: float) -> None:
-    """Advance masses and ports by one step [s]; `force` then holds what the links pull after it."""
+    """Advance masses and ports by one step [s]; `force` then holds the links' new forces."""
     n = s.count[0]
     ports = n + s.count[1]
     x, v, force, work = s.x, s.v, s.force, s.work

@@ -1,10 +1,11 @@
 """The standard mass-interaction step: symplectic Euler over flat arrays, with its energy books.
 
-Links make forces of positions and velocities, masses make the next positions of forces; ports move
-as prescribed. A force is held over a step, so a port takes out of its device what the device
-really gives: force of the last step times displacement. What holding a force creates or takes
-(`numeric`) is booked where it happens: at each link, stored energy less tension times stretch; at
-each mass, half T**2 f**2 / m. Stable for w T < 2. Plain Python on lists, or compiled by numba.
+Links compute forces from positions and velocities, masses the next positions from forces; ports
+move as prescribed. A force is held over a step, so a port takes exactly the energy that its device
+delivers: force of the last step times displacement. The energy that holding a force creates or
+takes (`numeric`) is booked where it occurs: at each link, stored energy minus tension times
+stretch; at each mass, half T**2 f**2 / m. Stable for w T < 2. Plain Python on lists, or compiled by
+numba.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from tautwave.scene.compiling import Arrays
 
 
 def pull_links(s: Arrays) -> None:
-    """Book what every link did since the last call, and set the forces at the present state."""
+    """Book the work of every link since the last call, and set the forces at the present state."""
     x, v, force = s.x, s.v, s.force
     tension, stretch = s.tension, s.stretch
     masses, contacts, links = s.count[0], s.count[3], s.count[2]
@@ -43,7 +44,7 @@ def pull_links(s: Arrays) -> None:
         moved = d - stretch[i]
         stretch[i] = d
         stored = elastic_energy(kind, s.k[i], s.e[i], d)
-        # Tension times movement is split into the elastic share (set_in) and what is lost.
+        # Tension times movement is split into the elastic share (set_in) and the loss.
         s.numeric[i] += stored - s.stored[i] - elastic * moved
         s.lost[i] += (before - elastic) * moved
         s.stored[i] = stored
@@ -121,7 +122,7 @@ def step_symplectic(s: Arrays, period: float) -> None:
 
 
 def move_ports(s: Arrays, port: int, position: float, period: float) -> None:
-    """Move a port to where its device is; books the work of the force that acted meanwhile."""
+    """Move a port to its device's position; book the work of the force that acted meanwhile."""
     at = s.count[0] + port
     moved = position - s.x[at]
     s.port_work[port] -= s.force[at] * moved

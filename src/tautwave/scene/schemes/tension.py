@@ -1,4 +1,4 @@
-"""What a link does in a step of discrete gradients: its mean tension, and its books."""
+"""A link in a discrete-gradient step: its mean tension, and its books."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tautwave.scene.compiling import Arrays
 
 
 def jump_ports(s: Arrays, port: int, position: float, period: float) -> None:
-    """Put a port where its device is; what its links store more or less is its work."""
+    """Put a port at its device's position; the change in its links' stored energy is its work."""
     at = s.count[0] + port
     s.v[at] = (position - s.x[at]) / period
     s.x[at] = position
@@ -77,7 +77,7 @@ def book_link(s: Arrays, i: int, moved: float, pull: float, period: float) -> No
     s.tension[i] = pull
     s.force[one] -= pull
     s.force[two] += pull
-    given = 0.0  # what ports moved, as far as rates count
+    given = 0.0  # movement of ports, which matters only for rates
     if one >= masses:
         given = given + period * s.v[one]
     if two >= masses:
@@ -117,7 +117,7 @@ def book_link(s: Arrays, i: int, moved: float, pull: float, period: float) -> No
 
 
 def free_movement(s: Arrays, m: int, base: float, period: float) -> float:
-    """Movement of a mass in the step if no link pulled; `base` is 2 m / T**2 + c / T."""
+    """Movement of a mass in the step without link forces; `base` is 2 m / T**2 + c / T."""
     outside = s.weight[m] + s.pushed[m]
     if s.mass[m] == 0.0:
         return float(outside / base)

@@ -1,7 +1,7 @@
 """`simulate` of a rig with a scene: the live loop itself on the fake clock, rows kept in memory.
 
-Laws and models of pairs have a kernel of their own; a scene has not: its loop is that of a run,
-so its rows are a run's, to the bit, whatever driver a bus names.
+Unlike pairs, a scene has no separate kernel: its loop is that of a run, so its rows are a run's, to
+the bit, whatever the driver of a bus.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class KeptRows:
 
     @property
     def commit(self) -> Callable[[], object]:
-        """Take the row as it stands."""
+        """Take the row."""
         return self._take
 
     def _take(self) -> None:
@@ -40,7 +40,7 @@ class KeptRows:
 
 
 def run_in_memory(built: Assembly) -> tuple[LoopResult, npt.NDArray[np.float64]]:
-    """Run a rig's loop, nothing written; return how it ended and its rows."""
+    """Run a rig's loop without writing files; return its result and its rows."""
     sink = KeptRows(len(built.columns))
     loop = Loop(built.clock, built.buses, built.control, built.sources, sink)
     result = loop.run()
@@ -52,12 +52,12 @@ def run_in_memory(built: Assembly) -> tuple[LoopResult, npt.NDArray[np.float64]]
 def simulate_scene(rig: Rig, duration_s: float | None, engine: str) -> Simulation:
     """Return the rows of a rig with a scene; see `simulation.run.simulate`.
 
-    `compiled` steps a scene by numba where that is installed, and everything else in Python.
+    `compiled` steps a scene by numba if installed, and everything else in Python.
 
     Raises
     ------
     ConfigError
-        The rig simulates nothing, or there is no such engine for a scene.
+        The rig has no simulation, or the engine does not support scenes.
     SafetyStop
         The scene never engaged.
     """

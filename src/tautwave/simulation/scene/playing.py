@@ -1,4 +1,4 @@
-"""A scene's network along given motions of its ports: compiled, or live in plain Python."""
+"""A scene's network with given motions of its ports: compiled, or live in plain Python."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ ENGINES = ("compiled", "python")
 
 
 class Played(NamedTuple):
-    """What a network did.
+    """Result of a network.
 
-    `efforts` (rows, p) resisting [N], the mean over each row's steps; `places` (rows, n) of the
-    masses and strings after them [m], (rows, 3 n) in three dimensions; its account at the end and
-    at the start; CPU time of the steps [s].
+    `efforts` (rows, p) resisting [N], the mean over each row's steps; `places` (rows, n) positions
+    of the masses and strings after them [m], (rows, 3 n) in three dimensions; its account at the
+    end and at the start; CPU time of the steps [s].
     """
 
     efforts: Floats
@@ -72,22 +72,22 @@ def play(
     stride: int = 1,
     seconds: float = float("inf"),
 ) -> Played:
-    """Run a network on from the state of a model, along given motions of its ports.
+    """Run a network from the state of a model, with given motions of its ports.
 
     Parameters
     ----------
     model : SceneModel
-        The network, its scheme and period, and where it starts; strings start at rest. The
-        Python engine moves it on; the compiled one leaves it alone.
+        The network, its scheme and period, and its initial state; strings start at rest. The Python
+        engine advances it; the compiled one does not change it.
     ports : (steps, p)
-        Where the ports are [m], a step each; a multiple of `stride` steps.
+        Positions of the ports [m], one row per step; a multiple of `stride` steps.
     pushes : (steps, f), optional
-        Outside forces on `network.forced` [N].
+        External forces on `network.forced` [N].
     engine : str
-        `compiled` (numba), or `python`: the live steps, for the same numbers some hundred times
+        `compiled` (numba), or `python`: the live steps, with identical results, some hundred times
         slower.
     stride : int
-        Steps to a row.
+        Steps per row.
     seconds : float
         CPU time after which the Python engine stops: fewer rows then.
 
@@ -209,7 +209,7 @@ def flows_of(model: SceneModel) -> Flows:
 
 
 def _with_string(ledger: Ledger, s: Arrays, lines: Lines, at: int, period: float) -> Ledger:
-    """Return a ledger in which what a string's node gives counts as stored on its lines."""
+    """Return a ledger in which energy from a string's node counts as stored on its lines."""
     stored = 0.0
     lost = 0.0
     for half in (2 * at, 2 * at + 1):

@@ -1,7 +1,7 @@
-"""Many steps of a network in one call, whatever its scheme, strings included; to the bit as live.
+"""Many steps of a network in one call, with any scheme, strings included; bit-identical to live.
 
 The subset of Python that numba compiles, without allocations. `scene.live` runs the same laws one
-step a call; what it keeps in objects (strings, islands of the exact scheme) lies here in arrays.
+step per call; what it keeps in objects (strings, islands of the exact scheme) is here in arrays.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Lines(NamedTuple):
 class Flows(NamedTuple):
     """The islands of the exact scheme, one after the other.
 
-    `sizes` has 6 numbers an island: masses, ports, links, and where its `parts` (masses, ports,
+    `sizes` has 6 numbers per island: masses, ports, links, and where its `parts` (masses, ports,
     links), its `change` and its `loss` begin. `scratch` holds state, input and what moved.
     """
 
@@ -59,14 +59,14 @@ class Flows(NamedTuple):
 
 
 def push_strings(s: Arrays, lines: Lines) -> None:
-    """Before a step: let what arrives push the strings' nodes."""
+    """Before a step: apply the arriving waves to the strings' nodes."""
     for at in range(len(lines.node)):
         arriving = lines.arriving[2 * at] + lines.arriving[2 * at + 1]
         s.pushed[lines.node[at]] = lines.root[at] * arriving
 
 
 def carry_strings(s: Arrays, lines: Lines, period: float) -> None:
-    """After a step: send what the nodes' motion makes of the waves."""
+    """After a step: send the waves that result from the nodes' motion."""
     for at in range(len(lines.node)):
         motion = lines.root[at] * s.v[lines.node[at]]
         for half in range(2 * at, 2 * at + 2):
@@ -157,7 +157,7 @@ def step_flow(s: Arrays, flows: Flows, at: int, period: float) -> None:
 
 
 def book_damper(s: Arrays, flows: Flows, i: int, n: int, parts: int, period: float) -> None:
-    """Book what the ports at a damper did: its mean tension times what they moved."""
+    """Book the work of ports at a damper: its mean tension times their displacement."""
     masses = s.count[0]
     ports = masses + s.count[1]
     one = s.a[i]
@@ -203,15 +203,15 @@ def play_network(
     period : float
         T [s].
     ports : (steps, p)
-        Where the ports are [m].
+        Positions of the ports [m].
     forced : (f,) ints
-        Masses that are pushed.
+        Masses with an external force.
     pushes : (steps, f)
-        By how much [N].
+        External forces [N].
     efforts : (steps / stride, p)
         Filled with the mean resisting efforts of `stride` steps each [N].
     places : (steps / stride, n)
-        Filled with where the masses are after every `stride` steps [m].
+        Filled with the positions of the masses after every `stride` steps [m].
     stride : int
         Divides the number of steps.
 

@@ -1,7 +1,7 @@
-"""One step of a network a call: compiled code that the live loop may call; to the bit as live.
+"""One step of a network per call: compiled code for the live loop, bit-identical to live.
 
-All fields of `Arrays` lie one after the other in two blocks of memory, floats and ints: a call
-hands over three arrays instead of forty, and allocates nothing.
+All fields of `Arrays` are contiguous in two blocks of memory, floats and ints: a call passes three
+arrays instead of forty, and allocates nothing.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from tautwave.simulation.scene.steps import EXACT, KUTTA, SYMPLECTIC, Flows, ste
 
 
 def tick_network(f: Any, w: Any, at: Any, scheme: int, period: float) -> int:
-    """Advance a network without strings by one step; answers and ledger as `scene.live` has them.
+    """Advance a network without strings by one step; efforts and ledger as in `scene.live`.
 
     Parameters
     ----------
     f, w : floats, ints
-        The fields of `Arrays` in order, then those of `Flows`, then where the ports are [m], the
-        pushes on forced masses [N], the resisting efforts [N] and the ledger [J], which are filled,
-        and in `w` the forced masses.
+        The fields of `Arrays` in order, then those of `Flows`, then the positions of the ports [m],
+        the external forces [N], the resisting efforts [N] and the ledger [J], which are filled, and
+        in `w` the forced masses.
     at : (2 * fields,) ints
-        Where each field begins and ends, in its block.
+        Start and end of each field in its block.
     scheme : int
         SYMPLECTIC, GRADIENT, EXACT or KUTTA of `network_steps`.
     period : float

@@ -1,6 +1,6 @@
-"""One step of a network of points a call: compiled code for the live loop, to the bit as live.
+"""One step of a 3D network per call: compiled code for the live loop, bit-identical to live.
 
-Memory is laid out as in `network_tick`: two blocks, floats and ints, the fields one after another.
+Memory is laid out as in `tick`: two blocks, floats and ints, with contiguous fields.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ GRADIENT = 1
 
 
 def tick_network3d(f: Any, w: Any, at: Any, scheme: int, period: float) -> int:
-    """Advance a network by one step; outputs and ledger as `scene3d.live` has them.
+    """Advance a network by one step; outputs and ledger as in `scene3d.live`.
 
     Parameters
     ----------
     f, w : floats, ints
-        The fields of `Arrays3d` in order, then where the axes are [m], the pushes [N], each
-        push's direction, the resisting efforts [N] and the ledger [J], which are filled, and in
-        `w` where the velocity of each pushed mass is.
+        The fields of `Arrays3d` in order, then the positions of the axes [m], the external forces
+        [N], their directions, the resisting efforts [N] and the ledger [J], which are filled, and
+        in `w` the indices of the pushed masses' velocities.
     at : (2 * fields,) ints
-        Where each field begins and ends, in its block.
+        Start and end of each field in its block.
     scheme : int
         SYMPLECTIC or GRADIENT.
     period : float

@@ -1,4 +1,4 @@
-"""A scene in the live loop, stepped by compiled code: one call a cycle, same numbers to the bit."""
+"""A scene in the live loop, stepped by compiled code: one call per cycle, bit-identical."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _WHOLE = (*INDEX_FIELDS, "flows.sizes", "flows.parts", "forced")
 
 
 def can_tick() -> bool:
-    """Return whether there is what compiles the steps."""
+    """Return whether the compiler for the steps is installed."""
     return find_spec("numba") is not None
 
 
@@ -38,20 +38,20 @@ class CompiledScene(SceneModel):
     Raises
     ------
     ConfigError
-        Numba is not installed, or the scheme cannot do this network.
+        Numba is not installed, or the scheme does not support this network.
     """
 
     def __init__(self, network: Network, scheme: str, period: float) -> None:
         self._tick = compiled_tick()
         super().__init__(network, scheme, period, keep_books=True)
         before = [list(values) for values in self.arrays]
-        self._tick(*self._given)  # loads the machine code, or makes it
+        self._tick(*self._given)  # loads the machine code, or compiles it
         for values, was in zip(self.arrays, before, strict=True):
             for at, value in enumerate(was):
                 values[at] = value
 
     def reset(self, positions: Sequence[float]) -> None:
-        """Put everything back to the start, with the ports at `positions` [m]."""
+        """Reset to the start, with the ports at `positions` [m]."""
         super().reset(positions)
         flows = flows_of(self)
         ports, forced = len(self.network.ports), self._forced
@@ -73,7 +73,7 @@ class CompiledScene(SceneModel):
         self._given = (blocks.floats, blocks.whole, blocks.at, number, self.period)
 
     def advance(self, positions: Sequence[float], pushes: Sequence[float] = ()) -> list[float]:
-        """Take where the ports are and what pushes each forced mass; step; give efforts."""
+        """Take port positions and external forces; step; return efforts."""
         given = self._ports_in
         for port, position in enumerate(positions):
             given[port] = position

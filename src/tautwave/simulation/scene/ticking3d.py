@@ -1,4 +1,4 @@
-"""A network of points in the live loop, stepped by compiled code: one call a cycle, same bits."""
+"""A 3D network in the live loop, stepped by compiled code: one call per cycle, bit-identical."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ class CompiledModel3d(Model3d):
     Raises
     ------
     ConfigError
-        Numba is not installed, or the scheme is none of points in space.
+        Numba is not installed, or the scheme does not support 3D networks.
     """
 
     def __init__(self, network: Network3d, scheme: str, period: float) -> None:
         self._tick = compiled_tick3d()
         super().__init__(network, scheme, period, keep_books=True)
-        self._tick(*self._given)  # loads the machine code, or makes it
+        self._tick(*self._given)  # loads the machine code, or compiles it
         self.reset([0.0] * len(network.axes))
 
     def reset(self, positions: Sequence[float]) -> None:
-        """Put everything back to the start, with the axes of the ports at `positions` [m]."""
+        """Reset to the start, with the axes of the ports at `positions` [m]."""
         super().reset(positions)
         axes = len(self.network.axes)
         given: dict[str, Any] = {
@@ -62,14 +62,14 @@ class CompiledModel3d(Model3d):
         self._given = (blocks.floats, blocks.whole, blocks.at, number, self.period)
 
     def take_state(self, model: Model3d) -> None:
-        """Go on from the state of another model of the same network."""
+        """Continue from the state of another model of the same network."""
         for values, others in zip(self.arrays, model.arrays, strict=True):
             for at, value in enumerate(others):
                 values[at] = value
         self.start, self.booked = model.start, model.booked
 
     def advance(self, positions: Sequence[float], pushes: Sequence[float] = ()) -> list[float]:
-        """Take where the axes are and every outside force; step; give the efforts."""
+        """Take axis positions and external forces; step; return the efforts."""
         given = self._axes_in
         for axis, position in enumerate(positions):
             given[axis] = position

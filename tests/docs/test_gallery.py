@@ -1,0 +1,36 @@
+"""The gallery shows what `tautwave reproduce` makes, all of it, and is small."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from tautwave.cli import main
+from tautwave.report.reproduce import CHAPTERS, chapter
+
+DOCS = Path(__file__).parents[2] / "docs"
+KEPT = {path.name for path in (DOCS / "gallery").iterdir() if path.suffix in (".svg", ".txt")}
+
+
+def test_the_gallery_has_every_figure_and_table() -> None:
+    figures = {f"{name}.svg" for each in CHAPTERS for name in chapter(each).figures}
+    tables = {f"{name}.txt" for name in CHAPTERS}
+    assert figures | tables == KEPT
+    shown = re.findall(r"gallery/([\w-]+\.(?:svg|txt))", (DOCS / "gallery.md").read_text())
+    assert sorted(shown) == sorted(KEPT)
+
+
+def test_its_pictures_are_small_and_follow_dark_mode() -> None:
+    drawn = [path.read_text() for path in (DOCS / "gallery").glob("*.svg")]
+    assert all("prefers-color-scheme: dark" in text for text in drawn)
+    assert sum(map(len, drawn)) < 600_000
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_the_command_makes_the_same_set(tmp_path: Path) -> None:
+    assert CliRunner().invoke(main, ["reproduce", "--out", str(tmp_path)]).exit_code == 0
+    assert {path.name for path in tmp_path.iterdir() if path.suffix in (".svg", ".txt")} == KEPT
