@@ -20,8 +20,8 @@ from tautwave.runtime.control import Control, CoupledControl
 from tautwave.types import JointState
 
 T = 1e-3
-AXIS = CoupledAxis(T, 1.0, 1e-3, 0.0, 0.0, 0, 0.0)
-"""A typical axis: 1 kHz, 1e-3 kg or kg m**2, no filter, no command delay."""
+AXIS = CoupledAxis(T, 1.0, 1e-3, 0.0, 0.0, 0, 0.0, velocity_limit=100.0)
+"""A typical axis: 1 kHz, 1e-3 kg or kg m**2, no filter or command delay, 100 rad/s or m/s."""
 
 NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
 WIDE = LimitParams(1e6, math.inf, 0.0, math.inf, -math.inf, math.inf, 0.0)
