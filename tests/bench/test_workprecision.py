@@ -195,8 +195,8 @@ def test_it_writes_what_it_measured(tmp_path: Path) -> None:
         main, ["bench", "workprecision", "--out", str(tmp_path / "wp"), "--json"]
     )
     assert result.exit_code == 0, result.output
-    told = json.loads((tmp_path / "wp" / "workprecision.json").read_text())
-    scene = told["scenes"][0]
+    reported = json.loads((tmp_path / "wp" / "workprecision.json").read_text())
+    scene = reported["scenes"][0]
     assert scene["chosen"]["error"] == 1e-4
     assert [p["error"] for p in scene["front"]] == [1e-2, 1e-4]
     assert scene["points"][3]["error"] is None  # it exploded

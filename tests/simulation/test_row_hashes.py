@@ -27,8 +27,8 @@ here = pytest.mark.skipif(
 
 
 def compare(case: Case) -> None:
-    told = difference(KEPT[case], rows_of(case))
-    assert told is None, f"{case}: {told}; see the docstring of tests/rigs/row_hashes.py"
+    reported = difference(KEPT[case], rows_of(case))
+    assert reported is None, f"{case}: {reported}; see the docstring of tests/rigs/row_hashes.py"
 
 
 @here
