@@ -8,12 +8,14 @@ from __future__ import annotations
 import fcntl
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+
+from tautwave.controller.steps import Law
 
 ROOT = Path(__file__).parents[1]
 
@@ -47,21 +49,24 @@ def wait_for_it(patch: pytest.MonkeyPatch) -> None:
 
     at_once = compiled.compiled_kernel
 
-    def compiled_kernel() -> object:
-        if not at_once.cache_info().currsize:
+    def compiled_kernel(law: Law) -> Callable[..., int]:
+        if law.steps not in compiled._kernels:
             with compiling():
-                return at_once()
-        return at_once()
+                return at_once(law)
+        return at_once(law)
 
     patch.setattr(compiled, "compiled_kernel", compiled_kernel)
 
 
 if __name__ == "__main__":
     from tautwave.config import load_rig
+    from tautwave.rig import coupling_law
     from tautwave.simulation import simulate
     from tautwave.simulation.kernel.compiled import is_cached
-    from tautwave.simulation.kernel.run import run_rig
+    from tautwave.simulation.kernel.run import run_law
 
     with compiling():
-        if not is_cached(run_rig):
-            simulate(load_rig(ROOT / "configs" / "bench-1dof-loopback.yaml"), duration_s=0.01)
+        for name in ("bench-1dof-loopback", "bench-position-coupling"):
+            rig = load_rig(ROOT / "configs" / f"{name}.yaml")
+            if not is_cached(run_law, coupling_law(rig)):
+                simulate(rig, duration_s=0.01)

@@ -323,21 +323,28 @@ class SimulatorPlugin(NamedTuple):
 class CouplingPlugin(NamedTuple):
     """What a `tautwave.couplings` entry point names: a law that joins a master and a slave axis.
 
-    A string is a `module:attribute`, loaded on demand, so that naming a law does not import it; the
-    object itself is accepted too. `keys` is the pydantic block of the rig's `coupling`, a
-    `tautwave.config.Coupling` whose `pairs` may have additional keys. `constants(pair, side)`
-    returns `PortConstants` in the units of that side's device. `linear(pair, side, device, site,
-    filter_gain)` is one end of the pair, a `LinearEnd` of `tautwave.analysis.ports.sampled_loop`;
-    without it no stability is predicted. `verdict` is a `CouplingVerdict` of
-    `tautwave.certificate.data`, or only its `pair_elements`; without one nothing is ever certified.
-    `words` is a `CouplingWords` of `tautwave.wording`. `carries` says what the sides exchange:
-    `waves`, or `states` (position and velocity). `divisors`: either side may be on a slower bus;
-    `causalities`: of the axes that it can drive.
+    A text is a `module:attribute`, loaded when asked for, so that naming a law imports none of it;
+    the thing itself serves as well. `keys` is the pydantic block of the rig's `coupling`, a
+    `tautwave.config.Coupling` whose `pairs` may have keys of their own.
+
+    `law` is a `Law` of `tautwave.controller.steps`: the steps that the controller calls, the state
+    that they work on, its columns and guards. `end_constants(pair, side, axis)`, with a
+    `CoupledAxis`, returns the constants of one end, SI of its device, and `link_constants(coupling,
+    period)` those between the ends: NamedTuples of numbers.
+
+    `linear(pair, side, device, site, filter_gain)` is one end of the pair, a `LinearEnd` of
+    `tautwave.analysis.ports.sampled_loop`; without it no stability is predicted. `verdict` is a
+    `CouplingVerdict` of `tautwave.certificate.data`, or only its `pair_elements`; without one
+    nothing is ever certified. `words` is a `CouplingWords` of `tautwave.wording`. `carries` says
+    what passes between the sides: `waves`, or `states` (position and velocity). `divisors`: either
+    side may be on a slower bus; `causalities`: of the axes that it can drive.
     """
 
     summary: str
     keys: Any
-    constants: Any
+    law: Any
+    end_constants: Any
+    link_constants: Any = ""
     carries: str = "states"
     divisors: bool = False
     causalities: tuple[str, ...] = ("impedance",)
@@ -346,19 +353,21 @@ class CouplingPlugin(NamedTuple):
     words: Any = ""
 
 
-class PortConstants(NamedTuple):
-    """Constants of a coupling for one device, SI of that device.
+class CoupledAxis(NamedTuple):
+    """What the rig says of an axis that a coupling makes the constants of its end from; SI.
 
-    `wave_impedance` of its port [N m s/rad or N s/m], `matched`: a matching damper at this end;
-    `stiffness` [N m/rad or N/m] and `damping` [N m s/rad or N s/m] of a coupler, which carries
-    states; `injection` [N m s/rad or N s/m] damps this device to ground.
+    `period` of its bus [s]; `gain` of its velocity tracker; `inertia`: lower bound, None where it
+    takes velocity; `encoder_quantum` and `position_noise` [rad or m]; `delay` in whole periods
+    until a command acts; `outside_stiffness`: upper bound, 0 where none is stated.
     """
 
-    wave_impedance: float = 1.0
-    matched: bool = False
-    stiffness: float = 0.0
-    damping: float = 0.0
-    injection: float = 0.0
+    period: float
+    gain: float
+    inertia: float | None
+    encoder_quantum: float
+    position_noise: float
+    delay: int
+    outside_stiffness: float
 
 
 class Row(Protocol):

@@ -164,7 +164,6 @@ def coupling_words(name: str) -> CouplingWords:
     return words
 
 
-@lru_cache(maxsize=256)
 def load_named(text: Any) -> Any:
     """Return the object that `module:attribute` names; a part may also declare the object itself.
 
@@ -173,8 +172,11 @@ def load_named(text: Any) -> Any:
     ConfigError
         It does not import, or there is no such attribute.
     """
-    if not isinstance(text, str):
-        return text
+    return _named(text) if isinstance(text, str) else text
+
+
+@lru_cache(maxsize=256)
+def _named(text: str) -> Any:
     module, _, attribute = text.partition(":")
     try:
         return getattr(import_module(module), attribute)

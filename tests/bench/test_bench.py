@@ -223,6 +223,6 @@ def test_simulate_where_there_is_no_compiler(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_a_whole_run_is_timed_by_the_step() -> None:
     """A stand-in for the kernel: compiling it takes longer than a test should."""
-    steps, cost = simulated._measure(rigs.ONE_PAIR, lambda *tables: 1, 1, 0.002)
+    steps, cost = simulated._measure(rigs.ONE_PAIR, 1, 0.002, lambda *tables: 1)
     assert steps == 2
     assert cost.best_ns >= 0.0

@@ -92,7 +92,7 @@ def port_bound(run: Run, side: str, name: str = "a") -> float:
     """
     params, state = pair_of(run.assembly, name).axes[side]
     weight = params.weight
-    port = params.site.port
+    port = params.end.port
     fastest = np.abs(np.diff(run[f"{side}.{name}.position"])).max(initial=0.0) / port.period
     delay = params.delay + (1 if params.late else 0)
     owed = port_debt(port, delay, params.site.gain, fastest, state.gross_flow)

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from tautwave.controller import axis, pair, rows
+from tautwave.controller import rows
+from tautwave.couplings.wave import port, steps
 from tautwave.laws.port import port_close
 from tautwave.rig import Assembly
 from tests.rigs.closing import CLOSED, EXACT, MOTION, WALLS, line, port_bound
@@ -39,12 +40,12 @@ def test_defect_a_wave_from_the_estimated_velocity(monkeypatch: pytest.MonkeyPat
         leaving = p.root * estimated - wave_sum
         return leaving, account, gap, absorbed, burnt, forgave
 
-    monkeypatch.setattr(axis, "port_close", defect)
+    monkeypatch.setattr(port, "port_close", defect)
     assert fails(run_rig(LOSSLESS))
 
 
 def test_defect_a_wave_duplicated_on_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    exchange = pair.exchange_waves
+    exchange = steps.exchange_waves
     last = [0.0]
 
     def defect(*given: Any) -> tuple[float, float]:
@@ -52,7 +53,7 @@ def test_defect_a_wave_duplicated_on_the_line(monkeypatch: pytest.MonkeyPatch) -
         last.append(at_slave)
         return at_master, last[-2] if len(last) % 50 == 0 else at_slave
 
-    monkeypatch.setattr(pair, "exchange_waves", defect)
+    monkeypatch.setattr(steps, "exchange_waves", defect)
     assert fails(run_rig(LOSSLESS))
 
 
@@ -94,7 +95,10 @@ def test_the_naive_port_fails_the_same_books(monkeypatch: pytest.MonkeyPatch) ->
     def believe_infinite_mass(built: Assembly) -> None:
         control = built.control
         control.params = [
-            p._replace(site=p.site._replace(port=p.site.port._replace(half_mobility=0.0)))
+            p._replace(
+                site=p.site._replace(half_mobility=0.0),
+                end=p.end._replace(port=p.end.port._replace(half_mobility=0.0)),
+            )
             for p in control.params
         ]
 
@@ -118,10 +122,8 @@ def test_the_naive_port_fails_the_same_books(monkeypatch: pytest.MonkeyPatch) ->
     sound = run_rig(quiet, change=only_push)
     assert not fails(sound)
     assert sound["plant.master.a.kinetic"].max() <= start * (1.0 + 1e-9)
-    import tautwave.laws.site as law_module
-
-    monkeypatch.setattr(law_module, "port_effort", naive_effort)
-    monkeypatch.setattr(axis, "port_close", naive_close)
+    monkeypatch.setattr(port, "port_effort", naive_effort)
+    monkeypatch.setattr(port, "port_close", naive_close)
     naive = run_rig(quiet, change=push)
     assert fails(naive)
     assert naive["plant.master.a.kinetic"].max() > 10.0 * start

@@ -200,10 +200,10 @@ def left_over(run: Run) -> tuple[float, float]:
     )
     (params, master), (_, slave) = pair_of(run.assembly).axes.values()
     facts = pair_facts(keys, "a", _delays(run))
-    port = params.site.port
+    port = params.end.port
     force = 0.5 * (run["master.a.port_effort"][-1] - run["slave.a.port_effort"][-1])
     offset = force * facts.coupling_delay_s / port.impedance
-    unsent = (master.gap - slave.gap) / port.root
+    unsent = (master.end.gap - slave.end.gap) / port.root
     predicted = offset * 2.0 * port.half_mobility * port.impedance + unsent
     return float(run["a.position_error"][-1] - offset), predicted
 

@@ -80,7 +80,7 @@ def test_constant_force_passes_exactly_and_stands_off_by_f_tau_over_b(
     sides = pair_of(run.assembly).axes
     # A port that is held still gives a share of the line's effort (facts: held_share).
     efforts = [
-        sign * state.port_effort * (1.0 + 10.0 * params.site.port.period * (1 + delay) / 0.4)
+        sign * state.port_effort * (1.0 + 10.0 * params.site.period * (1 + delay) / 0.4)
         for sign, (params, state), delay in ((1.0, sides["master"], int(master > 1)),
                                              (-1.0, sides["slave"], int(slave > 1)))
     ]  # fmt: skip
@@ -88,7 +88,7 @@ def test_constant_force_passes_exactly_and_stands_off_by_f_tau_over_b(
     assert efforts[0] == pytest.approx(efforts[1], rel=1e-6)
     tau = one_way_delay(rig, "a", command_delays(rig))
     (params, one), (_, two) = sides["master"], sides["slave"]
-    unsent = (one.gap - two.gap) / params.site.port.root
+    unsent = (one.end.gap - two.end.gap) / params.end.port.root
     assert run["a.position_error"][-1] - unsent == pytest.approx(efforts[0] * tau / 10.0, rel=1e-5)
 
 

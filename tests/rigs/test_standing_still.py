@@ -70,7 +70,7 @@ def test_a_wave_pair_stands_off_as_check_says(changes: tuple[str, ...], exact: f
     master, slave, error = at_rest(run)
     ports = pair_of(run.assembly, "lever").axes
     # What an empty account could not send yet would be an offset of its own.
-    assert min(state.account for _, state in ports.values()) > 0.0
+    assert min(state.end.account for _, state in ports.values()) > 0.0
     assert error == pytest.approx(master * facts.offset_per_effort, rel=exact)
     # One effort is on the line; each port gives its share of it.
     keys = loaded.coupling.pairs["lever"]
@@ -78,7 +78,7 @@ def test_a_wave_pair_stands_off_as_check_says(changes: tuple[str, ...], exact: f
                 for side in ("master", "slave"))  # fmt: skip
     felt = -keys.sign * slave / keys.effective_force_scale
     assert felt / master == pytest.approx(two / one, rel=exact)
-    arriving = -ports["master"][0].site.port.root * float(run["master.lever.wave_in"][-1])
+    arriving = -ports["master"][0].end.port.root * float(run["master.lever.wave_in"][-1])
     assert master / arriving == pytest.approx(one, rel=exact)
     assert facts.held_share == min(one, two)
 

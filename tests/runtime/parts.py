@@ -13,12 +13,10 @@ from tautwave.controller.axis import (
     is_calm,
     miss_sample,
     pass_slot,
-    receive_wave,
     start_axis,
     stop_axis,
     stored_in_wall,
     think_axis,
-    waiting_energy,
 )
 from tautwave.controller.pair import (
     cycle_pair,
@@ -29,14 +27,19 @@ from tautwave.controller.pair import (
 )
 from tautwave.controller.records import (
     PIPE,
-    RINGS,
     AxisParams,
     AxisState,
     PairParams,
     RunParams,
     Sample,
 )
+from tautwave.controller.steps import NoParams
 from tautwave.controller.stops import AxisName
+from tautwave.couplings.position.steps import PositionEndParams
+from tautwave.couplings.position.steps import law as position_law
+from tautwave.couplings.wave.port import receive_wave, start_end, waiting_energy
+from tautwave.couplings.wave.records import WaveEndParams, WaveLinkParams
+from tautwave.couplings.wave.steps import law as wave_law
 from tautwave.laws.admittance import admittance_params
 from tautwave.laws.limit import LimitParams
 from tautwave.laws.port import port_params, rigid_port
@@ -82,15 +85,17 @@ def site(
     port = port_params(period, b, mass, matched, 0.05, allowance)
     if admittance:
         port = rigid_port(period, b, 0.05, allowance)
-    stiffness, damping = spring or (0.0, 0.0)
     params = SiteParams(
-        port, admittance_params(period, b, upper, delay), wall or NO_WALL, limit, gain, stiffness,
-        damping, velocity_quantum, has_wall=wall is not None,
+        period, port.half_mobility, wall or NO_WALL, limit, gain, velocity_quantum,
+        has_wall=wall is not None,
     )  # fmt: skip
+    end: Any = WaveEndParams(port, admittance_params(period, b, upper, delay), wave)
+    if spring is not None:
+        end = PositionEndParams(*spring)
     return Axis(
         AxisParams(
-            params, wave, 0.5 * period, late, limit.velocity if admittance else limit.effort, 1.0,
-            delay, 0, spring is None, not admittance, divisor, divisor > 1, 0.5 * T,
+            params, 0.5 * period, late, limit.velocity if admittance else limit.effort, 1.0,
+            delay, 0, not admittance, divisor, 0.5 * T, end,
         )
     )  # fmt: skip
 
@@ -101,29 +106,32 @@ class Axis:
     def __init__(self, params: AxisParams) -> None:
         self.params = params
         self.table = [0.0] * (PIPE * params.delay)
-        self.state = AxisState()
+        self.law = wave_law if isinstance(params.end, WaveEndParams) else position_law
+        self.state = AxisState(end=self.law.end())
         self.start(0.0, math.nan, 0.0)
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self.state, name)
+        return getattr(self.state if hasattr(self.state, name) else self.state.end, name)
 
     def start(self, position: float, outside: float, gap: float) -> None:
-        start_axis(self.state, self.params, position, outside, gap)
+        start_axis(self.state, self.params, position, outside)
+        if self.law is wave_law:
+            start_end(self.state, gap)
 
     def pass_slot(self) -> None:
-        pass_slot(self.state, self.params, self.table)
+        pass_slot(self.state, self.params, self.table, self.law.steps)
 
     def receive(self, wave: float) -> None:
         receive_wave(self.state, self.params, wave)
 
     def miss(self) -> None:
-        miss_sample(self.state)
+        miss_sample(self.state, self.params, self.law.steps)
 
     def close(self, position: float, outside: float) -> None:
-        close_axis(self.state, self.params, position, outside)
+        close_axis(self.state, self.params, position, outside, self.law.steps)
 
     def think(self, ceiling: float) -> int:
-        return think_axis(self.state, self.params, self.table, ceiling)
+        return think_axis(self.state, self.params, self.table, ceiling, self.law.steps)
 
     def stop(self, ceiling: float) -> None:
         stop_axis(self.state, self.params, ceiling)
@@ -162,14 +170,16 @@ class Pair:
     ) -> None:
         one, two = master.params, slave.params
         rated = rated or max(one.divisor, two.divisor) > 1
-        two = two._replace(pipe=PIPE * one.delay, rated=rated, weight=1.0 / power)
-        one = one._replace(rated=rated)
+        two = two._replace(pipe=PIPE * one.delay, weight=1.0 / power)
+        law = master.law
+        link: Any = NoParams()
+        if law is wave_law:
+            step = 1.0 if filter_hz is None else filter_gain(filter_hz, T)
+            link = WaveLinkParams(filter_hz is not None, step)
         at = PIPE * (one.delay + two.delay)
         q = PairParams(
-            0, 1, one.by_wave, filter_hz is not None, rated, offset is None, sign * scale, sign,
-            power / scale, sign / scale, 1.0 / power, T, 0.5 * T,
-            1.0 if filter_hz is None else filter_gain(filter_hz, T),
-            0.0 if offset is None else offset, tolerance, line, at,
+            0, 1, rated, offset is None, sign * scale, sign, power / scale, sign / scale,
+            1.0 / power, T, 0.5 * T, 0.0 if offset is None else offset, tolerance, line, at, link,
         )  # fmt: skip
         self.control = CoupledControl(
             run or RunParams(PERIOD_NS, 20, 2, 1, 0, 5, 4, 50, 0.1, 5e9),
@@ -177,7 +187,8 @@ class Pair:
             [one, two],
             ["a"],
             [q],
-            at + RINGS * line,
+            at + law.rings * line,
+            law,
         )
         self.q, self.c = q, self.control.states[0]
         self.master, self.slave = (Axis(p) for p in (one, two))
@@ -191,14 +202,15 @@ class Pair:
         return (self.c, self.q, one.state, two.state, one.params, two.params)
 
     def start(self, master: Sample, slave: Sample) -> None:
-        start_pair(*self._all(), master, slave, self.control.table)
+        start_pair(*self._all(), master, slave, self.control.table, self.control.law.steps)
 
     def engage(self, ramp: float) -> None:
-        engage_pair(*self._all(), self.control.table, ramp)
+        engage_pair(*self._all(), self.control.table, ramp, self.control.law.steps)
 
     def cycle(self, master: Sample, slave: Sample, skipped: int, ramp: float) -> None:
         self.slot += 1 + skipped
-        cycle_pair(*self._all(), master, slave, self.control.table, self.slot, skipped, ramp)
+        rest = self.slot, skipped, ramp, self.control.law.steps
+        cycle_pair(*self._all(), master, slave, self.control.table, *rest)
 
     def arm(self, share: float) -> bool:
         return all(is_calm(axis.state, axis.params, share) for axis in (self.master, self.slave))

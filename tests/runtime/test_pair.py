@@ -99,7 +99,7 @@ def test_a_given_offset_is_mended_over_time() -> None:
     pair = Pair(site(), site(), offset=0.0)
     pair.start(state(0.0), state(0.001))
     assert mismatch(pair.q, 0.0, 0.001, 0.0) == pytest.approx(0.001)
-    assert pair.slave.gap == pytest.approx(0.001 * pair.slave.params.site.port.root)
+    assert pair.slave.gap == pytest.approx(0.001 * pair.slave.params.end.port.root)
     assert pair.position_error() == pytest.approx(-0.001)
 
 
@@ -162,7 +162,7 @@ def test_a_wave_takes_as_many_slots_whether_they_are_run_or_skipped(skipped: int
     pair.start(state(), state())
     pair.engage(1.0)
     pair.cycle(state(0.0), state(), 0, 1.0)
-    pair.master.state.account = 1.0
+    pair.master.state.end.account = 1.0
     pair.cycle(state(0.001), state(), 0, 1.0)
     sent = pair.master.leaving
     assert sent > 0.0

@@ -13,6 +13,7 @@ import pytest
 import tautwave
 from tautwave.config import load_rig
 from tautwave.models.crossing import motion_bounds
+from tautwave.rig import coupling_law
 from tautwave.simulation import simulate
 from tautwave.simulation.kernel import compiled
 from tests.simulation.live import CONFIGS
@@ -24,9 +25,10 @@ RIG = next(path for path in CONFIGS if path.stem == "bench-1dof-loopback")
 HIT = """\
 import sys
 from tautwave import load_rig, simulate
+from tautwave.rig import coupling_law
 from tautwave.simulation.kernel.compiled import compiled_kernel
 simulate(load_rig(sys.argv[1]), duration_s=0.05)
-stats = compiled_kernel().stats
+stats = compiled_kernel(coupling_law(load_rig(sys.argv[1]))).stats
 print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
 """
 # A caller in one module and what it calls in another: numba looks at the text of the caller only.
@@ -56,10 +58,11 @@ def files(directory: Path) -> set[str]:
 
 def test_the_next_process_finds_the_kernel() -> None:
     simulate(load_rig(RIG), duration_s=0.05)
-    before = files(compiled.cache_directory())
+    folder = compiled.cache_directory(coupling_law(load_rig(RIG)))
+    before = files(folder)
     assert python(HIT, str(RIG)) == ["1", "0"]
-    assert files(compiled.cache_directory()) == before
-    kernels = [name for name in before if name.startswith("run.run_rig") and ".nbc" in name]
+    assert files(folder) == before
+    kernels = [name for name in before if name.startswith("run.run_law") and ".nbc" in name]
     assert len(kernels) == 1  # one signature for all
 
 
@@ -73,10 +76,14 @@ def test_what_is_cached_is_known_without_compiling(
     assert compiled.is_cached(motion_bounds)
 
 
-def test_one_signature_serves_every_rig() -> None:
+def test_one_signature_serves_every_rig_of_a_law() -> None:
+    laws = {}
     for path in CONFIGS:
-        simulate(load_rig(path), duration_s=0.01)
-    assert len(compiled.compiled_kernel().signatures) == 1  # type: ignore[attr-defined]
+        rig = load_rig(path)
+        simulate(rig, duration_s=0.01)
+        laws[rig.coupling.law] = coupling_law(rig)
+    for law in laws.values():
+        assert len(compiled.compiled_kernel(law).signatures) == 1  # type: ignore[attr-defined]
 
 
 @pytest.mark.slow

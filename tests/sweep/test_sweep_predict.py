@@ -13,7 +13,7 @@ from tautwave.config import Rig, load_rig
 from tautwave.controller import run
 from tautwave.controller.records import AxisState
 from tautwave.errors import ConfigError
-from tautwave.rig import build_rig, site_params
+from tautwave.rig import build_rig, end_constants
 from tautwave.runtime.loop import Loop
 from tautwave.sweep.measure import growth_of, is_bounded, moving_energy, scales_of
 from tautwave.sweep.predict import pair_ends, pair_matrix, pair_mode
@@ -52,7 +52,7 @@ def predicted_motion(rig: Rig, cycles: int) -> np.ndarray[Any, Any]:
     if rig.coupling.law == "position":  # it engages without a mismatch, also not under way
         pair = rig.coupling.pairs["cart"]
         ratio = pair.sign * pair.position_scale
-        there, back = (site_params(rig, f"{side}.cart", NOW).stiffness for side in SIDES)
+        there, back = (end_constants(rig, f"{side}.cart", NOW).stiffness for side in SIDES)
         start[len(master.b) + slave.states.index("position")] = -1e-3 * ratio
         first = len(master.b) + len(slave.b)
         start[first : first + rig.delay_samples] = back * ratio * -1e-3
@@ -100,7 +100,8 @@ def test_matrix_moves_as_the_loop_does(
 
     def rich(c: Any, q: Any, one: AxisState, two: AxisState, *others: Any) -> None:
         start(c, q, one, two, *others)  # the linear regime: an account that never limits
-        one.account = two.account = 1e3
+        if hasattr(one.end, "account"):
+            one.end.account = two.end.account = 1e3
 
     monkeypatch.setattr(run, "start_pair", rich)
     rows: list[float] = []

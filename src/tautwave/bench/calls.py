@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 from tautwave.laws.admittance import admittance_params, admittance_velocity
 from tautwave.laws.coupler import coupler_effort
 from tautwave.laws.limit import LimitParams, guard_axis, limit_effort, share_effort
-from tautwave.laws.port import port_close, port_effort, port_params, rigid_port, track_velocity
-from tautwave.laws.site import SiteParams, think_admittance, think_position, think_wave
+from tautwave.laws.port import port_close, port_effort, port_params, track_velocity
+from tautwave.laws.site import SiteParams, limit_site, limit_velocity, render_wall
 from tautwave.laws.wall import WallParams, control_wall, wall_depth, wall_effort, wall_loss
 from tautwave.laws.wave_filter import filter_step
 from tautwave.models.encoder import quantise
@@ -36,13 +36,12 @@ CONTROLLED = WALL._replace(controlled=True)
 LIMIT = LimitParams(1.1, 0.5, 0.0, 15.0, -0.5, 0.5, 2e-3)
 PORT = port_params(T, B, 1e-3, matched=False, drift_time=0.05, allowance=1e-9)
 ADMITTANCE = admittance_params(T, B, 2.0, 0)
-SITE = SiteParams(PORT, ADMITTANCE, WALL, LIMIT, 1.0, 1.0, 5e-3, 0.0, has_wall=False)
+SITE = SiteParams(T, PORT.half_mobility, WALL, LIMIT, 1.0, 0.0, has_wall=False)
 WALLED = SITE._replace(has_wall=True)
 GUARDED = WALLED._replace(wall=CONTROLLED)
-SERVO_SITE = WALLED._replace(port=rigid_port(T, B, 0.05, 1e-9))
+SERVO_SITE = WALLED._replace(half_mobility=0.0)
 
 REST = (0.0, 0.0, 0.0, 0.0)
-THINK = (1e-4, 1e-6, 0.11, 0.4, 0.4, 0.01, 0.0, 0.05, 0.03, 1.1)
 
 LAWS = (
     Call("track_velocity", track_velocity, (0.5, 0.4, 4e-4, T), 1),
@@ -58,16 +57,10 @@ LAWS = (
     Call("filter_step", filter_step, (0.5, T, 0.05, 0.06), 2),
     Call("coupler_effort", coupler_effort, (1.0, 5e-3, 0.11, 0.4, 0.1, 0.3), 2),
     Call("admittance_velocity", admittance_velocity, (ADMITTANCE, 0.1, 0.05, *REST), 1),
-    Call("think_wave, no wall", think_wave, (SITE, *THINK), 4),
-    Call("think_wave, in its wall", think_wave, (WALLED, *THINK), 4),
-    Call("think_wave, in its controlled wall", think_wave, (GUARDED, *THINK), 4),
-    Call(
-        "think_position",
-        think_position,
-        (SITE, 0.0, 0.11, 0.4, 0.4, 0.01, 0.0, 0.1, 0.3, 0.03, 1.1),
-        2,
-    ),
-    Call("think_admittance", think_admittance, (SERVO_SITE, 0.11, 0.1, 0.0, 0.05, 15.0), 2),
+    Call("render_wall, touched", render_wall, (WALLED, 1e-6, 0.11, 0.4, 0.4, 1.1), 2),
+    Call("render_wall, controlled", render_wall, (GUARDED, 1e-6, 0.11, 0.4, 0.4, 1.1), 2),
+    Call("limit_site", limit_site, (SITE, 0.03, 0.1, 0.12, 1.1), 1),
+    Call("limit_velocity", limit_velocity, (SERVO_SITE, 0.4, 15.0), 1),
 )
 
 # The slave of the shipped bench: lever with friction, a wall at 0.15 rad; a hand holds it.

@@ -24,10 +24,11 @@ def kernels(calls: tuple[Call, ...]) -> dict[str, Work]:
     Each turn's argument along the chain depends on the result of the turn before, so the
     compiler can neither drop nor overlap the calls; the time is that of a step in a simulation.
     """
-    from tautwave.simulation.kernel.compiled import compiled_kernel
+    from tautwave.simulation.kernel.compiled import functions_of, register, source_modules
 
     numba: Any = importlib.import_module("numba")
-    compiled_kernel()  # makes laws and models known to numba, with the simulation's own settings
+    for module in source_modules():  # known to numba, with the simulation's own settings
+        register(_work, functions_of(module))
     return {call.name: _work(numba, call) for call in calls}
 
 

@@ -34,22 +34,23 @@ def simulate_costs(rigs: Sequence[BenchRig], rounds: int, seconds: float | None 
     """
     if not has_numba():
         return _table([[rig.name, None, NO_NUMBA] for rig in rigs])
-    from tautwave.simulation.kernel.compiled import compiled_kernel
-
     rows: list[list[Value]] = []
     for rig in rigs:
-        steps, cost = _measure(rig, compiled_kernel(), rounds, seconds)
+        steps, cost = _measure(rig, rounds, seconds)
         rows.append([rig.name, cost.best_ns / steps, cost.median_ns / steps])
     return _table(rows)
 
 
-def _measure(rig: BenchRig, kernel: Kernel, rounds: int, seconds: float | None) -> tuple[int, Cost]:
+def _measure(
+    rig: BenchRig, rounds: int, seconds: float | None, kernel: Kernel | None = None
+) -> tuple[int, Cost]:
     """Return steps of a run, and what a run costs."""
+    from tautwave.simulation.kernel.compiled import compiled_kernel
     from tautwave.simulation.kernel.pack import pack_rig
     from tautwave.simulation.kernel.tables import record_tables
 
     job = pack_rig(rig.load(), seconds)
-    works = {rig.name: _work(kernel, record_tables(job))}
+    works = {rig.name: _work(kernel or compiled_kernel(job.law), record_tables(job))}
     return job.run.cycles, costs(works, rounds)[rig.name]
 
 

@@ -159,7 +159,7 @@ def rates(*, duration_s: float = 10.0, tell: Tell = silent) -> Suite:
 
 def _think_table(site: dict[str, Cost]) -> Table:
     rows: list[list[Value]] = []
-    for case in think.CASES:
+    for case in think.cases():
         close, decide, both = (site[f"{case.name}/{part}"] for part in think.PARTS)
         rows.append([case.name, close.median_ns, decide.median_ns, both.median_ns, both.best_ns])
     return Table(

@@ -30,7 +30,15 @@ from tautwave.certificate.belief import (
 from tautwave.certificate.couplings import coupling_verdict, is_silent, silence
 from tautwave.certificate.data import LoopCase, PairLoop, Verdict
 from tautwave.config import EnvironmentPart, Rig, Wall, local_wall
-from tautwave.rig import at_axis_rate, coupling_part, pair_scale, site_params, wave_gain
+from tautwave.rig import (
+    at_axis_rate,
+    coupling_part,
+    end_constants,
+    pair_scale,
+    velocity_gain,
+    wave_gain,
+    wave_port,
+)
 from tautwave.types import CommandDelay
 
 STABLE = 1e-9
@@ -189,17 +197,17 @@ def believed_end(
     """
     side, name = axis_name.split(".")
     axis, delay = rig.axes[axis_name], delays[axis_name]
-    params = site_params(rig, axis_name, delay)
     keys = rig.coupling.pairs[name]
     filtered = rig.coupling.filter_step(rig.period_s)
     if axis.inertia is None:
         held = Contact(0.0, 0.0, "") if contact is None else contact
+        ends = end_constants(rig, axis_name, delay)
         mass = _hand_mass(rig, axis_name, contact)
         outside = Outside(held.stiffness, held.damping, mass, drive_lag(rig, axis_name) or 0.0)
         return admittance_end(
             outside,
-            params.port,
-            params.admittance,
+            ends.port,
+            ends.admittance,
             delay_periods=delay.periods,
             wave_gain=wave_gain(pair_scale(keys), side),
             filter_gain=filtered,
@@ -223,7 +231,6 @@ def believed_parts(
     """Return device and site of an impedance axis as the rig believes them; see `believed_end`."""
     axis, delay = rig.axes[axis_name], delays[axis_name]
     assert axis.inertia is not None
-    params = site_params(rig, axis_name, delay)
     own = axis.inertia.lower if bound == "lower" else axis.inertia.value
     held = Contact(0.0, 0.0, "") if contact is None else contact
     device = Device(
@@ -233,8 +240,8 @@ def believed_parts(
         command_delay=delay_in_periods(rig, delay),
     )
     site = Site(
-        params.port,
-        params.gain,
+        wave_port(rig, axis_name, delay),
+        velocity_gain(rig, axis),
         delay.periods,
         delay.remainder_s / rig.period_s,
         0.0 if wall is None else wall.stiffness,

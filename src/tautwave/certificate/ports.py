@@ -29,7 +29,7 @@ from tautwave.certificate.loops import (
 )
 from tautwave.config import Rig
 from tautwave.laws.port import sensor_allowance
-from tautwave.rig import debt_rates, port_constants, velocity_gain
+from tautwave.rig import debt_rates, velocity_gain, wave_port
 from tautwave.types import CommandDelay
 
 UNITY = 1e-6
@@ -261,7 +261,8 @@ def _allowance(rig: Rig, axis_name: str) -> float:
 
 
 def _impedance(rig: Rig, axis_name: str) -> float:
-    return port_constants(rig, axis_name).wave_impedance
+    impedance: float = wave_port(rig, axis_name, CommandDelay(0, 0.0)).impedance
+    return impedance
 
 
 def _admittance(rig: Rig, axis_name: str, delays: Delays) -> Element:

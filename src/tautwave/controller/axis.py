@@ -1,7 +1,8 @@
 """One axis of the controller: the state around the laws, and its energy books.
 
 Order in a cycle: `pass_slot` for every slot that went by, `close_axis` when a sample is there (else
-`miss_sample`), `receive_wave`, `decide_axis`. The formulas are those of `tautwave.laws`.
+`miss_sample`), the coupling's exchange, `decide_axis`. The formulas are those of `tautwave.laws`,
+what passes to the other side and what it makes of it here are the coupling's `Steps`.
 """
 
 from __future__ import annotations
@@ -10,32 +11,26 @@ import math
 from collections.abc import MutableSequence
 
 from tautwave.controller.records import AxisParams, AxisState, Sample
-from tautwave.laws.limit import clamp, guard_axis, limit_effort, stop_effort
-from tautwave.laws.port import BANKRUPT, ROUNDING, port_close, port_debt, track_velocity
-from tautwave.laws.site import think_admittance, think_position, think_wave
+from tautwave.controller.steps import Steps
+from tautwave.laws.limit import NOT_A_NUMBER, clamp, guard_axis, limit_effort, stop_effort
+from tautwave.laws.port import track_velocity
+from tautwave.laws.site import held_effort, limit_site, limit_velocity, render_wall, wall_ahead
 from tautwave.laws.wall import wall_depth, wall_effort, wall_loss, wall_stored
 
 
-def start_axis(s: AxisState, p: AxisParams, position: float, outside: float, gap: float) -> None:
-    """Begin at a measured position, nothing stored; `gap` [W**0.5 s] is an offset to mend."""
+def start_axis(s: AxisState, p: AxisParams, position: float, outside: float) -> None:
+    """Begin at a measured position, nothing stored; the coupling's own part is its `start`."""
     s.position = position
     s.outside = outside
     if math.isnan(outside):
         s.outside = 0.0
     s.velocity = 0.0
     s.wall_velocity = 0.0
-    s.predicted = 0.0
-    s.account = 0.0
-    s.fastest = 0.0
-    s.gap = gap
     s.impulse = 0.0
     s.depth = 0.0
     if p.site.has_wall:
         s.depth = wall_depth(p.site.wall, position)
     s.wall_stored_at_start = wall_stored(p.site.wall, s.depth)
-    s.leaving = 0.0
-    s.wave_in = 0.0
-    s.arrived = 0.0
     s.command = 0.0
     s.asked = 0.0
     s.valid = True
@@ -43,7 +38,8 @@ def start_axis(s: AxisState, p: AxisParams, position: float, outside: float, gap
     s.total = 0.0
     s.port_effort = 0.0
     s.wall_effort = 0.0
-    s.command_wave = 0.0
+    s.tag = 0.0
+    s.alarm = 0
     s.acted_total = 0.0
     s.acted_port = 0.0
     s.acted_wall = 0.0
@@ -52,41 +48,30 @@ def start_axis(s: AxisState, p: AxisParams, position: float, outside: float, gap
     s.effort_sum = 0.0
     s.port_sum = 0.0
     s.wall_sum = 0.0
-    s.wave_sum = 0.0
-    s.wave_energy = 0.0
     s.port_energy = 0.0
     s.gross_flow = 0.0
     s.uncertainty = 0.0
-    s.port_absorbed = 0.0
-    s.damper_dissipated = 0.0
-    s.forgiven = 0.0
     s.wall_absorbed = 0.0
     s.wall_dissipated = 0.0
     s.wall_contact_energy = 0.0
-    s.rate_held = 0.0
-    s.rate_mean = 0.0
-    s.rate_absorbed = 0.0
-    s.rate_dissipated = 0.0
-    s.rate_left = 0
-    s.rate_count = 0
 
 
-def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float]) -> None:
+def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float], steps: Steps) -> None:
     """One slot went by: the command that acted in it joins the open interval."""
     total = s.total
     port = s.port_effort
     wall = s.wall_effort
-    wave = s.command_wave
+    tag = s.tag
     if p.delay > 0:
         at = p.pipe + 4 * s.head
         total = table[at]
         port = table[at + 1]
         wall = table[at + 2]
-        wave = table[at + 3]
+        tag = table[at + 3]
         table[at] = s.total
         table[at + 1] = s.port_effort
         table[at + 2] = s.wall_effort
-        table[at + 3] = s.command_wave
+        table[at + 3] = s.tag
         s.head += 1
         if s.head == p.delay:
             s.head = 0
@@ -111,35 +96,26 @@ def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float]) -> Non
     s.effort_sum += total
     s.port_sum += port
     s.wall_sum += wall
-    s.wave_sum += wave
-    s.wave_energy += p.half_period * wave * wave
     s.count += 1
+    steps.act(s, p, tag)
 
 
-def receive_wave(s: AxisState, p: AxisParams, arriving: float) -> None:
-    """Take the wave of this slot; it is booked with the command that it leads to."""
-    wave = p.wave * arriving
-    s.arrived = arriving
-    s.wave_in = wave
-    s.command_wave = wave
-
-
-def miss_sample(s: AxisState) -> None:
+def miss_sample(s: AxisState, p: AxisParams, steps: Steps) -> None:
     """No sample in this cycle: nothing is known, nothing leaves, the command stays."""
     s.valid = False
-    s.leaving = 0.0
+    steps.miss(s, p)
 
 
-def take_sample(s: AxisState, p: AxisParams, m: Sample) -> None:
+def take_sample(s: AxisState, p: AxisParams, m: Sample, steps: Steps) -> None:
     """Close with a fresh sample, or do without."""
     if m.valid:
-        close_axis(s, p, m.position, m.effort)
+        close_axis(s, p, m.position, m.effort, steps)
     else:
-        miss_sample(s)
+        miss_sample(s, p, steps)
 
 
-def close_axis(s: AxisState, p: AxisParams, position: float, outside: float) -> None:
-    """Close all periods since the last sample: books, and the leaving wave.
+def close_axis(s: AxisState, p: AxisParams, position: float, outside: float, steps: Steps) -> None:
+    """Close all periods since the last sample: books, and what leaves for the other side.
 
     Parameters
     ----------
@@ -149,6 +125,8 @@ def close_axis(s: AxisState, p: AxisParams, position: float, outside: float) -> 
         Measured position [rad or m].
     outside : float
         Measured outside effort [N m or N]; used by admittance axes.
+    steps : Steps
+        Of the coupling.
     """
     site = p.site
     s.valid = True
@@ -162,10 +140,10 @@ def close_axis(s: AxisState, p: AxisParams, position: float, outside: float) -> 
         effort = s.effort_sum / count
         port = s.port_sum / count
         wall = s.wall_sum / count
-    span = count * site.port.period
+    span = count * site.period
     energy = 0.0
     if p.impedance:
-        expected = s.velocity - site.port.half_mobility * (s.impulse + s.effort_sum)
+        expected = s.velocity - site.half_mobility * (s.impulse + s.effort_sum)
         s.velocity = track_velocity(site.gain, expected, displacement, span)
         s.impulse = s.effort_sum
         energy = effort * displacement
@@ -195,36 +173,10 @@ def close_axis(s: AxisState, p: AxisParams, position: float, outside: float) -> 
             s.wall_contact_energy = 0.0
     s.port_energy += energy
     s.gross_flow += math.fabs(energy)
-    if p.by_wave:
-        leaving, account, gap, absorbed, burnt, forgiven = port_close(
-            site.port,
-            s.account,
-            s.gap,
-            displacement,
-            count,
-            s.velocity,
-            port,
-            s.wave_sum,
-            s.wave_energy,
-        )
-        fastest = math.fabs(displacement / span)
-        if fastest > s.fastest:
-            s.fastest = fastest
-        s.account = account
-        s.gap = gap
-        s.leaving = leaving
-        if p.wave != 1.0:
-            s.leaving = leaving / p.wave
-        s.port_absorbed += absorbed
-        s.damper_dissipated += burnt
-        s.forgiven += forgiven
-        s.wave_energy = 0.0
-    else:
-        s.port_absorbed += port * displacement
+    steps.close(s, p, displacement, count, span, port)
     s.effort_sum = 0.0
     s.port_sum = 0.0
     s.wall_sum = 0.0
-    s.wave_sum = 0.0
     s.count = 0
 
 
@@ -239,83 +191,70 @@ def pending_effort(s: AxisState, p: AxisParams, table: MutableSequence[float]) -
     return pending
 
 
-def port_credit(s: AxisState, p: AxisParams) -> float:
-    """Return the account of a port that owes something [J], or that it is bankrupt."""
-    periods = p.delay
-    if p.late > 0.0:
-        periods = periods + 1
-    debt = port_debt(p.site.port, periods, p.site.gain, s.fastest, s.gross_flow)
-    # Beside a wave that just arrived, a rounding error is no debt.
-    debt += ROUNDING * p.half_period * s.wave_in * s.wave_in
-    if s.account < -debt:
-        return BANKRUPT
-    return s.account
-
-
 def think_axis(
     s: AxisState,
     p: AxisParams,
     table: MutableSequence[float],
     ceiling: float,
+    steps: Steps,
 ) -> int:
     """Decide the next command; return the guard's code (0: all is well).
 
-    With the wave law the arriving wave was given to `receive_wave`, with the position law the far
-    position and velocity stand in the state. `ceiling` is the engage ramp's [N m, N or rad/s, m/s].
+    `ceiling` is the engage ramp's [N m, N or rad/s, m/s].
     """
     guard = guard_axis(p.site.limit, s.position, s.velocity)
     if guard != 0 or s.stopping:
         stop_axis(s, p, ceiling)
+        if guard == 0:
+            guard = s.alarm
         return guard
     pending = 0.0
     if p.delay > 0:
         pending = pending_effort(s, p, table)
-    if not p.impedance:
-        velocity, held, asked = think_admittance(
-            p.site, s.position, s.outside, pending, s.wave_in, ceiling
-        )
-        s.asked = asked
-        s.command = velocity
-        s.total = velocity
-        s.wall_effort = held
-        return 0
-    if p.by_wave:
-        account = s.account
-        if account < 0.0:
-            account = port_credit(s, p)
-        total, port, wall, wanted, ahead = think_wave(
-            p.site,
-            account,
-            s.wall_contact_energy,
-            s.position,
-            s.velocity,
-            s.wall_velocity,
-            s.impulse,
-            pending,
-            s.wave_in,
-            s.total,
-            ceiling,
-        )
-        s.predicted = ahead
-    else:
-        total, port, wall, wanted = think_position(
-            p.site,
-            s.wall_contact_energy,
-            s.position,
-            s.velocity,
-            s.wall_velocity,
-            s.impulse,
-            pending,
-            s.far_position,
-            s.far_velocity,
-            s.total,
-            ceiling,
-        )
+    if p.impedance:
+        return think_effort(s, p, pending, ceiling, steps)
+    return think_velocity(s, p, pending, ceiling, steps)
+
+
+def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, steps: Steps) -> int:
+    """Decide the effort of an impedance axis; `pending` is the sum of those that act before it."""
+    site = p.site
+    coast = s.velocity - site.half_mobility * (s.impulse + 2.0 * pending)
+    wall = 0.0
+    if site.has_wall:
+        wall = render_wall(site, s.wall_contact_energy, s.position, s.wall_velocity, coast, ceiling)
+    port = steps.think(s, p, coast - site.half_mobility * wall)
+    if port - port != 0.0:
+        s.alarm = NOT_A_NUMBER
+    if s.alarm != 0:
+        stop_axis(s, p, ceiling)
+        return s.alarm
+    total, port, wall, wanted = limit_site(site, wall, port, s.total, ceiling)
     s.asked = wanted
     s.total = total
     s.port_effort = port
     s.wall_effort = wall
     s.command = -total
+    return 0
+
+
+def think_velocity(
+    s: AxisState, p: AxisParams, pending: float, ceiling: float, steps: Steps
+) -> int:
+    """Decide the velocity of an admittance axis; `pending` is the sum of those that act before."""
+    site = p.site
+    push, stiffness, damping = wall_ahead(site, s.position, pending)
+    asked = steps.move(s, p, pending, push, stiffness, damping)
+    if asked - asked != 0.0:
+        s.alarm = NOT_A_NUMBER
+    if s.alarm != 0:
+        stop_axis(s, p, ceiling)
+        return s.alarm
+    velocity = limit_velocity(site, asked, ceiling)
+    s.asked = asked
+    s.command = velocity
+    s.total = velocity
+    s.wall_effort = held_effort(site, push, stiffness, damping, velocity)
     return 0
 
 
@@ -361,26 +300,24 @@ def render_axis(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> i
 
 
 def decide_axis(
-    s: AxisState, p: AxisParams, table: MutableSequence[float], valid: bool, ramp: float
+    s: AxisState,
+    p: AxisParams,
+    table: MutableSequence[float],
+    valid: bool,
+    ramp: float,
+    steps: Steps,
 ) -> int:
     """Think if there is a sample; without one, fade while stopping, else keep the command."""
     if valid:
-        return think_axis(s, p, table, ramp * p.ceiling)
+        return think_axis(s, p, table, ramp * p.ceiling, steps)
     if s.stopping:
         fade_axis(s, p, ramp * p.ceiling)
     return 0
 
 
-def waiting_energy(s: AxisState, p: AxisParams, table: MutableSequence[float]) -> float:
-    """Return the energy of waves that arrived but are not booked yet [J]."""
-    total = s.wave_energy + p.half_period * s.command_wave * s.command_wave
-    for i in range(p.delay):
-        at = s.head + i
-        if at >= p.delay:
-            at = at - p.delay
-        wave = table[p.pipe + 4 * at + 3]
-        total += p.half_period * wave * wave
-    return total
+def is_due(p: AxisParams, slot: int) -> bool:
+    """Return whether this slot is one in which the axis is read and written."""
+    return p.divisor == 1 or slot % p.divisor == p.divisor - 1
 
 
 def stored_in_wall(s: AxisState, p: AxisParams) -> float:

@@ -1,4 +1,4 @@
-"""A master axis and a slave axis joined by the wave line or by a position coupling.
+"""A master axis and a slave axis joined by a coupling, whose steps come as an argument.
 
 One `cycle_pair` is: slots that went by, close on both sides, exchange, think on both sides. The two
 sides never see each other's present, so the order in which they are evaluated changes no bit.
@@ -10,15 +10,14 @@ from collections.abc import MutableSequence
 
 from tautwave.controller.axis import (
     decide_axis,
+    is_due,
+    miss_sample,
     pass_slot,
-    receive_wave,
     start_axis,
     take_sample,
 )
-from tautwave.controller.line import exchange_states, exchange_waves, filter_waves
-from tautwave.controller.rates import is_due, pass_rated
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState, Sample
-from tautwave.laws.coupler import coupler_loss, coupler_stored
+from tautwave.controller.steps import Steps
 
 
 def mismatch(q: PairParams, master_position: float, slave_position: float, offset: float) -> float:
@@ -37,6 +36,7 @@ def start_pair(
     master: Sample,
     slave: Sample,
     table: MutableSequence[float],
+    steps: Steps,
 ) -> None:
     """Engage at the measured positions."""
     gap = 0.0
@@ -45,91 +45,9 @@ def start_pair(
     else:
         c.offset = q.offset
         gap = mismatch(q, master.position, slave.position, q.offset)
-    start_axis(one, p1, master.position, master.effort, 0.0)
-    start_axis(two, p2, slave.position, slave.effort, gap * p2.site.port.root)
-    if not q.by_wave:
-        c.at = 0
-        for i in range(q.samples):
-            table[q.line + i] = master.position
-            table[q.line + q.samples + i] = slave.position
-            table[q.line + 2 * q.samples + i] = 0.0
-            table[q.line + 3 * q.samples + i] = 0.0
-        c.error = 0.0
-        book_spring(c, q, one, two, p1)
-        c.start_stored = c.stored
-        c.dissipated = 0.0
-
-
-def book_spring(
-    c: PairState, q: PairParams, one: AxisState, two: AxisState, p1: AxisParams
-) -> None:
-    """Book the spring between the present positions, in pair units."""
-    stiffness = p1.site.stiffness
-    absorbed = one.port_absorbed + q.weight * two.port_absorbed
-    far = q.to_master * (two.position - c.offset)
-    error = one.position - far
-    c.stored = coupler_stored(stiffness, one.position, far)
-    c.dissipated += coupler_loss(stiffness, absorbed - c.absorbed, c.error, error)
-    c.absorbed = absorbed
-    c.error = error
-
-
-def skip_slot(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-) -> None:
-    """Pass a slot that the loop did not see: nothing enters the line, what leaves it arrives."""
-    if q.by_wave:
-        at_master = 0.0
-        at_slave = 0.0
-        if q.samples > 0:
-            at_master, at_slave = exchange_waves(c, q, table, 0.0, 0.0)
-        receive_wave(one, p1, at_master)
-        receive_wave(two, p2, at_slave)
-    else:
-        exchange_states(c, q, one, two, table)
-
-
-def exchange(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-) -> None:
-    """Exchange what both sides closed."""
-    if q.by_wave:
-        from_master = one.leaving
-        from_slave = two.leaving
-        if q.filtered:
-            from_master, from_slave = filter_waves(c, q, from_master, from_slave)
-        at_master = from_slave
-        at_slave = from_master
-        if q.samples > 0:
-            at_master, at_slave = exchange_waves(c, q, table, from_master, from_slave)
-        receive_wave(one, p1, at_master)
-        receive_wave(two, p2, at_slave)
-    else:
-        book_spring(c, q, one, two, p1)
-        see_far_sides(c, q, one, two, table)
-
-
-def see_far_sides(
-    c: PairState, q: PairParams, one: AxisState, two: AxisState, table: MutableSequence[float]
-) -> None:
-    """Exchange positions and velocities, each given in the units of the side that sees it."""
-    back, back_velocity, ahead, ahead_velocity = exchange_states(c, q, one, two, table)
-    one.far_position = q.to_master * (back - c.offset)
-    one.far_velocity = q.to_master * back_velocity
-    two.far_position = q.ratio * ahead + c.offset
-    two.far_velocity = q.ratio * ahead_velocity
+    start_axis(one, p1, master.position, master.effort)
+    start_axis(two, p2, slave.position, slave.effort)
+    steps.start(c, q, one, two, p1, p2, gap, table)
 
 
 def engage_pair(
@@ -141,17 +59,32 @@ def engage_pair(
     p2: AxisParams,
     table: MutableSequence[float],
     ramp: float,
+    steps: Steps,
 ) -> None:
     """Think for the first time, with nothing on its way; a slow side thinks when served next."""
-    if q.by_wave:
-        receive_wave(one, p1, 0.0)
-        receive_wave(two, p2, 0.0)
-    else:
-        see_far_sides(c, q, one, two, table)
+    steps.engage(c, q, one, two, p1, p2, table)
     if p1.divisor == 1:
-        decide_axis(one, p1, table, True, ramp)
+        decide_axis(one, p1, table, True, ramp, steps)
     if p2.divisor == 1:
-        decide_axis(two, p2, table, True, ramp)
+        decide_axis(two, p2, table, True, ramp, steps)
+
+
+def pass_side(
+    s: AxisState,
+    p: AxisParams,
+    m: Sample,
+    table: MutableSequence[float],
+    due: bool,
+    here: bool,
+    steps: Steps,
+) -> None:
+    """Pass one slot of a pair with a slow side, up to what leaves; `here`: the loop saw it."""
+    if due:
+        pass_slot(s, p, table, steps)
+        if here:
+            take_sample(s, p, m, steps)
+        elif p.divisor > 1:
+            miss_sample(s, p, steps)
 
 
 def cycle_pair(
@@ -167,6 +100,7 @@ def cycle_pair(
     slot: int,
     skipped: int,
     ramp: float,
+    steps: Steps,
 ) -> int:
     """Run one cycle on fresh samples; `skipped` slots went by unseen before this one.
 
@@ -181,25 +115,27 @@ def cycle_pair(
         for passed in range(skipped + 1):
             at = slot - skipped + passed
             seen = passed == skipped
-            pass_rated(c, q, one, two, p1, p2, master, slave, table, at, seen)
-        due_master = is_due(p1, slot)
-        due_slave = is_due(p2, slot)
+            due_master = is_due(p1, at)
+            due_slave = is_due(p2, at)
+            pass_side(one, p1, master, table, due_master, seen, steps)
+            pass_side(two, p2, slave, table, due_slave, seen, steps)
+            steps.exchange(c, q, one, two, p1, p2, table, seen, due_master, due_slave)
     else:
-        pass_slot(one, p1, table)
-        pass_slot(two, p2, table)
+        pass_slot(one, p1, table, steps)
+        pass_slot(two, p2, table, steps)
         for _ in range(skipped):
-            skip_slot(c, q, one, two, p1, p2, table)
-            pass_slot(one, p1, table)
-            pass_slot(two, p2, table)
-        take_sample(one, p1, master)
-        take_sample(two, p2, slave)
-        exchange(c, q, one, two, p1, p2, table)
+            steps.exchange(c, q, one, two, p1, p2, table, False, True, True)
+            pass_slot(one, p1, table, steps)
+            pass_slot(two, p2, table, steps)
+        take_sample(one, p1, master, steps)
+        take_sample(two, p2, slave, steps)
+        steps.exchange(c, q, one, two, p1, p2, table, True, True, True)
     one.guard = 0
     two.guard = 0
     if due_master:
-        one.guard = decide_axis(one, p1, table, master.valid, ramp)
+        one.guard = decide_axis(one, p1, table, master.valid, ramp, steps)
     if due_slave:
-        two.guard = decide_axis(two, p2, table, slave.valid, ramp)
+        two.guard = decide_axis(two, p2, table, slave.valid, ramp, steps)
     return one.guard + two.guard
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tautwave.laws.site import SiteParams
 
@@ -19,10 +19,7 @@ FAULT = 7
 
 
 PIPE = 4
-"""Numbers of a command on its way: total, port, wall, wave."""
-
-RINGS = 4
-"""Rings of a line in the table, a place each for every slot of delay."""
+"""Numbers of a command on its way: total, port, wall, and what the coupling put beside it."""
 
 
 class RunParams(NamedTuple):
@@ -69,61 +66,50 @@ class Sample:
 class AxisParams(NamedTuple):
     """Constants of one axis.
 
-    `wave` is device wave per line wave: sign * sqrt(power ratio); `half_period` half the axis' own
-    period [s]; `late` the remainder of the command delay as a share of it: for that long the
-    command before still acts, and the books hold an interval. `ceiling` is the effort or velocity
-    limit, `weight` the pair's energy per energy of the device. `delay` commands wait in the table
-    from `pipe` on, `PIPE` floats each. `divisor`: slots from one exchange to the next; `rated`:
-    that of this axis or of the other one of its pair is more than 1; `line_half` is half a slot.
+    `half_period` is half the axis' own period [s]; `late` the remainder of the command delay as a
+    share of it: for that long the command before still acts, and the books hold an interval.
+    `ceiling` is the effort or velocity limit, `weight` the pair's energy per energy of the device.
+    `delay` commands wait in the table from `pipe` on, `PIPE` floats each. `divisor`: slots from one
+    exchange to the next; `half_slot` is half a slot [s]. `end` are the constants of the coupling's
+    end here.
     """
 
     site: SiteParams
-    wave: float
     half_period: float
     late: float
     ceiling: float
     weight: float
     delay: int
     pipe: int
-    by_wave: bool
     impedance: bool
     divisor: int
-    rated: bool
-    line_half: float
+    half_slot: float
+    end: Any
 
 
 @dataclass(slots=True)
 class AxisState:
-    """State of one axis: motion, port, wall, what is on its way, and its books [J].
+    """State of one axis: motion, wall, what is on its way, and its books [J].
 
     `total`, `port_effort`, `wall_effort` are the resisting efforts of the present command [N m or
-    N] (`total` of an admittance axis: its velocity), `command_wave` the wave that led to it. What
-    acted since the last sample is summed up: `count` slots, efforts, waves and their energy. The
-    `rate_` fields are the rate converter of a slow axis.
+    N] (`total` of an admittance axis: its velocity), `tag` a number that the coupling put beside
+    it. What acted since the last sample is summed up: `count` slots and efforts. `end` is the
+    coupling's own state here, and its steps leave the code of a reason to stop in `alarm`.
     """
 
     position: float = 0.0
     outside: float = 0.0
     velocity: float = 0.0
     wall_velocity: float = 0.0
-    predicted: float = 0.0
-    account: float = 0.0
-    fastest: float = 0.0
-    gap: float = 0.0
     impulse: float = 0.0
     depth: float = 0.0
     wall_stored_at_start: float = 0.0
-    leaving: float = 0.0
-    wave_in: float = 0.0
-    arrived: float = 0.0
     command: float = 0.0
     asked: float = 0.0
     total: float = 0.0
     port_effort: float = 0.0
     wall_effort: float = 0.0
-    command_wave: float = 0.0
-    far_position: float = 0.0
-    far_velocity: float = 0.0
+    tag: float = 0.0
     acted_total: float = 0.0
     acted_port: float = 0.0
     acted_wall: float = 0.0
@@ -131,29 +117,20 @@ class AxisState:
     effort_sum: float = 0.0
     port_sum: float = 0.0
     wall_sum: float = 0.0
-    wave_sum: float = 0.0
-    wave_energy: float = 0.0
     port_energy: float = 0.0
     gross_flow: float = 0.0
     uncertainty: float = 0.0
-    port_absorbed: float = 0.0
-    damper_dissipated: float = 0.0
-    forgiven: float = 0.0
     wall_absorbed: float = 0.0
     wall_dissipated: float = 0.0
     wall_contact_energy: float = 0.0
-    rate_held: float = 0.0
-    rate_mean: float = 0.0
-    rate_absorbed: float = 0.0
-    rate_dissipated: float = 0.0
-    rate_left: int = 0
-    rate_count: int = 0
     count: int = 0
     head: int = 0
     missing: int = 0
     guard: int = 0
+    alarm: int = 0
     valid: bool = False
     stopping: bool = False
+    end: Any = None
 
 
 class PairParams(NamedTuple):
@@ -161,14 +138,12 @@ class PairParams(NamedTuple):
 
     `master` and `slave` are places in the list of axes. `power` is the energy of the slave device
     per energy of the pair (force_scale * scale), `to_master` the inverse of `ratio`, `weight` that
-    of `power`. The line has `samples` places, its rings begin at `line` in the table: from master,
-    from slave, and with the position law the velocities of both. `rated`: one side is slow.
+    of `power`. The line has `samples` places, its rings begin at `line` in the table. `rated`: one
+    side is slow. `link` are the constants of the coupling between the ends.
     """
 
     master: int
     slave: int
-    by_wave: bool
-    filtered: bool
     rated: bool
     at_engage: bool
     ratio: float
@@ -178,30 +153,16 @@ class PairParams(NamedTuple):
     weight: float
     period: float
     half_period: float
-    filter_gain: float
     offset: float
     tolerance: float
     samples: int
     line: int
+    link: Any
 
 
 @dataclass(slots=True)
 class PairState:
-    """State of one pair: its offset, line, filters, and the spring of a position coupling."""
+    """State of one pair: its offset, and in `link` what the coupling keeps between the ends."""
 
     offset: float = 0.0
-    line_energy: float = 0.0
-    filter_master: float = 0.0
-    filter_master_absorbed: float = 0.0
-    filter_master_stored: float = 0.0
-    filter_master_dissipated: float = 0.0
-    filter_slave: float = 0.0
-    filter_slave_absorbed: float = 0.0
-    filter_slave_stored: float = 0.0
-    filter_slave_dissipated: float = 0.0
-    absorbed: float = 0.0
-    stored: float = 0.0
-    start_stored: float = 0.0
-    dissipated: float = 0.0
-    error: float = 0.0
-    at: int = 0
+    link: Any = None

@@ -22,6 +22,7 @@ from tautwave.controller.records import (
     RunState,
     Sample,
 )
+from tautwave.controller.steps import Steps
 
 
 def begin_run(
@@ -31,7 +32,7 @@ def begin_run(
     o.end = r.cycles
     o.armed_at = -1
     for i in range(r.axes):
-        start_axis(axes[i], params[i], 0.0, 0.0, 0.0)
+        start_axis(axes[i], params[i], 0.0, 0.0)
 
 
 def ramp_share(r: RunParams, o: RunState, slot: int) -> float:
@@ -122,6 +123,7 @@ def start_pairs(
     states: Sequence[PairState],
     table: MutableSequence[float],
     slot: int,
+    steps: Steps,
 ) -> bool:
     """Start the pairs at what is measured; return whether every asked effort is small there.
 
@@ -147,7 +149,7 @@ def start_pairs(
         two = axes[q.slave]
         p1 = params[q.master]
         p2 = params[q.slave]
-        start_pair(states[k], q, one, two, p1, p2, master, slave, table)
+        start_pair(states[k], q, one, two, p1, p2, master, slave, table, steps)
         armed = is_calm(one, p1, r.arm_share) and is_calm(two, p2, r.arm_share) and armed
     return armed
 
@@ -187,6 +189,7 @@ def run_cycle(
     table: MutableSequence[float],
     slot: int,
     skipped: int,
+    steps: Steps,
 ) -> bool:
     """Close, exchange and think on every pair, or engage; return False if the run must not begin.
 
@@ -195,7 +198,7 @@ def run_cycle(
     if o.armed_at < 0:
         if o.kind != FINISHED:
             return True  # a stop has begun: nothing engages any more
-        armed = start_pairs(r, o, params, axes, samples, pairs, states, table, slot)
+        armed = start_pairs(r, o, params, axes, samples, pairs, states, table, slot, steps)
         if not arm(r, o, slot, armed):
             return False
         if o.armed_at < 0:
@@ -206,7 +209,7 @@ def run_cycle(
             one = axes[q.master]
             two = axes[q.slave]
             p1 = params[q.master]
-            engage_pair(states[k], q, one, two, p1, params[q.slave], table, rise)
+            engage_pair(states[k], q, one, two, p1, params[q.slave], table, rise, steps)
         return True
     ramp = ramp_share(r, o, slot)
     guards = 0
@@ -225,6 +228,7 @@ def run_cycle(
             slot,
             skipped,
             ramp,
+            steps,
         )
     if guards != 0:
         for k in range(r.pairs):

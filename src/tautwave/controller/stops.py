@@ -22,8 +22,9 @@ from tautwave.controller.records import (
     RunParams,
     RunState,
 )
+from tautwave.controller.steps import ALONE, Law
 from tautwave.errors import DriverError, SafetyStop, TautwaveError
-from tautwave.laws.limit import OVERDRAWN, RUNAWAY, LimitParams
+from tautwave.laws.limit import NOT_A_NUMBER, OVERDRAWN, RUNAWAY, LimitParams
 
 ARM_SHARE = 0.1
 """The engage ramp begins when every effort asked for is below this share of its limit."""
@@ -65,11 +66,16 @@ GUARDS = {
     3: "not_finite",
     RUNAWAY: "runaway",
     OVERDRAWN: "overdrawn",
+    NOT_A_NUMBER: "coupling_not_finite",
 }
 
 
 def stop_place(
-    r: RunParams, o: RunState, names: Sequence[AxisName], pairs: Sequence[PairParams]
+    r: RunParams,
+    o: RunState,
+    names: Sequence[AxisName],
+    pairs: Sequence[PairParams],
+    law: Law = ALONE,
 ) -> StopPlace | None:
     """Return where the controller's reason to end a run early came up, None without one."""
     if o.kind == FINISHED:
@@ -79,7 +85,7 @@ def stop_place(
         which = pairs[o.which].slave
     elif o.kind in (MISSING, BROKEN, GUARD, FAULT):
         which = o.which
-    reason = GUARDS[o.code] if o.kind == GUARD else REASONS[o.kind]
+    reason = guard_word(o.code, law) if o.kind == GUARD else REASONS[o.kind]
     at_s = round(o.slot * r.period_ns * 1e-9, 9)
     return StopPlace(at_s, names[which].name if which >= 0 else "", reason)
 
@@ -90,6 +96,7 @@ def stop_error(
     names: Sequence[AxisName],
     params: Sequence[AxisParams],
     pairs: Sequence[PairParams],
+    law: Law = ALONE,
 ) -> TautwaveError | None:
     """Return the controller's reason to end a run early, or None."""
     period_s, time_s = r.period_ns * 1e-9, o.slot * r.period_ns * 1e-9
@@ -115,7 +122,14 @@ def stop_error(
     if o.kind == BROKEN:
         return SafetyStop(broken_sentence(axis, unit, o.first, o.second))
     limit = p.site.limit
-    return SafetyStop(guard_sentence(axis, o.code, unit, limit, o.first, o.second, time_s))
+    return SafetyStop(guard_sentence(axis, o.code, unit, limit, o.first, o.second, time_s, law))
+
+
+def guard_word(code: int, law: Law) -> str:
+    """Return the word of a guard for programs; a code that nobody declared has one, too."""
+    if code in GUARDS:
+        return GUARDS[code]
+    return law.guards[code].word if code in law.guards else f"guard_{code}"
 
 
 def never_began(o: RunState) -> bool:
@@ -131,6 +145,7 @@ def guard_sentence(
     position: float,
     velocity: float,
     time_s: float,
+    law: Law = ALONE,
 ) -> str:
     """Say which guard stopped a run.
 
@@ -139,7 +154,8 @@ def guard_sentence(
     axis : str
         Full name.
     code : int
-        Of the guard: 1 to 3 (`laws.limit.guard_axis`), `RUNAWAY` or `OVERDRAWN`.
+        Of the guard: 1 to 3 (`laws.limit.guard_axis`), `RUNAWAY`, `OVERDRAWN`, `NOT_A_NUMBER`, or
+        one of the coupling's own.
     unit : str
         Of the position, `rad` or `m`.
     limit : LimitParams
@@ -148,6 +164,8 @@ def guard_sentence(
         As measured [rad or m, rad/s or m/s].
     time_s : float
         When [s since the start].
+    law : Law
+        The coupling.
     """
     passed = {
         1: f"left its position range of {limit.position_low:.6g} to {limit.position_high:.6g} "
@@ -158,9 +176,11 @@ def guard_sentence(
         f"{limit.effort:.6g} {_effort(unit)}",
         OVERDRAWN: "drew more energy from its scene than it put in, because efforts are held for "
         "a period (raise rate_hz, or lower the stiffness it meets),",
-    }
+        NOT_A_NUMBER: f"was asked by its coupling, law {law.name}, for what is not finite",
+    } | {own: guard.sentence for own, guard in law.guards.items()}
+    own = f"was stopped by its coupling, guard {code},"
     return (
-        f"{axis} {passed[code]} at {time_s:.3f} s: position {position:.6g} {unit}, "
+        f"{axis} {passed.get(code, own)} at {time_s:.3f} s: position {position:.6g} {unit}, "
         f"velocity {velocity:.6g} {unit}/s"
     )
 

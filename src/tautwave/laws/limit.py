@@ -17,6 +17,9 @@ The guard reports it as `RUNAWAY`, a code after those of `guard_axis`."""
 OVERDRAWN = 5
 """The guard's code for a scene whose held efforts have created more than its allowance."""
 
+NOT_A_NUMBER = 6
+"""The guard's code for a coupling that asks for something that is not finite."""
+
 
 class LimitParams(NamedTuple):
     """Limits of an axis; an absent one is infinite.

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tautwave import registry
 from tautwave.config import Axis, Rig, Wall
 from tautwave.config import Pair as PairKeys
-from tautwave.contracts import CouplingPlugin, PortConstants
-from tautwave.controller.records import PIPE, RINGS, AxisParams, PairParams, RunParams
+from tautwave.contracts import CoupledAxis, CouplingPlugin
+from tautwave.controller.records import PIPE, AxisParams, PairParams, RunParams
+from tautwave.controller.steps import Law, NoParams
 from tautwave.controller.stops import ARM_SHARE, ARM_TIMEOUT_S, AxisName, position_unit
-from tautwave.laws.admittance import admittance_params
 from tautwave.laws.limit import LimitParams
-from tautwave.laws.port import port_debt, port_params, rigid_port, sensor_allowance
+from tautwave.laws.port import PortParams, port_debt, port_params
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
 from tautwave.runtime.control import CoupledControl
@@ -46,12 +46,47 @@ def coupling_part(rig: Rig) -> CouplingPlugin:
     return registry.load_coupling(rig.coupling.law)
 
 
-def port_constants(rig: Rig, axis_name: str) -> PortConstants:
-    """Return the coupling's constants for one axis, in the device's own units."""
-    side, name = axis_name.split(".")
-    constants = registry.load_named(coupling_part(rig).constants)
-    found: PortConstants = constants(rig.coupling.pairs[name], side)
+def coupling_law(rig: Rig) -> Law:
+    """Return the steps of a rig's law, its state and its columns."""
+    found: Law = registry.load_named(coupling_part(rig).law)
     return found
+
+
+def coupled_axis(rig: Rig, axis_name: str, delay: CommandDelay) -> CoupledAxis:
+    """Return what a coupling gets to know of an axis."""
+    axis = rig.axes[axis_name]
+    return CoupledAxis(
+        period=rig.axis_period_s(axis_name),
+        gain=velocity_gain(rig, axis),
+        inertia=None if axis.inertia is None else axis.inertia.lower,
+        encoder_quantum=axis.encoder_quantum,
+        position_noise=axis.position_noise,
+        delay=delay.periods,
+        outside_stiffness=axis.environment_stiffness_upper or 0.0,
+    )
+
+
+def end_constants(rig: Rig, axis_name: str, delay: CommandDelay) -> Any:
+    """Return what the coupling makes of its keys for one axis, in the device's own units."""
+    side, name = axis_name.split(".")
+    make = registry.load_named(coupling_part(rig).end_constants)
+    return make(rig.coupling.pairs[name], side, coupled_axis(rig, axis_name, delay))
+
+
+def wave_port(rig: Rig, axis_name: str, delay: CommandDelay) -> PortParams:
+    """Return the constants of an axis' port, for analysis; one of impedance 1 where it has none."""
+    port = getattr(end_constants(rig, axis_name, delay), "port", None)
+    if isinstance(port, PortParams):
+        return port
+    axis = rig.axes[axis_name]
+    assert axis.inertia is not None
+    return port_params(rig.axis_period_s(axis_name), 1.0, axis.inertia.lower, False, 1.0, 0.0)
+
+
+def link_constants(rig: Rig) -> Any:
+    """Return what the coupling makes of its keys for what lies between two ends."""
+    named = coupling_part(rig).link_constants
+    return registry.load_named(named)(rig.coupling, rig.period_s) if named else NoParams()
 
 
 def velocity_gain(rig: Rig, axis: Axis) -> float:
@@ -88,41 +123,31 @@ def limit_params(rig: Rig, axis: Axis) -> LimitParams:
     )
 
 
-def site_params(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteParams:
-    """Return the constants of all laws of one axis, in the device's own units."""
+def site_params(rig: Rig, axis_name: str) -> SiteParams:
+    """Return the constants of one axis but for its coupling, in the device's own units."""
     side, name = axis_name.split(".")
     axis = rig.axes[axis_name]
     keys = rig.coupling.pairs[name]
-    period = rig.axis_period_s(axis_name)
-    gain = velocity_gain(rig, axis)
-    constants = port_constants(rig, axis_name)
-    impedance = constants.wave_impedance
-    allowance = sensor_allowance(period, impedance, gain, axis.encoder_quantum, axis.position_noise)
-    if axis.inertia is not None:
-        port = port_params(
-            period,
-            impedance,
-            axis.inertia.lower,
-            constants.matched,
-            keys.drift_time_s,
-            allowance,
-        )
-    else:
-        port = rigid_port(period, impedance, keys.drift_time_s, allowance)
     wall = keys.wall_master if side == "master" else keys.wall_slave
-    return SiteParams(
-        port=port,
-        admittance=admittance_params(
-            period, impedance, axis.environment_stiffness_upper or 0.0, delay.periods
-        ),
+    return bare_site(rig, axis_name)._replace(
         wall=wall_params(wall),
-        limit=limit_params(rig, axis),
-        gain=gain,
-        stiffness=constants.stiffness,
-        damping=constants.damping,
         velocity_quantum=axis.velocity_quantum if axis.causality == "admittance" else 0.0,
         has_wall=wall is not None,
-        injection=constants.injection,
+    )
+
+
+def bare_site(rig: Rig, axis_name: str) -> SiteParams:
+    """Return the constants of an axis without a wall that takes efforts."""
+    axis = rig.axes[axis_name]
+    period = rig.axis_period_s(axis_name)
+    return SiteParams(
+        period=period,
+        half_mobility=0.0 if axis.inertia is None else period / (2.0 * axis.inertia.lower),
+        wall=NO_WALL,
+        limit=limit_params(rig, axis),
+        gain=velocity_gain(rig, axis),
+        velocity_quantum=0.0,
+        has_wall=False,
     )
 
 
@@ -140,11 +165,12 @@ class DebtRates(NamedTuple):
 def debt_rates(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> DebtRates:
     """Return the allowed debt of an impedance axis' port."""
     delay = delays[axis_name]
-    site = site_params(rig, axis_name, delay)
+    port = end_constants(rig, axis_name, delay).port
+    gain = velocity_gain(rig, rig.axes[axis_name])
     periods = delay.periods + (1 if delay.remainder_s > 0.0 else 0)
     return DebtRates(
-        port_debt(site.port, periods, site.gain, 1.0, 0.0),
-        port_debt(site.port, periods, site.gain, 0.0, 1.0),
+        port_debt(port, periods, gain, 1.0, 0.0),
+        port_debt(port, periods, gain, 0.0, 1.0),
     )
 
 
@@ -161,12 +187,10 @@ def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> Axi
         rig,
         axis_name,
         delay,
-        site_params(rig, axis_name, delay),
+        site_params(rig, axis_name),
         pipe,
-        wave=wave_gain(scale, side),
         weight=1.0 if side == "master" else 1.0 / scale.power,
-        by_wave=coupling_part(rig).carries == "waves",
-        rated=is_rated(rig, name),
+        end=end_constants(rig, axis_name, delay),
     )
 
 
@@ -177,27 +201,23 @@ def controlled_axis(
     site: SiteParams,
     pipe: int,
     *,
-    wave: float = 1.0,
     weight: float = 1.0,
-    by_wave: bool = False,
-    rated: bool = False,
+    end: Any = None,
 ) -> AxisParams:
     """Return the constants of one axis around those of its laws; by default an uncoupled axis."""
     impedance = rig.axes[axis_name].causality == "impedance"
     return AxisParams(
         site=site,
-        wave=wave,
-        half_period=0.5 * site.port.period,
+        half_period=0.5 * site.period,
         late=delay.remainder_s / rig.axis_period_s(axis_name),
         ceiling=site.limit.effort if impedance else site.limit.velocity,
         weight=weight,
         delay=delay.periods,
         pipe=pipe,
-        by_wave=by_wave,
         impedance=impedance,
         divisor=rig.axis_divisor(axis_name),
-        rated=rated,
-        line_half=0.5 * rig.period_s,
+        half_slot=0.5 * rig.period_s,
+        end=end,
     )
 
 
@@ -211,12 +231,9 @@ def pair_params(rig: Rig, name: str, axes: Sequence[str], line: int) -> PairPara
     keys = rig.coupling.pairs[name]
     scale = pair_scale(keys)
     offset, tolerance = slave_offset(keys)
-    step = rig.coupling.filter_step(rig.period_s)
     return PairParams(
         master=axes.index(f"master.{name}"),
         slave=axes.index(f"slave.{name}"),
-        by_wave=coupling_part(rig).carries == "waves",
-        filtered=step != 1.0,
         rated=is_rated(rig, name),
         at_engage=offset is None,
         ratio=scale.sign * scale.scale,
@@ -226,11 +243,11 @@ def pair_params(rig: Rig, name: str, axes: Sequence[str], line: int) -> PairPara
         weight=1.0 / scale.power,
         period=rig.period_s,
         half_period=0.5 * rig.period_s,
-        filter_gain=step,
         offset=0.0 if offset is None else offset,
         tolerance=tolerance,
         samples=rig.delay_samples,
         line=line,
+        link=link_constants(rig),
     )
 
 
@@ -260,6 +277,7 @@ def axis_names(rig: Rig, axes: Sequence[str]) -> list[AxisName]:
 def make_control(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -> CoupledControl:
     """Return the controller of a run; `delays` by axis, in the order of buses and their axes."""
     axes = tuple(delays)
+    law = coupling_law(rig)
     at = 0
     params = []
     for name in axes:
@@ -268,9 +286,10 @@ def make_control(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -> C
     pairs = []
     for name in rig.coupling.pairs:
         pairs.append(pair_params(rig, name, axes, at))
-        at += RINGS * rig.delay_samples
+        at += law.rings * rig.delay_samples
     run = run_params(rig, cycles, len(axes))
-    return CoupledControl(run, axis_names(rig, axes), params, tuple(rig.coupling.pairs), pairs, at)
+    names = axis_names(rig, axes)
+    return CoupledControl(run, names, params, tuple(rig.coupling.pairs), pairs, at, law)
 
 
 def slave_offset(keys: PairKeys) -> tuple[float | None, float]:

@@ -19,6 +19,7 @@ from tautwave.controller.records import (
 )
 from tautwave.controller.rows import element_names, fill_pair, pair_columns
 from tautwave.controller.run import begin_run, begin_stop, check_sample, end_by, run_cycle
+from tautwave.controller.steps import ALONE, Law
 from tautwave.controller.stops import AxisName, StopPlace, stop_error, stop_place
 from tautwave.errors import TautwaveError
 from tautwave.types import AxisCommand, JointState
@@ -35,6 +36,8 @@ class Control(ABC):
         Names of the axes.
     params : sequence of AxisParams
         Constants of the axes.
+    law : Law
+        The coupling that holds them.
 
     Attributes
     ----------
@@ -47,13 +50,18 @@ class Control(ABC):
     """
 
     def __init__(
-        self, run: RunParams, names: Sequence[AxisName], params: Sequence[AxisParams]
+        self,
+        run: RunParams,
+        names: Sequence[AxisName],
+        params: Sequence[AxisParams],
+        law: Law = ALONE,
     ) -> None:
         self.run = run
+        self.law = law
         self.names = names
         self.params = params
         self.state = RunState()
-        self.axes = [AxisState() for _ in params]
+        self.axes = [AxisState(end=law.end()) for _ in params]
         self.samples = [Sample() for _ in params]
         self.columns: list[str] = []
         begin_run(run, self.state, params, self.axes)
@@ -109,11 +117,13 @@ class Control(ABC):
 
     def error(self) -> TautwaveError | None:
         """Return the controller's reason to end the run early, or None."""
-        return stop_error(self.run, self.state, self.names, self.params, self.pairs_of_axes())
+        return stop_error(
+            self.run, self.state, self.names, self.params, self.pairs_of_axes(), self.law
+        )
 
     def place(self) -> StopPlace | None:
-        """Return the axis of that reason, or None."""
-        return stop_place(self.run, self.state, self.names, self.pairs_of_axes())
+        """Return where that reason came up, or None."""
+        return stop_place(self.run, self.state, self.names, self.pairs_of_axes(), self.law)
 
     def pairs_of_axes(self) -> Sequence[PairParams]:
         """Return the names of pairs for a refusal to engage."""
@@ -121,11 +131,11 @@ class Control(ABC):
 
 
 class CoupledControl(Control):
-    """Pairs of axes on wave lines or position couplings.
+    """Pairs of axes and the coupling between them.
 
     Parameters
     ----------
-    run, names, params
+    run, names, params, law
         See `Control`.
     pair_names : sequence of str
         Names of the pairs.
@@ -143,28 +153,31 @@ class CoupledControl(Control):
         pair_names: Sequence[str],
         pairs: Sequence[PairParams],
         size: int,
+        law: Law,
     ) -> None:
-        super().__init__(run, names, params)
+        super().__init__(run, names, params, law)
         self.pair_names = pair_names
         self.pairs = pairs
-        self.states = [PairState() for _ in pairs]
+        self.states = [PairState(link=law.link()) for _ in pairs]
         self.table = [0.0] * size
         for name, q in zip(pair_names, pairs, strict=True):
-            self.columns += pair_columns(name, q, params[q.master], params[q.slave])
+            self.columns += pair_columns(name, q, params[q.master], params[q.slave], law)
 
     def step(self, slot: int, skipped: int) -> bool:
         """Close, exchange and think, or engage; return False if the run must not begin."""
         return run_cycle(
             self.run, self.state, self.params, self.axes, self.samples, self.pairs, self.states,
-            self.table, slot, skipped,
+            self.table, slot, skipped, self.law.steps,
         )  # fmt: skip
 
     def fill(self, row: Row, at: int) -> None:
         """Write all columns at index `at`."""
         axes, params, table = self.axes, self.params, self.table
+        steps = self.law.steps
         for c, q in zip(self.states, self.pairs, strict=True):
             one, two = q.master, q.slave
-            at = fill_pair(row, at, c, q, axes[one], axes[two], params[one], params[two], table)
+            p1, p2 = params[one], params[two]
+            at = fill_pair(row, at, c, q, axes[one], axes[two], p1, p2, table, steps)
 
     def pairs_of_axes(self) -> Sequence[PairParams]:
         """Return the pairs."""
@@ -173,4 +186,4 @@ class CoupledControl(Control):
     def elements(self, pair: str) -> list[str]:
         """Return the names of a pair's elements."""
         q = self.pairs[self.pair_names.index(pair)]
-        return element_names(q, self.params[q.master], self.params[q.slave])
+        return element_names(q, self.params[q.master], self.params[q.slave], self.law)

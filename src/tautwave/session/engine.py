@@ -7,7 +7,7 @@ from importlib.util import find_spec
 
 from tautwave.config import Rig, has_environment_parts
 from tautwave.errors import ConfigError
-from tautwave.rig import Assembly
+from tautwave.rig import Assembly, coupling_law
 from tautwave.rig.assembly import DeviceMaker
 from tautwave.runtime.control import CoupledControl
 
@@ -37,7 +37,9 @@ def compiled_devices(
     from tautwave.simulation.kernel.compiled import cache_directory
     from tautwave.simulation.live.devices import CompiledDevices
 
-    if progress is not None and not any(cache_directory().glob("**/entry._step_control*.nbi")):
+    if progress is not None and not any(
+        cache_directory(coupling_law(rig)).glob("**/entry._step_control*.nbi")
+    ):
         progress(0.0, "compiling the controller, once per machine and version")
 
     return CompiledDevices

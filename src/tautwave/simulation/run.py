@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
 from tautwave.config import Rig, has_environment_parts
+from tautwave.controller.steps import Law
 from tautwave.controller.stops import never_began
 from tautwave.errors import ConfigError, TautwaveError
 from tautwave.rig import build_rig
@@ -52,8 +54,9 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
         return simulate_scene(rig, duration_s, engine)
     if has_environment_parts(rig):
         return _simulate_live(rig, duration_s)
-    run, tables_of = engine_of(engine)
+    check_engine(engine)
     job = pack_rig(rig, duration_s)
+    run, tables_of = engine_of(engine, job.law)
     tables = tables_of(job)
     rows = run(*tables)
     return simulation_of_run(job, tables, rows)
@@ -71,15 +74,26 @@ def _simulate_live(rig: Rig, duration_s: float | None) -> Simulation:
     return Simulation(tuple(built.columns), data, error)
 
 
-def engine_of(name: str) -> tuple[Callable[..., int], Callable[[Job], Tables]]:
-    """Return the kernel of an engine and the function that makes its tables."""
+def check_engine(name: str) -> None:
+    """Refuse an engine that is none.
+
+    Raises
+    ------
+    ConfigError
+        Its name is unknown.
+    """
+    if name not in ENGINES:
+        raise ConfigError(f"unknown engine {name!r}; engines: {', '.join(ENGINES)}")
+
+
+def engine_of(name: str, law: Law) -> tuple[Callable[..., int], Callable[[Job], Tables]]:
+    """Return the kernel of an engine for a coupling, and what makes its tables."""
+    check_engine(name)
     if name == "compiled":
         from tautwave.simulation.kernel.compiled import compiled_kernel
 
-        return compiled_kernel(), record_tables
-    if name == "python":
-        return run_rig, object_tables
-    raise ConfigError(f"unknown engine {name!r}; engines: {', '.join(ENGINES)}")
+        return compiled_kernel(law), record_tables
+    return functools.partial(run_rig, steps=law.steps), object_tables
 
 
 def simulation_of_run(job: Job, tables: Tables, rows: int) -> Simulation:

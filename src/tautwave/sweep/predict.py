@@ -23,7 +23,7 @@ from tautwave.analysis.ports.sampled_loop import (
 )
 from tautwave.config import Rig, SolidWall
 from tautwave.errors import ConfigError
-from tautwave.rig import axis_model, command_delays, coupling_part, site_params
+from tautwave.rig import axis_model, command_delays, coupling_part, velocity_gain, wave_port
 
 
 def pair_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[LinearEnd, LinearEnd]:
@@ -56,11 +56,10 @@ def pair_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[LinearEnd,
                 f"{axis}: predictions are for impedance axes, this one takes velocity"
             )
         believed = delays[axis]
-        params = site_params(rig, axis, believed)
         device = true_device(rig, axis, contact=contact and side == "slave")
         site = Site(
-            params.port,
-            params.gain,
+            wave_port(rig, axis, believed),
+            velocity_gain(rig, rig.axes[axis]),
             believed.periods,
             believed.remainder_s / rig.axis_period_s(axis),
         )

@@ -18,9 +18,9 @@ from tautwave.controller.records import FINISHED
 from tautwave.errors import ConfigError, SafetyStop
 from tautwave.simulation.kernel.pack import Array, Job, RigFacts, pack_rig, rig_facts
 from tautwave.simulation.kernel.rows import measured_columns
-from tautwave.simulation.kernel.tables import Tables, record_tables
+from tautwave.simulation.kernel.tables import Tables, object_tables, record_tables
 from tautwave.simulation.outcome import error_of
-from tautwave.simulation.run import engine_of
+from tautwave.simulation.run import check_engine, engine_of
 from tautwave.sweep.family import Family
 from tautwave.sweep.measure import BOOKS, Columns, Scales, scales_of
 from tautwave.sweep.points import Points
@@ -65,8 +65,10 @@ class Simulator:
     """
 
     def __init__(self, engine: str, *, whole: bool) -> None:
-        self._run, self._tables_of = engine_of(engine)
-        self._records = self._tables_of is record_tables
+        check_engine(engine)
+        self._engine = engine
+        self._records = engine == "compiled"
+        self._tables_of = record_tables if self._records else object_tables
         self._whole = whole
         self._out = np.empty(0)
         self._known: tuple[list[Any], RigFacts] | None = None
@@ -133,8 +135,8 @@ class Simulator:
         return self._go(job, self._tables_of(job))
 
     def _go(self, job: Job, tables: Tables) -> Run:
-        """Run the kernel; return its results from the tables."""
-        count = self._run(*tables)
+        """Run the kernel; return what it left in the tables."""
+        count = engine_of(self._engine, job.law)[0](*tables)
         width = len(job.columns)
         rows = np.asarray(tables.out[: count * width], dtype=np.float64).reshape(count, width)
         columns = dict(zip(job.columns, rows.T, strict=True))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -10,9 +11,27 @@ import pytest
 
 from tautwave.certificate.data import CouplingVerdict
 from tautwave.config import Coupling, Pair
-from tautwave.contracts import CouplingPlugin, PortConstants
+from tautwave.contracts import CouplingPlugin
+from tautwave.controller.steps import Law
 from tautwave.registry import load_named
+from tautwave.testing.steps import (
+    AXIS,
+    Driven,
+    allocated,
+    at_random,
+    controller,
+    drive,
+    there_and_back,
+)
 from tautwave.wording import CouplingWords
+
+
+def numbers(constants: Any) -> dict[str, float]:
+    """Return the numbers of nested constants by their names; inner ones win."""
+    found: dict[str, float] = {}
+    for name, value in constants._asdict().items():
+        found |= numbers(value) if isinstance(value, tuple) else {name: float(value)}
+    return found
 
 
 class CouplingBench(NamedTuple):
@@ -50,7 +69,9 @@ class CouplingContract:
 
     def test_everything_that_is_named_is_there(self, bench: CouplingBench) -> None:
         plugin = bench.plugin
-        for named in (plugin.constants, plugin.linear):
+        assert isinstance(load_named(plugin.law), Law)
+        assert callable(load_named(plugin.end_constants))
+        for named in (plugin.link_constants, plugin.linear):
             if named:
                 assert callable(load_named(named))
         if plugin.verdict:
@@ -64,15 +85,92 @@ class CouplingContract:
     def test_constants_are_finite_and_in_the_units_of_each_device(
         self, bench: CouplingBench
     ) -> None:
-        constants = load_named(bench.plugin.constants)
+        constants = load_named(bench.plugin.end_constants)
         pair = bench.block(position_scale=2.0, force_scale=3.0).pairs["wrist"]
-        master, slave = constants(pair, "master"), constants(pair, "slave")
-        assert isinstance(master, PortConstants)
-        assert master.wave_impedance > 0.0
-        for key in ("wave_impedance", "stiffness", "damping", "injection"):
-            here, there = getattr(master, key), getattr(slave, key)
-            assert math.isfinite(here)
-            assert there == pytest.approx(1.5 * here)  # force over position scale
+        ends = [numbers(constants(pair, side, AXIS)) for side in ("master", "slave")]
+        assert ends[0].keys() == ends[1].keys()
+        for end in ends:
+            assert all(math.isfinite(value) for value in end.values())
+        for key in ("impedance", "stiffness", "damping", "injection"):
+            if key in ends[0]:
+                # Force over position scale.
+                assert ends[1][key] == pytest.approx(1.5 * ends[0][key]), key
 
     def test_what_stands_passes_its_filter(self, bench: CouplingBench) -> None:
         assert 0.0 < bench.block().filter_step(1e-3) <= 1.0
+
+    @pytest.mark.parametrize("samples", [0, 7])
+    def test_its_steps_return_numbers(self, bench: CouplingBench, samples: int) -> None:
+        told = drive(controller(bench.plugin, bench.block(), samples), at_random())
+        assert not told.reason
+        assert len(told.rows) > 2000
+        for name in told.columns:
+            assert all(map(math.isfinite, told.column(name))), f"{name} is not finite"
+
+    @pytest.mark.parametrize("samples", [0, 7])
+    def test_its_books_close(self, bench: CouplingBench, samples: int) -> None:
+        """What the devices gave is what the elements hold and lost, each by itself and together."""
+        told = drive(controller(bench.plugin, bench.block(), samples), at_random())
+        flow = sum(told.column(f"{side}.wrist.gross_flow")[-1] for side in SIDES)
+        given = sum(told.column(f"{side}.wrist.port_energy")[-1] for side in SIDES)
+        taken = 0.0
+        for element in elements_of(told):
+            absorbed, stored, lost = (told.column(f"wrist.{element}.{it}")[-1] for it in PARTS)
+            assert absorbed == pytest.approx(stored + lost, abs=1e-9 * flow), element
+            taken += stored + lost
+        assert flow > 0.0, "it asked for nothing"
+        assert given == pytest.approx(taken, abs=1e-9 * flow)
+
+    def test_it_gives_no_energy(self, bench: CouplingBench) -> None:
+        """Moved slowly there and back, without a delay, it gives back no more than it was given."""
+        told = drive(controller(bench.plugin, bench.block()), there_and_back())
+        flow = (
+            told.column("master.wrist.gross_flow")[-1] + told.column("slave.wrist.gross_flow")[-1]
+        )
+        sides = [told.column(f"{side}.wrist.port_energy") for side in SIDES]
+        least = min(map(sum, zip(*sides, strict=True)))
+        assert least >= -0.02 * flow, f"it gave {-least:.3g} J of {flow:.3g} J to and fro"
+
+    def test_a_cycle_allocates_nothing_but_numbers(self, bench: CouplingBench) -> None:
+        few = allocated(controller(bench.plugin, bench.block()), at_random(cycles=200))
+        many = allocated(controller(bench.plugin, bench.block()), at_random(cycles=2000))
+        assert few < 4000, f"{few} bytes in a cycle"
+        assert many < few + 2000, f"{many - few} bytes stay after 900 cycles"
+
+    def test_no_run_remembers_another(self, bench: CouplingBench) -> None:
+        first = drive(controller(bench.plugin, bench.block(), 3), at_random(cycles=300))
+        second = drive(controller(bench.plugin, bench.block(), 3), at_random(cycles=300))
+        assert same(first, second)
+
+    def test_compiled_it_is_the_same_to_the_bit(self, bench: CouplingBench) -> None:
+        numba: Any = pytest.importorskip("numba")
+        from tautwave.simulation.live.control import CompiledControl
+
+        plain = controller(bench.plugin, bench.block(), 3)
+        try:
+            compiled = CompiledControl(controller(bench.plugin, bench.block(), 3))
+        except numba.core.errors.NumbaError as err:
+            pytest.skip(f"numba does not compile it, it runs in Python: {said(err)}")
+        assert same(drive(plain, at_random()), drive(compiled, at_random()))
+
+
+SIDES = ("master", "slave")
+PARTS = ("absorbed", "stored", "dissipated")
+
+
+def elements_of(told: Driven) -> list[str]:
+    """Return the names of the elements in the columns of a drive."""
+    ending = ".dissipated"
+    return [name.split(".")[1] for name in told.columns if name.endswith(ending)]
+
+
+def same(one: Driven, two: Driven) -> bool:
+    """Return whether two drives left the same bits."""
+    rows = ([array("d", row).tobytes() for row in it.rows] for it in (one, two))
+    return list(next(rows)) == list(next(rows)) and one.reason == two.reason
+
+
+def said(err: Exception) -> str:
+    """Return the line of an error of numba's that says what it could not do."""
+    lines = [line.strip() for line in str(err).splitlines() if line.strip()]
+    return lines[0] if lines else type(err).__name__

@@ -122,9 +122,9 @@ def rig_scene(
     """Return all schemes on a rig; `counts` are sub-steps of a cycle."""
     from tautwave.simulation.kernel.compiled import compiled_kernel
 
-    kernel = compiled_kernel()
     rig = scene.load()
     job = pack_rig(rig, duration_s)
+    kernel = compiled_kernel(job.law)
     linear = all(device.kind == PLANT for device in job.devices)
     oracle = run_job(with_scheme(job, DORMAND_PRINCE, 1, ORACLE), kernel, 1).rows
     points = []

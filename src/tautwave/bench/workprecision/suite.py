@@ -144,7 +144,7 @@ def _scenes(full: bool, max_error: float, tell: Tell) -> Iterable[Scene]:
 
             tell(f"{rig.name}, MuJoCo")
             job = with_scheme(pack_rig(rig.load(), seconds), 4, 1, ORACLE)
-            oracle = run_job(job, compiled_kernel(), 1).rows
+            oracle = run_job(job, compiled_kernel(job.law), 1).rows
             substeps = _MUJOCO_SUBSTEPS[full]
             scene = _with_peers(
                 scene, peers_mujoco.mujoco_rig(rig, substeps, seconds, oracle, rounds)

@@ -5,7 +5,8 @@ from tautwave.contracts import CouplingPlugin
 plugin = CouplingPlugin(
     summary="spring and damper between delayed positions, for comparison; never passive",
     keys="tautwave.couplings.position.keys:PositionCoupling",
-    constants="tautwave.couplings.position.from_keys:port_constants",
+    law="tautwave.couplings.position.steps:law",
+    end_constants="tautwave.couplings.position.from_keys:end_constants",
     linear="tautwave.couplings.position.linear:linear_end",
     verdict="tautwave.couplings.position.verdict:verdict",
     words="tautwave.couplings.position.words:words",

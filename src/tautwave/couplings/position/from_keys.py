@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from tautwave.contracts import PortConstants
+from tautwave.contracts import CoupledAxis
 from tautwave.couplings.position.keys import PositionPair
+from tautwave.couplings.position.steps import PositionEndParams
 
 
-def port_constants(pair: PositionPair, side: str) -> PortConstants:
+def coupler_constants(pair: PositionPair, side: str) -> PositionEndParams:
     """Return spring and damper as one side feels them."""
-    return PortConstants(
-        # Of a port that sends no wave: its account is kept all the same.
-        wave_impedance=pair.in_device_units(side, 1.0),
+    return PositionEndParams(
         stiffness=pair.in_device_units(side, pair.stiffness),
         damping=pair.in_device_units(side, pair.damping),
     )
+
+
+def end_constants(pair: PositionPair, side: str, axis: CoupledAxis) -> PositionEndParams:
+    """Return the constants of one end; they are the same on any axis."""
+    return coupler_constants(pair, side)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site, position_end
-from tautwave.couplings.position.from_keys import port_constants
+from tautwave.couplings.position.from_keys import coupler_constants
 from tautwave.couplings.position.keys import PositionPair
 
 
@@ -13,7 +13,7 @@ def linear_end(
     """Return the end at one side; it sends its position, weighed as the far side will."""
     ratio = float(pair.sign) * pair.position_scale
     far, back = ("slave", ratio) if side == "master" else ("master", 1.0 / ratio)
-    here, there = port_constants(pair, side), port_constants(pair, far)
+    here, there = coupler_constants(pair, side), coupler_constants(pair, far)
     return position_end(
         device,
         site,

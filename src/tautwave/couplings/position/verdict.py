@@ -20,8 +20,18 @@ from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.certificate.belief import SIDES, assumed, broken_damping, delay_in_periods
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.config import Rig, local_wall
-from tautwave.rig import port_constants
+from tautwave.couplings.position.from_keys import coupler_constants
+from tautwave.couplings.position.keys import PositionPair
+from tautwave.couplings.position.steps import PositionEndParams
 from tautwave.types import CommandDelay
+
+
+def port_constants(rig: Rig, axis_name: str) -> PositionEndParams:
+    """Return spring and damper as one device feels them."""
+    side, name = axis_name.split(".")
+    keys = rig.coupling.pairs[name]
+    assert isinstance(keys, PositionPair)
+    return coupler_constants(keys, side)
 
 
 def damping_between(first: float, second: float) -> float:

@@ -8,7 +8,9 @@ from tautwave.contracts import CouplingPlugin
 plugin = CouplingPlugin(
     summary="transmission line between wave ports, passive at any constant delay",
     keys="tautwave.couplings.wave.keys:WaveCoupling",
-    constants="tautwave.couplings.wave.from_keys:port_constants",
+    law="tautwave.couplings.wave.steps:law",
+    end_constants="tautwave.couplings.wave.from_keys:end_constants",
+    link_constants="tautwave.couplings.wave.from_keys:link_constants",
     carries="waves",
     divisors=True,
     causalities=("impedance", "admittance"),

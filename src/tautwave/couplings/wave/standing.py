@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from tautwave.config import Rig
-from tautwave.couplings.wave.from_keys import port_constants
+from tautwave.couplings.wave.from_keys import port_impedance
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.types import CommandDelay
 from tautwave.wording import Standing
@@ -25,7 +25,7 @@ def held_share(rig: Rig, axis_name: str, delay: CommandDelay) -> float:
     assert isinstance(pair, WavePair)
     if axis.inertia is None:
         return 1.0
-    impedance = port_constants(pair, side).wave_impedance
+    impedance = port_impedance(pair, side)
     blind = rig.axis_period_s(axis_name) * (1.0 + delay.periods) + axis.velocity_filter_s
     return 1.0 / (1.0 + impedance * blind / axis.inertia.lower)
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from tautwave.config import Rig
-from tautwave.couplings.wave.from_keys import port_constants
+from tautwave.couplings.wave.from_keys import port_impedance
 from tautwave.couplings.wave.keys import WaveCoupling
 from tautwave.couplings.wave.standing import standing
 from tautwave.laws.admittance import greatest_stiffness
@@ -45,7 +45,7 @@ def _facts(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, 
         if axis.causality != "admittance":
             continue
         side, name = axis_name.split(".")
-        impedance = port_constants(_keys(rig).pairs[name], side).wave_impedance
+        impedance = port_impedance(_keys(rig).pairs[name], side)
         period = rig.axis_period_s(axis_name)
         limit = greatest_stiffness(period, impedance, delays[axis_name].periods)
         unit = "N m/rad" if axis.kind == "rotary" else "N/m"

@@ -20,6 +20,7 @@ from tautwave.report.figures.envelope import Floats
 from tautwave.report.figures.resampling import distance, resampled
 from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.units import number
+from tautwave.rig import coupling_law
 from tautwave.simulation.kernel.pack import Job, pack_rig
 from tautwave.simulation.kernel.schemes import with_positions, with_scheme
 from tautwave.simulation.rows import Simulation as Rows
@@ -95,20 +96,20 @@ def replay_of(rig: Rig, span_s: float) -> Replay:
     few = max(200, FEW_CYCLES // max(1, len(rig.coupling.pairs)))
     if cycles <= few:
         return Replay(span_s, "python", True)
-    if kernel_is_kept():
+    if kernel_is_kept(rig):
         most = min(cycles, MOST_CYCLES)
         return Replay(most * rig.period_s, "compiled", most == cycles)
     return Replay(few * rig.period_s, "python", False)
 
 
-def kernel_is_kept() -> bool:
-    """Return whether the compiled kernel is in the cache; a report never compiles it."""
+def kernel_is_kept(rig: Rig) -> bool:
+    """Return whether the law's compiled kernel is in the cache; a report never compiles it."""
     if find_spec("numba") is None:
         return False
     from tautwave.simulation.kernel.compiled import is_cached
-    from tautwave.simulation.kernel.run import run_rig
+    from tautwave.simulation.kernel.run import run_law
 
-    return is_cached(run_rig)
+    return is_cached(run_law, coupling_law(rig))
 
 
 def _rows(job: Job, replay: Replay) -> Rows:
@@ -116,7 +117,7 @@ def _rows(job: Job, replay: Replay) -> Rows:
     cycles = max(1, round(replay.span_s * 1e9 / job.run.period_ns))
     longer = min(cycles + job.run.release_cycles + 2, job.run.cycles)
     job = job._replace(run=job.run._replace(cycles=longer))
-    kernel, tables_of = engine_of(replay.engine)
+    kernel, tables_of = engine_of(replay.engine, job.law)
     tables = tables_of(job)
     rows = simulation_of_run(job, tables, kernel(*tables))
     return Rows(rows.columns, rows.data[:cycles], rows.error)

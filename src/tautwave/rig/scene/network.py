@@ -15,17 +15,12 @@ from tautwave.config.keys.scene import SoundForce
 from tautwave.controller.records import PIPE
 from tautwave.errors import ConfigError
 from tautwave.files import make_directory, write_bytes
-from tautwave.laws.admittance import admittance_params
-from tautwave.laws.port import port_params, sensor_allowance
-from tautwave.laws.site import SiteParams
 from tautwave.laws.wave_filter import filter_gain
 from tautwave.rig.controller import (
-    NO_WALL,
     axis_names,
+    bare_site,
     controlled_axis,
-    limit_params,
     run_params,
-    velocity_gain,
 )
 from tautwave.rig.truth import SEED_WORD
 from tautwave.runtime.scene.axes import MOST_NODES, SceneControl, SceneRun
@@ -219,25 +214,6 @@ def keep_sounds(rig: Rig, directory: Path) -> Rig:
     return rig.model_copy(update={"scene": rig.scene.model_copy(update={"forces": forces})})
 
 
-def scene_site(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteParams:
-    """Return the constants of the laws of an axis that renders a scene."""
-    axis = rig.axes[axis_name]
-    assert axis.inertia is not None
-    gain = velocity_gain(rig, axis)
-    allowance = sensor_allowance(rig.period_s, 1.0, gain, axis.encoder_quantum, axis.position_noise)
-    return SiteParams(
-        port=port_params(rig.period_s, 1.0, axis.inertia.lower, False, 0.05, allowance),
-        admittance=admittance_params(rig.period_s, 1.0, 0.0, delay.periods),
-        wall=NO_WALL,
-        limit=limit_params(rig, axis),
-        gain=gain,
-        stiffness=0.0,
-        damping=0.0,
-        velocity_quantum=0.0,
-        has_wall=False,
-    )
-
-
 def scene_control(
     rig: Rig,
     delays: Mapping[str, CommandDelay],
@@ -251,7 +227,7 @@ def scene_control(
     at = 0
     for name in axes:
         delay = delays[name]
-        params.append(controlled_axis(rig, name, delay, scene_site(rig, name, delay), at))
+        params.append(controlled_axis(rig, name, delay, bare_site(rig, name), at))
         at += PIPE * delay.periods
     return SceneControl(
         run_params(rig, cycles, len(axes)),

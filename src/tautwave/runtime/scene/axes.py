@@ -9,6 +9,7 @@ ramp and limits clip, and what a held effort creates.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tautwave.contracts import Row
@@ -23,6 +24,7 @@ from tautwave.controller.axis import (
 from tautwave.controller.records import FINISHED, AxisParams, AxisState, RunParams
 from tautwave.controller.rows import axis_columns, fill_axis
 from tautwave.controller.run import arm, ramp_share, stop_on_guard
+from tautwave.controller.steps import Law, Steps
 from tautwave.controller.stops import AxisName
 from tautwave.laws.limit import OVERDRAWN, RUNAWAY, RUNAWAY_TIMES
 from tautwave.runtime.control import Control
@@ -35,6 +37,24 @@ if TYPE_CHECKING:  # a one-dimensional scene loads no 3D code
 
 MOST_NODES = 100
 """Most nodes whose positions are recorded."""
+
+
+@dataclass(slots=True)
+class SceneEnd:
+    """What a device gave to its port of the scene [J]."""
+
+    absorbed: float = 0.0
+
+
+def book_work(
+    s: AxisState, p: AxisParams, displacement: float, count: float, span: float, port: float
+) -> None:
+    """Book the work on the port."""
+    s.end.absorbed += port * displacement
+
+
+SCENE = Law("scene", Steps(close=book_work), SceneEnd)
+"""A scene in the place of a coupling; it thinks for all axes at once."""
 
 
 class SceneRun:
@@ -139,8 +159,9 @@ class SceneRun:
         return [0.0] * len(self._forces)
 
     def absorbed(self) -> float:
-        """Return the energy from the devices [J]."""
-        return sum(s.port_absorbed for s in self.axes)
+        """Return the energy that the devices gave [J]."""
+        total: float = sum(s.end.absorbed for s in self.axes)
+        return total
 
     def ledger(self) -> Ledger:
         """Return the energies of the scene at the last sample."""
@@ -179,12 +200,12 @@ class SceneControl(Control):
         nodes: Sequence[str],
         table: list[float],
     ) -> None:
-        super().__init__(run, names, params)
+        super().__init__(run, names, params, SCENE)
         self.ports = ports
         self._table = table
         self._nodes = range(len(nodes))
         for port, at in zip(port_names, ports, strict=True):
-            self.columns += axis_columns(f"master.{port}", params[at])
+            self.columns += axis_columns(f"master.{port}", params[at], SCENE)
         self.columns += [f"scene.{name}" for name in Ledger._fields]
         self.columns += ["scene.residual", "scene.hold"]
         self.columns += [f"scene.asked.{port}" for port in port_names]
@@ -198,8 +219,8 @@ class SceneControl(Control):
         for port, at in enumerate(self.ports):
             s, p = self.axes[at], self.params[at]
             for _ in range(skipped + 1):
-                pass_slot(s, p, self._table)
-            take_sample(s, p, self.samples[at])
+                pass_slot(s, p, self._table, SCENE.steps)
+            take_sample(s, p, self.samples[at], SCENE.steps)
             if s.valid:
                 self.scene.place(port)
         self.scene.think(skipped, ramp_share(r, o, slot))
@@ -218,7 +239,8 @@ class SceneControl(Control):
             if not m.valid:
                 armed = False
                 continue
-            start_axis(self.axes[at], self.params[at], m.position, m.effort, 0.0)
+            start_axis(self.axes[at], self.params[at], m.position, m.effort)
+            self.axes[at].end.absorbed = 0.0
             self.scene.place(port)
             self.scene.begin()
             armed = self.scene.is_calm(port, r.arm_share) and armed
@@ -233,7 +255,7 @@ class SceneControl(Control):
         """Write all columns of the scene at index `at`: axes, energies, where its nodes are."""
         run = self.scene
         for which in self.ports:
-            at = fill_axis(row, at, self.axes[which], self.params[which], 1.0)
+            at = fill_axis(row, at, self.axes[which], self.params[which], 1.0, SCENE.steps)
         ledger = run.ledger()
         start = run.model.start
         for value in ledger:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -16,16 +17,16 @@ import numpy as np
 from tautwave.config import Rig
 from tautwave.contracts import Row
 from tautwave.controller.axis import decide_axis, fade_axis, pass_slot, start_axis, take_sample
-from tautwave.controller.records import FINISHED, PIPE, AxisParams, RunParams
+from tautwave.controller.records import FINISHED, PIPE, AxisParams, AxisState, RunParams
 from tautwave.controller.rows import axis_columns, fill_axis
 from tautwave.controller.run import arm, ramp_share, stop_on_guard
+from tautwave.controller.steps import Law, Steps
 from tautwave.controller.stops import AxisName
 from tautwave.errors import SafetyStop
+from tautwave.laws.coupler import coupler_effort
 from tautwave.laws.limit import guard_axis
-from tautwave.laws.site import SiteParams
-from tautwave.rig import Assembly, axis_names, controlled_axis, site_params
+from tautwave.rig import Assembly, axis_names, bare_site, controlled_axis, site_params
 from tautwave.runtime.control import Control
-from tautwave.types import CommandDelay
 
 LINES = 8
 """Frequencies of the multisine."""
@@ -40,6 +41,30 @@ FALL_S = 0.05
 MEMORY_S = 1.0
 ENOUGH, SPEED_SHARE = 0.7, 0.5
 LEAST_ROOM, ROOM_SHARE = 0.1, 0.6
+
+
+class ShakenParams(NamedTuple):
+    """Spring [N m/rad or N/m] and damper [N m s/rad or N s/m] to the excitation."""
+
+    stiffness: float
+    damping: float
+
+
+@dataclass(slots=True)
+class ShakenEnd:
+    """Where the excitation has the far end of the spring [rad or m]."""
+
+    far_position: float = 0.0
+
+
+def pull_back(s: AxisState, p: AxisParams, coast: float) -> float:
+    """Return the resisting effort of the spring and of the damper to ground [N m or N]."""
+    k = p.end
+    far = s.end.far_position
+    return coupler_effort(k.stiffness, k.damping, s.position, s.velocity, far, 0.0)
+
+
+SHAKEN = Law("excitation", Steps(think=pull_back), ShakenEnd)
 
 
 class Plan(NamedTuple):
@@ -198,13 +223,13 @@ class ExcitedControl(Control):
         plan: Plan,
         table: list[float],
     ) -> None:
-        super().__init__(run, names, params)
+        super().__init__(run, names, params, SHAKEN)
         self._order = axes
         self._table = table
         self._stiffness = plan.stiffness
         self._shaken = {at: Excitation(plan) for at in axes if names[at].name == plan.axis}
         for at in axes:
-            self.columns += axis_columns(names[at].name, params[at])
+            self.columns += axis_columns(names[at].name, params[at], SHAKEN)
 
     def step(self, slot: int, skipped: int) -> bool:
         """Close every axis, and think on the one that is shaken; or begin."""
@@ -215,16 +240,16 @@ class ExcitedControl(Control):
         for at in self._order:
             s, p, m = self.axes[at], self.params[at], self.samples[at]
             for _ in range(1 + skipped):
-                pass_slot(s, p, self._table)
-            take_sample(s, p, m)
+                pass_slot(s, p, self._table, SHAKEN.steps)
+            take_sample(s, p, m, SHAKEN.steps)
             s.guard = 0
             shaken = self._shaken.get(at)
             if shaken is not None:
                 shaken.pass_slots(1 + skipped)
                 if m.valid:
                     effort = shaken.effort(s.position, s.velocity)
-                    s.far_position = shaken.centre + effort / self._stiffness
-                s.guard = decide_axis(s, p, self._table, m.valid, ramp)
+                    s.end.far_position = shaken.centre + effort / self._stiffness
+                s.guard = decide_axis(s, p, self._table, m.valid, ramp, SHAKEN.steps)
             elif m.valid:
                 s.guard = guard_axis(p.site.limit, s.position, s.velocity)
             elif s.stopping:
@@ -244,7 +269,7 @@ class ExcitedControl(Control):
             if not m.valid:
                 armed = False
                 continue
-            start_axis(self.axes[at], self.params[at], m.position, m.effort, 0.0)
+            start_axis(self.axes[at], self.params[at], m.position, m.effort)
             if at in self._shaken:
                 self._shaken[at].start(m.position)
         return arm(self.run, o, slot, armed)
@@ -252,7 +277,7 @@ class ExcitedControl(Control):
     def fill(self, row: Row, at: int) -> None:
         """Write all columns at index `at`; there is no coupling to keep books of."""
         for which in self._order:
-            at = fill_axis(row, at, self.axes[which], self.params[which], 1.0)
+            at = fill_axis(row, at, self.axes[which], self.params[which], 1.0, SHAKEN.steps)
 
 
 def excite(rig: Rig, assembly: Assembly, plan: Plan) -> Assembly:
@@ -263,12 +288,10 @@ def excite(rig: Rig, assembly: Assembly, plan: Plan) -> Assembly:
     at = 0
     for name in axes:
         shaken = name == plan.axis
-        site = _site(rig, name, delays[name])._replace(
-            has_wall=False,
-            stiffness=plan.stiffness if shaken else 0.0,
-            damping=plan.damping if shaken else 0.0,
-        )
-        params.append(controlled_axis(rig, name, delays[name], site, at))
+        site = bare_site(rig, name) if rig.scene is not None else site_params(rig, name)
+        spring = ShakenParams(*((plan.stiffness, plan.damping) if shaken else (0.0, 0.0)))
+        site = site._replace(has_wall=False)
+        params.append(controlled_axis(rig, name, delays[name], site, at, end=spring))
         at += PIPE * delays[name].periods
     if rig.scene is None:
         ordered = [f"{side}.{name}" for name in rig.coupling.pairs for side in ("master", "slave")]
@@ -285,11 +308,3 @@ def excite(rig: Rig, assembly: Assembly, plan: Plan) -> Assembly:
     sources = [control, *assembly.sources[1:]]  # the first is the controller's
     columns = [*timing, *(name for source in sources for name in source.columns)]
     return assembly._replace(control=control, sources=sources, columns=columns, scene=None)
-
-
-def _site(rig: Rig, name: str, delay: CommandDelay) -> SiteParams:
-    if rig.scene is None:
-        return site_params(rig, name, delay)
-    from tautwave.rig.scene.network import scene_site
-
-    return scene_site(rig, name, delay)

@@ -7,7 +7,6 @@ every source the kernel is made of, and of numba's and NumPy's versions.
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import importlib
 import inspect
@@ -15,16 +14,17 @@ import os
 import pkgutil
 import platform
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any
 
 import tautwave.laws
 import tautwave.models
-from tautwave.controller import axis, line, pair, rates, run
+from tautwave.controller import axis, pair, run, steps
 from tautwave.controller import records as controller_records
 from tautwave.controller import rows as controller_rows
+from tautwave.controller.steps import ALONE, Law, Steps
 from tautwave.errors import ConfigError
 from tautwave.laws import limit, port, site
 from tautwave.models import plant
@@ -42,7 +42,7 @@ from tautwave.simulation.scene import steps as network_steps
 from tautwave.simulation.scene import tick as network_tick
 from tautwave.simulation.scene import tick3d
 
-CONTROLLER_MODULES = (controller_records, axis, line, pair, rates, controller_rows, run)
+CONTROLLER_MODULES = (controller_records, steps, axis, pair, controller_rows, run)
 KERNEL_MODULES = (*CONTROLLER_MODULES, records, device, rows, kernel, live_steps)
 MODULES_3D = (stepping3d, tension3d, solving3d, ledger3d, tick3d)
 SCENE_MODULES = (
@@ -51,18 +51,20 @@ SCENE_MODULES = (
 )
 
 INLINED = {
-    *(axis.pass_slot, axis.receive_wave, axis.close_axis, axis.decide_axis, axis.think_axis),
-    *(axis.pending_effort, axis.waiting_energy, axis.take_sample, line.exchange_waves),
-    *(pair.exchange, pair.cycle_pair, run.run_cycle, run.check_sample),
+    *(axis.pass_slot, axis.close_axis, axis.decide_axis, axis.think_axis, axis.think_effort),
+    *(axis.pending_effort, axis.take_sample, pair.cycle_pair, run.run_cycle, run.check_sample),
     *(device.pass_device, device.aim_hand, device.measure_device, device.command_device),
     *(device.device_forces, device.device_stored, plant.plant_forces, plant.plant_stored),
     plant.plant_step,  # what nobody takes of it (a bench: its works and losses) falls away
-    *(controller_rows.fill_pair, controller_rows.fill_axis, controller_rows.fill_port),
-    *(controller_rows.fill_wall, controller_rows.fill_element, rows.fill_device),
-    *(site.think_wave, port.port_effort, port.port_close, limit.guard_axis, limit.limit_effort),
+    *(controller_rows.fill_pair, controller_rows.fill_axis, controller_rows.fill_wall),
+    *(controller_rows.fill_element, rows.fill_device, port.port_effort, port.port_close),
+    *(site.render_wall, site.limit_site, limit.guard_axis, limit.limit_effort),
     *(stepping.move_ports, stepping.pull_links, stepping.step_symplectic),
 }
 """What runs in every cycle, is called in a place or two, and costs little more than a call."""
+
+RARE = ("start", "engage", "move")
+"""Steps of a coupling that are called: the others are inlined."""
 
 
 def source_modules() -> tuple[ModuleType, ...]:
@@ -74,10 +76,11 @@ def source_modules() -> tuple[ModuleType, ...]:
     return (*found, *KERNEL_MODULES, *SCENE_MODULES, *MODULES_3D)
 
 
-def source_hash() -> str:
-    """Return a short name of the sources, compiler and Python in use."""
-    digest = hashlib.sha256()
-    for module in (*source_modules(), sys.modules[__name__]):  # its options count as well
+def source_hash(law: Law = ALONE) -> str:
+    """Return a short name of the sources, a coupling's included, of compiler and Python in use."""
+    digest = hashlib.sha256(law.name.encode())
+    own = {function.__module__: sys.modules[function.__module__] for function in behind(law.steps)}
+    for module in (*source_modules(), *own.values(), sys.modules[__name__]):  # its options count
         digest.update(module.__name__.encode())
         digest.update(Path(str(module.__file__)).read_bytes())
     for name in ("numba", "llvmlite", "numpy"):
@@ -86,7 +89,21 @@ def source_hash() -> str:
     return digest.hexdigest()[:16]
 
 
-def cache_directory() -> Path:
+def behind(functions: Iterable[Callable[..., Any]]) -> list[Callable[..., Any]]:
+    """Return functions and all that they call by a global name of theirs, in the order found."""
+    found: dict[Callable[..., Any], None] = {}
+    waiting = list(functions)
+    while waiting:
+        function = waiting.pop()
+        if function in found or not inspect.isfunction(function):
+            continue
+        found[function] = None
+        named = (function.__globals__.get(name) for name in function.__code__.co_names)
+        waiting += [one for one in named if inspect.isfunction(one)]
+    return list(found)
+
+
+def cache_directory(law: Law = ALONE) -> Path:
     """Return where machine code of the present sources is kept between processes.
 
     Below NUMBA_CACHE_DIR if that is set, else below the user's cache folder.
@@ -96,13 +113,13 @@ def cache_directory() -> Path:
         root = Path(given)
     else:
         root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return root / "tautwave" / source_hash()
+    return root / "tautwave" / source_hash(law)
 
 
-def is_cached(entry: Callable[..., Any]) -> bool:
+def is_cached(entry: Callable[..., Any], law: Law = ALONE) -> bool:
     """Return whether `cached(entry)` was compiled before, here and of the present sources."""
     name = f"{Path(inspect.getfile(entry)).stem}.{entry.__qualname__}"  # as numba names its files
-    return any(cache_directory().glob(f"**/{name}-*.nbi"))
+    return any(cache_directory(law).glob(f"**/{name}-*.nbi"))
 
 
 def functions_of(module: ModuleType) -> Iterator[Callable[..., Any]]:
@@ -129,48 +146,90 @@ def load_numba() -> Any:
         ) from err
 
 
-@functools.cache
-def compiled_kernel() -> Callable[..., int]:
-    """Return `kernel.run_rig` for numba; compiled at the first call, or read from the cache."""
-    return cached(kernel.run_rig)
+def compiled_kernel(law: Law) -> Callable[..., int]:
+    """Return `kernel.run_rig` of a coupling for numba; compiled at the first call, or cached."""
+    if law.steps not in _kernels:
+        _kernels[law.steps] = cached(kernel.run_law, law)
+    return _kernels[law.steps]
 
 
-def cached(entry: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function of the source modules for numba, kept in the cache once compiled."""
+_kernels: dict[Steps, Callable[..., int]] = {}
 
-    def compile_it(numba: Any, kept: bool, options: dict[str, Any]) -> Callable[..., Any]:
+
+def cached(entry: Callable[..., Any], law: Law = ALONE) -> Callable[..., Any]:
+    """Return a function of the source modules for numba, kept in the cache once compiled.
+
+    Its global `STEPS`, if it has one, are the steps of `law`, compiled as well.
+    """
+
+    def compile_it(
+        numba: Any, function: Callable[..., Any], kept: bool, options: dict[str, Any]
+    ) -> Callable[..., Any]:
         made: Callable[..., Any] = numba.njit(cache=kept, nogil=True, fastmath=False, **options)(
-            entry
+            function
         )
         return made
 
-    made: Callable[..., Any] = _compile(entry, compile_it)
+    made: Callable[..., Any] = _compile(entry, law, compile_it)
     return made
 
 
-def cached_c(entry: Callable[..., Any], signature: Any) -> Any:
+def cached_c(entry: Callable[..., Any], signature: Any, law: Law = ALONE) -> Any:
     """Return a function as a C function of this signature; its `address` is to be called."""
 
-    def compile_it(numba: Any, kept: bool, options: dict[str, Any]) -> Any:
+    def compile_it(
+        numba: Any, function: Callable[..., Any], kept: bool, options: dict[str, Any]
+    ) -> Any:
         del options["_nrt"]  # without it no array can be made of an address
-        return numba.cfunc(signature, cache=kept, fastmath=False, **options)(entry)
+        return numba.cfunc(signature, cache=kept, fastmath=False, **options)(function)
 
-    return _compile(entry, compile_it)
+    return _compile(entry, law, compile_it)
+
+
+def register(entry: Callable[..., Any], functions: Iterable[Callable[..., Any]]) -> None:
+    """Make numba know what may be called; `entry` itself is compiled otherwise."""
+    extending = importlib.import_module("numba.extending")
+    for function in functions:
+        if function is not entry and function not in _registered:
+            # Said of each, since numba hands the option down to whatever is called.
+            extending.register_jitable(forceinline=function in INLINED, **OPTIONS)(function)
+            _registered.add(function)
+
+
+OPTIONS = {"error_model": "numpy", "_nrt": False}
+"""Nothing is allocated in a run: without numba's run time no table is counted at every call."""
+
+_registered: set[Callable[..., Any]] = set()
+
+
+def compiled_steps(law: Law) -> ModuleType:
+    """Return the steps of a coupling for numba, as an argument of compiled code.
+
+    It is a module, whose functions numba looks up while it compiles: a tuple of functions would
+    hand on addresses of this very process, and code with those is not kept in the cache.
+    """
+    numba = load_numba()
+    made = ModuleType(law.name)
+    for name, step in law.steps._asdict().items():
+        setattr(made, name, numba.njit(forceinline=name not in RARE, **OPTIONS)(step))
+    return made
 
 
 def _compile(
-    entry: Callable[..., Any], compile_it: Callable[[Any, bool, dict[str, Any]], Any]
+    entry: Callable[..., Any],
+    law: Law,
+    compile_it: Callable[[Any, Callable[..., Any], bool, dict[str, Any]], Any],
 ) -> Any:
     numba = load_numba()
-    extending = importlib.import_module("numba.extending")
-    # Nothing is allocated in a run: without numba's run time no table is counted at every call.
-    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
     for module in source_modules():
-        for function in functions_of(module):
-            if function is not entry:
-                # Said of each, since numba hands the option down to whatever is called.
-                extending.register_jitable(forceinline=function in INLINED, **options)(function)
-    directory = cache_directory()
+        register(entry, functions_of(module))
+    function = entry
+    if "STEPS" in entry.__code__.co_names:
+        register(entry, behind(law.steps))
+        known = {**entry.__globals__, "STEPS": compiled_steps(law)}
+        function = FunctionType(entry.__code__, known, entry.__name__)
+        function.__qualname__ = entry.__qualname__
+    directory = cache_directory(law)
     try:
         directory.mkdir(parents=True, exist_ok=True)
         kept = os.access(directory, os.W_OK)
@@ -179,6 +238,6 @@ def _compile(
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(directory)
     try:
-        return compile_it(numba, kept, options)
+        return compile_it(numba, function, kept, dict(OPTIONS))
     finally:
         numba.config.CACHE_DIR = before

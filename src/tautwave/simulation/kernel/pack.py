@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.config import EnvironmentPart, Rig
-from tautwave.controller.records import PIPE, RINGS, AxisParams, PairParams, RunParams
+from tautwave.controller.records import PIPE, AxisParams, PairParams, RunParams
+from tautwave.controller.steps import Law
 from tautwave.controller.stops import AxisName
 from tautwave.errors import ConfigError
 from tautwave.models.foam import FoamParams
@@ -21,6 +22,7 @@ from tautwave.rig import (
     axis_names,
     axis_params,
     build_rig,
+    coupling_law,
     pair_params,
     run_params,
     true_delay_s,
@@ -54,6 +56,7 @@ class Job(NamedTuple):
     start: tuple[float, ...]
     table: Array
     flags: Array
+    law: Law
 
 
 class RigFacts(NamedTuple):
@@ -111,6 +114,7 @@ def pack_rig(rig: Rig, duration_s: float | None = None, facts: RigFacts | None =
     cycles = max(round((rig.duration_s if duration_s is None else duration_s) * rig.rate_hz), 1)
     facts = rig_facts(rig) if facts is None else facts
     delays = facts.delays
+    law = coupling_law(rig)
     axes = tuple(delays)
     models = [true_model(rig, name, delays[name], cycles) for name in axes]
     if round(models[0].period * 1e9) != rig.period_ns * rig.axis_divisor(axes[0]):
@@ -127,7 +131,7 @@ def pack_rig(rig: Rig, duration_s: float | None = None, facts: RigFacts | None =
         devices.append(pack_device(model, floats, flags, cycles))
     pairs = []
     for name in rig.coupling.pairs:
-        at = floats.add(np.zeros(RINGS * rig.delay_samples))
+        at = floats.add(np.zeros(law.rings * rig.delay_samples))
         pairs.append(pair_params(rig, name, axes, at))
     return Job(
         rig=rig,
@@ -142,6 +146,7 @@ def pack_rig(rig: Rig, duration_s: float | None = None, facts: RigFacts | None =
         start=tuple(model.start_position for model in models),
         table=floats.join(),
         flags=flags.join(),
+        law=law,
     )
 
 

@@ -1,12 +1,13 @@
 """What the kernel works on: constants as NamedTuples, state as plain records of numbers.
 
-The same classes serve every engine. Plain Python takes the objects themselves; numba and C take
-NumPy records whose layout `record_type` derives from the annotations, so that `p.site.wall` reads
+The same classes serve every engine. Plain Python takes the objects themselves; numba takes NumPy
+records whose layout `record_type` derives from the annotations, so that `p.site.wall` reads
 the same in all three and nothing has to be copied at a call.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, get_type_hints
 
@@ -98,19 +99,31 @@ def fields(record: type[Any]) -> dict[str, Any]:
     return get_type_hints(record)
 
 
-def record_type(record: type[Any]) -> np.dtype[Any]:
-    """Return the NumPy type of a record class; its layout is that of a C struct."""
-    known = _types.get(record)
+def record_type(record: type[Any], **parts: type[Any]) -> np.dtype[Any]:
+    """Return the NumPy type of a record class, laid out as C does.
+
+    `parts` are the classes of those fields that are a coupling's, and `Any` to the controller.
+    """
+    key = record, tuple(parts.items())
+    known = _types.get(key)
     if known is None:
         members = [
-            (name, NUMBERS[kind] if kind in NUMBERS else record_type(kind))
+            (name, NUMBERS[kind] if kind in NUMBERS else record_type(parts.get(name, kind)))
             for name, kind in fields(record).items()
         ]
-        known = _types[record] = np.dtype(members, align=True)
+        known = _types[key] = np.dtype(members, align=True)
     return known
 
 
-_types: dict[type[Any], np.dtype[Any]] = {}
+def parts_of(values: Sequence[Any]) -> dict[str, type[Any]]:
+    """Return the classes of those fields that are a coupling's, as the first value has them."""
+    if not values:
+        return {}
+    kinds = fields(type(values[0]))
+    return {name: type(getattr(values[0], name)) for name, kind in kinds.items() if kind is Any}
+
+
+_types: dict[Any, np.dtype[Any]] = {}
 
 
 def empty(record: type[Any]) -> Any:

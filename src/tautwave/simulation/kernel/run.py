@@ -7,8 +7,9 @@ live path, so the rows are equal to the bit.
 from __future__ import annotations
 
 from collections.abc import MutableSequence, Sequence
+from typing import Any
 
-from tautwave.controller.rates import is_due
+from tautwave.controller.axis import is_due
 from tautwave.controller.records import (
     OVERRUN,
     AxisParams,
@@ -21,6 +22,7 @@ from tautwave.controller.records import (
 )
 from tautwave.controller.rows import fill_pair
 from tautwave.controller.run import begin_run, begin_stop, check_sample, run_cycle
+from tautwave.controller.steps import Steps
 from tautwave.simulation.kernel.device import aim_hand, command_device, measure_device, pass_device
 from tautwave.simulation.kernel.records import DeviceParams, DeviceState, FakeParams
 from tautwave.simulation.kernel.rows import fill_device, fill_measured
@@ -63,6 +65,7 @@ def run_rig(
     table: MutableSequence[float],
     flags: Sequence[bool],
     out: MutableSequence[float],
+    steps: Steps,
 ) -> int:
     """Run all cycles; return how many rows were written into `out`, one after the other."""
     r = runs[0]
@@ -95,7 +98,7 @@ def run_rig(
             b.reads += 1
             check_sample(r, o, params[i], axes, m, slot, i)
         # close, exchange and think
-        if not run_cycle(r, o, params, axes, samples, pairs, states, table, slot, skipped):
+        if not run_cycle(r, o, params, axes, samples, pairs, states, table, slot, skipped, steps):
             return cycle
         # act and record
         whole = f.measured < 0
@@ -110,7 +113,8 @@ def run_rig(
                 one = axes[q.master]
                 two = axes[q.slave]
                 p1 = params[q.master]
-                at = fill_pair(out, at, states[k], q, one, two, p1, params[q.slave], table)
+                p2 = params[q.slave]
+                at = fill_pair(out, at, states[k], q, one, two, p1, p2, table, steps)
         for i in range(r.axes):
             if is_due(params[i], slot):
                 command_device(bodies[i], devices[i], axes[i].command)
@@ -135,3 +139,29 @@ def run_rig(
                 begin_stop(r, o, axes, slot, OVERRUN, 0, skipped)
         cycle = cycle + 1
     return cycle
+
+
+STEPS: Any = None
+"""Takes the place of a coupling's steps in what is compiled: its own, compiled."""
+
+
+def run_law(
+    runs: Any,
+    fakes: Any,
+    outcomes: Any,
+    params: Any,
+    axes: Any,
+    samples: Any,
+    devices: Any,
+    bodies: Any,
+    pairs: Any,
+    states: Any,
+    table: Any,
+    flags: Any,
+    out: Any,
+) -> int:
+    """Run all cycles with the steps that are compiled in."""
+    return run_rig(
+        runs, fakes, outcomes, params, axes, samples, devices, bodies, pairs, states, table, flags,
+        out, STEPS,
+    )  # fmt: skip

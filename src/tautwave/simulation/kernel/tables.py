@@ -18,7 +18,13 @@ from tautwave.controller.records import (
     Sample,
 )
 from tautwave.simulation.kernel.pack import Array, Job
-from tautwave.simulation.kernel.records import DeviceParams, DeviceState, FakeParams, record_type
+from tautwave.simulation.kernel.records import (
+    DeviceParams,
+    DeviceState,
+    FakeParams,
+    parts_of,
+    record_type,
+)
 
 
 class Tables(NamedTuple):
@@ -48,12 +54,12 @@ def record_tables(job: Job, out: Array | None = None) -> Tables:
         fakes=records_of(FakeParams, [job.fake]),
         outcomes=blank_records(RunState, 1),
         params=records_of(AxisParams, job.params),
-        axes=blank_records(AxisState, len(job.axes)),
+        axes=blank_records(AxisState, len(job.axes), end=job.law.end),
         samples=blank_records(Sample, len(job.axes)),
         devices=records_of(DeviceParams, job.devices),
         bodies=bodies,
         pairs=records_of(PairParams, job.pairs),
-        states=blank_records(PairState, len(job.pairs)),
+        states=blank_records(PairState, len(job.pairs), link=job.law.link),
         table=job.table.copy(),
         flags=job.flags,
         out=np.empty(job.run.cycles * len(job.columns)) if out is None else out,
@@ -119,12 +125,12 @@ def object_tables(job: Job) -> Tables:
         fakes=[job.fake],
         outcomes=[RunState()],
         params=job.params,
-        axes=[AxisState() for _ in job.axes],
+        axes=[AxisState(end=job.law.end()) for _ in job.axes],
         samples=[Sample() for _ in job.axes],
         devices=job.devices,
         bodies=bodies,
         pairs=job.pairs,
-        states=[PairState() for _ in job.pairs],
+        states=[PairState(link=job.law.link()) for _ in job.pairs],
         table=job.table.tolist(),
         flags=job.flags.tolist(),
         out=[0.0] * (job.run.cycles * len(job.columns)),
@@ -133,12 +139,13 @@ def object_tables(job: Job) -> Tables:
 
 def records_of(kind: type[Any], values: Sequence[Any]) -> Array:
     """Return objects of a record class as NumPy records."""
-    return np.array([_plain(value) for value in values], dtype=record_type(kind))
+    kinds = record_type(kind, **parts_of(values))
+    return np.array([_plain(value) for value in values], dtype=kinds)
 
 
-def blank_records(kind: type[Any], count: int) -> Array:
-    """Return NumPy records of a record class, all numbers zero."""
-    return np.zeros(count, dtype=record_type(kind))
+def blank_records(kind: type[Any], count: int, **parts: Any) -> Array:
+    """Return NumPy records of a record class, all numbers zero; `parts` as for `record_type`."""
+    return np.zeros(count, dtype=record_type(kind, **parts))
 
 
 def view_of(values: Any) -> memoryview[float]:
@@ -149,5 +156,5 @@ def view_of(values: Any) -> memoryview[float]:
 def _plain(value: Any) -> Any:
     """Return nested NamedTuples and states as nested plain tuples, which NumPy takes as records."""
     if is_dataclass(value):
-        return tuple(getattr(value, field.name) for field in fields(value))
+        return tuple(_plain(getattr(value, field.name)) for field in fields(value))
     return tuple(_plain(part) for part in value) if isinstance(value, tuple) else value

@@ -22,6 +22,7 @@ from tautwave.controller.records import (
 )
 from tautwave.controller.stops import StopPlace
 from tautwave.runtime.control import Control, CoupledControl
+from tautwave.simulation.kernel.records import parts_of
 from tautwave.simulation.kernel.tables import blank_records, records_of, view_of
 from tautwave.simulation.live.steps import ABSENT, BEGUN, END, INPUTS, KIND, SLOTS, TAKEN
 from tautwave.types import AxisCommand, JointState
@@ -44,7 +45,7 @@ class CompiledControl(Control):
         load_numba()
         from tautwave.simulation.live.entry import entry
 
-        super().__init__(given.run, given.names, given.params)
+        super().__init__(given.run, given.names, given.params, given.law)
         self.columns = given.columns
         self._pairs = given.pairs
         count = len(given.params)
@@ -65,16 +66,19 @@ class CompiledControl(Control):
             axes,
             blank_records(Sample, count),
             records_of(PairParams, given.pairs),
-            blank_records(PairState, len(given.pairs)),
+            blank_records(PairState, len(given.pairs), link=given.law.link),
             np.zeros(max(len(given.table), 1)),
             self._inputs,
             self._outputs,
             self._row,
         )
         self._tables = tables  # whose addresses are in use
-        self._step = partial(entry("step_control"), *(table.ctypes.data for table in tables))
+        step = entry("step_control", given.law, parts_of(given.params), parts_of(given.pairs))
+        self._step = partial(step, *(table.ctypes.data for table in tables))
         ending = (run, self._outcome, axes, self._outputs)
-        self._stop = partial(entry("end_control"), *(table.ctypes.data for table in ending))
+        self._stop = partial(
+            entry("end_control", given.law), *(table.ctypes.data for table in ending)
+        )
         self._given = view_of(self._inputs)
         self._told = view_of(self._outputs)
         self._filled = view_of(self._row)

@@ -7,7 +7,6 @@ microsecond. This module imports numba, and is imported only where it is used.
 from __future__ import annotations
 
 import ctypes
-import functools
 import importlib
 from collections.abc import Callable
 from typing import Any
@@ -21,6 +20,7 @@ from tautwave.controller.records import (
     RunState,
     Sample,
 )
+from tautwave.controller.steps import ALONE, Law, NoParams, Steps
 from tautwave.simulation.kernel import compiled
 from tautwave.simulation.kernel.records import DeviceParams, DeviceState, record_type
 from tautwave.simulation.live.steps import end_control, step_control, step_devices
@@ -28,6 +28,9 @@ from tautwave.simulation.live.steps import end_control, step_control, step_devic
 numba: Any = importlib.import_module("numba")
 types: Any = numba.types
 carray: Any = numba.carray
+
+
+STEPS: Any = None
 
 
 def _step_control(
@@ -46,7 +49,21 @@ def _step_control(
     given: Any = carray(inputs, 1)
     commands: Any = carray(outputs, 1)
     step_control(
-        r, o, p, s, m, q, c, carray(table, 1), given, commands, carray(row, 1), slot, skipped, fault
+        r,
+        o,
+        p,
+        s,
+        m,
+        q,
+        c,
+        carray(table, 1),
+        given,
+        commands,
+        carray(row, 1),
+        slot,
+        skipped,
+        fault,
+        STEPS,
     )
 
 
@@ -88,22 +105,43 @@ _ENTRIES: dict[str, tuple[Callable[..., None], tuple[type[Any], ...], int]] = {
 """Function, what its arrays hold, and how many whole numbers follow them."""
 
 
-def _type_of(kind: type[Any]) -> Any:
+def _type_of(kind: type[Any], parts: dict[type[Any], dict[str, Any]]) -> Any:
     """Return numba's type of what an array holds."""
     numbers = {float: types.float64, bool: types.boolean}
-    return numbers[kind] if kind in numbers else numba.from_dtype(record_type(kind))
+    if kind in numbers:
+        return numbers[kind]
+    return numba.from_dtype(record_type(kind, **parts.get(kind, {})))
 
 
-@functools.cache
-def entry(name: str) -> Callable[..., None]:
-    """Return a step for addresses of arrays and whole numbers; compiled, or from the cache."""
-    function, kinds, wholes = _ENTRIES[name]
-    pointers = [types.CPointer(_type_of(kind)) for kind in kinds]
-    made = compiled.cached_c(function, types.void(*pointers, *[types.int64] * wholes))
-    given = [ctypes.c_void_p] * len(kinds) + [ctypes.c_int64] * wholes
-    call: Callable[..., None] = ctypes.PYFUNCTYPE(None, *given)(made.address)
-    _kept.append(made)
-    return call
+def entry(
+    name: str,
+    law: Law = ALONE,
+    ends: dict[str, type[Any]] | None = None,
+    links: dict[str, type[Any]] | None = None,
+) -> Callable[..., None]:
+    """Return a step for addresses of arrays and whole numbers; compiled, or from the cache.
+
+    `ends` and `links` are `records.parts_of` the constants of axes and pairs.
+    """
+    key = name, law.steps
+    if key not in _made:
+        function, kinds, wholes = _ENTRIES[name]
+        parts: dict[type[Any], dict[str, Any]] = {
+            AxisParams: ends or {"end": NoParams},
+            PairParams: links or {"link": NoParams},
+            AxisState: {"end": law.end},
+            PairState: {"link": law.link},
+        }
+        pointers = [types.CPointer(_type_of(kind, parts)) for kind in kinds]
+        signature = types.void(*pointers, *[types.int64] * wholes)
+        made = compiled.cached_c(function, signature, law)
+        given = [ctypes.c_void_p] * len(kinds) + [ctypes.c_int64] * wholes
+        _made[key] = ctypes.PYFUNCTYPE(None, *given)(made.address)
+        _kept.append(made)
+    return _made[key]
+
+
+_made: dict[tuple[str, Steps], Callable[..., None]] = {}
 
 
 _kept: list[Any] = []

@@ -21,6 +21,7 @@ from tautwave.controller.records import (
 )
 from tautwave.controller.rows import fill_pair
 from tautwave.controller.run import begin_stop, check_sample, end_by, run_cycle
+from tautwave.controller.steps import Steps
 from tautwave.simulation.kernel.device import aim_hand, command_device, measure_device, pass_device
 from tautwave.simulation.kernel.records import DeviceParams, DeviceState
 from tautwave.simulation.kernel.rows import fill_device
@@ -48,6 +49,7 @@ def step_control(
     slot: int,
     skipped: int,
     fault: int,
+    steps: Steps,
 ) -> None:
     """Run one cycle on what was read.
 
@@ -71,7 +73,7 @@ def step_control(
         inputs[at + 3] = NOTHING
     if fault == r.axes:
         begin_stop(r, o, axes, slot, FAULT, 0, 0)
-    begun = run_cycle(r, o, params, axes, samples, pairs, states, table, slot, skipped)
+    begun = run_cycle(r, o, params, axes, samples, pairs, states, table, slot, skipped, steps)
     if begun:
         at = 0
         for k in range(r.pairs):
@@ -79,7 +81,8 @@ def step_control(
             one = axes[q.master]
             two = axes[q.slave]
             p1 = params[q.master]
-            at = fill_pair(row, at, states[k], q, one, two, p1, params[q.slave], table)
+            p2 = params[q.slave]
+            at = fill_pair(row, at, states[k], q, one, two, p1, p2, table, steps)
     for i in range(r.axes):
         outputs[i] = axes[i].command
     outputs[r.axes + BEGUN] = 0.0

@@ -1,0 +1,187 @@
+"""What a coupling gives the controller: its steps, as functions that it gets as arguments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, MutableSequence, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from tautwave.contracts import Row
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+
+OWN_GUARDS = 100
+"""First guard code that a coupling may give away itself."""
+
+
+@dataclass(slots=True)
+class NoState:
+    """State of a coupling that has none; compiled records want a field."""
+
+    nothing: int = 0
+
+
+class NoParams(NamedTuple):
+    """Constants of a coupling that has none."""
+
+    nothing: int = 0
+
+
+def no_start(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    gap: float,
+    table: MutableSequence[float],
+) -> None:
+    """Keep nothing from before."""
+
+
+def no_engage(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+) -> None:
+    """Nothing is on its way."""
+
+
+def no_act(s: AxisState, p: AxisParams, tag: float) -> None:
+    """Book nothing by the slot."""
+
+
+def no_close(
+    s: AxisState, p: AxisParams, displacement: float, count: float, span: float, port: float
+) -> None:
+    """Book nothing by the sample."""
+
+
+def no_miss(s: AxisState, p: AxisParams) -> None:
+    """Nothing would have left."""
+
+
+def no_exchange(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+    here: bool,
+    due_one: bool,
+    due_two: bool,
+) -> None:
+    """Nothing passes between the sides."""
+
+
+def no_effort(s: AxisState, p: AxisParams, coast: float) -> float:
+    """Ask for no effort."""
+    return 0.0
+
+
+def no_velocity(
+    s: AxisState,
+    p: AxisParams,
+    pending: float,
+    wall_push: float,
+    wall_stiffness: float,
+    wall_damping: float,
+) -> float:
+    """Ask for no velocity."""
+    return 0.0
+
+
+def fill_no_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write no columns of an axis."""
+    return at
+
+
+def fill_no_elements(
+    out: Row,
+    at: int,
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+) -> int:
+    """Write no columns of a pair."""
+    return at
+
+
+def no_elements(q: PairParams, p1: AxisParams, p2: AxisParams) -> Sequence[str]:
+    """Return no names."""
+    return ()
+
+
+class Steps(NamedTuple):
+    """The steps of a coupling; all but the last two lines run compiled as well.
+
+    The functions work on the state of the axes, whose `end` is the coupling's own record, and on
+    that of the pair, whose `link` is; their constants are `p.end` and `q.link`. What they may write
+    is that and `tag` and `alarm` of an axis.
+
+    `start`: forget everything, the pair begins where it stands; `gap` [rad or m] is how far the
+    slave is from where it should be. `engage`: just before the first thought. `act`: a command
+    acted for one slot; `tag` is the number that the end had put beside it. `close`: a sample came,
+    `displacement` [rad or m] in `count` periods, `span` [s], under the mean resisting effort `port`
+    [N m or N]. `miss`: none came. `exchange`: pass what left from side to side, one slot on; not
+    `here`: a slot that the loop did not see; `due`: this side was read in this slot. `think`:
+    return the resisting effort for the next period [N m or N], where `coast` is its mean velocity
+    without it [rad/s or m/s]. `move`: return the velocity of an admittance axis, see
+    `laws.admittance`.
+
+    `fill_signals` and `fill_elements` write columns and return the next index. `signals` are the
+    names of an axis' columns, `elements(q, p1, p2)` those of a pair's elements, three columns each.
+    """
+
+    start: Callable[..., None] = no_start
+    engage: Callable[..., None] = no_engage
+    act: Callable[..., None] = no_act
+    close: Callable[..., None] = no_close
+    miss: Callable[..., None] = no_miss
+    exchange: Callable[..., None] = no_exchange
+    think: Callable[..., float] = no_effort
+    move: Callable[..., float] = no_velocity
+    fill_signals: Callable[..., int] = fill_no_signals
+    fill_elements: Callable[..., int] = fill_no_elements
+
+
+class Guard(NamedTuple):
+    """A reason to stop that a coupling has: a word for programs, and how a sentence goes on.
+
+    Such as `port_overdrawn` and `drew more energy than its port had`.
+    """
+
+    word: str
+    sentence: str
+
+
+class Law(NamedTuple):
+    """A coupling as the controller runs it: its steps, its state, its columns.
+
+    `end` and `link` make the state of an axis' end and of a pair: slotted dataclasses of numbers
+    with defaults. `guards` are by the code that a step leaves in `alarm`, from `OWN_GUARDS` on.
+    `rings`: places of the delay line in the table per slot of delay.
+    """
+
+    name: str = ""
+    steps: Steps = Steps()
+    end: Callable[[], Any] = NoState
+    link: Callable[[], Any] = NoState
+    signals: Sequence[str] = ()
+    elements: Callable[[PairParams, AxisParams, AxisParams], Sequence[str]] = no_elements
+    guards: dict[int, Guard] = {}  # noqa: RUF012
+    rings: int = 4
+
+
+ALONE = Law()
+"""An axis that no coupling holds: that of a scene."""
