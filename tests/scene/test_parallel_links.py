@@ -231,4 +231,4 @@ def test_check_lists_what_was_joined():
     done = CliRunner().invoke(
         main, ["check", "-v", str(CONFIGS / "scene-resonator.yaml"), "--set", again]
     )
-    assert "one with spring, exactly" in " ".join(done.output.split())
+    assert "merged with spring, exactly" in " ".join(done.output.split())

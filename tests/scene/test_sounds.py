@@ -1,4 +1,4 @@
-"""Sounds as outside forces: every format, what is wrong, and a run that can be run again."""
+"""Sounds as external forces: every format, mistakes, and a run that can be repeated."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from tautwave.rig import BusWay, Simulate, Way, as_taken, bus_ways, command_dela
 from tautwave.session.facts import (
     axis_rows,
     count_words,
-    coupling_words,
+    coupling_messages,
     pair_rows,
     pair_sentence,
 )
@@ -131,8 +131,8 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
         facts.append(("scene time", pace_fact(rig)))
     facts.extend((f"pair {name}", pair_sentence(rig, name, delays)) for name in rig.coupling.pairs)
     if rig.scene is None:
-        facts.extend(coupling_words(rig).facts(rig, delays))
-        facts.extend(coupling_words(rig).hints(rig))
+        facts.extend(coupling_messages(rig).facts(rig, delays))
+        facts.extend(coupling_messages(rig).hints(rig))
     for axis_name, axis in rig.axes.items():
         units = "rad, N m, kg m^2" if axis.kind == "rotary" else "m, N, kg"
         text = (
@@ -182,7 +182,7 @@ def _rate(rig: Rig) -> str:
 def _coupling(rig: Rig) -> str:
     if rig.scene is not None:
         return f"none: the master's axes touch a scene, {_scheme(rig)}"
-    return coupling_words(rig).coupling(rig)
+    return coupling_messages(rig).coupling(rig)
 
 
 def _scheme(rig: Rig) -> str:

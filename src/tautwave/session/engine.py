@@ -19,7 +19,7 @@ def compiled_devices(
 ) -> DeviceMaker | None:
     """Return what makes a compiled run's devices behind loopback buses; None without engine.
 
-    `progress` is told what is waited for where nothing lies in the cache yet.
+    `progress` gets a message while the controller is compiled, if it is not in the cache.
 
     Raises
     ------

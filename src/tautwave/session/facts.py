@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, count_velocity
-from tautwave.registry import coupling_words as words_of
+from tautwave.registry import coupling_messages as words_of
 from tautwave.rig import DebtRates, coupling_part, debt_rates, one_way_delay, pair_scale
 from tautwave.types import CommandDelay
-from tautwave.wording import CouplingWords
+from tautwave.wording import CouplingMessages
 
 
 class PairFacts(NamedTuple):
@@ -26,7 +26,7 @@ class PairFacts(NamedTuple):
     held_share: float
 
 
-def coupling_words(rig: Rig) -> CouplingWords:
+def coupling_messages(rig: Rig) -> CouplingMessages:
     """Return what the part of a rig's law says of it."""
     return words_of(rig.coupling.law)
 
@@ -34,7 +34,7 @@ def coupling_words(rig: Rig) -> CouplingWords:
 def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFacts:
     """Return what follows for one pair; see `tautwave.rig.one_way_delay`."""
     tau = one_way_delay(rig, name, delays)
-    standing = coupling_words(rig).standing(rig, name, delays, tau)
+    standing = coupling_messages(rig).standing(rig, name, delays, tau)
     power = pair_scale(rig.coupling.pairs[name]).power
     return PairFacts(tau, standing.offset, power, standing.held_share)
 
@@ -67,10 +67,10 @@ def port_debts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> dict[str
 def pair_sentence(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> str:
     """Return `pair_facts` as a sentence."""
     tau = one_way_delay(rig, name, delays)
-    standing = coupling_words(rig).standing(rig, name, delays, tau)
+    standing = coupling_messages(rig).standing(rig, name, delays, tau)
     unit = "rad per N m" if rig.master.axes[name].kind == "rotary" else "m per N"
     text = f"one-way delay {tau:.4g} s in all; standing offset {standing.offset:.4g} {unit}"
-    return f"{text}; held still, {standing.words}" if standing.words else text
+    return f"{text}; held still, {standing.text}" if standing.text else text
 
 
 PAIR_HEADS = ("pair", ">one-way delay", ">standing offset", ">share given held still")

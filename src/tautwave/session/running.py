@@ -80,7 +80,7 @@ def run(
     duration_s : float, optional
         Length [s]; the rig's own if not given.
     command : str
-        How the run was asked for; kept in the summary.
+        The command line of the run; kept in the summary.
     allow_uncertified : bool
         Move motors without a certificate.
     allow_unwatched, configure : bool

@@ -71,7 +71,7 @@ def matrices(parts: Sequence[Part]) -> tuple[Matrix, Matrix, Matrix]:
 
 
 def impedance(parts: Sequence[Part], node: str) -> Rational:
-    """Return force over velocity at `node`, all other nodes free of outside forces.
+    """Return force over velocity at `node`, without external forces on all other nodes.
 
     Raises
     ------

@@ -148,7 +148,7 @@ class Stage:
         return self._fine[round(within * every) :: every][: int(self.slots * factor)]
 
     def pushes(self, factor: Fraction, within: float) -> Array:
-        """Return the outside forces at each step [N], straight lines between slots."""
+        """Return the external forces at each step [N], linear between slots."""
         steps = int(self.slots * factor)
         slot = (np.arange(steps) + within) / float(factor)
         pushes = np.zeros((steps, len(self.forces)))
@@ -157,7 +157,7 @@ class Stage:
         return pushes
 
     def moment(self, time_s: float) -> tuple[Array, Array, Array]:
-        """Return position and speed of the ports and the outside forces at any time."""
+        """Return position and speed of the ports and the external forces at any time."""
         at = time_s * self.rig.rate_hz * 2 * self.finest
         low = min(max(int(at), 0), len(self._fine) - 2)
         rise = self._fine[low + 1] - self._fine[low]
