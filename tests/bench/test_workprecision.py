@@ -212,7 +212,7 @@ def test_the_figure_marks_front_choice_and_real_time() -> None:
     lines = {str(line.get_label()): np.asarray(line.get_xydata()) for line in axes.lines}
     stairs = lines["Pareto front of tautwave"]
     assert np.array_equal(stairs, [[3.0, 1e-4], [1e-2, 1e-4], [1e-4, 1e-3]])
-    assert np.array_equal(lines["what is taken"], [[1e-4, 1e-3]])
+    assert np.array_equal(lines["chosen point"], [[1e-4, 1e-3]])
     assert any(np.array_equal(np.asarray(line.get_ydata()), [1.0, 1.0]) for line in axes.lines)
     assert len(lines["rk4"]) == 3  # the one that exploded is not drawn
     assert energy_figure([SCENE]).axes

@@ -1,4 +1,4 @@
-"""`check`: what a rig would do, without touching a device."""
+"""`check`: examine a rig without touching a device."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from tautwave.session.plan import PlanItem, left_out, rig_plan
 
 
 class CheckResult(NamedTuple):
-    """What a check found. `certificate` is that of `tautwave.certificate`, as plain data.
+    """Result of a check. `certificate` is that of `tautwave.certificate`, as plain data.
 
     `pairs` and `axes` are rows of `tautwave.session.facts.PAIR_HEADS` and `AXIS_HEADS`, the short
-    form of those facts; `failures` holds a sentence for each thing that keeps the rig from running.
+    form of those facts; `failures` holds a sentence for each reason why the rig may not run.
     """
 
     rig: str
@@ -49,7 +49,7 @@ class CheckResult(NamedTuple):
             "budget": {
                 name: {
                     "time_s": cost.time_s,
-                    # JSON has no infinity: null where nothing limits the rate.
+                    # JSON has no infinity: null if nothing limits the rate.
                     "greatest_rate_hz": None
                     if cost.greatest_rate_hz == float("inf")
                     else cost.greatest_rate_hz,
@@ -74,12 +74,12 @@ def bus_budgets(rig: Rig) -> dict[str, Budget]:
 
 
 def require_drivers(rig: Rig) -> None:
-    """Refuse a rig where a library of one of its drivers is not installed.
+    """Refuse a rig if a library of one of its drivers is not installed.
 
     Raises
     ------
     ConfigError
-        It names the driver, the modules, and what to install.
+        Its message names the driver, the modules, and what to install.
     """
     for driver in dict.fromkeys(bus.driver for bus in rig.buses.values()):
         require_modules(driver)
@@ -105,7 +105,7 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
     rig : Rig
         A checked rig.
     simulate : bool or collection of str
-        As for `run`: what is simulated although it names hardware.
+        As for `run`: buses to simulate although they name hardware.
 
     Returns
     -------
@@ -186,7 +186,7 @@ def _coupling(rig: Rig) -> str:
 
 
 def _scheme(rig: Rig) -> str:
-    """Return the scheme that runs a scene, and whether it was chosen."""
+    """Return the scheme that runs a scene, and whether `auto` chose it."""
     assert rig.scene is not None
     if rig.scene.dimension == 3 or rig.scene.scheme != "auto":
         return f"scheme {rig.scene.scheme}"

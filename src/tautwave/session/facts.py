@@ -12,12 +12,12 @@ from tautwave.wording import CouplingMessages
 
 
 class PairFacts(NamedTuple):
-    """Of one pair: one-way delay tau [s] as it acts, all samples counted, and what standing costs.
+    """Statics of one pair: effective one-way delay tau [s], samples included; steady-state offset.
 
-    While the master gives an effort F and nothing moves, it stands ahead of the slave by
-    F `offset_per_effort` (`tautwave.rig.standing_offset`) [rad per N m or m per N]. A device that
-    is held still gets `held_share` of the line's effort, the smaller of master's and slave's;
-    of a position coupling it is the share of its stiffness that acts.
+    While the master holds an effort F and nothing moves, it is ahead of the slave by F
+    `offset_per_effort` (`tautwave.rig.standing_offset`) [rad per N m or m per N]. A device that is
+    held still gets `held_share` of the line's effort, the smaller of master's and slave's; of a
+    position coupling it is the share of its stiffness that acts.
     """
 
     coupling_delay_s: float
@@ -27,12 +27,12 @@ class PairFacts(NamedTuple):
 
 
 def coupling_messages(rig: Rig) -> CouplingMessages:
-    """Return what the part of a rig's law says of it."""
+    """Return the messages of a rig's coupling law."""
     return words_of(rig.coupling.law)
 
 
 def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFacts:
-    """Return what follows for one pair; see `tautwave.rig.one_way_delay`."""
+    """Return the derived numbers of one pair; see `tautwave.rig.one_way_delay`."""
     tau = one_way_delay(rig, name, delays)
     standing = coupling_messages(rig).standing(rig, name, delays, tau)
     power = pair_scale(rig.coupling.pairs[name]).power
@@ -40,11 +40,11 @@ def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFact
 
 
 def port_debts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> dict[str, Any]:
-    """Return `port_debt`, what each wave port of a pair may owe; empty for other couplings.
+    """Return `port_debt`, the allowed debt of each wave port of a pair; empty for other couplings.
 
     By side, in the device's own units: `per_speed_squared` [kg m^2 or kg] and `per_flow` [1] as in
-    `tautwave.rig.debt_rates`, and the `exchanges` that pass until a port has let go. An
-    admittance port may owe nothing.
+    `tautwave.rig.debt_rates`, and the `exchanges` until a port has let go. An admittance port has
+    no allowed debt.
     """
     if coupling_part(rig).carries != "waves":
         return {}
@@ -116,7 +116,7 @@ def axis_rows(rig: Rig) -> list[tuple[str, ...]]:
 
 
 def count_words(rig: Rig, axis_name: str) -> str:
-    """Return which velocity one encoder count means, to stand after a `;`; "" without a step."""
+    """Return the velocity of one encoder count, as text after a `;`; "" without an encoder step."""
     axis = rig.axes[axis_name]
     if axis.encoder_quantum == 0.0:
         return ""

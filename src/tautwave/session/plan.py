@@ -1,4 +1,4 @@
-"""What of tautwave a rig uses, and what it leaves out, with the reason."""
+"""Elements that a rig uses and leaves out, with the reason."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _scene3d(rig: Rig) -> Iterator[PlanItem]:
 
 
 def _around(keys: Scene | Scene3d, sentences: Iterable[str]) -> Iterator[PlanItem]:
-    """What a scene of one dimension and one in space have alike."""
+    """Common part of one- and three-dimensional scenes."""
     for name, force in keys.forces.items():
         yield _item(f"force {name}", True, f"{force.type} on {force.on}")
     for sentence in sentences:
