@@ -51,6 +51,24 @@ def keep_in_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reporting, "subprocess", SimpleNamespace(run=complete))
 
 
+PATIENT = ("--set", "loop.missing_limit=10000", "--set", "loop.overrun_limit=10000")
+"""For runs on the real clock: what a busy machine does beside them is not what is tested."""
+
+
+def assert_ran_to_its_end(code: int, directory: Path, said: str) -> dict[str, Any]:
+    """Return the summary of a run on the real clock that came to its end.
+
+    However slow the machine is, it ends with 0, or with 3 where lost samples and held efforts broke
+    a certificate that was there before.
+    """
+    assert code in (0, 3), said
+    summary: dict[str, Any] = json.loads((directory / "summary.json").read_text(encoding="utf-8"))
+    assert summary["outcome"]["kind"] == "finished", said
+    assert summary["certificate"]["passed"], said
+    assert (code == 3) == summary["certificate"]["after_run"]["invalidated"], said
+    return summary
+
+
 def page_of(directory: Path) -> str:
     """Return the page of a run, its recording and so its figures left out."""
     (directory / "recording.mcap").unlink(missing_ok=True)

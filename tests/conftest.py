@@ -11,6 +11,7 @@ import socket
 import subprocess
 import tempfile
 import threading
+from collections import Counter
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
@@ -24,13 +25,13 @@ from tautwave.runtime import machine
 from tests import compiling
 
 # The same cases each time, so that a red run is about the change and not about luck; the machine's
-# speed is nobody's business. `.ci/run` tries twice as many; `pytest --hypothesis-profile=explore`
+# speed is nobody's business. `.ci/run` tries more; `pytest --hypothesis-profile=explore`
 # looks for new ones.
 settings.register_profile(
     "steady",
     derandomize=True,
     deadline=None,
-    max_examples=40 if os.environ.get("TAUTWAVE_LIBRARIES") == "required" else 20,
+    max_examples=25 if os.environ.get("TAUTWAVE_LIBRARIES") == "required" else 10,
     print_blob=True,
     suppress_health_check=[HealthCheck.too_slow],
 )
@@ -64,12 +65,19 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         compiler.wait()
 
 
+@pytest.hookimpl(tryfirst=True)  # before markers are looked at
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    if any(name == "vcan0" for _, name in socket.if_nameindex()):
-        return
+    without_vcan = all(name != "vcan0" for _, name in socket.if_nameindex())
+    seen: Counter[str] = Counter()
     for item in items:
-        if item.get_closest_marker("vcan"):
+        if without_vcan and item.get_closest_marker("vcan"):
             item.add_marker(pytest.mark.skip(reason="there is no interface vcan0; see .ci/vcan"))
+        sparse = item.get_closest_marker("sparse")
+        if sparse is not None:
+            function = item.nodeid.partition("[")[0]
+            if seen[function] % sparse.args[0]:
+                item.add_marker(pytest.mark.slow)
+            seen[function] += 1
 
 
 def pytest_collection_finish() -> None:

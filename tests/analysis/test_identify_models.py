@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tautwave.analysis.identification.contact_model import choose, fit_contact
-from tautwave.analysis.identification.contact_motion import fit_hunt_crossley, motion_of
+from tautwave.analysis.identification.contact_motion import motion_of
 from tautwave.analysis.identification.device_model import fit_device
 from tautwave.analysis.identification.regression import (
     Array,
@@ -18,6 +18,7 @@ from tautwave.analysis.identification.regression import (
 )
 from tautwave.models.plant import plant_cache, plant_step
 from tautwave.models.plant_params import PlantParams
+from tests.analysis.reference.hunt_crossley import fit_hunt_crossley
 
 PERIOD = 1e-3
 HAND = np.array([0.143, 5.0, 538.0])
@@ -121,6 +122,7 @@ TRUTHS = {
 }
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_a_contact_is_found_within_its_interval(kind: str) -> None:
     inside = total = 0
@@ -137,6 +139,7 @@ def test_a_contact_is_found_within_its_interval(kind: str) -> None:
     assert inside >= 0.9 * total, f"{inside} of {total}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_the_right_model_is_chosen(kind: str) -> None:
     motion = motion_of(*contact_recording(kind, 3), 5e-4, cutoff_hz=40.0)
@@ -164,6 +167,7 @@ def shaken(seed: int, coulomb: float, count: int = 8000) -> tuple[Array, Array]:
     return seen, sent
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("coulomb", [0.0, 2e-3])
 def test_a_device_is_found_within_its_interval(coulomb: float) -> None:
     truth = {"inertia": 1.6e-3, "damping": 2e-3, "coulomb": coulomb, "bias": 0.0}

@@ -23,6 +23,7 @@ AGREEMENT = 0.03
 """Relative agreement of depth, frequency and peak effort; the height, a difference, has twice."""
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     ("mass", "damping", "wall", "bias"),
     [
@@ -51,6 +52,7 @@ def test_prediction_agrees_with_simulation(
     assert said.height == pytest.approx(seen.height, rel=2 * AGREEMENT)
 
 
+@pytest.mark.slow
 @given(st.floats(0.1, 100.0), st.floats(0.05, 0.45))
 @settings(max_examples=20)
 def test_everything_but_the_frequency_grows_with_the_bias(bias: float, damping: float) -> None:

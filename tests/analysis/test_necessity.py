@@ -19,8 +19,8 @@ from tautwave.analysis.ports.necessity import (
 )
 from tautwave.analysis.ports.necessity_motion import simulate_hand
 from tautwave.analysis.ports.resonator import controller_impedance, delayed_controller
-from tautwave.analysis.ports.resonator_sampled import sampled_controller
 from tautwave.errors import ConfigError
+from tests.analysis.reference.resonator import sampled_controller
 
 TWENTY_HZ = 40.0 * math.pi
 WALL = Sampled(rational([1200, -200], [1, 0]), 1e-3)  # K = 1000, B = .2, T = 1 ms: bound 0.7
@@ -101,6 +101,7 @@ def test_a_violation_that_no_grid_sees_is_still_shown() -> None:
         simulate_hand(found, controller)
 
 
+@pytest.mark.slow
 def test_example_grows_in_time_at_the_root_s_rate() -> None:
     controller = delayed_controller(5e-4)
     found = destabilising_hand(controller, TWENTY_HZ)

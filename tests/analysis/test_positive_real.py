@@ -9,17 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tautwave.analysis.exact.axis import passivity_margin
-from tautwave.analysis.exact.positive_real import (
-    LOSSLESS,
-    NOT,
-    PLAIN,
-    STRICT,
-    WEAK,
-    discrete_positive_real,
-    positive_real,
-)
+from tautwave.analysis.exact.positive_real import LOSSLESS, NOT, PLAIN, STRICT, WEAK, positive_real
 from tautwave.analysis.exact.rational import Rational, S, constant, rational
 from tautwave.analysis.ports.resonator import controller_impedance, device_admittance
+from tests.analysis.reference.discrete import discrete_positive_real
 
 PADE = rational(["-0.00025", 1], ["0.00025", 1])  # of half a sample at 1 ms
 PASS = {
@@ -119,6 +112,7 @@ numbers = st.integers(1, 9)
 terms = st.lists(st.tuples(numbers, numbers, numbers), min_size=1, max_size=3)
 
 
+@pytest.mark.slow
 @given(terms, st.integers(0, 3), st.integers(0, 3))
 @settings(max_examples=60)
 def test_sums_of_resonators_pass_and_with_less_damping_than_none_fail(

@@ -21,12 +21,7 @@ from tautwave.analysis.ports.resonator import (
     device_admittance,
     features,
 )
-from tautwave.analysis.ports.resonator_sampled import (
-    Scheme,
-    cordis_stable,
-    sampled_boundaries,
-    sampled_law,
-)
+from tautwave.analysis.ports.resonator_sampled import Scheme, sampled_boundaries, sampled_law
 from tautwave.analysis.ports.sampled_loop import Device
 from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.analysis.walls.rules import bounce_gain
@@ -46,6 +41,7 @@ from tests.analysis.reference.conversion import (
     rounding_ratio,
     truncate_wave,
 )
+from tests.analysis.reference.resonator import cordis_stable
 from tests.laws.test_wall import PHASES, Bounce, wall
 from tests.laws.waves import decode_effort, encode_wave
 from tests.models.plants import plant

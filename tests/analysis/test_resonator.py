@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from tautwave.analysis.exact.axis import passivity_margin, scan_passivity
+from tautwave.analysis.exact.axis import passivity_margin
 from tautwave.analysis.exact.delay_roots import unstable_count
-from tautwave.analysis.exact.loops import modulus_margin, revised_bode, unconditionally_stable
+from tautwave.analysis.exact.loops import modulus_margin, revised_bode
 from tautwave.analysis.exact.positive_real import positive_real
 from tautwave.analysis.exact.rational import Delayed, angle_of, bilinear, rational
 from tautwave.analysis.ports.resonator import (
@@ -29,13 +29,14 @@ from tautwave.analysis.ports.resonator import (
 )
 from tautwave.analysis.ports.resonator_sampled import (
     Scheme,
-    rendered_hz,
     sampled_boundaries,
     sampled_law,
-    sampled_loop,
     sampled_poles,
 )
 from tautwave.errors import ConfigError
+from tests.analysis.reference.gains import unconditionally_stable
+from tests.analysis.reference.passivity_scan import scan_passivity
+from tests.analysis.reference.resonator import rendered_hz, sampled_loop
 
 TABLE = [  # f, |G|, ph G, |K0K|, ph K0K, with half a sample at 1 ms, at .1 ms
     (1, 0.0117821, 86.623, 394.185, -89.99996, -90.180, -90.018),

@@ -8,14 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from tautwave.analysis.ports.loop_modes import (
-    least_damped,
-    loop_roots,
-    mode_of,
-    spectral_radius,
-    stability_boundary,
-    stability_crossings,
-)
+from tautwave.analysis.ports.loop_modes import least_damped, loop_roots, mode_of, spectral_radius
 from tautwave.analysis.ports.sampled_loop import (
     Device,
     LinearEnd,
@@ -26,6 +19,7 @@ from tautwave.analysis.ports.sampled_loop import (
     wave_end,
 )
 from tautwave.laws.port import port_params
+from tests.analysis.reference.boundary import stability_boundary, stability_crossings
 
 T = 1e-3
 
@@ -182,6 +176,7 @@ def random_pair(rng: np.random.Generator) -> tuple[LinearEnd, LinearEnd, int]:
     return ends[0], ends[1], samples
 
 
+@pytest.mark.slow
 def test_roots_of_a_long_line_are_the_eigenvalues_of_its_matrix() -> None:
     rng = np.random.default_rng(5)
     for _ in range(40):

@@ -69,6 +69,7 @@ def test_a_fast_wave_line_is_the_continuous_one() -> None:
     near(found, wave_line(rig, s), 4e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 1.0, 1.4])
 @pytest.mark.parametrize("turn", [0.05, 0.6])
 def test_what_a_hand_feels_of_a_slow_pair_is_what_a_run_in_time_shows(

@@ -7,17 +7,12 @@ import pytest
 
 from tautwave.analysis.ports.loop_modes import loop_roots, spectral_radius, transfer
 from tautwave.analysis.ports.sampled_loop import Device, Site, close_loop, reflecting_end, wave_end
-from tautwave.analysis.ports.scattering import (
-    admittance_scattering,
-    filter_transfer,
-    greatest_gain,
-    port_scattering,
-    spring_damping,
-)
+from tautwave.analysis.ports.scattering import greatest_gain, port_scattering, spring_damping
 from tautwave.analysis.walls.sampled import PulseTransfer
 from tautwave.laws.admittance import admittance_params
 from tautwave.laws.port import port_params
 from tautwave.laws.wave_filter import filter_gain, filter_step
+from tests.analysis.reference.admittance import admittance_scattering, filter_transfer
 
 T = 1e-3
 

@@ -8,17 +8,20 @@ import time
 import numpy as np
 import pytest
 
-from tautwave.analysis.maps.simulated import simulated_growths, simulated_map, time_growth
+from tautwave.analysis.maps.simulated import simulated_growths
 from tautwave.analysis.maps.stability import Column, stability_plane, vary
 from tautwave.analysis.ports.sampled_loop import Device
-from tautwave.analysis.walls.sampled import SampledWall, prompt_bound
+from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.analysis.walls.stability import wall_matrix, wall_mode
 from tautwave.errors import ConfigError
+from tests.analysis.reference.simulated_map import simulated_map, time_growth
+from tests.analysis.reference.wall_bounds import prompt_bound
 
 T = 1e-3
 START = Column(0.0, SampledWall(0.0, 0.0, T), Device(0.1, 0.1), 0.1)
 
 
+@pytest.mark.slow
 def test_a_plane_of_a_hundred_by_a_hundred() -> None:
     columns = [vary(START, "wall_damping", value) for value in np.linspace(0.0, 150.0, 100)]
     begin = time.process_time()
@@ -35,6 +38,7 @@ def test_a_plane_of_a_hundred_by_a_hundred() -> None:
     assert plane.simulated[0] == pytest.approx(200.0333, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [1.0, 2.4, 20.0])
 def test_with_delay(delay: float) -> None:
     start = START._replace(wall=START.wall._replace(delay=delay))

@@ -18,17 +18,15 @@ from tautwave.analysis.walls.limits import (
     least_rate,
 )
 from tautwave.analysis.walls.passivity import needed_damping, wall_leak
-from tautwave.analysis.walls.sampled import (
-    PulseTransfer,
-    SampledWall,
+from tautwave.analysis.walls.sampled import PulseTransfer, SampledWall, wall_transfer
+from tautwave.errors import ConfigError
+from tests.analysis.reference.wall_bounds import (
     lag_rule,
     leaky_bound,
     prompt_bound,
     spring_bound,
     tustin_velocity,
-    wall_transfer,
 )
-from tautwave.errors import ConfigError
 
 T = 1e-3
 

@@ -19,19 +19,10 @@ from tautwave.analysis.walls.messages import (
 )
 from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.analysis.walls.rules import (
-    adversarial_energy,
-    adversarial_positions,
-    best_stroke,
     bounce_gain,
-    damper_step,
-    friction_region,
-    penetration_leak,
-    predicting_damping,
     quantised_stiffness,
-    quantiser_gain,
     quantum_activity,
     quantum_force,
-    swing_threshold,
     velocity_quantum,
 )
 from tautwave.analysis.walls.sampled import SampledWall
@@ -40,6 +31,17 @@ from tautwave.laws.wall import WallParams, wall_depth, wall_effort
 from tautwave.models.encoder import quantise
 from tautwave.models.hand import PAPER_HAND
 from tautwave.models.plant import PlantParams, plant_cache, plant_step
+from tests.analysis.reference.wall_rules import (
+    adversarial_energy,
+    adversarial_positions,
+    best_stroke,
+    damper_step,
+    friction_region,
+    penetration_leak,
+    predicting_damping,
+    quantiser_gain,
+    swing_threshold,
+)
 
 T = 1e-3
 

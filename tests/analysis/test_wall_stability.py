@@ -220,6 +220,7 @@ def agree(wall: SampledWall, device: Device) -> int:
     return checked
 
 
+@pytest.mark.slow
 @given(
     mass=st.floats(-4, 1),
     share=st.floats(-8, -0.3),
@@ -254,6 +255,7 @@ def test_boundary_agrees_with_the_simulated_map_to_one_percent(
         assert simulated_growth(small, device) > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 1.0, 7.0, 20.0, 0.4, 12.5])
 @pytest.mark.parametrize(
     ("mass", "damping", "period"),

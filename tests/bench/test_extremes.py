@@ -48,6 +48,7 @@ def test_no_contact_explodes(name: str) -> None:
     assert worst.gained < 2.0 * ERROR.get(name, 0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["exact", "discrete_gradient"])
 def test_dampers_only_take(name: str) -> None:
     worst = bounce.measure(LOSSY, SCHEMES[name], fast=False)
@@ -97,6 +98,7 @@ def test_contact_time_is_that_of_hertz() -> None:
     assert bounce.contact_time(1e6, 1.5, 0.01) == pytest.approx(2.03046204e-3, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_rigs_at_their_extremes_stay_finite() -> None:
     ends = set()
     for group in extremes_rigs.groups():
@@ -131,6 +133,7 @@ def test_energy_stays_over_many_steps() -> None:
     assert EXACT < 0
 
 
+@pytest.mark.slow
 def test_command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(suite_module, "STEPS", 1000)
     monkeypatch.setattr("shutil.which", lambda *_: None)  # compiling is not what is tested

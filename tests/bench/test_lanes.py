@@ -40,6 +40,7 @@ def energy(p: Plain, x: float, v: float) -> float:
     return 0.5 * p.mass * v * v + 0.5 * p.stiffness * deep * deep
 
 
+@pytest.mark.slow
 @gcc
 def test_every_way_gives_the_bits_of_plain_python(tmp_path: Path) -> None:
     sets, aims = plain_sets(2 * LANES), plain_aims(1200)
@@ -51,6 +52,7 @@ def test_every_way_gives_the_bits_of_plain_python(tmp_path: Path) -> None:
         assert found.tobytes() == np.array(out).tobytes(), way
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", [0, 24, 47])
 @pytest.mark.parametrize(("scheme", "most"), [(EXACT, 1e-13), (DORMAND_PRINCE, 1e-12)])
 def test_it_is_exact(at: int, scheme: int, most: float, monkeypatch: pytest.MonkeyPatch) -> None:

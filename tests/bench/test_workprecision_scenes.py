@@ -32,6 +32,7 @@ def resonator() -> tuple[Stage, Played]:
     return stage, played(stage, "exact", 64)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scheme", "low", "high"),
     [("exact", 1.8, 2.2), ("discrete_gradient", 1.7, 2.3), ("symplectic", 0.8, 2.3)],
@@ -67,6 +68,7 @@ def test_only_held_forces_make_energy(resonator: tuple[Stage, Played]) -> None:
     assert made[0] / made[1] == pytest.approx(4.0, rel=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "begin_s"), [(GRANULAR, 0.0), (DRUM, 0.138)])
 def test_scipy_s_equations_are_those_of_the_steps(scene: scenes.SceneRig, begin_s: float) -> None:
     pytest.importorskip("scipy")

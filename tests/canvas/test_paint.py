@@ -87,6 +87,7 @@ def test_figures_of_one_page_share_no_identifier():
     assert one == svg(drawn()[0], "one")
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("columns", [1, 2])
 @pytest.mark.parametrize("style", [Style(), Style(84.0 / 25.4, 8.0)])
 def test_nothing_overlaps_and_nothing_is_cut_off(columns, style):
@@ -149,6 +150,7 @@ def test_a_paper_gets_its_width_its_letters_and_no_title(kind):
         assert b"<text" not in data  # outlines
 
 
+@pytest.mark.slow
 def test_lines_are_as_thick_as_the_letters_ask_for():
     def thickness(style):
         with styled(style):

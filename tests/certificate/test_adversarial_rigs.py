@@ -76,8 +76,8 @@ def test_no_user_draws_more_from_a_certified_rig_than_its_verdict_says(seed: int
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", range(4))
-def test_thousands_of_certified_rigs(part: int) -> None:
+@pytest.mark.parametrize("part", range(2))
+def test_hundreds_of_certified_rigs(part: int) -> None:
     @settings(CALM, max_examples=28)
     @given(SEEDS)
     def hold(seed: int) -> None:
@@ -89,7 +89,7 @@ def test_thousands_of_certified_rigs(part: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(2))
 def test_nothing_more_comes_with_time(part: int) -> None:
-    @settings(CALM, max_examples=25)
+    @settings(CALM, max_examples=14)
     @given(SEEDS)
     def hold(seed: int) -> None:
         hold_rig(seed + (part << 41), 20_000)
@@ -97,6 +97,7 @@ def test_nothing_more_comes_with_time(part: int) -> None:
     hold()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantum", [1e-6, 1e-4])
 def test_encoder_steps_let_out_no_more_than_is_told(quantum: float) -> None:
     for seed in range(8):

@@ -40,6 +40,7 @@ def summary_of(folder: Path) -> dict[str, Any]:
 # -- check ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_check_exits_3_when_the_required_verdict_fails(tmp_path: Path) -> None:
     done = tautwave("check", README_RIG, "--set", wall(9.0), "--out", "reported", cwd=tmp_path)
     assert done.exit_code == 3
@@ -73,6 +74,7 @@ def cpu_and_modules(code: str, *words: str) -> tuple[float, set[str]]:
     return float(seconds), {name.partition(".")[0] for name in modules}
 
 
+@pytest.mark.slow
 def test_check_of_two_axes_is_light() -> None:
     """No SciPy (1.3 s of import alone), no matplotlib; a few starts of NumPy and pydantic."""
     code = "from tautwave.cli import main; main(['check', sys.argv[1]], prog_name='tautwave')"
@@ -83,6 +85,7 @@ def test_check_of_two_axes_is_light() -> None:
     assert min(seconds for seconds, _ in found) < 10.0 * start  # about 4 times
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     ("name", "state"),
     [
@@ -124,7 +127,8 @@ def test_shipped_rigs_certify_as_stated(name: str, state: tuple[str, str]) -> No
 
 
 def test_every_shipped_rig_is_named_here() -> None:
-    [mark] = test_shipped_rigs_certify_as_stated.pytestmark  # type: ignore[attr-defined]
+    marks = test_shipped_rigs_certify_as_stated.pytestmark  # type: ignore[attr-defined]
+    [mark] = [mark for mark in marks if mark.name == "parametrize"]
     assert {path.stem for path in CONFIGS.glob("*.yaml")} == {name for name, _ in mark.args[1]}
 
 

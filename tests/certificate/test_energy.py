@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -12,6 +13,7 @@ from tests.rigs.drawing import rigs
 from tests.rigs.running import Tree, pair_of, rig_of, run_rig
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
 @given(rigs(cycles=250), st.sampled_from([0.0, 0.5, 5.0, 50.0]))
 def test_motors_give_no_more_than_they_took(data: Tree, damping: float) -> None:

@@ -128,6 +128,7 @@ def test_limit_cycles_are_of_walls_that_fail_only() -> None:
     assert boundless.as_dict()["predicted"]["depth"] is None
 
 
+@pytest.mark.slow
 def test_pictures_name_every_axis_pair_and_wall() -> None:
     found = haptics(rig("bench-1dof-loopback", "coupling.pairs.lever.wall_slave.stiffness=40"))
     for figure, count in (

@@ -15,6 +15,7 @@ LATE = "buses.arm.options={command_delay_s: 0.001}"
 T, DAMPING = 1e-3, 2e-3  # of the rig: the believed lower bound counts, not the value 3e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "limit"),
     [

@@ -52,6 +52,7 @@ def test_six_pairs_fit_on_a_screen_and_the_verdict_is_last(tautwave_cli: Cli, si
         assert any("rad/s" in line for line in lines if f"master.joint{n}" in line)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", ["three-bus-sim", "bench-mixed-sim", "xm430-pair", "scene-drum"])
 def test_what_is_said_of_the_buses_fits_on_a_screen(tautwave_cli: Cli, rig: str) -> None:
     done = tautwave_cli("check", CONFIGS / f"{rig}.yaml")
@@ -59,6 +60,7 @@ def test_what_is_said_of_the_buses_fits_on_a_screen(tautwave_cli: Cli, rig: str)
     assert max(map(len, done.stdout.splitlines())) <= 80
 
 
+@pytest.mark.slow
 def test_check_names_the_scheme_that_auto_takes(tautwave_cli: Cli) -> None:
     said = tautwave_cli("check", CONFIGS / "scene-drum.yaml", "--set", "scene.scheme=auto").stdout
     assert "touch a scene, scheme rk4 (auto)" in said
@@ -85,6 +87,7 @@ def test_verbose_holds_the_rest(tautwave_cli: Cli, six: Path) -> None:
     assert reported.splitlines()[-1] == "  bench-1dof: may run."
 
 
+@pytest.mark.slow
 def test_out_shows_what_the_rig_can_show_a_hand(tautwave_cli: Cli, tmp_path: Path) -> None:
     stiff = "coupling.pairs.lever.wall_slave.stiffness=40"
     done = tautwave_cli("check", RIG, "--set", stiff, "--verbose", "--out", "kept")

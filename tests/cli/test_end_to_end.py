@@ -100,7 +100,7 @@ def test_a_wrong_rig_is_a_sentence_with_its_line(rig: Path, tmp_path: Path, comm
 
 
 def test_ctrl_c_ramps_down_reports_and_exits_0(rig: Path, tmp_path: Path) -> None:
-    words = ("run", str(rig), "--duration", "60", "--out", "out")
+    words = ("run", str(rig), "--duration", "60", "--out", "out", *commands.PATIENT)
     with subprocess.Popen(
         [sys.executable, "-c", TELLING, *words],
         cwd=tmp_path,

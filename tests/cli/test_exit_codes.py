@@ -20,7 +20,7 @@ from tautwave.cli.terminal.summary import last_line
 from tautwave.runtime.recorder import Recorder, RecorderStats
 from tautwave.session import running
 from tautwave.session.reporting import final_code, lost_rows
-from tests.commands import keep_in_one_process, tautwave
+from tests.commands import PATIENT, keep_in_one_process, tautwave
 
 RIG = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
 STOPPED = "master.axes.lever.velocity_limit=0.05"
@@ -80,6 +80,7 @@ def summary_of(directory: Path) -> dict[str, Any]:
 # -- signals -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_before_anything_moves_is_one_sentence(tmp_path: Path, number: int) -> None:
     with start(tmp_path, CERTIFYING + RUN) as run:
@@ -92,6 +93,7 @@ def test_a_signal_before_anything_moves_is_one_sentence(tmp_path: Path, number: 
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_signals_during_the_report_end_the_report_and_not_the_exit_code(tmp_path: Path) -> None:
     words = ("--clock", "fake", "--set", STOPPED)
     with start(tmp_path, SLOW + LIGHT + RUN, *words) as run:
@@ -106,10 +108,13 @@ def test_signals_during_the_report_end_the_report_and_not_the_exit_code(tmp_path
     assert summary_of(tmp_path / "out")["incomplete"] is None
 
 
+@pytest.mark.slow
 def test_a_closed_terminal_ramps_down_and_a_killed_recorder_is_told(tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.close(reader)
-    with start(tmp_path, NO_FIGURES + LIGHT + RUN, "--duration", 60, stdout=writer) as run:
+    with start(
+        tmp_path, NO_FIGURES + LIGHT + RUN, "--duration", 60, *PATIENT, stdout=writer
+    ) as run:
         os.close(writer)
         wait_for(run, "running")
         os.kill(writer_of(run.pid), signal.SIGKILL)
@@ -237,6 +242,7 @@ def test_the_summary_of_a_stop_says_when_on_which_axis_and_why_as_data(
 # -- standard streams ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_run_without_standard_streams_is_a_run(tmp_path: Path) -> None:
     """What is opened next would take their numbers, and prints would go into a recording."""
     code = LIGHT + NO_FIGURES + "\n" + RUN
@@ -248,6 +254,7 @@ def test_a_run_without_standard_streams_is_a_run(tmp_path: Path) -> None:
     assert recording["rows_written"] == recording["rows_offered"] == 200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [(), ("--json",), ("--set", WALL)])
 def test_a_reader_that_has_gone_changes_no_exit_code_of_a_check(words: tuple[str, ...]) -> None:
     reader, writer = os.pipe()

@@ -49,6 +49,7 @@ def test_a_name_writes_table_and_figures(tautwave_cli: Cli, tmp_path: Path) -> N
     assert "prefers-color-scheme: dark" in (tmp_path / "papers/positive-real.svg").read_text()
 
 
+@pytest.mark.slow
 def test_without_a_name_all_go_into_a_directory(
     tautwave_cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

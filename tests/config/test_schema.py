@@ -39,6 +39,7 @@ def _values(text: str) -> Any:
     return json.loads(json.dumps(parse_yaml(text).value))
 
 
+@pytest.mark.sparse(5)
 @pytest.mark.installed
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_shipped_rigs_agree(path: Path, checker: Any) -> None:

@@ -63,7 +63,7 @@ class Page:
         """Stop what serves devices."""
         for server in self.servers:
             server.terminate()
-            server.wait(10)
+            server.wait(60)
             assert server.stdout is not None
             server.stdout.close()
 

@@ -28,7 +28,15 @@ def _run(path: Path, chosen: list[Block], folder: Path, monkeypatch: pytest.Monk
         page.close()
 
 
-@pytest.mark.parametrize("path", PAGES, ids=_name)
+LONG = ("delay-and-waves.md", "dynamixel-arms.md", "modbus-profile.md", "cia402-from-eds.md")
+"""Their quick blocks take seconds too."""
+
+
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(p, marks=pytest.mark.slow) if p.name in LONG else p for p in PAGES],
+    ids=_name,
+)
 def test_blocks_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     quick = [block for block in blocks(path) if not block.note.startswith("slow")]
     _run(path, quick, tmp_path, monkeypatch)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Iterable, Iterator
 from functools import cache
+from pathlib import Path
 
 import grimp
 
+ROOT = Path(__file__).parents[2]
 PACKAGES = ("tautwave", "tautwave_drivers", "tautwave_sim")
 ROOTS = ("tautwave.cli", "tautwave.certificate.__main__", "tautwave.report.__main__",
          "tautwave.couplings", "tautwave.report.reproduce")  # fmt: skip
@@ -80,6 +83,43 @@ def test_every_module_of_the_analysis_is_reached_from_a_command() -> None:
     assert "tautwave.analysis.ports.sampled_loop" in found
     analysis = {m for m in edges() if m.startswith("tautwave.analysis.")}
     assert sorted(analysis - found) == []
+
+
+def defined_and_named(sources: Iterable[str]) -> tuple[set[str], set[str]]:
+    """Return public functions of modules, and all names that stand anywhere but in a `def`."""
+    defined: set[str] = set()
+    named: set[str] = set()
+    for source in sources:
+        tree = ast.parse(source)
+        defined |= {n.name for n in tree.body if isinstance(n, ast.FunctionDef)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Name):
+                named.add(node.id)
+            elif isinstance(node, ast.Attribute):
+                named.add(node.attr)
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                named.add(node.value.rpartition(":")[2])  # module:function
+    return {name for name in defined if name[0] != "_"}, named
+
+
+KEPT = {
+    *("angle_of", "bilinear", "least_squares", "matrices", "reflecting_end", "spectral_radius"),
+}
+"""A few lines each, beside what they are the plain case of: tests hold the rest against them."""
+
+
+def test_every_function_of_the_analysis_is_named_somewhere() -> None:
+    sources = {path: path.read_text() for path in (ROOT / "src").rglob("*.py")}
+    analysis = [text for path, text in sources.items() if "analysis" in path.parts]
+    defined, _ = defined_and_named(analysis)
+    _, named = defined_and_named(sources.values())
+    assert defined - named - KEPT == set()
+
+
+def test_a_planted_function_nobody_names_is_seen() -> None:
+    defined, named = defined_and_named(["def f():\n    g()", "def g(): pass", "LOADED = 'm:h'"])
+    assert defined - named == {"f"}
+    assert "h" in named
 
 
 def test_no_modules_import_in_a_circle() -> None:

@@ -43,6 +43,7 @@ def found_and_true(rig: Rig, axis: str, directory: Path) -> list[tuple[str, bool
     return pairs
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     ("name", "axis"),
     [
@@ -159,6 +160,7 @@ def test_uncertified_hardware_is_refused(tmp_path: Path, monkeypatch: pytest.Mon
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_the_lines_can_be_pasted_and_check_reads_them(cli: Cli, tmp_path: Path) -> None:
     text = BENCH.read_text()
     rig = tmp_path / "rig.yaml"
@@ -189,6 +191,7 @@ def test_the_lines_can_be_pasted_and_check_reads_them(cli: Cli, tmp_path: Path) 
     assert "master.lever" in checked.stdout
 
 
+@pytest.mark.slow
 def test_the_table_names_what_was_found(cli: Cli) -> None:
     done = cli("identify", BENCH, "--axis", "slave.lever", "--clock", "fake", "--duration", 5)
     assert done.exit_code == 0, done.output

@@ -50,6 +50,7 @@ def contact_csv(path: Path, kind: str = "contact", names: tuple[str, str, str] =
 # -- the bench's recordings; the bands are of repeated contacts of one bench ----------------------
 
 
+@pytest.mark.sparse(3)
 @needs_data
 @pytest.mark.parametrize(
     ("name", "model", "low", "high"),
@@ -77,6 +78,7 @@ def test_the_bench(name: str, model: str, low: float, high: float) -> None:
         assert offset == pytest.approx(float(np.median(free)), abs=0.015)
 
 
+@pytest.mark.slow
 @needs_data
 @pytest.mark.parametrize("name", ["m1_a_free_motion", "m1_d_free_motion", "m2_a_free_motion"])
 def test_free_motion_is_no_contact(name: str, cli: Cli) -> None:
@@ -86,6 +88,7 @@ def test_free_motion_is_no_contact(name: str, cli: Cli) -> None:
     assert any("No contact found" in note for note in result.notes)
 
 
+@pytest.mark.slow
 @needs_data
 def test_a_rigid_contact_on_the_command_line(cli: Cli, tmp_path: Path) -> None:
     done = cli("identify", DATA / "m1_d_rigid.csv", "--out", "out")
@@ -114,6 +117,7 @@ def test_a_csv_file_from_the_command_line(cli: Cli, tmp_path: Path) -> None:
     assert Path(reported["figure"]).is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["spring", "contact", "preloaded", "hunt_crossley"])
 def test_the_snippet_is_a_block_of_a_rig(kind: str, tmp_path: Path) -> None:
     result = identify_recording(contact_csv(tmp_path / "press.csv", kind))
@@ -140,6 +144,7 @@ def test_a_hand_that_holds_still(tmp_path: Path) -> None:
     assert found == pytest.approx([0.143, 5.0, 538.0], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_columns_are_told_by_their_names_or_asked_for(cli: Cli, tmp_path: Path) -> None:
     bench = ["time_s", "master_position_rad", "slave_position_rad", "minus_hand_torque_nm"]
     bench += ["environment_torque_nm", "slave_command_nm"]

@@ -66,6 +66,7 @@ def test_no_lossless_far_end_makes_it_unstable_over_long_lines(name: str, delay:
         assert found <= 1.0 + 1e-9, (b, share, end, samples, found)
 
 
+@pytest.mark.sparse(5)
 @pytest.mark.parametrize("delay", [0, 1, 2, 5])
 @pytest.mark.parametrize("name", DEVICES)
 def test_it_never_reflects_more_than_arrives_at_any_frequency(name: str, delay: int) -> None:

@@ -137,6 +137,7 @@ def contact_time(exponent: float, k: float) -> float:
     return length * math.gamma(1.0 + share) / math.gamma(0.5 + share)
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize(
     ("scheme", "exponent", "low", "high"),
     [
@@ -270,6 +271,7 @@ def test_books_close_with_everything_there(scheme: str) -> None:
     assert balance == pytest.approx(sum(foam_stored(p, foam, x, v, aim)) - stored, abs=1e-8 * gross)
 
 
+@pytest.mark.slow
 def test_the_oracle_is_the_exact_step_in_a_random_life_at_a_wall() -> None:
     p = plant(0.1, 0.3, 0.05, (538.0, 5.0), (0.0, 0.0), (4e3, 3.0, 0.001, 1.0))
     foam = contact(DORMAND_PRINCE, 1.0, 4e3, damping=3.0, position=0.001)

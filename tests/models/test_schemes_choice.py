@@ -61,6 +61,7 @@ def growth_seen(scheme: int, stiffness: float, damping: float) -> float:
     return math.exp(sum(sizes) / len(sizes))
 
 
+@pytest.mark.sparse(5)
 @pytest.mark.parametrize("scheme", BOUNDED)
 @pytest.mark.parametrize("damping", [0.0, 5.0, 60.0])
 @pytest.mark.parametrize("share", [0.3, 0.97, 1.03, 1.5])
@@ -114,6 +115,7 @@ def test_nothing_is_too_stiff_for_the_others(scheme: int) -> None:
     assert refusal(plant(1e-3), foam, scheme, 1.0, T) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stiffness", [10.0, 1e4, 1e7])
 @pytest.mark.parametrize("max_error", [1e-2, 1e-4, 1e-6])
 def test_auto_meets_the_error_and_nothing_tried_was_cheaper(
@@ -147,6 +149,7 @@ def worst_on_a_grid(mass: float, foam: FoamParams, count: float, cells: int = 12
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", [SYMPLECTIC_EULER, RK4, IMPLICIT_MIDPOINT])
 @pytest.mark.parametrize("count", [5.0, 32.0, 32.37])
 @pytest.mark.parametrize(("exponent", "damping"), [(1.0, 0.0), (1.0, 1.0), (1.5, 0.0)])
@@ -159,6 +162,7 @@ def test_the_error_told_is_nearly_that_of_the_worst_entry_and_step(
     assert 0.75 < found / worst_on_a_grid(0.1, foam, count) < 1.34
 
 
+@pytest.mark.slow
 def test_a_step_that_divides_the_contact_gets_no_credit_for_it() -> None:
     wall = FoamParams(100.0, 1.0, 0.0, 0.0, 1.0, 1, 0.0, RK4)
     p = plant(0.1)
@@ -291,6 +295,7 @@ def test_what_a_scheme_cannot_hold_is_refused_with_numbers(
         axis_model(rig_with(*keys), "slave.lever", 10)
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     "scheme", ["auto", "symplectic_euler", "implicit_midpoint", "rk4", "dormand_prince"]
 )

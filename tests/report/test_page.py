@@ -348,6 +348,7 @@ def test_an_empty_summary_is_not_taken_for_a_good_run(tmp_path, columns):
     assert "not recorded" in page.text
 
 
+@pytest.mark.slow
 def test_a_long_recording_read_by_columns_gives_the_same_page(
     tmp_path, reported, columns, monkeypatch
 ):
@@ -357,6 +358,7 @@ def test_a_long_recording_read_by_columns_gives_the_same_page(
     assert page.read_text() == (reported / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_signals_that_are_not_numbers_do_not_stop_the_report(tmp_path, columns):
     broken = {name: c.copy() for name, c in columns.items()}
     for name in ("slave.wrist.position", "wrist.position_error", "slave.wrist.port_effort"):
@@ -367,6 +369,7 @@ def test_signals_that_are_not_numbers_do_not_stop_the_report(tmp_path, columns):
     assert Page(write_report(tmp_path)).figures == 6
 
 
+@pytest.mark.slow
 def test_a_run_of_two_cycles(tmp_path):
     make_run(tmp_path, columns={n: c[:2] for n, c in make_columns(rows=10).items()})
     (tmp_path / "summary.json").unlink()

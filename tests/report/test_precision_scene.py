@@ -92,6 +92,7 @@ def test_a_scene_is_replayed_to_the_bit_and_sampling_is_its_error(resonator: Pat
     assert reported["doubt"]["apart_s"] is None
 
 
+@pytest.mark.slow
 def test_rk4_is_held_against_the_moment_that_it_has_come_to(
     resonator: Path, tmp_path: Path
 ) -> None:
@@ -135,6 +136,7 @@ def test_a_change_of_the_recording_is_found(resonator: Path) -> None:
     assert "differs from the recorded efforts by" in " ".join(scene_sentences(reported))
 
 
+@pytest.mark.slow
 def test_little_time_is_spent_where_the_scene_is_felt(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -165,6 +167,7 @@ def hasty(made: Any) -> Any:
     return base
 
 
+@pytest.mark.slow
 def test_a_string_is_told_its_pitch(tmp_path: Path) -> None:
     directory = leave_run(tmp_path / "string", "string", 0.1)
     reported = told_of(directory)

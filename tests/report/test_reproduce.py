@@ -18,6 +18,7 @@ def test_every_number_agrees_with_its_reference(name: str) -> None:
     assert all(row.source for row in rows)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in QUICK if name not in ("granular", "hand")])
 def test_every_axis_of_a_figure_is_named(name: str) -> None:
     for make in chapter(name).figures.values():

@@ -47,6 +47,7 @@ def test_the_resonances_are_marked_where_they_are():
         assert got["resonance 330.03 Hz"].get_xdata()[0] == wanted.resonance_hz
 
 
+@pytest.mark.slow
 def test_the_limits_are_those_of_the_analysis():
     prompt, late = (lines(axes) for axes in coupling_figure(PERIODS).axes)
     for drawn, name, share in (

@@ -101,6 +101,7 @@ def test_one_slow_cycle_does_not_squeeze_the_histogram(tmp_path, columns):
     assert "1 beyond the axis, up to 49" in reported
 
 
+@pytest.mark.slow
 def test_what_is_beyond_at_both_ends_collides_in_no_paper(tmp_path, columns):
     late = {**columns, "lateness_us": columns["lateness_us"].copy()}
     late["lateness_us"][[700, 1400]] = 48_000.0, -900.0

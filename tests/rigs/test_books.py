@@ -32,6 +32,7 @@ from tests.rigs.running import Run, Tree, books, pair_of, run_rig, tree
 # -- they close --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("samples", "b", "features"),
     [
@@ -49,6 +50,7 @@ def test_a_minute_of_contact_closes(samples: int, b: float, features: tuple[Tree
     assert_closed(run)
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("samples", [0, 1, 7, 50, 500])
 @pytest.mark.parametrize("b", [0.3, 3.0, 30.0, 300.0, 3000.0])
 def test_every_delay_and_impedance_closes(samples: int, b: float) -> None:
@@ -60,8 +62,10 @@ def test_every_delay_and_impedance_closes(samples: int, b: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("samples", [0, 1, 7, 50, 500])
-@pytest.mark.parametrize("b", [0.3, 3.0, 30.0, 300.0, 3000.0])
+@pytest.mark.parametrize(
+    ("samples", "b"),
+    [(0, 0.3), (1, 3000.0), (7, 30.0), (50, 3.0), (500, 300.0), (500, 0.3), (0, 3000.0)],
+)
 def test_a_minute_at_one_kilohertz_closes(samples: int, b: float) -> None:
     features = ALL if (samples + round(b)) % 2 else (WALLS, FRICTION)
     run = run_rig(
@@ -122,6 +126,7 @@ def test_a_whole_number_of_periods_has_no_remainder(rate: float, periods: int) -
     assert books(run).uncertainty == 0.0
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("scale", "force"), [(3.0, None), (0.25, None), (1.0, 4.0), (2.0, 0.1)])
 def test_scaling_closes_too(scale: float, force: float | None, sign: int) -> None:
@@ -168,6 +173,7 @@ def test_admittance_axes_close_as_intervals() -> None:
 # -- what elements generate --------------------------------------------------------------------
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize("samples", [0, 7, 50])
 @pytest.mark.parametrize("b", [1.0, 30.0, 1000.0])
 def test_a_port_generates_no_more_than_its_bound(samples: int, b: float) -> None:
@@ -244,7 +250,7 @@ def test_the_books_of_any_rig_close(data: Tree) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)  # shrinking a counterexample takes its time
-@settings(max_examples=300, suppress_health_check=list(HealthCheck))
+@settings(max_examples=150, suppress_health_check=list(HealthCheck))
 @given(rigs(cycles=600))
 def test_the_books_of_many_rigs_close(data: Tree) -> None:
     check_any(data)

@@ -71,6 +71,7 @@ def compare(one: Run, other: Run) -> list[str]:
     ]
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     "data",
     [can_tree(), can_tree(bitrate=800_000), admittance_tree()],
@@ -83,11 +84,13 @@ def test_rows_over_simulated_can_equal_those_of_loopback(data: Tree) -> None:
     assert np.ptp(over_can["true.slave.lever.position"]) > 0.1  # it did something
 
 
+@pytest.mark.slow
 def test_the_same_rig_gives_the_same_rows_twice() -> None:
     one, other = (run_rig(can_tree(), duration_s=1.0) for _ in range(2))
     assert np.array_equal(one.table, other.table, equal_nan=True)
 
 
+@pytest.mark.slow
 def test_the_books_close_and_the_difference_to_ideal_drives_is_small() -> None:
     data = can_tree()
     over_can = run_rig(data, duration_s=DURATION_S)

@@ -218,6 +218,7 @@ def test_a_minute_of_contact_leaves_no_offset_once_released() -> None:
     assert abs(coarse["a.position_error"][-1]) <= 2e-5  # a step of either encoder
 
 
+@pytest.mark.slow
 def test_a_minute_of_contact_ending_pressed_leaves_what_is_explained() -> None:
     run = contact_and_release(0.05, 0.0, 20.0, 10)
     assert run["true.slave.a.environment_effort"][-1] < -3.0

@@ -27,6 +27,7 @@ def assert_same_rows(one: Run, other: Run) -> None:
         assert np.array_equal(one[name], other[name], equal_nan=True), name
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     "extra",
     [

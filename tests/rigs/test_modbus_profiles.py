@@ -65,6 +65,7 @@ def test_a_copy_of_the_others_gives_the_same_rows_too(tmp_path: Path, name: str)
     assert same(*runs) == []
 
 
+@pytest.mark.slow
 def test_a_copy_of_generic_runs_over_tcp_as_the_name_does(tmp_path: Path) -> None:
     notes = [driven(profile) for profile in ("generic", copied(tmp_path, "generic"))]
     assert notes[0] == notes[1]

@@ -20,6 +20,7 @@ from tautwave.registry import load_driver
 from tautwave.rig import Assembly
 from tautwave.session.checking import bus_budgets, over_budget
 from tautwave_drivers.modbus.driver import ModbusDriver
+from tests.commands import PATIENT, assert_ran_to_its_end
 from tests.rigs.running import Run, Tree, books, rig_of, run_rig
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -137,6 +138,7 @@ TREES = {
 }
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("name", TREES)
 def test_rows_over_simulated_modbus_equal_those_of_loopback(name: str) -> None:
     data = TREES[name]
@@ -146,6 +148,7 @@ def test_rows_over_simulated_modbus_equal_those_of_loopback(name: str) -> None:
     assert np.ptp(over_modbus["true.slave.lever.position"]) > 0.1  # it did something
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [TCP, RTU], ids=lambda path: path.stem)
 def test_the_books_close_and_the_difference_to_ideal_drives_is_small(path: Path) -> None:
     data = tree_of(path)
@@ -166,6 +169,7 @@ def test_the_same_rig_gives_the_same_rows_twice(path: Path) -> None:
     assert np.array_equal(one.table, other.table, equal_nan=True)
 
 
+@pytest.mark.slow
 def test_contact_at_100_hz_under_a_1_khz_master_is_stable_and_its_price_is_told() -> None:
     data: Tree = yaml.safe_load(TCP.read_text(encoding="utf-8"))
     run = run_rig(data)
@@ -218,9 +222,17 @@ def test_the_shipped_rigs_run_on_the_real_clock(path: Path, tmp_path: Path) -> N
     start = "from tautwave.cli import main; main()"
     out = tmp_path / "run"
     words = [sys.executable, "-c", start, "run", str(path), "--duration", "4", "--out", str(out)]
+    words += PATIENT
+    patient = {
+        "canopen": ["heartbeat_timeout_ms=5000"],
+        "dynamixel": ["watchdog_s=2.5"],
+        "modbus": ["silence_s=5", "comm_timeout_s=5"],
+    }
+    for bus, block in yaml.safe_load(path.read_text())["buses"].items():
+        for option in patient.get(block["driver"], []):
+            words += ["--set", f"buses.{bus}.options.{option}"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=100, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    reported = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    reported = assert_ran_to_its_end(done.returncode, out, done.stdout + done.stderr)
     assert "measured" in json.dumps(reported) or path == RTU
 
 

@@ -66,12 +66,13 @@ def test_no_rig_with_slow_buses_generates_energy(data: Tree) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)  # shrinking a counterexample takes its time
-@settings(max_examples=300, suppress_health_check=list(HealthCheck))
+@settings(max_examples=120, suppress_health_check=list(HealthCheck))
 @given(slow_rigs(cycles=1500))
 def test_many_rigs_with_slow_buses_generate_no_energy(data: Tree) -> None:
     check_any(data)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("master", "slave", "samples", "b", "features"),
     [
@@ -127,6 +128,7 @@ def test_a_slow_admittance_slave_closes_as_an_interval() -> None:
     assert not quick.verdicts["passive"].passed
 
 
+@pytest.mark.slow
 def test_free_masses_gain_nothing_at_any_ratio() -> None:
     """Thrown and left alone, the kinetic energy of both is at no time more than at the start."""
     for master, slave, samples, b in [(1, 10, 5, 10.0), (10, 1, 0, 3.0), (3, 7, 2, 30.0),

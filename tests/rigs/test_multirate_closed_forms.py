@@ -30,6 +30,7 @@ def known(value: float) -> Tree:
 # -- closed forms --------------------------------------------------------------------------------
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     ("master", "slave", "samples"), [(1, 10, 5), (10, 1, 5), (3, 7, 7), (1, 50, 0)]
 )
@@ -57,6 +58,7 @@ def test_constant_velocity_passes_exactly(master: int, slave: int, samples: int)
             assert lost[-1] - lost[-1000] <= 1e-15 * books(run).gross_flow
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     ("master", "slave", "samples"), [(1, 10, 5), (10, 1, 5), (3, 7, 5), (4, 6, 0), (1, 50, 5)]
 )
@@ -176,6 +178,7 @@ def known_axis(bus: str, damping: float) -> Tree:
 # -- drift ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("master", "slave", "quantum"),
     [(1, 5, 1e-5), (5, 1, 0.0), (5, 1, 1e-5), (3, 7, 1e-5), (1, 25, 0.0), (1, 25, 1e-5)],
@@ -242,6 +245,7 @@ def test_check_and_report_say_what_the_slow_bus_costs(tmp_path: Path) -> None:
     assert cost in verdict.sentences
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("divisor", "stiffness", "certified"),
     [(10, 600.0, True), (10, 1500.0, True), (10, 3000.0, False), (5, 3000.0, True),
@@ -284,6 +288,7 @@ def test_contact_rests_where_the_loop_is_certified(
     assert_passive(run)  # even then nothing is invented
 
 
+@pytest.mark.slow
 def test_a_slow_wall_beyond_its_limit_buzzes_and_the_certificate_said_so() -> None:
     rig = load_rig(CONFIGS / "bench-multirate-loopback.yaml")
     costs = slow_costs(rig, "slave.lever", command_delays(rig))

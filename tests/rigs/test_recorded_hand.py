@@ -71,11 +71,13 @@ def missed(name: str, *more: str) -> str:
     return "; ".join(found)
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize("name", CASES)
 def test_the_slave_follows_a_recorded_hand(name: str) -> None:
     assert not missed(name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_with_the_coupling_cut_it_does_not(name: str) -> None:
     how = missed(name, CUT)

@@ -52,6 +52,7 @@ def at_rest(run: Run) -> tuple[float, float, float]:
     return master, slave, float(error[-1])
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     ("changes", "exact"),
     [

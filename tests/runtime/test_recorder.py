@@ -188,6 +188,7 @@ def test_a_killed_writer_loses_at_most_its_open_chunk(tmp_path: Path) -> None:
         check_rows(recording, range(stats.rows_written))
 
 
+@pytest.mark.slow
 def test_a_writer_killed_in_full_swing_leaves_whole_chunks(tmp_path: Path) -> None:
     dice = random.Random(3)
     for attempt in range(6):

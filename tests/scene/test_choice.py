@@ -35,6 +35,7 @@ def test_what_auto_takes_of_the_shipped_scenes(name: str, scheme: str) -> None:
     assert scheme_choice(rig).why.startswith(f"{scheme}: ")
 
 
+@pytest.mark.slow
 def test_what_auto_takes_has_the_least_error_at_the_rigs_rate() -> None:
     stage = Stage(DRUM._replace(begin_s=0.1295, span_s=0.004), engine="python")
     oracle = stage.run("discrete_gradient", Fraction(8))

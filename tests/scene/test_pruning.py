@@ -10,7 +10,7 @@ import pytest
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Link, Mass, Network, problems_of
 from tautwave.scene.pruning import prune
-from tautwave.simulation.scene.networks import run_network
+from tests.scene.batch_run import run_network
 from tests.scene.networks import RESONATOR, everything, granular
 
 
@@ -29,6 +29,7 @@ def with_rest(network: Network) -> Network:
     )
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize(
     ("network", "scheme"),
     [

@@ -49,6 +49,7 @@ def run_rig(name: str, duration: float, *overrides: str):
     return result, data, built
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize(
     ("name", "duration"), [("resonator", 0.6), ("granular", 0.12), ("string", 0.3), ("drum", 0.25)]
 )
@@ -65,6 +66,7 @@ def test_shipped_scenes_run_and_their_books_close(name, duration):
     assert abs(data["scene.hold"][-1]) < 0.1 * data[f"master.{port}.gross_flow"][-1]
 
 
+@pytest.mark.slow
 def test_a_shipped_scene_runs_with_rk4_and_its_books_close():
     result, data, _ = run_rig("drum", 0.25, "scene.scheme=rk4", "scene.engage_ramp_s=0")
     assert result.error is None
@@ -176,6 +178,7 @@ def test_two_axes_touch_one_scene(tmp_path):
     assert np.abs(data["master.finger.position"]).max() > 1e-5  # moved by what the other hand does
 
 
+@pytest.mark.slow
 def test_what_a_run_leaves_behind(tmp_path):
     out = tmp_path / "run"
     rig = str(CONFIGS / "scene-resonator.yaml")
@@ -278,7 +281,8 @@ simulation:
 """
 
 
-@pytest.mark.parametrize("scheme", ["symplectic", "discrete_gradient"])
+@pytest.mark.sparse(2)
+@pytest.mark.parametrize("scheme", ["discrete_gradient", "symplectic"])
 def test_an_instrument_that_runs_away_is_stopped_and_reported(tmp_path, scheme, monkeypatch):
     drawn = scheme == "symplectic"  # as the other one would be
     if not drawn:

@@ -21,6 +21,7 @@ def load(name: str, *given: str) -> Rig:
     return load_rig(CONFIGS / f"scene-{name}.yaml", given)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "seconds"), [("resonator", 0.3), ("string", 0.1)])
 def test_the_rows_are_those_of_a_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, seconds: float

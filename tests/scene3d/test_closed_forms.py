@@ -52,6 +52,7 @@ def test_an_isotropic_oscillator_goes_round_an_ellipse_by_the_angle_of_its_schem
         assert place(model) == pytest.approx(want / math.sin(turn), abs=1e-13)
 
 
+@pytest.mark.slow
 def test_two_bodies_turn_round_each_other_at_the_same_distance_at_any_step():
     """w T = 1.6: distance, energy and angular momentum stay; the angle is 2 atan(w T / 2)."""
     one, two, k, rest, r = 0.01, 0.03, 400.0, 0.05, 0.08
@@ -105,6 +106,7 @@ def test_a_pendulum_on_a_stiff_spring_has_its_period():
     assert abs(model.residual()) < 1e-13
 
 
+@pytest.mark.sparse(5)
 @pytest.mark.parametrize("scheme", SPACE_SCHEMES)
 @pytest.mark.parametrize("way", [(0.0, 0.0, 1.0), (1 / 3, 2 / 3, 2 / 3), (-0.6, 0.0, 0.8)])
 def test_a_network_on_a_line_is_the_one_dimensional_network(scheme, way):
@@ -198,6 +200,7 @@ def test_two_balls_meet_aslant_and_keep_energy_and_both_momenta():
     assert abs(speed(model, 0) @ speed(model, 1)) < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scheme", "order"), [("symplectic", 1), ("discrete_gradient", 2)])
 def test_the_order_of_convergence(scheme, order):
     """A point that swings on a stretched spring, and round it, and a little pendulum beside."""

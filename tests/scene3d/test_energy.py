@@ -25,6 +25,7 @@ from tautwave.scene3d.tension import pull_link
 from tests.scene3d.networks import everything, free_ring, momenta, vector
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(
     seed=st.integers(0, 10**6),
@@ -56,6 +57,7 @@ def test_the_standard_scheme_keeps_both_momenta_and_books_what_it_makes(seed, st
     assert model.ledger().numeric != 0.0
 
 
+@pytest.mark.sparse(5)
 @pytest.mark.parametrize("scheme", SPACE_SCHEMES)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_every_kind_of_link_keeps_its_books(scheme, seed):
@@ -81,6 +83,7 @@ def test_every_kind_of_link_keeps_its_books(scheme, seed):
         assert min(element.get("lost", 0.0) for element in model.elements().values()) > -1e-15
 
 
+@pytest.mark.slow
 def test_ends_on_top_of_each_other_and_straight_through():
     """No direction, no pull; a point that is shot through another goes on, its energy kept."""
     links = tuple(

@@ -51,6 +51,7 @@ def test_the_net_runs_and_its_books_close():
     assert abs(middle[-1]) < 3e-3
 
 
+@pytest.mark.slow
 def test_it_holds_its_energy_with_discrete_gradients():
     result, data, _ = run_net(0.13, "scene.scheme=discrete_gradient", "scene.engage_ramp_s=0")
     assert result.error is None
@@ -105,6 +106,7 @@ def test_simulate_gives_the_rows_of_a_run():
         assert np.array_equal(rows.data[:, at], data[name], equal_nan=True), name
 
 
+@pytest.mark.slow
 def test_what_a_run_leaves_behind(tmp_path):
     out = tmp_path / "run"
     rig = str(CONFIGS / "scene-net.yaml")

@@ -66,6 +66,7 @@ def test_the_next_process_finds_the_kernel() -> None:
     assert len(kernels) == 1  # one signature for all
 
 
+@pytest.mark.slow
 def test_what_is_cached_is_known_without_compiling(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

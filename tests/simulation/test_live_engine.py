@@ -54,6 +54,7 @@ def assert_alike(rig: Rig, duration_s: float) -> None:
     assert result._replace(error=None) == live.result._replace(error=None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RIGS)
 def test_rows_are_those_of_plain_python(name: str) -> None:
     assert_alike(rig_of(Case(name, "", "live")), 1.5)
@@ -74,6 +75,7 @@ def test_other_physics_and_other_buses_are_the_same(name: str) -> None:
     assert_alike(rig_of(Case(name, "", "live")), 2.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("script", [{"faults": {7: Fault("master.a", "too hot", True)}}, {}])
 def test_a_device_that_stops_the_run_is_named(script: dict[str, Any]) -> None:
     """A fault of the first bus comes before a sample that the second one lacks."""
@@ -91,6 +93,7 @@ def test_a_device_that_stops_the_run_is_named(script: dict[str, Any]) -> None:
     assert ("too hot" if script else "no sample in 4 cycles") in found[0][0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("broken", [float("nan"), float("inf")])
 def test_a_broken_sample_reaches_no_motor(broken: float) -> None:
     bench = Bench(arm={"positions": lambda axis, k: broken if k == 9 else 0.0})
@@ -107,6 +110,7 @@ def test_without_numba_it_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> No
         engine.compiled_devices(rig)
 
 
+@pytest.mark.slow
 def test_compiling_is_announced_where_nothing_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

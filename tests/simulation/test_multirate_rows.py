@@ -38,6 +38,7 @@ def slow_rigs(draw: st.DrawFn) -> Tree:
     return data
 
 
+@pytest.mark.slow
 @settings(max_examples=60, suppress_health_check=list(HealthCheck))
 @given(slow_rigs())
 def test_slow_rigs_of_every_kind(data: Tree) -> None:
@@ -53,6 +54,7 @@ def test_slow_rigs_of_every_kind(data: Tree) -> None:
             assert_same(live, simulate(rig, engine=engine))
 
 
+@pytest.mark.sparse(5)
 @pytest.mark.parametrize("divisor", [2, 3, 10, 50])
 @pytest.mark.parametrize("slots", [1, 2, 3, 7, 24, 30])
 def test_overruns_of_any_length_meet_any_phase(divisor: int, slots: int) -> None:

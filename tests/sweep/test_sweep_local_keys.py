@@ -119,6 +119,7 @@ def assert_alike(path: Path, axes: Sequence[tuple[str, Sequence[Any]]]) -> int:
     return instances
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize("path", [*SHIPPED, *BUSES], ids=lambda path: path.stem)
 def test_every_near_key_reaches_what_it_says(path: Path) -> None:
     keys = local_keys_of(path)
@@ -128,6 +129,7 @@ def test_every_near_key_reaches_what_it_says(path: Path) -> None:
     assert_alike(path, [("seed", [1, 7, 7, -3, 2**40])])
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=30, suppress_health_check=list(HealthCheck), deadline=None)
 def test_near_keys_together_reach_no_further(data: st.DataObject) -> None:
@@ -163,6 +165,7 @@ def test_near_keys_together_reach_no_further(data: st.DataObject) -> None:
 WRONG: list[Any] = [-1.0, 0.0, -0.0, 0, 1e308, 5e-324, 2**53, 10**400, True, None, "7", [1.0], {}]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bench-1dof-loopback", "bench-foam-loopback", "delay-stability"])
 def test_what_is_refused_is_refused_alike(name: str) -> None:
     path = next(path for path in SHIPPED if path.stem == name)
@@ -269,6 +272,7 @@ def test_families_are_forgotten(few_are_kept: int) -> None:
     assert shape_of(points._recipes[0]).is_local == (True, False)
 
 
+@pytest.mark.slow
 def test_what_is_kept_for_families_is_bounded(
     few_are_kept: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -94,6 +94,7 @@ def test_tables_hold_every_point(tmp_path: Path) -> None:
     assert plan.starts["late"].wall.delay == 1.0
 
 
+@pytest.mark.slow
 def test_the_command_draws_and_says_how_far_they_agree(tmp_path: Path) -> None:
     path, out = written(tmp_path, GOOD), tmp_path / "out"
     run = CliRunner().invoke(main, ["sweep", str(path), "--out", str(out), "--json"])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tautwave.analysis.ports.loop_modes import least_damped, stability_boundary
+from tautwave.analysis.ports.loop_modes import least_damped
 from tautwave.config import Rig, load_rig
 from tautwave.controller import run
 from tautwave.controller.records import AxisState
@@ -19,6 +19,7 @@ from tautwave.sweep.measure import growth_of, is_bounded, moving_energy, scales_
 from tautwave.sweep.predict import pair_ends, pair_matrix, pair_mode
 from tautwave.sweep.rows import simulate_rows
 from tautwave.types import CommandDelay
+from tests.analysis.reference.boundary import stability_boundary
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BASE = CONFIGS / "delay-stability.yaml"
@@ -133,6 +134,7 @@ def test_growth_is_the_predicted_one(stiffness: float, samples: int) -> None:
     assert stable == (mode.radius <= 1.0)
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(("b", "mass"), [(10.0, 0.5), (20.0, 0.5), (10.0, 0.2)])
 def test_boundary_is_the_predicted_one(b: float, mass: float) -> None:
     def rig(samples: int) -> Rig:
@@ -152,6 +154,7 @@ def test_boundary_is_the_predicted_one(b: float, mass: float) -> None:
     assert not growth(rig(boundary))[1]
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("samples", [1, 50, 400])
 def test_wave_line_stays_bounded(samples: int) -> None:
     rig = load_rig(BASE, [f"coupling.delay_s={samples / 1000!r}"])

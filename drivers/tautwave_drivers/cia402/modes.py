@@ -51,19 +51,6 @@ CONTROL_BITS = {
 }
 """Controlword bits that a mode adds to the common ones; halt (bit 8) is common."""
 
-STATUS_BITS = {
-    1: ((12, "set-point acknowledged"), (13, "following error")),
-    2: (),
-    3: ((12, "speed is zero"), (13, "maximum slippage")),
-    4: (),
-    6: ((12, "homing attained"), (13, "homing error")),
-    7: ((12, "interpolation active"),),
-    8: ((12, "follows the command"), (13, "following error")),
-    9: ((12, "follows the command"),),
-    10: ((12, "follows the command"),),
-}
-"""Statusword bits 12 and 13 by mode."""
-
 NEW_SET_POINT = 1 << 4
 CHANGE_IMMEDIATELY = 1 << 5
 RELATIVE = 1 << 6
@@ -99,11 +86,6 @@ def supported_text(supported: int) -> str:
     """Return 6502h as text."""
     names = ", ".join(mode_name(mode) for mode in supported_modes(supported))
     return names or "no standard mode"
-
-
-def mode_status_text(statusword: int, mode: int) -> tuple[str, ...]:
-    """Return the mode-specific flags (bits 12 and 13) set in a statusword."""
-    return tuple(words for bit, words in STATUS_BITS.get(mode, ()) if statusword >> bit & 1)
 
 
 class SetPoint:

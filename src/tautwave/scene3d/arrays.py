@@ -201,18 +201,6 @@ def port_places(network: Network3d, axes_at: Sequence[float]) -> list[Vector]:
     return found
 
 
-def as_arrays3d(arrays: Arrays3d) -> Arrays3d:
-    """Return a copy for compiled code: int64 and float64 arrays."""
-    import numpy as np
-
-    return Arrays3d(
-        *(
-            np.array(values, np.int64 if name in INDEX_FIELDS else np.float64)
-            for name, values in zip(Arrays3d._fields, arrays, strict=True)
-        )
-    )
-
-
 def _flat(vectors: Sequence[Sequence[float]]) -> list[float]:
     return [float(part) for vector in vectors for part in vector]
 

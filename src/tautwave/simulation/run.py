@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import warnings
 from collections.abc import Callable
 
 import numpy as np
@@ -58,8 +59,25 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
     job = pack_rig(rig, duration_s)
     run, tables_of = engine_of(engine, job.law)
     tables = tables_of(job)
-    rows = run(*tables)
+    try:
+        rows = run(*tables)
+    except Exception as err:
+        reason = why_not_compiled(err) if engine == "compiled" else ""
+        if not reason:
+            raise
+        warnings.warn(f"law {job.law.name} runs in Python: {reason}", stacklevel=2)
+        run, tables_of = engine_of("python", job.law)
+        tables = tables_of(job)
+        rows = run(*tables)
     return simulation_of_run(job, tables, rows)
+
+
+def why_not_compiled(err: Exception) -> str:
+    """Return what numba says of code that it cannot compile; nothing for any other error."""
+    if not type(err).__module__.startswith("numba."):
+        return ""
+    lines = [line.strip() for line in str(err).splitlines() if line.strip()]
+    return f"numba does not compile it: {lines[0] if lines else type(err).__name__}"
 
 
 def _simulate_live(rig: Rig, duration_s: float | None) -> Simulation:

@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tautwave.errors import ConfigError, RecordingError, WritingError
+from tautwave.rig import coupling_law
+from tautwave.simulation.run import simulate
 from tautwave.sweep.file import SweepPlan
 from tautwave.sweep.measure import PREDICTED, measure_run, predict_pair
 from tautwave.sweep.parquet import column_types, origin, write_parquet
@@ -95,6 +97,8 @@ def run_sweep(
             name = engine or sweep_engine((total - done) * cycles)
             begin = functools.partial(_Piecework, points, header, plan.sweep.measures, name)
             run = executor or (in_process if here else ProcessPool(min(jobs, len(pieces))))
+            if name == "compiled" and pieces and not here:
+                _compile_once(plan, progress)
             interrupted = False
             left = total - resumed  # resumed points do not count towards the time left
             word = f"simulating the remaining {left} points" if resumed else "simulating"
@@ -119,6 +123,22 @@ def run_sweep(
     if not interrupted:
         parquet = write_parquet(path, column_types(plan, header), origin(plan))
     return SweepResult(TableRows(path, done), total, resumed, interrupted, path, parquet)
+
+
+def _compile_once(plan: SweepPlan, progress: Callable[[float, str], None] | None) -> None:
+    """Compile before there are workers, each of which would; nothing where the cache has it."""
+    from tautwave.simulation.kernel.compiled import is_cached
+    from tautwave.simulation.kernel.run import run_law
+
+    try:
+        rig = plan.points[0].rig
+    except ConfigError:
+        return  # the worker reports it in the point's row
+    if is_cached(run_law, coupling_law(rig)):
+        return
+    if progress is not None:
+        progress(0.0, "compiling for half a minute, once per machine and version")
+    simulate(rig, duration_s=2.0 * rig.period_s)
 
 
 def _cycles(plan: SweepPlan) -> int:

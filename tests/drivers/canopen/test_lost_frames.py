@@ -48,6 +48,7 @@ def compare_positions(rows: list[list[Any]], expected: list[list[Any]]) -> None:
             assert not state.valid or state.position == wanted.position
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize("delay_s", [0.3e-3, 0.9e-3, 1.05e-3, 1.4e-3, 2.0e-3, 2.05e-3])
 def test_a_delayed_tpdo_is_never_taken_for_a_new_one(delay_s: float) -> None:
     late = started(with_faults({"kind": "delayed", "at_s": AT_S, "can_id": 0x182}, delay_s=delay_s))
@@ -60,6 +61,7 @@ def test_a_delayed_tpdo_is_never_taken_for_a_new_one(delay_s: float) -> None:
     leave(plain)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay_s", [1.1e-3, 1.4e-3, 2.0e-3, 2.3e-3, 3.0e-3, 4.05e-3])
 def test_when_every_tpdo_is_late_from_now_on_none_is_taken_for_a_new_one(delay_s: float) -> None:
     event = {"kind": "delayed", "at_s": AT_S, "can_id": 0x182, "times": 100_000}
@@ -119,6 +121,7 @@ def test_one_frame_of_ten_may_be_lost_at_random() -> None:
     rig.driver.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["lost", "delayed", "duplicated", "corrupted", "error_frame"])
 def test_a_seeded_storm_never_raises_and_repeats_itself(kind: str) -> None:
     def run() -> list[Any]:

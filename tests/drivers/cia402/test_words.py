@@ -22,7 +22,6 @@ from tautwave_drivers.cia402.modes import (
     SetPoint,
     control_mask,
     mode_name,
-    mode_status_text,
     supported_modes,
     supported_text,
 )
@@ -150,8 +149,6 @@ def test_modes_in_words() -> None:
     assert supported_text(0) == "no standard mode"
     assert mode_name(-3) == "mode -3 (the manufacturer's)"
     assert mode_name(None) == "nothing"
-    assert mode_status_text(0x3000, Mode.HM) == ("homing attained", "homing error")
-    assert mode_status_text(0x1000, Mode.CST) == ("follows the command",)
     assert control_mask(Mode.CST) == 0x100
     assert control_mask(Mode.PP) == 0x370
     assert all(mask & 0x8F == 0 for mask in map(control_mask, CONTROL_BITS))

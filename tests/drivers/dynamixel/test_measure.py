@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tautwave_drivers.dynamixel.plugin import plugin
 
 
+@pytest.mark.slow
 def test_every_figure_has_its_floor_and_the_loops_have_their_goal() -> None:
     costs = plugin.measure(40)
     assert len(costs) == 6

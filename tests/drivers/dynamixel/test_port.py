@@ -175,6 +175,7 @@ def test_a_scan_finds_them_at_their_baud_rate() -> None:
         assert (one["errors"], one["return_delay_us"]) == ("", 500)
 
 
+@pytest.mark.slow
 def test_a_scan_reads_position_and_load_in_protocol_1() -> None:
     with served("--ids", "3", "--model", "AX-12A") as path:
         found = scan(ScanOptions(port=path, protocol=1.0, baud=1_000_000, ids=[2, 3]))

@@ -132,6 +132,7 @@ def driver_of(endpoint: str, devices: list[dict[str, Any]]) -> ModbusDriver:
     return made
 
 
+@pytest.mark.slow
 def test_several_units_behind_a_pymodbus_server(tmp_path: Path) -> None:
     """It answers the first request of a segment only, as simple gateways do."""
     clock = MonotonicClock()

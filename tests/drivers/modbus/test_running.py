@@ -44,6 +44,7 @@ def _push(value: float) -> Any:
     return AxisCommand(value, 0.0)
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("link", ["tcp", "rtu"])
 def test_what_is_valid_is_of_this_cycle_whatever_goes_wrong(link: str, kind: str) -> None:

@@ -25,6 +25,7 @@ def test_scan_over_tcp_tells_unit_profile_and_state() -> None:
     assert rows[0]["position_counts"] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("profile", "state"), [("dsy-rs", "off (0x0)"), ("cia402", "SWITCH ON")])
 def test_scan_of_a_serial_line(profile: str, state: str) -> None:
     with served("--rtu", "--units", "2", "--profile", profile) as drives:
@@ -51,6 +52,7 @@ def test_a_host_without_its_scheme_is_refused_with_the_right_form() -> None:
         scan(ScanOptions(endpoint=["10.0.0.7:502"]))
 
 
+@pytest.mark.slow
 def test_our_exchange_and_the_synchronous_client_s_stand_beside_the_bare_bytes() -> None:
     costs = measure(20)
     assert [cost.goal_ratio for cost in costs] == [2.0, None, 1.5, None]

@@ -184,7 +184,7 @@ def process(*words: str) -> Iterator[tuple[subprocess.Popen[str], dict[str, Any]
             yield child, json.loads(child.stdout.readline())
         finally:
             child.send_signal(signal.SIGTERM)
-            assert child.wait(20.0) == 0
+            assert child.wait(60.0) == 0
 
 
 def test_drives_in_another_process() -> None:

@@ -46,7 +46,7 @@ def served(*options: str) -> Iterator[dict[str, Any]]:
         yield json.loads(child.stdout.readline())
     finally:
         child.terminate()
-        rest, _ = child.communicate(timeout=10)
+        rest, _ = child.communicate(timeout=60)
     assert rest == b""
     assert child.returncode == 0
 
@@ -231,6 +231,7 @@ def test_rustypot_gets_negative_values_that_need_stuffing(device: str) -> None:
         servos.close()
 
 
+@pytest.mark.slow
 def test_protocol_1_by_sdk_and_rustypot() -> None:
     with served("--model", "AX-12A", "--ids", "3") as found:
         with sdk(found["endpoint"], 1.0) as (port, packets):

@@ -31,7 +31,7 @@ def served(*words: str) -> Iterator[dict[str, Any]]:
             yield json.loads(line)
         finally:
             child.terminate()
-            _, errors = child.communicate(timeout=20)
+            _, errors = child.communicate(timeout=60)
         assert (child.returncode, errors) == (0, b"")
 
 

@@ -41,6 +41,7 @@ def polled(text: str) -> list[int]:
     return [int(value) for value in re.findall(r"^\[\d+\]:\s+(-?\d+)", text, re.MULTILINE)]
 
 
+@pytest.mark.sparse(3)
 def test_what_is_announced_leads_a_driver_there(drives: dict[str, Any]) -> None:
     assert drives["driver"] == "modbus"
     assert drives["options"] == {"endpoint": drives["endpoint"]}
@@ -124,6 +125,7 @@ def test_pymodbus_broadcasts(drives: dict[str, Any]) -> None:
             assert got.registers == [777]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("baud", "words"), [(115200, ()), (38400, ("--turnaround-s", "0.005"))], ids=["plain", "slow"]
 )

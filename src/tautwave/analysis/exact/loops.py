@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +21,7 @@ from tautwave.analysis.exact import polynomials as poly
 from tautwave.analysis.exact.axis import axis_grid, bisect, golden
 from tautwave.analysis.exact.delay_roots import DelayLoop, unstable_count
 from tautwave.analysis.exact.polynomials import Poly
-from tautwave.analysis.exact.positive_real import Band, axis_poles
+from tautwave.analysis.exact.positive_real import axis_poles
 from tautwave.analysis.exact.rational import Delayed, Rational
 from tautwave.errors import ConfigError
 
@@ -91,34 +90,6 @@ def revised_bode(loop: Rational | Delayed) -> RevisedBode:
 def characteristic(loop: Rational, gain: Fraction) -> Poly:
     """Return D + gain N of L = N/D."""
     return poly.add(loop.den, poly.scale(loop.num, gain))
-
-
-def stable_gains(loop: Rational) -> tuple[Band, ...]:
-    """Return the open intervals of gains k > 0 with 1 + k L stable, exactly decided (Routh).
-
-    Ends are gains at which a root is on the axis or at infinity, to double precision.
-    """
-    ends = {0.0, math.inf}
-    ends |= {-1.0 / v for _, v in _real_values(loop) if v < 0.0}
-    if loop.relative_degree == 0:
-        ends |= {float(-loop.den[0] / loop.num[0])}
-    rising = sorted(k for k in ends if k >= 0.0)
-    found: list[Band] = []
-    for low, high in pairwise(rising):
-        middle = 2.0 * low + 1.0 if high == math.inf else 0.5 * (low + high)
-        total = characteristic(loop, Fraction(middle))
-        if len(total) >= len(loop.den) and poly.is_hurwitz(total):
-            found.append(Band(low, high))
-    return tuple(found)
-
-
-def unconditionally_stable(loop: Rational) -> bool:
-    """Return whether 1 + k L is stable for every gain k > 0.
-
-    The passivity theorem promises it for positive-real factors, one of them strictly; a delay, a
-    hold or a sampler takes it away.
-    """
-    return stable_gains(loop) == (Band(0.0, math.inf),)
 
 
 def modulus_margin(loop: Rational | Delayed, low: float = 0.0, high: float = 0.0) -> ModulusMargin:

@@ -26,7 +26,6 @@ from tautwave.analysis.exact.rational import Rational, constant
 from tautwave.analysis.ports.sampled_loop import Device, Site
 from tautwave.analysis.walls.passivity import LeakForm, square_series
 from tautwave.analysis.walls.sampled import PulseTransfer, split_delay
-from tautwave.laws.admittance import AdmittanceParams
 from tautwave.models.linear import flow_rows
 
 TIGHT = 1e-9
@@ -149,33 +148,6 @@ def spring_damping(site: Site, stiffness: float) -> float:
 
 
 # -- the wave port of an admittance axis, and the filter -------------------------------------------
-
-
-def admittance_scattering(
-    port: AdmittanceParams, delay_periods: int, stiffness: float, damping: float = 0.0
-) -> PulseTransfer:
-    """Return S(z) of a velocity-controlled port at an outside spring and damper.
-
-    Parameters
-    ----------
-    port : AdmittanceParams
-        Constants, with the upper bound of the stiffness outside.
-    delay_periods : int
-        Whole periods until a command acts.
-    stiffness, damping : float
-        True K [N/m or N m/rad] and B [N s/m or N m s/rad] that press on the force sensor.
-    """
-    period = _whole(port.period)
-    acted = _power(Q, delay_periods + 1)
-    pending = sum((_power(Q, at) for at in range(1, delay_periods + 1)), constant(0))
-    outside = _whole(stiffness) * period / (ONE - Q) + _whole(damping)
-    divisor = _whole(port.divisor) + outside * acted + _whole(port.stiffness) * period * pending
-    return as_pulse(acted * (constant(2) * _whole(port.impedance) / divisor - ONE))
-
-
-def filter_transfer(gain: float) -> PulseTransfer:
-    """Return the wave filter a / (1 - (1 - a) / z), a its step; |H| <= 1 with 1 at standstill."""
-    return as_pulse(_filter(gain))
 
 
 def as_pulse(transfer: Rational) -> PulseTransfer:

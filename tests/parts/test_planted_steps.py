@@ -1,0 +1,94 @@
+"""A coupling whose steps are wrong is caught: by its suite, and live by the loop's guards."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from tautwave.controller.steps import OWN_GUARDS, Guard, Law
+from tautwave.testing import CouplingBench, CouplingContract
+from tautwave.testing.steps import at_random, controller, drive
+from tests.parts.test_suites import example
+
+KEPT: list[float] = []
+
+
+def bench(guards: dict[int, Guard] | None = None, **steps: Any) -> CouplingBench:
+    """Return the example's coupling with other steps."""
+    plugin = example("pd_injection").plugin
+    law: Law = plugin.law._replace(steps=plugin.law.steps._replace(**steps), guards=guards or {})
+    keys = {"stiffness": 1.5, "damping": 0.01, "injection": 0.05}
+    return CouplingBench(plugin._replace(law=law), "pd_injection", keys)
+
+
+def own_think(s: Any, p: Any, coast: float) -> float:
+    found: float = example("pd_injection").plugin.law.steps.think(s, p, coast)
+    return found
+
+
+def nan(s: Any, p: Any, coast: float) -> float:
+    return math.nan if s.position > 1e-3 else own_think(s, p, coast)
+
+
+def active(s: Any, p: Any, coast: float) -> float:
+    return -0.3 * s.velocity
+
+
+def hoarding(s: Any, p: Any, coast: float) -> float:
+    KEPT.append(coast + 0.1)
+    return own_think(s, p, coast)
+
+
+def lying(s: Any, p: Any, displacement: float, count: float, span: float, port: float) -> None:
+    s.end.given += 0.9 * port * displacement
+
+
+def remembering(s: Any, p: Any, coast: float) -> float:
+    KEPT.append(1.0)
+    return own_think(s, p, coast) + 1e-6 * len(KEPT)
+
+
+def alarmed(s: Any, p: Any, coast: float) -> float:
+    if s.position > 1e-3:
+        s.alarm = OWN_GUARDS + 7
+    return own_think(s, p, coast)
+
+
+@pytest.mark.parametrize(
+    ("steps", "check", "more"),
+    [
+        ({"think": nan}, "its_steps_return_numbers", (0,)),
+        ({"think": active}, "it_gives_no_energy", ()),
+        ({"think": hoarding}, "a_cycle_allocates_nothing_but_numbers", ()),
+        ({"close": lying}, "its_books_close", (0,)),
+        ({"think": remembering}, "no_run_remembers_another", ()),
+    ],
+)
+def test_a_planted_fault_is_caught(
+    steps: dict[str, Any], check: str, more: tuple[int, ...]
+) -> None:
+    with pytest.raises(AssertionError):
+        getattr(CouplingContract(), f"test_{check}")(bench(**steps), *more)
+
+
+def test_what_is_not_finite_stops_the_run_and_names_the_law() -> None:
+    made = bench(think=nan)
+    control = controller(made.plugin, made.block())
+    reported = drive(control, at_random())
+    assert "was asked by its coupling, law pd_injection, for what is not finite" in reported.reason
+    place = control.place()
+    assert place is not None
+    assert place.reason == "coupling_not_finite"
+    assert all(map(math.isfinite, reported.column("master.wrist.commanded")))
+
+
+def test_a_part_has_guards_of_its_own() -> None:
+    made = bench({OWN_GUARDS + 7: Guard("limp", "let go")}, think=alarmed)
+    control = controller(made.plugin, made.block())
+    reported = drive(control, at_random())
+    assert "wrist let go at" in reported.reason
+    place = control.place()
+    assert place is not None
+    assert place.reason == "limp"
