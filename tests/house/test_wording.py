@@ -23,7 +23,7 @@ PHRASES = {
     r"\bthere is to (?:say|show)\b": "name the content",
     r"\bknows everybody\b": "knows all others",
     r"\bmakes? no energy\b": "creates no energy",
-    r"\bis reported (?:that|what|which|why)\b": "is reported",
+    r"\bis told (?:that|what|which|why)\b": "is reported",
     r"\beverybody's\b|\bsomebody else's\b": "name the owner",
     r"\boutside forces?\b": "external force",
     r"\bwho is there\b": "find the devices",
