@@ -76,7 +76,7 @@ def impedance(parts: Sequence[Part], node: str) -> Rational:
     Raises
     ------
     ConfigError
-        If there is no such node, or a part hangs in the air (nothing decides where it is).
+        If there is no such node, or a part is loose (its position is undetermined).
     """
     inner, whole = _determinants(parts, node)
     return rational(whole, poly.multiply((Fraction(1), Fraction(0)), inner))
