@@ -123,7 +123,7 @@ SECTIONS = {
         Column("scene.made", "J", "created by negative dampers and energy sources"),
         Column("scene.numeric", "J", "created by a scheme that holds forces over a step"),
         Column("scene.port_work", "J", "done by the ports"),
-        Column("scene.pumped", "J", "done by outside forces"),
+        Column("scene.pumped", "J", "done by external forces"),
         Column("scene.residual", "J", "what the account of the network misses: rounding"),
         Column(
             "scene.hold",

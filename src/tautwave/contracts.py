@@ -335,8 +335,8 @@ class CouplingPlugin(NamedTuple):
     `linear(pair, side, device, site, filter_gain)` is one end of the pair, a `LinearEnd` of
     `tautwave.analysis.ports.sampled_loop`; without it no stability is predicted. `verdict` is a
     `CouplingVerdict` of `tautwave.certificate.data`, or only its `pair_elements`; without one
-    nothing is ever certified. `words` is a `CouplingWords` of `tautwave.wording`. `carries` says
-    what passes between the sides: `waves`, or `states` (position and velocity). `divisors`: either
+    nothing is ever certified. `messages` is a `CouplingMessages` of `tautwave.wording`. `carries`
+    says what the sides exchange: `waves`, or `states` (position and velocity). `divisors`: either
     side may be on a slower bus; `causalities`: of the axes that it can drive.
     """
 
@@ -350,7 +350,7 @@ class CouplingPlugin(NamedTuple):
     causalities: tuple[str, ...] = ("impedance",)
     linear: Any = ""
     verdict: Any = ""
-    words: Any = ""
+    messages: Any = ""
 
 
 class CoupledAxis(NamedTuple):

@@ -26,7 +26,7 @@ from tautwave.contracts import (
 )
 from tautwave.errors import ConfigError
 from tautwave.truth import EnvironmentPlugin, HandPlugin
-from tautwave.wording import CouplingWords
+from tautwave.wording import CouplingMessages
 
 DRIVERS = "tautwave.drivers"
 SIMULATORS = "tautwave.simulators"
@@ -151,7 +151,7 @@ def _file_module(path: str, digest: str) -> ModuleType:
     return module
 
 
-def coupling_words(name: str) -> CouplingWords:
+def coupling_messages(name: str) -> CouplingMessages:
     """Return the messages of the coupling `name`; default ones if its part has none.
 
     Raises
@@ -159,9 +159,9 @@ def coupling_words(name: str) -> CouplingWords:
     ConfigError
         As for `load_coupling` and `load_named`.
     """
-    named = load_coupling(name).words
-    words: CouplingWords = load_named(named) if named else CouplingWords()
-    return words
+    named = load_coupling(name).messages
+    messages: CouplingMessages = load_named(named) if named else CouplingMessages()
+    return messages
 
 
 def load_named(text: Any) -> Any:

@@ -29,7 +29,7 @@ def _law_of(rig: Any) -> str:
     return f"law {rig.coupling.law}, {rig.coupling.delay_s:g} s each way"
 
 
-def _no_words(*_: Any) -> str:
+def _no_text(*_: Any) -> str:
     return ""
 
 
@@ -37,20 +37,20 @@ class Standing(NamedTuple):
     """Statics of a pair while both devices are held still.
 
     `offset`: offset between them per unit of effort held at the master [rad/(N m) or m/N, master];
-    `held_share`: the share of the coupling's effort that they get [1]; `words` describe one of
+    `held_share`: the share of the coupling's effort that they get [1]; `text` describes one of
     them.
     """
 
     offset: float = 0.0
     held_share: float = 1.0
-    words: str = ""
+    text: str = ""
 
 
 def _no_standing(*_: Any) -> Standing:
     return Standing()
 
 
-class CouplingWords(NamedTuple):
+class CouplingMessages(NamedTuple):
     """Messages of a coupling for `check` and the report, without a full stop.
 
     `coupling(rig)` is one line; `plan(rig)` and `pair_plan(rig, name)` give its elements, in or
@@ -66,6 +66,6 @@ class CouplingWords(NamedTuple):
     facts: Callable[[Any, Mapping[str, CommandDelay]], Iterable[tuple[str, str]]] = _no_sentences
     hints: Callable[[Any], Iterable[tuple[str, str]]] = _no_sentences
     standing: Callable[[Any, str, Mapping[str, CommandDelay], float], Standing] = _no_standing
-    pair: Callable[[Mapping[str, Any], str, str, Callable[[Any], str]], str] = _no_words
+    pair: Callable[[Mapping[str, Any], str, str, Callable[[Any], str]], str] = _no_text
     offset_caption: str = ""
     offset_cause: str = "its coupling"

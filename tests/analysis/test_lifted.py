@@ -42,10 +42,10 @@ def test_the_pair_of_dampers_lies_on_a_hyperbola(samples: int) -> None:
     law = PairLaw(SampledWall(1000.0, 0.0, T), samples, samples)
     for master in (0.6, 1.0, 5.0, 80.0):
         need = needed_slave_damping(law, master)
-        told = 0.5 + (0.5 + samples) ** 2 / (master - 0.5)
-        assert need.slave == pytest.approx(told, rel=1e-9)
-        assert is_pair_passive(law, master, told)
-        assert not is_pair_passive(law, master, 0.999 * told)
+        reported = 0.5 + (0.5 + samples) ** 2 / (master - 0.5)
+        assert need.slave == pytest.approx(reported, rel=1e-9)
+        assert is_pair_passive(law, master, reported)
+        assert not is_pair_passive(law, master, 0.999 * reported)
     assert math.isinf(needed_slave_damping(law, 0.5).slave)
     assert math.isinf(needed_slave_damping(law, 0.3).slave)
 

@@ -23,11 +23,11 @@ def test_simulated_boundary_is_the_rule_over_decades() -> None:
     for device in itertools.product(
         (1e-4, 3e-2, 10.0), (1e-4, 3e-2, 1.0), (2e-5, 1e-3, 1e-2), (1e-7, 3e-5, 1e-3)
     ):
-        told = quantised_stiffness(*device)
-        found = paying_stiffness(*device, 1e-6 * told, 1e6 * told)
-        assert found == pytest.approx(told, rel=0.01), device
+        reported = quantised_stiffness(*device)
+        found = paying_stiffness(*device, 1e-6 * reported, 1e6 * reported)
+        assert found == pytest.approx(reported, rel=0.01), device
         b, _, T, _ = device
-        limited_by.add(told == 2.0 * b / T)
+        limited_by.add(reported == 2.0 * b / T)
     assert limited_by == {False, True}
 
 

@@ -20,8 +20,8 @@ from tests.analysis.reference.hybrids import Rig, position_position, wave_line
 INF = math.inf
 
 
-def near(found: Hybrid, told: Hybrid, rel: float) -> None:
-    for got, wanted in zip(found, told, strict=True):
+def near(found: Hybrid, reported: Hybrid, rel: float) -> None:
+    for got, wanted in zip(found, reported, strict=True):
         assert np.abs(got / wanted - 1.0).max() <= rel
 
 
@@ -128,8 +128,10 @@ def test_a_drive_that_takes_velocity_shows_its_law() -> None:
     far = wave_end(Device(0.3, 1.0), Site(free))
     s = 1j * np.geomspace(1.0, 200.0, 40)
     found = sampled_response((drive, far), (Body(), Body(0.3, 1.0)), samples, period)(s)
-    told = wave_line(Rig(0.0, 0.0, 0.3, 1.0, INF, 0.0, samples * period, samples * period, b), s)
-    near(found, told, 0.02)
+    reported = wave_line(
+        Rig(0.0, 0.0, 0.3, 1.0, INF, 0.0, samples * period, samples * period, b), s
+    )
+    near(found, reported, 0.02)
 
 
 def test_the_hold_of_a_stiff_pair_fails_llewellyn_where_the_continuous_one_passes() -> None:

@@ -60,9 +60,9 @@ def test_equals_the_live_laws_run_slot_by_slot(seed: int) -> None:
     )
     step = float(rng.choice([1.0, rng.uniform(0.05, 1.0)]))
     z = np.exp(1j * np.linspace(0.05, 3.1, 60))
-    told, _ = transfer(wave_end(device, site, filter_gain=step), z)
+    reported, _ = transfer(wave_end(device, site, filter_gain=step), z)
     found = values(port_scattering(device, site, filter_gain=step), z)
-    assert found == pytest.approx(told, rel=1e-7, abs=1e-9)
+    assert found == pytest.approx(reported, rel=1e-7, abs=1e-9)
 
 
 @pytest.mark.parametrize("delay", [0, 1, 2, 5, 12])

@@ -33,8 +33,8 @@ def test_a_plane_of_a_hundred_by_a_hundred() -> None:
     assert len(plane.edges) == 100
     # Without delay: b > K T / 2 + |B|, and the theory's stable limit at B = 0.
     for column, limit in zip(columns, plane.passive, strict=True):
-        told = max(0.0, (0.1 - column.wall.damping) * 2.0 / T)
-        assert limit == pytest.approx(told, rel=1e-6)
+        reported = max(0.0, (0.1 - column.wall.damping) * 2.0 / T)
+        assert limit == pytest.approx(reported, rel=1e-6)
     assert plane.simulated[0] == pytest.approx(200.0333, rel=1e-6)
 
 
@@ -81,9 +81,9 @@ def test_growth_in_time_is_that_of_the_map() -> None:
 def test_the_map_is_the_loop() -> None:
     wall = SampledWall(400.0, 0.5, T, 1.3, 2e-3)
     for device in (Device(0.1, 0.1), Device(0.143, 5.0, 538.0, 0.7)):
-        found, told = simulated_map(wall, device), wall_matrix(wall, device)
+        found, reported = simulated_map(wall, device), wall_matrix(wall, device)
         assert np.abs(np.linalg.eigvals(found)).max() == pytest.approx(
-            np.abs(np.linalg.eigvals(told)).max(), rel=1e-9
+            np.abs(np.linalg.eigvals(reported)).max(), rel=1e-9
         )
 
 

@@ -126,8 +126,8 @@ def test_formulas_of_section_6() -> None:
     assert f.h11 == pytest.approx(zm, rel=1e-12)
     assert f.h12 == pytest.approx(0.7 * e2, rel=1e-12)
     g = position_force(rig, s, force_scale=0.7, measured=False)
-    told = zm + 0.7 * e2 * c * (e1 - c * e1 / (zs + c))
-    assert g.h11 == pytest.approx(told, rel=1e-9, abs=1e-9)
+    reported = zm + 0.7 * e2 * c * (e1 - c * e1 / (zs + c))
+    assert g.h11 == pytest.approx(reported, rel=1e-9, abs=1e-9)
     assert g.h12 == pytest.approx(0.7 * e2 * c / (zs + c), rel=1e-12)
     still = position_position(rig, np.zeros(1, complex))
     assert still.h11[0] == pytest.approx(1.0 + 2.0 + 300.0 * 0.05)
@@ -204,10 +204,10 @@ def test_a_lossless_line_sits_on_the_limit() -> None:
 def test_scattering_of_a_line_is_its_delay() -> None:
     rig = Rig(0.0, 0.0, 0.0, 0.0, INF, 0.0, 0.05, 0.02, 10.0)
     s = np.array([7j])
-    told = np.array([[0, np.exp(-0.02 * s[0])], [np.exp(-0.05 * s[0]), 0]])
+    reported = np.array([[0, np.exp(-0.02 * s[0])], [np.exp(-0.05 * s[0]), 0]])
     found = scattering_matrix(wave_line(rig, s), 10.0)[0]
-    assert np.abs(found) == pytest.approx(np.abs(told), abs=1e-12)
-    assert found[1, 0] == pytest.approx(told[1, 0], abs=1e-12)
+    assert np.abs(found) == pytest.approx(np.abs(reported), abs=1e-12)
+    assert found[1, 0] == pytest.approx(reported[1, 0], abs=1e-12)
 
 
 def test_a_delayed_position_pair_is_not_passive() -> None:

@@ -34,9 +34,9 @@ def test_width_of_a_line_is_twice_its_logarithm() -> None:
     rig = Rig(0.0, 0.0, 0.0, 0.0, math.inf, 0.0, tau, tau, b)
     found = z_width(lambda s: wave_line(rig, s), 1.0, 100.0, 4000)
     w = np.linspace(1.0, 100.0, 40_000)
-    told = float(np.mean(np.abs(2.0 * np.log(np.tan(w * tau)))))
-    assert found.width == pytest.approx(told, rel=1e-3)
-    assert found.decibels == pytest.approx(20.0 * told / math.log(10.0), rel=1e-3)
+    reported = float(np.mean(np.abs(2.0 * np.log(np.tan(w * tau)))))
+    assert found.width == pytest.approx(reported, rel=1e-3)
+    assert found.decibels == pytest.approx(20.0 * reported / math.log(10.0), rel=1e-3)
 
 
 def test_limits_of_what_is_felt() -> None:

@@ -145,8 +145,8 @@ def test_command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(suite_module, "RIG_S", 0.05)
     done = CliRunner().invoke(main, ["bench", "extremes", "--json", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
-    rigs = next(table for table in told["tables"] if table["title"] == "Whole rigs")["rows"]
+    reported = json.loads(done.stdout)
+    rigs = next(table for table in reported["tables"] if table["title"] == "Whole rigs")["rows"]
     assert (rigs[0]["finished"], rigs[0]["refused"]) == (1, 1)
-    assert told["goals"][0]["measured"] == 0.0
-    assert len(list(tmp_path.glob("extremes-*.csv"))) == len(told["tables"])
+    assert reported["goals"][0]["measured"] == 0.0
+    assert len(list(tmp_path.glob("extremes-*.csv"))) == len(reported["tables"])

@@ -35,5 +35,5 @@ def test_what_is_measured_is_right():
 def test_the_command_is_there():
     from tautwave.cli import main
 
-    told = CliRunner().invoke(main, ["bench", "--help"])
-    assert "networks" in told.output
+    reported = CliRunner().invoke(main, ["bench", "--help"])
+    assert "networks" in reported.output

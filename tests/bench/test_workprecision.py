@@ -195,8 +195,8 @@ def test_it_writes_what_it_measured(tmp_path: Path) -> None:
         main, ["bench", "workprecision", "--out", str(tmp_path / "wp"), "--json"]
     )
     assert result.exit_code == 0, result.output
-    told = json.loads((tmp_path / "wp" / "workprecision.json").read_text())
-    scene = told["scenes"][0]
+    reported = json.loads((tmp_path / "wp" / "workprecision.json").read_text())
+    scene = reported["scenes"][0]
     assert scene["chosen"]["error"] == 1e-4
     assert [p["error"] for p in scene["front"]] == [1e-2, 1e-4]
     assert scene["points"][3]["error"] is None  # it exploded
@@ -212,7 +212,7 @@ def test_the_figure_marks_front_choice_and_real_time() -> None:
     lines = {str(line.get_label()): np.asarray(line.get_xydata()) for line in axes.lines}
     stairs = lines["Pareto front of tautwave"]
     assert np.array_equal(stairs, [[3.0, 1e-4], [1e-2, 1e-4], [1e-4, 1e-3]])
-    assert np.array_equal(lines["what is taken"], [[1e-4, 1e-3]])
+    assert np.array_equal(lines["chosen point"], [[1e-4, 1e-3]])
     assert any(np.array_equal(np.asarray(line.get_ydata()), [1.0, 1.0]) for line in axes.lines)
     assert len(lines["rk4"]) == 3  # the one that exploded is not drawn
     assert energy_figure([SCENE]).axes

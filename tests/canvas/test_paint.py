@@ -43,7 +43,7 @@ def drawn(columns=1):
         panel.axhspan(0.0, 0.5, color=WALL_SHADE, alpha=0.4, label="some ground")
         panel.set_ylabel("position [mm]")
         heading(panel, LONG)
-        legend(panel, "told\nbefore")
+        legend(panel, "reported\nbefore")
     axes[-1].set_xlabel("time [s]")
     return figure, axes
 
@@ -128,9 +128,9 @@ def test_one_legend_for_all_and_words_below():
     text_panel(below, [(SOFT, "said " * 60)])
     svg(figure, "a")
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["master"]
-    told = [text for text in figure.texts if text.get_text().startswith("said")]
-    assert len(told) > 2  # wrapped
-    assert all(0.0 < text.get_position()[1] < above.get_position().y0 for text in told)
+    reported = [text for text in figure.texts if text.get_text().startswith("said")]
+    assert len(reported) > 2  # wrapped
+    assert all(0.0 < text.get_position()[1] < above.get_position().y0 for text in reported)
 
 
 @pytest.mark.parametrize("kind", ["pdf", "svg"])

@@ -1,4 +1,4 @@
-"""Colours: told apart on light and on dark ground, also by who sees no red or no green."""
+"""Colours: distinguishable on light and dark backgrounds, also with red-green blindness."""
 
 from itertools import combinations
 

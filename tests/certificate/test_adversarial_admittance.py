@@ -1,7 +1,7 @@
 """Rigs with an admittance slave that are certified, on springs as stiff as was declared.
 
 The hand is the lossless one of `adversaries`, tuned against the master; what the slave touches is a
-spring without a damper, mostly the stiffest that its port was told of. Neither end's motors give
+spring without a damper, mostly the stiffest one declared to its port. Neither end's motors give
 energy beyond what the account of the master's port may owe. Four times that stiffness breaks it:
 else it could not fail.
 """

@@ -42,14 +42,14 @@ def summary_of(folder: Path) -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_check_exits_3_when_the_required_verdict_fails(tmp_path: Path) -> None:
-    done = tautwave("check", README_RIG, "--set", wall(9.0), "--out", "told", cwd=tmp_path)
+    done = tautwave("check", README_RIG, "--set", wall(9.0), "--out", "reported", cwd=tmp_path)
     assert done.exit_code == 3
     assert "slave wall: K = 9 N m/rad is 2.25 x the passive limit 4" in done.stdout
     assert "not passed" in done.stdout
-    told = json.loads((tmp_path / "told/check.json").read_text())
-    assert told["certificate"]["passed"] is False
-    assert told["exit_code"] == 3
-    assert (tmp_path / "told/certificate.png").read_bytes().startswith(b"\x89PNG")
+    reported = json.loads((tmp_path / "reported/check.json").read_text())
+    assert reported["certificate"]["passed"] is False
+    assert reported["exit_code"] == 3
+    assert (tmp_path / "reported/certificate.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_check_follows_require(tmp_path: Path) -> None:
@@ -64,11 +64,11 @@ def test_check_follows_require(tmp_path: Path) -> None:
 
 def cpu_and_modules(code: str, *words: str) -> tuple[float, set[str]]:
     """CPU seconds of a Python process, and the top names of what it has imported."""
-    told = (
+    reported = (
         "import sys, atexit, time\n"
         "atexit.register(lambda: print('\\n', time.process_time(), *sys.modules))\n"
     )
-    command = [sys.executable, "-c", told + code, *words]
+    command = [sys.executable, "-c", reported + code, *words]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     seconds, *modules = done.stdout.splitlines()[-1].split()
     return float(seconds), {name.partition(".")[0] for name in modules}
@@ -166,8 +166,8 @@ def test_a_derated_wall_is_what_runs(tmp_path: Path) -> None:
     done = tautwave("run", README_RIG, *QUICK, *INTO_THE_WALL, "--set", derated, cwd=tmp_path)
     assert done.exit_code == 0, done.stderr
     assert "K = 9 asked, 4 rendered" in done.stdout
-    told = summary_of(tmp_path)["certificate"]
-    assert told["walls"]["slave.lever"] == {
+    reported = summary_of(tmp_path)["certificate"]
+    assert reported["walls"]["slave.lever"] == {
         "asked_stiffness": 9.0,
         "rendered_stiffness": 4.0,
         "derate": True,
@@ -263,9 +263,9 @@ def test_a_calm_run_keeps_its_certificate() -> None:
     ],
 )
 def test_only_what_touches_the_wall_breaks_it(changes: dict[str, Any], passed: bool) -> None:
-    told = recheck(rig(), measured(**changes))
-    assert told["passed"] is passed
-    assert bool(told["sentences"]) is not passed
+    reported = recheck(rig(), measured(**changes))
+    assert reported["passed"] is passed
+    assert bool(reported["sentences"]) is not passed
 
 
 def test_a_rig_that_requires_stability_is_not_broken_by_a_held_wall() -> None:

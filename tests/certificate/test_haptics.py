@@ -39,8 +39,8 @@ def test_the_stiffest_passive_wall_is_colgate_and_schenkels() -> None:
     one = rig("bench-1dof-loopback")
     found = axis_width(one, "slave.lever", declared_delays(one))
     # b = K T / 2 + B
-    told = np.maximum(0.0, 2.0 * (0.002 - found.dampings) / 1e-3)
-    assert found.passive == pytest.approx(told, abs=1e-6)
+    reported = np.maximum(0.0, 2.0 * (0.002 - found.dampings) / 1e-3)
+    assert found.passive == pytest.approx(reported, abs=1e-6)
     assert found.best() == pytest.approx((4.0, 0.0))
     assert np.all(found.stable >= found.passive * (1.0 - 1e-9))
     assert found.firmest()[0] > 100.0 * found.best()[0]

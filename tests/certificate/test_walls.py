@@ -37,12 +37,12 @@ def test_the_greatest_passive_spring_is_that_of_theory(
 
 
 def test_a_wall_that_fails_is_told_against_which_hand() -> None:
-    told = "slave wall: unstable against this hand on the device: m = "
+    reported = "slave wall: unstable against this hand on the device: m = "
     assert any(
-        line.startswith(told) for line in element(certified(wall(9.0)), "slave wall").sentences
+        line.startswith(reported) for line in element(certified(wall(9.0)), "slave wall").sentences
     )
     passing = element(certified(wall(3.0)), "slave wall")
-    assert not any(line.startswith(told) for line in passing.sentences)
+    assert not any(line.startswith(reported) for line in passing.sentences)
 
 
 def test_the_velocity_filter_of_the_loop_is_counted() -> None:
@@ -81,11 +81,11 @@ def test_wall_and_port_share_the_damping() -> None:
     port = element(certificate, "slave.lever port")
     assert port.numbers["damping_of_wall"] == pytest.approx(1.9e-3)
     assert port.numbers["damping_left"] == pytest.approx(1e-4)
-    told = " ".join(port.sentences)
-    assert "0.0001 N m s/rad of damping left over by its wall" in told
+    reported = " ".join(port.sentences)
+    assert "0.0001 N m s/rad of damping left over by its wall" in reported
     # b mu k T / (1 + 2 b mu) = 0.02 * 0.5 * 5 * 1e-3 / 1.02 = 4.9e-5 of the simulation's wall
-    assert "takes 0.0019 and its port, held by the simulation's wall, 4.9e-05" in told
-    assert "0.001949 in all" in told
+    assert "takes 0.0019 and its port, held by the simulation's wall, 4.9e-05" in reported
+    assert "0.001949 in all" in reported
 
 
 def test_passivity_control_stands_in_for_damping() -> None:
@@ -210,17 +210,20 @@ def test_an_effort_step_counts_as_an_encoder_step() -> None:
 
 def test_derate_renders_the_stiffest_passive_wall() -> None:
     certificate = certified(wall(9.0, 4e-4, "derate: true"))
-    told = certificate.walls["slave.lever"]
+    reported = certificate.walls["slave.lever"]
     assert certificate.passed
-    assert (told["asked_stiffness"], told["rendered_stiffness"]) == (9.0, pytest.approx(3.2, 1e-5))
-    assert told["rendered_stiffness"] <= 3.2
+    assert (reported["asked_stiffness"], reported["rendered_stiffness"]) == (
+        9.0,
+        pytest.approx(3.2, 1e-5),
+    )
+    assert reported["rendered_stiffness"] <= 3.2
     sentences = element(certificate, "slave wall").sentences
     assert "K = 9 N m/rad requested, derated to 3.2" in sentences[0]
 
 
 def test_derate_leaves_a_certified_wall_alone() -> None:
-    told = certified(wall(2.0, 0.0, "derate: true")).walls["slave.lever"]
-    assert told["rendered_stiffness"] == told["asked_stiffness"] == 2.0
+    reported = certified(wall(2.0, 0.0, "derate: true")).walls["slave.lever"]
+    assert reported["rendered_stiffness"] == reported["asked_stiffness"] == 2.0
 
 
 def test_derate_cannot_save_a_wall_with_too_much_damping() -> None:

@@ -81,10 +81,10 @@ def test_each_thing_that_fails_is_one_line_at_the_end(tautwave_cli: Cli, six: Pa
 
 
 def test_verbose_holds_the_rest(tautwave_cli: Cli, six: Path) -> None:
-    told = tautwave_cli("check", six, "--verbose").stdout
-    assert len(told.splitlines()) > 100
-    assert "matching damper of master.joint3" in told
-    assert told.splitlines()[-1] == "  bench-1dof: may run."
+    reported = tautwave_cli("check", six, "--verbose").stdout
+    assert len(reported.splitlines()) > 100
+    assert "matching damper of master.joint3" in reported
+    assert reported.splitlines()[-1] == "  bench-1dof: may run."
 
 
 @pytest.mark.slow
@@ -92,10 +92,10 @@ def test_out_shows_what_the_rig_can_show_a_hand(tautwave_cli: Cli, tmp_path: Pat
     stiff = "coupling.pairs.lever.wall_slave.stiffness=40"
     done = tautwave_cli("check", RIG, "--set", stiff, "--verbose", "--out", "kept")
     assert done.exit_code == 3
-    told = (tmp_path / "kept/check.txt").read_text()
+    reported = (tmp_path / "kept/check.txt").read_text()
     *body, _, failure, last = done.stdout.splitlines()
-    assert told.startswith("\n".join(body[:-1]))
-    assert told.splitlines()[-2:] == [failure, last]
+    assert reported.startswith("\n".join(body[:-1]))
+    assert reported.splitlines()[-2:] == [failure, last]
     found = json.loads((tmp_path / "kept/check.json").read_text())["haptics"]
     assert set(found["z_width"]) == {"master.lever", "slave.lever"}
     assert found["z_width"]["slave.lever"]["passive_stiffness"] == pytest.approx(4.0)  # 2 b / T
@@ -104,7 +104,7 @@ def test_out_shows_what_the_rig_can_show_a_hand(tautwave_cli: Cli, tmp_path: Pat
     for key, rel in (("depth", 0.03), ("frequency", 0.03), ("height", 0.06)):
         assert cycle["predicted"][key] == pytest.approx(cycle["simulated"][key], rel=rel)
     for heading in ("Stiffest wall", "Felt by the hand", "Limit cycles"):
-        assert f"\n{heading}\n" in told
+        assert f"\n{heading}\n" in reported
     for name in ("certificate", "z-width", "transparency", "limit-cycle"):
         assert (tmp_path / f"kept/{name}.png").read_bytes().startswith(b"\x89PNG")
 

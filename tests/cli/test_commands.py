@@ -132,8 +132,10 @@ def test_a_run_that_was_stopped_says_so_on_stderr(tautwave_cli: Cli, backend: Ba
     assert result.stdout.startswith("bench / 1dof: safety stop, 2000 cycles")
     assert "the report could not be written: no font." in result.stdout
     assert "The recording is incomplete: disk full." in result.stdout
-    told = "slave.wrist left its position range at 1.2 s; the recording is incomplete: disk full"
-    assert result.stderr == f"{told}\n"
+    reported = (
+        "slave.wrist left its position range at 1.2 s; the recording is incomplete: disk full"
+    )
+    assert result.stderr == f"{reported}\n"
 
 
 def test_a_run_of_which_little_is_known_is_shown_too(tautwave_cli: Cli, backend: Backend) -> None:

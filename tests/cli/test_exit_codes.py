@@ -170,8 +170,8 @@ def test_a_full_disk_is_exit_code_7_in_the_last_line(
     recording = summary_of(tmp_path / "out")["recording"]
     assert 0 < recording["rows_written"] == recording["rows_read"] < recording["rows_offered"]
     last = done.stderr.splitlines()[-1]
-    told = r"bench-1dof: the recording is incomplete: the recording .* cannot be written: File"
-    assert re.match(told, last)
+    reported = r"bench-1dof: the recording is incomplete: the recording .* cannot be written: File"
+    assert re.match(reported, last)
     assert f"{recording['rows_written']} rows are in" in last
 
 
@@ -233,10 +233,10 @@ def test_the_summary_of_a_stop_says_when_on_which_axis_and_why_as_data(
     words = ("--clock", "fake", "--duration", 1, "--out", "out", "--set", STOPPED)
     done = tautwave("run", RIG, *words, cwd=tmp_path)
     assert done.exit_code == 6, done.stderr
-    told = summary_of(tmp_path / "out")["outcome"]
-    assert (told["kind"], told["reason"]) == ("safety_stop", "velocity_limit")
-    assert told["sentence"].startswith(f"{told['axis']} exceeded its velocity limit")
-    assert f" at {told['at_s']:.3f} s: " in told["sentence"]
+    reported = summary_of(tmp_path / "out")["outcome"]
+    assert (reported["kind"], reported["reason"]) == ("safety_stop", "velocity_limit")
+    assert reported["sentence"].startswith(f"{reported['axis']} exceeded its velocity limit")
+    assert f" at {reported['at_s']:.3f} s: " in reported["sentence"]
 
 
 # -- standard streams ----------------------------------------------------------------------------
@@ -312,11 +312,11 @@ def test_a_file_that_was_cut_short_behind_our_back_is_exit_code_7(
 
 
 def test_dropped_rows_and_a_missing_end_are_incomplete() -> None:
-    told = {"error": None, "rows_offered": 10, "rows_written": 10, "rows_dropped": 0}
-    assert lost_rows({"recording": told}) == ""
-    assert lost_rows({"recording": {**told, "rows_read": 10, "truncated": False}}) == ""
-    assert "its end is missing" in lost_rows({"recording": {**told, "truncated": True}})
-    dropped = lost_rows({"recording": {**told, "rows_dropped": 3}})
+    reported = {"error": None, "rows_offered": 10, "rows_written": 10, "rows_dropped": 0}
+    assert lost_rows({"recording": reported}) == ""
+    assert lost_rows({"recording": {**reported, "rows_read": 10, "truncated": False}}) == ""
+    assert "its end is missing" in lost_rows({"recording": {**reported, "truncated": True}})
+    dropped = lost_rows({"recording": {**reported, "rows_dropped": 3}})
     assert "3 of 10 rows were dropped because the writer fell behind" in dropped
 
 

@@ -19,8 +19,8 @@ Cli = Callable[..., Result]
 def test_a_row_that_differs_is_said_and_ends_in_1(
     tautwave_cli: Cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told = [Row("half", "1", 0.5, 0.5, 0.0, "arithmetic"), Row("two", "1", 2.1, 2.0, 0.05, "x")]
-    monkeypatch.setattr(positive_real, "CHAPTER", Chapter(lambda: told, {}))
+    reported = [Row("half", "1", 0.5, 0.5, 0.0, "arithmetic"), Row("two", "1", 2.1, 2.0, 0.05, "x")]
+    monkeypatch.setattr(positive_real, "CHAPTER", Chapter(lambda: reported, {}))
     done = tautwave_cli("reproduce", "positive-real")
     assert done.exit_code == 1
     assert "differs" in done.stdout.splitlines()[-1]

@@ -125,18 +125,18 @@ def test_a_scan_without_a_port_names_those_there_are(
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: ports)
     done = tautwave_cli("scan", driver)
     assert done.exit_code == 2
-    told = f"scan {driver}: {option} is missing; "
-    told += "serial ports found: /dev/ttyUSB7 (FT232R)" if found else "no serial port is found"
-    assert done.stderr.splitlines()[-1].startswith(told)
+    reported = f"scan {driver}: {option} is missing; "
+    reported += "serial ports found: /dev/ttyUSB7 (FT232R)" if found else "no serial port is found"
+    assert done.stderr.splitlines()[-1].startswith(reported)
 
 
 @pytest.mark.parametrize("driver", ["dynamixel", "modbus", "canopen"])
 def test_help_prints_no_default_that_is_none(tautwave_cli: Cli, driver: str) -> None:
     for command in ("scan", "sim"):
-        told = tautwave_cli(command, driver, "--help").stdout
-        assert "--" in told
-        assert "None" not in told
-        assert "[default: ]" not in told
+        reported = tautwave_cli(command, driver, "--help").stdout
+        assert "--" in reported
+        assert "None" not in reported
+        assert "[default: ]" not in reported
 
 
 def test_scan_that_finds_nothing_says_so(tautwave_cli: Cli) -> None:

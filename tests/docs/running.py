@@ -93,10 +93,10 @@ class Page:
                 continue
             ended, printed = self._command(self._swap(command.words))
             wanted = code if at == len(found) - 1 else 0
-            told = f"$ {command.words}\nexit {ended}\n{printed}"
-            assert ended == wanted, self._at(block, told)
+            reported = f"$ {command.words}\nexit {ended}\n{printed}"
+            assert ended == wanted, self._at(block, reported)
             if command.shown.strip():
-                assert agrees(self._swap(command.shown), printed), self._at(block, told)
+                assert agrees(self._swap(command.shown), printed), self._at(block, reported)
 
     def _swap(self, text: str) -> str:
         for named, served in self.swapped.items():
@@ -132,9 +132,9 @@ class Page:
         assert server.stdout is not None
         line = server.stdout.readline()
         assert line, f"{self.path}: `{command}` serves nothing"
-        told = json.loads(line)
-        endpoint = told["endpoint"]
-        if told["driver"] == "canopen":
+        reported = json.loads(line)
+        endpoint = reported["endpoint"]
+        if reported["driver"] == "canopen":
             interface, _, channel = endpoint.partition(":")
             endpoint = f"--interface {interface} --channel {channel}"
         self.swapped[named] = endpoint

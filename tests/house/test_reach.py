@@ -46,7 +46,9 @@ def circles(imports: Edges) -> Iterator[frozenset[str]]:
     while left:
         # What imports nothing that is left, or is imported by nothing left, is in no circle.
         wanted = frozenset().union(*left.values())
-        gone = [m for m, told in left.items() if not (told & left.keys()) or m not in wanted]
+        gone = [
+            m for m, reported in left.items() if not (reported & left.keys()) or m not in wanted
+        ]
         if gone:
             for module in gone:
                 del left[module]

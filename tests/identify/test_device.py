@@ -95,9 +95,9 @@ def test_a_blocked_device_is_a_recording_that_tells_nothing(tmp_path: Path) -> N
     rig = load_rig(BENCH, ["simulation.axes.master.lever.coulomb=1.0"])
     with pytest.raises(
         RecordingError, match="cannot be identified: the device hardly moved"
-    ) as told:
+    ) as reported:
         identify_device(rig, axis="master.lever", out=tmp_path, clock="fake", duration_s=3.0)
-    assert told.value.exit_code == 2  # nothing was stopped: the run itself went as it should
+    assert reported.value.exit_code == 2  # nothing was stopped: the run itself went as it should
 
 
 def test_leaving_the_range_stops_and_says_what_to_do(
@@ -168,24 +168,24 @@ def test_the_lines_can_be_pasted_and_check_reads_them(cli: Cli, tmp_path: Path) 
     words = ("--axis", "master.lever", "--clock", "fake", "--duration", 6, "--out", "out")
     done = cli("identify", rig, *words, "--json")
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
+    reported = json.loads(done.stdout)
     for name in ("identification.json", "identification.png", "recording.mcap", "rig.yaml"):
         assert (tmp_path / "out" / name).stat().st_size > 0
     again = cli("identify", rig, *words)
     assert again.exit_code == 2
     assert "is not empty" in again.stderr
-    belief = told["beliefs"]["inertia"]
-    assert belief["lower"] < told["parameters"]["inertia"]["lower"] < belief["value"]
+    belief = reported["beliefs"]["inertia"]
+    assert belief["lower"] < reported["parameters"]["inertia"]["lower"] < belief["value"]
     lines = text.splitlines()
     at = next(k for k, line in enumerate(lines) if line.strip().startswith("inertia:"))
     assert lines[at + 1].strip().startswith("damping:")
-    lines[at : at + 2] = ["      " + line for line in told["snippet"].splitlines()]
+    lines[at : at + 2] = ["      " + line for line in reported["snippet"].splitlines()]
     rig.write_text("\n".join(lines) + "\n")
     loaded = load_rig(rig).axes["master.lever"]
     assert loaded.inertia is not None
     assert loaded.inertia.model_dump() == belief
-    assert loaded.damping.model_dump() == told["beliefs"]["damping"]
-    assert loaded.coulomb.model_dump() == told["beliefs"]["coulomb"]
+    assert loaded.damping.model_dump() == reported["beliefs"]["damping"]
+    assert loaded.coulomb.model_dump() == reported["beliefs"]["coulomb"]
     checked = cli("check", rig, "--json")
     assert checked.exit_code in (0, 3)
     assert "master.lever" in checked.stdout

@@ -96,9 +96,9 @@ def test_a_rigid_contact_on_the_command_line(cli: Cli, tmp_path: Path) -> None:
     assert "N m/rad" in done.stdout
     assert "the force lags the motion" in done.stdout
     assert (tmp_path / "out/identification.png").stat().st_size > 10_000
-    told = json.loads((tmp_path / "out/identification.json").read_text())
-    assert told["model"] == "contact"
-    assert told["side"] == "above"
+    reported = json.loads((tmp_path / "out/identification.json").read_text())
+    assert reported["model"] == "contact"
+    assert reported["side"] == "above"
 
 
 # -- any recording --------------------------------------------------------------------------------
@@ -108,13 +108,13 @@ def test_a_csv_file_from_the_command_line(cli: Cli, tmp_path: Path) -> None:
     source = contact_csv(tmp_path / "press.csv")
     done = cli("identify", source, "--json")
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
-    assert told["axis_kind"] == "linear"
-    assert told["effort_sense"] == -1
-    assert told["model"] == "contact"
-    stiffness = told["parameters"]["stiffness"]
+    reported = json.loads(done.stdout)
+    assert reported["axis_kind"] == "linear"
+    assert reported["effort_sense"] == -1
+    assert reported["model"] == "contact"
+    stiffness = reported["parameters"]["stiffness"]
     assert stiffness["lower"] <= 20.0 <= stiffness["upper"]
-    assert Path(told["figure"]).is_file()
+    assert Path(reported["figure"]).is_file()
 
 
 @pytest.mark.slow
@@ -208,16 +208,16 @@ def test_gaps_are_left_out(tmp_path: Path) -> None:
 def test_a_run_is_a_recording(cli: Cli, tmp_path: Path) -> None:
     path = ROOT / "configs/bench-1dof-loopback.yaml"
     run(load_rig(path), out="run", clock="fake", duration_s=4.0, allow_uncertified=True)
-    done = cli("identify", "run", "--json", "--out", "told")
+    done = cli("identify", "run", "--json", "--out", "reported")
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
-    assert told["effort"] == "true.slave.lever.environment_effort"
-    assert told["axis_kind"] == "rotary"
+    reported = json.loads(done.stdout)
+    assert reported["effort"] == "true.slave.lever.environment_effort"
+    assert reported["axis_kind"] == "rotary"
     simulation = parse_rig((tmp_path / "run/rig.yaml").read_text()).simulation
     assert simulation is not None
     wall = simulation.environment["lever"].model_dump()
-    stiffness = told["working_stiffness"]["value"]
+    stiffness = reported["working_stiffness"]["value"]
     assert stiffness == pytest.approx(wall["stiffness"], rel=0.03)
-    assert told["parameters"]["surface"]["value"] == pytest.approx(wall["position"], abs=1e-3)
+    assert reported["parameters"]["surface"]["value"] == pytest.approx(wall["position"], abs=1e-3)
     axis = cli("identify", "run", "--axis", "slave.wrist", "--out", "other")
     assert "there is no axis 'slave.wrist'" in axis.stderr

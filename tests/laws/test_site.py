@@ -68,8 +68,8 @@ def test_no_float_gets_past_the_limits(values: list[float], last: float, control
     wall = WALL._replace(controlled=controlled)
     account, *motion, arriving = values
     axis = site(limit=limit, wall=wall, delay=1)
-    told = think_wave(axis, account, *motion, last, arriving=arriving, ceiling=4.0)
-    total, port, share, *_ = told
+    reported = think_wave(axis, account, *motion, last, arriving=arriving, ceiling=4.0)
+    total, port, share, *_ = reported
     assert abs(total) <= 4.0
     assert math.isfinite(port)
     assert math.isfinite(share)
@@ -107,8 +107,10 @@ def test_free_motion_is_the_port_alone(
 ) -> None:
     motion = (0.0, position, velocity, velocity, 0.3, 0.1, last)
     near, far = site(wall=WALL._replace(position=2e3), delay=1), site(delay=1)
-    told = [think_wave(it, 1.0, *motion, arriving=arriving, ceiling=math.inf) for it in (near, far)]
-    assert told[0] == told[1]
+    reported = [
+        think_wave(it, 1.0, *motion, arriving=arriving, ceiling=math.inf) for it in (near, far)
+    ]
+    assert reported[0] == reported[1]
 
 
 def test_the_port_knows_what_the_wall_will_do() -> None:

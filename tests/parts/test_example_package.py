@@ -22,17 +22,17 @@ from tautwave import check, load_rig, read_recording, run, simulate
 from tautwave.config import rig_schema
 from tautwave.registry import HANDS, ENVIRONMENTS, list_parts
 
-told = {"schema": sorted(rig_schema()["$defs"])}
-told["parts"] = [part.name for group in (HANDS, ENVIRONMENTS) for part in list_parts(group)]
+reported = {"schema": sorted(rig_schema()["$defs"])}
+reported["parts"] = [part.name for group in (HANDS, ENVIRONMENTS) for part in list_parts(group)]
 for file in sys.argv[2:]:
     rig, out = load_rig(file), Path(sys.argv[1]) / Path(file).stem
     found = check(rig)
-    told["plan"] = {item.element: item.reason for item in found.plan if item.state == "in"}
+    reported["plan"] = {item.element: item.reason for item in found.plan if item.state == "in"}
     verdicts = found.certificate["verdicts"]
     result = run(rig, duration_s=0.4, clock="fake", out=out, allow_uncertified=True)
     live = read_recording(out / "recording.mcap")
     books = json.loads((out / "summary.json").read_text())
-    told[rig.name] = {
+    reported[rig.name] = {
         "plan": {item.element: item.reason for item in found.plan if item.state == "in"},
         "passive": verdicts["passive"],
         "stable": verdicts["coupled_stable"],
@@ -44,7 +44,7 @@ for file in sys.argv[2:]:
             for made in (simulate(rig, duration_s=0.4, engine=e) for e in ("python", "compiled"))
         ],
     }
-print(json.dumps(told))
+print(json.dumps(reported))
 """
 
 
@@ -78,16 +78,16 @@ def test_it_runs_as_any_other(python: Path, tmp_path: Path) -> None:
     command = [str(python), "-c", SCRIPT, str(tmp_path), *rigs]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout.splitlines()[-1])
-    assert told["parts"] == ["tremor", "fluid"]
-    assert {"fluid.part", "tremor.part", "pd_injection.coupling"} <= set(told["schema"])
+    reported = json.loads(done.stdout.splitlines()[-1])
+    assert reported["parts"] == ["tremor", "fluid"]
+    assert {"fluid.part", "tremor.part", "pd_injection.coupling"} <= set(reported["schema"])
     for name in ("example parts", "PD with damping injection"):
-        run = told[name]
+        run = reported[name]
         assert run["again"] is True
         assert run["same"] == [True, True], name
         assert run["residual"] == pytest.approx(0.0, abs=1e-9)
         assert run["plan"]["hand on master.lever"] == "part tremor"
-    fluid, pd = told["example parts"], told["PD with damping injection"]
+    fluid, pd = reported["example parts"], reported["PD with damping injection"]
     assert fluid["plan"]["environment of slave.lever"].startswith("part fluid, moved in Python")
     kept = "part fluid, which slave.lever meets, keeps it stable as well"
     assert kept in fluid["stable"]["conditions"]

@@ -76,19 +76,19 @@ def test_a_planted_fault_is_caught(
 def test_what_is_not_finite_stops_the_run_and_names_the_law() -> None:
     made = bench(think=nan)
     control = controller(made.plugin, made.block())
-    told = drive(control, at_random())
-    assert "was asked by its coupling, law pd_injection, for what is not finite" in told.reason
+    reported = drive(control, at_random())
+    assert "was asked by its coupling, law pd_injection, for what is not finite" in reported.reason
     place = control.place()
     assert place is not None
     assert place.reason == "coupling_not_finite"
-    assert all(map(math.isfinite, told.column("master.wrist.commanded")))
+    assert all(map(math.isfinite, reported.column("master.wrist.commanded")))
 
 
 def test_a_part_has_guards_of_its_own() -> None:
     made = bench({OWN_GUARDS + 7: Guard("limp", "let go")}, think=alarmed)
     control = controller(made.plugin, made.block())
-    told = drive(control, at_random())
-    assert "wrist let go at" in told.reason
+    reported = drive(control, at_random())
+    assert "wrist let go at" in reported.reason
     place = control.place()
     assert place is not None
     assert place.reason == "limp"

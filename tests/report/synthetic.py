@@ -145,7 +145,7 @@ def rig(pairs: tuple[str, ...], delay: int, **top: Any) -> dict[str, Any]:
     }
     axes = {pair: {**axis, "id": i + 1} for i, pair in enumerate(pairs)}
     wall = {"position": 0.095, "stiffness": 900.0, "damping": 0.0, "side": "above"}
-    told = {"wave_impedance": 6.0, "position_scale": 1.0, "sign": 1, "wall_slave": wall}
+    reported = {"wave_impedance": 6.0, "position_scale": 1.0, "sign": 1, "wall_slave": wall}
     return {
         "name": "bench-1dof",
         "rate_hz": RATE_HZ,
@@ -156,7 +156,7 @@ def rig(pairs: tuple[str, ...], delay: int, **top: Any) -> dict[str, Any]:
         "coupling": {
             "law": "wave",
             "delay_s": delay / RATE_HZ,
-            "pairs": dict.fromkeys(pairs, told),
+            "pairs": dict.fromkeys(pairs, reported),
         },
         "simulation": {
             "environment": {
@@ -171,7 +171,7 @@ def rig(pairs: tuple[str, ...], delay: int, **top: Any) -> dict[str, Any]:
 def summarize(columns: Columns, pairs: tuple[str, ...], delay: int, **top: Any) -> dict[str, Any]:
     """A summary with the keys that a run writes, from the columns."""
     rows = len(columns["time_s"])
-    told: dict[str, Any] = {
+    reported: dict[str, Any] = {
         "rig": "bench-1dof",
         "version": "0.1.0",
         "outcome": {"kind": "finished", "sentence": "Ran for the 10 s asked for."},
@@ -207,7 +207,7 @@ def summarize(columns: Columns, pairs: tuple[str, ...], delay: int, **top: Any) 
     for pair in pairs:
         error, effort = columns[f"{pair}.position_error"], columns[f"{pair}.effort_error"]
         port = columns[f"slave.{pair}.port_effort"]
-        told["pairs"][pair] = {
+        reported["pairs"][pair] = {
             "kind": "linear",
             "coupling_delay_s": delay / RATE_HZ,
             "expected_offset": float(np.abs(port).max()) * delay / RATE_HZ / 6.0,
@@ -225,22 +225,22 @@ def summarize(columns: Columns, pairs: tuple[str, ...], delay: int, **top: Any) 
         }
         for side in ("master", "slave"):
             valid = columns[f"{side}.{pair}.valid"]
-            told["axes"][f"{side}.{pair}"] = {
+            reported["axes"][f"{side}.{pair}"] = {
                 "lost": int((valid == 0).sum()),
                 "late": 2,
                 "faults": ["following error, cleared"] if side == "slave" else [],
             }
-        told["left_out"] += [
+        reported["left_out"] += [
             f"wall_master of {pair}: not in the rig",
             f"wave filter of {pair}: wave_filter_hz is not given",
         ]
-    return {**told, **top}
+    return {**reported, **top}
 
 
 def _spread(values: NDArray[np.float64]) -> dict[str, float]:
     at = {"p50": 50.0, "p99": 99.0, "p999": 99.9}
-    told = {name: float(np.percentile(values, q)) for name, q in at.items()}
-    return {**told, "max": float(values.max())}
+    reported = {name: float(np.percentile(values, q)) for name, q in at.items()}
+    return {**reported, "max": float(values.max())}
 
 
 def _size(values: NDArray[np.float64]) -> dict[str, float]:
@@ -277,12 +277,12 @@ def make_run(
     directory.mkdir(parents=True, exist_ok=True)
     if columns is None:
         columns = make_columns(pairs, rows, delay)
-    told = summarize(columns, pairs, delay, **summary_top)
+    reported = summarize(columns, pairs, delay, **summary_top)
     text = yaml.dump(rig(pairs, delay, **(rig_top or {})), Dumper=_Plain, sort_keys=False)
     (directory / "rig.yaml").write_text(text, encoding="utf-8")
-    (directory / "summary.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
+    (directory / "summary.json").write_text(json.dumps(reported, indent=1), encoding="utf-8")
     write_recording(directory / "recording.mcap", columns, text)
-    return told
+    return reported
 
 
 def write_recording(path: Path, columns: Columns, rig_text: str = "", finish: bool = True) -> None:

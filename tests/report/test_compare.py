@@ -32,9 +32,9 @@ def test_every_difference_of_the_summaries_is_that_of_two_runs(tmp_path):
         make_run(tmp_path / name, rows=300, **more)
         (tmp_path / name / "recording.mcap").unlink()
     page = Page(compare_reports(tmp_path / "a", tmp_path / "b", tmp_path))
-    told = page.text.split("All differences between the summaries")[1]
+    shown = page.text.split("All differences between the summaries")[1]
     rows = ["version", "0.1.0", "0.2.0", "duration_s", "0.3", "7.5"]
-    assert told.split() == ["key", "a", "b", *rows]
+    assert shown.split() == ["key", "a", "b", *rows]
 
 
 def test_ratios_of_rounding_are_not_ratios(tmp_path):

@@ -21,7 +21,9 @@ def test_what_was_found_has_units(units, named):
     figure = device_figure(fit, "master.wrist", units)
     png(figure, 600)
     above = figure.axes[0]
-    told = " ".join(above.get_title(loc="left").split())
-    assert told == "inertia 0.5 ± 0.1 {}, damping 0.5 ± 0.1 {}, Coulomb 0.5 ± 0.1 {}".format(*named)
+    reported = " ".join(above.get_title(loc="left").split())
+    assert reported == "inertia 0.5 ± 0.1 {}, damping 0.5 ± 0.1 {}, Coulomb 0.5 ± 0.1 {}".format(
+        *named
+    )
     measured, fitted = above.lines
     assert measured.get_linewidth() > 2.0 * fitted.get_linewidth()

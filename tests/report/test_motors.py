@@ -60,15 +60,15 @@ def test_what_the_motors_gave_is_their_work_on_the_devices(changes: tuple[str, .
     loaded = rig(*QUIET, *changes)
     run = ran(loaded)
     work = true_work(run, 1.0 / run.summary["pairs"]["lever"]["power_ratio"])
-    told = motor_energy(run, "lever")
-    assert abs(told["net"]) > 1e-4
-    assert told["net"] == pytest.approx(work[-1], rel=1e-9)
-    assert told["worst"] == pytest.approx(work.max(), abs=1e-12)
-    assert told["worst_at_s"] == pytest.approx(1e-3 * int(np.argmax(work)))
-    assert not exceeds(told, 1.0)
+    reported = motor_energy(run, "lever")
+    assert abs(reported["net"]) > 1e-4
+    assert reported["net"] == pytest.approx(work[-1], rel=1e-9)
+    assert reported["worst"] == pytest.approx(work.max(), abs=1e-12)
+    assert reported["worst_at_s"] == pytest.approx(1e-3 * int(np.argmax(work)))
+    assert not exceeds(reported, 1.0)
     energy = rebuild_summary(run)["energy_j"]
-    assert energy["motors_net"] == told["net"]
-    assert energy["stated_debt"] == told["stated_debt"]
+    assert energy["motors_net"] == reported["net"]
+    assert energy["stated_debt"] == reported["stated_debt"]
 
 
 def test_the_stated_debt_is_that_of_the_certificate_at_the_speed_of_the_run() -> None:
@@ -94,8 +94,8 @@ def test_a_port_that_gives_without_an_account_exceeds_what_it_may(
 
     monkeypatch.setattr(axis, "port_close", generous)
     run = ran(rig(*QUIET))
-    told = motor_energy(run, "lever")
-    assert told["worst"] > told["stated_debt"]
+    reported = motor_energy(run, "lever")
+    assert reported["worst"] > reported["stated_debt"]
     summary = {**rebuild_summary(run), "energy_j": rebuild_summary(run)["energy_j"]}
     shown = next(s for s in summary_sections("x", summary, Path(), 0) if s.title == "Energy books")
     [row] = [row for row in shown.rows if row[0] == "at the worst moment"]
@@ -112,8 +112,8 @@ def test_what_no_rig_states_is_no_debt_and_nothing_exceeds_it() -> None:
     columns = make_columns(rows=500)
     keys = rig_keys(("wrist",), 20)
     run = Run(Path(), keys, "", {}, tuple(columns), 500, whole=columns, time=columns["time_s"])  # type: ignore[arg-type]
-    told = motor_energy(run, "wrist")
+    reported = motor_energy(run, "wrist")
     given = -sum(columns[f"{side}.wrist.port_energy"] for side in ("master", "slave"))
-    assert told["net"] == pytest.approx(given[-1] - given[0])
-    assert "stated_debt" not in told
-    assert not exceeds({**told, "worst": 1e3}, 1.0)
+    assert reported["net"] == pytest.approx(given[-1] - given[0])
+    assert "stated_debt" not in reported
+    assert not exceeds({**reported, "worst": 1e3}, 1.0)

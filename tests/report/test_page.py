@@ -40,21 +40,21 @@ class Page(HTMLParser):
         assert self.open == []
 
     def handle_starttag(self, tag, attrs):
-        told = dict(attrs)
+        shown = dict(attrs)
         self.tags.add(tag)
         if tag not in VOID:
             self.open.append(tag)
         if tag == "img":
-            assert told["alt"]
-            self.images.append(told["src"])
+            assert shown["alt"]
+            self.images.append(shown["src"])
         self.figures += tag == "svg"
         if tag in ("audio", "source"):
-            self.sources.append(told.get("src") or told["srcset"])
-        if "id" in told:
-            self.identifiers.append(told["id"])
+            self.sources.append(shown.get("src") or shown["srcset"])
+        if "id" in shown:
+            self.identifiers.append(shown["id"])
         if tag == "a":
-            self.links.append(told["href"])
-        assert not any(name.startswith("on") for name in told)
+            self.links.append(shown["href"])
+        assert not any(name.startswith("on") for name in shown)
 
     def handle_endtag(self, tag):
         assert self.open.pop() == tag
@@ -160,9 +160,9 @@ def test_text_of_users_is_escaped(tmp_path):
 
 def make_summary(directory, columns, **top):
     """A run without its recording: a page without figures is made in no time."""
-    told = make_run(directory, columns={n: c[:100] for n, c in columns.items()}, **top)
+    shown = make_run(directory, columns={n: c[:100] for n, c in columns.items()}, **top)
     (directory / "recording.mcap").unlink()
-    return told
+    return shown
 
 
 def test_a_safety_stop_is_a_banner(tmp_path, columns):
@@ -190,12 +190,12 @@ def test_a_fault_before_the_first_cycle_leaves_out_what_never_was(tmp_path, colu
 
 
 def test_the_element_that_generated_most_is_named(tmp_path, columns):
-    told = make_summary(tmp_path, columns)
+    shown = make_summary(tmp_path, columns)
     amounts = {"port_master": 1e-4, "line": 3e-2, "port_slave": 2e-3, "wall_slave": 0.0}
-    elements = told["pairs"]["wrist"]["elements"]
+    elements = shown["pairs"]["wrist"]["elements"]
     for name, amount in amounts.items():
         elements[name]["generated"] = amount
-    (tmp_path / "summary.json").write_text(json.dumps(told))
+    (tmp_path / "summary.json").write_text(json.dumps(shown))
     text = " ".join(Page(write_report(tmp_path)).text.split())
     assert "most of it 30 mJ in line of wrist" in text
 
@@ -260,9 +260,9 @@ def test_a_picture_without_a_dark_one_is_turned_by_the_browser(reported):
 
 
 def test_conditions_of_several_verdicts_are_read_once(tmp_path, columns):
-    told = {"state": "conditional", "reason": "it gives back what it took.", "conditions": ["x"]}
-    same = {"passive": told, "coupled_stable": told, "other": {**told, "conditions": []}}
-    for verdicts, times in ((same, 1), ({**same, "last": {**told, "conditions": ["x", "y"]}}, 3)):
+    shown = {"state": "conditional", "reason": "it gives back what it took.", "conditions": ["x"]}
+    same = {"passive": shown, "coupled_stable": shown, "other": {**shown, "conditions": []}}
+    for verdicts, times in ((same, 1), ({**same, "last": {**shown, "conditions": ["x", "y"]}}, 3)):
         make_run(tmp_path, columns=columns, certificate={"passed": True, "verdicts": verdicts})
         (found,) = [v for v in verdicts_of(load_run(tmp_path)) if v.topic == "Certificate"]
         text = " ".join(found.sentences)
@@ -290,11 +290,11 @@ def _accounts(columns):
 
 
 def test_no_line_means_no_expected_offset(tmp_path, columns):
-    told = make_summary(tmp_path, columns, delay=0)
-    for pair in told["pairs"].values():
+    shown = make_summary(tmp_path, columns, delay=0)
+    for pair in shown["pairs"].values():
         pair.pop("expected_offset")
         pair.pop("coupling_delay_s")
-    (tmp_path / "summary.json").write_text(json.dumps(told))
+    (tmp_path / "summary.json").write_text(json.dumps(shown))
     page = Page(write_report(tmp_path))
     assert "standing offset" not in page.text.split("Pair wrist")[0]
     assert "no delay line" in page.text
@@ -302,15 +302,15 @@ def test_no_line_means_no_expected_offset(tmp_path, columns):
 
 @pytest.mark.usefixtures("unpainted")
 def test_without_summary_the_recording_speaks(tmp_path, columns):
-    told = make_run(tmp_path, columns=columns)
+    shown = make_run(tmp_path, columns=columns)
     (tmp_path / "summary.json").unlink()
     page = Page(write_report(tmp_path))
     assert "summary.json is missing" in page.text
     assert "outcome not recorded" in page.text
-    pair = told["pairs"]["wrist"]
+    pair = shown["pairs"]["wrist"]
     assert quantity(pair["position_error"]["rms"], "m") in page.text
     assert quantity(pair["elements"]["line"]["stored"], "J") in page.text
-    assert microseconds(told["compute_us"]["p99"]) in page.text
+    assert microseconds(shown["compute_us"]["p99"]) in page.text
     assert "Closed: residual" in page.text
 
 
@@ -389,4 +389,4 @@ def test_what_a_run_counts_is_all_there(tmp_path, columns):
     make_run(tmp_path, columns=columns)
     rows = dict(loop_table(load_run(tmp_path)).rows)
     assert rows["missed cycles"] != MISSING
-    assert [name for name, told in rows.items() if told == MISSING] == []
+    assert [name for name, shown in rows.items() if shown == MISSING] == []

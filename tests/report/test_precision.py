@@ -50,7 +50,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Rig, Path]:
 
 
 @pytest.fixture(scope="module")
-def told(simulated: tuple[Rig, Path]) -> dict[str, Any]:
+def reported(simulated: tuple[Rig, Path]) -> dict[str, Any]:
     run = load_run(simulated[1])
     run.summary = measure_precision(run)
     write_summary(run)
@@ -58,16 +58,16 @@ def told(simulated: tuple[Rig, Path]) -> dict[str, Any]:
     return found
 
 
-def test_the_run_is_replayed_to_the_bit(told: dict[str, Any]) -> None:
-    assert told["kind"] == "simulated"
-    assert told["replayed_equal"] is True
-    assert told["whole"] is True
-    assert told["span_s"] == pytest.approx(SECONDS)
+def test_the_run_is_replayed_to_the_bit(reported: dict[str, Any]) -> None:
+    assert reported["kind"] == "simulated"
+    assert reported["replayed_equal"] is True
+    assert reported["whole"] is True
+    assert reported["span_s"] == pytest.approx(SECONDS)
 
 
-def test_the_exact_devices_are_their_oracle(told: dict[str, Any]) -> None:
-    oracle = told["pairs"]["lever"]["oracle"]
-    assert oracle["position"] < 1e-9 * told["pairs"]["lever"]["travel"]
+def test_the_exact_devices_are_their_oracle(reported: dict[str, Any]) -> None:
+    oracle = reported["pairs"]["lever"]["oracle"]
+    assert oracle["position"] < 1e-9 * reported["pairs"]["lever"]["travel"]
 
 
 def test_a_coarse_integrator_is_told_from_its_oracle(tmp_path: Path) -> None:
@@ -82,14 +82,14 @@ def test_a_coarse_integrator_is_told_from_its_oracle(tmp_path: Path) -> None:
 
 
 def test_half_and_double_rate_are_those_rigs_simulated(
-    simulated: tuple[Rig, Path], told: dict[str, Any]
+    simulated: tuple[Rig, Path], reported: dict[str, Any]
 ) -> None:
     rig, _ = simulated
     name = "true.slave.lever.position"
     base = simulate(rig, engine="python")[name]
     double = simulate(rig.model_copy(update={"rate_hz": 2000.0}), engine="python")[name]
     half = simulate(rig.model_copy(update={"rate_hz": 500.0}), engine="python")[name]
-    found = told["pairs"]["lever"]
+    found = reported["pairs"]["lever"]
     assert found["double"]["position"] == pytest.approx(np.abs(double[::2] - base).max())
     assert found["half"]["position"] == pytest.approx(np.abs(half - base[::2]).max())
     assert 0.0 < found["double"]["position"] < found["half"]["position"]
@@ -113,8 +113,8 @@ def test_another_law_does_not(simulated: tuple[Rig, Path]) -> None:
 
 
 @pytest.mark.usefixtures("unpainted")
-def test_the_page_says_it(simulated: tuple[Rig, Path], told: dict[str, Any]) -> None:
-    assert told
+def test_the_page_says_it(simulated: tuple[Rig, Path], reported: dict[str, Any]) -> None:
+    assert reported
     page = write_report(simulated[1]).read_text()
     part = page[page.index('id="precision"') :]
     assert "the whole run, 1.2" in part

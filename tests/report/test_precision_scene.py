@@ -78,18 +78,18 @@ def told_of(directory: Path) -> dict[str, Any]:
 
 
 def test_a_scene_is_replayed_to_the_bit_and_sampling_is_its_error(resonator: Path) -> None:
-    told = told_of(resonator)
-    assert told["kind"] == "scene"
-    assert told["replayed_equal"] is True
-    assert told["whole"] is True
-    assert told["oracle"]["scheme"] == "exact"
+    reported = told_of(resonator)
+    assert reported["kind"] == "scene"
+    assert reported["replayed_equal"] is True
+    assert reported["whole"] is True
+    assert reported["oracle"]["scheme"] == "exact"
     # The port is held for a period: the nodes lag by half of one, first order in T.
-    error, double = told["oracle"]["position_rms"], told["double"]["position_rms"]
+    error, double = reported["oracle"]["position_rms"], reported["double"]["position_rms"]
     assert 0.3 < double / error < 0.7
-    assert 0.8 < math.log2(told["half"]["position_rms"] / double) < 1.2
-    assert told["doubt"]["position_rms"] < 0.02 * error
-    assert told["oracle"]["effort"] > told["double"]["effort"] > 0.0
-    assert told["doubt"]["apart_s"] is None
+    assert 0.8 < math.log2(reported["half"]["position_rms"] / double) < 1.2
+    assert reported["doubt"]["position_rms"] < 0.02 * error
+    assert reported["oracle"]["effort"] > reported["double"]["effort"] > 0.0
+    assert reported["doubt"]["apart_s"] is None
 
 
 @pytest.mark.slow
@@ -98,11 +98,11 @@ def test_rk4_is_held_against_the_moment_that_it_has_come_to(
 ) -> None:
     """It carries the scene on to the sample, the others from it: a period, no error of its own."""
     given = "simulation.hand.stylus.reference.waypoints=[[0.0, 0.0], [0.03, 0.006], [0.06, 0.0]]"
-    told = told_of(leave_run(tmp_path / "one", "resonator", 0.12, given, "scene.scheme=rk4"))
-    assert told["replayed_equal"] is True
+    reported = told_of(leave_run(tmp_path / "one", "resonator", 0.12, given, "scene.scheme=rk4"))
+    assert reported["replayed_equal"] is True
     held = told_of(resonator)["oracle"]["position_rms"]
     for name in ("oracle", "half", "double"):
-        assert told[name]["position_rms"] < 0.05 * held
+        assert reported[name]["position_rms"] < 0.05 * held
 
 
 def test_the_report_tells_it(resonator: Path) -> None:
@@ -131,9 +131,9 @@ def test_a_change_of_the_recording_is_found(resonator: Path) -> None:
             )
         }
     )
-    told = precision_scene.scene_precision(run, stiffer)
-    assert told["replayed_equal"] is False
-    assert "differs from the recorded efforts by" in " ".join(scene_sentences(told))
+    reported = precision_scene.scene_precision(run, stiffer)
+    assert reported["replayed_equal"] is False
+    assert "differs from the recorded efforts by" in " ".join(scene_sentences(reported))
 
 
 @pytest.mark.slow
@@ -145,14 +145,14 @@ def test_little_time_is_spent_where_the_scene_is_felt(
     directory = leave_run(tmp_path / "drum", "drum", 0.1, given)
     monkeypatch.setitem(precision_scene.SECONDS, "python", 1.0)
     monkeypatch.setattr(precision_scene, "_base", hasty(precision_scene._base))
-    told = told_of(directory)
-    assert told["whole"] is False
-    assert told["replayed_equal"] is True
-    assert told["begins_s"] > 0.03  # nothing was touched before
-    assert told["effort"] > 0.01
-    assert told["oracle"]["effort"] > 0.0
-    assert told["oracle"]["scheme"] == "discrete_gradient"
-    words = " ".join(scene_sentences(told))
+    reported = told_of(directory)
+    assert reported["whole"] is False
+    assert reported["replayed_equal"] is True
+    assert reported["begins_s"] > 0.03  # nothing was touched before
+    assert reported["effort"] > 0.01
+    assert reported["oracle"]["effort"] > 0.0
+    assert reported["oracle"]["scheme"] == "discrete_gradient"
+    words = " ".join(scene_sentences(reported))
     assert "where it is felt first" in words
     assert "not in the cache" in words
 
@@ -170,12 +170,12 @@ def hasty(made: Any) -> Any:
 @pytest.mark.slow
 def test_a_string_is_told_its_pitch(tmp_path: Path) -> None:
     directory = leave_run(tmp_path / "string", "string", 0.1)
-    told = told_of(directory)
-    assert told["replayed_equal"] is True
-    pitch = told["strings"]["string"]
+    reported = told_of(directory)
+    assert reported["replayed_equal"] is True
+    pitch = reported["strings"]["string"]
     assert pitch["asked_hz"] == 196.0
     assert pitch["own"] == pytest.approx(196.0, rel=0.01)
-    (_, pitches) = scene_tables(told)
+    (_, pitches) = scene_tables(reported)
     assert pitches.rows[0][1] == "196 Hz"
 
 
@@ -193,22 +193,22 @@ def test_samples_before_the_scene_began_are_passed_over(tmp_path: Path) -> None:
 def test_slots_that_were_skipped_are_made_up(tmp_path: Path) -> None:
     faults = "simulation.faults={overrun_probability: 0.05, overrun_slots: 2}"
     directory = leave_run(tmp_path / "late", "resonator", 0.08, faults, "loop.overrun_limit=10")
-    told = told_of(directory)
-    assert told["replayed_equal"] is True
+    reported = told_of(directory)
+    assert reported["replayed_equal"] is True
     assert load_run(directory).read("skipped_slots")["skipped_slots"].sum() > 0
-    assert told["span_s"] == pytest.approx(0.08, abs=1e-3)
+    assert reported["span_s"] == pytest.approx(0.08, abs=1e-3)
 
 
 def test_a_scene_in_space_is_replayed_alike(tmp_path: Path) -> None:
     moved = "simulation.hand.up.reference.waypoints=[[0.0, 0.0], [0.05, -0.03]]"
     directory = leave_run(tmp_path / "net", "net", 0.06, moved)
-    told = told_of(directory)
-    assert told["replayed_equal"] is True
-    assert told["scheme"] == told["oracle"]["scheme"] == "symplectic"
-    assert told["effort"] > 0.0
-    assert 0.0 < told["doubt"]["position_rms"] < 0.5 * told["oracle"]["position_rms"]
-    assert told["double"]["position_rms"] < told["half"]["position_rms"]
-    words = " ".join(scene_sentences({**told, "whole": False, "engine": "python"}))
+    reported = told_of(directory)
+    assert reported["replayed_equal"] is True
+    assert reported["scheme"] == reported["oracle"]["scheme"] == "symplectic"
+    assert reported["effort"] > 0.0
+    assert 0.0 < reported["doubt"]["position_rms"] < 0.5 * reported["oracle"]["position_rms"]
+    assert reported["double"]["position_rms"] < reported["half"]["position_rms"]
+    words = " ".join(scene_sentences({**reported, "whole": False, "engine": "python"}))
     assert "A run with `scene.engine: compiled` puts them there" in words
 
 
@@ -232,19 +232,23 @@ def test_without_positions_it_says_so(resonator: Path) -> None:
 
 def test_runs_that_part_are_explained_by_what_makes_them() -> None:
     part = {"position_rms": 1e-3, "effort": 1.0, "effort_rms": 0.1, "level_db": 0.1}
-    told: dict[str, Any] = {"travel": 0.01, "effort": 2.0, "doubt": {**part, "position_rms": 1e-5}}
-    told["oracle"] = {**part, "apart_s": 0.4, "scheme": "discrete_gradient"}
-    [table] = scene_tables(told)
+    reported: dict[str, Any] = {
+        "travel": 0.01,
+        "effort": 2.0,
+        "doubt": {**part, "position_rms": 1e-5},
+    }
+    reported["oracle"] = {**part, "apart_s": 0.4, "scheme": "discrete_gradient"}
+    [table] = scene_tables(reported)
     assert "contacts met again" in table.note
     assert table.rows[0][-1] == quantity(0.4, "s", 3)
-    told["oracle"]["scheme"] = "exact"  # linear: nothing doubles there
-    [table] = scene_tables(told)
+    reported["oracle"]["scheme"] = "exact"  # linear: nothing doubles there
+    [table] = scene_tables(reported)
     assert "a tenth of their travel" in table.note
     assert "contacts" not in table.note
     assert "the oracle's own uncertainty" not in table.note
     assert "of its samples" not in table.note
-    [table] = scene_tables({**told, "scheme": "rk4"})
+    [table] = scene_tables({**reported, "scheme": "rk4"})
     assert "half a period's change of the effort counts as error" in table.note
-    told["doubt"]["position_rms"] = 9e-4
-    [table] = scene_tables(told)
+    reported["doubt"]["position_rms"] = 9e-4
+    [table] = scene_tables(reported)
     assert "the oracle's own uncertainty" in table.note

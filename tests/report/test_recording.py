@@ -214,8 +214,8 @@ def test_a_library_that_is_missing_is_one_sentence(
     sample: Sample, monkeypatch: pytest.MonkeyPatch, library: str, method: str, extra: str
 ) -> None:
     monkeypatch.setitem(sys.modules, library, None)
-    told = rf"this needs {library}; pip install 'tautwave\[{extra}\]'"
-    with pytest.raises(ConfigError, match=told):
+    reported = rf"this needs {library}; pip install 'tautwave\[{extra}\]'"
+    with pytest.raises(ConfigError, match=reported):
         getattr(read_recording(sample[0]), method)()
 
 

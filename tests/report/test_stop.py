@@ -18,12 +18,12 @@ def stopped(tmp_path, columns):
     """A run of two seconds whose slave ran away."""
     few = {name: values[:2000].copy() for name, values in columns.items()}
     few["slave.wrist.velocity"][1500:] += np.linspace(0.0, 1.6, 500)
-    told = rig(("wrist",), 20)
-    axes = {"wrist": {**told["slave"]["axes"]["wrist"], "velocity_limit": 0.8}}
+    reported = rig(("wrist",), 20)
+    axes = {"wrist": {**reported["slave"]["axes"]["wrist"], "velocity_limit": 0.8}}
     top = {"master": {"axes": axes}, "slave": {"axes": axes}}
 
-    def make(kind="safety_stop", **told):
-        place = {"at_s": 1.741, "axis": "slave.wrist", "reason": "velocity_limit", **told}
+    def make(kind="safety_stop", **reported):
+        place = {"at_s": 1.741, "axis": "slave.wrist", "reason": "velocity_limit", **reported}
         outcome = {"kind": kind, "sentence": "it was stopped", **place}
         make_run(tmp_path, columns=few, rig_top=top, outcome=outcome)
         return load_run(tmp_path)
@@ -97,8 +97,8 @@ def test_one_slow_cycle_does_not_squeeze_the_histogram(tmp_path, columns):
     make_run(tmp_path, columns=late)
     period = timing_figure(load_run(tmp_path)).axes[0]
     assert period.get_xlim()[1] < 4000.0
-    told = " ".join(text.get_text() for text in period.texts)
-    assert "1 beyond the axis, up to 49" in told
+    reported = " ".join(text.get_text() for text in period.texts)
+    assert "1 beyond the axis, up to 49" in reported
 
 
 @pytest.mark.slow

@@ -70,9 +70,9 @@ def test_the_balance_sees_energy_that_no_element_booked(tmp_path, columns):
 
 
 def test_the_offset_of_the_line_is_that_of_the_effort_held(run, columns):
-    told = rebuild_summary(run)["pairs"]["wrist"]["expected_offset"]
+    reported = rebuild_summary(run)["pairs"]["wrist"]["expected_offset"]
     greatest = np.abs(columns["master.wrist.port_effort"]).max() * 0.02 / 6.0
-    assert 0.8 * greatest < told <= greatest
+    assert 0.8 * greatest < reported <= greatest
 
 
 def test_periods_count_lateness_only_on_the_grid():

@@ -236,10 +236,10 @@ def main(arguments: Sequence[str]) -> int:
     others = 0
     for case in cases():
         found[case] = rows_of(case)
-        told = "new" if case not in kept else difference(kept[case], found[case])
-        if told is not None:
+        reported = "new" if case not in kept else difference(kept[case], found[case])
+        if reported is not None:
             others += 1
-            print(f"{case}: {told}", flush=True)
+            print(f"{case}: {reported}", flush=True)
     print(f"{len(found)} cases, {others} differ from {KEPT.name}")
     if record:
         write_kept(record, found)

@@ -98,14 +98,14 @@ def test_the_books_close_and_the_difference_to_ideal_drives_is_small() -> None:
     assert closed.residual < 1e-9 * closed.gross_flow
     assert closed.plant_residual < 1e-9 * closed.plant_flow
     ideal = run_rig(loopback_tree(data, steps=False), duration_s=DURATION_S)
-    told = {}
+    reported = {}
     for name, limit in (("position", 3e-3), ("velocity", 0.1), ("commanded", 5e-3)):
         for side in ("master", "slave"):
             column = f"{side}.lever.{name}"
             gap = over_can[column] - ideal[column]
-            told[column] = float(np.sqrt(np.mean(gap**2)))
-            assert 0.0 < told[column] < limit, told
-    print("rms difference to drives without steps:", told)
+            reported[column] = float(np.sqrt(np.mean(gap**2)))
+            assert 0.0 < reported[column] < limit, reported
+    print("rms difference to drives without steps:", reported)
 
 
 def test_the_shipped_rig_loads_with_the_steps_of_its_nodes() -> None:

@@ -76,9 +76,9 @@ def driven(profile: str) -> list[str]:
     axis = AxisSpec("slave.a", 1, "rotary", "impedance", 1.0, 100.0, (-1e3, 1e3))
     bus = BusSpec("arm", (axis,), 100.0)
     clock = MonotonicClock()
-    with served("--profile", profile) as told:
+    with served("--profile", profile) as reported:
         device = {"unit": 1, "profile": profile, "rated_torque": 1.0}
-        options = {"endpoint": told["endpoint"], "devices": [device]}
+        options = {"endpoint": reported["endpoint"], "devices": [device]}
         driver = plugin.make(plugin.options.model_validate(options), bus, clock, None)
         driver.open()
         while not driver.enable_step():

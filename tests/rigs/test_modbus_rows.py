@@ -181,8 +181,8 @@ def test_contact_at_100_hz_under_a_1_khz_master_is_stable_and_its_price_is_told(
     assert closed.residual < 1e-9 * closed.gross_flow
     found = certify(rig_of(data))
     assert found.passed
-    told = [line for line in _sentences(found.as_dict()) if "served every 10 cycles" in line]
-    assert any("a rigid environment feels like" in line for line in told)
+    reported = [line for line in _sentences(found.as_dict()) if "served every 10 cycles" in line]
+    assert any("a rigid environment feels like" in line for line in reported)
 
 
 @pytest.mark.parametrize("profile", ["generic", "dsy-rs", "cia402"])
@@ -232,8 +232,8 @@ def test_the_shipped_rigs_run_on_the_real_clock(path: Path, tmp_path: Path) -> N
         for option in patient.get(block["driver"], []):
             words += ["--set", f"buses.{bus}.options.{option}"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=100, check=False)
-    told = assert_ran_to_its_end(done.returncode, out, done.stdout + done.stderr)
-    assert "measured" in json.dumps(told) or path == RTU
+    reported = assert_ran_to_its_end(done.returncode, out, done.stdout + done.stderr)
+    assert "measured" in json.dumps(reported) or path == RTU
 
 
 def _sentences(value: Any) -> list[str]:

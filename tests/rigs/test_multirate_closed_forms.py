@@ -126,8 +126,8 @@ def test_a_clamp_feels_as_stiff_as_the_certificate_says(
     effort = run["master.a.port_effort"]
     slope = (effort[-1] - effort[-1 - whole]) / (0.1 * whole * 1e-3)
     side = "slave" if slave > 1 else "master"
-    told = slow_costs(rig, f"{side}.a", command_delays(rig))["rigid_stiffness"][0]
-    assert told == pytest.approx(slope, rel=1e-6)
+    reported = slow_costs(rig, f"{side}.a", command_delays(rig))["rigid_stiffness"][0]
+    assert reported == pytest.approx(slope, rel=1e-6)
 
 
 def test_the_modes_of_the_certificate_are_those_of_the_run() -> None:
@@ -241,7 +241,7 @@ def test_check_and_report_say_what_the_slow_bus_costs(tmp_path: Path) -> None:
         assert part in cost
     certificate = {**found.certificate, "elements": {element["name"]: element}}
     run = Run(tmp_path, {}, "", {"certificate": certificate})
-    [verdict] = [told for told in verdicts(run) if told.topic == "Certificate"]
+    [verdict] = [reported for reported in verdicts(run) if reported.topic == "Certificate"]
     assert cost in verdict.sentences
 
 

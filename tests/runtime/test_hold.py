@@ -32,7 +32,7 @@ def account(damping: float, delay: tuple[int, float] = (0, 0.0), **more: Any) ->
 def swing(made: Any, site: Any, delay: int = 0, late: float = 0.0, missing: int = 0) -> float:
     """Move a port that a plain spring holds; return what the hold created [J], by definition."""
     asked = [0.0] * (delay + 2)
-    told, created, before, given = NOTHING, 0.0, 0.0, 0.0
+    reported, created, before, given = NOTHING, 0.0, 0.0, 0.0
     efforts: list[float] = []
     for slot, x in enumerate(0.01 * np.sin(np.arange(200) * 0.1)):
         acting = late * asked[-2 - delay] if late else 0.0
@@ -44,9 +44,9 @@ def swing(made: Any, site: Any, delay: int = 0, late: float = 0.0, missing: int 
             given += float(np.mean(efforts)) * (site.position - before)
             before = site.position
             efforts = []
-            told = NOTHING._replace(port_work=0.5 * STIFFNESS * before * before)
-        created = told.port_work - given
-        made.overdrawn([asked[-1]], 1, told)
+            reported = NOTHING._replace(port_work=0.5 * STIFFNESS * before * before)
+        created = reported.port_work - given
+        made.overdrawn([asked[-1]], 1, reported)
         asked.append(STIFFNESS * site.position)
     return created
 
@@ -92,9 +92,9 @@ def test_what_the_scene_loses_is_taken_off_and_what_its_scheme_makes_is_put_on()
 
 
 def test_a_scheme_that_holds_forces_may_swing_with_its_energy() -> None:
-    told = NOTHING._replace(numeric=2e-3, kinetic=8e-3)
-    assert account(0.0)[0].overdrawn([0.0], 1, told)
-    assert not account(0.0, holds_forces=True)[0].overdrawn([0.0], 1, told)
+    reported = NOTHING._replace(numeric=2e-3, kinetic=8e-3)
+    assert account(0.0)[0].overdrawn([0.0], 1, reported)
+    assert not account(0.0, holds_forces=True)[0].overdrawn([0.0], 1, reported)
 
 
 STIFF = "{type: contact, between: [stick, ring1], stiffness: 1.0e9, exponent: 1.5}"

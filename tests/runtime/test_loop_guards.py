@@ -69,7 +69,7 @@ def jump(at: int, value: float):
 
 
 @pytest.mark.parametrize(
-    ("positions", "told"),
+    ("positions", "reported"),
     [
         (
             jump(10, 0.7),
@@ -82,7 +82,7 @@ def jump(at: int, value: float):
     ],
 )
 @pytest.mark.parametrize("bus", ["hand", "arm"])
-def test_a_guard_stops_with_axis_and_value(positions: object, told: str, bus: str) -> None:
+def test_a_guard_stops_with_axis_and_value(positions: object, reported: str, bus: str) -> None:
     limit = WIDE._replace(velocity=20.0, position_low=-0.5, position_high=0.5, stop_damping=2.0)
     bench = Bench(
         cycles=100,
@@ -96,9 +96,9 @@ def test_a_guard_stops_with_axis_and_value(positions: object, told: str, bus: st
     assert isinstance(result.error, SafetyStop)
     side = "master" if bus == "hand" else "slave"
     message = str(result.error)
-    assert message.startswith(f"{side}.a {told}")
+    assert message.startswith(f"{side}.a {reported}")
     assert message.endswith(" rad/s")
-    reason = "position_range" if "range" in told else "velocity_limit"
+    reason = "position_range" if "range" in reported else "velocity_limit"
     assert result.stop == (0.01, f"{side}.a", reason)
     assert result.cycles == 11 + 10
     assert_finite_commands(bench)

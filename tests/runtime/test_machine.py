@@ -1,4 +1,4 @@
-"""Real-time conditions: asked for, told in words, and put back."""
+"""Real-time conditions: requested, reported as text, and restored."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ def test_a_collector_that_was_off_stays_off() -> None:
 
 
 def test_nothing_asked_for_is_said() -> None:
-    with realtime(0, None, False) as told:
-        assert told == [
+    with realtime(0, None, False) as reported:
+        assert reported == [
             "not pinned to a core",
             "mlockall not requested",
             "SCHED_FIFO not requested",
@@ -61,16 +61,16 @@ def test_nothing_asked_for_is_said() -> None:
 def test_a_core_is_taken_and_given_back() -> None:
     before = os.sched_getaffinity(0)
     core = min(before)
-    with suppress(RuntimeError), realtime(0, core, False) as told:
-        assert told[0] == f"pinned to core {core}"
+    with suppress(RuntimeError), realtime(0, core, False) as reported:
+        assert reported[0] == f"pinned to core {core}"
         assert os.sched_getaffinity(0) == {core}
         raise RuntimeError
     assert os.sched_getaffinity(0) == before
 
 
 def test_a_core_that_is_not_there_is_refused_in_words() -> None:
-    with realtime(0, 1000, False) as told:
-        assert told[0].startswith("core 1000 refused (")
+    with realtime(0, 1000, False) as reported:
+        assert reported[0].startswith("core 1000 refused (")
 
 
 def test_a_refused_priority_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -82,14 +82,14 @@ def test_a_refused_priority_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         real(pid, policy, param)
 
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
-    with realtime(50, None, False) as told:
-        assert told[2].startswith("SCHED_FIFO refused (Operation not permitted)")
+    with realtime(50, None, False) as reported:
+        assert reported[2].startswith("SCHED_FIFO refused (Operation not permitted)")
 
 
 def test_a_granted_priority_is_told_and_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
     monkeypatch.setattr(os, "sched_setscheduler", lambda *args: asked.append(args[1]))
     before = os.sched_getscheduler(0)
-    with realtime(50, None, False) as told:
-        assert told[2] == "SCHED_FIFO, priority 50"
+    with realtime(50, None, False) as reported:
+        assert reported[2] == "SCHED_FIFO, priority 50"
     assert asked == [os.SCHED_FIFO, before]

@@ -84,11 +84,11 @@ def test_no_ratio_phase_loss_or_motion_opens_the_books(
     waves = 0.0
     for one, two, one_valid, two_valid, skipped in moves:
         pair.cycle(state(one, valid=one_valid), state(two, valid=two_valid), skipped, 1.0)
-        told = pair.elements()
+        reported = pair.elements()
         taken, flow = motors(pair)
         waves += sum(T * (s.leaving**2 + s.arrived**2) for s in (pair.master, pair.slave))
         scale = flow + 60.0 * waves + 1e-300
-        for name, (absorbed, stored, dissipated) in told.items():
+        for name, (absorbed, stored, dissipated) in reported.items():
             assert absorbed == pytest.approx(stored + dissipated, abs=1e-12 * scale), name
             if name in lost:
                 # Passive at every moment: it holds what it has, and never loses less than before.
@@ -96,7 +96,7 @@ def test_no_ratio_phase_loss_or_motion_opens_the_books(
                 assert absorbed >= -1e-13 * scale
                 assert dissipated >= lost[name]
                 lost[name] = dissipated
-        total = sum(stored + dissipated for _, stored, dissipated in told.values())
+        total = sum(stored + dissipated for _, stored, dissipated in reported.values())
         assert taken == pytest.approx(total, abs=1e-11 * scale)
 
 
@@ -290,7 +290,7 @@ def test_a_request_is_late_up_to_half_a_period_of_the_bus() -> None:
     assert run.slots("write")[:-1] == [9, 19, 29, 39]
     assert run.result.lost == (0, 0)
     invalid = run.columns.index("slave.a.valid")
-    assert [row[invalid] for row in run.sink.rows][14] == 0.0  # told in the row of slot 19
+    assert [row[invalid] for row in run.sink.rows][14] == 0.0  # reported in the row of slot 19
 
 
 def test_a_whole_exchange_may_go_by() -> None:

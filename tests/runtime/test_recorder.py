@@ -148,12 +148,12 @@ def test_a_killed_loop_loses_nothing(tmp_path: Path) -> None:
             writer = int(loop.stdout.readline())
             time.sleep(dice.uniform(0.0, 0.3))
             loop.kill()
-            told = loop.stdout.read().split()
+            reported = loop.stdout.read().split()
         wait_until(lambda pid=writer: ended(pid))  # type: ignore[misc]
         recording = read_recording(path)
         assert not recording.truncated
         assert recording.ending["ended_by"] == "the loop's process vanished"
-        assert len(recording) >= int(told[-1] if told else 0)
+        assert len(recording) >= int(reported[-1] if reported else 0)
         check_rows(recording, range(len(recording)))
 
 

@@ -23,17 +23,17 @@ LIMIT = LimitParams(2.0, 0.1, 0.0, 0.5, -math.inf, 0.25, 1.0)
     ],
 )
 def test_a_guard_names_its_limit_with_units(code: int, passed: str) -> None:
-    told = guard_sentence("slave.a", code, "m", LIMIT, 0.3, -0.75, 1.5)
-    assert told.startswith("slave.a ")
-    assert told.endswith(f"{passed}: position 0.3 m, velocity -0.75 m/s")
+    reported = guard_sentence("slave.a", code, "m", LIMIT, 0.3, -0.75, 1.5)
+    assert reported.startswith("slave.a ")
+    assert reported.endswith(f"{passed}: position 0.3 m, velocity -0.75 m/s")
 
 
 def test_what_keeps_pairs_from_engaging_is_measured_against_named_limits() -> None:
-    told = unarmed_sentence([("master.a", "rad", LIMIT), ("slave.a", "m", LIMIT)])
-    assert "10% of its effort limit (master.a 2 N m, slave.a 2 N) while standing" in told
+    reported = unarmed_sentence([("master.a", "rad", LIMIT), ("slave.a", "m", LIMIT)])
+    assert "10% of its effort limit (master.a 2 N m, slave.a 2 N) while standing" in reported
 
 
 def test_an_overrun_says_what_was_allowed() -> None:
-    told = overrun_sentence(60, 50, 1e-3, 2.25)
-    assert told.startswith("60 slots of 1 ms were missed in a row at 2.250 s")
-    assert "(loop.overrun_limit: 50)" in told
+    reported = overrun_sentence(60, 50, 1e-3, 2.25)
+    assert reported.startswith("60 slots of 1 ms were missed in a row at 2.250 s")
+    assert "(loop.overrun_limit: 50)" in reported

@@ -18,12 +18,12 @@ def test_quantiles_are_upper_bin_edges(values: list[int], share: float) -> None:
     for value in values:
         histogram.add(value)
     exact = np.sort(np.maximum(values, 0))[int(np.ceil(share * len(values))) - 1] / 1000.0
-    told = histogram.quantile_us(share)
+    reported = histogram.quantile_us(share)
     greatest = max(0, *values) / 1000.0
     if exact < BINS:
-        assert min(exact, greatest) <= told <= exact + 1.0
+        assert min(exact, greatest) <= reported <= exact + 1.0
     else:
-        assert told == pytest.approx(min(BINS + 1.0, greatest))
+        assert reported == pytest.approx(min(BINS + 1.0, greatest))
     assert histogram.summary()["max"] == greatest
 
 

@@ -110,25 +110,25 @@ def test_a_damper_at_the_port_is_probed_with_its_rate():
 
 
 def test_the_resonator_is_stable_but_not_passive_and_says_so():
-    told = certify(load_rig(CONFIGS / "scene-resonator.yaml"))
-    assert told.passed
-    assert told.verdicts["coupled_stable"].state == "passed"
-    assert not told.verdicts["passive"].passed
-    assert "needs 2.392 N s/m of the device" in told.verdicts["passive"].reason
-    assert "positive real in exact arithmetic" in told.elements[0].passive.reason
+    reported = certify(load_rig(CONFIGS / "scene-resonator.yaml"))
+    assert reported.passed
+    assert reported.verdicts["coupled_stable"].state == "passed"
+    assert not reported.verdicts["passive"].passed
+    assert "needs 2.392 N s/m of the device" in reported.verdicts["passive"].reason
+    assert "positive real in exact arithmetic" in reported.elements[0].passive.reason
     damped = ["master.axes.stylus.damping={value: 3, lower: 2.4, source: data sheet}"]
     damped += ["simulation.axes.master.stylus.damping=3"]
     assert certify(load_rig(CONFIGS / "scene-resonator.yaml", damped)).verdicts["passive"].passed
     hard = ["scene.ports.stylus.stiffness=20000"]
-    told = certify(load_rig(CONFIGS / "scene-resonator.yaml", hard))
-    assert not told.passed
-    assert "unstable with" in told.sentences()[0]
+    reported = certify(load_rig(CONFIGS / "scene-resonator.yaml", hard))
+    assert not reported.passed
+    assert "unstable with" in reported.sentences()[0]
 
 
 def test_nonlinear_links_are_named_as_conditions():
     for name in ("granular", "string", "drum"):
-        told = certify(load_rig(CONFIGS / f"scene-{name}.yaml"))
-        verdict = told.verdicts["coupled_stable"]
+        reported = certify(load_rig(CONFIGS / f"scene-{name}.yaml"))
+        verdict = reported.verdicts["coupled_stable"]
         assert verdict.state == "conditional"
         assert "no theorem bounds it; a run measures it" in verdict.conditions[0]
 
@@ -142,8 +142,8 @@ def test_nonlinear_links_are_named_as_conditions():
 )
 def test_what_feeds_energy_is_not_certified(link):
     overrides = [f"scene.links.feeding={link}", "scene.scheme=discrete_gradient"]
-    told = certify(load_rig(CONFIGS / "scene-resonator.yaml", overrides))
-    for verdict in told.verdicts.values():
+    reported = certify(load_rig(CONFIGS / "scene-resonator.yaml", overrides))
+    for verdict in reported.verdicts.values():
         assert not verdict.passed
         assert "feeding" in verdict.reason
 
@@ -153,9 +153,9 @@ def test_a_scheme_that_cannot_run_the_scene_is_refused():
     scene = linear_scene(RESONATOR, "symplectic", 1e-3, "hand")
     assert own_radius(scene) > 1.1
     overrides = ["scene.scheme=symplectic", "rate_hz=1000"]
-    told = certify(load_rig(CONFIGS / "scene-resonator.yaml", overrides))
-    assert not told.passed
-    assert "symplectic cannot run the scene at 1000 Hz" in told.sentences()[0]
+    reported = certify(load_rig(CONFIGS / "scene-resonator.yaml", overrides))
+    assert not reported.passed
+    assert "symplectic cannot run the scene at 1000 Hz" in reported.sentences()[0]
 
 
 @pytest.mark.parametrize("name", ["resonator", "granular"])

@@ -157,7 +157,7 @@ def rig_admittance(omega: float, damping: float, clamped_slave: bool) -> complex
     """Return velocity per force at the master of m = .5/.5, b = 10, tau = .05, K = 100, B = 10.
 
     The master is a wave port on an exactly known mass; T = 0.1 ms. The port sends a period later
-    than the ideal one, so its way to the slave is a sample shorter. The predictor is told the
+    than the ideal one, so its way to the slave is a sample shorter. The predictor is reported the
     hand's force: unknown, it would cost b T / m of the effort (0.2 % here).
     """
     period, K, D, mass = 1e-4, 100.0, 10.0, 0.5

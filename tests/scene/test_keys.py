@@ -37,26 +37,26 @@ def test_shipped_scenes_come_back_from_their_resolved_text(name):
 
 
 def test_unknown_nodes_are_named_with_their_place():
-    told = problems(text=RESONATOR.replace("[object, ground]", "[objekt, ground]"))
-    assert "scene.links.spring.between.0" in told
-    assert "unknown node 'objekt'; did you mean 'object'? Nodes: object, stylus, ground" in told
-    told = problems(text=RESONATOR.replace("to: object", "to: thing"))
+    reported = problems(text=RESONATOR.replace("[object, ground]", "[objekt, ground]"))
+    assert "scene.links.spring.between.0" in reported
+    assert "unknown node 'objekt'; did you mean 'object'? Nodes: object, stylus, ground" in reported
+    reported = problems(text=RESONATOR.replace("to: object", "to: thing"))
     line = RESONATOR[: RESONATOR.index("to: object")].count("\n") + 1
-    assert f"rig.yaml:{line}: scene.ports.stylus.to: unknown node 'thing'" in told
+    assert f"rig.yaml:{line}: scene.ports.stylus.to: unknown node 'thing'" in reported
     assert "no mass is named 'nobody'" in problems("scene.forces.strikes.on=nobody")
     assert "no mass is named 'ghost'" in problems("scene.record=[ghost]")
 
 
 def test_zero_masses_are_refused_with_their_place():
-    told = problems(text=RESONATOR.replace("{mass: 0.004", "{mass: 0"))
-    assert "scene.masses.object.mass: Input should be greater than 0 (got 0)" in told
+    reported = problems(text=RESONATOR.replace("{mass: 0.004", "{mass: 0"))
+    assert "scene.masses.object.mass: Input should be greater than 0 (got 0)" in reported
 
 
 def test_disconnected_parts_are_named():
-    told = problems(text=RESONATOR.replace("  masses:", "  masses:\n    lonely: {mass: 1}"))
-    assert "scene.masses.lonely: no link ends at it; add one, or remove it" in told
-    told = problems("scene.ports.stylus={}")
-    assert "no link ends at it" in told
+    reported = problems(text=RESONATOR.replace("  masses:", "  masses:\n    lonely: {mass: 1}"))
+    assert "scene.masses.lonely: no link ends at it; add one, or remove it" in reported
+    reported = problems("scene.ports.stylus={}")
+    assert "no link ends at it" in reported
 
 
 @pytest.mark.parametrize(
@@ -101,9 +101,9 @@ def test_what_does_not_fit_is_said(override, sentence):
 
 
 def test_without_a_scene_slave_and_coupling_are_required():
-    told = problems(text="\n".join(RESONATOR.split("scene:\n")[0].splitlines()))
-    assert "slave: required key is missing" in told
-    assert "coupling: required key is missing" in told
+    reported = problems(text="\n".join(RESONATOR.split("scene:\n")[0].splitlines()))
+    assert "slave: required key is missing" in reported
+    assert "coupling: required key is missing" in reported
 
 
 def test_the_schema_takes_either_a_scene_or_a_slave():

@@ -22,7 +22,7 @@ GRANULAR = Path(__file__).parents[2] / "configs" / "scene-granular.yaml"
 
 @pytest.fixture
 def costs(monkeypatch):
-    """Say what a cycle costs, in shares of a period, by engine; told which ones were measured."""
+    """Fake the cost of a cycle in shares of a period, by engine; return those measured."""
     share = {"python": 0.3, "compiled": 0.1}
     measured = []
 
@@ -62,12 +62,12 @@ def test_the_fake_clock_measures_nothing_and_compiles_what_asks_for_it(costs):
 def test_a_tight_scene_says_so_and_one_that_is_too_slow_is_refused(costs):
     share, _ = costs
     share.update(python=2.5, compiled=0.9)
-    (told,) = chosen().sentences
-    assert told.endswith(
+    (reported,) = chosen().sentences
+    assert reported.endswith(
         "90% of the period of 22.68 us: it may miss cycles; --clock fake, fewer masses, or a "
         "rate_hz of at most 37000"
     )
-    assert chosen().warnings() == [told]
+    assert chosen().warnings() == [reported]
     share["compiled"] = 0.5
     assert chosen().warnings() == []
     share["numba"] = False

@@ -103,13 +103,13 @@ def run(network: Network, scheme: str, steps: int = 60) -> list[float]:
 
 
 def moved(model: SceneModel, steps: int = 60) -> list[float]:
-    told: list[float] = []
+    reported: list[float] = []
     free = model.arrays.count[0] + model.arrays.count[1]
     for k in range(steps):
-        told += model.advance([0.01 * math.sin(0.05 * k)], [0.1 * math.sin(0.2 * k)])
-        told += [*model.arrays.x, *model.arrays.v, *model.arrays.force[:free]]
-    assert all(map(math.isfinite, told))
-    return told
+        reported += model.advance([0.01 * math.sin(0.05 * k)], [0.1 * math.sin(0.2 * k)])
+        reported += [*model.arrays.x, *model.arrays.v, *model.arrays.force[:free]]
+    assert all(map(math.isfinite, reported))
+    return reported
 
 
 @pytest.mark.parametrize("scheme", ["symplectic", "discrete_gradient", "exact"])
@@ -214,9 +214,9 @@ def test_only_what_is_alike_is_joined():
         spring._replace(name="softer", stiffness=0.2),
         spring._replace(name="less damped", damping=0.0),
     )
-    told = [(link.name, link.stiffness, into) for link, into in join_links(links)]
-    assert told[:3] == [("a", 4.0 * 0.3, ""), ("b", 0.0, "a"), ("c", 0.0, "a")]
-    assert [into for *_, into in told[3:]] == [""] * 5
+    reported = [(link.name, link.stiffness, into) for link, into in join_links(links)]
+    assert reported[:3] == [("a", 4.0 * 0.3, ""), ("b", 0.0, "a"), ("c", 0.0, "a")]
+    assert [into for *_, into in reported[3:]] == [""] * 5
     for change in ("stiffness", "damping", "rest", "loss", "limit", "exponent", "scale"):
         pair = [spring, spring._replace(name="b", **{change: 7.0})]
         assert join_links(pair) == [(link, "") for link in pair]
@@ -231,4 +231,4 @@ def test_check_lists_what_was_joined():
     done = CliRunner().invoke(
         main, ["check", "-v", str(CONFIGS / "scene-resonator.yaml"), "--set", again]
     )
-    assert "one with spring, exactly" in " ".join(done.output.split())
+    assert "merged with spring, exactly" in " ".join(done.output.split())

@@ -87,10 +87,10 @@ CASES = [
 def test_the_steps_that_compile_are_the_live_ones(name: str, scheme: str) -> None:
     model = model_of(name, scheme)
     efforts, places = in_arrays(model, 1)
-    told = play(model, motion(model), pushes(model), engine="python")
-    assert np.abs(told.efforts).max() > 0.0
-    assert np.array_equal(efforts, told.efforts)
-    assert np.array_equal(places, told.places)
+    reported = play(model, motion(model), pushes(model), engine="python")
+    assert np.abs(reported.efforts).max() > 0.0
+    assert np.array_equal(efforts, reported.efforts)
+    assert np.array_equal(places, reported.places)
 
 
 def test_rows_of_several_steps_hold_their_mean_effort_and_last_place() -> None:

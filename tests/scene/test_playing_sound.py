@@ -53,13 +53,13 @@ def test_the_next_player_is_tried_where_one_has_no_device(players, tmp_path):
 
 
 def test_without_a_device_it_is_one_sentence(players):
-    told = play_sound(RATTLE)
-    assert told.startswith("not played: none of paplay, pw-play, aplay, afplay on PATH")
-    assert told.endswith(f"the sound is in {RATTLE}")
+    reported = play_sound(RATTLE)
+    assert reported.startswith("not played: none of paplay, pw-play, aplay, afplay on PATH")
+    assert reported.endswith(f"the sound is in {RATTLE}")
     players("aplay", "echo 'aplay: main: audio open error: No such file' >&2; exit 1")
-    told = play_sound(RATTLE)
-    assert "not played: aplay: aplay: main: audio open error: No such file; the sound" in told
-    assert "\n" not in told
+    reported = play_sound(RATTLE)
+    assert "not played: aplay: aplay: main: audio open error: No such file; the sound" in reported
+    assert "\n" not in reported
 
 
 def test_a_player_that_hangs_is_ended(players, monkeypatch):

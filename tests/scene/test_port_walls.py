@@ -60,9 +60,9 @@ def test_what_drags_at_a_port_is_felt_and_loses(name: str, scheme: str) -> None:
     speed = np.diff(at, prepend=0.0) / PERIOD
     want = 0.5 * speed if name == "damper" else 2.0 * speed / np.hypot(speed, 1e-3)
     assert efforts == pytest.approx(want, abs=1e-12)
-    told = model.ledger()
-    assert told.lost > 0.0
-    assert math.isclose(told.port_work, told.lost, rel_tol=0.05)
+    reported = model.ledger()
+    assert reported.lost > 0.0
+    assert math.isclose(reported.port_work, reported.lost, rel_tol=0.05)
     assert abs(model.residual()) < 1e-14
 
 

@@ -91,7 +91,7 @@ def test_what_is_wrong_is_named():
         ("hand",),
         forced=("e",),
     )
-    told = "\n".join(problems_of(network))
+    reported = "\n".join(problems_of(network))
     for part in (
         "mass 'a': a mass must be greater than 0 (got 0)",
         "link 'one': unknown node 'd'. Nodes: a, b, c, c, hand, ground",
@@ -102,5 +102,5 @@ def test_what_is_wrong_is_named():
         "node 'c' exists twice",
         "unknown node 'e'",
     ):
-        assert part in told
+        assert part in reported
     assert problems_of(everything()) == []

@@ -123,8 +123,8 @@ def test_a_command_delay_is_in_the_books_and_in_the_certificate():
     motor = data["plant.master.stylus.motor_work"]
     assert data["master.stylus.port_energy"] == pytest.approx(-motor, abs=1e-12)
     prompt = certify(load_rig(CONFIGS / "scene-resonator.yaml")).elements[1].numbers
-    told = certify(load_rig(CONFIGS / "scene-resonator.yaml", late)).elements[1].numbers
-    assert told["needed_damping"] > 2.0 * prompt["needed_damping"]
+    reported = certify(load_rig(CONFIGS / "scene-resonator.yaml", late)).elements[1].numbers
+    assert reported["needed_damping"] > 2.0 * prompt["needed_damping"]
 
 
 def test_limits_and_ramps_hold():
@@ -293,8 +293,8 @@ def test_an_instrument_that_runs_away_is_stopped_and_reported(tmp_path, scheme, 
     assert done.exit_code == 6
     written = (tmp_path / "out" / "summary.json").read_text()
     summary = json.loads(written, parse_constant=pytest.fail)
-    told = summary["outcome"]["sentence"]
-    assert "master.bar received a scene effort over a million times its limit of" in told
+    reported = summary["outcome"]["sentence"]
+    assert "master.bar received a scene effort over a million times its limit of" in reported
     assert summary["cycles"] < 1500
     assert "report_error" not in summary
     assert not drawn or (tmp_path / "out" / "report.html").stat().st_size > 10_000

@@ -61,12 +61,12 @@ def test_every_kind_of_link_keeps_its_books(scheme):
         model.advance([0.005 * math.sin(30 * k * period)], [math.sin(200 * k * period)])
         if k % 100 == 0:
             assert abs(model.residual()) < 1e-12
-    told = model.ledger()
-    assert told.made > 0.01
-    assert told.lost > 0.01
+    reported = model.ledger()
+    assert reported.made > 0.01
+    assert reported.lost > 0.01
     assert min(element.get("lost", 0.0) for element in model.elements().values()) > -1e-4
     if scheme == "discrete_gradient":
-        assert told.numeric == 0.0
+        assert reported.numeric == 0.0
         assert min(element.get("lost", 0.0) for element in model.elements().values()) > -1e-15
 
 
@@ -296,10 +296,10 @@ def test_rk4_takes_energy_of_a_spring_and_makes_none(share):
     before = model.ledger().energy
     for _ in range(200):
         model.advance([])
-        told = model.ledger()
-        assert told.energy < before
+        reported = model.ledger()
+        assert reported.energy < before
         assert abs(model.residual()) < 1e-18
-        before = told.energy
+        before = reported.energy
     model.reset([])
     model.advance([])
     taken = 1.0 - model.ledger().energy / model.start.energy

@@ -1,4 +1,4 @@
-"""Sounds as outside forces: every format, what is wrong, and a run that can be run again."""
+"""Sounds as external forces: every format, mistakes, and a run that can be repeated."""
 
 from __future__ import annotations
 
@@ -116,9 +116,9 @@ def test_what_is_wrong_with_a_sound_is_one_sentence_with_its_place(tmp_path, con
     path.write_bytes(content)
     with pytest.raises(ConfigError) as caught:
         rig_with(path)
-    (told,) = caught.value.problems
-    assert told.startswith(f"--set scene.forces.rattle.file={path}: ")
-    assert sentence in told
+    (reported,) = caught.value.problems
+    assert reported.startswith(f"--set scene.forces.rattle.file={path}: ")
+    assert sentence in reported
 
 
 def test_a_missing_file_a_missing_channel_and_a_long_one(tmp_path, monkeypatch):

@@ -169,15 +169,15 @@ def net(*overrides: str):
 
 
 def test_the_net_is_conditional_and_says_on_what():
-    told = net()
+    reported = net()
     for name in ("passive", "coupled_stable"):
-        verdict = told.verdicts[name]
+        verdict = reported.verdicts[name]
         assert verdict.state == "conditional"
         assert "ball1, ball2" in verdict.conditions[0]
         assert "no theorem bounds it" in verdict.conditions[0]
         assert "as they turn away from the start position" in verdict.conditions[1]
-    assert "only dissipates, along its line" in told.elements[0].passive.reason
-    assert "no spring or damper acts on it" in told.elements[1].passive.reason
+    assert "only dissipates, along its line" in reported.elements[0].passive.reason
+    assert "no spring or damper acts on it" in reported.elements[1].passive.reason
 
 
 def test_linear_springs_at_axes_are_certified_together():
@@ -186,24 +186,24 @@ def test_linear_springs_at_axes_are_certified_together():
         "scene.links.hold={type: spring, between: [core, ground], stiffness: 1000}",
         "scene.ports.finger={axes: [right, away, up], to: core, stiffness: 300}",
     ]
-    told = net(*held)
-    joint = told.elements[-1]
+    reported = net(*held)
+    joint = reported.elements[-1]
     assert joint.name == "all axes"
     assert 0.0 < joint.numbers["share"] < 1.0
     assert joint.numbers["share"] == pytest.approx(
-        max(e.numbers["needed_damping"] for e in told.elements[1:4]) / 0.3, rel=1e-6
+        max(e.numbers["needed_damping"] for e in reported.elements[1:4]) / 0.3, rel=1e-6
     )
     hard = [held[0], held[1], held[2].replace("300", "20000")]
-    told = net(*hard)
-    assert not told.verdicts["passive"].passed
-    assert not told.verdicts["coupled_stable"].passed
-    assert "unstable with" in told.verdicts["coupled_stable"].reason
+    reported = net(*hard)
+    assert not reported.verdicts["passive"].passed
+    assert not reported.verdicts["coupled_stable"].passed
+    assert "unstable with" in reported.verdicts["coupled_stable"].reason
 
 
 def test_what_is_too_stiff_for_the_standard_scheme_is_refused_with_a_rate():
-    told = net("scene.links.thread.stiffness=40000")
-    assert not told.passed
-    reason = told.verdicts["coupled_stable"].reason
+    reported = net("scene.links.thread.stiffness=40000")
+    assert not reported.passed
+    reason = reported.verdicts["coupled_stable"].reason
     assert "symplectic cannot run the scene at 2000 Hz: it is unstable by itself" in reason
     assert net("scene.links.thread.stiffness=40000", "scene.scheme=discrete_gradient").passed
     rate = float(reason.partition("Raise the rate to ")[2].split()[0])
@@ -211,9 +211,9 @@ def test_what_is_too_stiff_for_the_standard_scheme_is_refused_with_a_rate():
 
 
 def test_a_start_that_gives_way_is_not_certified_as_stable():
-    told = net("scene.links.thread.rest=0.027", "scene.gravity=0")
-    assert not told.passed
-    assert "links are compressed so that the network buckles" in told.verdicts[
+    reported = net("scene.links.thread.rest=0.027", "scene.gravity=0")
+    assert not reported.passed
+    assert "links are compressed so that the network buckles" in reported.verdicts[
         "coupled_stable"
     ].reason  # fmt: skip
 
@@ -224,8 +224,8 @@ def test_a_start_that_gives_way_is_not_certified_as_stable():
      "{type: energy_source, between: [finger, knot], power: 0.1}"],
 )  # fmt: skip
 def test_what_feeds_is_not_certified(link):
-    told = net(f"scene.links.feeding={link}")
-    assert not any(verdict.passed for verdict in told.verdicts.values())
+    reported = net(f"scene.links.feeding={link}")
+    assert not any(verdict.passed for verdict in reported.verdicts.values())
 
 
 @pytest.mark.parametrize("linear", [False, True])

@@ -75,11 +75,11 @@ def test_every_kind_of_link_keeps_its_books(scheme, seed):
         elif k % 100 == 0:
             assert abs(model.residual()) < 1e-12
     assert abs(model.residual()) < 1e-12
-    told = model.ledger()
-    assert told.made > 0.01
-    assert told.lost > 0.05
+    reported = model.ledger()
+    assert reported.made > 0.01
+    assert reported.lost > 0.05
     if scheme == "discrete_gradient":
-        assert told.numeric == 0.0
+        assert reported.numeric == 0.0
         assert min(element.get("lost", 0.0) for element in model.elements().values()) > -1e-15
 
 
@@ -222,8 +222,8 @@ def test_pruning_changes_no_bit(scheme):
         ),
         grounds=(*base.grounds, ("unused", (1.0, 1.0, 1.0))),
     )
-    small, told = prune_network3d(more)
-    assert [word.partition(":")[0] for word in told] == [
+    small, reported = prune_network3d(more)
+    assert [word.partition(":")[0] for word in reported] == [
         "far1", "far2", "link far", "ground unused", "link twin",
     ]  # fmt: skip
     assert len(small.masses) == 6
@@ -242,11 +242,11 @@ def test_what_is_wrong_with_a_network_is_said():
             Link("c", "contact", "a", "ground", 1.0),
         ),
     )
-    told = " ".join(problems_of_network3d(wrong))
+    reported = " ".join(problems_of_network3d(wrong))
     for part in (
         "mass 'a': a mass must be greater than 0",
         "unknown node 'nobody'",
         "'lonely': nothing is linked to it",
         "link 'c': between points a contact needs a rest above 0",
     ):
-        assert part in told
+        assert part in reported

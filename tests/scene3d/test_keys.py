@@ -108,8 +108,8 @@ def test_what_does_not_fit_is_said(override, sentence):
     ],
 )
 def test_keys_of_three_dimensions_in_one_are_told(override, place):
-    told = problems(override, text=RESONATOR)
-    assert f"{place} belongs to a scene of points: add dimension: 3, or remove it" in told
+    reported = problems(override, text=RESONATOR)
+    assert f"{place} belongs to a scene of points: add dimension: 3, or remove it" in reported
 
 
 def test_the_schema_knows_both():
@@ -187,6 +187,6 @@ def test_a_node_of_a_group_may_be_named_by_itself():
         "k2", "k2", "k213", "k2", "k20",
     ]  # fmt: skip
     for wrong in ("knot50", "knot0", "knot025", "knots"):
-        told = problems(f"scene.links.ball.between=[finger, {wrong}]")
-        assert f"unknown node '{wrong}'" in told
+        reported = problems(f"scene.links.ball.between=[finger, {wrong}]")
+        assert f"unknown node '{wrong}'" in reported
     assert "neither end can move" in problems("scene.links.ball.between=[ground, knot1]")

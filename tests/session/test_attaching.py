@@ -41,9 +41,9 @@ PATIENT = ("--duration", "0.4", "--set", "loop.missing_limit=500",
 """What this machine does beside it is not what is tested."""
 
 
-def finished(told: Any, summary: Any) -> bool:
+def finished(reported: Any, summary: Any) -> bool:
     """Whether a run came to its end; 3: a busy machine lost samples, which spoils certificates."""
-    assert told.exit_code in (0, 3), told.output
+    assert reported.exit_code in (0, 3), reported.output
     return bool(summary["outcome"]["kind"] == "finished")
 
 
@@ -74,10 +74,10 @@ def run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
 
     def once(*words: str) -> Any:
         out = tmp_path / f"run{next(count)}"
-        told = tautwave("run", *words, *PATIENT, "--out", out, cwd=tmp_path)
+        reported = tautwave("run", *words, *PATIENT, "--out", out, cwd=tmp_path)
         path = out / "summary.json"
         summary = json.loads(path.read_text()) if path.exists() else None
-        return told, summary, out
+        return reported, summary, out
 
     return once
 
@@ -94,32 +94,32 @@ def set_words(**options: object) -> list[str]:
 def test_servos_are_found_by_themselves_and_opened_where_they_are_named(run: Any) -> None:
     rig = config("bench-dynamixel-sim")
     with sim(rig) as (child, (line,)):
-        told, summary, _ = run(rig, "--attach")
-        assert finished(told, summary)
+        reported, summary, _ = run(rig, "--attach")
+        assert finished(reported, summary)
         where = f"simulated elsewhere, at {line['endpoint']} (process {child.pid})"
-        assert told.stdout.splitlines()[0] == f"bus servos  {where}"
+        assert reported.stdout.splitlines()[0] == f"bus servos  {where}"
         bus = summary["buses"]["servos"]
         assert (bus["way"], bus["endpoint"]) == ("simulated elsewhere", line["endpoint"])
         assert summary["cycles"] > 50
 
         # The same pseudo-terminal as a named port is opened, whatever the rig could simulate.
         named = set_words(servos__port=line["endpoint"])
-        told, summary, out = run(rig, *named)
-        assert finished(told, summary)
-        assert told.stdout.splitlines()[0] == f"bus servos  hardware at {line['endpoint']}"
+        reported, summary, out = run(rig, *named)
+        assert finished(reported, summary)
+        assert reported.stdout.splitlines()[0] == f"bus servos  hardware at {line['endpoint']}"
         assert summary["buses"]["servos"]["way"] == "hardware"
         assert load_rig(out / "rig.yaml").simulation is None
         columns = read_recording(out / "recording.mcap").columns
         assert not any(name.startswith("true.") for name in columns)
 
-        told, summary, _ = run(rig, *named, *set_words(servos__baud=3000000))
-        assert told.exit_code == 5
-        assert "no answer at 3000000 baud" in told.stderr
+        reported, summary, _ = run(rig, *named, *set_words(servos__baud=3000000))
+        assert reported.exit_code == 5
+        assert "no answer at 3000000 baud" in reported.stderr
         servos = "[{id: 9, model: XM430-W350}, {id: 2, model: XM430-W350}]"
         words = [*set_words(servos__servos=servos), "--set", "master.axes.lever.id=9"]
-        told, summary, _ = run(rig, "--attach", *words)
-        assert told.exit_code == 5
-        assert "servo 9" in told.stderr
+        reported, summary, _ = run(rig, "--attach", *words)
+        assert reported.exit_code == 5
+        assert "servo 9" in reported.stderr
 
 
 @pytest.mark.slow
@@ -132,12 +132,12 @@ def test_identify_shakes_what_is_served_elsewhere_and_what_is_named(tmp_path: Pa
             ("served", ["--attach"], f"simulated elsewhere, at {where} (process {child.pid})"),
             ("named", set_words(servos__port=where), f"hardware at {where}"),
         ):
-            told = tautwave("identify", rig, *more, *words, out, cwd=tmp_path)
+            reported = tautwave("identify", rig, *more, *words, out, cwd=tmp_path)
             # So short a time, with a hand that holds it, may not be enough to tell its parameters.
-            assert told.exit_code in (0, 2, 6), told.output
-            assert told.exit_code == 0 or "and cannot be identified" in told.stderr
-            assert told.stdout.splitlines()[0] == f"bus servos  {way}"
-            assert "simulated hand and environment were removed" not in told.stdout
+            assert reported.exit_code in (0, 2, 6), reported.output
+            assert reported.exit_code == 0 or "and cannot be identified" in reported.stderr
+            assert reported.stdout.splitlines()[0] == f"bus servos  {way}"
+            assert "simulated hand and environment were removed" not in reported.stdout
             recorded = read_recording(tmp_path / out)
             assert len(recorded.time_s) > 20
 
@@ -149,16 +149,16 @@ def test_modbus_drives_are_found_by_themselves_and_opened_where_they_are_named(
 ) -> None:
     rig = config(f"bench-modbus-{link}-sim")
     with sim(rig) as (_, (line,)):
-        told, summary, _ = run(rig, "--attach")
-        assert finished(told, summary)
+        reported, summary, _ = run(rig, "--attach")
+        assert finished(reported, summary)
         bus = summary["buses"]["arm"]
         assert (bus["way"], bus["endpoint"]) == ("simulated elsewhere", line["endpoint"])
         assert summary["buses"]["hand"]["way"] == "simulated here"
 
         # A simulated master with a named drive: the truth of the master alone is recorded.
         named = set_words(arm__endpoint=line["endpoint"])
-        told, summary, out = run(rig, *named)
-        assert finished(told, summary)
+        reported, summary, out = run(rig, *named)
+        assert finished(reported, summary)
         assert summary["buses"]["arm"]["way"] == "hardware"
         columns = read_recording(out / "recording.mcap").columns
         true = {name.split(".")[1] for name in columns if name.startswith("true.")}
@@ -167,28 +167,28 @@ def test_modbus_drives_are_found_by_themselves_and_opened_where_they_are_named(
         units = load_rig(rig).buses["arm"].options["devices"]
         given = [{k: v for k, v in {**one, "unit": 9}.items() if v is not None} for one in units]
         words = [*set_words(arm__devices=json.dumps(given)), "--set", "slave.axes.lever.id=9"]
-        told, summary, _ = run(rig, *named, *words)
-        assert told.exit_code == 5
-        assert "unit 9" in told.stderr
+        reported, summary, _ = run(rig, *named, *words)
+        assert reported.exit_code == 5
+        assert "unit 9" in reported.stderr
 
 
 @pytest.mark.slow
 def test_drives_on_a_shared_can_interface_have_one_server(run: Any) -> None:
     rig = config("bench-canopen-vcan")
     with sim(rig, *UDP) as (child, _):
-        told, summary, _ = run(rig, *UDP, "--attach", "--set", "rate_hz=100",
+        reported, summary, _ = run(rig, *UDP, "--attach", "--set", "rate_hz=100",
                                "--allow-uncertified")  # fmt: skip
-        assert finished(told, summary)
+        assert finished(reported, summary)
         bus = summary["buses"]["can"]
         assert bus["way"] == "simulated elsewhere"
         assert bus["endpoint"] == f"udp_multicast:{GROUP}"
         # A run that served the same nodes there too would talk over them.
-        told, summary, _ = run(rig, *UDP)
-        assert told.exit_code == 5
-        assert f"served by process {child.pid} (tautwave sim)" in told.stderr
+        reported, summary, _ = run(rig, *UDP)
+        assert reported.exit_code == 5
+        assert f"served by process {child.pid} (tautwave sim)" in reported.stderr
         assert summary is None
-    told, summary, _ = run(rig, *UDP, "--set", "rate_hz=100", "--allow-uncertified")
-    assert finished(told, summary)
+    reported, summary, _ = run(rig, *UDP, "--set", "rate_hz=100", "--allow-uncertified")
+    assert finished(reported, summary)
     assert summary["buses"]["can"]["where"] == "served by this run"
     assert not list(directory().glob("*.json"))
 
@@ -198,12 +198,12 @@ def test_drives_on_a_shared_can_interface_have_one_server(run: Any) -> None:
 def test_drives_on_vcan_are_attached_to_and_served(run: Any) -> None:
     rig = config("bench-canopen-vcan")
     with sim(rig):
-        told, summary, _ = run(rig, "--attach")
-        assert finished(told, summary)
+        reported, summary, _ = run(rig, "--attach")
+        assert finished(reported, summary)
         assert summary["buses"]["can"]["endpoint"] == "socketcan:vcan0"
         assert summary["buses"]["can"]["way"] == "simulated elsewhere"
-    told, summary, _ = run(rig)
-    assert finished(told, summary)
+    reported, summary, _ = run(rig)
+    assert finished(reported, summary)
     assert summary["buses"]["can"]["words"] == (
         "simulated here, served by this run at socketcan:vcan0"
     )
@@ -216,11 +216,11 @@ def test_after_a_run_on_vcan_was_killed_the_next_one_comes_up(run: Any, tmp_path
     rig = config("bench-canopen-vcan")
     with sim(rig):
         kill_a_run(rig, "--attach", cwd=tmp_path)
-        told, summary, _ = run(rig, "--attach")
-        assert finished(told, summary)
+        reported, summary, _ = run(rig, "--attach")
+        assert finished(reported, summary)
     kill_a_run(rig, cwd=tmp_path)
-    told, summary, _ = run(rig)
-    assert finished(told, summary)
+    reported, summary, _ = run(rig)
+    assert finished(reported, summary)
 
 
 def kill_a_run(*words: str, cwd: Path) -> None:
@@ -243,8 +243,8 @@ def kill_a_run(*words: str, cwd: Path) -> None:
 def test_a_real_master_leads_a_simulated_slave(run: Any) -> None:
     rig = config("bench-mixed-sim")
     with sim(rig) as (_, (line,)):
-        told, summary, out = run(rig, *set_words(hand__port=line["endpoint"]))
-        assert finished(told, summary)
+        reported, summary, out = run(rig, *set_words(hand__port=line["endpoint"]))
+        assert finished(reported, summary)
     assert [bus["words"] for bus in summary["buses"].values()] == [
         f"hardware at {line['endpoint']}",
         "simulated here, in memory",
@@ -260,17 +260,17 @@ def test_what_names_hardware_is_served_and_attached_to_on_request_only(
 ) -> None:
     rig = config("bench-dynamixel-sim")
     hard = set_words(servos__port="/dev/ttyNONE")
-    told = tautwave("sim", rig, *hard, cwd=tmp_path)
-    assert told.exit_code == 2
-    assert "bus servos at /dev/ttyNONE" in told.stderr
+    reported = tautwave("sim", rig, *hard, cwd=tmp_path)
+    assert reported.exit_code == 2
+    assert "bus servos at /dev/ttyNONE" in reported.stderr
     with sim(rig, *hard, "--simulate") as (child, (line,)):
-        told, summary, _ = run(rig, *hard, "--attach", "--simulate", "servos")
-        assert finished(told, summary)
+        reported, summary, _ = run(rig, *hard, "--attach", "--simulate", "servos")
+        assert finished(reported, summary)
         bus = summary["buses"]["servos"]
         assert (bus["endpoint"], bus["forced"]) == (line["endpoint"], True)
-        told, summary, _ = run(rig, *hard)
-        assert told.exit_code == 5
-        assert "/dev/ttyNONE: there is no such device" in told.stderr
+        reported, summary, _ = run(rig, *hard)
+        assert reported.exit_code == 5
+        assert "/dev/ttyNONE: there is no such device" in reported.stderr
         child.send_signal(signal.SIGINT)
         _, said = child.communicate(timeout=60)
     assert f"process {child.pid} until Ctrl-C" in said
@@ -279,20 +279,22 @@ def test_what_names_hardware_is_served_and_attached_to_on_request_only(
 
 def test_a_second_server_is_refused_and_a_dead_one_is_known(run: Any, tmp_path: Path) -> None:
     rig = config("bench-dynamixel-sim")
-    told, summary, _ = run(rig, "--attach")
-    assert told.exit_code == 5
-    assert told.stderr.count("\n") == 1
-    assert f"start `tautwave sim {rig}`" in told.stderr
+    reported, summary, _ = run(rig, "--attach")
+    assert reported.exit_code == 5
+    assert reported.stderr.count("\n") == 1
+    assert f"start `tautwave sim {rig}`" in reported.stderr
     with sim(rig) as (child, _):
-        told = tautwave("sim", rig, cwd=tmp_path)
-        assert told.exit_code == 5
-        assert f"process {child.pid} (tautwave sim) serves its devices already" in told.stderr
+        reported = tautwave("sim", rig, cwd=tmp_path)
+        assert reported.exit_code == 5
+        assert f"process {child.pid} (tautwave sim) serves its devices already" in reported.stderr
         child.kill()
         child.wait()
         (left,) = directory().glob("*.json")
-        told, summary, _ = run(rig, "--attach")
-        assert told.exit_code == 5
-        assert f"process {child.pid} (tautwave sim) served its devices and is gone" in told.stderr
+        reported, summary, _ = run(rig, "--attach")
+        assert reported.exit_code == 5
+        assert (
+            f"process {child.pid} (tautwave sim) served its devices and is gone" in reported.stderr
+        )
         assert summary is None
         assert not left.exists()
 

@@ -19,8 +19,8 @@ HARDWARE = CONFIGS / "xm430-pair.yaml"
 
 def test_a_run_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "_importable", lambda module: module != "canopen")
-    told = r"driver 'canopen' needs canopen; pip install 'tautwave\[canopen\]'"
-    with pytest.raises(ConfigError, match=told):
+    reported = r"driver 'canopen' needs canopen; pip install 'tautwave\[canopen\]'"
+    with pytest.raises(ConfigError, match=reported):
         run(load_rig(RIG), out=tmp_path / "out", clock="fake")
     assert not list(tmp_path.iterdir())
 
@@ -31,10 +31,10 @@ def test_a_fault_is_told_with_its_axis(tmp_path: Path, monkeypatch: pytest.Monke
     result = run(load_rig(RIG, [faults]), out=tmp_path / "out", clock="fake", duration_s=1.0)
     assert result.exit_code == 5
     assert result.summary["axes"]["master.lever"]["faults"] == []
-    told = result.summary["axes"]["slave.lever"]["faults"]
-    assert told
-    assert all(text.startswith("slave.lever") for text in told)
-    assert set(told) <= set(result.summary["faults"])
+    reported = result.summary["axes"]["slave.lever"]["faults"]
+    assert reported
+    assert all(text.startswith("slave.lever") for text in reported)
+    assert set(reported) <= set(result.summary["faults"])
 
 
 def test_a_bus_that_is_refused_leaves_no_directory(tmp_path: Path) -> None:

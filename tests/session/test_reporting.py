@@ -1,4 +1,4 @@
-"""A run that moved well is kept and told, even if its report cannot be written."""
+"""A run that moved well is kept and reported, even if its report cannot be written."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def raising(error: BaseException) -> Callable[..., Any]:
     return run
 
 
-def answering(code: int, told: str) -> Callable[..., Any]:
+def answering(code: int, reported: str) -> Callable[..., Any]:
     def run(command: list[str], **_: Any) -> Any:
-        return subprocess.CompletedProcess(command, code, "", told)
+        return subprocess.CompletedProcess(command, code, "", reported)
 
     return run
 

@@ -52,8 +52,8 @@ def test_a_pseudo_terminal_is_there_inside_the_block_only(rig: Rig) -> None:
 
 def test_a_bus_that_does_not_come_up_is_named(rig: Rig) -> None:
     can = load_rig(CONFIGS / "bench-canopen-vcan.yaml", ["buses.can.options.channel=no-such-can"])
-    told = "bus can: its simulated devices did not start"
-    with pytest.raises(DriverError, match=told), served(can, ("can",)):
+    reported = "bus can: its simulated devices did not start"
+    with pytest.raises(DriverError, match=reported), served(can, ("can",)):
         pass
 
 

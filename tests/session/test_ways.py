@@ -57,7 +57,7 @@ def test_without_a_simulation_a_virtual_endpoint_is_somebody_elses_and_none_is_n
 
 
 @pytest.mark.parametrize(
-    ("name", "overrides", "told"),
+    ("name", "overrides", "reported"),
     [
         (SERVOS, (), ("none", "")),
         (SERVOS, (HARD,), ("real", "/dev/ttyNONE")),
@@ -75,10 +75,10 @@ def test_without_a_simulation_a_virtual_endpoint_is_somebody_elses_and_none_is_n
     ],
 )
 def test_drivers_say_where_their_options_lead(
-    name: str, overrides: tuple[str, ...], told: tuple[str, str]
+    name: str, overrides: tuple[str, ...], reported: tuple[str, str]
 ) -> None:
     bus = next(iter(rig_of(name, *overrides).buses.values()))
-    assert endpoint_of(load_driver(bus.driver), bus.options) == told
+    assert endpoint_of(load_driver(bus.driver), bus.options) == reported
 
 
 def test_modbus_drives_with_connections_of_their_own_are_all_named() -> None:
@@ -174,14 +174,16 @@ def test_check_tells_the_ways_and_what_simulate_makes_of_them(tmp_path: Path) ->
         "forced": False,
         "words": "hardware at /dev/ttyNONE",
     }
-    told = tautwave("check", CONFIGS / f"{SERVOS}.yaml", "--set", HARD, "--simulate", cwd=tmp_path)
-    assert "served by this run on a separate endpoint" in " ".join(told.stdout.split())
+    reported = tautwave(
+        "check", CONFIGS / f"{SERVOS}.yaml", "--set", HARD, "--simulate", cwd=tmp_path
+    )
+    assert "served by this run on a separate endpoint" in " ".join(reported.stdout.split())
 
 
 def test_a_rig_file_is_no_name_of_a_bus(tmp_path: Path) -> None:
-    told = tautwave("run", "--simulate", CONFIGS / f"{SERVOS}.yaml", cwd=tmp_path)
-    assert told.exit_code == 2
-    assert "put it behind the rig file" in told.stderr
+    reported = tautwave("run", "--simulate", CONFIGS / f"{SERVOS}.yaml", cwd=tmp_path)
+    assert reported.exit_code == 2
+    assert "put it behind the rig file" in reported.stderr
 
 
 def test_a_fake_clock_says_that_it_simulates(
@@ -191,9 +193,9 @@ def test_a_fake_clock_says_that_it_simulates(
 
     keep_in_one_process(monkeypatch)
     words = ("--clock", "fake", "--duration", "0.1", "--set", HARD, "--out", "out")
-    told = tautwave("run", CONFIGS / f"{SERVOS}.yaml", *words, cwd=tmp_path)
-    assert told.exit_code == 0, told.output
-    first = told.stdout.splitlines()[0]
+    reported = tautwave("run", CONFIGS / f"{SERVOS}.yaml", *words, cwd=tmp_path)
+    assert reported.exit_code == 0, reported.output
+    first = reported.stdout.splitlines()[0]
     assert first == (
         "bus servos  simulated here, in memory; /dev/ttyNONE is not opened (--clock fake)"
     )

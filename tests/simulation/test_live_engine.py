@@ -115,13 +115,13 @@ def test_compiling_is_announced_where_nothing_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig = rig_of_tree(tree({"loop.engine": "compiled"}))
-    told: list[str] = []
+    reported: list[str] = []
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    engine.compiled_devices(rig, lambda share, word: told.append(word))
+    engine.compiled_devices(rig, lambda share, word: reported.append(word))
     monkeypatch.undo()
     CompiledControl(Pair(site(), site()).control)
-    engine.compiled_devices(rig, lambda share, word: told.append("again"))
-    assert told == ["compiling the controller, once per machine and version"]
+    engine.compiled_devices(rig, lambda share, word: reported.append("again"))
+    assert reported == ["compiling the controller, once per machine and version"]
 
 
 def test_a_run_in_python_does_not_import_numba() -> None:

@@ -189,7 +189,7 @@ def test_interrupted_sweep_goes_on_where_it_stopped(
     stub = Stopped(5)  # the other five, and none twice
     monkeypatch.setattr(sweep_module, "simulate_point", stub)
     heard: list[tuple[float, str]] = []
-    second = run_sweep(plan, out, progress=lambda *told: heard.append(told))
+    second = run_sweep(plan, out, progress=lambda *reported: heard.append(reported))
     assert (second.resumed, second.interrupted, stub.left) == (3, False, 0)
     # A bar that began at 3 of 8 would think that it is quick.
     assert heard[0] == (0.2, "simulating the remaining 5 points")
@@ -227,8 +227,8 @@ def test_command_writes_table_and_picture(write: Callable[[str], Path], tmp_path
     assert "small: 8 of 8 points; every bus simulated in memory" in done.stdout
     assert str(out / "sweep.png") in done.stdout
     again = CliRunner().invoke(main, [*words, "--json"])
-    told = json.loads(again.stdout)
-    assert (told["done"], told["resumed"], told["interrupted"]) == (8, 8, False)
+    reported = json.loads(again.stdout)
+    assert (reported["done"], reported["resumed"], reported["interrupted"]) == (8, 8, False)
     wrong = CliRunner().invoke(main, ["sweep", str(tmp_path / "none.yaml")])
     assert wrong.exit_code == 2
     assert "no such file" in wrong.stderr

@@ -177,17 +177,17 @@ def test_what_is_refused_is_refused_alike(name: str) -> None:
         points.rig(0)  # the family is there
         simulate = Simulator("python", whole=False)
         for number in range(len(WRONG) + 1):
-            told: list[Any] = []
+            reported: list[Any] = []
             for read in (points.rig, alone.read_rig):
                 try:
-                    told.append(read(number))
+                    reported.append(read(number))
                 except ConfigError as err:
-                    told.append(str(err))
-            assert told[0] == told[1]
-            if isinstance(told[1], str):
+                    reported.append(str(err))
+            assert reported[0] == reported[1]
+            if isinstance(reported[1], str):
                 refused += 1
                 row = simulate_point(points, number, ("stable",), simulate)
-                assert row["outcome"] == f"refused: {told[1]}"
+                assert row["outcome"] == f"refused: {reported[1]}"
     assert refused > 30
 
 

@@ -99,10 +99,10 @@ def test_the_command_draws_and_says_how_far_they_agree(tmp_path: Path) -> None:
     path, out = written(tmp_path, GOOD), tmp_path / "out"
     run = CliRunner().invoke(main, ["sweep", str(path), "--out", str(out), "--json"])
     assert run.exit_code == 0, run.output
-    told = json.loads(run.stdout)
-    assert told["planes"]["now"]["mismatched"] == 0
-    assert told["planes"]["late"]["disagreement"] < 1e-6
-    assert Path(told["figure"]).read_bytes().startswith(b"\x89PNG")
+    reported = json.loads(run.stdout)
+    assert reported["planes"]["now"]["mismatched"] == 0
+    assert reported["planes"]["late"]["disagreement"] < 1e-6
+    assert Path(reported["figure"]).read_bytes().startswith(b"\x89PNG")
     plain = CliRunner().invoke(main, ["sweep", str(path), "--out", str(out)])
     assert "differ at 0 of 72 points" in plain.stdout
 
@@ -127,15 +127,15 @@ def test_a_plane_over_the_encoders_step(tmp_path: Path) -> None:
     assert operating_value(plan.starts["quantum"], plan.file.planes["quantum"]) == 2.094e-5
     run = CliRunner().invoke(main, ["sweep", str(path), "--out", str(out), "--json"])
     assert run.exit_code == 0, run.output
-    told = json.loads(run.stdout)
-    assert told["planes"]["quantum"]["mismatched"] == 0
-    assert told["planes"]["quantum"]["boundaries"] == 6
-    assert told["planes"]["quantum"]["disagreement"] < 0.01
-    with Path(told["table"]).open(encoding="utf-8") as file:
+    reported = json.loads(run.stdout)
+    assert reported["planes"]["quantum"]["mismatched"] == 0
+    assert reported["planes"]["quantum"]["boundaries"] == 6
+    assert reported["planes"]["quantum"]["disagreement"] < 0.01
+    with Path(reported["table"]).open(encoding="utf-8") as file:
         for row in csv.DictReader(file):
             assert row["growth_per_period"] == ""
             assert (float(row["gain_per_cycle"]) <= 1.0) == (row["predicted_stable"] == "1")
-    with Path(told["boundaries"]).open(encoding="utf-8") as file:
+    with Path(reported["boundaries"]).open(encoding="utf-8") as file:
         limits = [float(row["passive"]) for row in csv.DictReader(file)]
     assert limits[0] == pytest.approx(4.0)  # 2 b / T
     assert limits[-1] == pytest.approx(2.0 * 1e-3 / 0.1)  # 2 c / Q

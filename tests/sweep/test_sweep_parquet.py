@@ -104,9 +104,9 @@ def test_a_file_says_where_it_is_from(path: Path, tmp_path: Path) -> None:
     }
     assert about["tautwave.version"] == __version__
     assert about["tautwave.rig"] == str(RIG)
-    told = json.loads(about["tautwave.sweep"])
-    assert told["grid"]["seed"] == [1, 2]
-    assert told["cases"]["position"]["columns"]["coupling.pairs.cart.stiffness"] == [500, -1]
+    reported = json.loads(about["tautwave.sweep"])
+    assert reported["grid"]["seed"] == [1, 2]
+    assert reported["cases"]["position"]["columns"]["coupling.pairs.cart.stiffness"] == [500, -1]
     assert json.loads(about["tautwave.varied"])[0] == "seed"
     assert json.loads(about["tautwave.measures"]) == ["stable", "growth_rate", "peak_amplitude"]
 

@@ -125,9 +125,9 @@ def test_candump_sees_the_golden_frames(drives: None) -> None:
         stepped.run(3)
         stepped.run(3, 0.05)
         stepped.run(3, -0.05)
-    told = [text for text in lines if text.startswith("601#2") and text[6:10] not in OTHER_PDOS]
+    reported = [text for text in lines if text.startswith("601#2") and text[6:10] not in OTHER_PDOS]
     expected = golden.set_up(TIMEOUT_MS, round(1e3 / RATE_HZ))
-    assert tuple(told[: len(expected)]) == expected
+    assert tuple(reported[: len(expected)]) == expected
     assert golden.PRE_OPERATIONAL in lines
     assert golden.START in lines
     rpdos = [text for text in lines if text.startswith("201#")]

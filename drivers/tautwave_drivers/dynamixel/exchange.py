@@ -8,7 +8,7 @@ do). So a servo that was silent last time comes last, where it delays no other. 
 be the host's fault and is waited for until the deadline; a servo that missed `ABSENT` cycles in a
 row is waited for only as long as its response takes on the wire, except every `AGAIN`th time.
 
-A response carries no number, so one that comes a cycle late could pass for the next. Bytes that
+Responses have no sequence number, so one that is a cycle late could pass for the next. Bytes that
 arrive before the request itself has left the wire cannot belong to its response: they are dropped.
 If two responses in a cycle have the same id, neither is believed; after a response from a servo
 that was not asked, none is.

@@ -57,7 +57,7 @@ class Drive402:
 
     @property
     def done(self) -> bool:
-        """Whether it is enabled or disabled as asked for."""
+        """Whether it is enabled or disabled as requested."""
         machine = self.machine
         return machine.commanding or (machine.goal.value == "disable" and machine.done)
 

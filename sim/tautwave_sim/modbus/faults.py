@@ -19,7 +19,7 @@ NOISE_MOST = 8
 
 
 class LinkFailure(NamedTuple):
-    """How a link fails, and for how long [ns]; 0 is for ever."""
+    """How a link fails, and for how long [ns]; 0: permanently."""
 
     kind: str
     span_ns: int

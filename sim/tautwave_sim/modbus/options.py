@@ -70,7 +70,7 @@ class FaultEvent(_Keys):
     times: Annotated[int, Field(ge=1)] = 1
     """So many requests in a row, of those meant."""
     duration_s: Seconds = 0.0
-    """[s] How long it lasts; 0: `times` requests, and for ever where a link fails."""
+    """[s] How long it lasts; 0: `times` requests, or permanently for a link failure."""
     code: Annotated[int, Field(ge=1, le=0xFFFF)] | None = None
     """Of an exception (4 if not given) or of a drive's fault."""
 

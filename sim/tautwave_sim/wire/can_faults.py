@@ -48,8 +48,8 @@ class FaultEvent(_Keys):
     times: Annotated[int, Field(ge=1)] = 1
     """So many frames in a row, of those meant."""
     duration_s: Annotated[float, Field(ge=0.0)] = 0.0
-    """[s] How long it lasts, for `error_frame` and all that are no fault of one frame; 0 is for
-    ever there, and one frame here."""
+    """[s] How long it lasts, for `error_frame` and all faults that are not of a single frame; 0:
+    permanently, or one frame for `error_frame`."""
 
     @model_validator(mode="after")
     def _meant(self) -> FaultEvent:

@@ -53,7 +53,7 @@ class Pty:
         return int(struct.unpack_from("=II", settings, SPEEDS_AT)[1])
 
     def share(self) -> None:
-        """Let others open `path` again: the slave held here would keep TIOCEXCL for ever."""
+        """Let others open `path` again: the slave held here would keep TIOCEXCL indefinitely."""
         fcntl.ioctl(self._slave, termios.TIOCNXCL)
 
     def read(self) -> bytes:

@@ -1,8 +1,7 @@
-"""What this machine can do: cost of the laws, of the loop, of starting, of an hour's memory.
+"""Performance of this machine: cost of the laws, of the loop, of start-up, of an hour's memory.
 
-Every figure is CPU time unless its table says otherwise, taken in short chunks between two runs
-of a calibration kernel; goals are ratios to what the issue tracker asks and are printed, not
-enforced: a measurement has no exit code.
+Every figure is CPU time unless its table says otherwise, taken in short chunks between two runs of
+a calibration kernel; goals are printed as ratios, not enforced: a measurement has no exit code.
 """
 
 from __future__ import annotations

@@ -19,10 +19,10 @@ WHAT = (
 
 @contextmanager
 def one_processor() -> Iterator[None]:
-    """Keep this process, and those it starts, on one processor, where the system can.
+    """Pin this process and its children to one processor, if possible.
 
-    Else the two ends of an exchange are on one or on two as the scheduler likes, for a whole run:
-    waking another processor takes as long as the exchange itself.
+    Otherwise the scheduler decides whether both ends of an exchange share a processor for a whole
+    run, and waking another processor takes as long as the exchange itself.
     """
     if not hasattr(os, "sched_setaffinity"):
         yield

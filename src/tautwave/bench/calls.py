@@ -50,7 +50,7 @@ LAWS = (
     Call("wall_depth", wall_depth, (WALL, 0.11), 1),
     Call("wall_effort", wall_effort, (WALL, 0.01, 0.4), 1),
     Call("wall_loss", wall_loss, (WALL, 0.03, 4e-4, 0.0096, 0.01), 1),
-    Call("control_wall, it has to act", control_wall, (CONTROLLED, 0.03, 1e-6, -0.2, 0.5, T), 3),
+    Call("control_wall, active", control_wall, (CONTROLLED, 0.03, 1e-6, -0.2, 0.5, T), 3),
     Call("limit_effort", limit_effort, (LIMIT, 0.2, 0.19, 1.1), 1),
     Call("share_effort", share_effort, (0.03, 0.1, 0.12), 1),
     Call("guard_axis", guard_axis, (LIMIT, 0.1, 0.4), 1),

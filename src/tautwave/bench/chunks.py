@@ -1,8 +1,8 @@
-"""CPU time of short pieces of work on a machine that others use too.
+"""CPU time of short pieces of work on a shared machine.
 
-Works are measured in turn, in chunks of about a millisecond, each between two runs of a
-calibration kernel. A chunk counts only when both runs were nearly as fast as the best one seen:
-then the core was ours and at its usual clock. Times are CPU time of this thread [ns].
+Works are measured in turn, in chunks of about a millisecond, each between two runs of a calibration
+kernel. A chunk counts only when both runs were nearly as fast as the best one seen: then the core
+was undisturbed and at its normal clock. Times are CPU time of this thread [ns].
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 CHUNK_NS = 1_000_000
 TOLERANCE = 1.15
-"""How much slower than its best the calibration may be around a chunk that counts."""
+"""Allowed slowdown of the calibration around a chunk that counts."""
 
 Work = Callable[[int], float]
 """Does something `n` times and returns the CPU time it took [s]."""
@@ -70,7 +70,7 @@ def costs(works: Mapping[str, Work], rounds: int, chunk_ns: float = CHUNK_NS) ->
 def summary(chunks: Sequence[tuple[int, float]], best: int) -> Cost:
     """Return the cost of a work from (slower calibration, ns per call) of its chunks."""
     quiet = [spent for speed, spent in chunks if speed <= TOLERANCE * best]
-    # On a machine that is never quiet, the quietest quarter has to do.
+    # On a machine that is never quiet, use the quietest quarter.
     if len(quiet) < max(1, len(chunks) // 8):
         ranked = sorted(chunks)
         quiet = [spent for _, spent in ranked[: max(1, len(ranked) // 4)]]

@@ -1,4 +1,4 @@
-"""What a step of a mass-interaction network costs: the granular scene, and from 1 to 1e4 masses."""
+"""Cost of a step of a mass-interaction network: the granular scene, and from 1 to 1e4 masses."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def granular_network(grains: int = GRAINS) -> Network:
 
 
 def chain_network(masses: int, spare: int = 0) -> Network:
-    """Return a chain from a port to the ground, and `spare` masses that nobody can feel."""
+    """Return a chain from a port to the ground, and `spare` masses that no port can feel."""
     names = [f"m{at}" for at in range(masses)]
     ends = ["hand", *names, "ground"]
     links = [

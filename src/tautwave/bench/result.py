@@ -1,4 +1,4 @@
-"""What a suite of measurements hands back: tables that say what they measured, and goals."""
+"""Result of a suite of measurements: tables with descriptions, and goals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The two suites of `tautwave bench`: what is measured, and the goals beside it."""
+"""The two suites of `tautwave bench`: measurements and goals."""
 
 from __future__ import annotations
 

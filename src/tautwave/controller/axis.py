@@ -76,7 +76,7 @@ def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float], steps:
         if s.head == p.delay:
             s.head = 0
         if p.late == 0.0:
-            # Without a sample in between, nobody knows in which period the device moved.
+            # Without a sample in between, the period in which the device moved is unknown.
             if s.count > 0:
                 s.spread += math.fabs(total - s.acted_total)
             s.acted_total = total
@@ -124,7 +124,7 @@ def close_axis(s: AxisState, p: AxisParams, position: float, outside: float, ste
     position : float
         Measured position [rad or m].
     outside : float
-        Measured outside effort [N m or N]; used by admittance axes.
+        Measured external effort [N m or N]; used by admittance axes.
     steps : Steps
         Of the coupling.
     """
@@ -326,7 +326,7 @@ def stored_in_wall(s: AxisState, p: AxisParams) -> float:
 
 
 def is_calm(s: AxisState, p: AxisParams, share: float) -> bool:
-    """Return True when the wall asks for less than `share` of the limit where the axis stands."""
+    """Return True if the wall's effort at the axis' position is below `share` of the limit."""
     if p.site.has_wall:
         effort = wall_effort(p.site.wall, s.depth, 0.0)
         limit = share * p.site.limit.effort

@@ -21,7 +21,7 @@ from tautwave.controller.steps import Steps
 
 
 def mismatch(q: PairParams, master_position: float, slave_position: float, offset: float) -> float:
-    """Return how far the slave is from where `offset` wants it [slave's rad or m]."""
+    """Return the slave's distance from its position by `offset` [slave's rad or m]."""
     target = q.ratio * master_position + offset
     return slave_position - target
 

@@ -125,7 +125,7 @@ def start_pairs(
     slot: int,
     steps: Steps,
 ) -> bool:
-    """Start the pairs at what is measured; return whether every asked effort is small there.
+    """Start the pairs at the measured positions; return whether all their efforts are small there.
 
     A pair that starts too far from its offset ends the run: `MISMATCH`.
     """

@@ -156,7 +156,7 @@ class Steps(NamedTuple):
 
 
 class Guard(NamedTuple):
-    """A reason to stop that a coupling has: a word for programs, and how a sentence goes on.
+    """A coupling's reason to stop: a word for programs, and the rest of a sentence.
 
     Such as `port_overdrawn` and `drew more energy than its port had`.
     """

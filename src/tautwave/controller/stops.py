@@ -27,7 +27,7 @@ from tautwave.errors import DriverError, SafetyStop, TautwaveError
 from tautwave.laws.limit import NOT_A_NUMBER, OVERDRAWN, RUNAWAY, LimitParams
 
 ARM_SHARE = 0.1
-"""The engage ramp begins when every effort asked for is below this share of its limit."""
+"""The engage ramp begins when every requested effort is below this share of its limit."""
 
 ARM_TIMEOUT_S = 5.0
 
@@ -126,7 +126,7 @@ def stop_error(
 
 
 def guard_word(code: int, law: Law) -> str:
-    """Return the word of a guard for programs; a code that nobody declared has one, too."""
+    """Return the word of a guard for programs, also for an undeclared code."""
     if code in GUARDS:
         return GUARDS[code]
     return law.guards[code].word if code in law.guards else f"guard_{code}"

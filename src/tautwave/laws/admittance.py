@@ -1,18 +1,18 @@
 """The sampled wave port of an admittance device (takes velocity, measures effort).
 
 The port asks for the velocity w at which the line's resistance b w - sqrt(2b) v_in equals the
-measured outside effort. That effort is one sample old: against an outside stiffness K the loop
-x+ = x + T (-K x + ...) / b is unstable from K T / b = 2 on even with a matched far end, and it is
-active (|S| > 1) for every K > 0. With an upper bound Kh >= K of the outside stiffness the port
+measured external effort. That effort is one sample old: against an external stiffness K the loop x+
+= x + T (-K x + ...) / b is unstable from K T / b = 2 on even with a matched far end, and it is
+active (|S| > 1) for every K > 0. With an upper bound Kh >= K of the external stiffness the port
 predicts the effort in the middle of the acting period, F - Kh T (w under way + w / 2). For a
-command delay of d periods, with q = 1/z and c = cot(theta/2), the port's divisor is
-D = b + e - j c Kh T / 2 - (Kh - K) T q**(d+1) / (1 - q), and S = 2 b / D - 1, so |S| <= 1 if
-Re D >= b. Re(-q**(d+1) / (1 - q)) = 1/2 + sum_1^d cos(i theta) >= 1/2 - d, hence the extra damping
-e = Kh T max(0, d - 1/2) makes the port passive for every outside stiffness up to Kh. Nothing is
-claimed beyond it, and nothing at all without Kh. An outside *damper* B is not covered: its effort
-is a sample old as well, and with B of the order of b the loop is active, then unstable. The device
-is taken to reach the commanded velocity within the period. The energy at this port rests on
-sampled efforts: it is an interval.
+command delay of d periods, with q = 1/z and c = cot(theta/2), the port's divisor is D = b + e - j c
+Kh T / 2 - (Kh - K) T q**(d+1) / (1 - q), and S = 2 b / D - 1, so |S| <= 1 if Re D >= b.
+Re(-q**(d+1) / (1 - q)) = 1/2 + sum_1^d cos(i theta) >= 1/2 - d, hence the extra damping e = Kh T
+max(0, d - 1/2) makes the port passive for any external stiffness up to Kh. Nothing is claimed
+beyond it, and nothing at all without Kh. An external *damper* B is not covered: its effort is also
+one sample old, and with B of the order of b the loop is active, then unstable. The device is
+assumed to reach the commanded velocity within the period. The energy at this port rests on sampled
+efforts: it is an interval.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from typing import NamedTuple
 class AdmittanceParams(NamedTuple):
     """Constants of one admittance port, in the device's own units.
 
-    period T [s]; impedance b; root = sqrt(2 b); stiffness = upper bound of the outside stiffness
+    period T [s]; impedance b; root = sqrt(2 b); stiffness = upper bound of the external stiffness
     (0: none given); divisor = b + Kh T / 2 + Kh T max(0, d - 1/2). The wall's constants are in
     `wall.WallParams`; the books and the leaving wave are `port.port_close`, see `rigid_port`.
     """
@@ -51,7 +51,7 @@ def admittance_params(
 
 
 def greatest_stiffness(period: float, impedance: float, delay_periods: int) -> float:
-    """Return the outside stiffness [N m/rad or N/m] at which the plain port loses stability.
+    """Return the external stiffness [N m/rad or N/m] at which the plain port loses stability.
 
     Far end matched, no effort prediction: z**d (z - 1) + K T / b = 0 reaches the unit circle at
     K T / b = 2 sin(pi / (2 (2 d + 1))).
@@ -75,7 +75,7 @@ def admittance_velocity(
     p : AdmittanceParams
         Constants.
     effort : float
-        Measured outside effort, positive along x [N m or N].
+        Measured external effort, positive along x [N m or N].
     arriving : float
         Arriving wave [W**0.5].
     pending : float

@@ -1,7 +1,7 @@
 """Limits: the last functions before a motor. NaN never passes.
 
-`share_effort` gives the wave port what the limit left over, so that clipping happens inside
-the port's account and needs no account of its own.
+`share_effort` assigns the remaining effort to the wave port, so that clipping happens inside the
+port's account and needs no separate one.
 """
 
 from __future__ import annotations

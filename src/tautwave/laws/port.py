@@ -1,4 +1,4 @@
-"""The sampled wave port of an impedance device (takes effort): passive, not only on paper.
+"""The sampled wave port of an impedance device (takes effort): passive in practice too.
 
 The obvious port estimates the velocity, applies R = b v - sqrt(2b) v_in and sends
 u = sqrt(2b) v - v_in. Its books close on paper, because they multiply a force by a velocity of
@@ -8,9 +8,9 @@ port does three things instead:
 1. it predicts the mean velocity of the period in which the effort *will act*, with a lower bound
    of the device's mass and every effort that is known or still under way;
 2. the leaving wave is formed from the displacement over the period in which the effort acted;
-3. an energy account stands between what came in and what leaves; a wave is never larger than
-   the account can pay, and an effort is never planned to deliver what is not there. A port that
-   owes more than wrong predictions can have cost (`port_debt`) lets go until it is paid.
+3. an energy account stands between what came in and what leaves; a wave is never larger than the
+   account can pay, and an effort is never planned to deliver what is not there. A port that owes
+   more than prediction errors can cause (`port_debt`) lets go until the debt is repaid.
 
 Proof of 1 and 2 for a free mass m, a believed mass m/rho with rho >= 1, and a command delay of d
 whole periods. Let q = 1/z, a = b T / (2 m), c = cot(theta/2); the held force gives the mean
@@ -33,11 +33,11 @@ import math
 from typing import NamedTuple
 
 BANKRUPT = -1.0e300
-"""What the account of a port counts as [J] that owes more than its prediction can have cost."""
+"""Account value [J] of a port that owes more than prediction errors can cause."""
 
 
 ROUNDING = 1.0e-9
-"""Share of an arriving wave's energy that an account may miss by rounding."""
+"""Share of an arriving wave's energy that an account may be off by rounding."""
 
 
 class PortParams(NamedTuple):
@@ -46,7 +46,7 @@ class PortParams(NamedTuple):
     period T [s]; impedance b; root = sqrt(2 b); half_mobility = T / (2 mass lower bound);
     divisor = 1 + b half_mobility + b slip; slip = 1 / series damper, 0 without, 1/b to match the
     line; repay: share of the unsent wave integral that is sent per period; allowance: energy
-    [J per period] that sensor noise may feign, see `sensor_allowance`.
+    [J per period] of apparent loss by sensor noise, see `sensor_allowance`.
     """
 
     period: float
@@ -82,7 +82,7 @@ def port_params(
     drift_time : float
         Time constant in which unsent wave integral (position error) is repaid [s].
     allowance : float
-        Energy per period that the account forgives [J], see `sensor_allowance`.
+        Energy granted per period [J], see `sensor_allowance`.
     """
     mobility = period / (2.0 * mass)
     slip = 0.0
@@ -104,25 +104,25 @@ def rigid_port(period: float, impedance: float, drift_time: float, allowance: fl
 def sensor_allowance(
     period: float, impedance: float, gain: float, quantum: float, noise: float
 ) -> float:
-    """Return the energy per period [J] that an encoder feigns at a port.
+    """Return the apparent energy loss per period [J] that an encoder causes at a port.
 
-    A position error n of the last sample enters the effort as b g n / T and the next
-    displacement as -n: measured energy falls by b g n**2 / T each period although nothing
-    physical left the port. Without an allowance the account would starve and the coupling
-    fall silent. `gain` is that of `track_velocity`; `quantum` and `noise` (standard deviation)
-    are in rad or m; twice the mean is allowed.
+    A position error n of the last sample enters the effort as b g n / T and the next displacement
+    as -n: measured energy falls by b g n**2 / T each period although no physical energy left the
+    port. Without an allowance the account would run dry and the coupling go dead. `gain` is that of
+    `track_velocity`; `quantum` and `noise` (standard deviation) are in rad or m; twice the mean is
+    allowed.
     """
     return 2.0 * impedance * gain * (noise * noise + 0.25 * quantum * quantum) / period
 
 
 def port_debt(p: PortParams, delay_periods: int, gain: float, fastest: float, flow: float) -> float:
-    """Return what the account may owe for a while [J], besides what it forgave.
+    """Return the account's greatest temporary debt [J], besides the allowance.
 
     The account is exact after each period, but an effort is planned on a predicted velocity. Its
     error e costs b T e v; it is a change of velocity, of which b T (1 + d) v**2 can come together,
-    or an effort that something outside balanced, which adds b T (1 + d) / m of that effort's work.
-    A port that owes more lets go in the next period: what it gave in the 1 + d periods until that
-    acts comes on top.
+    or an effort balanced by an external force, which adds b T (1 + d) / m of that effort's work. A
+    port that owes more lets go in the next period: the energy it delivers in the 1 + d periods
+    until that acts comes on top.
 
     Parameters
     ----------
@@ -157,8 +157,8 @@ def port_effort(
     p : PortParams
         Constants.
     account : float
-        Energy account after the last close [J]; `BANKRUPT` when it owes more than `port_debt`:
-        then the device moves otherwise than any prediction, and the port lets go.
+        Energy account after the last close [J]; `BANKRUPT` when it owes more than `port_debt`: then
+        the device does not follow any prediction, and the port lets go.
     coast : float
         Mean velocity of the coming acting period if the port did nothing [rad/s or m/s].
     arriving : float
@@ -197,7 +197,7 @@ def port_close(
     wave_sum: float,
     wave_energy: float,
 ) -> tuple[float, float, float, float, float, float]:
-    """Close the periods since the last sample: books first, then the leaving wave.
+    """Close the periods since the last sample: first the books, then the leaving wave.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ def port_close(
     gap = gap + p.root * advance - period * wave_sum
     leaving = plain + p.repay * (gap / period - plain)
     sent = 0.5 * period * leaving * leaving
-    # What is clearly paid for needs no root: the ceiling would not change a bit of it.
+    # A wave that is clearly paid for needs no root: the ceiling would not change it.
     if not sent < 0.999 * account:
         if account <= 0.0:
             leaving = 0.0

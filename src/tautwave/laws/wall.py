@@ -50,7 +50,7 @@ def wall_stored(p: WallParams, depth: float) -> float:
 def wall_loss(
     p: WallParams, effort: float, displacement: float, before: float, after: float
 ) -> float:
-    """Return what the wall dissipated over a period [J]; negative when the sampling created energy.
+    """Return the energy the wall dissipated in a period [J]; negative if sampling created energy.
 
     `effort` is the resisting effort that acted, `before` and `after` are the depths. For a pure
     spring in contact this is -K displacement**2 / 2: the leak of the held force.
@@ -61,7 +61,7 @@ def wall_loss(
 def control_wall(
     p: WallParams, effort: float, energy: float, coast: float, half_mobility: float, period: float
 ) -> float:
-    """Limit a wall's resisting effort so that it gives back no more than it took.
+    """Limit a wall's resisting effort so that it returns no more energy than it absorbed.
 
     Passivity controller with an exact energy observer. In the wall's direction the device will
     move by T (c - mu F) in the acting period, c the coasting velocity and mu = T / (2 mass lower
@@ -72,7 +72,7 @@ def control_wall(
     p : WallParams
         Wall.
     effort : float
-        Resisting effort the wall asks for [N m or N].
+        Resisting effort of the wall [N m or N].
     energy : float
         Energy absorbed since contact began [J].
     coast : float

@@ -1,4 +1,4 @@
-"""A device at an environment that is a part: energy and force as functions of others' making.
+"""A device at an environment that is a part: energy and force as external functions.
 
 A step moves by the discrete gradient of the part's stored energy and the mean velocity, so that
 work, stored energy and losses add up whatever the part is; steps end at its declared kinks. SI, N m
@@ -243,7 +243,7 @@ def part_substeps(
 def _bounce(
     plant: PlantParams, part: PartContact, x: float, v: float, period: float, count: int
 ) -> float:
-    """Return the velocity after a trial of so many periods [m/s or rad/s]."""
+    """Return the velocity after a trial of this many periods [m/s or rad/s]."""
     for _ in range(count):
         x, v, *_rest = part_step(plant, part, x, v, 0.0, 0.0, 0.0, period)
     return v

@@ -1,4 +1,4 @@
-"""Where the hand wants to be: closed forms of time."""
+"""Reference motion of the hand: closed forms of time."""
 
 from __future__ import annotations
 

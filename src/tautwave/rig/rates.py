@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from tautwave.config import Rig
-from tautwave.registry import coupling_words
+from tautwave.registry import coupling_messages
 from tautwave.types import CommandDelay
 
 
@@ -74,5 +74,5 @@ def standing_offset(rig: Rig, name: str, delays: Mapping[str, CommandDelay]) -> 
 
     In rad per N m or m per N, master units, both devices held still; from the law's part.
     """
-    words = coupling_words(rig.coupling.law)
-    return words.standing(rig, name, delays, one_way_delay(rig, name, delays)).offset
+    messages = coupling_messages(rig.coupling.law)
+    return messages.standing(rig, name, delays, one_way_delay(rig, name, delays)).offset

@@ -1,4 +1,4 @@
-"""One run from rig file to report, and the check that comes before it."""
+"""One run from rig file to report, and the check before it."""
 
 from tautwave.session.checking import CheckResult, check
 from tautwave.session.devices import describe_ways

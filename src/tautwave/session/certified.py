@@ -1,6 +1,6 @@
-"""The certificate of a rig that is about to run, from a process of its own.
+"""The certificate of a rig before its run, from a separate process.
 
-The analysis stays out of the process that moves motors: it gets the certificate as data.
+The analysis stays out of the process that moves motors, which gets the certificate as data.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ TIMEOUT_S = 120.0
 
 
 def certificate_of(rig: Rig) -> dict[str, Any]:
-    """Return the certificate of a rig as plain data; `passed` is None where there is none."""
+    """Return the certificate of a rig as plain data; `passed` is None if there is none."""
     try:
         child = subprocess.run(
             [sys.executable, "-m", "tautwave.certificate"],
@@ -50,7 +50,7 @@ def _none(rig: Rig, why: str) -> dict[str, Any]:
 
 
 def certified_rig(rig: Rig, certificate: dict[str, Any]) -> Rig:
-    """Return the rig as it will run: derated walls at the stiffness that is certified."""
+    """Return the rig as it will run: derated walls at the certified stiffness."""
     walls = certificate["walls"]
     return render_stiffness(rig, {axis: wall["rendered_stiffness"] for axis, wall in walls.items()})
 
@@ -66,7 +66,7 @@ def refuse_uncertified(rig: Rig, certificate: dict[str, Any]) -> None:
 
 
 def summary_block(certificate: dict[str, Any], allowed: bool) -> dict[str, Any]:
-    """Return what the summary of a run keeps of its certificate."""
+    """Return the part of the certificate for the run's summary."""
     kept = {
         key: certificate[key]
         for key in ("passed", "state", "require", "verdicts", "sentences", "walls")

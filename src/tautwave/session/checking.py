@@ -1,4 +1,4 @@
-"""`check`: what a rig would do, without touching a device."""
+"""`check`: examine a rig without touching a device."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tautwave.rig import BusWay, Simulate, Way, as_taken, bus_ways, command_dela
 from tautwave.session.facts import (
     axis_rows,
     count_words,
-    coupling_words,
+    coupling_messages,
     pair_rows,
     pair_sentence,
 )
@@ -20,10 +20,10 @@ from tautwave.session.plan import PlanItem, left_out, rig_plan
 
 
 class CheckResult(NamedTuple):
-    """What a check found. `certificate` is that of `tautwave.certificate`, as plain data.
+    """Result of a check. `certificate` is that of `tautwave.certificate`, as plain data.
 
     `pairs` and `axes` are rows of `tautwave.session.facts.PAIR_HEADS` and `AXIS_HEADS`, the short
-    form of those facts; `failures` holds a sentence for each thing that keeps the rig from running.
+    form of those facts; `failures` holds a sentence for each reason why the rig may not run.
     """
 
     rig: str
@@ -49,7 +49,7 @@ class CheckResult(NamedTuple):
             "budget": {
                 name: {
                     "time_s": cost.time_s,
-                    # JSON has no infinity: null where nothing limits the rate.
+                    # JSON has no infinity: null if nothing limits the rate.
                     "greatest_rate_hz": None
                     if cost.greatest_rate_hz == float("inf")
                     else cost.greatest_rate_hz,
@@ -74,12 +74,12 @@ def bus_budgets(rig: Rig) -> dict[str, Budget]:
 
 
 def require_drivers(rig: Rig) -> None:
-    """Refuse a rig where a library of one of its drivers is not installed.
+    """Refuse a rig if a library of one of its drivers is not installed.
 
     Raises
     ------
     ConfigError
-        It names the driver, the modules, and what to install.
+        Its message names the driver, the modules, and what to install.
     """
     for driver in dict.fromkeys(bus.driver for bus in rig.buses.values()):
         require_modules(driver)
@@ -105,7 +105,7 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
     rig : Rig
         A checked rig.
     simulate : bool or collection of str
-        As for `run`: what is simulated although it names hardware.
+        As for `run`: buses to simulate although they name hardware.
 
     Returns
     -------
@@ -131,8 +131,8 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
         facts.append(("scene time", pace_fact(rig)))
     facts.extend((f"pair {name}", pair_sentence(rig, name, delays)) for name in rig.coupling.pairs)
     if rig.scene is None:
-        facts.extend(coupling_words(rig).facts(rig, delays))
-        facts.extend(coupling_words(rig).hints(rig))
+        facts.extend(coupling_messages(rig).facts(rig, delays))
+        facts.extend(coupling_messages(rig).hints(rig))
     for axis_name, axis in rig.axes.items():
         units = "rad, N m, kg m^2" if axis.kind == "rotary" else "m, N, kg"
         text = (
@@ -182,11 +182,11 @@ def _rate(rig: Rig) -> str:
 def _coupling(rig: Rig) -> str:
     if rig.scene is not None:
         return f"none: the master's axes touch a scene, {_scheme(rig)}"
-    return coupling_words(rig).coupling(rig)
+    return coupling_messages(rig).coupling(rig)
 
 
 def _scheme(rig: Rig) -> str:
-    """Return the scheme that runs a scene, and whether it was chosen."""
+    """Return the scheme that runs a scene, and whether `auto` chose it."""
     assert rig.scene is not None
     if rig.scene.dimension == 3 or rig.scene.scheme != "auto":
         return f"scheme {rig.scene.scheme}"

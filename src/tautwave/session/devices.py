@@ -1,4 +1,4 @@
-"""The simulated devices of a run: served by it, found where they are served, or served for one."""
+"""The simulated devices of a run: served by it, found at a server, or served for another run."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from tautwave.session.serving import Announce, bus_bench, interrupted, serve, se
 def describe_ways(
     rig: Rig, *, clock: str = "real", simulate: Simulate = (), attach: bool = False
 ) -> list[str]:
-    """Return one line per bus on the way it takes in a run, as `bus_ways` finds it.
+    """Return one line per bus on how it runs, from `bus_ways`.
 
     Raises
     ------
     ConfigError
         As for `bus_ways`.
     DriverError
-        `attach`, and nobody serves the devices.
+        `attach`, and the devices are not served.
     """
     ways = bus_ways(rig, clock=clock, simulate=simulate, attach=attach)
     if attach:
@@ -35,13 +35,13 @@ def describe_ways(
 
 @contextmanager
 def devices(rig: Rig, ways: Mapping[str, BusWay]) -> Iterator[dict[str, BusWay]]:
-    """Have the simulated devices of a run inside the block; give the ways with their endpoints.
+    """Provide the simulated devices of a run inside the block; yield the ways with their endpoints.
 
     Raises
     ------
     DriverError
-        They do not come up, somebody else serves on an endpoint, or nobody serves what is to be
-        served elsewhere.
+        They do not start, an endpoint is already served, or devices expected elsewhere are not
+        served.
     """
     found = attached(rig, ways)
     buses = _of(found, Way.SERVED)
@@ -54,14 +54,14 @@ def devices(rig: Rig, ways: Mapping[str, BusWay]) -> Iterator[dict[str, BusWay]]
 
 
 def attached(rig: Rig, ways: Mapping[str, BusWay]) -> dict[str, BusWay]:
-    """Return the ways with what a server of this rig has announced.
+    """Return the ways with the announcements of this rig's server.
 
-    An endpoint that the rig names (vcan, UDP multicast) needs no server that is known here.
+    An endpoint named in the rig (vcan, UDP multicast) needs no known server.
 
     Raises
     ------
     DriverError
-        Nobody serves a bus without an endpoint of its own, or who did is dead.
+        A bus without its own endpoint is not served, or its server has died.
     """
     found = dict(ways)
     buses = [] if rig.simulation is None else _of(ways, Way.ELSEWHERE)
@@ -88,7 +88,7 @@ def _not_served(rig: Rig, name: str, way: BusWay, server: Server | None) -> str:
 
 
 def _led(way: BusWay, line: Mapping[str, Any]) -> BusWay:
-    """Return a way with what the server of its devices announced."""
+    """Return a way with the announcement of its devices' server."""
     options = {**way.options, **line.get("options", {})}
     return way._replace(endpoint=str(line["endpoint"]), options=options)
 
@@ -98,7 +98,7 @@ def _of(ways: Mapping[str, BusWay], way: Way) -> list[str]:
 
 
 def _named(ways: Mapping[str, BusWay], buses: Sequence[str]) -> list[str]:
-    """Return the endpoints of the rig's own that are served."""
+    """Return the served endpoints that the rig names."""
     return [ways[name].endpoint for name in buses if ways[name].endpoint]
 
 
@@ -112,18 +112,18 @@ def serve_rig(
     rig : Rig
         A checked rig.
     simulate : bool or collection of str
-        Buses that name hardware and are simulated all the same.
+        Buses to simulate although they name hardware.
     announce : callable
         Called once per endpoint.
     ready : callable
-        Called when all is announced, with the buses that need `--simulate` in the run.
+        Called when everything is announced, with the buses that need `--simulate` in the run.
 
     Raises
     ------
     ConfigError
         There is nothing to serve.
     DriverError
-        Somebody serves the rig, or one of its endpoints, already; or one cannot be opened.
+        The rig, or one of its endpoints, is already served; or one cannot be opened.
     """
     if rig.simulation is None:
         raise ConfigError(

@@ -17,9 +17,9 @@ INSTALL = "pip install 'tautwave[fast]'"
 def compiled_devices(
     rig: Rig, progress: Callable[[float, str], None] | None = None
 ) -> DeviceMaker | None:
-    """Return what makes a compiled run's devices behind loopback buses; None without engine.
+    """Return the factory of a compiled run's loopback devices; None without engine.
 
-    `progress` is told what is waited for where nothing lies in the cache yet.
+    `progress` gets a message while the controller is compiled, if it is not in the cache.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def compiled_devices(
             f"loop.engine: compiled needs numba: {INSTALL}, or set loop.engine to python"
         )
     if has_environment_parts(rig):
-        return None  # nobody has compiled them: the devices stay in Python, `check` says so
+        return None  # they cannot be compiled: the devices stay in Python, as `check` reports
     from tautwave.simulation.kernel.compiled import cache_directory
     from tautwave.simulation.live.devices import CompiledDevices
 
@@ -46,7 +46,7 @@ def compiled_devices(
 
 
 def with_engine(rig: Rig, assembly: Assembly) -> Assembly:
-    """Return the assembly with its controller compiled, if the rig asks for that."""
+    """Return the assembly with its controller compiled, if the rig requires it."""
     if rig.loop.engine != "compiled":
         return assembly
     from tautwave.simulation.live.control import CompiledControl

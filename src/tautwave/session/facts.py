@@ -6,19 +6,19 @@ from typing import Any, NamedTuple
 
 from tautwave.certificate.couplings import coupling_verdict
 from tautwave.config import Rig, count_velocity
-from tautwave.registry import coupling_words as words_of
+from tautwave.registry import coupling_messages as words_of
 from tautwave.rig import DebtRates, coupling_part, debt_rates, one_way_delay, pair_scale
 from tautwave.types import CommandDelay
-from tautwave.wording import CouplingWords
+from tautwave.wording import CouplingMessages
 
 
 class PairFacts(NamedTuple):
-    """Of one pair: one-way delay tau [s] as it acts, all samples counted, and what standing costs.
+    """Statics of one pair: effective one-way delay tau [s], samples included; steady-state offset.
 
-    While the master gives an effort F and nothing moves, it stands ahead of the slave by
-    F `offset_per_effort` (`tautwave.rig.standing_offset`) [rad per N m or m per N]. A device that
-    is held still gets `held_share` of the line's effort, the smaller of master's and slave's;
-    of a position coupling it is the share of its stiffness that acts.
+    While the master holds an effort F and nothing moves, it is ahead of the slave by F
+    `offset_per_effort` (`tautwave.rig.standing_offset`) [rad per N m or m per N]. A device that is
+    held still gets `held_share` of the line's effort, the smaller of master's and slave's; of a
+    position coupling it is the share of its stiffness that acts.
     """
 
     coupling_delay_s: float
@@ -27,26 +27,26 @@ class PairFacts(NamedTuple):
     held_share: float
 
 
-def coupling_words(rig: Rig) -> CouplingWords:
-    """Return what the part of a rig's law says of it."""
+def coupling_messages(rig: Rig) -> CouplingMessages:
+    """Return the messages of a rig's coupling law."""
     return words_of(rig.coupling.law)
 
 
 def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFacts:
-    """Return what follows for one pair; see `tautwave.rig.one_way_delay`."""
+    """Return the derived numbers of one pair; see `tautwave.rig.one_way_delay`."""
     tau = one_way_delay(rig, name, delays)
-    standing = coupling_words(rig).standing(rig, name, delays, tau)
+    standing = coupling_messages(rig).standing(rig, name, delays, tau)
     power = pair_scale(rig.coupling.pairs[name]).power
     return PairFacts(tau, standing.offset, power, standing.held_share)
 
 
 def port_debts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> dict[str, Any]:
-    """Return what each wave port of a pair may owe; empty for other couplings.
+    """Return the allowed debt of each wave port of a pair; empty for other couplings.
 
-    `claim_j`, where the law claims joules beforehand: those of each side. Else `port_debt`: by
-    side, in the device's own units, `per_speed_squared` [kg m^2 or kg] and `per_flow` [1] as in
-    `tautwave.rig.debt_rates`, and the `exchanges` that pass until a port has let go. An
-    admittance port may owe nothing.
+    `claim_j` [J] by side, where the law claims joules beforehand. Else `port_debt`: by side, in the
+    device's own units, `per_speed_squared` [kg m^2 or kg] and `per_flow` [1] as in
+    `tautwave.rig.debt_rates`, and the `exchanges` until a port has let go. An admittance port has
+    no allowed debt.
     """
     if coupling_part(rig).carries != "waves":
         return {}
@@ -74,10 +74,10 @@ def port_debts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> dict[str
 def pair_sentence(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> str:
     """Return `pair_facts` as a sentence."""
     tau = one_way_delay(rig, name, delays)
-    standing = coupling_words(rig).standing(rig, name, delays, tau)
+    standing = coupling_messages(rig).standing(rig, name, delays, tau)
     unit = "rad per N m" if rig.master.axes[name].kind == "rotary" else "m per N"
     text = f"one-way delay {tau:.4g} s in all; standing offset {standing.offset:.4g} {unit}"
-    return f"{text}; held still, {standing.words}" if standing.words else text
+    return f"{text}; held still, {standing.text}" if standing.text else text
 
 
 PAIR_HEADS = ("pair", ">one-way delay", ">standing offset", ">share given held still")
@@ -123,7 +123,7 @@ def axis_rows(rig: Rig) -> list[tuple[str, ...]]:
 
 
 def count_words(rig: Rig, axis_name: str) -> str:
-    """Return which velocity one encoder count means, to stand after a `;`; "" without a step."""
+    """Return the velocity of one encoder count, as text after a `;`; "" without an encoder step."""
     axis = rig.axes[axis_name]
     if axis.encoder_quantum == 0.0:
         return ""

@@ -1,4 +1,4 @@
-"""The directory of a run: there from its beginning, gone again if nothing ever moved."""
+"""The directory of a run: created at its start, removed again if nothing ever moved."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from tautwave.files import make_directory
 
 @contextmanager
 def run_directory(directory: Path) -> Iterator[Callable[[], None]]:
-    """Make a run's directory for the block; give a call that keeps it.
+    """Make a run's directory for the block; yield a function that keeps it.
 
-    Unless it was called, what the block wrote is removed again when the block raises: a run that
-    was refused leaves nothing behind.
+    Unless that was called, the directory is removed when the block raises: a refused run leaves
+    nothing behind.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What of tautwave a rig uses, and what it leaves out, with the reason."""
+"""Elements that a rig uses and leaves out, with the reason."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tautwave.config import Axis, EnvironmentPart, Hand, HandPart, Rig, Wall
 from tautwave.config import Pair as PairKeys
 from tautwave.registry import driver_names
 from tautwave.rig import axis_integration
-from tautwave.session.facts import coupling_words
+from tautwave.session.facts import coupling_messages
 
 if TYPE_CHECKING:
     from tautwave.config.keys.scene import Scene
@@ -55,7 +55,7 @@ def _coupling(rig: Rig) -> Iterator[PlanItem]:
     keys = rig.coupling
     samples = rig.delay_samples
     yield _item("delay line", samples > 0, f"{samples} samples each way", "no delay")
-    yield from (_item(*line) for line in coupling_words(rig).plan(rig))
+    yield from (_item(*line) for line in coupling_messages(rig).plan(rig))
     yield _item("engage ramp", keys.engage_ramp_s > 0, f"{keys.engage_ramp_s:g} s", "its time is 0")
     yield _item(
         "release ramp", keys.release_ramp_s > 0, f"{keys.release_ramp_s:g} s", "its time is 0"
@@ -104,7 +104,7 @@ def _scene3d(rig: Rig) -> Iterator[PlanItem]:
 
 
 def _around(keys: Scene | Scene3d, sentences: Iterable[str]) -> Iterator[PlanItem]:
-    """What a scene of one dimension and one in space have alike."""
+    """Common part of one- and three-dimensional scenes."""
     for name, force in keys.forces.items():
         yield _item(f"force {name}", True, f"{force.type} on {force.on}")
     for sentence in sentences:
@@ -123,7 +123,7 @@ def _pair(rig: Rig, name: str, keys: PairKeys) -> Iterator[PlanItem]:
     if abs(power - 1.0) > 1e-12:
         what += f", power ratio {power:g}"
     yield _item(f"scaling of {name}", scaled, what, "scale 1, sign 1")
-    yield from (_item(*line) for line in coupling_words(rig).pair_plan(rig, name))
+    yield from (_item(*line) for line in coupling_messages(rig).pair_plan(rig, name))
     for side, wall in (("master", keys.wall_master), ("slave", keys.wall_slave)):
         yield _item(f"wall of {side}.{name}", wall is not None, _wall(wall))
         if wall is not None:

@@ -1,9 +1,9 @@
-"""Who serves which simulated devices on this machine: one small file per server.
+"""Registrations of servers of simulated devices on this machine: one small file each.
 
-`tautwave sim RIG` leaves it, so that `tautwave run RIG --attach` finds the endpoints by itself, and
-so does a run that serves devices on an endpoint of the rig's own, so that nobody else serves there.
-The directory is the user's alone. What a killed server leaves is known by its process, which is
-gone or began at another time.
+`tautwave sim RIG` writes it, so that `tautwave run RIG --attach` finds the endpoints, and so does a
+run that serves devices on an endpoint named in the rig, to reserve it. Only the user can access the
+directory. The file of a killed server is recognised by its process, which has gone or has another
+start time.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from tautwave.files import create
 SIM, RUN = "sim", "run"
 PRIVATE = 0o700
 LARGEST = 1 << 20
-"""Bytes of a registration."""
+"""Largest size of a registration [bytes]."""
 
 
 class Server(NamedTuple):
     """A process that serves simulated devices.
 
     `began` is its start [clock ticks since boot], `kind` `sim` or `run`, `rig` the rig's identity,
-    `endpoints` those that the rig names, `buses` what it announced, by bus.
+    `endpoints` those named in the rig, `buses` its announcements by bus.
     """
 
     pid: int
@@ -50,12 +50,12 @@ class Server(NamedTuple):
         return began(self.pid) == self.began
 
     def describe(self) -> str:
-        """Return who it is."""
+        """Return a description for messages."""
         return f"process {self.pid} (tautwave {self.kind})"
 
 
 def began(pid: int) -> int | None:
-    """Return when a process began [clock ticks since boot], None if there is none (proc(5))."""
+    """Return the start of a process [clock ticks since boot], None if there is none (proc(5))."""
     try:
         text = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace")
     except OSError:
@@ -65,18 +65,18 @@ def began(pid: int) -> int | None:
 
 
 def identity(rig: Rig) -> str:
-    """Return what tells rigs apart: the file, the name, and the drivers of the buses by name."""
+    """Return the identity of a rig: the file, the name, and the drivers of the buses by name."""
     file = "" if rig.source is None else str(rig.source.resolve())
     return json.dumps([file, rig.name, {name: bus.driver for name, bus in rig.buses.items()}])
 
 
 def directory() -> Path:
-    """Return the user's directory of registrations; made if needed, nobody else's.
+    """Return the user's private directory of registrations, created if needed.
 
     Raises
     ------
     DriverError
-        It cannot be made, or others may write there.
+        It cannot be created, or others can write to it.
     """
     given = os.environ.get("XDG_RUNTIME_DIR", "")
     path = Path(tempfile.gettempdir()) / f"tautwave-{os.getuid()}"
@@ -102,7 +102,7 @@ def find_server(rig: Rig) -> Server | None:
     Raises
     ------
     DriverError
-        There was one, and it died.
+        There was one, but it has died.
     """
     mine = identity(rig)
     dead = None
@@ -121,7 +121,7 @@ def find_server(rig: Rig) -> Server | None:
 
 
 def start(rig: Rig, *simulate: str) -> str:
-    """Return what to do where nobody serves a rig."""
+    """Return the remedy if a rig is not served."""
     options = "".join(f" --simulate {bus}" for bus in simulate)
     return f"start `tautwave sim {rig.source or 'RIG'}{options}` in another terminal"
 
@@ -148,19 +148,19 @@ class Registration:
 
 @contextmanager
 def registered(rig: Rig, kind: str, endpoints: Sequence[str]) -> Iterator[Registration]:
-    """Be the server of a rig inside the block.
+    """Register as the server of a rig inside the block.
 
     Parameters
     ----------
     kind : str
         `sim`, of which a rig has one; or `run`.
     endpoints : sequence of str
-        Endpoints that the rig names and that are served now.
+        Endpoints named in the rig and served now.
 
     Raises
     ------
     DriverError
-        Somebody else is, or serves one of the endpoints.
+        Another process is registered, or serves one of the endpoints.
     """
     folder = directory()
     server = Server(os.getpid(), began(os.getpid()) or 0, kind, identity(rig), _here(endpoints), {})
@@ -196,7 +196,7 @@ def _refuse_second(rig: Rig, server: Server, other: Server) -> None:
 
 
 def _here(endpoints: Sequence[str]) -> tuple[str, ...]:
-    """Return endpoints with the network namespace that their names belong to."""
+    """Return endpoints with the network namespace of their names."""
     try:
         space = os.stat("/proc/self/ns/net").st_ino
     except OSError:
@@ -205,7 +205,7 @@ def _here(endpoints: Sequence[str]) -> tuple[str, ...]:
 
 
 def _servers() -> list[tuple[Path, Server]]:
-    """Return what is registered, dead or alive; what is no registration is left alone."""
+    """Return all registrations, dead or alive; other files are ignored."""
     found = []
     for path in sorted(directory().glob("*.json")):
         try:
@@ -218,5 +218,5 @@ def _servers() -> list[tuple[Path, Server]]:
 
 
 def _new(path: Path) -> TextIO:
-    """Open a file for writing; that nobody else reads it is the directory's business."""
+    """Open a file for writing; the directory's mode keeps it private."""
     return os.fdopen(create(path), "w", encoding="utf-8")

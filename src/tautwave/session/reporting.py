@@ -1,4 +1,4 @@
-"""The end of a run: its summary and report, whether all of it is kept, and the exit code."""
+"""The end of a run: its summary and report, whether they are complete, and the exit code."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ REPORT_TIMEOUT_S = 600.0
 
 
 def recording_block(stats: RecorderStats) -> dict[str, Any]:
-    """Return what a summary says of its recording."""
+    """Return the summary's entry on its recording."""
     return {
         "rows_offered": stats.rows_offered,
         "rows_written": stats.rows_written,
@@ -33,15 +33,15 @@ def recording_block(stats: RecorderStats) -> dict[str, Any]:
 def report_run(
     directory: Path, summary: dict[str, Any], exit_code: int
 ) -> tuple[dict[str, Any], int]:
-    """Write the summary, then let another process add what the recording tells and draw it.
+    """Write the summary, then have another process complete it and draw the report.
 
-    NumPy arrays of an hour and matplotlib stay out of the process that moved the motors. Nothing
-    is raised: the run is over, and what was not kept of it is in `incomplete` of the summary.
+    NumPy arrays of an hour and matplotlib stay out of the process that moved the motors. Nothing is
+    raised: the run is over, and `incomplete` in the summary says what could not be saved.
 
     Returns
     -------
     tuple
-        The summary as it stands, and the exit code of the whole run.
+        The summary, and the exit code of the whole run.
     """
     path = directory / "summary.json"
     summary = _written(summary)
@@ -74,7 +74,7 @@ def final_code(exit_code: int, invalidated: bool, incomplete: bool) -> int:
 
 
 def lost_rows(summary: Mapping[str, Any]) -> str:
-    """Say what is missing of a run's recording; '' if nothing is."""
+    """Return what is missing from a run's recording; '' if nothing is."""
     recording = summary["recording"]
     written, read = recording["rows_written"], recording.get("rows_read")
     reason = ""
@@ -93,15 +93,15 @@ def lost_rows(summary: Mapping[str, Any]) -> str:
 
 
 def _complete(directory: Path) -> tuple[str, bool]:
-    """Have the run's report written; return why it could not be, and if that is a matter of room.
+    """Have the run's report written; return why it failed, and whether for lack of space.
 
-    '' is a report that was written.
+    '' means that the report was written.
     """
     command = [sys.executable, "-m", "tautwave.report", str(directory)]
     again = f"`tautwave report {directory}` writes it"
     try:
         with interrupts() as heard, heard.raised():
-            # A session of its own: who ends the report is decided here, not by the terminal.
+            # A separate session: this process decides when to end the report, not the terminal.
             child = subprocess.run(
                 command,
                 capture_output=True,
@@ -125,7 +125,7 @@ def _text(summary: Mapping[str, Any]) -> str:
 
 
 def _written(value: Any) -> Any:
-    """Return what JSON can hold: None for what is no finite number."""
+    """Return data for JSON: None for non-finite numbers."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""`run`: build, record, loop, and report, whatever happens on the way."""
+"""`run`: build, record, loop, and report, whatever happens."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from tautwave.session.reporting import recording_block, report_run
 
 
 class Moved(NamedTuple):
-    """What is left of a loop that has run."""
+    """Result of a finished loop."""
 
     loop: Loop
     result: LoopResult
@@ -45,7 +45,7 @@ class Moved(NamedTuple):
 
 
 class RunResult(NamedTuple):
-    """A run that ended, well or not: its summary, where it is kept, and the exit code."""
+    """A finished run, successful or not: its summary, its directory, and the exit code."""
 
     summary: dict[str, Any]
     directory: Path
@@ -74,31 +74,31 @@ def run(
     rig : Rig
         A checked rig.
     out : Path
-        Directory of the run; made if needed.
+        Directory of the run; created if needed.
     clock : str
         `real`, or `fake` to run as fast as it computes.
     duration_s : float, optional
         Length [s]; the rig's own if not given.
     command : str
-        How the run was asked for; kept in the summary.
+        The command line of the run; kept in the summary.
     allow_uncertified : bool
         Move motors without a certificate.
     allow_unwatched, configure : bool
         Handed to drivers that have a watchdog or settings of their own.
     attach : bool
-        Use simulated devices that are served already (`tautwave sim RIG`), instead of starting
-        them with the run.
+        Use simulated devices that are already served (`tautwave sim RIG`), instead of starting them
+        with the run.
     simulate : bool or collection of str
-        Buses to simulate although the rig names hardware; True: all. A named serial port, TCP
-        address or physical CAN channel is opened else.
+        Buses to simulate although the rig names hardware; True: all. Otherwise a named serial port,
+        TCP address or physical CAN channel is opened.
     progress : callable, optional
-        Called now and then with the share done and a word.
+        Called now and then with the fraction done and a short text.
 
     Raises
     ------
     TautwaveError
-        Nothing has moved: the rig is refused, or the run directory cannot be written. What goes
-        wrong later is in the result, not raised.
+        Nothing has moved: the rig is refused, or the run directory cannot be written. Later errors
+        are in the result, not raised.
     """
     require_drivers(rig)
     ways = bus_ways(rig, clock=clock, simulate=simulate, attach=attach)
@@ -177,7 +177,7 @@ def run(
 
 
 def _kept_text(rig: Rig, directory: Path) -> str:
-    """Return the rig.yaml of a run; the sounds it names lie beside it."""
+    """Return the rig.yaml of a run; copies of its sounds are beside it."""
     if rig.scene is not None:
         from tautwave.rig.scene.network import keep_sounds
 
@@ -194,12 +194,12 @@ def _move(
     progress: Callable[[float, str], None] | None,
     keep: Callable[[], None],
 ) -> Moved:
-    """Run the loop of a built rig with its recorder beside it; `keep` what it leaves if it began.
+    """Run the loop of a built rig with its recorder; call `keep` once it has begun.
 
     Raises
     ------
     TautwaveError, KeyboardInterrupt
-        A bus was refused or a stop asked for before all buses were open: nothing has moved.
+        A bus was refused or a stop requested before all buses were open: nothing has moved.
     """
     recorder = Recorder(
         directory / "recording.mcap",
@@ -238,7 +238,7 @@ def _move(
 
 @contextmanager
 def loop_conditions(rig: Rig, clock: str) -> Iterator[list[str]]:
-    """Ask for real-time conditions on the real clock; a fake one needs none."""
+    """Request real-time conditions on the real clock; a fake one needs none."""
     if clock != "real":
         yield ["fake clock: computing takes no time, so lateness and compute time are 0"]
         return

@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 CYCLES = 400
 ROUNDS = 3
 LONG_S = 0.1
-"""CPU time that a round may take; a large network is measured by fewer cycles."""
+"""CPU time limit of a round; a large network is measured with fewer cycles."""
 EASY = 0.5
-"""Share of a period up to which plain Python is left alone."""
+"""Share of a period up to which plain Python is used."""
 TIGHT = 0.75
-"""Share of a period above which a run says that it may miss cycles."""
+"""Share of a period above which a run warns that it may miss cycles."""
 MAY_MISS = "may miss cycles"
 INSTALL = "pip install 'tautwave[fast]'"
 
 
 class ScenePace(NamedTuple):
-    """What a cycle of a scene costs: CPU time [s], and by which steps."""
+    """Cost of a scene's cycle: CPU time [s], and by which steps."""
 
     cycle_s: float
     period_s: float
@@ -51,7 +51,7 @@ class ScenePace(NamedTuple):
 
 
 class _Nowhere:
-    """A sink for rows that nobody wants."""
+    """A sink that discards rows."""
 
     def __init__(self, width: int) -> None:
         self.row = [0.0] * width
@@ -63,9 +63,9 @@ class _Nowhere:
 def scene_pace(
     rig: Rig, engine: str = "python", ways: Mapping[str, BusWay] | None = None
 ) -> ScenePace:
-    """Return what a cycle of a rig's scene costs here: its first ones, run on the fake clock.
+    """Return the cost of a cycle of a rig's scene: its first ones, run on the fake clock.
 
-    Devices that are served elsewhere, and real ones, cost nothing here: the scene alone is stepped.
+    Served and real devices cost nothing here: only the scene is stepped.
     """
     taken = bus_ways(rig) if ways is None else ways
     alone = any(one.way is not Way.MEMORY for one in taken.values())
@@ -118,13 +118,13 @@ def _alone(rig: Rig) -> tuple[SceneModel | Model3d, list[float]]:
 
 
 class Engine(NamedTuple):
-    """What steps the scene of a run, and what is to be said of it."""
+    """The steps of a run's scene, and a message about them."""
 
     name: str
     sentences: tuple[str, ...]
 
     def warnings(self) -> list[str]:
-        """Return what has to be said before the run."""
+        """Return the message before the run."""
         return [sentence for sentence in self.sentences if MAY_MISS in sentence]
 
 
@@ -134,7 +134,7 @@ def choose_engine(rig: Rig, clock: str, ways: Mapping[str, BusWay] | None = None
     Raises
     ------
     BusBudgetError
-        On the real clock: not even those keep it.
+        On the real clock, if not even those keep it.
     """
     asked = _asked(rig)
     if clock != "real" or rig.scene is None:
@@ -153,14 +153,14 @@ def choose_engine(rig: Rig, clock: str, ways: Mapping[str, BusWay] | None = None
 
 
 def use_engine(assembly: Assembly, engine: str) -> None:
-    """Let a built scene be stepped by an engine."""
+    """Set the engine of a built scene."""
     scene = assembly.scene
     if scene is not None and engine == "compiled":
         scene.model = _compiled(scene.model)
 
 
 def pace_fact(rig: Rig) -> str:
-    """Return what `check` says: the cost in plain Python, and what a run on the real clock does.
+    """Return the text for `check`: the cost in plain Python, and the engine on the real clock.
 
     Nothing is compiled for it.
     """
@@ -199,7 +199,7 @@ def _has_numba() -> bool:
 def _compiled(model: SceneModel | Model3d) -> SceneModel | Model3d:
     if isinstance(model, SceneModel):
         from tautwave.simulation.scene.ticking import (
-            CompiledScene,  # numba is imported where it is wanted
+            CompiledScene,  # import numba only where needed
         )
 
         return CompiledScene(model.network, model.scheme, model.period)

@@ -1,7 +1,7 @@
-"""Simulated devices in processes of their own, on endpoints that other software can open.
+"""Simulated devices in separate processes, on endpoints that other software can open.
 
 `python -m tautwave.session.serving BUS $$ < RIG.yaml` serves one bus of a rig; a run on the real
-clock starts one for each bus whose simulator lives there, and `tautwave sim RIG` likewise.
+clock starts one for each bus with a served simulator, and so does `tautwave sim RIG`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def bus_bench(rig: Rig, bus_name: str) -> Bench:
     Raises
     ------
     ConfigError
-        The rig has no such bus, or simulates nothing.
+        The rig has no such bus, or no simulation.
     """
     if bus_name not in rig.buses:
         raise ConfigError(
@@ -57,12 +57,12 @@ def bus_bench(rig: Rig, bus_name: str) -> Bench:
 def serve(driver: str, bench: Bench, announce: Announce, loop_priority: int) -> None:
     """Serve devices until SIGINT or SIGTERM.
 
-    A device answers in its own time, whatever else this machine does; the loop goes first.
+    A device responds in its own time, whatever else this machine is doing; the loop has priority.
 
     Raises
     ------
     ConfigError
-        The simulator of this driver has no endpoint of its own.
+        The simulator of this driver has no endpoint.
     DriverError
         The endpoint cannot be opened.
     """
@@ -84,19 +84,19 @@ def serve(driver: str, bench: Bench, announce: Announce, loop_priority: int) -> 
 
 @contextmanager
 def served(rig: Rig, buses: Sequence[str]) -> Iterator[dict[str, dict[str, Any]]]:
-    """Serve the devices of these buses inside the block; give what each has announced.
+    """Serve the devices of these buses inside the block; yield their announcements.
 
     Raises
     ------
     DriverError
-        One did not come up.
+        One did not start.
     """
     text = resolved_yaml(rig).encode()
     children: dict[str, subprocess.Popen[bytes]] = {}
     try:
         for bus in buses:
             command = [sys.executable, "-m", "tautwave.session.serving", bus, str(os.getpid())]
-            # A session of its own: Ctrl-C ends the run first, and the run ends its devices.
+            # A separate session: Ctrl-C ends the run first, and the run ends its devices.
             child = children[bus] = subprocess.Popen(
                 command,
                 stdin=subprocess.PIPE,
@@ -125,7 +125,7 @@ def _announced(bus: str, child: subprocess.Popen[bytes]) -> dict[str, Any]:
         return found
     child.terminate()
     _, errors = child.communicate()
-    reason = errors.decode(errors="replace").strip().splitlines()[-1:] or ["it said nothing"]
+    reason = errors.decode(errors="replace").strip().splitlines()[-1:] or ["it gave no reason"]
     raise DriverError(f"bus {bus}: its simulated devices did not start: {reason[0]}")
 
 
@@ -139,10 +139,10 @@ def _end(child: subprocess.Popen[bytes]) -> None:
 
 @contextmanager
 def interrupted() -> Iterator[Callable[[], None]]:
-    """Give a call that returns on the first SIGINT or SIGTERM since the block was entered."""
+    """Yield a function that returns on the first SIGINT or SIGTERM since the block was entered."""
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
-    # Through a pipe: the kernel may hand the signal to any thread, and wake only that one.
+    # Through a pipe: the kernel may deliver the signal to any thread, and wake only that one.
     before_fd = signal.set_wakeup_fd(writer)
     before = {
         number: signal.signal(number, lambda *_: None) for number in (signal.SIGINT, signal.SIGTERM)
@@ -162,9 +162,9 @@ def interrupted() -> Iterator[Callable[[], None]]:
 
 
 def end_with_parent(parent: int) -> bool:
-    """Ask Linux for a SIGTERM when whoever started this process dies, however it dies.
+    """Request a SIGTERM from Linux when the parent process dies, however it dies.
 
-    Returns False where `parent` has died before that could be asked.
+    Returns False if `parent` had already died.
     """
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGTERM))
@@ -172,7 +172,7 @@ def end_with_parent(parent: int) -> bool:
 
 
 def print_line(found: Mapping[str, Any]) -> None:
-    """Write one line of JSON to stdout at once, for whoever started this process."""
+    """Write one line of JSON to stdout and flush it, for the parent process."""
     sys.stdout.write(json.dumps(dict(found)) + "\n")
     sys.stdout.flush()
 

@@ -23,7 +23,7 @@ from tautwave.testing.steps import (
     drive,
     there_and_back,
 )
-from tautwave.wording import CouplingWords
+from tautwave.wording import CouplingMessages
 
 
 def numbers(constants: Any) -> dict[str, float]:
@@ -77,8 +77,8 @@ class CouplingContract:
         if plugin.verdict:
             verdict = load_named(plugin.verdict)
             assert isinstance(verdict, CouplingVerdict) or callable(verdict)
-        if plugin.words:
-            assert isinstance(load_named(plugin.words), CouplingWords)
+        if plugin.messages:
+            assert isinstance(load_named(plugin.messages), CouplingMessages)
         assert plugin.carries in ("waves", "states")
         assert set(plugin.causalities) <= {"impedance", "admittance"}
 

@@ -21,11 +21,11 @@ def until_fatal(rig: Rig, cycles: int = CYCLES) -> tuple[list[Fault], int]:
         reported += rig.driver.faults()
         if any(fault.fatal for fault in reported):
             return reported, at
-    raise AssertionError(f"nothing fatal was told: {reported}")
+    raise AssertionError(f"no fatal fault was reported: {reported}")
 
 
 def zero_from_now_on(rig: Rig, axis: int, at: int) -> None:
-    """The axis is told zero and no longer enabled, from the cycle of the fault on."""
+    """The axis gets zero effort and is no longer enabled, from the cycle of the fault on."""
     rig.run(5, TORQUE)
     commands = rig.commands(axis, at)
     assert commands

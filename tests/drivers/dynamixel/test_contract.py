@@ -25,7 +25,7 @@ CASES: dict[str, dict[str, Any]] = {
 
 
 def reported(made: Bench, axis: int) -> float:
-    """What the servo was last told, in its own units; a servo without torque is told nothing."""
+    """The last command of the servo, in its own units; a servo without torque has none."""
     if not made.world.servos[axis].torque_on:
         return 0.0
     impedance = made.bus.axes[axis].causality == "impedance"

@@ -1,4 +1,4 @@
-"""What a rig file may not ask of Dynamixel servos, and how it is told."""
+"""What a rig file may not require of Dynamixel servos, and the messages."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ MBAP = 12  # bytes of a request that reads
 
 
 class Server(Stub):
-    """Keeps what it was asked, and answers when told."""
+    """Keeps its requests, and responds on command."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -148,7 +148,7 @@ def test_a_fault_of_the_drive_is_decoded(profile: str, causality: str) -> None:
     assert words in faults[0].text
     assert faults[0].axis == "slave.a1"
     made.run(5, 0.5)
-    assert not made.faults()  # told once
+    assert not made.faults()  # shown once
     made.driver.close()
 
 

@@ -20,7 +20,7 @@ from tautwave.config import Coupling, Pair, Rig
 from tautwave.contracts import CoupledAxis, CouplingPlugin, Row
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
 from tautwave.controller.steps import OWN_GUARDS, Guard, Law, Steps
-from tautwave.wording import CouplingWords
+from tautwave.wording import CouplingMessages
 
 SIDES = ("master", "slave")
 
@@ -266,7 +266,7 @@ def elements(rig: Rig, name: str, delays: Mapping[str, Any]) -> Iterator[Any]:
     yield Element(f"coupling of {name}", "coupling", name, holds, steps, {"ratio": ratio}, (said,))
 
 
-words = CouplingWords(
+messages = CouplingMessages(
     coupling=lambda rig: f"PD with damping injection, {rig.coupling.delay_s:g} s each way"
 )
 
@@ -276,5 +276,5 @@ plugin = CouplingPlugin(
     law=law,
     end_constants=end_constants,
     verdict=elements,
-    words=words,
+    messages=messages,
 )

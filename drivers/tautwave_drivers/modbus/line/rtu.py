@@ -1,8 +1,8 @@
 """Transactions on one serial line: one request at a time, with the silence the standard requires.
 
-RTU responses carry no number. So after a request without a response, its drive is not asked again
-until the longest time it can take is over (`late_s`), and a response counts only with the right
-address, function, length and CRC. Unexpected bytes are drained before anything is sent.
+RTU responses have no sequence number. So after a request without a response, its drive is not asked
+again until the longest time it can take is over (`late_s`), and a response counts only with the
+right address, function, length and CRC. Unexpected bytes are drained before anything is sent.
 Source: MODBUS over Serial Line V1.02, 2.4 and 2.5.1.
 """
 

@@ -208,7 +208,7 @@ def _sign(value: int) -> int:
 
 
 def _lag(k: Response) -> float:
-    """Return the time [s] that turns the phase of K for ever."""
+    """Return the pure delay [s] in K, whose phase has no limit."""
     return float(getattr(k, "delay", 0.0)) + 2.0 * float(getattr(k, "period", 0.0))
 
 

@@ -2,7 +2,7 @@
 
 A polynomial is a tuple of `Fraction`, highest power first as NumPy and SciPy write them; the empty
 tuple is zero. Units are those of the coefficients, SI throughout. Signs come from integer
-arithmetic, so a double root that only touches zero is told from two roots 1e-12 apart.
+arithmetic, so a double root that only touches zero is distinguished from two roots 1e-12 apart.
 
 Sources: Sturm's chain and Yun's square-free factors as in Knuth, TAOCP vol. 2, 4.6.1-2; Routh's
 array as the Sturm chain of p(jw): Gantmacher, Theory of Matrices vol. 2, ch. XV.

@@ -57,7 +57,7 @@ class AxisPole(NamedTuple):
 class PositiveReal(NamedTuple):
     """Result of `positive_real`.
 
-    positive_real : the verdict. strictness : one of the five words of this module.
+    positive_real : the verdict. strictness : one of the five levels of this module.
     unstable_poles : poles with positive real part. axis_poles : those on the axis and at infinity.
     negative : bands in which Re K(jw) < 0. touches : frequencies (0 and inf too) at which Re K, or
     its leading term, vanishes without a change of sign; empty if it is zero throughout.
@@ -182,7 +182,7 @@ def leading(p: Poly, s: complex, multiplicity: int) -> complex:
     return out / math.factorial(multiplicity)
 
 
-# -- words ---------------------------------------------------------------------------------------
+# -- verdict -------------------------------------------------------------------------------------
 
 
 def _edges(roots: list[Root]) -> list[Edge]:

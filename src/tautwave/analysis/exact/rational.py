@@ -279,7 +279,7 @@ def _reduced(num: Poly, den: Poly) -> Rational:
 
 
 def _lift(value: object) -> Rational | None:
-    """Return an operand as a function; None for what is no number, so that Python can say so."""
+    """Return an operand as a function; None if it is not a number, so that Python raises."""
     if isinstance(value, Rational):
         return value
     return constant(value) if isinstance(value, float | str | numbers.Rational) else None

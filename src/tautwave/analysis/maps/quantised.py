@@ -65,7 +65,7 @@ def cycle_energy(
 def adversary_gain(
     stiffness: float, damping: float, coulomb: float, period: float, quantum: float
 ) -> float:
-    """Return the greatest energy a cycle gives per energy it costs [1]; above 1 it pays.
+    """Return the greatest energy a cycle returns per energy it costs [1]; a gain above 1.
 
     The best of strokes from 1e-10 to 1e12 encoder steps; inf without friction.
     """
@@ -84,9 +84,9 @@ def adversary_gain(
 def paying_stiffness(
     damping: float, coulomb: float, period: float, quantum: float, low: float, high: float
 ) -> float:
-    """Return the K between two at which a cycle begins to pay, bisected [N/m or N m/rad].
+    """Return the K between two at which a cycle begins to gain energy, bisected [N/m or N m/rad].
 
-    nan if it pays at `low` already or does not at `high`.
+    NaN if it already gains at `low` or does not at `high`.
     """
 
     def pays(stiffness: float) -> bool:

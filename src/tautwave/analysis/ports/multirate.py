@@ -88,8 +88,8 @@ def period_matrix(master: RatedEnd, slave: RatedEnd, samples: int) -> Matrix:
 def least_damped_rated(master: RatedEnd, slave: RatedEnd, samples: int, period: float) -> Mode:
     """Return the least damped mode; `period` [s] is that of the line.
 
-    `radius` is per common period. `frequency` is known up to multiples of the common rate: what
-    swings faster than half of it is told as if seen once per common period.
+    `radius` is per common period. `frequency` is known up to multiples of the common rate: faster
+    oscillations appear aliased.
     """
     matrix = period_matrix(master, slave, samples)
     roots = np.linalg.eigvals(matrix).astype(np.complex128)

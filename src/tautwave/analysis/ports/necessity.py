@@ -48,7 +48,7 @@ from tautwave.errors import ConfigError
 
 Controller = Rational | Delayed | Sampled
 LEAST_MASS = 1e-3
-"""Least mass of a constructed hand [kg or kg m**2] unless another is asked for."""
+"""Least mass of a constructed hand [kg or kg m**2] unless another is given."""
 _DOUBLINGS = 60
 _MOST_TURNS = 1000  # of the delay, in a scan for the hand that grows fastest
 

@@ -71,12 +71,12 @@ def matrices(parts: Sequence[Part]) -> tuple[Matrix, Matrix, Matrix]:
 
 
 def impedance(parts: Sequence[Part], node: str) -> Rational:
-    """Return force over velocity at `node`, all other nodes free of outside forces.
+    """Return force over velocity at `node`, without external forces on all other nodes.
 
     Raises
     ------
     ConfigError
-        If there is no such node, or a part hangs in the air (nothing decides where it is).
+        If there is no such node, or a part is loose (its position is undetermined).
     """
     inner, whole = _determinants(parts, node)
     return rational(whole, poly.multiply((Fraction(1), Fraction(0)), inner))

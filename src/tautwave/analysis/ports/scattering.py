@@ -205,7 +205,7 @@ def _part(device: Device, span: Fraction) -> tuple[list[list[Fraction]], list[Fr
     """Return the gains of (x, v) over `span` [s] and those of a unit of held effort."""
     k, b, m = Fraction(device.stiffness), Fraction(device.damping), Fraction(device.mass)
     if device.stiffness == device.damping == 0.0:
-        # No rounding: a lossless end has to come out lossless.
+        # No rounding: a lossless end must be exactly lossless.
         return [[Fraction(0), span], [Fraction(0)] * 2], [span * span / (2 * m), span / m]
     rows = flow_rows(device.stiffness, device.damping, device.mass, float(span))
     xv, xn, vv, vn = (Fraction(rows[at]) for at in (0, 1, 3, 4))

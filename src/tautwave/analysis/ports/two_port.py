@@ -43,7 +43,7 @@ def llewellyn(
 ) -> tuple[Floats, Floats]:
     """Return eta - 1, and its share of what it is the difference of; digits kept towards s = 0.
 
-    `sizes` are usual magnitudes of h11 and h22: where they are far above, at a pole, so is the
+    `sizes` are typical magnitudes of h11 and h22: near a pole they are far larger, and so is the
     rounding.
     """
     p = -h.h12 * h.h21

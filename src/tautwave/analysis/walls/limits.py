@@ -120,7 +120,7 @@ def _greatest(base: SampledWall, full: SampledWall, device_damping: float) -> fl
             break
         lower = _cut(base, full, device_damping, leak.theta)
         if lower > limit + 1e-6 * abs(limit):
-            return -math.inf  # this angle asks for more, the ones before for less
+            return -math.inf  # this angle requires more, the ones before less
         if not lower < limit:
             lower = limit - 1e-12 * abs(limit)  # rounding holds it up
         limit = lower

@@ -76,7 +76,7 @@ class Leak(NamedTuple):
     frequency: float
 
 
-@functools.lru_cache(maxsize=1024)  # asked again for each word that is said of a wall
+@functools.lru_cache(maxsize=1024)  # called again for each sentence about a wall
 def wall_leak(wall: SampledWall) -> Leak:
     """Return the damping a wall needs, filter and delay included.
 

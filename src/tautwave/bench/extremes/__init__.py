@@ -1,1 +1,1 @@
-"""Stiff and extreme cases: what holds, and what is refused with a reason."""
+"""Stiff and extreme cases: what works, and what is refused with a reason."""

@@ -1,7 +1,7 @@
 """Bounces over the whole range of stiffness, mass, exponent, damping and step, scheme by scheme.
 
-Every scheme a rig can ask for gets every contact: it is refused as a rig would be, with numbers,
-or it has to come out finite and, without a damper, as fast as it went in.
+Every scheme gets every contact: it is refused as a rig would be, with numbers, or the exit speed
+must be finite and, without a damper, equal to the entry speed.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Case(NamedTuple):
 
 
 class Worst(NamedTuple):
-    """What a scheme did with a set of cases.
+    """Results of a scheme on a set of cases.
 
     `usual_error` is that of the exit speed for 1e3 N/m**a and more, 0.1 to 100 steps per contact.
     """

@@ -1,4 +1,4 @@
-"""Very many steps of scenes that lose nothing: what rounding makes of their energy."""
+"""Very many steps of lossless scenes: the effect of rounding on their energy."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ class Group(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What became of one rig: `finished`, `stopped` or `refused`, why, and its worst figures."""
+    """Result of one rig: `finished`, `stopped` or `refused`, why, and its worst figures."""
 
     end: str
     why: str
@@ -41,7 +41,7 @@ def _each(values: Sequence[float], *keys: str) -> tuple[tuple[str, ...], ...]:
 
 
 def groups() -> Iterator[Group]:
-    """Give every range that is asked for, at its ends and between."""
+    """Return the cases of every range, at its ends and between."""
     decades = [10.0**power for power in range(10)]
     truth = [f"simulation.axes.{name}" for name in TRUTHS]
     belief = [f"{name.replace('.', '.axes.')}.inertia" for name in TRUTHS]
@@ -157,7 +157,7 @@ def groups() -> Iterator[Group]:
         + _each([1e-310], "coupling.pairs.lever.wave_impedance"),
     )
     yield Group(
-        "everything stiff at once",
+        "everything stiff together",
         tuple(
             (
                 "simulation.environment.lever="
@@ -247,9 +247,10 @@ def rig_table(*, duration_s: float, engine: str) -> tuple[list[Table], int]:
         "not_finite",
     )
     what = (
-        f"{ONE_PAIR.name} with one thing at its extremes, {duration_s:g} s (20 000 cycles at most) "
+        f"{ONE_PAIR.name} with one parameter at its extremes, {duration_s:g} s (20 000 cycles at "
+        "most) "
         "through simulate; residual of the controller's books and energy it generated as shares of "
-        "the gross flow; every number of every row is looked at. No certificate is asked for here."
+        "the gross flow; every number of every row is looked at. No certificate is required here."
     )
     why = "group, how many of its rigs, and the sentence for the last"
     return [

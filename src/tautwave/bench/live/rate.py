@@ -2,7 +2,7 @@
 
 `python -m tautwave.bench.live.rate SECONDS ROUNDS` prints one JSON object. On the machine's clock,
 with recorder, collector off and what real-time conditions are granted; the engines and a loop that
-only sleeps take turns in one process, so that what else the machine does meets all of them.
+only sleeps take turns in one process, so that other load on the machine affects all of them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PAIRS = (1, 2, 6)
 RATES_HZ = (1000, 2000, 4000, 10000)
 ENGINES = ("python", "compiled")
 GOALS = ((1, 10000), (6, 4000))
-"""Pairs and rates that the compiled loop is to keep."""
+"""Pairs and rates that the compiled loop must keep."""
 
 
 class Paced(NamedTuple):
@@ -41,7 +41,7 @@ class Paced(NamedTuple):
 
 
 def pairs_rig(pairs: int, rate_hz: int, engine: str) -> Rig:
-    """Return the shipped one-pair rig with so many pairs alike."""
+    """Return the shipped one-pair rig with several identical pairs."""
     one = ONE_PAIR.load().model_dump(mode="json", exclude_unset=True)
     names = [f"lever{at}" for at in range(1, pairs + 1)]
     for side in ("master", "slave"):
@@ -56,7 +56,7 @@ def pairs_rig(pairs: int, rate_hz: int, engine: str) -> Rig:
     }
     for part in ("hand", "environment"):
         simulation[part] = dict.fromkeys(names, simulation[part]["lever"])
-    # What the machine misses is the figure here, and no reason to stop.
+    # Missed slots are the measurement here, not a reason to stop.
     one.update(rate_hz=rate_hz, loop={"engine": engine, "overrun_limit": 1_000_000})
     return parse_rig(json.dumps(one))
 

@@ -68,11 +68,11 @@ def make_model(
 
 
 def _ignore(_: str) -> None:
-    """Say nothing: what went wrong is asked of the data."""
+    """Suppress the message: errors are read from the data."""
 
 
 def fine(data: Any) -> bool:
-    """Return whether MuJoCo never had to put an exploding state back."""
+    """Return whether MuJoCo never had to reset an unstable state."""
     return not any(int(warning.number) for warning in data.warning)
 
 
@@ -165,7 +165,7 @@ def mujoco_linear(counts: Sequence[int], rounds: int) -> Iterator[Point]:
                 state[:2], state[2:] = data.qpos, data.qvel
 
             state, spent = resonator.timed(run, min(rounds, 3))
-            # What explodes is put back to its start by MuJoCo, with a warning.
+            # MuJoCo resets an unstable simulation to its start, with a warning.
             error, energy = resonator.errors(state if fine(data) else state * np.nan)
             step = resonator.SPAN_S / steps
             yield Point(

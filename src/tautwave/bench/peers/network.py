@@ -1,4 +1,4 @@
-"""SciPy's adaptive methods on a scene's network, from equations written down a second time."""
+"""SciPy's adaptive methods on a scene's network, from independently written equations."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 KINDS = ("spring", "damper", "contact")
 METHODS = ("DOP853", "Radau")
 LONGEST_S = 6.0
-"""CPU time of a run after which a peer is asked for no smaller tolerance."""
+"""CPU time of a run above which a peer gets no smaller tolerance."""
 
 
 def scipy_network(stage: Stage, oracle: Played, tolerances: Sequence[float]) -> Iterator[Point]:

@@ -1,6 +1,6 @@
 """The same scenes by other people's software, where it is installed: SciPy and python-control.
 
-Everything is imported when it is asked for; tautwave needs none of it. MuJoCo is in `peers_mujoco`.
+Everything is imported on demand; tautwave needs none of it. MuJoCo is in `peers_mujoco`.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 Both devices move by closed forms under forces held for a period; meeting and leaving the wall are
 located in closed form too, so that a step is exact to rounding. Written in the subset that plain
-Python, numba and the translator to C share. It keeps no books: what `simulate` does besides, it
-does for a price, and this scene says which.
+Python, numba and the translator to C share. It keeps no books: the difference to `simulate` is the
+cost of everything else that does.
 """
 
 from __future__ import annotations

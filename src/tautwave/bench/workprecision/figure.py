@@ -46,15 +46,15 @@ def error_figure(scenes: Sequence[Scene], max_error: float) -> Figure:
             star: Any = {"markersize": 13, "markeredgecolor": canvas.INK, "zorder": 6}
             place = max(at.error, SMALLEST), at.cpu_s
             colour = canvas.DAMPER
-            axes.plot(*place, "*", color=colour, linestyle="", label="what is taken", **star)
+            axes.plot(*place, "*", color=colour, linestyle="", label="chosen point", **star)
         _finish(axes, scene, "error", "CPU s per s")
     return figure
 
 
 def energy_figure(scenes: Sequence[Scene]) -> Figure:
-    """Return the energy that each scheme made or took, over its step or tolerance."""
+    """Return the energy that each scheme created or lost, over its step or tolerance."""
     scenes = [scene for scene in scenes if any(_place(p, "energy") for p in scene.points)]
-    figure, panels = _grid(scenes, "Energy made or taken by the scheme, by step or tolerance")
+    figure, panels = _grid(scenes, "Energy created or lost by the scheme, by step or tolerance")
     for axes, scene in zip(panels, scenes, strict=False):
         _draw(axes, scene, "energy")
         _finish(axes, scene, "step [s] or tolerance", "share of energy")

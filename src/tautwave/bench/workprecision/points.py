@@ -1,4 +1,4 @@
-"""What one run in a work-precision diagram comes to, the Pareto front, and how runs are timed."""
+"""Points of a work-precision diagram, the Pareto front, and how runs are timed."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def cpu_time(run: Callable[[], object], simulated_s: float, rounds: int = ROUNDS
     run()
     once = max(time.thread_time_ns() - began, 1)
     if once > LONG_NS:
-        return 1e-9 * once / simulated_s  # a slow peer: its digits are not worth the wait
+        return 1e-9 * once / simulated_s  # a slow peer: more digits are not worth the wait
     times = max(1, min(1000, round(1_000_000 / once)))
     taken: list[tuple[int, float]] = []
     for _ in range(rounds):

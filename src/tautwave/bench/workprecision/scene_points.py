@@ -16,11 +16,11 @@ from tautwave.simulation.scene.playing import Played
 def scheme_points(
     stage: Stage, oracle: Played, factors: Sequence[Fraction], rounds: int
 ) -> Iterable[Point]:
-    """Yield every scheme of tautwave at every step, but for what is the oracle itself."""
+    """Yield every scheme of tautwave at every step, except the oracle itself."""
     for scheme in schemes_of(stage.network):
         for factor in factors:
             if 4 * factor > stage.finest:
-                continue  # too near the oracle to be held against it
+                continue  # too close to the oracle to be compared with it
             found = timed(stage, scheme, factor, oracle, rounds)
             if found is not None:
                 yield found
@@ -103,5 +103,5 @@ def _notes(stage: Stage) -> tuple[str, ...]:
             "no mass, and where the bow lets go is found to a sample: first order"
         )
     if any(link.kind == "contact" for link in stage.network.links):
-        notes.append("contacts forget where they began: over longer spans any two steps part")
+        notes.append("scenes with contacts are chaotic: over longer spans any two steps diverge")
     return tuple(notes)

@@ -2,7 +2,7 @@
 
 The ports follow the rig's hand reference, sampled in the middle of each step (the symplectic
 scheme: at its begin): what a loop adds by holding them for a period is in the report of a
-run. Scenes of many contacts forget where they began, so the spans are short.
+run. Scenes with many contacts are chaotic, so the spans are short.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ class Stage:
         self._fine = self._positions(first)
 
     def _positions(self, first: int) -> Array:
-        """Return where the axes are at half steps of the oracle [m], shape (those, p)."""
+        """Return the positions of the axes at the oracle's half steps [m], shape (n, p)."""
         assert self.rig.simulation is not None
         rate = 2 * self.finest * self.rig.rate_hz
         begin, last = (2 * self.finest * at for at in (first, first + self.slots))
@@ -143,12 +143,12 @@ class Stage:
         return self.slots * self.rig.period_s
 
     def ports(self, factor: Fraction, within: float) -> Array:
-        """Return where the ports are at each step [m], shape (steps, p)."""
+        """Return the positions of the ports at each step [m], shape (steps, p)."""
         every = int(2 * self.finest / factor)
         return self._fine[round(within * every) :: every][: int(self.slots * factor)]
 
     def pushes(self, factor: Fraction, within: float) -> Array:
-        """Return the outside forces at each step [N], straight lines between slots."""
+        """Return the external forces at each step [N], linear between slots."""
         steps = int(self.slots * factor)
         slot = (np.arange(steps) + within) / float(factor)
         pushes = np.zeros((steps, len(self.forces)))
@@ -157,7 +157,7 @@ class Stage:
         return pushes
 
     def moment(self, time_s: float) -> tuple[Array, Array, Array]:
-        """Return position and speed of the ports and the outside forces at any time."""
+        """Return position and speed of the ports and the external forces at any time."""
         at = time_s * self.rig.rate_hz * 2 * self.finest
         low = min(max(int(at), 0), len(self._fine) - 2)
         rise = self._fine[low + 1] - self._fine[low]
@@ -196,7 +196,7 @@ class Stage:
         return max(float(np.sqrt(np.mean(gap * gap))) / travel, 1e-17)
 
     def energy_error(self, played: Played, oracle: Played) -> float:
-        """Return what the scheme made or took of itself, over what went through the ports."""
+        """Return the energy that the scheme created or lost, over the energy through the ports."""
         ledger = played.ledger
         made = abs(ledger.numeric) + abs(ledger.residual(played.start))
         places = self.ports(Fraction(1), 0.0)

@@ -150,7 +150,7 @@ def _scenes(full: bool, max_error: float, tell: Tell) -> Iterable[Scene]:
                 scene, peers_mujoco.mujoco_rig(rig, substeps, seconds, oracle, rounds)
             )
         yield scene
-    # SciPy takes minutes for digits that a scene of contacts has no use for.
+    # SciPy takes minutes for digits that are meaningless for a scene with contacts.
     coarse = tuple(tolerance for tolerance in few if tolerance > 1e-7)
     for shipped in SCENES:
         tell(f"{shipped.name} (numba compiles for half a minute where it has not yet)")

@@ -17,5 +17,5 @@ plugin = CouplingPlugin(
     causalities=("impedance",),
     linear="tautwave.couplings.observed.linear:linear_end",
     verdict="tautwave.couplings.observed.verdict:verdict",
-    words="tautwave.couplings.observed.words:words",
+    messages="tautwave.couplings.observed.messages:messages",
 )

@@ -9,5 +9,5 @@ plugin = CouplingPlugin(
     end_constants="tautwave.couplings.position.from_keys:end_constants",
     linear="tautwave.couplings.position.linear:linear_end",
     verdict="tautwave.couplings.position.verdict:verdict",
-    words="tautwave.couplings.position.words:words",
+    messages="tautwave.couplings.position.messages:messages",
 )

@@ -16,5 +16,5 @@ plugin = CouplingPlugin(
     causalities=("impedance", "admittance"),
     linear="tautwave.couplings.wave.linear:linear_end",
     verdict="tautwave.couplings.wave.verdict:verdict",
-    words="tautwave.couplings.wave.words:words",
+    messages="tautwave.couplings.wave.messages:messages",
 )

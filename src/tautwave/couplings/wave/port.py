@@ -55,7 +55,7 @@ def close(
     """Form the leaving wave from what happened, under the account."""
     e = s.end
     k = p.end
-    leaving, account, gap, absorbed, burnt, forgiven = port_close(
+    leaving, account, gap, absorbed, damped, forgiven = port_close(
         k.port,
         e.account,
         e.gap,
@@ -75,7 +75,7 @@ def close(
     if k.wave != 1.0:
         e.leaving = leaving / k.wave
     e.port_absorbed += absorbed
-    e.damper_dissipated += burnt
+    e.damper_dissipated += damped
     e.forgiven += forgiven
     e.wave_sum = 0.0
     e.wave_energy = 0.0
@@ -93,7 +93,7 @@ def port_credit(s: AxisState, p: AxisParams) -> float:
     if p.late > 0.0:
         periods = periods + 1
     debt = port_debt(p.end.port, periods, p.site.gain, e.fastest, s.gross_flow)
-    # Beside a wave that just arrived, a rounding error is no debt.
+    # Relative to a wave that just arrived, a rounding error is not a debt.
     debt += ROUNDING * p.half_period * e.wave_in * e.wave_in
     if e.account < -debt:
         return BANKRUPT

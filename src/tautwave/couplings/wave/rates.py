@@ -1,9 +1,9 @@
 """Pairs with a slow side: its bus is served every n-th slot, the line every slot.
 
-At slot j n the bus is asked, at slot j n + n - 1 its answer is there: the port closes, takes the
-mean of the waves of the last n slots, thinks, and its leaving wave is held for the n slots from
-there on. What it decides goes out with the next request. The converter between line and slow port
-keeps an account; its state is the `rate_` part of the end's.
+At slot j n the bus gets its request, at slot j n + n - 1 its response is there: the port closes,
+takes the mean of the waves of the last n slots, thinks, and its leaving wave is held for the n
+slots from there on. What it decides goes out with the next request. The converter between line and
+slow port keeps an account; its state is the `rate_` part of the end's.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ _TRIALS = 200_000
 _BISECTIONS = 60
 _SMALLEST = 1e-9  # of a step; below it the error estimate is rounding
 _SAFETY = 0.9
-_ROUNDING = 1e-15  # error per step that no tolerance asks less of
+_ROUNDING = 1e-15  # least error per step, whatever the tolerance
 _NOISE = 4e-15  # of the forces that balance each other: what their difference is worth
 
 FoamStep = tuple[float, float, float, float, float, float, float]

@@ -14,11 +14,11 @@ import numpy.typing as npt
 
 from tautwave.config import Rig, parse_rig
 from tautwave.errors import ConfigError
-from tautwave.registry import coupling_words
+from tautwave.registry import coupling_messages
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.scratch import Scratch
 from tautwave.report.units import number
-from tautwave.wording import CouplingWords
+from tautwave.wording import CouplingMessages
 
 if TYPE_CHECKING:
     from tautwave.report.run.recording import Recording
@@ -193,12 +193,12 @@ def delay_of(run: Run, pair: str) -> float:
     return number(delay) or 0.0
 
 
-def law_wording(run: Run) -> CouplingWords:
+def law_wording(run: Run) -> CouplingMessages:
     """The messages of the run's coupling; the default ones if it is not installed here."""
     try:
-        return coupling_words(str(block(run.rig, "coupling").get("law", "wave")))
+        return coupling_messages(str(block(run.rig, "coupling").get("law", "wave")))
     except ConfigError:
-        return CouplingWords()
+        return CouplingMessages()
 
 
 def offset_per_effort(run: Run, pair: str) -> float | None:

@@ -81,7 +81,7 @@ def scene_table(run: Run) -> Table:
         cells = [quantity(account[key], "J", 3) if account.get(key) else "–" for key in keys]
         rows.append((name, *cells))
     more = len(elements) - len(rows)
-    heads = ("kinetic", "stored", "lost", "fed", "outside force", "port", "by the scheme")
+    heads = ("kinetic", "stored", "lost", "fed", "external force", "port", "by the scheme")
     return Table(
         "Scene, by element",
         ("element", *heads),

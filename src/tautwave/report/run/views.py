@@ -26,7 +26,7 @@ from tautwave.report.run.rundir import (
 )
 from tautwave.report.run.stop import Stop, stop_of
 from tautwave.report.units import axis_units, number
-from tautwave.wording import CouplingWords
+from tautwave.wording import CouplingMessages
 
 RESISTING = ("port_effort", "wall_effort")
 """Columns of resisting efforts, positive against the position; figures show them along it."""
@@ -58,7 +58,7 @@ class PairView:
     delay_s: float = 0.0
     held: bool = False
     to_slave: float = 1.0
-    wording: CouplingWords = field(default_factory=CouplingWords)
+    wording: CouplingMessages = field(default_factory=CouplingMessages)
     least: dict[str, float] = field(default_factory=dict)
     flat: list[str] = field(default_factory=list)
     stop: Stop | None = None

@@ -1,8 +1,8 @@
-"""One axis shaken by itself, all others without effort: what `identify` puts in the loop.
+"""Excitation of one axis, all others without effort: the controller of `identify`.
 
 The axis' own laws, guards and limits stay: the multisine is the far end of a weak position
-coupling, so that effort = excitation - K (x - centre) - B v, limited last before the motor. The
-coupling between master and slave does not exist. SI units; rotary axes read N m and rad.
+coupling, so that effort = excitation - K (x - centre) - B v, limited last before the motor. There
+is no coupling between master and slave. SI units; rotary axes read N m and rad.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LINES = 8
 LOWEST_HZ, HIGHEST_HZ = 0.7, 15.0
 RETURN_HZ, RETURN_DAMPING = 0.5, 0.5
 RISE_S = 1.5
-"""Of the excitation to what the rig's belief allows; then e-fold per `GROW_S` while too little."""
+"""Initial gain relative to the rig's belief; then it grows e-fold per `GROW_S` while too small."""
 
 GROW_S = 1.5
 FALL_S = 0.05
@@ -68,11 +68,11 @@ SHAKEN = Law("excitation", Steps(think=pull_back), ShakenEnd)
 
 
 class Plan(NamedTuple):
-    """How an axis is shaken.
+    """Excitation of an axis.
 
-    `efforts` per slot before the gain [N m or N]; the greatest effort and the reach from the
-    start [rad or m] it keeps to, the speed [rad/s or m/s]; stiffness and damping of the return;
-    the ends of the position range.
+    `efforts` per slot before the gain [N m or N]; limits of effort, reach from the start [rad or m]
+    and speed [rad/s or m/s]; stiffness and damping of the centring spring; the ends of the position
+    range.
     """
 
     axis: str
@@ -96,7 +96,7 @@ def plan_excitation(
     Eight sines with Schroeder's phases, 0.7 to 15 Hz (at most rate / 50), effort growing as the
     root of the frequency. `effort` is `share` of the axis' limit; the efforts are scaled so that
     the lightest device the rig believes in stays within 0.6 of the `reach` (a quarter of the
-    position range if not given); what it takes to move a heavier one is found in the run.
+    position range if not given); the gain for a heavier one is found during the run.
     """
     axis = rig.axes[axis_name]
     assert axis.inertia is not None
@@ -152,12 +152,12 @@ class Excitation:
         self.centre = 0.0
 
     def start(self, position: float) -> None:
-        """Begin, about where the device stands, with the room there is.
+        """Begin around the device's position, within the available room.
 
         Raises
         ------
         SafetyStop
-            It stands too near an end of its range.
+            It is too close to an end of its range.
         """
         plan = self._plan
         room = min(position - plan.low, plan.high - position)
@@ -170,13 +170,13 @@ class Excitation:
         self._reach = min(plan.reach, ROOM_SHARE * room)
 
     def pass_slots(self, count: int) -> None:
-        """Let slots go by."""
+        """Skip slots."""
         self._slot += count
 
     def effort(self, position: float, velocity: float) -> float:
-        """Return the excitation of this slot [N m or N], having looked at how far it moves.
+        """Return the excitation of this slot [N m or N], with the gain adapted to the motion.
 
-        Each time the device goes beyond reach or speed, the gain falls to half of what it was.
+        Each time the device exceeds reach or speed, the gain is halved.
         """
         plan = self._plan
         use = max(abs(position - self.centre) / self._reach, abs(velocity) / plan.speed)
@@ -200,16 +200,16 @@ class Excitation:
 
 
 class ExcitedControl(Control):
-    """No coupling and no scene: at most one axis is shaken, the others get no effort.
+    """No coupling and no scene: at most one axis is excited, the others get no effort.
 
     Parameters
     ----------
     run, names, params
         See `Control`.
     axes : sequence of int
-        Those of the pairs in their order, master and slave; the only one of a scene's port.
+        Axes of the pairs in their order, master and slave; the only axis of a scene's port.
     plan : Plan
-        How an axis is shaken.
+        Excitation of the axis.
     table : list of float
         Commands on their way.
     """
@@ -232,7 +232,7 @@ class ExcitedControl(Control):
             self.columns += axis_columns(names[at].name, params[at], SHAKEN)
 
     def step(self, slot: int, skipped: int) -> bool:
-        """Close every axis, and think on the one that is shaken; or begin."""
+        """Close every axis, and think on the excited one; or begin."""
         r, o = self.run, self.state
         if o.armed_at < 0:
             return self._engage(slot)
@@ -259,7 +259,7 @@ class ExcitedControl(Control):
         return True
 
     def _engage(self, slot: int) -> bool:
-        """Begin at the measured positions, whatever they are to each other."""
+        """Begin at the measured positions, whatever their mismatch."""
         o = self.state
         if o.kind != FINISHED:
             return True
@@ -275,7 +275,7 @@ class ExcitedControl(Control):
         return arm(self.run, o, slot, armed)
 
     def fill(self, row: Row, at: int) -> None:
-        """Write all columns at index `at`; there is no coupling to keep books of."""
+        """Write all columns at index `at`; there are no books without a coupling."""
         for which in self._order:
             at = fill_axis(row, at, self.axes[which], self.params[which], 1.0, SHAKEN.steps)
 

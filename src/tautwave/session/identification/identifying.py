@@ -1,4 +1,4 @@
-"""`identify RIG`: shake one axis within its limits, and fit its inertia and friction."""
+"""`identify RIG`: excite one axis within its limits, and fit its inertia and friction."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ from tautwave.session.identification.exciting import Plan, excite, plan_excitati
 from tautwave.session.running import loop_conditions
 from tautwave.types import CommandDelay
 
-if TYPE_CHECKING:  # analysis is imported when the axis is safe again
+if TYPE_CHECKING:  # analysis is imported only when the axis is safe again
     from tautwave.analysis.identification.device_model import DeviceFit
     from tautwave.analysis.identification.regression import Estimate
 
 CAUTION = 0.8
-"""Of the interval's lower end: what is bolted on or warms up later is not in the interval."""
+"""Factor on the interval's lower end, for changes after the measurement."""
 
 
 class DeviceResult(NamedTuple):
-    """An identified device: the fit, how it was shaken, where it is kept."""
+    """An identified device: the fit, its excitation, its files."""
 
     axis: str
     kind: str
@@ -84,7 +84,7 @@ class DeviceResult(NamedTuple):
 
 
 def interval(estimate: Estimate) -> dict[str, float]:
-    """An estimate as JSON has it."""
+    """An estimate for JSON."""
     return estimate._asdict()
 
 
@@ -119,12 +119,12 @@ def device_snippet(axis: str, fit: DeviceFit) -> str:
 
 
 def axis_to_identify(rig: Rig, name: str | None) -> str:
-    """Return the axis asked for, or the only one there is.
+    """Return the named axis, or the only one.
 
     Raises
     ------
     ConfigError
-        No such axis, several to choose from, or one that cannot be shaken.
+        No such axis, several to choose from, or one that cannot be excited.
     """
     able = [key for key, axis in rig.axes.items() if axis.causality == "impedance"]
     if name is None:
@@ -169,18 +169,17 @@ def identify_device(
     attach: bool = False,
     progress: Callable[[float, str], None] | None = None,
 ) -> DeviceResult:
-    """Shake one axis of a rig and fit inertia, viscous and Coulomb friction.
+    """Excite one axis of a rig and fit inertia, viscous and Coulomb friction.
 
-    Coupling or scene are off; all other axes are enabled and get no effort. A simulated hand lets
-    go and a simulated environment is taken away. Driver, limits, guards, ramps and the safe end
-    are those of a run.
+    Coupling or scene are off; all other axes are enabled and get no effort. A simulated hand and
+    environment are removed. Driver, limits, guards, ramps and the safe end are those of a run.
 
     Parameters
     ----------
     axis : str, optional
-        Such as `master.wrist`; needed where there are several.
+        Such as `master.wrist`; needed if there are several.
     out : Path
-        Where rig.yaml, recording.mcap and identification.json go.
+        Directory for rig.yaml, recording.mcap and identification.json.
     clock : str
         `real` or `fake`.
     duration_s : float
@@ -190,9 +189,7 @@ def identify_device(
     reach : float, optional
         How far from the start it may swing [rad or m]; a quarter of the range if not given.
     allow_uncertified : bool
-        Move motors of a rig that has no certificate.
-    simulate, attach
-        Which way the buses take, as for `session.run`.
+        Move motors of a rig without a certificate. simulate, attach As for `session.run`.
 
     Raises
     ------
@@ -276,7 +273,7 @@ def identify_device(
 
 
 def _tell(name: str, error: BaseException, lost: str | None) -> None:
-    """Raise what ended the run, with what to do about it; `lost` is what its recording lacks."""
+    """Raise the error that ended the run, with a remedy; `lost` is what its recording lacks."""
     more = f"; {lost}" if lost else ""
     if isinstance(error, SafetyStop):
         raise SafetyStop(
@@ -329,7 +326,7 @@ def fit_recorded(
 
 
 def _doubts(fit: DeviceFit, plan: Plan) -> list[str]:
-    """Sentences on what makes the numbers doubtful."""
+    """Warnings about the numbers."""
     notes = []
     if fit.explained < 0.9:
         notes.append(

@@ -1,4 +1,4 @@
-"""`identify RECORDING`: the impedance of what was touched, or of the hand."""
+"""`identify RECORDING`: the impedance of the environment, or of the hand."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ FORGETTING_S = 1.0
 
 
 class ContactResult(NamedTuple):
-    """What was touched: all models that were fitted, the chosen one, and the doubts.
+    """The identified environment: all fitted models, the chosen one, and warnings.
 
-    `track` is the chosen model's stiffness as recursive least squares saw it, forgetting the past
-    within 1 s; `track_s` its times.
+    `track` is the chosen model's stiffness by recursive least squares, forgetting within 1 s;
+    `track_s` its times.
     """
 
     series: Series
@@ -93,15 +93,15 @@ def identify_recording(
     begin_s: float | None = None,
     end_s: float | None = None,
 ) -> ContactResult:
-    """Fit what was touched to a run directory, an MCAP recording of tautwave or a CSV file.
+    """Fit the environment to a run directory, an MCAP recording of tautwave or a CSV file.
 
     Parameters
     ----------
     position, effort, time, axis : str, optional
-        Columns and axis, where they do not follow from the names.
+        Columns and axis, if they do not follow from the names.
     model : str
-        One of `contact_model.MODELS`, or `auto`: the simplest whose residual no other beats by
-        a tenth.
+        One of `contact_model.MODELS`, or `auto`: the simplest whose residual is within a tenth of
+        the best.
     filter_hz : float, optional
         Cut-off of the filter on force and motion [Hz]; default 40, at most rate / 25.
     begin_s, end_s : float, optional
@@ -152,7 +152,7 @@ def _track(fit: ContactFit) -> tuple[Array, Array]:
 
 
 def _doubts(fit: ContactFit, found: bool) -> list[str]:
-    """Sentences on the force's sign and on what makes the numbers doubtful."""
+    """Sentences on the force's sign, and warnings about the numbers."""
     notes = []
     if fit.sense > 0:
         notes.append(
@@ -189,7 +189,7 @@ def _doubts(fit: ContactFit, found: bool) -> list[str]:
 
 
 def contact_snippet(fit: ContactFit) -> str | None:
-    """Return the block of a rig's `simulation` that this fit makes; None where there is none."""
+    """Return the block of a rig's `simulation` from this fit; None if there is none."""
     value = {name: estimate.value for name, estimate in fit.parameters.items()}
     side = "above" if fit.side > 0 else "below"
     damping = max(value.get("damping", 0.0), 0.0)

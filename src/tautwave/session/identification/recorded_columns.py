@@ -14,15 +14,15 @@ from tautwave.analysis.identification.regression import Array
 from tautwave.errors import ConfigError, RecordingError
 
 MOST_SAMPLES = 100_000
-"""Used of a recording; more would add minutes and no knowledge."""
+"""Most samples used of a recording; more would take minutes without improving the fit."""
 
-UNEVEN = 0.6  # of a period: a gap in time beyond it is filled in and not used
+UNEVEN = 0.6  # share of a period: a larger gap in time is filled in and not used
 _TIMES = ("time_s", "time", "t", "timestamp_s", "t_s")
 _EFFORTS = ("effort", "torque", "force")
 
 
 class Series(NamedTuple):
-    """Two columns of a recording on even times: position and effort, and which were measured."""
+    """Two columns of a recording on a uniform grid: position, effort, and which were measured."""
 
     source: str
     position_name: str
@@ -44,7 +44,7 @@ def read_series(
     axis: str | None,
     part: tuple[float | None, float | None],
 ) -> Series:
-    """Read position and effort of a recording onto even times.
+    """Read position and effort of a recording onto a uniform grid.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def read_series(
 
 
 def _even(series: Series, times: Array, part: tuple[float | None, float | None]) -> Series:
-    """Cut out a part and lay it on even times, with gaps filled and marked."""
+    """Cut out a part and resample it to a uniform grid, with gaps filled and marked."""
     begin, end = part
     inside = np.ones(len(times), dtype=bool)
     if begin is not None:
@@ -121,7 +121,7 @@ def _even(series: Series, times: Array, part: tuple[float | None, float | None])
 
 
 def csv_header(path: Path) -> list[str]:
-    """Names in the first line of a CSV file."""
+    """Column names from the first line of a CSV file."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             return [name.strip() for name in next(csv.reader(file), [])]
@@ -132,9 +132,10 @@ def csv_header(path: Path) -> list[str]:
 def csv_columns(
     path: Path, header: Sequence[str], position: str | None, effort: str | None
 ) -> tuple[str, str]:
-    """Columns of position and effort: those given, else those whose names say it.
+    """Columns of position and effort: those given, else found by their names.
 
-    Of several, the slave's position with the environment's effort; a given one decides the other.
+    Of several, the slave's position with the environment's effort; a given one determines the
+    other.
     """
     places = [name for name in header if "position" in name.lower() or "angle" in name.lower()]
     efforts = [
@@ -193,7 +194,7 @@ def mcap_columns(
     position: str | None,
     effort: str | None,
 ) -> tuple[str, str]:
-    """Columns of a run: of the axis given, else of the only one with a measured outside effort."""
+    """Columns of a run: of the given axis, else of the only one with a measured external effort."""
     for name in (position, effort):
         if name is not None and name not in columns:
             raise ConfigError(f"{path}: there is no column {name!r}")
@@ -228,7 +229,7 @@ def mcap_columns(
 
 
 def _rotary(*names: str) -> bool | None:
-    """Kind of the axis from units in the names, None where they say nothing."""
+    """Kind of the axis from units in the names, None if they have none."""
     parts = {part for name in names for part in name.lower().split("_")}
     if parts & {"rad", "nm"}:
         return True

@@ -55,7 +55,7 @@ INLINED = {
     *(axis.pending_effort, axis.take_sample, pair.cycle_pair, run.run_cycle, run.check_sample),
     *(device.pass_device, device.aim_hand, device.measure_device, device.command_device),
     *(device.device_forces, device.device_stored, plant.plant_forces, plant.plant_stored),
-    plant.plant_step,  # what nobody takes of it (a bench: its works and losses) falls away
+    plant.plant_step,  # unused results (in a bench: works and losses) are optimised away
     *(controller_rows.fill_pair, controller_rows.fill_axis, controller_rows.fill_wall),
     *(controller_rows.fill_element, rows.fill_device, port.port_effort, port.port_close),
     *(site.render_wall, site.limit_site, limit.guard_axis, limit.limit_effort),

@@ -68,7 +68,7 @@ class DeviceParams(NamedTuple):
 class DeviceState:
     """State of one simulated device.
 
-    `reads`: samples so far; `asked`: the exchange that a slow bus has to answer, -1 for none.
+    `reads`: samples so far; `asked`: the pending exchange of a slow bus, -1 for none.
     """
 
     x: float = 0.0

@@ -1,4 +1,4 @@
-"""What simulated devices add to a row of the controller, and the few columns a sweep wants."""
+"""Columns that simulated devices add to a row of the controller, and those for a sweep."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def ask_device(
     exchange = slot // n
     phase = slot % n
     if b.asked >= 0 and b.asked < exchange:
-        b.reads += 1  # drained: nobody looks at it
+        b.reads += 1  # drained and discarded
         b.asked = -1
         m.valid = False
     if b.asked < 0 and (phase == 0 or 2 * (phase + 1) <= n):

@@ -28,7 +28,7 @@ from tautwave.simulation.kernel.rows import fill_device
 
 INPUTS = 4
 NOTHING, ABSENT, TAKEN = 0.0, 1.0, 2.0
-"""Last of an axis' inputs: not its slot; not asked for in time, which is nobody's miss; read."""
+"""Last of an axis' inputs: not its slot; no request in time, which is not a miss; read."""
 
 BEGUN, END, KIND, SLOTS = 0, 1, 2, 3
 """Outputs after the commands: whether the run may go on, the slot after the last, why it stops."""

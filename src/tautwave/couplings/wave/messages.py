@@ -11,7 +11,7 @@ from tautwave.couplings.wave.keys import WaveCoupling
 from tautwave.couplings.wave.standing import standing
 from tautwave.laws.admittance import greatest_stiffness
 from tautwave.types import CommandDelay
-from tautwave.wording import CouplingWords, PlanLine
+from tautwave.wording import CouplingMessages, PlanLine
 
 
 def _keys(rig: Rig) -> WaveCoupling:
@@ -92,7 +92,7 @@ def describe_pair(
     return f"wave coupling, impedance b = {number(impedance)} {effort} s/{position}"
 
 
-words = CouplingWords(
+messages = CouplingMessages(
     coupling=_coupling,
     plan=_plan,
     pair_plan=_pair_plan,

@@ -7,7 +7,7 @@ from typing import Any
 
 from tautwave.config import Rig
 from tautwave.couplings.position.standing import standing
-from tautwave.wording import CouplingWords
+from tautwave.wording import CouplingMessages
 
 
 def _coupling(rig: Rig) -> str:
@@ -26,7 +26,7 @@ def _pair(
     )
 
 
-words = CouplingWords(
+messages = CouplingMessages(
     coupling=_coupling,
     standing=standing,
     pair=_pair,

@@ -8,8 +8,8 @@ from typing import Any
 from tautwave.config import Rig
 from tautwave.couplings.observed.keys import ObservedPair
 from tautwave.couplings.observed.standing import standing
-from tautwave.couplings.wave.words import describe_pair
-from tautwave.wording import CouplingWords, PlanLine
+from tautwave.couplings.wave.messages import describe_pair
+from tautwave.wording import CouplingMessages, PlanLine
 
 
 def _coupling(rig: Any) -> str:
@@ -34,7 +34,7 @@ def _pair_plan(rig: Rig, name: str) -> Iterator[PlanLine]:
         yield PlanLine(f"rate converter of {side}.{name}", divisor > 1, what, same)
 
 
-words = CouplingWords(
+messages = CouplingMessages(
     coupling=_coupling,
     pair_plan=_pair_plan,
     standing=standing,
