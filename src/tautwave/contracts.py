@@ -323,7 +323,7 @@ class SimulatorPlugin(NamedTuple):
 class CouplingPlugin(NamedTuple):
     """What a `tautwave.couplings` entry point names: a law that joins a master and a slave axis.
 
-    A text is a `module:attribute`, loaded when asked for, so that naming a law imports none of it;
+    A string is a `module:attribute`, loaded on demand, so that naming a law does not import it;
     the thing itself serves as well. `keys` is the pydantic block of the rig's `coupling`, a
     `tautwave.config.Coupling` whose `pairs` may have keys of their own.
 

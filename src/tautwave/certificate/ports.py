@@ -182,7 +182,7 @@ def _proved(
     return _returned(device, site, rig.coupling.filter_step(rig.period_s))
 
 
-# Both ends of a pair often believe the same, and after a run the same is asked again.
+# Both ends of a pair are often equal, and after a run the same values are needed again.
 @functools.lru_cache(maxsize=1024)
 def _returned(device: Device, site: Site, filtered: float) -> float:
     return greatest_gain(port_scattering(device, site, filter_gain=filtered)).upper

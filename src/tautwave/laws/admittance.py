@@ -1,6 +1,6 @@
 """The sampled wave port of an admittance device (takes velocity, measures effort).
 
-The port asks for the velocity w at which the line's resistance b w - sqrt(2b) v_in equals the
+The port commands the velocity w at which the line's resistance b w - sqrt(2b) v_in equals the
 measured external effort. That effort is one sample old: against an external stiffness K the loop x+
 = x + T (-K x + ...) / b is unstable from K T / b = 2 on even with a matched far end, and it is
 active (|S| > 1) for every K > 0. With an upper bound Kh >= K of the external stiffness the port

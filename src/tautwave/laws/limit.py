@@ -18,7 +18,7 @@ OVERDRAWN = 5
 """The guard's code for a scene whose held efforts have created more than its allowance."""
 
 NOT_A_NUMBER = 6
-"""The guard's code for a coupling that asks for something that is not finite."""
+"""The guard's code for a coupling whose effort is not finite."""
 
 
 class LimitParams(NamedTuple):

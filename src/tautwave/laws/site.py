@@ -1,4 +1,4 @@
-"""One axis, thought through once a cycle: local wall, what the coupling asks for, limits.
+"""One axis, evaluated once per cycle: local wall, effort of the coupling, limits.
 
 Local wall (with its passivity controller) -> the coupling's effort (predicted with the wall's
 effort known) -> limits, last before the motor -> shares of coupling and wall in what is sent.
@@ -74,7 +74,7 @@ def limit_site(
     p : SiteParams
         Constants.
     wall, port : float
-        Resisting efforts asked for by the wall and by the coupling [N m or N].
+        Requested resisting efforts of the wall and of the coupling [N m or N].
     last : float
         Resisting effort sent last [N m or N].
     ceiling : float
@@ -83,7 +83,7 @@ def limit_site(
     Returns
     -------
     tuple of float
-        Resisting effort to send, its parts by coupling and wall, the effort asked for [N m or N].
+        Resisting effort to send, its parts by coupling and wall, the requested effort [N m or N].
     """
     asked = wall + port
     total = limit_effort(p.limit, asked, last, ceiling)

@@ -45,7 +45,7 @@ def scale_for(peak: float, unit: str) -> tuple[float, str]:
 
 
 def significant(value: float, digits: int = 4) -> str:
-    """`value` to so many significant digits, with a real minus sign and powers of ten."""
+    """`value` to `digits` significant digits, with a real minus sign and powers of ten."""
     if math.isnan(value):
         return "undefined"
     if math.isinf(value):

@@ -101,21 +101,21 @@ class CouplingContract:
 
     @pytest.mark.parametrize("samples", [0, 7])
     def test_its_steps_return_numbers(self, bench: CouplingBench, samples: int) -> None:
-        told = drive(controller(bench.plugin, bench.block(), samples), at_random())
-        assert not told.reason
-        assert len(told.rows) > 2000
-        for name in told.columns:
-            assert all(map(math.isfinite, told.column(name))), f"{name} is not finite"
+        driven = drive(controller(bench.plugin, bench.block(), samples), at_random())
+        assert not driven.reason
+        assert len(driven.rows) > 2000
+        for name in driven.columns:
+            assert all(map(math.isfinite, driven.column(name))), f"{name} is not finite"
 
     @pytest.mark.parametrize("samples", [0, 7])
     def test_its_books_close(self, bench: CouplingBench, samples: int) -> None:
         """What the devices gave is what the elements hold and lost, each by itself and together."""
-        told = drive(controller(bench.plugin, bench.block(), samples), at_random())
-        flow = sum(told.column(f"{side}.wrist.gross_flow")[-1] for side in SIDES)
-        given = sum(told.column(f"{side}.wrist.port_energy")[-1] for side in SIDES)
+        driven = drive(controller(bench.plugin, bench.block(), samples), at_random())
+        flow = sum(driven.column(f"{side}.wrist.gross_flow")[-1] for side in SIDES)
+        given = sum(driven.column(f"{side}.wrist.port_energy")[-1] for side in SIDES)
         taken = 0.0
-        for element in elements_of(told):
-            absorbed, stored, lost = (told.column(f"wrist.{element}.{it}")[-1] for it in PARTS)
+        for element in elements_of(driven):
+            absorbed, stored, lost = (driven.column(f"wrist.{element}.{it}")[-1] for it in PARTS)
             assert absorbed == pytest.approx(stored + lost, abs=1e-9 * flow), element
             taken += stored + lost
         assert flow > 0.0, "it asked for nothing"
@@ -123,11 +123,12 @@ class CouplingContract:
 
     def test_it_gives_no_energy(self, bench: CouplingBench) -> None:
         """Moved slowly there and back, without a delay, it gives back no more than it was given."""
-        told = drive(controller(bench.plugin, bench.block()), there_and_back())
+        driven = drive(controller(bench.plugin, bench.block()), there_and_back())
         flow = (
-            told.column("master.wrist.gross_flow")[-1] + told.column("slave.wrist.gross_flow")[-1]
+            driven.column("master.wrist.gross_flow")[-1]
+            + driven.column("slave.wrist.gross_flow")[-1]
         )
-        sides = [told.column(f"{side}.wrist.port_energy") for side in SIDES]
+        sides = [driven.column(f"{side}.wrist.port_energy") for side in SIDES]
         least = min(map(sum, zip(*sides, strict=True)))
         assert least >= -0.02 * flow, f"it gave {-least:.3g} J of {flow:.3g} J to and fro"
 
@@ -158,10 +159,10 @@ SIDES = ("master", "slave")
 PARTS = ("absorbed", "stored", "dissipated")
 
 
-def elements_of(told: Driven) -> list[str]:
+def elements_of(driven: Driven) -> list[str]:
     """Return the names of the elements in the columns of a drive."""
     ending = ".dissipated"
-    return [name.split(".")[1] for name in told.columns if name.endswith(ending)]
+    return [name.split(".")[1] for name in driven.columns if name.endswith(ending)]
 
 
 def same(one: Driven, two: Driven) -> bool:

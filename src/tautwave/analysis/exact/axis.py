@@ -121,7 +121,7 @@ def axis_grid(k: Response, low: float, high: float, points: int = 2000) -> Float
         count = _PER_TURN * (high - low) / turn
         if count > _MOST:
             raise ConfigError(
-                f"{high:.3g} rad/s is {high / turn:.3g} turns of the delay: ask for a lower band"
+                f"{high:.3g} rad/s is {high / turn:.3g} turns of the delay: choose a lower band"
             )
         parts.append(np.linspace(low, high, int(count) + 2))
     w = np.unique(np.concatenate(parts))

@@ -42,9 +42,7 @@ AUTOMATIC = ("spring", "contact", "preloaded", "hunt_crossley")
 BETTER = 0.9  # of the residual of a simpler model: so much less, or the simpler one is taken
 SURFACES = 40  # places of the surface tried before refining the best
 LEAST_FREE, LEAST_TOUCHING = 0.1, 0.015  # of the samples: less shows no free part, no contact
-LEAST_ELASTIC = (
-    0.5  # share of the force's variance due to stiffness, below which there is no contact
-)
+LEAST_ELASTIC = 0.5  # of the force's variance due to stiffness: less means no contact
 ROUGH_ROWS = 1000
 EXPONENT_RANGE = (1.0, 6.0)  # below 1 a surface would be infinitely stiff
 

@@ -5,7 +5,7 @@ element here is written down as a rational function with exact coefficients, and
 on the unit circle is proved by the same algebra as the wall's bound (no grid decides).
 
 Against any passive hand whatever no sampled port has |S| <= 1: its prediction rests on a mass. On
-a spring k to ground, not predicted, |S| <= 1 asks for damping, see `spring_damping`. Beyond that
+a spring k to ground, not predicted, |S| <= 1 requires damping, see `spring_damping`. Beyond that
 the port's energy account, which is exact, keeps it passive; the law then no longer is linear.
 
 Sources: Niemeyer & Slotine 1991 (waves); `tautwave.laws.port`, `tautwave.laws.admittance`

@@ -62,9 +62,9 @@ class WallVerdict(NamedTuple):
     Attributes
     ----------
     wall, device : SampledWall, WallDevice
-        What was asked.
+        The wall and the device.
     leak : Leak
-        Needed damping and the frequency that asks for it.
+        Required damping and its frequency.
     passive : bool
         Colgate and Schenkel's condition holds with the device's own damping.
     margin : float

@@ -29,7 +29,7 @@ HERTZ = FoamParams(1e6, 1.5, 0.0, 0.0, 1.0, 1)
 
 
 def long_bounces(steps: int) -> dict[str, Bounce]:
-    """Return a scene for each conservative scheme, of so many steps of 1 ms."""
+    """Return a scene for each conservative scheme, with this many steps of 1 ms."""
     h = 1e-3
     wall = PLANT._replace(wall_stiffness=5000.0)
     linear = HERTZ._replace(stiffness=5000.0, exponent=1.0)

@@ -1,6 +1,6 @@
 """The same scenes by MuJoCo, where it is installed.
 
-A joint limit gives the stiffness asked for only with tiny `solimp` (default-like values give up to
+A joint limit gives the specified stiffness only with tiny `solimp` (default-like values give up to
 ten times as much): here `solimplimit=".0001 .0001 .001"` and `solreflimit="-K/m -B/m"`. MuJoCo is
 given its best case: many steps per call, one model for both devices when it is timed, and the
 control law for nothing.

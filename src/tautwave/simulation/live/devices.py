@@ -69,7 +69,7 @@ class CompiledDevices:
     models : sequence of AxisModel
         What is true of them.
     cycles : int
-        Cycles of the run: noise and missing samples are drawn for so many.
+        Cycles of the run, for which noise and missing samples are drawn.
     """
 
     def __init__(self, bus: BusSpec, models: Sequence[AxisModel], cycles: int) -> None:

@@ -100,7 +100,7 @@ def end_control(
     slot: int,
     skipped: int,
 ) -> None:
-    """Stop for `skipped` slots that went by, or ramp down as asked where it is 0."""
+    """Stop for `skipped` slots, or ramp down on request if it is 0."""
     r = runs[0]
     o = outcomes[0]
     if skipped > 0:
