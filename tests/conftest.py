@@ -72,6 +72,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if without_vcan and item.get_closest_marker("vcan"):
             item.add_marker(pytest.mark.skip(reason="there is no interface vcan0; see .ci/vcan"))
+        if item.name == "test_compiled_it_is_the_same_to_the_bit":
+            item.add_marker(pytest.mark.slow)  # of the suite for authors: a compile for each law
         sparse = item.get_closest_marker("sparse")
         if sparse is not None:
             function = item.nodeid.partition("[")[0]

@@ -338,6 +338,9 @@ class CouplingPlugin(NamedTuple):
     nothing is ever certified. `messages` is a `CouplingMessages` of `tautwave.wording`. `carries`
     says what the sides exchange: `waves`, or `states` (position and velocity). `divisors`: either
     side may be on a slower bus; `causalities`: of the axes that it can drive.
+
+    `claim(rig, axis_name, delays)` is the energy [J] that an end may deliver in a run as its encoder
+    sees it, fixed before the run.
     """
 
     summary: str
@@ -351,6 +354,7 @@ class CouplingPlugin(NamedTuple):
     linear: Any = ""
     verdict: Any = ""
     messages: Any = ""
+    claim: Any = ""
 
 
 class CoupledAxis(NamedTuple):

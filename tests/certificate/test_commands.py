@@ -91,6 +91,7 @@ def test_check_of_two_axes_is_light() -> None:
     [
         ("bench-1dof-loopback", ("passed", "passed")),
         ("bench-1dof-2khz", ("conditional", "passed")),
+        ("bench-observed-2khz", ("passed", "passed")),
         ("bench-2axis-loopback", ("passed", "passed")),
         ("bench-admittance-loopback", ("failed", "passed")),
         ("bench-foam-loopback", ("passed", "passed")),

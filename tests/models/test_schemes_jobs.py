@@ -20,7 +20,7 @@ def job_of(seconds: float = 0.4) -> Job:
 
 
 def rows_of(job: Job, engine: str = "python") -> np.ndarray:
-    kernel, tables_of = engine_of(engine)
+    kernel, tables_of = engine_of(engine, job.law)
     tables = tables_of(job)
     return simulation_of_run(job, tables, kernel(*tables)).data
 
@@ -59,7 +59,7 @@ def test_held_devices_are_where_they_were_put() -> None:
     held = with_positions(job, given)
     assert [device.kind for device in held.devices] == [HELD, HELD]
     tables = object_tables(held)
-    rows = simulation_of_run(held, tables, run_rig(*tables))
+    rows = simulation_of_run(held, tables, run_rig(*tables, held.law.steps))
     for axis, positions in given.items():
         assert rows[f"{axis}.position"] == pytest.approx(positions[:400], abs=1e-15)
     assert np.abs(rows["slave.lever.commanded"]).max() > 0.0

@@ -13,7 +13,7 @@ import yaml
 from tautwave.cli.terminal.show import BAD, Cell
 from tautwave.cli.terminal.summary import summary_sections
 from tautwave.config import Rig, resolved_yaml
-from tautwave.controller import axis
+from tautwave.couplings.wave import port
 from tautwave.laws.port import port_close
 from tautwave.report.claims import exceeds
 from tautwave.report.motors import motor_energy
@@ -92,7 +92,7 @@ def test_a_port_that_gives_without_an_account_exceeds_what_it_may(
         leaving, account, *others = port_close(p, account, gap, *rest)
         return 1.2 * leaving, account + 1.0, *others
 
-    monkeypatch.setattr(axis, "port_close", generous)
+    monkeypatch.setattr(port, "port_close", generous)
     run = ran(rig(*QUIET))
     reported = motor_energy(run, "lever")
     assert reported["worst"] > reported["stated_debt"]

@@ -145,9 +145,9 @@ def test_what_cannot_be_replayed_is_said(tmp_path: Path) -> None:
 
 def test_a_long_run_is_replayed_compiled_or_in_part(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = rig_of()
-    monkeypatch.setattr(precision, "kernel_is_kept", lambda: False)
+    monkeypatch.setattr(precision, "kernel_is_kept", lambda *_: False)
     assert precision.replay_of(rig, 10.0) == precision.Replay(2.0, "python", False)
-    monkeypatch.setattr(precision, "kernel_is_kept", lambda: True)
+    monkeypatch.setattr(precision, "kernel_is_kept", lambda *_: True)
     assert precision.replay_of(rig, 10.0) == precision.Replay(10.0, "compiled", True)
     assert precision.replay_of(rig, 3600.0) == precision.Replay(120.0, "compiled", False)
 
@@ -157,7 +157,7 @@ def test_a_part_has_no_ramp_at_its_end(
 ) -> None:
     rig, directory = simulated
     monkeypatch.setattr(precision, "FEW_CYCLES", 700)
-    monkeypatch.setattr(precision, "kernel_is_kept", lambda: False)
+    monkeypatch.setattr(precision, "kernel_is_kept", lambda *_: False)
     run = load_run(directory)
     assert precision_of(run, rig)["replayed_equal"] is True
     bare = rig.model_copy(update={"simulation": None})

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tautwave.certificate import certify
-from tautwave.couplings.observed.verdict import claimed_joules
+from tautwave.couplings.observed.claim import claimed_joules
 from tautwave.errors import ConfigError, SafetyStop
 from tautwave.rig import command_delays
 from tautwave.simulation import simulate
@@ -29,13 +29,14 @@ HELD = (
 """The hand presses the slave into a wall of 250 N m/rad and stays: 0.3 N m."""
 
 
-def hold(*changes: str, seconds: float = 20.0):
-    return simulate(rig(*HELD, f"duration_s={seconds}", *changes, name=NAME))
+def hold(*changes: str, seconds: float = 5.0, engine: str = "python"):
+    """Python unless it is long: the kernel of this law takes longer to compile than that."""
+    return simulate(rig(*HELD, f"duration_s={seconds}", *changes, name=NAME), engine=engine)
 
 
 def late(run, column: str, share: float = 0.5) -> np.ndarray:
     values = run.data[:, run.columns.index(column)]
-    return values[int(share * len(values)) : -1000]  # before the release
+    return values[int(share * len(values)) : -500]  # before the release
 
 
 @pytest.mark.parametrize(
@@ -75,7 +76,7 @@ def test_missing_samples_cost_no_force() -> None:
 
 @pytest.mark.slow
 def test_an_hour_of_holding_leaves_the_force_where_it_was() -> None:
-    run = hold(seconds=3600.0)
+    run = hold(seconds=3600.0, engine="compiled")
     assert run.error is None
     effort = late(run, "slave.lever.port_effort", 0.01)
     error = late(run, "lever.position_error", 0.01)
@@ -85,8 +86,8 @@ def test_an_hour_of_holding_leaves_the_force_where_it_was() -> None:
 
 
 def test_what_either_end_gave_is_below_its_claim() -> None:
-    loaded = rig("duration_s=10", name=NAME)
-    run = simulate(loaded)
+    loaded = rig("duration_s=3", name=NAME)
+    run = simulate(loaded, engine="python")
     for side in ("master", "slave"):
         given_out = -run.data[:, run.columns.index(f"lever.port_{side}.absorbed")]
         assert given_out.max() < claimed_joules(loaded, f"{side}.lever", command_delays(loaded))
@@ -135,7 +136,7 @@ def test_books_close_and_claims_hold_for_every_kind_of_rig(
     live = run_rig(loaded, raises=False)
     found = books(live, "lever")
     assert found.residual < 1e-9 * found.gross_flow + 1e-15
-    run = simulate(loaded)
+    run = simulate(loaded, engine="python")
     weight = 1.0 / (abs(scale) * (1.0 / abs(scale)))
     for side in ("master", "slave"):
         column = run.columns.index(f"lever.port_{side}.absorbed")
@@ -146,7 +147,7 @@ def test_books_close_and_claims_hold_for_every_kind_of_rig(
 def test_noise_beyond_the_declared_ends_the_run_instead_of_the_force() -> None:
     quiet = [f"{side}.axes.lever.position_noise=2.0e-5" for side in ("master", "slave")]
     loud = [f"simulation.axes.{side}.lever.position_noise=2.0e-4" for side in ("master", "slave")]
-    run = hold(*quiet, *loud, seconds=10.0)
+    run = hold(*quiet, *loud, seconds=8.0)
     assert isinstance(run.error, SafetyStop)
     assert "has lost its coupling" in str(run.error)
     assert "position_noise" in str(run.error)
@@ -164,11 +165,11 @@ LIGHT = (
 
 
 def test_the_light_slave_is_refused_and_forced_it_stays_within_its_claim() -> None:
-    loaded = rig(*LIGHT, "duration_s=5", name=NAME)
+    loaded = rig(*LIGHT, "duration_s=2", name=NAME)
     certificate = certify(loaded)
     assert not certificate.verdicts["passive"].passed
     assert "lower wave_impedance" in element(certificate, "slave.lever port").passive.reason
-    run = simulate(loaded)
+    run = simulate(loaded, engine="python")
     given_out = -run.data[:, run.columns.index("lever.port_slave.absorbed")]
     assert given_out.max() < claimed_joules(loaded, "slave.lever", command_delays(loaded))
 

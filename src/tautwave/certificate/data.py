@@ -135,9 +135,6 @@ class CouplingVerdict(NamedTuple):
         The line carries waves: if both ends return less than arrives, any delay is stable.
     picture : str
         Text of the picture if there is no wall; empty: it draws the waves that ports return.
-    claim : callable, optional
-        `(rig, axis_name, delays)`: the energy [J] that an end may deliver in a run as its encoder
-        sees it, fixed beforehand.
     """
 
     pair_elements: Callable[[Any, str, Mapping[str, CommandDelay]], Iterable[Element]]
@@ -147,7 +144,6 @@ class CouplingVerdict(NamedTuple):
     remedy: Callable[[Any, str], str] = _no_remedy
     contracting: bool = False
     picture: str = "no picture for this coupling"
-    claim: Callable[[Any, str, Mapping[str, CommandDelay]], float] | None = None
 
 
 class Certificate(NamedTuple):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from tautwave.certificate.couplings import coupling_verdict
 from tautwave.config import Rig, count_velocity
 from tautwave.registry import coupling_messages as words_of
+from tautwave.registry import load_named
 from tautwave.rig import DebtRates, coupling_part, debt_rates, one_way_delay, pair_scale
 from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages
@@ -50,8 +50,9 @@ def port_debts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> dict[str
     """
     if coupling_part(rig).carries != "waves":
         return {}
-    claim = coupling_verdict(rig).claim
-    if claim is not None:
+    named = coupling_part(rig).claim
+    if named:
+        claim = load_named(named)
         return {
             "claim_j": {side: claim(rig, f"{side}.{name}", delays) for side in ("master", "slave")}
         }

@@ -17,5 +17,6 @@ plugin = CouplingPlugin(
     causalities=("impedance",),
     linear="tautwave.couplings.observed.linear:linear_end",
     verdict="tautwave.couplings.observed.verdict:verdict",
+    claim="tautwave.couplings.observed.claim:claimed_joules",
     messages="tautwave.couplings.observed.messages:messages",
 )

@@ -12,7 +12,17 @@ Source: derived here; see `tautwave.laws.observed_port` and `analysis.observed.s
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
+
+from tautwave.config import Rig
+from tautwave.couplings.observed.from_keys import declared_noise, observer_of, port_impedance
+from tautwave.couplings.observed.keys import ObservedPair
+from tautwave.laws.observed_port import port_reserve
+from tautwave.rig import coupled_axis
+from tautwave.types import CommandDelay
+
+Delays = Mapping[str, CommandDelay]
 
 DEVIATIONS = 5.0
 """z of the martingale term: one end in millions exceeds it."""
@@ -60,3 +70,43 @@ class Claim(NamedTuple):
         error = self.deviation + 0.5 * self.quantum
         drawn = DEVIATIONS * self.deviation * change + 2.0 * DEVIATIONS * error * self.effort
         return self.seen(seconds) + self.feigned * seconds + drawn
+
+
+def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
+    """Return what the port of an axis may give out, or the key without which nothing bounds it."""
+    side = axis_name.split(".")[0]
+    axis, pair = rig.axes[axis_name], rig.coupling.pairs[axis_name.split(".")[1]]
+    assert isinstance(pair, ObservedPair)
+    assert axis.inertia is not None
+    for key in ("velocity_limit", "effort_rate_limit"):
+        if getattr(axis, key) is None:
+            return key
+    known = coupled_axis(rig, axis_name, delays[axis_name])
+    observer = observer_of(pair, side, known.period, axis.inertia.lower)
+    noise = declared_noise(pair, side, known)
+    late = known.delay + known.late
+    return Claim(
+        reserve=port_reserve(
+            port_impedance(pair, side),
+            known.period,
+            late,
+            observer.velocity * known.period,
+            known.velocity_limit,
+        ),
+        leak=noise.lost,
+        feigned=noise.gained,
+        effort=axis.effort_limit,
+        rate=axis.effort_rate_limit or 0.0,
+        velocity=known.velocity_limit,
+        period=known.period,
+        blind=1.0 + late + rig.loop.missing_limit,
+        deviation=axis.position_noise,
+        quantum=axis.encoder_quantum,
+        kinetic=0.5 * axis.inertia.value * known.velocity_limit**2,
+    )
+
+
+def claimed_joules(rig: Rig, axis_name: str, delays: Delays) -> float:
+    """Return what an end may give out in a run, as its encoder sees it [J]; inf: no claim."""
+    claim = claim_of(rig, axis_name, delays)
+    return claim.seen(rig.duration_s) if isinstance(claim, Claim) else math.inf

@@ -8,7 +8,6 @@ tank drains. And whatever device, hand or noise there is, it gives out no more t
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
@@ -23,18 +22,16 @@ from tautwave.certificate.belief import (
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.certificate.rates import converter_element
 from tautwave.config import Rig
-from tautwave.couplings.observed.claim import Claim
+from tautwave.couplings.observed.claim import Claim, claim_of
 from tautwave.couplings.observed.from_keys import (
     bare_port,
-    declared_noise,
     observer_of,
     port_impedance,
 )
 from tautwave.couplings.observed.keys import ObservedPair
 from tautwave.couplings.wave.verdict import verdict as wave_verdict
-from tautwave.laws.observed_port import ObservedPortParams, port_reserve
+from tautwave.laws.observed_port import ObservedPortParams
 from tautwave.laws.observer import ObserverParams
-from tautwave.rig import coupled_axis
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
@@ -110,39 +107,6 @@ def port_of(
         observer_of(pair, side, period, axis.inertia.lower),
         delay,
         DeviceClass(axis.inertia.lower, damping, stiffness),
-    )
-
-
-def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
-    """Return what the port of an axis may give out, or the key without which nothing bounds it."""
-    side = axis_name.split(".")[0]
-    axis, pair = rig.axes[axis_name], _keys(rig, axis_name)
-    assert axis.inertia is not None
-    for key in ("velocity_limit", "effort_rate_limit"):
-        if getattr(axis, key) is None:
-            return key
-    known = coupled_axis(rig, axis_name, delays[axis_name])
-    observer = observer_of(pair, side, known.period, axis.inertia.lower)
-    noise = declared_noise(pair, side, known)
-    late = known.delay + known.late
-    return Claim(
-        reserve=port_reserve(
-            port_impedance(pair, side),
-            known.period,
-            late,
-            observer.velocity * known.period,
-            known.velocity_limit,
-        ),
-        leak=noise.lost,
-        feigned=noise.gained,
-        effort=axis.effort_limit,
-        rate=axis.effort_rate_limit or 0.0,
-        velocity=known.velocity_limit,
-        period=known.period,
-        blind=1.0 + late + rig.loop.missing_limit,
-        deviation=axis.position_noise,
-        quantum=axis.encoder_quantum,
-        kinetic=0.5 * axis.inertia.value * known.velocity_limit**2,
     )
 
 
@@ -289,17 +253,10 @@ def _remedy(rig: Rig, pair: str) -> str:
     return f"Lower wave_impedance {keys.wave_impedance:g}, or change the poles."
 
 
-def claimed_joules(rig: Rig, axis_name: str, delays: Delays) -> float:
-    """Return what an end may give out in a run, as its encoder sees it [J]; inf: no claim."""
-    claim = claim_of(rig, axis_name, delays)
-    return claim.seen(rig.duration_s) if isinstance(claim, Claim) else math.inf
-
-
 verdict = CouplingVerdict(
     wave_verdict.pair_elements,
     _at_axis,
     _remedy,
     contracting=True,
     picture="",
-    claim=claimed_joules,
 )
