@@ -339,8 +339,8 @@ class CouplingPlugin(NamedTuple):
     says what the sides exchange: `waves`, or `states` (position and velocity). `divisors`: either
     side may be on a slower bus; `causalities`: of the axes that it can drive.
 
-    `claim(rig, axis_name, delays)` is the energy [J] that an end may deliver in a run as its encoder
-    sees it, fixed before the run.
+    `claim(rig, axis_name, delays)` is the energy [J] that an end may deliver in a run as its
+    encoder sees it, fixed before the run.
     """
 
     summary: str

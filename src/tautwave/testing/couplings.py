@@ -133,8 +133,14 @@ class CouplingContract:
         assert least >= -0.02 * flow, f"it gave {-least:.3g} J of {flow:.3g} J to and fro"
 
     def test_a_cycle_allocates_nothing_but_numbers(self, bench: CouplingBench) -> None:
-        few = allocated(controller(bench.plugin, bench.block()), at_random(cycles=200))
-        many = allocated(controller(bench.plugin, bench.block()), at_random(cycles=2000))
+        # The least of three: a thread of the test runner may allocate meanwhile.
+        few, many = (
+            min(
+                allocated(controller(bench.plugin, bench.block()), at_random(cycles=cycles))
+                for _ in range(3)
+            )
+            for cycles in (200, 2000)
+        )
         assert few < 4000, f"{few} bytes in a cycle"
         assert many < few + 2000, f"{many - few} bytes stay after 900 cycles"
 
