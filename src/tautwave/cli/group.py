@@ -22,7 +22,7 @@ from tautwave.files import create, reason
 
 COMMANDS = (
     "example", "run", "check", "sim", "scan", "sweep", "identify", "report", "drivers", "bench",
-    "reproduce",
+    "reproduce", "compile",
 )  # fmt: skip
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 _PARSED = "tautwave.arguments"
@@ -60,7 +60,8 @@ class Commands(click.Group):
         if cmd_name not in self.list_commands(ctx):
             return None
         module = importlib.import_module(f"tautwave.cli.{cmd_name}")
-        return cast("click.Command", getattr(module, cmd_name))
+        builtin = "_" if cmd_name == "compile" else ""
+        return cast("click.Command", getattr(module, cmd_name + builtin))
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

@@ -13,7 +13,7 @@ from tautwave.config import Rig, has_environment_parts
 from tautwave.controller.steps import Law
 from tautwave.controller.stops import never_began
 from tautwave.errors import ConfigError, TautwaveError
-from tautwave.rig import build_rig
+from tautwave.rig import build_rig, coupling_law
 from tautwave.simulation.kernel.pack import Job, pack_rig
 from tautwave.simulation.kernel.run import run_rig
 from tautwave.simulation.kernel.tables import Tables, object_tables, record_tables
@@ -70,6 +70,18 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
         tables = tables_of(job)
         rows = run(*tables)
     return simulation_of_run(job, tables, rows)
+
+
+def is_compiled(rig: Rig) -> bool:
+    """Return whether what a compiled simulation of a rig runs is in the cache."""
+    if rig.scene is not None:
+        from tautwave.simulation.scene.playing import is_kept
+
+        return is_kept(scene3d=rig.scene.dimension == 3)
+    from tautwave.simulation.kernel.compiled import is_cached
+    from tautwave.simulation.kernel.run import run_law
+
+    return is_cached(run_law, coupling_law(rig))
 
 
 def why_not_compiled(err: Exception) -> str:

@@ -20,7 +20,6 @@ from tautwave.report.figures.envelope import Floats
 from tautwave.report.figures.resampling import distance, resampled
 from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.units import number
-from tautwave.rig import coupling_law
 from tautwave.simulation.kernel.pack import Job, pack_rig
 from tautwave.simulation.kernel.schemes import with_positions, with_scheme
 from tautwave.simulation.rows import Simulation as Rows
@@ -106,10 +105,9 @@ def kernel_is_kept(rig: Rig) -> bool:
     """Return whether the law's compiled kernel is in the cache; a report never compiles it."""
     if find_spec("numba") is None:
         return False
-    from tautwave.simulation.kernel.compiled import is_cached
-    from tautwave.simulation.kernel.run import run_law
+    from tautwave.simulation.run import is_compiled
 
-    return is_cached(run_law, coupling_law(rig))
+    return is_compiled(rig)
 
 
 def _rows(job: Job, replay: Replay) -> Rows:
