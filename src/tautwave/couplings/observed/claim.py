@@ -6,6 +6,9 @@ the limits until the guard has acted, P the leak. The true energy differs from t
 sum F_k (n[k+1] - n[k]): what noise can feign of income, P+ t, a martingale of which z deviations
 are counted, and the boundary. The sum of effort changes is bounded by `effort_rate_limit`.
 
+W counts the slots for which an effort may act unseen: the command delay, `missing_limit` samples in
+a row and `overrun_limit` slots of a stalled host. A longer stall is the drive's watchdog's matter.
+
 Source: derived here; see `tautwave.laws.observed_port` and `analysis.observed.sensor_noise`.
 """
 
@@ -99,7 +102,7 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
         rate=axis.effort_rate_limit or 0.0,
         velocity=known.velocity_limit,
         period=known.period,
-        blind=1.0 + late + rig.loop.missing_limit,
+        blind=1.0 + late + rig.loop.missing_limit + rig.loop.overrun_limit,
         deviation=axis.position_noise,
         quantum=axis.encoder_quantum,
         kinetic=0.5 * axis.inertia.value * known.velocity_limit**2,
