@@ -20,6 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 from tautwave.runtime import machine
 from tests import compiling
@@ -37,6 +38,10 @@ settings.register_profile(
 )
 settings.register_profile("explore", deadline=None, max_examples=1000, print_blob=True)
 settings.load_profile("steady")
+# hypothesis also tries the constants of whatever modules a worker happens to have loaded: the same
+# test would try other numbers in each run.
+if hasattr(providers, "_get_local_constants"):
+    providers._get_local_constants = lambda: providers._local_constants
 
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     # Under nohup a program leaves SIGHUP ignored, on purpose; tests of SIGHUP need the default.
