@@ -93,7 +93,8 @@ def test_the_books_close_for_any_plant(
     damping = 2.0 * zeta * math.sqrt(wall * mass)
     p = plant(mass, viscous, coulomb, grip, (0.0, 0.0), (wall, damping, 0.0005, side))
     residual, gross = books(p, 60, 1.0, 0.3, 5.0, h, seed)
-    assert abs(residual) <= 1e-12 * gross
+    # the last bit of 2 mm under 5 N is 2e-18 J a step
+    assert abs(residual) <= 1e-12 * gross + 1e-16
 
 
 @functools.cache
