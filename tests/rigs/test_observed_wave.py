@@ -193,3 +193,65 @@ def test_the_certificate_says_which_pole_bears_a_stiffer_environment() -> None:
     assert certified.passive.passed
     assert certified.numbers["stiffest"] > 2000.0
     assert math.isfinite(certified.numbers["true_j"])
+
+
+UNSEEN = (
+    "simulation.environment.lever={type: free}",
+    "simulation.hand.lever.reference={type: multisine, ramp_s: 0.05, components: [[3, 0.3, 0]]}",
+    "duration_s=1.5",
+)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        (
+            "simulation.faults.overrun_probability=0.004",
+            "simulation.faults.overrun_slots=35",
+            "loop.missing_limit=1",
+        ),
+        (
+            "master.axes.lever.effort_rate_limit=10",
+            "slave.axes.lever.effort_rate_limit=10",
+            "loop.missing_limit=1",
+            "loop.overrun_limit=1",
+        ),
+    ],
+    ids=["stalled slots", "a slow ramp"],
+)
+def test_what_acts_unseen_is_in_the_claim(changes: tuple[str, ...]) -> None:
+    loaded = rig(*UNSEEN, *changes, name=NAME)
+    run = simulate(loaded, engine="python")
+    for side in ("master", "slave"):
+        given_out = -run.data[:, run.columns.index(f"lever.port_{side}.absorbed")]
+        assert given_out.max() < claimed_joules(loaded, f"{side}.lever", command_delays(loaded))
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (f"{PAIR}.pole_master=1", "Input should be 'plain' or a number from 0 to 0.9"),
+        (f"{PAIR}.pole_master=abc", "Input should be 'plain' or a number from 0 to 0.9"),
+    ],
+)
+def test_a_pole_that_is_none_is_refused_in_a_sentence(change: str, sentence: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        rig(change, name=NAME)
+    assert sentence in str(caught.value)
+    assert str(caught.value).count("pole_master") == 1
+
+
+def test_slow_buses_are_judged_at_their_own_rate() -> None:
+    slow = rig("buses.bench.divisor=4", f"{PAIR}.wave_filter_hz=50", name=NAME)
+    assert "declares" not in element(certify(slow), "slave.lever port").passive.reason
+    with pytest.raises(ConfigError, match="above half the rate of the master's bus, 250 Hz"):
+        certify(rig("buses.bench.divisor=4", f"{PAIR}.wave_filter_hz=900", name=NAME))
+
+
+def test_noise_beyond_any_motor_and_unknown_damping_are_refused() -> None:
+    loud = [f"{side}.axes.lever.position_noise=10" for side in ("master", "slave")]
+    port = element(certify(rig(*loud, name=NAME)), "slave.lever port").passive
+    assert "more than the motor can give" in port.reason
+    bare = "slave.axes.lever.damping={value: 0, lower: 0, source: test}"
+    port = element(certify(rig(bare, name=NAME)), "slave.lever port").passive
+    assert "give damping.lower" in port.reason

@@ -6,8 +6,10 @@ the limits until the guard has acted, P the leak. The true energy differs from t
 sum F_k (n[k+1] - n[k]): what noise can feign of income, P+ t, a martingale of which z deviations
 are counted, and the boundary. The sum of effort changes is bounded by `effort_rate_limit`.
 
-W counts the slots for which an effort may act unseen: the command delay, `missing_limit` samples in
-a row and `overrun_limit` slots of a stalled host. A longer stall is the drive's watchdog's matter.
+W is what acts unseen: the command delay, `missing_limit` samples in a row and `overrun_limit` slots
+of a stalled host, in which the held effort may drive the device beyond its velocity limit; and the
+ramp on which `effort_rate_limit` lets a stop take the effort away. A longer stall is the drive's
+watchdog's matter, a blow from outside in that time nobody's, and the claim ends with the stop.
 
 Source: derived here; see `tautwave.laws.observed_port` and `analysis.observed.sensor_noise`.
 """
@@ -36,7 +38,8 @@ class Claim(NamedTuple):
 
     reserve E0 [J]; leak, feigned [W]; effort, rate, velocity limits [N m, N m/s, rad/s or N, N/s,
     m/s]; period T [s]; blind: periods whose effort acts before the guard can have stopped it;
-    deviation, quantum of the encoder [rad or m]; kinetic: energy at the velocity limit [J].
+    mass: lower bound [kg m**2 or kg]; deviation, quantum of the encoder [rad or m]; kinetic: energy
+    at the velocity limit [J].
     """
 
     reserve: float
@@ -47,6 +50,7 @@ class Claim(NamedTuple):
     velocity: float
     period: float
     blind: float
+    mass: float
     deviation: float
     quantum: float
     kinetic: float
@@ -59,8 +63,11 @@ class Claim(NamedTuple):
     @property
     def under_way(self) -> float:
         """Return W [J]."""
-        way = self.velocity * self.period + 2.0 * self.sample_error
-        return self.blind * self.effort * way
+        unseen = self.blind * self.period
+        way = self.velocity * unseen + 2.0 * self.blind * self.sample_error
+        driven = 0.5 * self.effort * unseen * unseen / self.mass
+        ramp = 0.5 * self.velocity * self.effort / self.rate
+        return self.effort * (way + driven + ramp)
 
     def seen(self, seconds: float) -> float:
         """Return the bound on what the encoder sees of the energy given out [J]."""
@@ -102,7 +109,11 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
         rate=axis.effort_rate_limit or 0.0,
         velocity=known.velocity_limit,
         period=known.period,
-        blind=1.0 + late + rig.loop.missing_limit + rig.loop.overrun_limit,
+        blind=1.0
+        + late
+        + rig.loop.missing_limit
+        + math.ceil(rig.loop.overrun_limit / rig.axis_divisor(axis_name)),
+        mass=axis.inertia.lower,
         deviation=axis.position_noise,
         quantum=axis.encoder_quantum,
         kinetic=0.5 * axis.inertia.value * known.velocity_limit**2,

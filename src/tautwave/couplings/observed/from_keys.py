@@ -70,13 +70,19 @@ def end_constants(pair: ObservedPair, side: str, axis: CoupledAxis) -> ObservedE
     Raises
     ------
     ConfigError
-        The axis has no velocity limit, so that nothing can be claimed.
+        The axis has no velocity limit, so that nothing can be claimed, or the wave filter's corner
+        is above half its rate.
     """
     assert axis.inertia is not None
     if math.isinf(axis.velocity_limit):
         raise ConfigError(
             f"law observed_wave: the {side}'s axis has no velocity_limit, and without one nothing "
             "bounds what its port may give out; give its greatest safe velocity"
+        )
+    if pair.wave_filter_hz > 0.5 / axis.period:
+        raise ConfigError(
+            f"law observed_wave: wave_filter_hz {pair.wave_filter_hz:g} is above half the rate of "
+            f"the {side}'s bus, {0.5 / axis.period:g} Hz; lower it"
         )
     delay = axis.delay + axis.late
     observer = observer_of(pair, side, axis.period, axis.inertia)

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
 
 from tautwave.config.keys.common import Name, Positive
 from tautwave.config.keys.coupling import Coupling
 from tautwave.couplings.wave.keys import WavePair
 
-Pole = Literal["plain"] | Annotated[float, Field(ge=0.0, le=0.9)]
+
+def _check_pole(value: Any) -> Any:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if value == "plain" or (number and 0.0 <= value <= 0.9):
+        return value if value == "plain" else float(value)
+    raise PydanticCustomError("pole", "Input should be 'plain' or a number from 0 to 0.9")
+
+
+Pole = Annotated[Literal["plain"] | float, BeforeValidator(_check_pole)]
 
 
 class ObservedPair(WavePair):

@@ -106,7 +106,7 @@ law = Law(
         LIMP: Guard(
             "limp",
             "has lost its coupling: its port could not pay for its waves. Its noise is larger than "
-            "position_noise and encoder_quantum say, or something outside the port takes energy",
+            "position_noise and encoder_quantum say, or its port is plain and is moved hard",
         ),
     },
     rings=2,

@@ -1,8 +1,8 @@
 """Why an observed wave line is passive, as far as it is, and how many joules that is.
 
 Two things of each port. On the class of devices that the rig states it returns no more of a wave
-than arrives (`analysis.observed.device_class`): behind any passive line the pair is stable, and no
-tank drains. And whatever device, hand or noise there is, it gives out no more than its claim.
+than arrives (`analysis.observed.device_class`): behind any passive line the pair is stable. And
+whatever device, hand or noise there is, it gives out no more than its claim.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from tautwave.couplings.observed.keys import ObservedPair
 from tautwave.couplings.wave.verdict import verdict as wave_verdict
 from tautwave.laws.observed_port import ObservedPortParams
 from tautwave.laws.observer import ObserverParams
+from tautwave.rig import at_axis_rate
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
@@ -171,13 +172,23 @@ def _passive(
         )
     broken = (
         broken_inertia(rig, axis_name),
-        broken_delay(rig, axis_name, delay),
+        broken_delay(at_axis_rate(rig, axis_name), axis_name, delay),
         broken_damping(rig, axis_name),
     )
     for text in broken:
         if text is not None:
             return Verdict(False, f"{name}: {text}")
     unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
+    if axis.damping.lower <= 0.0:
+        return Verdict(
+            False, f"{name}: nothing is known of the device's damping; give damping.lower"
+        )
+    if claim.leak > claim.effort * claim.velocity:
+        return Verdict(
+            False,
+            f"{name}: its tank would need {claim.leak:.3g} W for the declared noise, more than the "
+            f"motor can give; check position_noise and encoder_quantum",
+        )
     if left <= 0.0:
         return Verdict(
             False,
