@@ -2,9 +2,9 @@
 
 What it does in a period:
 
-1. an observer (`laws.observer`) tells velocity and outside acceleration; from them, and from every
-   effort under way, the port predicts the mean velocity of the period in which its effort acts,
-   and resists with R = b v - sqrt(2b) v_in;
+1. an observer (`laws.observer`) estimates velocity and outside acceleration; from them, and
+   from every effort under way, the port predicts the mean velocity of the period in which its
+   effort acts, and resists with R = b v - sqrt(2b) v_in;
 2. the leaving wave is sqrt(2b) times the *observed* advance minus the wave that arrived, passes
    the wave filter, is repaid what was cut before, and is paid for from a tank: after the filter,
    exactly what goes on the line;
@@ -18,7 +18,7 @@ delay, noise or mass:
 
 A wave is sent only out of a positive A, so only a held effort can bring A below zero; the port
 stops below -E0, at most n + 1 commands later. Hence g <= 2 E0 + W + P t, W = (1 + n) F_max
-(v_max T + 2 nbar), with nbar what one sample may be off. Nothing in it is measured.
+
 
 Credit before the clip, never after: noise has no mean, and a tank clipped at zero turns its dips
 into lost waves. Repaying only out of what stands above half the reserve: else a starved port

@@ -8,8 +8,9 @@ are counted, and the boundary. The sum of effort changes is bounded by `effort_r
 
 W is what acts unseen: the command delay, `missing_limit` samples in a row and `overrun_limit` slots
 of a stalled host, in which the held effort may drive the device beyond its velocity limit; and the
-ramp on which `effort_rate_limit` lets a stop take the effort away. A longer stall is the drive's
-watchdog's matter, a blow from outside in that time nobody's, and the claim ends with the stop.
+ramp on which `effort_rate_limit` lets a stop take the effort away. A longer stall is left to the
+drive's watchdog, a blow from outside during one is not covered, and the claim ends where a stop
+begins.
 
 Source: derived here; see `tautwave.laws.observed_port` and `analysis.observed.sensor_noise`.
 """
