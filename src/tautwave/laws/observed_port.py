@@ -17,8 +17,9 @@ delay, noise or mass:
     A = E0 + sum(F dx + e_in - e_out) + P t - spilled,  so  g = E0 - A + P t - spilled.
 
 A wave is sent only out of a positive A, so only a held effort can bring A below zero; the port
-stops below -E0, at most n + 1 commands later. Hence g <= 2 E0 + W + P t, W = (1 + n) F_max
-
+stops below -E0, at most n + 1 commands later. Hence g <= 2 E0 + W + P t. With a
+sample in each period W = (1 + n) F_max (v_max T + 2 nbar), nbar what one sample may be off; where
+samples are missing, W takes the periods without one as well. Nothing in it is measured.
 
 Credit before the clip, never after: noise has no mean, and a tank clipped at zero turns its dips
 into lost waves. Repaying only out of what stands above half the reserve: else a starved port
