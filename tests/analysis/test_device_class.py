@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from tautwave.analysis.observed.device_class import (
+from tautwave.analysis.ports.device_class import (
     DeviceClass,
     class_gain,
     frequencies,
@@ -17,7 +17,7 @@ from tautwave.analysis.observed.device_class import (
     stable_when_locked,
     support,
 )
-from tests.laws.observed import MASS, PERIOD, Ends, ends
+from tests.laws.ports import MASS, PERIOD, Ends, ends
 
 THETA = np.unique(
     np.concatenate([np.geomspace(1e-3, 0.05, 30), np.linspace(0.05, math.pi - 1e-3, 500)])

@@ -12,7 +12,7 @@ from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site, close_
 from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.errors import ConfigError
-from tautwave.laws.port import port_params
+from tautwave.laws.tracked_port import port_params
 from tests.analysis.reference.lifted import (
     PairLaw,
     damping_curve,

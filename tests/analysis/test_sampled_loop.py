@@ -18,7 +18,7 @@ from tautwave.analysis.ports.sampled_loop import (
     reflecting_end,
     wave_end,
 )
-from tautwave.laws.port import port_params
+from tautwave.laws.tracked_port import port_params
 from tests.analysis.reference.boundary import stability_boundary, stability_crossings
 
 T = 1e-3

@@ -13,7 +13,7 @@ from tautwave.analysis.ports.sampled_port import HIGHEST, Body, sampled_response
 from tautwave.analysis.ports.two_port import Hybrid
 from tautwave.errors import ConfigError
 from tautwave.laws.admittance import admittance_params
-from tautwave.laws.port import port_params, rigid_port
+from tautwave.laws.tracked_port import port_params, rigid_port
 from tests.analysis.reference.absolute import absolute_stability
 from tests.analysis.reference.hybrids import Rig, position_position, wave_line
 

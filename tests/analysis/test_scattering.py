@@ -10,7 +10,7 @@ from tautwave.analysis.ports.sampled_loop import Device, Site, close_loop, refle
 from tautwave.analysis.ports.scattering import greatest_gain, port_scattering, spring_damping
 from tautwave.analysis.walls.sampled import PulseTransfer
 from tautwave.laws.admittance import admittance_params
-from tautwave.laws.port import port_params
+from tautwave.laws.tracked_port import port_params
 from tautwave.laws.wave_filter import filter_gain, filter_step
 from tests.analysis.reference.admittance import admittance_scattering, filter_transfer
 

@@ -7,15 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.analysis.observed.sensor_noise import (
+from tautwave.analysis.ports.sensor_noise import (
     noise_bounds,
     noise_power,
     noise_responses,
     tank_changes,
 )
-from tautwave.laws.observed_port import observed_close, observed_effort
 from tautwave.laws.observer import observe
-from tests.laws.observed import PERIOD, ends
+from tautwave.laws.port import port_close, port_effort
+from tests.laws.ports import PERIOD, ends
 
 UNIT = 0.05 / PERIOD
 """b / T: joules per period and variance of the noise."""
@@ -52,13 +52,13 @@ def test_responses_are_those_of_the_law(theta: float, delay: int) -> None:
         effort, wave = efforts[0], waves[0]
         ahead, velocity, outside = observe(end.observer, at, velocity, outside, sample, effort, 1.0)
         energy = 0.5 * PERIOD * wave * wave
-        leaving, account, _, filtered, _, _, _ = observed_close(
+        leaving, account, _, filtered, _, _, _ = port_close(
             port, account, 0.0, filtered, sample - last, ahead - at, 1.0, effort, wave, energy,
             False,
         )  # fmt: skip
         at, last = ahead, sample
         came = 0.5 * leaving
-        sent = observed_effort(port, account, velocity, outside, sum(efforts[1:]), came)
+        sent = port_effort(port, account, velocity, outside, sum(efforts[1:]), came)
         efforts, waves = [*efforts[1:], sent], [*waves[1:], came]
         seen[k] = efforts[0], came, leaving
     carrier = np.exp(-1j * theta * np.arange(slots))[-2000:]

@@ -18,7 +18,7 @@ from tautwave.analysis.walls.limits import is_passive
 from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.analysis.walls.stability import wall_matrix, wall_mode
-from tautwave.laws.port import port_debt, port_params
+from tautwave.laws.tracked_port import port_debt, port_params
 from tautwave.simulation import simulate
 from tests.certificate.adversaries import tuned
 from tests.rigs.drawing import magnitudes

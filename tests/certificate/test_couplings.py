@@ -15,7 +15,7 @@ from tautwave.analysis.walls.stability import wall_mode
 from tautwave.certificate.belief import declared_delays
 from tautwave.certificate.loops import believed_end
 from tautwave.laws.admittance import admittance_params, greatest_stiffness
-from tautwave.laws.port import port_params, rigid_port
+from tautwave.laws.tracked_port import port_params, rigid_port
 from tests.certificate.rigs import NO_QUANTUM, NO_WALLS, PAIR, certified, element, rig, wall
 
 BARE = (*NO_WALLS, "coupling.wave_filter_hz=")

@@ -10,7 +10,7 @@ import pytest
 from tautwave.analysis.ports.sampled_loop import Device, Site, close_loop, position_end
 from tautwave.certificate import Element
 from tautwave.couplings.position.verdict import damping_between
-from tautwave.laws.port import port_params
+from tautwave.laws.tracked_port import port_params
 from tests.certificate.rigs import certified, element
 
 RIG = "bench-position-coupling"

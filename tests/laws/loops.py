@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from tautwave.laws.port import PortParams, port_close, port_effort, track_velocity
+from tautwave.laws.tracked_port import PortParams, port_close, port_effort, track_velocity
 
 Matrix = np.ndarray[Any, np.dtype[np.float64]]
 RICH = 1e30  # an account that never limits anything: the port is then linear

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tautwave.laws.admittance import admittance_params, admittance_velocity, greatest_stiffness
-from tautwave.laws.port import port_close, rigid_port
+from tautwave.laws.tracked_port import port_close, rigid_port
 from tests.laws.loops import RICH, Matrix, matrix_of, radius
 
 T, B = 1e-3, 10.0

@@ -13,8 +13,8 @@ import yaml
 from tautwave.cli.terminal.show import BAD, Cell
 from tautwave.cli.terminal.summary import summary_sections
 from tautwave.config import Rig, resolved_yaml
-from tautwave.couplings.wave import port
-from tautwave.laws.port import port_close
+from tautwave.couplings.tracked import port
+from tautwave.laws.tracked_port import port_close
 from tautwave.report.claims import exceeds
 from tautwave.report.motors import motor_energy
 from tautwave.report.run.rebuild import rebuild_summary

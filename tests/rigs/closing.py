@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from tautwave.laws.port import port_debt
+from tautwave.laws.tracked_port import port_debt
 from tests.rigs.running import Books, Run, Tree, books, forgiven, pair_of, run_rig
 
 SIDES = ("master", "slave")

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from tautwave.controller import rows
-from tautwave.couplings.wave import port, steps
-from tautwave.laws.port import port_close
+from tautwave.couplings.tracked import port, steps
+from tautwave.laws.tracked_port import port_close
 from tautwave.rig import Assembly
 from tests.rigs.closing import CLOSED, EXACT, MOTION, WALLS, line, port_bound
 from tests.rigs.running import Run, books, run_rig, tree

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tautwave.config import Rig
-from tautwave.couplings.wave.standing import held_share
+from tautwave.couplings.tracked.standing import held_share
 from tautwave.rig import command_delays
 from tautwave.session.facts import pair_facts, pair_sentence
 from tests.certificate.rigs import rig

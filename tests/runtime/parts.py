@@ -37,13 +37,13 @@ from tautwave.controller.steps import NoParams
 from tautwave.controller.stops import AxisName
 from tautwave.couplings.position.steps import PositionEndParams
 from tautwave.couplings.position.steps import law as position_law
-from tautwave.couplings.wave.port import receive_wave, start_end, waiting_energy
-from tautwave.couplings.wave.records import WaveEndParams, WaveLinkParams
-from tautwave.couplings.wave.steps import law as wave_law
+from tautwave.couplings.tracked.port import receive_wave, start_end, waiting_energy
+from tautwave.couplings.tracked.records import WaveEndParams, WaveLinkParams
+from tautwave.couplings.tracked.steps import law as wave_law
 from tautwave.laws.admittance import admittance_params
 from tautwave.laws.limit import LimitParams
-from tautwave.laws.port import port_params, rigid_port
 from tautwave.laws.site import SiteParams
+from tautwave.laws.tracked_port import port_params, rigid_port
 from tautwave.laws.wall import WallParams
 from tautwave.laws.wave_filter import filter_gain
 from tautwave.runtime.control import CoupledControl

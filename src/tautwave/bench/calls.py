@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 from tautwave.laws.admittance import admittance_params, admittance_velocity
 from tautwave.laws.coupler import coupler_effort
 from tautwave.laws.limit import LimitParams, guard_axis, limit_effort, share_effort
-from tautwave.laws.port import port_close, port_effort, port_params, track_velocity
 from tautwave.laws.site import SiteParams, limit_site, limit_velocity, render_wall
+from tautwave.laws.tracked_port import port_close, port_effort, port_params, track_velocity
 from tautwave.laws.wall import WallParams, control_wall, wall_depth, wall_effort, wall_loss
 from tautwave.laws.wave_filter import filter_step
 from tautwave.models.encoder import quantise

@@ -1,6 +1,6 @@
 """Ports and couplings: what their proofs guarantee under the rig's beliefs.
 
-The proofs are in the docstrings of `tautwave.laws.port` and `tautwave.laws.admittance`. In
+The proofs are in the docstrings of `tautwave.laws.tracked_port` and `tautwave.laws.admittance`. In
 addition, the norm of the wave that the port returns, computed from the implemented laws on the
 believed device: free, and held by the stated hand or environment.
 """
@@ -28,7 +28,7 @@ from tautwave.certificate.loops import (
     scattering_norm,
 )
 from tautwave.config import Rig
-from tautwave.laws.port import sensor_allowance
+from tautwave.laws.tracked_port import sensor_allowance
 from tautwave.rig import debt_rates, velocity_gain, wave_port
 from tautwave.types import CommandDelay
 
@@ -122,7 +122,7 @@ def _passive(rig: Rig, axis_name: str, delays: Delays, norms: dict[str, Any]) ->
         )
     unit = "kg m^2" if axis.kind == "rotary" else "kg"
     reason = (
-        f"{name}: passive by the proof in tautwave.laws.port on any free device of at least "
+        f"{name}: passive by the proof in laws.tracked_port on any free device of at least "
         f"{axis.inertia.lower:g} {unit}, command delay {delay.periods} periods; it returns at most "
         f"{min(norms['free'], 1.0):.6f} of a wave"
     )

@@ -14,8 +14,8 @@ from tautwave.controller.records import PIPE, AxisParams, PairParams, RunParams
 from tautwave.controller.steps import Law, NoParams
 from tautwave.controller.stops import ARM_SHARE, ARM_TIMEOUT_S, AxisName, position_unit
 from tautwave.laws.limit import LimitParams
-from tautwave.laws.port import PortParams, port_debt, port_params
 from tautwave.laws.site import SiteParams
+from tautwave.laws.tracked_port import PortParams, port_debt, port_params
 from tautwave.laws.wall import WallParams
 from tautwave.runtime.control import CoupledControl
 from tautwave.types import CommandDelay
@@ -155,7 +155,7 @@ def bare_site(rig: Rig, axis_name: str) -> SiteParams:
 
 
 class DebtRates(NamedTuple):
-    """Greatest temporary debt of a port's account, `laws.port.port_debt`, for this rig.
+    """Greatest temporary debt of a port's account, `laws.tracked_port.port_debt`, for this rig.
 
     debt_per_speed_squared [kg or kg m^2]: to multiply by the square of the greatest speed;
     debt_per_flow [1]: to multiply by the gross energy flow.

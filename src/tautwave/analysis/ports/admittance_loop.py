@@ -14,7 +14,7 @@ import numpy as np
 
 from tautwave.analysis.ports.sampled_loop import FULL, LinearEnd, Push
 from tautwave.laws.admittance import AdmittanceParams, admittance_velocity
-from tautwave.laws.port import PortParams, port_close
+from tautwave.laws.tracked_port import PortParams, port_close
 from tautwave.laws.wave_filter import filter_step
 
 

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.laws.coupler import coupler_effort
-from tautwave.laws.port import PortParams, port_close, port_effort, track_velocity
+from tautwave.laws.tracked_port import PortParams, port_close, port_effort, track_velocity
 from tautwave.laws.wave_filter import filter_step
 from tautwave.models.linear import flow_rows
 
@@ -50,7 +50,7 @@ class Device(NamedTuple):
 class Site(NamedTuple):
     """What the controller of one end believes of it.
 
-    port: constants of `tautwave.laws.port`; gain of the velocity tracker (1: plain difference);
+    port: constants of `laws.tracked_port`; gain of the velocity tracker (1: plain difference);
     whole periods and share of a period of the command delay that the driver declares. A local
     wall with stiffness K [N/m or N m/rad] and damping B, if any, is in contact all the time.
     """

@@ -8,7 +8,7 @@ Against any passive hand whatever no sampled port has |S| <= 1: its prediction r
 a spring k to ground, not predicted, |S| <= 1 requires damping, see `spring_damping`. Beyond that
 the port's energy account, which is exact, keeps it passive; the law then no longer is linear.
 
-Sources: Niemeyer & Slotine 1991 (waves); `tautwave.laws.port`, `tautwave.laws.admittance`
+Sources: Niemeyer & Slotine 1991 (waves); `tautwave.laws.tracked_port`, `tautwave.laws.admittance`
 (proofs for a free mass and for a spring); written out here for the other cases.
 """
 

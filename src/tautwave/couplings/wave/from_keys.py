@@ -1,35 +1,111 @@
-"""From the keys of a wave pair to the constants of its ports and its line, SI of each device."""
+"""From the keys of an observed pair to the constants of its ports, SI of each device."""
 
 from __future__ import annotations
 
+import math
+
+from tautwave.analysis.ports.sensor_noise import NoisePower, noise_power
 from tautwave.contracts import CoupledAxis
-from tautwave.couplings.wave.keys import WaveCoupling, WavePair
-from tautwave.couplings.wave.records import WaveEndParams, WaveLinkParams
-from tautwave.laws.admittance import admittance_params
-from tautwave.laws.port import port_params, rigid_port, sensor_allowance
+from tautwave.couplings.tracked.records import WaveLinkParams
+from tautwave.couplings.wave.keys import ObservedPair
+from tautwave.couplings.wave.records import ObservedEndParams
+from tautwave.errors import ConfigError
+from tautwave.laws.observer import ObserverParams, observer_params, plain_observer
+from tautwave.laws.port import PortParams, port_params, port_reserve
+from tautwave.laws.wave_filter import filter_gain
+
+WATCHED_S = 1.0
+"""Time over which the share of periods with an empty tank is taken [s]."""
+
+LIMP_SHARE = 0.1
 
 
-def port_impedance(pair: WavePair, side: str) -> float:
+def port_impedance(pair: ObservedPair, side: str) -> float:
     """Return the wave impedance of the port at one side [N m s/rad or N s/m]."""
     return pair.in_device_units(side, pair.wave_impedance)
 
 
-def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams:
-    """Return the constants of one end."""
-    period, impedance = axis.period, port_impedance(pair, side)
-    allowance = sensor_allowance(
-        period, impedance, axis.gain, axis.encoder_quantum, axis.position_noise
+def observer_of(pair: ObservedPair, side: str, period: float, mass: float) -> ObserverParams:
+    """Return the observer of one side."""
+    pole = pair.pole(side)
+    return plain_observer(period, mass) if pole is None else observer_params(period, mass, pole)
+
+
+def bare_port(
+    pair: ObservedPair,
+    side: str,
+    period: float,
+    mass: float,
+    delay: float,
+    *,
+    reserve: float = math.inf,
+    leak: float = 0.0,
+) -> PortParams:
+    """Return the port of one side; without a reserve it is rich, for analysis."""
+    return port_params(
+        period,
+        port_impedance(pair, side),
+        mass,
+        delay=delay,
+        matched=pair.matched_master if side == "master" else pair.matched_slave,
+        filter_gain=filter_gain(pair.wave_filter_hz, period),
+        drift_time=pair.drift_time_s,
+        reserve=reserve,
+        leak=leak,
     )
-    if axis.inertia is not None:
-        matched = pair.matched_master if side == "master" else pair.matched_slave
-        port = port_params(period, impedance, axis.inertia, matched, pair.drift_time_s, allowance)
-    else:
-        port = rigid_port(period, impedance, pair.drift_time_s, allowance)
-    admittance = admittance_params(period, impedance, axis.outside_stiffness, axis.delay)
-    return WaveEndParams(port, admittance, pair.wave_gain(side))
 
 
-def link_constants(coupling: WaveCoupling, period: float) -> WaveLinkParams:
-    """Return the constants of what lies between the ends, in slots of `period` [s]."""
-    step = coupling.filter_step(period)
-    return WaveLinkParams(step != 1.0, step)
+def declared_noise(pair: ObservedPair, side: str, axis: CoupledAxis) -> NoisePower:
+    """Return what encoder step and noise can take from a tank and feign [W]."""
+    assert axis.inertia is not None
+    whole = axis.delay + (1 if axis.late > 0.0 else 0)
+    port = bare_port(pair, side, axis.period, axis.inertia, axis.delay + axis.late)
+    observer = observer_of(pair, side, axis.period, axis.inertia)
+    return noise_power(port, observer, whole, axis.position_noise, axis.encoder_quantum)
+
+
+def end_constants(pair: ObservedPair, side: str, axis: CoupledAxis) -> ObservedEndParams:
+    """Return the constants of one end.
+
+    Raises
+    ------
+    ConfigError
+        The axis has no velocity limit, so that nothing can be claimed, or the wave filter's corner
+        is above half its rate.
+    """
+    assert axis.inertia is not None
+    if math.isinf(axis.velocity_limit):
+        raise ConfigError(
+            f"law observed_wave: the {side}'s axis has no velocity_limit, and without one nothing "
+            "bounds what its port may give out; give its greatest safe velocity"
+        )
+    if pair.wave_filter_hz > 0.5 / axis.period:
+        raise ConfigError(
+            f"law observed_wave: wave_filter_hz {pair.wave_filter_hz:g} is above half the rate of "
+            f"the {side}'s bus, {0.5 / axis.period:g} Hz; lower it"
+        )
+    delay = axis.delay + axis.late
+    observer = observer_of(pair, side, axis.period, axis.inertia)
+    reserve = port_reserve(
+        port_impedance(pair, side),
+        axis.period,
+        delay,
+        observer.velocity * axis.period,
+        axis.velocity_limit,
+    )
+    leak = declared_noise(pair, side, axis).lost * axis.period
+    return ObservedEndParams(
+        port=bare_port(pair, side, axis.period, axis.inertia, delay, reserve=reserve, leak=leak),
+        observer=observer,
+        wave=pair.wave_gain(side),
+        quantum=1.001 * axis.effort_quantum + 1e-12,
+        late=axis.late,
+        delay=axis.delay,
+        watch=axis.period / WATCHED_S,
+        limp=LIMP_SHARE,
+    )
+
+
+def link_constants(coupling: object, period: float) -> WaveLinkParams:
+    """Return the constants of the line: its ports filter."""
+    return WaveLinkParams(False, 1.0)

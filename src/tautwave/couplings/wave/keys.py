@@ -1,61 +1,66 @@
-"""Keys of law wave. Units: [rad | m] reads "rad for a rotary axis, m for a linear one"."""
+"""Keys of law observed_wave. Units: [rad | m] reads "rad for a rotary axis, m for a linear one"."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from typing import Literal, Self
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
 
 from tautwave.config.keys.common import Name, Positive
-from tautwave.config.keys.coupling import Coupling, Pair
-from tautwave.laws.wave_filter import filter_gain
+from tautwave.config.keys.coupling import Coupling
+from tautwave.couplings.tracked.keys import WavePair
 
 
-class WavePair(Pair):
-    """A master axis and the slave axis of the same name, on a wave line."""
+def _check_pole(value: Any) -> Any:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if value == "plain" or (number and 0.0 <= value <= 0.9):
+        return value if value == "plain" else float(value)
+    raise PydanticCustomError("pole", "Input should be 'plain' or a number from 0 to 0.9")
 
-    wave_impedance: Positive = Field(
-        description="[N m s/rad | N s/m] Characteristic impedance of the line, in the master's "
-        "units. Small: light and soft; large: heavy and crisp.",
+
+Pole = Annotated[Literal["plain"] | float, BeforeValidator(_check_pole)]
+
+
+class ObservedPair(WavePair):
+    """A master axis and the slave axis of the same name, on a wave line between observed ports."""
+
+    wave_filter_hz: Positive = Field(
+        description="[Hz] Corner of the low-pass inside both ports, at the rate of each axis; a "
+        "tenth of the rate is a good start."
     )
-    matched_master: bool = Field(default=False, description="Matching damper at the master's end.")
-    matched_slave: bool = Field(default=False, description="Matching damper at the slave's end.")
-
-    def wave_gain(self, side: str) -> float:
-        """Return device wave per line wave [1]: the sign and the root of the power ratio."""
-        if side == "master":
-            return 1.0
-        return float(self.sign) * math.sqrt(self.effective_force_scale * self.position_scale)
-
-
-class WaveCoupling(Coupling):
-    """A wave line between master and slave."""
-
-    law: Literal["wave"] = Field(
-        default="wave", description="A wave line, passive at any constant delay."
+    pole_master: Pole = Field(
+        default=0.5,
+        description="Pole of the master's observer: what is left of an error after a period. "
+        "Large: little noise; small: stiff contacts; plain: no observer.",
     )
-    wave_filter_hz: Positive | None = Field(
-        default=None, description="[Hz] Corner of a low-pass on the waves; at most half the rate."
+    pole_slave: Pole = Field(default=0.5, description="Pole of the slave's observer.")
+
+    def pole(self, side: str) -> float | None:
+        """Return the pole of one side's observer, None for none."""
+        found = self.pole_master if side == "master" else self.pole_slave
+        return found if isinstance(found, float) else None
+
+
+class ObservedCoupling(Coupling):
+    """A wave line between observed ports."""
+
+    law: Literal["observed_wave"] = Field(
+        description="A wave line whose ports hold a force under noise and claim joules."
     )
-    pairs: Mapping[Name, WavePair] = Field(
+    pairs: Mapping[Name, ObservedPair] = Field(
         description="The pairs by name: one per axis of each side."
     )
 
     def problems(self, rate_hz: float) -> Sequence[tuple[str, str]]:
         """Return a corner that the rate [Hz] cannot hold."""
-        corner = self.wave_filter_hz
-        if corner is None or corner <= rate_hz / 2.0:
-            return ()
-        text = f"should not be above half the rate, {rate_hz / 2.0:g} Hz (got {corner:g})"
-        return (("wave_filter_hz", text),)
-
-    def at_axis_rate(self) -> Self:
-        """Return the coupling without its filter, which runs at the line's rate."""
-        return self.model_copy(update={"wave_filter_hz": None})
-
-    def filter_step(self, period_s: float) -> float:
-        """Return the step of the wave filter [1] at a period [s]; 1 without one."""
-        corner = self.wave_filter_hz
-        return 1.0 if corner is None else filter_gain(corner, period_s)
+        return [
+            (
+                f"pairs.{name}.wave_filter_hz",
+                f"should not be above half the rate, {rate_hz / 2.0:g} Hz "
+                f"(got {pair.wave_filter_hz:g})",
+            )
+            for name, pair in self.pairs.items()
+            if pair.wave_filter_hz > rate_hz / 2.0
+        ]

@@ -1,13 +1,24 @@
-"""One end of a wave pair as a linear system, for stability and predictions; SI of its device."""
+"""One end of an observed wave pair as a linear system; SI of its device."""
 
 from __future__ import annotations
 
-from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site, wave_end
-from tautwave.couplings.wave.keys import WavePair
+from tautwave.analysis.ports.port_loop import observed_end
+from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site
+from tautwave.couplings.wave.from_keys import bare_port, observer_of
+from tautwave.couplings.wave.keys import ObservedPair
 
 
 def linear_end(
-    pair: WavePair, side: str, device: Device, site: Site, filter_gain: float
+    pair: ObservedPair, side: str, device: Device, site: Site, filter_gain: float
 ) -> LinearEnd:
-    """Return the end at one side; its waves are those of the line, filtered as they leave."""
-    return wave_end(device, site, wave_gain=pair.wave_gain(side), filter_gain=filter_gain)
+    """Return the end at one side; its waves are those of the line."""
+    period = site.port.period
+    mass = period / (2.0 * site.port.half_mobility)
+    delay = site.delay_periods + site.late_share
+    return observed_end(
+        device,
+        site,
+        bare_port(pair, side, period, mass, delay),
+        observer_of(pair, side, period, mass),
+        wave_gain=pair.wave_gain(side),
+    )

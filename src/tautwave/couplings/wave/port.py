@@ -1,22 +1,34 @@
-"""One end of a wave pair: the port's state around its laws, and its books."""
+"""One end of an observed wave pair: observer and tank around their laws, and the books."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import MutableSequence
 
-from tautwave.controller.records import PIPE, AxisParams, AxisState
-from tautwave.laws.admittance import admittance_velocity
-from tautwave.laws.port import BANKRUPT, ROUNDING, port_close, port_debt, port_effort
+from tautwave.controller.records import AxisParams, AxisState
+from tautwave.controller.steps import OWN_GUARDS
+from tautwave.laws.observer import observe
+from tautwave.laws.port import port_close, port_effort
+
+PORT_OVERDRAWN = OWN_GUARDS
+LIMP = OWN_GUARDS + 1
+"""Codes of the reasons to stop."""
+
+EMPTY = 1e-9
+"""Share of the reserve below which a tank is empty: it could not pay for the wave."""
 
 
-def start_end(s: AxisState, gap: float) -> None:
-    """Begin with nothing on its way or stored; `gap` [W**0.5 s] is an offset to mend."""
+def start_end(s: AxisState, p: AxisParams, gap: float) -> None:
+    """Begin at rest with a full tank; `gap` [rad or m] is an offset to mend."""
     e = s.end
-    e.predicted = 0.0
-    e.account = 0.0
-    e.fastest = 0.0
-    e.gap = gap
+    e.at = s.position
+    e.velocity = 0.0
+    e.push = 0.0
+    e.account = p.end.port.reserve
+    e.stored = 0.0
+    e.gap = gap * p.end.port.root
+    e.filtered = 0.0
+    e.wanted = 0.0
+    e.cut_share = 0.0
     e.leaving = 0.0
     e.wave_in = 0.0
     e.arrived = 0.0
@@ -24,22 +36,15 @@ def start_end(s: AxisState, gap: float) -> None:
     e.wave_energy = 0.0
     e.port_absorbed = 0.0
     e.damper_dissipated = 0.0
-    e.forgiven = 0.0
+    e.leaked = 0.0
+    e.spilled = 0.0
     e.rate_held = 0.0
     e.rate_mean = 0.0
     e.rate_absorbed = 0.0
     e.rate_dissipated = 0.0
     e.rate_left = 0
     e.rate_count = 0
-
-
-def receive_wave(s: AxisState, p: AxisParams, arriving: float) -> None:
-    """Take the wave of this slot; it is booked with the command that it leads to."""
-    e = s.end
-    wave = p.end.wave * arriving
-    e.arrived = arriving
-    e.wave_in = wave
-    s.tag = wave
+    e.cut_left = 0
 
 
 def act(s: AxisState, p: AxisParams, tag: float) -> None:
@@ -52,31 +57,50 @@ def act(s: AxisState, p: AxisParams, tag: float) -> None:
 def close(
     s: AxisState, p: AxisParams, displacement: float, count: float, span: float, port: float
 ) -> None:
-    """Form the leaving wave from what happened, under the account."""
+    """Correct the observer, close the tank, and form the leaving wave."""
     e = s.end
     k = p.end
-    leaving, account, gap, absorbed, damped, forgiven = port_close(
+    if math.fabs(s.port_effort - e.wanted) > k.quantum:
+        e.cut_left = k.delay + 2
+    at, velocity, push = observe(
+        k.observer, e.at, e.velocity, e.push, s.position, s.effort_sum / count, count
+    )
+    leaving, account, gap, filtered, absorbed, burnt, spilled = port_close(
         k.port,
         e.account,
         e.gap,
+        e.filtered,
         displacement,
+        at - e.at,
         count,
-        s.velocity,
         port,
         e.wave_sum,
         e.wave_energy,
+        e.cut_left > 0,
     )
-    fastest = math.fabs(displacement / span)
-    if fastest > e.fastest:
-        e.fastest = fastest
+    if e.cut_left > 0:
+        e.cut_left -= 1
+    elif account < EMPTY * k.port.reserve:
+        e.cut_share += k.watch
+    e.cut_share -= k.watch * e.cut_share
+    if account < -k.port.reserve:
+        s.alarm = PORT_OVERDRAWN
+    elif e.cut_share > k.limp:
+        s.alarm = LIMP
+    e.at = at
+    e.velocity = velocity
+    e.push = push
     e.account = account
+    e.stored = account - k.port.reserve
     e.gap = gap
+    e.filtered = filtered
     e.leaving = leaving
     if k.wave != 1.0:
         e.leaving = leaving / k.wave
     e.port_absorbed += absorbed
-    e.damper_dissipated += damped
-    e.forgiven += forgiven
+    e.damper_dissipated += burnt
+    e.leaked += count * k.port.leak
+    e.spilled += spilled
     e.wave_sum = 0.0
     e.wave_energy = 0.0
 
@@ -86,59 +110,16 @@ def miss(s: AxisState, p: AxisParams) -> None:
     s.end.leaving = 0.0
 
 
-def port_credit(s: AxisState, p: AxisParams) -> float:
-    """Return the account of a port that owes something [J], or that it is bankrupt."""
-    e = s.end
-    periods = p.delay
-    if p.late > 0.0:
-        periods = periods + 1
-    debt = port_debt(p.end.port, periods, p.site.gain, e.fastest, s.gross_flow)
-    # Relative to a wave that just arrived, a rounding error is not a debt.
-    debt += ROUNDING * p.half_period * e.wave_in * e.wave_in
-    if e.account < -debt:
-        return BANKRUPT
-    account: float = e.account
-    return account
-
-
 def think(s: AxisState, p: AxisParams, coast: float) -> float:
     """Return the resisting effort of the port [N m or N]."""
     e = s.end
-    account = e.account
-    if account < 0.0:
-        account = port_credit(s, p)
-    effort, ahead = port_effort(p.end.port, account, coast, e.wave_in)
-    e.predicted = ahead
+    k = p.end
+    # Of the controller's prediction only what is known of efforts is used: those under way and
+    # the wall's. A command that acts late leaves a share of the one before in front of it.
+    under_way = s.velocity - p.site.half_mobility * s.impulse - coast
+    pending = under_way / (2.0 * k.port.half_mobility)
+    if k.late > 0.0:
+        pending += k.late * s.acted_total
+    effort = port_effort(k.port, e.account, e.velocity, e.push, pending, e.wave_in)
+    e.wanted = effort
     return effort
-
-
-def move(
-    s: AxisState,
-    p: AxisParams,
-    pending: float,
-    wall_push: float,
-    wall_stiffness: float,
-    wall_damping: float,
-) -> float:
-    """Return the velocity of an admittance port [rad/s or m/s]."""
-    return admittance_velocity(
-        p.end.admittance,
-        s.outside,
-        s.end.wave_in,
-        pending,
-        wall_push,
-        wall_stiffness,
-        wall_damping,
-    )
-
-
-def waiting_energy(s: AxisState, p: AxisParams, table: MutableSequence[float]) -> float:
-    """Return the energy of waves that arrived but are not booked yet [J]."""
-    total: float = s.end.wave_energy + p.half_period * s.tag * s.tag
-    for i in range(p.delay):
-        at = s.head + i
-        if at >= p.delay:
-            at = at - p.delay
-        wave = table[p.pipe + PIPE * at + 3]
-        total += p.half_period * wave * wave
-    return total

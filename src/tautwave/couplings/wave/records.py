@@ -1,38 +1,54 @@
-"""Constants and state of a wave coupling: one end at each axis, the line between them."""
+"""Constants and state of an observed wave coupling at each axis; the line is that of law wave."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from tautwave.laws.admittance import AdmittanceParams
+from tautwave.laws.observer import ObserverParams
 from tautwave.laws.port import PortParams
 
 
-class WaveEndParams(NamedTuple):
+class ObservedEndParams(NamedTuple):
     """Constants of one end.
 
-    `port` closes either kind of axis, `admittance` is that of one that takes velocity; `wave` is
-    device wave per line wave: sign * sqrt(power ratio).
+    `wave` is device wave per line wave: sign * sqrt(power ratio); `quantum` the effort's step
+    [N m or N], by which a command may be off without counting as cut; `late` the share of a period
+    for which the command before still acts; `watch` the weight of a period in the share of cut
+    waves [1], `limp` the share at which the run ends.
     """
 
     port: PortParams
-    admittance: AdmittanceParams
+    observer: ObserverParams
     wave: float
+    quantum: float
+    late: float
+    delay: int
+    watch: float
+    limp: float
 
 
 @dataclass(slots=True)
-class WaveEnd:
-    """State of one end: its port with the energy account, its waves, and its books [J].
+class ObservedEnd:
+    """State of one end: observer, tank, waves, and its books [J].
 
-    `wave_sum` and `wave_energy` are of the waves whose commands acted since the last sample. The
-    `rate_` fields are the rate converter of a slow axis.
+    `at`, `velocity`, `push` are observed: position [rad or m], velocity, acceleration from outside.
+    `stored` is what the tank holds beyond its reserve, 0 before it was filled. `wanted` is the
+    last requested effort [N m or N]; `cut_left` the periods for which an effort that limits cut
+    may still act, `cut_share` the share of the last periods in which the tank could not pay for
+    the whole wave. `wave_sum` and `wave_energy` are of the waves whose commands acted since the
+    last sample. The `rate_` fields are the rate converter of a slow axis.
     """
 
-    predicted: float = 0.0
+    at: float = 0.0
+    velocity: float = 0.0
+    push: float = 0.0
     account: float = 0.0
-    fastest: float = 0.0
+    stored: float = 0.0
     gap: float = 0.0
+    filtered: float = 0.0
+    wanted: float = 0.0
+    cut_share: float = 0.0
     leaving: float = 0.0
     wave_in: float = 0.0
     arrived: float = 0.0
@@ -40,33 +56,12 @@ class WaveEnd:
     wave_energy: float = 0.0
     port_absorbed: float = 0.0
     damper_dissipated: float = 0.0
-    forgiven: float = 0.0
+    leaked: float = 0.0
+    spilled: float = 0.0
     rate_held: float = 0.0
     rate_mean: float = 0.0
     rate_absorbed: float = 0.0
     rate_dissipated: float = 0.0
     rate_left: int = 0
     rate_count: int = 0
-
-
-class WaveLinkParams(NamedTuple):
-    """Constants between the ends: a low-pass on the waves, if `filtered`."""
-
-    filtered: bool
-    filter_gain: float
-
-
-@dataclass(slots=True)
-class WaveLink:
-    """State between the ends: where the line stands, its energy, and both filters."""
-
-    line_energy: float = 0.0
-    filter_master: float = 0.0
-    filter_master_absorbed: float = 0.0
-    filter_master_stored: float = 0.0
-    filter_master_dissipated: float = 0.0
-    filter_slave: float = 0.0
-    filter_slave_absorbed: float = 0.0
-    filter_slave_stored: float = 0.0
-    filter_slave_dissipated: float = 0.0
-    at: int = 0
+    cut_left: int = 0

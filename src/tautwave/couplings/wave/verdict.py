@@ -1,69 +1,273 @@
-"""Why a wave line is passive: its ports, line, filters, scaling and rate converters."""
+"""Why an observed wave line is passive, as far as it is, and how many joules that is.
+
+Two things of each port. On the class of devices that the rig states it returns no more of a wave
+than arrives (`analysis.ports.device_class`): behind any passive line the pair is stable. And
+whatever device, hand or noise there is, it gives out no more than its claim.
+"""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
+from tautwave.analysis.ports.device_class import ClassGain, DeviceClass, class_gain
+from tautwave.certificate.belief import (
+    assumed,
+    broken_damping,
+    broken_delay,
+    broken_inertia,
+    stated_contact,
+)
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
-from tautwave.certificate.ports import port_element
 from tautwave.certificate.rates import converter_element
 from tautwave.config import Rig
-from tautwave.couplings.wave.keys import WaveCoupling, WavePair
-from tautwave.rig import at_axis_rate, pair_scale
+from tautwave.couplings.tracked.verdict import verdict as wave_verdict
+from tautwave.couplings.wave.claim import Claim, claim_of
+from tautwave.couplings.wave.from_keys import (
+    bare_port,
+    observer_of,
+    port_impedance,
+)
+from tautwave.couplings.wave.keys import ObservedPair
+from tautwave.laws.observer import ObserverParams
+from tautwave.laws.port import PortParams
+from tautwave.rig import at_axis_rate
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
+POLES = ("0.5", "0.3", "plain")
+SOFTER = 40
+"""Greatest factor by which a smaller impedance is looked for."""
+
+STEPS = 7
+
+
+class Port(NamedTuple):
+    """One port as the certificate sees it, with the class of its device."""
+
+    port: PortParams
+    observer: ObserverParams
+    delay: int
+    devices: DeviceClass
+
+    def gain(self) -> float:
+        """Return the greatest share of a wave that it returns on its class [1]."""
+        return _gain(self.port, self.observer, self.delay, self.devices).greatest
+
+    @property
+    def contracting(self) -> bool:
+        """Whether it returns no more than arrives."""
+        return _gain(self.port, self.observer, self.delay, self.devices).contracting
+
+    def stiffest(self) -> float:
+        """Return the stiffest spring up to which it returns no more than arrives."""
+        least = self._replace(devices=self.devices._replace(stiffness=0.0))
+        if not least.contracting:
+            return 0.0
+        low, high = 0.0, max(self.devices.stiffness, 1e-3 * self.port.impedance / self.port.period)
+        while self._at(high) and high < 1e9:
+            low, high = high, 4.0 * high
+        for _ in range(STEPS):
+            middle = (low * high) ** 0.5 if low > 0.0 else 0.25 * high
+            low, high = (middle, high) if self._at(middle) else (low, middle)
+        return low
+
+    def _at(self, stiffness: float) -> bool:
+        return self._replace(devices=self.devices._replace(stiffness=stiffness)).contracting
+
+
+@functools.lru_cache(maxsize=512)
+def _gain(
+    port: PortParams, observer: ObserverParams, delay: int, devices: DeviceClass
+) -> ClassGain:
+    return class_gain(port, observer, delay, devices)
+
+
+def _keys(rig: Rig, axis_name: str) -> ObservedPair:
+    found = rig.coupling.pairs[axis_name.split(".")[1]]
+    assert isinstance(found, ObservedPair)
+    return found
+
+
+def port_of(
+    rig: Rig, axis_name: str, delays: Delays, damping: float, keys: ObservedPair | None = None
+) -> Port:
+    """Return the port of an axis; `damping` is what its wall leaves of the device's."""
+    side = axis_name.split(".")[0]
+    axis = rig.axes[axis_name]
+    assert axis.inertia is not None
+    pair = _keys(rig, axis_name) if keys is None else keys
+    period, delay = rig.axis_period_s(axis_name), delays[axis_name].periods
+    contact = stated_contact(rig, axis_name)
+    stiffness = max(
+        axis.environment_stiffness_upper or 0.0, 0.0 if contact is None else contact.stiffness
+    )
+    return Port(
+        bare_port(pair, side, period, axis.inertia.lower, delay, reserve=1.0),
+        observer_of(pair, side, period, axis.inertia.lower),
+        delay,
+        DeviceClass(axis.inertia.lower, damping, stiffness),
+    )
 
 
 def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterator[Element]:
     """Yield the port of an axis and, on a slow bus, its rate converter."""
-    yield port_element(at_axis_rate(rig, axis_name), axis_name, delays, damping)
+    axis = rig.axes[axis_name]
+    left = axis.damping.lower - damping
+    name = f"{axis_name} port"
+    claim = claim_of(rig, axis_name, delays)
+    passive = _passive(rig, axis_name, delays, left, claim, damping)
+    sentences = [passive.reason]
+    numbers: dict[str, object] = {
+        "impedance": port_impedance(_keys(rig, axis_name), axis_name.split(".")[0]),
+        "damping_left": left,
+        "damping_of_wall": damping,
+    }
+    quantised = passive
+    if isinstance(claim, Claim):
+        seconds = rig.duration_s
+        numbers |= {**claim._asdict(), "seen_j": claim.seen(seconds), "true_j": claim.true(seconds)}
+        sentences.append(_claimed(axis_name, claim, seconds))
+        if passive.passed and claim.leak > 0.0:
+            quantised = Verdict(
+                False,
+                f"{name}: encoder step and noise look like losses; its tank is given "
+                f"{1e3 * claim.leak:.3g} mW for them, which may be released.",
+                margin=-claim.leak,
+            )
+    if left > 0.0:
+        port = port_of(rig, axis_name, delays, left)
+        numbers |= {"gain": port.gain(), **port.devices._asdict()}
+        if passive.passed:
+            unit = "N m/rad" if axis.kind == "rotary" else "N/m"
+            stiffest = numbers["stiffest"] = port.stiffest()
+            sentences.append(f"{name}: it tolerates springs up to {stiffest:.4g} {unit}.")
+    yield Element(name, "port", axis_name, passive, quantised, numbers, tuple(sentences))
     converter = converter_element(rig, axis_name, delays)
     if converter is not None:
         yield converter
 
 
-def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
-    """Yield the line, its filters and scaling."""
-    coupling = rig.coupling
-    if rig.delay_samples:
-        yield _fine(
-            f"line of {pair}",
-            "line",
-            pair,
-            f"a constant delay of {coupling.delay_s:g} s each way is lossless and holds the "
-            "waves under way (Niemeyer and Slotine 1991); a missing wave counts as 0",
+def _passive(
+    rig: Rig,
+    axis_name: str,
+    delays: Delays,
+    left: float,
+    claim: Claim | str,
+    taken: float,
+) -> Verdict:
+    axis, delay = rig.axes[axis_name], delays[axis_name]
+    assert axis.inertia is not None
+    name = f"{axis_name} port"
+    if isinstance(claim, str):
+        return Verdict(
+            False, f"{name}: without {claim} nothing bounds what it may give out; give it"
         )
-    corner = coupling.wave_filter_hz if isinstance(coupling, WaveCoupling) else None
-    if corner is not None:
-        yield _fine(
-            f"wave filters of {pair}",
-            "filter",
-            pair,
-            f"|H| <= 1 at every frequency ({corner:g} Hz)",
+    if delay.remainder_s > 0.0:
+        return Verdict(
+            False,
+            f"{name}: its commands act a fraction of a period late, and the proof covers whole "
+            "periods only",
         )
-    scale = pair_scale(coupling.pairs[pair])
-    if abs(scale.power - 1.0) > 1e-12:
-        yield _fine(
-            f"scaling of {pair}",
-            "scaling",
-            pair,
-            f"power scaled by {scale.power:g}, the waves by its root: passive for a hand and an "
-            "environment that touch each other through the rig only",
+    broken = (
+        broken_inertia(rig, axis_name),
+        broken_delay(at_axis_rate(rig, axis_name), axis_name, delay),
+        broken_damping(rig, axis_name),
+    )
+    for text in broken:
+        if text is not None:
+            return Verdict(False, f"{name}: {text}")
+    unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
+    if axis.damping.lower <= 0.0:
+        return Verdict(
+            False, f"{name}: nothing is known of the device's damping; give damping.lower"
         )
-    elif scale.scale != 1.0 or scale.sign < 0.0:
-        yield _fine(f"scaling of {pair}", "scaling", pair, "keeps power")
+    if claim.leak > claim.effort * claim.velocity:
+        return Verdict(
+            False,
+            f"{name}: its tank would need {claim.leak:.3g} W for the declared noise, more than the "
+            f"motor can give; check position_noise and encoder_quantum",
+        )
+    if left <= 0.0:
+        return Verdict(
+            False,
+            f"{name}: its wall takes {taken:.4g} {unit} of the {axis.damping.lower:.4g} that the "
+            "device surely has, and a port needs some; soften the wall",
+        )
+    port = port_of(rig, axis_name, delays, left)
+    d = port.devices
+    spring = "N m/rad" if axis.kind == "rotary" else "N/m"
+    whom = (
+        f"on any device of at least {d.mass:g} and {d.damping:.4g} {unit}, held by any passive "
+        f"hand or environment that is nowhere softer than a spring of {d.stiffness:.4g} {spring}"
+    )
+    gain = port.gain()
+    if not port.contracting:
+        return Verdict(
+            False,
+            f"{name}: {whom}, it returns up to {gain:.4g} of a wave; "
+            f"{_remedy_of(rig, axis_name, delays, left)}",
+            margin=1.0 - gain,
+        )
+    conditions = assumed(axis, axis_name, inertia=True, damping=True)
+    return Verdict(
+        True,
+        f"{name}: returns no more of a wave than arrives {whom}.",
+        tuple(conditions),
+        1.0 - gain,
+    )
 
 
-def _fine(name: str, kind: str, pair: str, why: str) -> Element:
-    result = Verdict(True, f"{name}: {why}.")
-    return Element(name, kind, pair, result, result, {}, (result.reason,))
+def _remedy_of(rig: Rig, axis_name: str, delays: Delays, left: float) -> str:
+    """Return the pole or the impedance that would pass."""
+    side = axis_name.split(".")[0]
+    keys = _keys(rig, axis_name)
+    for pole in POLES:
+        value = pole if pole == "plain" else float(pole)
+        other = keys.model_copy(update={f"pole_{side}": value})
+        if port_of(rig, axis_name, delays, left, other).contracting:
+            return f"set pole_{side} to {pole}"
+    factor = 1.25
+    while factor < SOFTER:
+        lower = keys.model_copy(
+            update={"wave_impedance": keys.wave_impedance / factor, f"pole_{side}": "plain"}
+        )
+        if port_of(rig, axis_name, delays, left, lower).contracting:
+            return (
+                f"set pole_{side} to plain and lower wave_impedance to {lower.wave_impedance:.3g}"
+            )
+        factor *= 1.25
+    return "raise the rate, lower wave_impedance, or add damping"
+
+
+def _claimed(axis_name: str, claim: Claim, seconds: float) -> str:
+    seen, true = _joules(claim.seen(seconds)), _joules(claim.true(seconds))
+    return (
+        f"{axis_name} port: whatever moves it, in {seconds:g} s it gives out at most {seen} as "
+        f"its encoder sees it (reserve {_joules(claim.reserve)} twice, {_joules(claim.under_way)} "
+        f"under way, {1e3 * claim.leak:.3g} mW), {true} in truth if the declared noise is true; at "
+        f"its velocity limit the device has {_joules(claim.kinetic)}."
+    )
+
+
+def _joules(value: float) -> str:
+    for factor, unit in ((1.0, "J"), (1e-3, "mJ"), (1e-6, "uJ")):
+        if value >= factor:
+            return f"{value / factor:.3g} {unit}"
+    return f"{value / 1e-9:.3g} nJ"
 
 
 def _remedy(rig: Rig, pair: str) -> str:
     keys = rig.coupling.pairs[pair]
-    assert isinstance(keys, WavePair)
-    return f"Lower wave_impedance {keys.wave_impedance:g} or velocity_filter_s."
+    assert isinstance(keys, ObservedPair)
+    return f"Lower wave_impedance {keys.wave_impedance:g}, or change the poles."
 
 
-verdict = CouplingVerdict(_between, _at_axis, _remedy, contracting=True, picture="")
+verdict = CouplingVerdict(
+    wave_verdict.pair_elements,
+    _at_axis,
+    _remedy,
+    contracting=True,
+    picture="",
+)

@@ -30,8 +30,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.laws.observed_port import ObservedPortParams
 from tautwave.laws.observer import ObserverParams
+from tautwave.laws.port import PortParams
 
 Complex = npt.NDArray[np.complex128]
 
@@ -86,7 +86,7 @@ def observer_response(p: ObserverParams, theta: npt.NDArray[np.float64]) -> tupl
 
 
 def noise_responses(
-    p: ObservedPortParams,
+    p: PortParams,
     observer: ObserverParams,
     delay_periods: int,
     theta: npt.NDArray[np.float64],
@@ -114,7 +114,7 @@ def noise_responses(
 
 
 def tank_changes(
-    p: ObservedPortParams,
+    p: PortParams,
     observer: ObserverParams,
     delay_periods: int,
     theta: npt.NDArray[np.float64],
@@ -127,9 +127,7 @@ def tank_changes(
     return seen + waves, seen
 
 
-def noise_bounds(
-    p: ObservedPortParams, observer: ObserverParams, delay_periods: int
-) -> NoiseBounds:
+def noise_bounds(p: PortParams, observer: ObserverParams, delay_periods: int) -> NoiseBounds:
     """Return drain and feigned gain of the worst colour, behind any line and passive far end."""
     theta = math.pi * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES
     drain = feigned = 0.0
@@ -143,7 +141,7 @@ def noise_bounds(
 
 
 def noise_power(
-    p: ObservedPortParams,
+    p: PortParams,
     observer: ObserverParams,
     delay_periods: int,
     deviation: float,
@@ -154,7 +152,7 @@ def noise_power(
 
     Parameters
     ----------
-    p, observer : ObservedPortParams, ObserverParams
+    p, observer : PortParams, ObserverParams
         The port; its own leak is not used.
     delay_periods : int
         Command delay; a fraction counts as a whole period.
@@ -188,7 +186,7 @@ def noise_power(
 
 
 def quantum_power(
-    p: ObservedPortParams, observer: ObserverParams, delay_periods: int, quantum: float
+    p: PortParams, observer: ObserverParams, delay_periods: int, quantum: float
 ) -> float:
     """Return what an encoder step can take [W]: K b q**2 / T**2, see `QUANTUM_DRAIN`."""
     if quantum == 0.0:

@@ -12,7 +12,7 @@ ramp on which `effort_rate_limit` lets a stop take the effort away. A longer sta
 drive's watchdog, a blow from outside during one is not covered, and the claim ends where a stop
 begins.
 
-Source: derived here; see `tautwave.laws.observed_port` and `analysis.observed.sensor_noise`.
+Source: derived here; see `tautwave.laws.port` and `analysis.ports.sensor_noise`.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from tautwave.config import Rig
-from tautwave.couplings.observed.from_keys import declared_noise, observer_of, port_impedance
-from tautwave.couplings.observed.keys import ObservedPair
-from tautwave.laws.observed_port import port_reserve
+from tautwave.couplings.wave.from_keys import declared_noise, observer_of, port_impedance
+from tautwave.couplings.wave.keys import ObservedPair
+from tautwave.laws.port import port_reserve
 from tautwave.rig import coupled_axis
 from tautwave.types import CommandDelay
 

@@ -14,14 +14,14 @@ from tautwave.analysis.ports.sampled_loop import (
     WallState,
     linearise,
 )
-from tautwave.laws.observed_port import ObservedPortParams, observed_close, observed_effort
 from tautwave.laws.observer import ObserverParams, observe
+from tautwave.laws.port import PortParams, port_close, port_effort
 
 
 def observed_end(
     device: Device,
     site: Site,
-    port: ObservedPortParams,
+    port: PortParams,
     observer: ObserverParams,
     *,
     wave_gain: float = 1.0,
@@ -34,7 +34,7 @@ class _ObservedStep:
     """One slot. Extra state: position, the observer's three, the filter, waves of commands."""
 
     def __init__(
-        self, slot: SlotState, port: ObservedPortParams, observer: ObserverParams, wave_gain: float
+        self, slot: SlotState, port: PortParams, observer: ObserverParams, wave_gain: float
     ) -> None:
         self._slot, self._port, self._observer = slot, port, observer
         self._wave_gain = wave_gain
@@ -57,13 +57,13 @@ class _ObservedStep:
         ahead, velocity, push = observe(
             self._observer, at, velocity, push, x + moved, state[2], 1.0
         )
-        leaving, _, _, filtered, _, _, _ = observed_close(
+        leaving, _, _, filtered, _, _, _ = port_close(
             port, FULL, 0.0, filtered, moved, ahead - at, 1.0, state[2] - acted, waves[0], 0.0,
             False,
         )  # fmt: skip
         wave = self._wave_gain * arriving
         pending = slot.under_way(state) + 0.5 * wall
-        effort = observed_effort(port, FULL, velocity, push, pending, wave)
+        effort = port_effort(port, FULL, velocity, push, pending, wave)
         state[1] = wall + effort
         state[slot.size : slot.size + 5] = [x + moved, ahead, velocity, push, filtered]
         state[self._waves :] = [*waves[1:], wave, *part]

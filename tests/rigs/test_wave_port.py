@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tautwave.certificate import certify
-from tautwave.couplings.observed.claim import claimed_joules
+from tautwave.couplings.wave.claim import claimed_joules
 from tautwave.errors import ConfigError, SafetyStop
 from tautwave.rig import command_delays
 from tautwave.simulation import simulate

@@ -34,9 +34,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.analysis.observed.sensor_noise import observer_response
-from tautwave.laws.observed_port import ObservedPortParams
+from tautwave.analysis.ports.sensor_noise import observer_response
 from tautwave.laws.observer import ObserverParams
+from tautwave.laws.port import PortParams
 
 Complex = npt.NDArray[np.complex128]
 Float = npt.NDArray[np.float64]
@@ -90,7 +90,7 @@ class Moebius(NamedTuple):
 
 
 def returned_wave(
-    p: ObservedPortParams, observer: ObserverParams, delay_periods: int, theta: Float
+    p: PortParams, observer: ObserverParams, delay_periods: int, theta: Float
 ) -> Moebius:
     """Return what a port makes of a wave, as a map of the sampled admittance at e^(j theta)."""
     z = np.exp(1j * theta)
@@ -115,7 +115,7 @@ def returned_wave(
 
 
 def class_gain(
-    p: ObservedPortParams,
+    p: PortParams,
     observer: ObserverParams,
     delay_periods: int,
     devices: DeviceClass,
@@ -125,7 +125,7 @@ def class_gain(
 
     Parameters
     ----------
-    p, observer : ObservedPortParams, ObserverParams
+    p, observer : PortParams, ObserverParams
         The port.
     delay_periods : int
         Whole periods until a command acts.
@@ -153,7 +153,7 @@ def class_gain(
     return ClassGain(math.sqrt(max(float(gain[worst]), 0.0)), float(theta[worst]))
 
 
-def stable_when_locked(p: ObservedPortParams, observer: ObserverParams, delay_periods: int) -> bool:
+def stable_when_locked(p: PortParams, observer: ObserverParams, delay_periods: int) -> bool:
     """Return whether a port is stable on a lever that cannot move.
 
     Its poles are the zeros of E, which has none of its own outside the circle: E goes round zero

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tautwave.laws import limit, observed_port, observer
-from tautwave.laws.observed_port import ObservedPortParams, observed_port_params, port_reserve
 from tautwave.laws.observer import ObserverParams, observer_params, plain_observer
+from tautwave.laws.port import PortParams, port_params, port_reserve
 from tautwave.laws.wave_filter import filter_gain
 
 PERIOD = 0.5e-3
@@ -25,7 +25,7 @@ MASS = 1.1e-3
 class Ends(NamedTuple):
     """Constants of a port with its observer and whole periods of command delay."""
 
-    port: ObservedPortParams
+    port: PortParams
     observer: ObserverParams
     delay: int
 
@@ -43,7 +43,7 @@ def ends(
     """Return a port at 2 kHz; `pole` None: without an observer; `leak` in W."""
     seen = plain_observer(PERIOD, mass) if pole is None else observer_params(PERIOD, mass, pole)
     reserve = port_reserve(impedance, PERIOD, delay, seen.velocity * PERIOD, fastest)
-    port = observed_port_params(
+    port = port_params(
         PERIOD,
         impedance,
         mass,
@@ -64,7 +64,7 @@ def compiled() -> Any:
     for function in (
         *(limit.clamp, observer.observer_gains, observer.observe),
         *(observed_port.filter_energy, observed_port.repayment),
-        *(observed_port.observed_effort, observed_port.observed_close),
+        *(observed_port.port_effort, observed_port.port_close),
         *(_move, _quantised),
     ):
         register_jitable(function)
@@ -113,7 +113,7 @@ def _attack(
         if valid[k]:
             mean = effort_sum / count
             ahead, velocity, outside = observer.observe(seen, at, velocity, outside, x, mean, count)
-            leaving, account, gap, filtered, _, _, _ = observed_port.observed_close(
+            leaving, account, gap, filtered, _, _, _ = observed_port.port_close(
                 port, account, gap, filtered, x - sample, ahead - at, count, mean, wave_sum,
                 wave_energy, was_cut > 0.0,
             )  # fmt: skip
@@ -131,9 +131,7 @@ def _attack(
                 pending = 0.0
                 for i in range(1, n + 1):
                     pending += efforts[i]
-                asked = observed_port.observed_effort(
-                    port, account, velocity, outside, pending, came
-                )
+                asked = observed_port.port_effort(port, account, velocity, outside, pending, came)
                 sent = limit.clamp(asked, most)
                 sent = min(max(sent, last - step), last + step)
                 if quantum > 0.0:
@@ -210,7 +208,7 @@ def _pair(
                 seen, at[e], velocity[e], outside[e], now, effort, 1.0
             )
             energy = 0.5 * period * wave * wave
-            out, account[e], gap[e], filtered[e], _, _, _ = observed_port.observed_close(
+            out, account[e], gap[e], filtered[e], _, _, _ = observed_port.port_close(
                 port, account[e], gap[e], filtered[e], now - sample[e], ahead - at[e], 1.0, effort,
                 wave, energy, cuts[e, 0] > 0.0,
             )  # fmt: skip
@@ -225,7 +223,7 @@ def _pair(
             pending = 0.0
             for i in range(1, n + 1):
                 pending += efforts[e, i]
-            asked = observed_port.observed_effort(
+            asked = observed_port.port_effort(
                 ports[e], account[e], velocity[e], outside[e], pending, came
             )
             sent = limit.clamp(asked, most)

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import MutableSequence
 
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
-from tautwave.couplings.wave.line import exchange_waves, filter_from_master, filter_from_slave
-from tautwave.couplings.wave.port import receive_wave
+from tautwave.couplings.tracked.line import exchange_waves, filter_from_master, filter_from_slave
+from tautwave.couplings.tracked.port import receive_wave
 from tautwave.laws.conversion import gather_wave, hand_over
 
 

@@ -8,7 +8,7 @@ import struct
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tautwave.laws.port import PortParams, port_close
+from tautwave.laws.tracked_port import PortParams, port_close
 
 PERIOD = 1e-3
 

@@ -1,0 +1,188 @@
+"""The steps of a wave coupling, and what of it is recorded."""
+
+from __future__ import annotations
+
+from collections.abc import MutableSequence
+
+from tautwave.contracts import Row
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.rows import fill_element
+from tautwave.controller.steps import Law, Steps
+from tautwave.couplings.tracked.line import exchange_waves, filter_waves
+from tautwave.couplings.tracked.port import (
+    act,
+    close,
+    miss,
+    move,
+    receive_wave,
+    start_end,
+    think,
+    waiting_energy,
+)
+from tautwave.couplings.tracked.rates import exchange_rated, stored_in_converter
+from tautwave.couplings.tracked.records import WaveEnd, WaveLink
+
+
+def start(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    gap: float,
+    table: MutableSequence[float],
+) -> None:
+    """Begin with nothing on its way; the slave's port mends the `gap` [rad or m]."""
+    start_end(one, 0.0)
+    start_end(two, gap * p2.end.port.root)
+
+
+def engage(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+) -> None:
+    """Let nothing arrive."""
+    receive_wave(one, p1, 0.0)
+    receive_wave(two, p2, 0.0)
+
+
+def exchange(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+    here: bool,
+    due_one: bool,
+    due_two: bool,
+) -> None:
+    """Pass one slot: leaving waves through their filters into the line, what leaves it arrives."""
+    if q.rated:
+        exchange_rated(c, q, one, two, p1, p2, table, here, due_one, due_two)
+        return
+    from_master = 0.0
+    from_slave = 0.0
+    if here:
+        from_master = one.end.leaving
+        from_slave = two.end.leaving
+        if q.link.filtered:
+            from_master, from_slave = filter_waves(c, q, from_master, from_slave)
+    at_master = from_slave
+    at_slave = from_master
+    if q.samples > 0:
+        at_master, at_slave = exchange_waves(c, q, table, from_master, from_slave)
+    receive_wave(one, p1, at_master)
+    receive_wave(two, p2, at_slave)
+
+
+def has_damper(p: AxisParams) -> bool:
+    """Return whether a damper stands in series with the port, so that no wave is reflected."""
+    return p.end.port.slip > 0.0 and p.impedance
+
+
+def element_names(q: PairParams, p1: AxisParams, p2: AxisParams) -> list[str]:
+    """Return the names of a pair's elements in the order of their columns."""
+    sides = (("master", p1), ("slave", p2))
+    names: list[str] = []
+    for side, p in sides:
+        names.append(f"port_{side}")
+        if has_damper(p):
+            names.append(f"damper_{side}")
+    names += [f"converter_{side}" for side, p in sides if p.divisor > 1]
+    if q.link.filtered:
+        names += ["filter_master", "filter_slave"]
+    if q.samples > 0:
+        names.append("line")
+    return names
+
+
+def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write the waves that arrived and left, as they are on the line."""
+    out[at] = s.end.arrived
+    out[at + 1] = s.end.leaving
+    return at + 2
+
+
+def fill_port(out: Row, at: int, s: AxisState, p: AxisParams, table: MutableSequence[float]) -> int:
+    """Write the accounts of a wave port and of its series damper."""
+    e = s.end
+    weight = p.weight
+    waiting = waiting_energy(s, p, table)
+    at = fill_element(
+        out,
+        at,
+        weight * (e.port_absorbed + waiting),
+        weight * (e.account + waiting),
+        -weight * e.forgiven,
+    )
+    if has_damper(p):
+        lost = weight * e.damper_dissipated
+        at = fill_element(out, at, lost, 0.0, lost)
+    return at
+
+
+def fill_converter(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write the account of a rate converter, if there is one."""
+    if p.divisor == 1:
+        return at
+    e = s.end
+    return fill_element(out, at, e.rate_absorbed, stored_in_converter(s, p), e.rate_dissipated)
+
+
+def fill_elements(
+    out: Row,
+    at: int,
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+) -> int:
+    """Write the accounts of ports, converters, filters and line."""
+    w = c.link
+    at = fill_port(out, at, one, p1, table)
+    at = fill_port(out, at, two, p2, table)
+    at = fill_converter(out, at, one, p1)
+    at = fill_converter(out, at, two, p2)
+    if q.link.filtered:
+        at = fill_element(
+            out, at, w.filter_master_absorbed, w.filter_master_stored, w.filter_master_dissipated
+        )
+        at = fill_element(
+            out, at, w.filter_slave_absorbed, w.filter_slave_stored, w.filter_slave_dissipated
+        )
+    if q.samples > 0:
+        at = fill_element(out, at, w.line_energy, w.line_energy, 0.0)
+    return at
+
+
+law = Law(
+    name="wave",
+    steps=Steps(
+        start=start,
+        engage=engage,
+        act=act,
+        close=close,
+        miss=miss,
+        exchange=exchange,
+        think=think,
+        move=move,
+        fill_signals=fill_signals,
+        fill_elements=fill_elements,
+    ),
+    end=WaveEnd,
+    link=WaveLink,
+    signals=("wave_in", "wave_out"),
+    elements=element_names,
+    rings=2,
+)
