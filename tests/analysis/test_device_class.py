@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from tautwave.analysis.ports.device_class import (
+from tautwave.analysis.wave_port.device_class import (
     DeviceClass,
     class_gain,
     frequencies,

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tautwave.laws import limit, observed_port, observer
+from tautwave.laws import limit, observer
+from tautwave.laws import port as port_law
 from tautwave.laws.observer import ObserverParams, observer_params, plain_observer
 from tautwave.laws.port import PortParams, port_params, port_reserve
 from tautwave.laws.wave_filter import filter_gain
@@ -63,8 +64,8 @@ def compiled() -> Any:
 
     for function in (
         *(limit.clamp, observer.observer_gains, observer.observe),
-        *(observed_port.filter_energy, observed_port.repayment),
-        *(observed_port.port_effort, observed_port.port_close),
+        *(port_law.filter_energy, port_law.repayment),
+        *(port_law.port_effort, port_law.port_close),
         *(_move, _quantised),
     ):
         register_jitable(function)
@@ -113,7 +114,7 @@ def _attack(
         if valid[k]:
             mean = effort_sum / count
             ahead, velocity, outside = observer.observe(seen, at, velocity, outside, x, mean, count)
-            leaving, account, gap, filtered, _, _, _ = observed_port.port_close(
+            leaving, account, gap, filtered, _, _, _ = port_law.port_close(
                 port, account, gap, filtered, x - sample, ahead - at, count, mean, wave_sum,
                 wave_energy, was_cut > 0.0,
             )  # fmt: skip
@@ -131,7 +132,7 @@ def _attack(
                 pending = 0.0
                 for i in range(1, n + 1):
                     pending += efforts[i]
-                asked = observed_port.port_effort(port, account, velocity, outside, pending, came)
+                asked = port_law.port_effort(port, account, velocity, outside, pending, came)
                 sent = limit.clamp(asked, most)
                 sent = min(max(sent, last - step), last + step)
                 if quantum > 0.0:
@@ -208,7 +209,7 @@ def _pair(
                 seen, at[e], velocity[e], outside[e], now, effort, 1.0
             )
             energy = 0.5 * period * wave * wave
-            out, account[e], gap[e], filtered[e], _, _, _ = observed_port.port_close(
+            out, account[e], gap[e], filtered[e], _, _, _ = port_law.port_close(
                 port, account[e], gap[e], filtered[e], now - sample[e], ahead - at[e], 1.0, effort,
                 wave, energy, cuts[e, 0] > 0.0,
             )  # fmt: skip
@@ -223,7 +224,7 @@ def _pair(
             pending = 0.0
             for i in range(1, n + 1):
                 pending += efforts[e, i]
-            asked = observed_port.port_effort(
+            asked = port_law.port_effort(
                 ports[e], account[e], velocity[e], outside[e], pending, came
             )
             sent = limit.clamp(asked, most)

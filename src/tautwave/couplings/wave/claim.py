@@ -12,7 +12,7 @@ ramp on which `effort_rate_limit` lets a stop take the effort away. A longer sta
 drive's watchdog, a blow from outside during one is not covered, and the claim ends where a stop
 begins.
 
-Source: derived here; see `tautwave.laws.port` and `analysis.ports.sensor_noise`.
+Source: derived here; see `tautwave.laws.port` and `analysis.wave_port.sensor_noise`.
 """
 
 from __future__ import annotations

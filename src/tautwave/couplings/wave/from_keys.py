@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from tautwave.analysis.ports.sensor_noise import NoisePower, noise_power
+from tautwave.analysis.wave_port.sensor_noise import NoisePower, noise_power
 from tautwave.contracts import CoupledAxis
 from tautwave.couplings.tracked.records import WaveLinkParams
 from tautwave.couplings.wave.keys import ObservedPair

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tautwave.analysis.ports.port_loop import observed_end
 from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site
+from tautwave.analysis.wave_port.port_loop import observed_end
 from tautwave.couplings.wave.from_keys import bare_port, observer_of
 from tautwave.couplings.wave.keys import ObservedPair
 

@@ -1,7 +1,7 @@
 """Why an observed wave line is passive, as far as it is, and how many joules that is.
 
 Two things of each port. On the class of devices that the rig states it returns no more of a wave
-than arrives (`analysis.ports.device_class`): behind any passive line the pair is stable. And
+than arrives (`analysis.wave_port.device_class`): behind any passive line the pair is stable. And
 whatever device, hand or noise there is, it gives out no more than its claim.
 """
 
@@ -11,7 +11,7 @@ import functools
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from tautwave.analysis.ports.device_class import ClassGain, DeviceClass, class_gain
+from tautwave.analysis.wave_port.device_class import ClassGain, DeviceClass, class_gain
 from tautwave.certificate.belief import (
     assumed,
     broken_damping,

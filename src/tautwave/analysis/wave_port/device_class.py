@@ -34,7 +34,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.analysis.ports.sensor_noise import observer_response
+from tautwave.analysis.wave_port.sensor_noise import observer_response
 from tautwave.laws.observer import ObserverParams
 from tautwave.laws.port import PortParams
 
