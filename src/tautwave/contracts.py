@@ -332,7 +332,7 @@ class CouplingPlugin(NamedTuple):
     `CoupledAxis`, returns the constants of one end, SI of its device, and `link_constants(coupling,
     period)` those between the ends: NamedTuples of numbers.
 
-    `linear(pair, side, device, site, filter_gain)` is one end of the pair, a `LinearEnd` of
+    `linear(pair, side, device, site)` is one end of the pair, a `LinearEnd` of
     `tautwave.analysis.ports.sampled_loop`; without it no stability is predicted. `verdict` is a
     `CouplingVerdict` of `tautwave.certificate.data`, or only its `pair_elements`; without one
     nothing is ever certified. `messages` is a `CouplingMessages` of `tautwave.wording`. `carries`

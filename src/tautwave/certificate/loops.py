@@ -13,10 +13,10 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from tautwave import registry
-from tautwave.analysis.ports.admittance_loop import Outside, admittance_end
 from tautwave.analysis.ports.loop_modes import least_damped, transfer
 from tautwave.analysis.ports.multirate import RatedEnd, least_damped_rated
 from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site
+from tautwave.analysis.wave_port.admittance_loop import Outside, admittance_end
 from tautwave.certificate.belief import (
     SIDES,
     Contact,
@@ -34,10 +34,7 @@ from tautwave.rig import (
     at_axis_rate,
     coupling_part,
     end_constants,
-    pair_scale,
     velocity_gain,
-    wave_gain,
-    wave_port,
 )
 from tautwave.types import CommandDelay
 
@@ -138,8 +135,7 @@ def _mode(
         return LoopCase(where, bound, True, math.nan, math.nan, math.nan)
     if max(divisors) > 1:
         one, two = (
-            RatedEnd(end, n, 1.0 if n == 1 else rig.coupling.filter_step(rig.period_s))
-            for end, n in zip(ends, divisors, strict=True)
+            RatedEnd(end, n) for end, n in zip(ends, divisors, strict=True)
         )
         mode = least_damped_rated(one, two, samples, rig.period_s)
     else:
@@ -198,7 +194,6 @@ def believed_end(
     side, name = axis_name.split(".")
     axis, delay = rig.axes[axis_name], delays[axis_name]
     keys = rig.coupling.pairs[name]
-    filtered = rig.coupling.filter_step(rig.period_s)
     if axis.inertia is None:
         held = Contact(0.0, 0.0, "") if contact is None else contact
         ends = end_constants(rig, axis_name, delay)
@@ -209,12 +204,11 @@ def believed_end(
             ends.port,
             ends.admittance,
             delay_periods=delay.periods,
-            wave_gain=wave_gain(pair_scale(keys), side),
-            filter_gain=filtered,
+            wave_gain=ends.wave,
         )
     device, site = believed_parts(rig, axis_name, delays, bound, contact, wall, damping=damping)
     linear = registry.load_named(coupling_part(rig).linear)
-    end: LinearEnd = linear(keys, side, device, site, filtered)
+    end: LinearEnd = linear(keys, side, device, site)
     return end
 
 
@@ -240,7 +234,8 @@ def believed_parts(
         command_delay=delay_in_periods(rig, delay),
     )
     site = Site(
-        wave_port(rig, axis_name, delay),
+        rig.period_s,
+        rig.period_s / (2.0 * axis.inertia.lower),
         velocity_gain(rig, axis),
         delay.periods,
         delay.remainder_s / rig.period_s,

@@ -14,7 +14,7 @@ from tautwave.controller.records import AxisParams, AxisState, Sample
 from tautwave.controller.steps import Steps
 from tautwave.laws.limit import NOT_A_NUMBER, clamp, guard_axis, limit_effort, stop_effort
 from tautwave.laws.site import held_effort, limit_site, limit_velocity, render_wall, wall_ahead
-from tautwave.laws.tracked_port import track_velocity
+from tautwave.laws.velocity import track_velocity
 from tautwave.laws.wall import wall_depth, wall_effort, wall_loss, wall_stored
 
 

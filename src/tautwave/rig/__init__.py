@@ -8,7 +8,6 @@ from tautwave.rig.assembly import (
 )
 from tautwave.rig.controller import (
     NO_WALL,
-    DebtRates,
     PairScale,
     axis_names,
     axis_params,
@@ -17,7 +16,6 @@ from tautwave.rig.controller import (
     coupled_axis,
     coupling_law,
     coupling_part,
-    debt_rates,
     end_constants,
     limit_params,
     make_control,
@@ -28,8 +26,6 @@ from tautwave.rig.controller import (
     slave_offset,
     velocity_gain,
     wall_params,
-    wave_gain,
-    wave_port,
 )
 from tautwave.rig.rates import at_axis_rate, at_full_rate, one_way_delay, standing_offset
 from tautwave.rig.truth import (
@@ -47,7 +43,6 @@ __all__ = [
     "SEED_WORD",
     "Assembly",
     "BusWay",
-    "DebtRates",
     "PairScale",
     "Simulate",
     "Way",
@@ -67,7 +62,6 @@ __all__ = [
     "coupled_axis",
     "coupling_law",
     "coupling_part",
-    "debt_rates",
     "end_constants",
     "foam_params",
     "limit_params",
@@ -85,6 +79,4 @@ __all__ = [
     "true_delay_s",
     "velocity_gain",
     "wall_params",
-    "wave_gain",
-    "wave_port",
 ]

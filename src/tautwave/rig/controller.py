@@ -15,7 +15,6 @@ from tautwave.controller.steps import Law, NoParams
 from tautwave.controller.stops import ARM_SHARE, ARM_TIMEOUT_S, AxisName, position_unit
 from tautwave.laws.limit import LimitParams
 from tautwave.laws.site import SiteParams
-from tautwave.laws.tracked_port import PortParams, port_debt, port_params
 from tautwave.laws.wall import WallParams
 from tautwave.runtime.control import CoupledControl
 from tautwave.types import CommandDelay
@@ -74,16 +73,6 @@ def end_constants(rig: Rig, axis_name: str, delay: CommandDelay) -> Any:
     side, name = axis_name.split(".")
     make = registry.load_named(coupling_part(rig).end_constants)
     return make(rig.coupling.pairs[name], side, coupled_axis(rig, axis_name, delay))
-
-
-def wave_port(rig: Rig, axis_name: str, delay: CommandDelay) -> PortParams:
-    """Return the constants of an axis' port, for analysis; one of impedance 1 where it has none."""
-    port = getattr(end_constants(rig, axis_name, delay), "port", None)
-    if isinstance(port, PortParams):
-        return port
-    axis = rig.axes[axis_name]
-    assert axis.inertia is not None
-    return port_params(rig.axis_period_s(axis_name), 1.0, axis.inertia.lower, False, 1.0, 0.0)
 
 
 def link_constants(rig: Rig) -> Any:
@@ -152,34 +141,6 @@ def bare_site(rig: Rig, axis_name: str) -> SiteParams:
         velocity_quantum=0.0,
         has_wall=False,
     )
-
-
-class DebtRates(NamedTuple):
-    """Greatest temporary debt of a port's account, `laws.tracked_port.port_debt`, for this rig.
-
-    debt_per_speed_squared [kg or kg m^2]: to multiply by the square of the greatest speed;
-    debt_per_flow [1]: to multiply by the gross energy flow.
-    """
-
-    debt_per_speed_squared: float
-    debt_per_flow: float
-
-
-def debt_rates(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> DebtRates:
-    """Return the allowed debt of an impedance axis' port."""
-    delay = delays[axis_name]
-    port = end_constants(rig, axis_name, delay).port
-    gain = velocity_gain(rig, rig.axes[axis_name])
-    periods = delay.periods + (1 if delay.remainder_s > 0.0 else 0)
-    return DebtRates(
-        port_debt(port, periods, gain, 1.0, 0.0),
-        port_debt(port, periods, gain, 0.0, 1.0),
-    )
-
-
-def wave_gain(scale: PairScale, side: str) -> float:
-    """Return device wave per line wave."""
-    return 1.0 if side == "master" else scale.sign * math.sqrt(scale.power)
 
 
 def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> AxisParams:

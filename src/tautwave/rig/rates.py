@@ -13,8 +13,8 @@ from tautwave.types import CommandDelay
 def at_axis_rate(rig: Rig, axis_name: str) -> Rig:
     """Return a rig whose every cycle is an exchange with this axis; the rig itself on a fast bus.
 
-    The wave filter runs at the line's rate and is left out; a simulated command waits for the next
-    exchange, as on the slow bus. Only this axis is valid in the result.
+    A simulated command waits for the next exchange, as on the slow bus. Only this axis is valid in
+    the result.
     """
     divisor = rig.axis_divisor(axis_name)
     if divisor == 1:
@@ -38,7 +38,6 @@ def at_axis_rate(rig: Rig, axis_name: str) -> Rig:
             "rate_hz": rig.rate_hz / divisor,
             "buses": {**rig.buses, bus_name: slow},
             "simulation": simulation,
-            "coupling": rig.coupling.at_axis_rate(),
         }
     )
 
@@ -53,7 +52,7 @@ def one_way_delay(rig: Rig, name: str, delays: Mapping[str, CommandDelay]) -> fl
     """Return the mean one-way delay tau [s] of a pair as it acts, all samples counted.
 
     A wave describes the previous period, spends `delay_s` on the line and acts one command delay
-    after it arrives; a wave filter adds (1-a)/a periods T. On a bus with divisor n that period is n
+    after it arrives. On a bus with divisor n that period is n
     T, and the sample waits n - 1 periods T for its slot; the command delay is in periods of the
     bus. The converters themselves delay no integral.
     """
@@ -64,9 +63,7 @@ def one_way_delay(rig: Rig, name: str, delays: Mapping[str, CommandDelay]) -> fl
         delay, divisor = delays[axis_name], rig.axis_divisor(axis_name)
         mean += 0.5 * (delay.periods * rig.axis_period_s(axis_name) + delay.remainder_s)
         mean += (divisor - 1) * period
-    tau = rig.delay_samples * period + period + mean
-    gain = rig.coupling.filter_step(period)
-    return tau + (1.0 - gain) / gain * period
+    return rig.delay_samples * period + period + mean
 
 
 def standing_offset(rig: Rig, name: str, delays: Mapping[str, CommandDelay]) -> float:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from tautwave.config import Rig, count_velocity
 from tautwave.registry import coupling_messages as words_of
 from tautwave.registry import load_named
-from tautwave.rig import DebtRates, coupling_part, debt_rates, one_way_delay, pair_scale
+from tautwave.rig import coupling_part, one_way_delay, pair_scale
 from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages
 
@@ -40,36 +40,16 @@ def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFact
     return PairFacts(tau, standing.offset, power, standing.held_share)
 
 
-def port_debts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> dict[str, Any]:
-    """Return the allowed debt of each wave port of a pair; empty for other couplings.
+def port_claims(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> dict[str, Any]:
+    """Return what each end of a pair may deliver in a run [J] as `claim_j`, by side.
 
-    `claim_j` [J] by side, where the law claims joules beforehand. Else `port_debt`: by side, in the
-    device's own units, `per_speed_squared` [kg m^2 or kg] and `per_flow` [1] as in
-    `tautwave.rig.debt_rates`, and the `exchanges` until a port has let go. An admittance port has
-    no allowed debt.
+    Empty for a law that claims nothing beforehand.
     """
-    if coupling_part(rig).carries != "waves":
-        return {}
     named = coupling_part(rig).claim
-    if named:
-        claim = load_named(named)
-        return {
-            "claim_j": {side: claim(rig, f"{side}.{name}", delays) for side in ("master", "slave")}
-        }
-    debts = {}
-    for side in ("master", "slave"):
-        axis_name = f"{side}.{name}"
-        delay = delays[axis_name]
-        late = 1 if delay.remainder_s > 0.0 else 0
-        rates = DebtRates(0.0, 0.0)
-        if rig.axes[axis_name].causality == "impedance":
-            rates = debt_rates(rig, axis_name, delays)
-        debts[side] = {
-            "per_speed_squared": rates.debt_per_speed_squared,
-            "per_flow": rates.debt_per_flow,
-            "exchanges": 1 + delay.periods + late,
-        }
-    return {"port_debt": debts}
+    if not named:
+        return {}
+    claim = load_named(named)
+    return {"claim_j": {side: claim(rig, f"{side}.{name}", delays) for side in ("master", "slave")}}
 
 
 def pair_sentence(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> str:

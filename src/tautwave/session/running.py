@@ -28,7 +28,7 @@ from tautwave.session.certified import (
 from tautwave.session.checking import bus_budgets, over_budget, require_drivers
 from tautwave.session.devices import devices
 from tautwave.session.engine import compiled_devices, with_engine
-from tautwave.session.facts import pair_facts, port_debts
+from tautwave.session.facts import pair_facts, port_claims
 from tautwave.session.keeping import run_directory
 from tautwave.session.plan import left_out, rig_plan
 from tautwave.session.reporting import recording_block, report_run
@@ -306,7 +306,7 @@ def _pairs(rig: Rig, assembly: Assembly) -> dict[str, dict[str, Any]]:
         name: {
             "kind": rig.master.axes[name].kind,
             **pair_facts(rig, name, delays)._asdict(),
-            **port_debts(rig, name, delays),
+            **port_claims(rig, name, delays),
         }
         for name in rig.coupling.pairs
     }

@@ -23,7 +23,7 @@ from tautwave.analysis.ports.sampled_loop import (
 )
 from tautwave.config import Rig, SolidWall
 from tautwave.errors import ConfigError
-from tautwave.rig import axis_model, command_delays, coupling_part, velocity_gain, wave_port
+from tautwave.rig import axis_model, command_delays, coupling_part, velocity_gain
 
 
 def pair_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[LinearEnd, LinearEnd]:
@@ -51,21 +51,21 @@ def pair_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[LinearEnd,
     ends: list[LinearEnd] = []
     for side in ("master", "slave"):
         axis = f"{side}.{name}"
-        if rig.axes[axis].causality != "impedance":
+        inertia = rig.axes[axis].inertia
+        if inertia is None:
             raise ConfigError(
                 f"{axis}: predictions are for impedance axes, this one takes velocity"
             )
         believed = delays[axis]
         device = true_device(rig, axis, contact=contact and side == "slave")
         site = Site(
-            wave_port(rig, axis, believed),
+            rig.axis_period_s(axis),
+            0.5 * rig.axis_period_s(axis) / inertia.lower,
             velocity_gain(rig, rig.axes[axis]),
             believed.periods,
             believed.remainder_s / rig.axis_period_s(axis),
         )
-        # A slow side's filter runs at the line's rate, outside its end.
-        filtered = rig.coupling.filter_step(rig.period_s) if rig.axis_divisor(axis) == 1 else 1.0
-        ends.append(linear(keys, side, device, site, filtered))
+        ends.append(linear(keys, side, device, site))
     return ends[0], ends[1]
 
 
@@ -74,8 +74,7 @@ def rated_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[RatedEnd,
     ends = pair_ends(rig, name, contact=contact)
     divisors = [rig.axis_divisor(f"{side}.{name}") for side in ("master", "slave")]
     one, two = (
-        RatedEnd(end, n, 1.0 if n == 1 else rig.coupling.filter_step(rig.period_s))
-        for end, n in zip(ends, divisors, strict=True)
+        RatedEnd(end, n) for end, n in zip(ends, divisors, strict=True)
     )
     return one, two
 

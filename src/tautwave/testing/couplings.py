@@ -96,9 +96,6 @@ class CouplingContract:
                 # Force over position scale.
                 assert ends[1][key] == pytest.approx(1.5 * ends[0][key]), key
 
-    def test_what_stands_passes_its_filter(self, bench: CouplingBench) -> None:
-        assert 0.0 < bench.block().filter_step(1e-3) <= 1.0
-
     @pytest.mark.parametrize("samples", [0, 7])
     def test_its_steps_return_numbers(self, bench: CouplingBench, samples: int) -> None:
         driven = drive(controller(bench.plugin, bench.block(), samples), at_random())

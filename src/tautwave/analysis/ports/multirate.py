@@ -21,15 +21,10 @@ from tautwave.analysis.ports.sampled_loop import LinearEnd, Matrix
 
 
 class RatedEnd(NamedTuple):
-    """An end that moves every `divisor`-th slot of the line.
-
-    `filter_gain` is the step of the wave filter on what it sends, at the line's rate; 1 where
-    there is none, or where it is in the end itself because that runs at the line's rate.
-    """
+    """An end that moves every `divisor`-th slot of the line."""
 
     end: LinearEnd
     divisor: int = 1
-    filter_gain: float = 1.0
 
 
 def common_slots(master: RatedEnd, slave: RatedEnd) -> int:
@@ -40,15 +35,15 @@ def common_slots(master: RatedEnd, slave: RatedEnd) -> int:
 def period_matrix(master: RatedEnd, slave: RatedEnd, samples: int) -> Matrix:
     """Return the state matrix over `common_slots` slots of two ends `samples` slots apart.
 
-    States: master's, slave's, for each the wave held, the sum of the block and the filter's state
-    (all 0 at the line's own rate), then the waves under way to the slave and to the master, oldest
+    States: master's, slave's, for each the wave held and the sum of the block (both 0 at the
+    line's own rate), then the waves under way to the slave and to the master, oldest
     first. Shape (n, n).
     """
     sides = (master, slave)
     sizes = [len(side.end.b) for side in sides]
     begin = (0, sizes[0])
     extra = sizes[0] + sizes[1]
-    lines = extra + 6
+    lines = extra + 4
     x = np.eye(lines + 2 * samples)
     own = [slice(begin[at], begin[at] + sizes[at]) for at in (0, 1)]
     for slot in range(common_slots(master, slave)):
@@ -58,11 +53,10 @@ def period_matrix(master: RatedEnd, slave: RatedEnd, samples: int) -> Matrix:
             if side.divisor == 1:
                 leaving.append(side.end.c @ x[own[at]])
                 continue
-            held, filtered = extra + 3 * at, extra + 3 * at + 2
+            held = extra + 2 * at
             if due[at]:
                 x[held] = side.end.c @ x[own[at]]
-            x[filtered] += side.filter_gain * (x[held] - x[filtered])
-            leaving.append(x[filtered].copy())
+            leaving.append(x[held].copy())
         arriving = [leaving[1], leaving[0]]
         if samples:
             # Rings: the oldest of both ways make place for what enters.
@@ -72,7 +66,7 @@ def period_matrix(master: RatedEnd, slave: RatedEnd, samples: int) -> Matrix:
         for at, side in enumerate(sides):
             wave = arriving[at]
             if side.divisor > 1:
-                block = extra + 3 * at + 1
+                block = extra + 2 * at + 1
                 x[block] += wave / side.divisor
                 if not due[at]:
                     continue

@@ -4,7 +4,7 @@ An *end* is a device with its hand or environment (a mass, a damper, a spring to
 under a held effort) and the controller's site on it. One slot moves the device, closes the
 period, sends one scalar (a wave, or K x + B v of a position coupling), takes the one that
 arrives and decides the next effort. The laws are those of the live loop, run on unit vectors:
-there is no second version of them here. Linear means: the port's energy account is full, nothing
+there is no second version of them here. Linear means: the port's tank is full, nothing
 is clipped, contact does not change, nothing is quantised, nothing is missing.
 
 Positions that no spring ties to ground leave the wave's matrix: its port sees displacements only.
@@ -22,16 +22,11 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.laws.coupler import coupler_effort
-from tautwave.laws.tracked_port import PortParams, port_close, port_effort, track_velocity
-from tautwave.laws.wave_filter import filter_step
+from tautwave.laws.velocity import track_velocity
 from tautwave.models.linear import flow_rows
 
 Matrix = npt.NDArray[np.float64]
 Step = Callable[[list[float], float], tuple[list[float], float]]
-
-FULL = math.inf
-"""Energy account [J] that never limits: the linear regime."""
-
 
 class Device(NamedTuple):
     """What really moves at one end: SI, linear or rotary.
@@ -50,12 +45,14 @@ class Device(NamedTuple):
 class Site(NamedTuple):
     """What the controller of one end believes of it.
 
-    port: constants of `laws.tracked_port`; gain of the velocity tracker (1: plain difference);
-    whole periods and share of a period of the command delay that the driver declares. A local
-    wall with stiffness K [N/m or N m/rad] and damping B, if any, is in contact all the time.
+    period T of the axis [s]; half_mobility: T / (2 mass lower bound); gain of the velocity tracker
+    (1: plain difference); whole periods and share of a period of the command delay that the driver
+    declares. A local wall with stiffness K [N/m or N m/rad] and damping B, if any, is in contact
+    all the time.
     """
 
-    port: PortParams
+    period: float
+    half_mobility: float
     gain: float = 1.0
     delay_periods: int = 0
     late_share: float = 0.0
@@ -106,23 +103,6 @@ class LinearEnd(NamedTuple):
     c: Matrix
     states: tuple[str, ...]
     push: Push | None = None
-
-
-def wave_end(
-    device: Device, site: Site, *, wave_gain: float = 1.0, filter_gain: float = 1.0
-) -> LinearEnd:
-    """Return one end of the wave line.
-
-    Parameters
-    ----------
-    device, site : Device, Site
-        Truth and belief.
-    wave_gain : float
-        Device wave per line wave (scaling), see `tautwave.rig.wave_gain`.
-    filter_gain : float
-        Step of the wave filter on what leaves, see `laws.wave_filter.filter_gain`; 1: none.
-    """
-    return linearise(device, site, lambda step: _WaveStep(step, wave_gain, filter_gain))
 
 
 def position_end(
@@ -206,7 +186,7 @@ class SlotState:
 
     def __init__(self, device: Device, site: Site) -> None:
         self.site = site
-        period = site.port.period
+        period = site.period
         whole = math.floor(device.command_delay + 1e-9)
         late = device.command_delay - whole
         self._parts = [(late, 1), (1.0 - late, 0)] if late > 1e-9 else [(1.0, 0)]
@@ -227,7 +207,7 @@ class SlotState:
 
     def move(self, state: list[float], x: float) -> tuple[float, float]:
         """Move the device by a slot; return displacement and tracked velocity. Changes state."""
-        site, period = self.site, self.site.port.period
+        site, period = self.site, self.site.period
         v, command = state[0], state[1]
         tail = self._tail
         impulse, velocity, acting, acted = state[tail : tail + 4]
@@ -244,17 +224,11 @@ class SlotState:
         state[self._sent] = sent[1:]
         self.moved = x - start
         mean = site.late_share * acted + (1.0 - site.late_share) * sent[0]
-        expected = velocity - site.port.half_mobility * (impulse + mean)
+        expected = velocity - site.half_mobility * (impulse + mean)
         velocity = track_velocity(site.gain, expected, x - start, period)
         state[tail : tail + 4] = [mean, velocity, efforts[0], sent[0]]
         state[2] = mean
         return x - start, velocity
-
-    def coast(self, state: list[float]) -> float:
-        """Return the predicted mean velocity without the port's next effort."""
-        impulse, velocity = state[self._tail], state[self._tail + 1]
-        pending = sum(state[self._sent])
-        return velocity - self.site.port.half_mobility * (impulse + 2.0 * pending)
 
     def under_way(self, state: list[float]) -> float:
         """Return the sum of efforts that act before the next one, each times its periods."""
@@ -282,49 +256,10 @@ class WallState:
         velocity, command, before = state[:3]
         sent = [*state[3:], command]
         acted = site.late_share * before + (1.0 - site.late_share) * sent[0]
-        velocity += site.gain * (moved / site.port.period - velocity)
+        velocity += site.gain * (moved / site.period - velocity)
         effort = site.wall_stiffness * x + site.wall_damping * velocity
         state[:] = [velocity, effort, sent[0], *sent[1:]]
         return acted, effort
-
-
-class _WaveStep:
-    """One slot of a wave end. Extra state: position, gap, waves that belong to commands, filter."""
-
-    def __init__(self, common: SlotState, wave_gain: float, filter_gain: float) -> None:
-        self._common = common
-        self._wave_gain = wave_gain
-        self._filter_gain = filter_gain
-        self._wall = WallState(common.site)
-        self._waves = common.size + 3
-        self._walls = self._waves + common.site.delay_periods + 1
-        self.size = self._walls + self._wall.size
-        self.names = [*common.names, "position", "gap", "filtered_wave"]
-        self.names += [f"wave_{at}" for at in range(common.site.delay_periods + 1)]
-        self.names += self._wall.names
-
-    def __call__(self, state: list[float], arriving: float) -> tuple[list[float], float]:
-        common = self._common
-        port = common.site.port
-        x, gap, filtered = state[common.size : common.size + 3]
-        waves = state[self._waves : self._walls]
-        moved, velocity = common.move(state, x)
-        part = state[self._walls :]
-        acted, wall = self._wall.step(part, x + moved, moved)
-        leaving, _, gap, _, _, _ = port_close(
-            port, FULL, gap, moved, 1.0, velocity, state[2] - acted, waves[0], 0.0
-        )
-        leaving = leaving / self._wave_gain
-        if self._filter_gain < 1.0:
-            filtered, _, _ = filter_step(self._filter_gain, port.period, filtered, leaving)
-            leaving = filtered
-        wave = self._wave_gain * arriving
-        coast = common.coast(state) - port.half_mobility * wall
-        effort, _ = port_effort(port, FULL, coast, wave)
-        state[1] = wall + effort
-        state[common.size : common.size + 3] = [x + moved, gap, filtered]
-        state[self._waves :] = [*waves[1:], wave, *part]
-        return state, leaving
 
 
 class _PositionStep:

@@ -1,12 +1,13 @@
-"""One end of an observed wave line as a linear system: `sampled_loop` with an observer in it.
+"""One end of a wave line as a linear system: `sampled_loop` with observer and wave filter in it.
 
 The tank is full, nothing is clipped: the laws are those of the live loop, run on unit vectors.
 """
 
 from __future__ import annotations
 
+import math
+
 from tautwave.analysis.ports.sampled_loop import (
-    FULL,
     Device,
     LinearEnd,
     Site,
@@ -17,8 +18,11 @@ from tautwave.analysis.ports.sampled_loop import (
 from tautwave.laws.observer import ObserverParams, observe
 from tautwave.laws.port import PortParams, port_close, port_effort
 
+FULL = math.inf
+"""Energy in a tank [J] that never limits: the linear regime."""
 
-def observed_end(
+
+def wave_end(
     device: Device,
     site: Site,
     port: PortParams,
@@ -26,11 +30,21 @@ def observed_end(
     *,
     wave_gain: float = 1.0,
 ) -> LinearEnd:
-    """Return one end of the line; `site` says delay and wall, its own port is not used."""
-    return linearise(device, site, lambda slot: _ObservedStep(slot, port, observer, wave_gain))
+    """Return one end of the line.
+
+    Parameters
+    ----------
+    device, site : Device, Site
+        Truth and belief.
+    port, observer : PortParams, ObserverParams
+        Constants of the laws.
+    wave_gain : float
+        Device wave per line wave (scaling) [1].
+    """
+    return linearise(device, site, lambda slot: _WaveStep(slot, port, observer, wave_gain))
 
 
-class _ObservedStep:
+class _WaveStep:
     """One slot. Extra state: position, the observer's three, the filter, waves of commands."""
 
     def __init__(

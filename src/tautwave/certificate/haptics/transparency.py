@@ -1,6 +1,6 @@
 """What the hand feels through a pair: impedance free, blocked, in contact; Llewellyn's margin.
 
-The pair as it is implemented, in its linear regime: energy accounts full, nothing clipped, local
+The pair as it is implemented, in its linear regime: tanks full, nothing clipped, local
 walls not touched, no samples missing. The devices have the rig's best estimates; absolute stability
 is judged with the lower bounds of mass and damping. The ideal rig is massless: its felt impedance
 is zero when free, infinite when blocked, and in contact that of the environment, in the master's
@@ -243,7 +243,7 @@ def pair_felt(rig: Rig, pair: str, delays: Delays) -> Felt | str:
 def _is_unstable(rig: Rig, pair: str, delays: Delays, ends: Ends) -> bool:
     """Return whether the exact sampled loop is unstable between a hand and an environment."""
     law = registry.load_named(coupling_part(rig).linear)
-    keys, filtered = rig.coupling.pairs[pair], rig.coupling.filter_step(rig.period_s)
+    keys = rig.coupling.pairs[pair]
     loop = []
     for side, (mass, damping, stiffness) in zip(SIDES, ends, strict=True):
         if rig.axes[f"{side}.{pair}"].inertia is None:
@@ -252,7 +252,7 @@ def _is_unstable(rig: Rig, pair: str, delays: Delays, ends: Ends) -> bool:
         held = device._replace(
             mass=device.mass + mass, damping=device.damping + damping, stiffness=stiffness
         )
-        loop.append(law(keys, side, held, site, filtered))
+        loop.append(law(keys, side, held, site))
     return least_damped(loop[0], loop[1], rig.delay_samples, rig.period_s).radius > 1.0 + STABLE
 
 

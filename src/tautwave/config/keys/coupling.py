@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
     AfterValidator,
@@ -82,9 +82,6 @@ class Pair(Block):
         description="[rad | m, master] Greatest mismatch at which the coupling engages; "
         "required when `offset` is a number.",
     )
-    drift_time_s: Positive = Field(
-        default=0.05, description="[s] Time constant of the position drift correction."
-    )
     wall_master: Wall | None = Field(default=None, description="Local wall at the master.")
     wall_slave: Wall | None = Field(default=None, description="Local wall at the slave.")
 
@@ -129,14 +126,6 @@ class Coupling(Block):
     def problems(self, rate_hz: float) -> Sequence[tuple[str, str]]:
         """Return keys that do not fit the rate [Hz], each with a message."""
         return ()
-
-    def at_axis_rate(self) -> Self:
-        """Return the coupling as seen by an end on a slow bus, without what acts on the line."""
-        return self
-
-    def filter_step(self, period_s: float) -> float:
-        """Return the coefficient of the line's low-pass [1] at a period [s]; 1 without one."""
-        return 1.0
 
 
 def _refuse_law(name: str) -> str:

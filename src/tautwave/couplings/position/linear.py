@@ -7,9 +7,7 @@ from tautwave.couplings.position.from_keys import coupler_constants
 from tautwave.couplings.position.keys import PositionPair
 
 
-def linear_end(
-    pair: PositionPair, side: str, device: Device, site: Site, filter_gain: float
-) -> LinearEnd:
+def linear_end(pair: PositionPair, side: str, device: Device, site: Site) -> LinearEnd:
     """Return the end at one side; it sends its position, weighed as the far side will."""
     ratio = float(pair.sign) * pair.position_scale
     far, back = ("slave", ratio) if side == "master" else ("master", 1.0 / ratio)

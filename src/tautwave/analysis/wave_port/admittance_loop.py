@@ -1,6 +1,6 @@
 """An admittance end (takes velocity, measures effort) of a wave line, as it is implemented.
 
-Counterpart of `tautwave.analysis.ports.sampled_loop.wave_end`: the drive follows a held velocity
+Counterpart of `tautwave.analysis.wave_port.port_loop.wave_end`: the drive follows a held velocity
 with a first-order lag (0: at once), against a spring and damper to ground and a mass that rides on
 it. The law is `tautwave.laws.admittance`, run on unit vectors. Source: written here.
 """
@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tautwave.analysis.ports.sampled_loop import FULL, LinearEnd, Push
+from tautwave.analysis.ports.sampled_loop import LinearEnd, Push
+from tautwave.analysis.wave_port.port_loop import FULL
 from tautwave.laws.admittance import AdmittanceParams, admittance_velocity
-from tautwave.laws.tracked_port import PortParams, port_close
-from tautwave.laws.wave_filter import filter_step
+from tautwave.laws.port import PortParams, port_close
 
 
 class Outside(NamedTuple):
@@ -38,10 +38,9 @@ def admittance_end(
     *,
     delay_periods: int = 0,
     wave_gain: float = 1.0,
-    filter_gain: float = 1.0,
 ) -> LinearEnd:
     """Return one end of the wave line; arguments as in `wave_end`, `port` from `rigid_port`."""
-    step = _Step(outside, port, law, delay_periods, wave_gain, filter_gain)
+    step = _Step(outside, port, law, delay_periods, wave_gain)
     size = len(step.names)
     a, b, c = np.zeros((size, size)), np.zeros(size), np.zeros(size)
     for at in range(size):
@@ -66,13 +65,12 @@ class _Step:
         law: AdmittanceParams,
         delay: int,
         wave_gain: float,
-        filter_gain: float,
     ) -> None:
         self._outside, self._port, self._law = outside, port, law
-        self._gains = wave_gain, filter_gain
-        self._commands = slice(4, 5 + delay)
-        self._waves = slice(5 + delay, 6 + 2 * delay)
-        self.names = ["position", "velocity", "gap", "filtered_wave"]
+        self._wave_gain = wave_gain
+        self._commands = slice(3, 4 + delay)
+        self._waves = slice(4 + delay, 5 + 2 * delay)
+        self.names = ["position", "velocity", "filtered_wave"]
         self.names += [f"command_{at}" for at in range(delay + 1)]
         self.names += [f"wave_{at}" for at in range(delay + 1)]
         period, lag = port.period, outside.lag
@@ -82,7 +80,7 @@ class _Step:
 
     def __call__(self, state: list[float], arriving: float) -> tuple[list[float], float]:
         port, law, outside = self._port, self._law, self._outside
-        x, v, gap, filtered = state[:4]
+        x, v, filtered = state[:3]
         commands, waves = state[self._commands], state[self._waves]
         acting = commands[0]
         moved = acting * port.period + (v - acting) * self._drag
@@ -90,15 +88,10 @@ class _Step:
         pushing = (acting - v) / outside.lag if outside.lag > 0.0 else 0.0
         effort = -outside.stiffness * x - outside.damping * v - outside.mass * pushing
         effort += self.outside
-        leaving, _, gap, _, _, _ = port_close(
-            port, FULL, gap, moved, 1.0, moved / port.period, effort, waves[0], 0.0
+        leaving, _, _, filtered, _, _, _ = port_close(
+            port, FULL, 0.0, filtered, moved, moved, 1.0, effort, waves[0], 0.0, False
         )
-        wave_gain, filter_gain = self._gains
-        leaving = leaving / wave_gain
-        if filter_gain < 1.0:
-            filtered, _, _ = filter_step(filter_gain, port.period, filtered, leaving)
-            leaving = filtered
-        wave = wave_gain * arriving
+        wave = self._wave_gain * arriving
         velocity = admittance_velocity(law, effort, wave, sum(commands[1:]), 0.0, 0.0, 0.0)
-        after = [x, v, gap, filtered, *commands[1:], velocity, *waves[1:], wave]
-        return after, leaving
+        after = [x, v, filtered, *commands[1:], velocity, *waves[1:], wave]
+        return after, leaving / self._wave_gain
