@@ -337,7 +337,8 @@ class CouplingPlugin(NamedTuple):
     `CouplingVerdict` of `tautwave.certificate.data`, or only its `pair_elements`; without one
     nothing is ever certified. `messages` is a `CouplingMessages` of `tautwave.wording`. `carries`
     says what the sides exchange: `waves`, or `states` (position and velocity). `divisors`: either
-    side may be on a slower bus; `causalities`: of the axes that it can drive.
+    side may be on a slower bus; `causalities`: of the axes that it can drive; `observes`: its ends
+    make no use of an axis' velocity filter.
 
     `claim(rig, axis_name, delays)` is the energy [J] that an end may deliver in a run as its
     encoder sees it, fixed before the run.
@@ -351,6 +352,7 @@ class CouplingPlugin(NamedTuple):
     carries: str = "states"
     divisors: bool = False
     causalities: tuple[str, ...] = ("impedance",)
+    observes: bool = False
     linear: Any = ""
     verdict: Any = ""
     messages: Any = ""

@@ -1,4 +1,6 @@
-"""Format versions of the files that outlive a run. A file without a version is of version 1.
+"""Format versions of the files that outlive a run.
+
+A recording without a version is of version 1, a rig file of the newest.
 
 Raise a version when the meaning of a file's content changes, or when the previous reader cannot
 read it; a new key with a default does not need it. Keep reading older versions, or say here what to
@@ -7,8 +9,13 @@ do with them.
 
 from __future__ import annotations
 
-RIG = 1
-"""Rig files, `rig.yaml` of a run among them: key `format`."""
+RIG = 2
+"""Rig files, `rig.yaml` of a run among them: key `format`.
+
+2: the ports of law wave filter and observe, so `coupling.wave_filter_hz` is a key of each pair,
+`drift_time_s` is gone, and so is `velocity_filter_s` where nothing else reads it. A file of version
+1 is read if it has none of them; else each is refused with its replacement.
+"""
 
 RECORDING = 1
 """`recording.mcap`: key `format` of the metadata `tautwave`."""

@@ -8,8 +8,10 @@ from typing import Any, NamedTuple
 from tautwave.laws.admittance import admittance_params, admittance_velocity
 from tautwave.laws.coupler import coupler_effort
 from tautwave.laws.limit import LimitParams, guard_axis, limit_effort, share_effort
+from tautwave.laws.observer import observe, observer_params
+from tautwave.laws.port import port_close, port_effort, port_params
 from tautwave.laws.site import SiteParams, limit_site, limit_velocity, render_wall
-from tautwave.laws.tracked_port import port_close, port_effort, port_params, track_velocity
+from tautwave.laws.velocity import track_velocity
 from tautwave.laws.wall import WallParams, control_wall, wall_depth, wall_effort, wall_loss
 from tautwave.laws.wave_filter import filter_step
 from tautwave.models.encoder import quantise
@@ -34,7 +36,8 @@ class Call(NamedTuple):
 WALL = WallParams(0.1, 1.0, 3.0, 4e-4, controlled=False)
 CONTROLLED = WALL._replace(controlled=True)
 LIMIT = LimitParams(1.1, 0.5, 0.0, 15.0, -0.5, 0.5, 2e-3)
-PORT = port_params(T, B, 1e-3, matched=False, drift_time=0.05, allowance=1e-9)
+PORT = port_params(T, B, 1e-3, filter_gain=0.4, reserve=0.01, leak=1e-9)
+OBSERVER = observer_params(T, 1e-3, 0.5)
 ADMITTANCE = admittance_params(T, B, 2.0, 0)
 SITE = SiteParams(T, PORT.half_mobility, WALL, LIMIT, 1.0, 0.0, has_wall=False)
 WALLED = SITE._replace(has_wall=True)
@@ -45,8 +48,14 @@ REST = (0.0, 0.0, 0.0, 0.0)
 
 LAWS = (
     Call("track_velocity", track_velocity, (0.5, 0.4, 4e-4, T), 1),
-    Call("port_effort", port_effort, (PORT, 1e-4, 0.4, 0.05), 2),
-    Call("port_close", port_close, (PORT, 1e-4, 1e-6, 4e-4, 1.0, 0.4, 0.01, 0.05, 1e-6), 5),
+    Call("observe", observe, (OBSERVER, 0.1, 0.4, 1.0, 0.1004, 0.01, 1.0), 2),
+    Call("port_effort", port_effort, (PORT, 1e-4, 0.4, 1.0, 0.0, 0.05), 2),
+    Call(
+        "port_close",
+        port_close,
+        (PORT, 1e-4, 1e-6, 0.05, 4e-4, 4e-4, 1.0, 0.01, 0.05, 1e-6, False),
+        4,
+    ),
     Call("wall_depth", wall_depth, (WALL, 0.11), 1),
     Call("wall_effort", wall_effort, (WALL, 0.01, 0.4), 1),
     Call("wall_loss", wall_loss, (WALL, 0.03, 4e-4, 0.0096, 0.01), 1),

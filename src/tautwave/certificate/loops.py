@@ -134,9 +134,7 @@ def _mode(
     if samples > LONG and coupling_verdict(rig).contracting and _small_gain(ends):
         return LoopCase(where, bound, True, math.nan, math.nan, math.nan)
     if max(divisors) > 1:
-        one, two = (
-            RatedEnd(end, n) for end, n in zip(ends, divisors, strict=True)
-        )
+        one, two = (RatedEnd(end, n) for end, n in zip(ends, divisors, strict=True))
         mode = least_damped_rated(one, two, samples, rig.period_s)
     else:
         mode = least_damped(*ends, samples, rig.period_s)

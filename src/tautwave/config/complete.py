@@ -17,6 +17,7 @@ from tautwave.config.text.document import Document, show_path
 from tautwave.config.text.yaml12 import KeyPath
 from tautwave.contracts import AxisFacts, DriverPlugin
 from tautwave.errors import ConfigError
+from tautwave.registry import load_coupling
 
 
 def complete_rig(
@@ -111,7 +112,8 @@ def _check_counts(document: Document, rig: Rig) -> None:
             unit = "rad/s" if axis.kind == "rotary" else "m/s"
             period = rig.axis_period_s(name)
             remedy = "a slower rate or a finer encoder"
-            if axis.causality == "impedance":
+            observes = rig.scene is None and load_coupling(rig.coupling.law).observes
+            if axis.causality == "impedance" and not observes:
                 needed = quantum / axis.velocity_limit - period
                 remedy = f"a velocity_filter_s of {1.01 * needed:.2g} s or more, {remedy}"
             problems.append(

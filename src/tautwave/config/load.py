@@ -13,6 +13,7 @@ from tautwave.config.complete import complete_rig
 from tautwave.config.inputs.file_parts import name_file_parts, name_option_files
 from tautwave.config.keys.rig import Rig
 from tautwave.config.messages import unknown_key, validate
+from tautwave.config.older import take_older
 from tautwave.config.pieces import take_apart
 from tautwave.config.text.document import Document, open_document, read_text
 from tautwave.config.text.overrides import apply_overrides
@@ -76,6 +77,7 @@ def finish_rig(document: Document, path: Path, overrides: Sequence[str] = ()) ->
         Anything is wrong.
     """
     _check_format(document)
+    take_older(document)
     apply_overrides(document, overrides)
     name_file_parts(document)
     name_option_files(document)

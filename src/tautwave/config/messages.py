@@ -11,6 +11,7 @@ from pydantic import BaseModel, ValidationError
 
 from tautwave.config.keys.common import Block
 from tautwave.config.keys.coupling import laws_with
+from tautwave.config.older import replaced_key
 from tautwave.config.places import Place, locate, tags
 from tautwave.config.text.document import Document, nearest, open_document, show_value
 from tautwave.config.text.yaml12 import KeyPath, read_scalar
@@ -134,9 +135,9 @@ def _sentence(document: Document, place: Place, error: Any) -> tuple[KeyPath, st
     value = path[-1] if of_key else document.get(path)
     got = f" (got {show_value(value)})"
     if kind == "extra_forbidden" and place.owner is not None:
-        return path, _foreign_key(str(path[-1]), place.owner) or unknown_key(
-            str(path[-1]), place.owner
-        )
+        word = str(path[-1])
+        text = replaced_key(word, place.owner) or _foreign_key(word, place.owner)
+        return path, text or unknown_key(word, place.owner)
     if kind == "missing":
         if path and isinstance(path[-1], int):
             count = len(document.get(path[:-1]) or ())

@@ -11,14 +11,23 @@ Re(-q**(d+1) / (1 - q)) = 1/2 + sum_1^d cos(i theta) >= 1/2 - d, hence the extra
 max(0, d - 1/2) makes the port passive for any external stiffness up to Kh. Nothing is claimed
 beyond it, and nothing at all without Kh. An external *damper* B is not covered: its effort is also
 one sample old, and with B of the order of b the loop is active, then unstable. The device is
-assumed to reach the commanded velocity within the period. The energy at this port rests on sampled
-efforts: it is an interval.
+assumed to reach the commanded velocity within the period.
+
+The books of a period are those of `laws.port.port_close`: the mean of two sampled efforts times the
+measured displacement enters the tank, the wave of that displacement is paid from it. With D the
+plain divisor b, a period changes the tank by T v (F_k - F_k-1): the effort's change while the
+command was under way. Over a swing of velocity that sums up to a share of b T v**2 per period of
+age, which is the reserve E0 = b T (1 + d) v_max**2. Below -E0 the run stops, so the port gives out
+at most 2 E0 + P t + F_max v_max T (1 + d), as encoder and force sensor see it. What the effort did
+between its samples nobody sees: true energy is an interval about that.
 """
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
+
+from tautwave.laws.port import PortParams, port_params
 
 
 class AdmittanceParams(NamedTuple):
@@ -87,3 +96,32 @@ def admittance_velocity(
     """
     drive = effort - p.stiffness * p.period * pending + p.root * arriving - wall_push
     return drive / (p.divisor + wall_damping + 0.5 * wall_stiffness * p.period)
+
+
+def rigid_port(
+    period: float, impedance: float, *, filter_gain: float, reserve: float, leak: float
+) -> PortParams:
+    """Return the constants with which `port_close` closes an admittance port; nothing is predicted.
+
+    Arguments are those of `laws.port.port_params`.
+    """
+    return port_params(
+        period, impedance, math.inf, filter_gain=filter_gain, reserve=reserve, leak=leak
+    )
+
+
+def effort_leak(period: float, impedance: float, position: float, effort: float) -> float:
+    """Return what errors of the samples send away in waves [W], whatever their colour.
+
+    An error of the effort moves the drive by error / b and leaves as a wave of twice that energy;
+    one of the position changes sign from sample to sample at worst.
+
+    Parameters
+    ----------
+    period, impedance : float
+        T [s] and b of the port.
+    position, effort : float
+        What a sample may be off [rad or m], [N m or N].
+    """
+    moved = 2.0 * position / period
+    return impedance * moved * moved + effort * effort / impedance

@@ -2,12 +2,10 @@
 
 Every element has to be passive only together with its device, so adding up each element's own worst
 moment says little. The energy of all motors together, net and at the worst moment, is one number;
-it is compared with the greatest debt of the ports' accounts.
+it is compared with what the ports claim.
 """
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
@@ -50,38 +48,18 @@ def motor_energy(run: Run, pair: str) -> dict[str, float]:
 def stated_debt(run: Run, pair: str) -> float | None:
     """Return the greatest energy [J] that a wave pair may have delivered by its certificate.
 
-    What its ends claim, where their law does. Else the sum of both ports' `port_debt` at the speed
-    and flow of the run, and what each could deliver before it let go; the allowance for encoders;
-    energy that walls held at the start, or created and the device's damping dissipated; and the
-    uncertainty of the books. None for other couplings.
+    What its ends claim, and energy that walls held at the start, or created and the device's
+    damping dissipated. None where the law claims nothing.
     """
     own = block(run.summary, "pairs", pair)
-    rates, claims = block(own, "port_debt"), block(own, "claim_j")
-    if not rates and not claims:
+    claims = block(own, "claim_j")
+    if not claims:
         return None
     debt = 0.0
     for side in SIDES:
         weight = 1.0 if side == "master" else 1.0 / (number(own.get("power_ratio")) or 1.0)
-        if claims:
-            debt += weight * (number(claims.get(side)) or 0.0) + _wall(run, pair, side, weight)
-            continue
-        debt += _port(run, f"{side}.{pair}", block(rates, side), weight)
-        forgiven = _last(run, f"{pair}.port_{side}.dissipated")
-        debt += max(0.0, -forgiven) + _wall(run, pair, side, weight)
+        debt += weight * (number(claims.get(side)) or 0.0) + _wall(run, pair, side, weight)
     return debt
-
-
-def _port(run: Run, axis: str, rates: dict[str, Any], weight: float) -> float:
-    served = served_rows(run, axis)
-    names = (f"{axis}.port_energy", f"{axis}.gross_flow")
-    read = run.read(*names)
-    energy = read[names[0]][served]
-    flow = float(read[names[1]][-1]) if names[1] in read else 0.0
-    fastest = float(np.max(_speeds(run, axis), initial=0.0))
-    debt = weight * float(rates["per_speed_squared"]) * fastest**2 + float(rates["per_flow"]) * flow
-    exchanges = int(rates["exchanges"])
-    until = float(np.max(energy[:-exchanges] - energy[exchanges:], initial=0.0))
-    return debt + until + max(0.0, _last(run, f"{axis}.uncertainty"))
 
 
 def _steps(run: Run, axis: str) -> tuple[Floats, Floats]:
@@ -97,11 +75,6 @@ def _steps(run: Run, axis: str) -> tuple[Floats, Floats]:
     return np.diff(position[good]), np.diff(slots[good]) / run.rate_hz
 
 
-def _speeds(run: Run, axis: str) -> Floats:
-    moved, time = _steps(run, axis)
-    return np.asarray(np.abs(moved) / time)
-
-
 def _wall(run: Run, pair: str, side: str, weight: float) -> float:
     names = (f"{pair}.wall_{side}.absorbed", f"{pair}.wall_{side}.stored")
     read = run.read(*names)
@@ -112,8 +85,3 @@ def _wall(run: Run, pair: str, side: str, weight: float) -> float:
     moved, time = _steps(run, f"{side}.{pair}")
     damping = number(block(run.rig, side, "axes", pair, "damping").get("lower")) or 0.0
     return held + min(created, weight * damping * float(np.sum(moved**2 / time)))
-
-
-def _last(run: Run, column: str) -> float:
-    values = run.read(column).get(column)
-    return 0.0 if values is None or not len(values) else float(np.nan_to_num(values[-1]))

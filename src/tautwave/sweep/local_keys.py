@@ -41,7 +41,7 @@ _REACH: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
         ((DEVICE, "{side}.{name}"),),
     ),
     (
-        rf"coupling\.pairs\.{_NAME}\.(?P<field>wave_impedance|stiffness|damping|drift_time_s)",
+        rf"coupling\.pairs\.{_NAME}\.(?P<field>wave_impedance|stiffness|damping)",
         ((AXIS, "master.{name}"), (AXIS, "slave.{name}"), (PAIR, "{name}")),
     ),
     (

@@ -73,9 +73,7 @@ def rated_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[RatedEnd,
     """Return both ends of a pair with their rates; see `pair_ends`."""
     ends = pair_ends(rig, name, contact=contact)
     divisors = [rig.axis_divisor(f"{side}.{name}") for side in ("master", "slave")]
-    one, two = (
-        RatedEnd(end, n) for end, n in zip(ends, divisors, strict=True)
-    )
+    one, two = (RatedEnd(end, n) for end, n in zip(ends, divisors, strict=True))
     return one, two
 
 

@@ -28,6 +28,7 @@ from tautwave.models.linear import flow_rows
 Matrix = npt.NDArray[np.float64]
 Step = Callable[[list[float], float], tuple[list[float], float]]
 
+
 class Device(NamedTuple):
     """What really moves at one end: SI, linear or rotary.
 

@@ -115,7 +115,7 @@ def groups() -> Iterator[Group]:
             (
                 f"rate_hz={rate}",
                 f"duration_s={max(0.1, min(10.0, 2e4 / rate))!r}",
-                "coupling.wave_filter_hz=null",
+                "coupling.pairs.lever.wave_filter_hz=null",
                 "coupling.delay_s=0.1",
             )
             for rate in rates

@@ -12,7 +12,7 @@ from tautwave.bench.chunks import Work
 from tautwave.contracts import CoupledAxis
 from tautwave.controller.axis import close_axis, pass_slot, start_axis, think_axis
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
-from tautwave.controller.steps import Law, Steps
+from tautwave.controller.steps import Law, NoParams, Steps
 from tautwave.laws.site import SiteParams
 from tautwave.models.encoder import quantise
 from tautwave.registry import load_coupling, load_named
@@ -34,7 +34,7 @@ class SiteCase(NamedTuple):
 def cases() -> tuple[SiteCase, ...]:
     """Return every kind of axis that the shipped couplings hold."""
     wave, position = (load_named(load_coupling(name).law) for name in ("wave", "position"))
-    axis = CoupledAxis(T, 1.0, 1e-3, 0.0, 0.0, 0, 2.0)
+    axis = CoupledAxis(T, 1.0, 1e-3, 0.0, 0.0, 0, 2.0, velocity_limit=15.0)
     port = _end("wave", {"wave_impedance": B}, axis)
     servo = _end("wave", {"wave_impedance": B}, axis._replace(inertia=None))
     spring = _end("position", {"stiffness": 1.0, "damping": 5e-3}, axis)
@@ -94,19 +94,12 @@ def _axis(case: SiteCase) -> Bench:
     )
     q = PairParams(
         0, 1, False, False, 1.0, 1.0, 1.0, 1.0, 1.0, site.period, 0.5 * site.period, 0.0, 1.0, 0, 0,
-        WaveLinkLike(False, 1.0),
+        NoParams(),
     )  # fmt: skip
     one, two = AxisState(end=law.end()), AxisState(end=law.end())
     start_axis(one, p, POSITIONS[0], 0.0)
     start_axis(two, p, POSITIONS[0], 0.0)
     return Bench(PairState(link=law.link()), q, one, two, p, law.steps)
-
-
-class WaveLinkLike(NamedTuple):
-    """Constants of a link without a filter."""
-
-    filtered: bool
-    filter_gain: float
 
 
 def _close(b: Bench, position: float) -> None:

@@ -128,6 +128,8 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
             (*path, "causality"),
             f"{_word(parts)} drives axes that take {takes} only; use law wave, or an {kind} axis",
         )
+    if part is not None and part.observes and axis.velocity_filter_s > 0.0:
+        _check_filter(document, parts, side, name, axis)
     if axis.causality == "impedance":
         if axis.inertia is None:
             document.report((*path, "inertia"), "required key is missing (impedance axis)")
@@ -153,6 +155,20 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
                     f"required key is missing (bus {axis.bus!r} moves motors, so every limit "
                     "has to be given)",
                 )
+
+
+def _check_filter(document: Document, parts: Parts, side: str, name: str, axis: Axis) -> None:
+    """Note a velocity filter that nothing uses."""
+    pair = (parts.pairs or {}).get(name)
+    wall = None if pair is None else getattr(pair, f"wall_{side}")
+    reads = wall is not None and (wall.damping > 0.0 or wall.passivity_control)
+    if reads and axis.causality == "impedance":
+        return
+    document.report(
+        (side, "axes", name, "velocity_filter_s"),
+        f"nothing reads it here: the ports of {_word(parts)} observe the velocity themselves, "
+        f"see coupling.pairs.{name}.pole_{side}; remove it",
+    )
 
 
 def _check_coupling(document: Document, parts: Parts) -> None:

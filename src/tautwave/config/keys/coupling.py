@@ -128,8 +128,14 @@ class Coupling(Block):
         return ()
 
 
+RENAMED = {"observed_wave": "wave"}
+"""Laws that have another name now."""
+
+
 def _refuse_law(name: str) -> str:
     text = unknown_word("law", name, registry.coupling_names())
+    if name in RENAMED:
+        text = f"law {name} is law {RENAMED[name]} now; write law: {RENAMED[name]}"
     if name in registry.coupling_names() or registry.is_file_part(name):
         try:
             registry.load_named(registry.load_coupling(name).keys)

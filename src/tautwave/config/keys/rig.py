@@ -42,7 +42,8 @@ class Rig(Block):
     """
 
     format: Annotated[int, Field(ge=1, le=formats.RIG)] = Field(
-        default=formats.RIG, description="Version of the rig file's keys; 1 where it is left out."
+        default=formats.RIG,
+        description="Version of the rig file's keys; the newest where it is left out.",
     )
     name: Annotated[str, Field(min_length=1)] = Field(description="Title of the report.")
     rate_hz: Annotated[float, Field(gt=0, le=1e6)] = Field(description="[Hz] Cycles per second.")

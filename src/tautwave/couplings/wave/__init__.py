@@ -1,19 +1,20 @@
-"""Law observed_wave: a wave line whose ports hold a force under noise and claim joules they keep.
+"""Law wave: a transmission line between two ports, passive at any constant delay.
 
-An observer in place of the velocity filter, the wave filter inside the port, and a tank with a
-reserve; see `tautwave.laws.port`.
+Its ports hold a force under noise and claim joules that they keep, see `tautwave.laws.port`. Bus
+dividers are allowed (rate converters), and axes that take velocity.
 """
 
 from tautwave.contracts import CouplingPlugin
 
 plugin = CouplingPlugin(
-    summary="transmission line between observed ports: holds under noise, claims its joules",
+    summary="transmission line between ports that claim joules, passive at any constant delay",
     keys="tautwave.couplings.wave.keys:WaveCoupling",
     law="tautwave.couplings.wave.steps:law",
     end_constants="tautwave.couplings.wave.from_keys:end_constants",
     carries="waves",
     divisors=True,
-    causalities=("impedance",),
+    causalities=("impedance", "admittance"),
+    observes=True,
     linear="tautwave.couplings.wave.linear:linear_end",
     verdict="tautwave.couplings.wave.verdict:verdict",
     claim="tautwave.couplings.wave.claim:claimed_joules",

@@ -1,4 +1,4 @@
-"""What an end of an observed pair may give out, in joules known before the run.
+"""What an end of a wave pair may give out, in joules known before the run.
 
 Two lines. *Seen*: as the encoder sees it, for any device, hand, noise and colour, 2 E0 + W + P t.
 *True*: if the declared noise is true. E0 is the reserve, W what commands under way can give within
@@ -12,6 +12,10 @@ ramp on which `effort_rate_limit` lets a stop take the effort away. A longer sta
 drive's watchdog, a blow from outside during one is not covered, and the claim ends where a stop
 begins.
 
+An axis that takes velocity stops at once and is driven by nothing but its command; the greatest
+effort that it meets is believed to be its `effort_limit`. What its effort did between two samples
+is not seen: there the claim is of energy as encoder and force sensor see it.
+
 Source: derived here; see `tautwave.laws.port` and `analysis.wave_port.sensor_noise`.
 """
 
@@ -22,7 +26,12 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from tautwave.config import Rig
-from tautwave.couplings.wave.from_keys import declared_noise, observer_of, port_impedance
+from tautwave.couplings.wave.from_keys import (
+    declared_noise,
+    observer_of,
+    port_impedance,
+    servo_port,
+)
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.laws.port import port_reserve
 from tautwave.rig import coupled_axis
@@ -88,11 +97,33 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
     side = axis_name.split(".")[0]
     axis, pair = rig.axes[axis_name], rig.coupling.pairs[axis_name.split(".")[1]]
     assert isinstance(pair, WavePair)
-    assert axis.inertia is not None
     for key in ("velocity_limit", "effort_rate_limit"):
-        if getattr(axis, key) is None:
+        if getattr(axis, key) is None and (axis.inertia is not None or key == "velocity_limit"):
             return key
     known = coupled_axis(rig, axis_name, delays[axis_name])
+    blind = (
+        1.0
+        + known.delay
+        + known.late
+        + rig.loop.missing_limit
+        + math.ceil(rig.loop.overrun_limit / rig.axis_divisor(axis_name))
+    )
+    if axis.inertia is None:
+        port = servo_port(pair, side, known)
+        return Claim(
+            reserve=port.reserve,
+            leak=port.leak / port.period,
+            feigned=0.0,
+            effort=axis.effort_limit,
+            rate=math.inf,
+            velocity=known.velocity_limit,
+            period=known.period,
+            blind=blind,
+            mass=math.inf,
+            deviation=axis.position_noise,
+            quantum=axis.encoder_quantum,
+            kinetic=0.0,
+        )
     observer = observer_of(pair, side, known.period, axis.inertia.lower)
     noise = declared_noise(pair, side, known)
     late = known.delay + known.late
@@ -110,10 +141,7 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
         rate=axis.effort_rate_limit or 0.0,
         velocity=known.velocity_limit,
         period=known.period,
-        blind=1.0
-        + late
-        + rig.loop.missing_limit
-        + math.ceil(rig.loop.overrun_limit / rig.axis_divisor(axis_name)),
+        blind=blind,
         mass=axis.inertia.lower,
         deviation=axis.position_noise,
         quantum=axis.encoder_quantum,
@@ -125,3 +153,21 @@ def claimed_joules(rig: Rig, axis_name: str, delays: Delays) -> float:
     """Return what an end may give out in a run, as its encoder sees it [J]; inf: no claim."""
     claim = claim_of(rig, axis_name, delays)
     return claim.seen(rig.duration_s) if isinstance(claim, Claim) else math.inf
+
+
+def claimed_sentence(axis_name: str, claim: Claim, seconds: float) -> str:
+    """Return what an end may give out in a run, as a sentence."""
+    seen, true = _joules(claim.seen(seconds)), _joules(claim.true(seconds))
+    return (
+        f"{axis_name} port: whatever moves it, in {seconds:g} s it gives out at most {seen} as "
+        f"its encoder sees it (reserve {_joules(claim.reserve)} twice, {_joules(claim.under_way)} "
+        f"under way, {1e3 * claim.leak:.3g} mW), {true} in truth if the declared noise is true; at "
+        f"its velocity limit the device has {_joules(claim.kinetic)}."
+    )
+
+
+def _joules(value: float) -> str:
+    for factor, unit in ((1.0, "J"), (1e-3, "mJ"), (1e-6, "uJ")):
+        if value >= factor:
+            return f"{value / factor:.3g} {unit}"
+    return f"{value / 1e-9:.3g} nJ"

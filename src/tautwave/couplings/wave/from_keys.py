@@ -1,4 +1,4 @@
-"""From the keys of an observed pair to the constants of its ports, SI of each device."""
+"""From the keys of a wave pair to the constants of its ports, SI of each device."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from tautwave.contracts import CoupledAxis
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.records import WaveEndParams
 from tautwave.errors import ConfigError
+from tautwave.laws.admittance import admittance_params, effort_leak, rigid_port
 from tautwave.laws.observer import ObserverParams, observer_params, plain_observer
 from tautwave.laws.port import PortParams, port_params, port_reserve
-from tautwave.laws.wave_filter import filter_gain
 
 WATCHED_S = 1.0
 """Time over which the share of periods with an empty tank is taken [s]."""
@@ -46,9 +46,8 @@ def bare_port(
         port_impedance(pair, side),
         mass,
         delay=delay,
-        matched=pair.matched_master if side == "master" else pair.matched_slave,
-        filter_gain=filter_gain(pair.wave_filter_hz, period),
-        drift_time=pair.drift_time_s,
+        matched=pair.is_matched(side),
+        filter_gain=pair.filter_step(period),
         reserve=reserve,
         leak=leak,
     )
@@ -72,34 +71,56 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
         The axis has no velocity limit, so that nothing can be claimed, or the wave filter's corner
         is above half its rate.
     """
-    assert axis.inertia is not None
     if math.isinf(axis.velocity_limit):
         raise ConfigError(
-            f"law observed_wave: the {side}'s axis has no velocity_limit, and without one nothing "
-            "bounds what its port may give out; give its greatest safe velocity"
+            f"law wave: the {side}'s axis has no velocity_limit, and without one nothing bounds "
+            "what its port may give out; give its greatest safe velocity"
         )
-    if pair.wave_filter_hz > 0.5 / axis.period:
+    if pair.wave_filter_hz is not None and pair.wave_filter_hz > 0.5 / axis.period:
         raise ConfigError(
-            f"law observed_wave: wave_filter_hz {pair.wave_filter_hz:g} is above half the rate of "
-            f"the {side}'s bus, {0.5 / axis.period:g} Hz; lower it"
+            f"law wave: wave_filter_hz {pair.wave_filter_hz:g} is above half the rate of the "
+            f"{side}'s bus, {0.5 / axis.period:g} Hz; lower it"
         )
-    delay = axis.delay + axis.late
-    observer = observer_of(pair, side, axis.period, axis.inertia)
-    reserve = port_reserve(
-        port_impedance(pair, side),
-        axis.period,
-        delay,
-        observer.velocity * axis.period,
-        axis.velocity_limit,
-    )
-    leak = declared_noise(pair, side, axis).lost * axis.period
+    impedance = port_impedance(pair, side)
+    if axis.inertia is None:
+        port = servo_port(pair, side, axis)
+        observer = plain_observer(axis.period, 1.0)
+    else:
+        leak = declared_noise(pair, side, axis).lost * axis.period
+        delay = axis.delay + axis.late
+        observer = observer_of(pair, side, axis.period, axis.inertia)
+        reserve = port_reserve(
+            impedance,
+            axis.period,
+            delay,
+            observer.velocity * axis.period,
+            axis.velocity_limit,
+        )
+        port = bare_port(pair, side, axis.period, axis.inertia, delay, reserve=reserve, leak=leak)
     return WaveEndParams(
-        port=bare_port(pair, side, axis.period, axis.inertia, delay, reserve=reserve, leak=leak),
+        port=port,
         observer=observer,
+        admittance=admittance_params(axis.period, impedance, axis.outside_stiffness, axis.delay),
         wave=pair.wave_gain(side),
         quantum=1.001 * axis.effort_quantum + 1e-12,
         late=axis.late,
         delay=axis.delay,
         watch=axis.period / WATCHED_S,
         limp=LIMP_SHARE,
+    )
+
+
+def servo_port(pair: WavePair, side: str, axis: CoupledAxis) -> PortParams:
+    """Return the port of an axis that takes velocity: what closes it, with reserve and leak."""
+    impedance = port_impedance(pair, side)
+    error = axis.position_noise + 0.5 * axis.encoder_quantum
+    leak = effort_leak(axis.period, impedance, error, 0.5 * axis.effort_quantum)
+    return rigid_port(
+        axis.period,
+        impedance,
+        filter_gain=pair.filter_step(axis.period),
+        reserve=port_reserve(
+            impedance, axis.period, axis.delay + axis.late, 1.0, axis.velocity_limit
+        ),
+        leak=leak * axis.period,
     )

@@ -11,6 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from tautwave.config.keys.common import Name, Positive
 from tautwave.config.keys.coupling import Coupling, Pair
+from tautwave.laws.wave_filter import filter_gain
 
 
 def _check_pole(value: Any) -> Any:
@@ -32,9 +33,10 @@ class WavePair(Pair):
     )
     matched_master: bool = Field(default=False, description="Matching damper at the master's end.")
     matched_slave: bool = Field(default=False, description="Matching damper at the slave's end.")
-    wave_filter_hz: Positive = Field(
+    wave_filter_hz: Positive | None = Field(
+        default=None,
         description="[Hz] Corner of the low-pass inside both ports, at the rate of each axis; a "
-        "tenth of the rate is a good start."
+        "tenth of the rate is a good start. Needed with encoder steps or noise.",
     )
     pole_master: Pole = Field(
         default=0.5,
@@ -48,6 +50,14 @@ class WavePair(Pair):
         found = self.pole_master if side == "master" else self.pole_slave
         return found if isinstance(found, float) else None
 
+    def filter_step(self, period_s: float) -> float:
+        """Return the step of the wave filter [1] at an axis' period [s]; 1 without one."""
+        return 1.0 if self.wave_filter_hz is None else filter_gain(self.wave_filter_hz, period_s)
+
+    def is_matched(self, side: str) -> bool:
+        """Return whether a damper at one side keeps waves from being reflected."""
+        return self.matched_master if side == "master" else self.matched_slave
+
     def wave_gain(self, side: str) -> float:
         """Return device wave per line wave [1]: the sign and the root of the power ratio."""
         if side == "master":
@@ -56,10 +66,11 @@ class WavePair(Pair):
 
 
 class WaveCoupling(Coupling):
-    """A wave line between observed ports."""
+    """A wave line between master and slave."""
 
-    law: Literal["observed_wave"] = Field(
-        description="A wave line whose ports hold a force under noise and claim joules."
+    law: Literal["wave"] = Field(
+        default="wave",
+        description="A wave line, passive at any constant delay; its ports claim joules.",
     )
     pairs: Mapping[Name, WavePair] = Field(
         description="The pairs by name: one per axis of each side."
@@ -74,5 +85,5 @@ class WaveCoupling(Coupling):
                 f"(got {pair.wave_filter_hz:g})",
             )
             for name, pair in self.pairs.items()
-            if pair.wave_filter_hz > rate_hz / 2.0
+            if pair.wave_filter_hz is not None and pair.wave_filter_hz > rate_hz / 2.0
         ]

@@ -1,4 +1,4 @@
-"""What `check` and the report say of law observed_wave; figures are SI of device or master."""
+"""What `check` and the report say of law wave; figures are SI of device or master."""
 
 from __future__ import annotations
 
@@ -6,31 +6,63 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from tautwave.config import Rig
+from tautwave.couplings.wave.from_keys import port_impedance
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.standing import standing
+from tautwave.laws.admittance import greatest_stiffness
+from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages, PlanLine
 
 
 def _coupling(rig: Any) -> str:
-    return (
-        f"wave line between observed ports, {rig.coupling.delay_s:g} s each way "
-        f"({rig.delay_samples} samples)"
-    )
+    return f"wave line, {rig.coupling.delay_s:g} s each way ({rig.delay_samples} samples)"
 
 
 def _pair_plan(rig: Rig, name: str) -> Iterator[PlanLine]:
     keys = rig.coupling.pairs[name]
     assert isinstance(keys, WavePair)
+    corner = keys.wave_filter_hz
+    yield PlanLine(f"wave filters of {name}", corner is not None, f"low-pass at {corner} Hz")
     for side in ("master", "slave"):
+        axis_name = f"{side}.{name}"
         pole = keys.pole(side)
-        why = f"pole {pole}, wave filter at {keys.wave_filter_hz:g} Hz"
-        yield PlanLine(f"observer of {side}.{name}", pole is not None, why, "pole: plain")
-        matched = keys.matched_master if side == "master" else keys.matched_slave
-        yield PlanLine(f"matching damper of {side}.{name}", matched, "matched end")
-        divisor = rig.axis_divisor(f"{side}.{name}")
+        takes_effort = rig.axes[axis_name].causality == "impedance"
+        why_not = "pole: plain" if takes_effort else "its axis takes velocity"
+        used = takes_effort and pole is not None
+        yield PlanLine(f"observer of {axis_name}", used, f"pole {pole}", why_not)
+        yield PlanLine(f"matching damper of {axis_name}", keys.is_matched(side), "matched end")
+        divisor = rig.axis_divisor(axis_name)
         what = f"its bus is served every {divisor} cycles"
         same = "its bus is served every cycle"
-        yield PlanLine(f"rate converter of {side}.{name}", divisor > 1, what, same)
+        yield PlanLine(f"rate converter of {axis_name}", divisor > 1, what, same)
+
+
+def _facts(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:
+    """Yield a sentence per admittance axis on how stiff its outside may be."""
+    for axis_name, axis in rig.axes.items():
+        if axis.causality != "admittance":
+            continue
+        side, name = axis_name.split(".")
+        keys = rig.coupling.pairs[name]
+        assert isinstance(keys, WavePair)
+        impedance = port_impedance(keys, side)
+        period = rig.axis_period_s(axis_name)
+        limit = greatest_stiffness(period, impedance, delays[axis_name].periods)
+        unit = "N m/rad" if axis.kind == "rotary" else "N/m"
+        upper = axis.environment_stiffness_upper
+        if upper is None or upper == 0.0:
+            text = (
+                f"no guarantee: give environment_stiffness_upper; matched, it is stable up to "
+                f"{limit:.4g} {unit} (K T / b < {limit * period / impedance:.3g})"
+            )
+        else:
+            ratio = upper * period / impedance
+            text = (
+                f"passive for an outside spring up to {upper:.4g} {unit} (K T / b = {ratio:.3g})"
+                " if the velocity is reached within a period; nothing is claimed beyond, "
+                "and nothing for an outside damper"
+            )
+        yield f"admittance port of {axis_name}", text
 
 
 def describe_pair(
@@ -46,6 +78,7 @@ def describe_pair(
 messages = CouplingMessages(
     coupling=_coupling,
     pair_plan=_pair_plan,
+    facts=_facts,
     standing=standing,
     pair=describe_pair,
     offset_caption="Dotted in the error: the standing offset of the effort F, F τ / b of a line of "

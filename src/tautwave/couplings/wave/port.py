@@ -7,6 +7,7 @@ from collections.abc import MutableSequence
 
 from tautwave.controller.records import PIPE, AxisParams, AxisState
 from tautwave.controller.steps import OWN_GUARDS
+from tautwave.laws.admittance import admittance_velocity
 from tautwave.laws.observer import observe
 from tautwave.laws.port import port_close, port_effort
 
@@ -70,18 +71,24 @@ def close(
     """Correct the observer, close the tank, and form the leaving wave."""
     e = s.end
     k = p.end
-    if math.fabs(s.port_effort - e.wanted) > k.quantum:
-        e.cut_left = k.delay + 2
-    at, velocity, push = observe(
-        k.observer, e.at, e.velocity, e.push, s.position, s.effort_sum / count, count
-    )
+    advance = displacement
+    if p.impedance:
+        if math.fabs(s.port_effort - e.wanted) > k.quantum:
+            e.cut_left = k.delay + 2
+        at, velocity, push = observe(
+            k.observer, e.at, e.velocity, e.push, s.position, s.effort_sum / count, count
+        )
+        advance = at - e.at
+        e.at = at
+        e.velocity = velocity
+        e.push = push
     leaving, account, gap, filtered, absorbed, burnt, spilled = port_close(
         k.port,
         e.account,
         e.gap,
         e.filtered,
         displacement,
-        at - e.at,
+        advance,
         count,
         port,
         e.wave_sum,
@@ -97,9 +104,6 @@ def close(
         s.alarm = PORT_OVERDRAWN
     elif e.cut_share > k.limp:
         s.alarm = LIMP
-    e.at = at
-    e.velocity = velocity
-    e.push = push
     e.account = account
     e.stored = account - k.port.reserve
     e.gap = gap
@@ -133,6 +137,26 @@ def think(s: AxisState, p: AxisParams, coast: float) -> float:
     effort = port_effort(k.port, e.account, e.velocity, e.push, pending, e.wave_in)
     e.wanted = effort
     return effort
+
+
+def move(
+    s: AxisState,
+    p: AxisParams,
+    pending: float,
+    wall_push: float,
+    wall_stiffness: float,
+    wall_damping: float,
+) -> float:
+    """Return the velocity of an axis that takes velocity [rad/s or m/s]."""
+    return admittance_velocity(
+        p.end.admittance,
+        s.outside,
+        s.end.wave_in,
+        pending,
+        wall_push,
+        wall_stiffness,
+        wall_damping,
+    )
 
 
 def waiting_energy(s: AxisState, p: AxisParams, table: MutableSequence[float]) -> float:

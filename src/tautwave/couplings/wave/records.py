@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from tautwave.laws.admittance import AdmittanceParams
 from tautwave.laws.observer import ObserverParams
 from tautwave.laws.port import PortParams
 
@@ -12,14 +13,16 @@ from tautwave.laws.port import PortParams
 class WaveEndParams(NamedTuple):
     """Constants of one end.
 
-    `wave` is device wave per line wave: sign * sqrt(power ratio); `quantum` the effort's step
-    [N m or N], by which a command may be off without counting as cut; `late` the share of a period
-    for which the command before still acts; `watch` the weight of a period in the share of cut
-    waves [1], `limp` the share at which the run ends.
+    `admittance` is the law of an axis that takes velocity, which has no observer; `wave` is device
+    wave per line wave: sign * sqrt(power ratio); `quantum` the effort's step [N m or N], by which a
+    command may be off without counting as cut; `late` the share of a period for which the command
+    before still acts; `watch` the weight of a period in the share of cut waves [1], `limp` the
+    share at which the run ends.
     """
 
     port: PortParams
     observer: ObserverParams
+    admittance: AdmittanceParams
     wave: float
     quantum: float
     late: float

@@ -1,4 +1,4 @@
-"""What an observed pair does while both devices are held still; SI, master units of the pair."""
+"""What a wave pair does while both devices are held still; SI, master units of the pair."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 from tautwave.config import Rig
 from tautwave.couplings.wave.keys import WavePair
-from tautwave.laws.wave_filter import filter_gain
 from tautwave.types import CommandDelay
 from tautwave.wording import Standing
 
@@ -21,6 +20,6 @@ def standing(rig: Rig, name: str, delays: Mapping[str, CommandDelay], tau: float
     lag = 0.0
     for side in ("master", "slave"):
         period = rig.axis_period_s(f"{side}.{name}")
-        gain = filter_gain(pair.wave_filter_hz, period)
+        gain = pair.filter_step(period)
         lag += 0.5 * period * (1.0 - gain) / gain
     return Standing((tau + lag) / pair.wave_impedance, 1.0, "a port gives all of the line's effort")

@@ -15,6 +15,7 @@ from tautwave.couplings.wave.port import (
     act,
     close,
     miss,
+    move,
     receive_wave,
     start_end,
     think,
@@ -156,7 +157,7 @@ def fill_elements(
 
 
 law = Law(
-    name="observed_wave",
+    name="wave",
     steps=Steps(
         start=start,
         engage=engage,
@@ -165,6 +166,7 @@ law = Law(
         miss=miss,
         exchange=exchange,
         think=think,
+        move=move,
         fill_signals=fill_signals,
         fill_elements=fill_elements,
     ),

@@ -1,4 +1,4 @@
-"""Why an observed wave line is passive, as far as it is, and how many joules that is.
+"""Why a wave line is passive, as far as it is, and how many joules that is.
 
 Two things of each port. On the class of devices that the rig states it returns no more of a wave
 than arrives (`analysis.wave_port.device_class`): behind any passive line the pair is stable. And
@@ -22,7 +22,8 @@ from tautwave.certificate.belief import (
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.certificate.rates import converter_element
 from tautwave.config import Rig
-from tautwave.couplings.wave.claim import Claim, claim_of
+from tautwave.couplings.wave.admittance import admittance_element
+from tautwave.couplings.wave.claim import Claim, claim_of, claimed_sentence
 from tautwave.couplings.wave.from_keys import (
     bare_port,
     observer_of,
@@ -112,6 +113,17 @@ def port_of(
 
 def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterator[Element]:
     """Yield the port of an axis and, on a slow bus, its rate converter."""
+    if rig.axes[axis_name].causality == "admittance":
+        yield admittance_element(rig, axis_name, delays, _unfiltered(rig, axis_name))
+    else:
+        yield _impedance_port(rig, axis_name, delays, damping)
+    converter = converter_element(rig, axis_name, delays)
+    if converter is not None:
+        yield converter
+
+
+def _impedance_port(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Element:
+    """Return the port of an axis that takes effort."""
     axis = rig.axes[axis_name]
     left = axis.damping.lower - damping
     name = f"{axis_name} port"
@@ -127,7 +139,7 @@ def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterat
     if isinstance(claim, Claim):
         seconds = rig.duration_s
         numbers |= {**claim._asdict(), "seen_j": claim.seen(seconds), "true_j": claim.true(seconds)}
-        sentences.append(_claimed(axis_name, claim, seconds))
+        sentences.append(claimed_sentence(axis_name, claim, seconds))
         if passive.passed and claim.leak > 0.0:
             quantised = Verdict(
                 False,
@@ -142,10 +154,21 @@ def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterat
             unit = "N m/rad" if axis.kind == "rotary" else "N/m"
             stiffest = numbers["stiffest"] = port.stiffest()
             sentences.append(f"{name}: it tolerates springs up to {stiffest:.4g} {unit}.")
-    yield Element(name, "port", axis_name, passive, quantised, numbers, tuple(sentences))
-    converter = converter_element(rig, axis_name, delays)
-    if converter is not None:
-        yield converter
+    return Element(name, "port", axis_name, passive, quantised, numbers, tuple(sentences))
+
+
+def _unfiltered(rig: Rig, axis_name: str) -> str | None:
+    """Return a sentence if noise would collect in a line that loses nothing."""
+    axis, keys = rig.axes[axis_name], _keys(rig, axis_name)
+    unquiet = axis.encoder_quantum or axis.position_noise
+    if not unquiet or keys.wave_filter_hz is not None or keys.matched_master or keys.matched_slave:
+        return None
+    pair = axis_name.split(".")[1]
+    slowest = max(rig.axis_period_s(f"{side}.{pair}") for side in ("master", "slave"))
+    return (
+        f"{axis_name} port: encoder steps and noise would ring in a line that loses nothing; add "
+        f"coupling.pairs.{pair}.wave_filter_hz: {0.1 / slowest:.3g}"
+    )
 
 
 def _passive(
@@ -170,13 +193,14 @@ def _passive(
             "periods only",
         )
     broken = (
+        _unfiltered(rig, axis_name),
         broken_inertia(rig, axis_name),
         broken_delay(at_axis_rate(rig, axis_name), axis_name, delay),
         broken_damping(rig, axis_name),
     )
     for text in broken:
         if text is not None:
-            return Verdict(False, f"{name}: {text}")
+            return Verdict(False, text if text.startswith(name) else f"{name}: {text}")
     unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
     if axis.damping.lower <= 0.0:
         return Verdict(
@@ -240,16 +264,6 @@ def _remedy_of(rig: Rig, axis_name: str, delays: Delays, left: float) -> str:
     return "raise the rate, lower wave_impedance, or add damping"
 
 
-def _claimed(axis_name: str, claim: Claim, seconds: float) -> str:
-    seen, true = _joules(claim.seen(seconds)), _joules(claim.true(seconds))
-    return (
-        f"{axis_name} port: whatever moves it, in {seconds:g} s it gives out at most {seen} as "
-        f"its encoder sees it (reserve {_joules(claim.reserve)} twice, {_joules(claim.under_way)} "
-        f"under way, {1e3 * claim.leak:.3g} mW), {true} in truth if the declared noise is true; at "
-        f"its velocity limit the device has {_joules(claim.kinetic)}."
-    )
-
-
 def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
     """Yield the line, the filters of its ports and its scaling."""
     coupling = rig.coupling
@@ -263,12 +277,13 @@ def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
         )
     keys = coupling.pairs[pair]
     assert isinstance(keys, WavePair)
-    yield _fine(
-        f"wave filters of {pair}",
-        "filter",
-        pair,
-        f"|H| <= 1 at every frequency ({keys.wave_filter_hz:g} Hz)",
-    )
+    if keys.wave_filter_hz is not None:
+        yield _fine(
+            f"wave filters of {pair}",
+            "filter",
+            pair,
+            f"|H| <= 1 at every frequency ({keys.wave_filter_hz:g} Hz)",
+        )
     scale = pair_scale(keys)
     if abs(scale.power - 1.0) > 1e-12:
         yield _fine(
@@ -285,13 +300,6 @@ def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
 def _fine(name: str, kind: str, pair: str, why: str) -> Element:
     result = Verdict(True, f"{name}: {why}.")
     return Element(name, kind, pair, result, result, {}, (result.reason,))
-
-
-def _joules(value: float) -> str:
-    for factor, unit in ((1.0, "J"), (1e-3, "mJ"), (1e-6, "uJ")):
-        if value >= factor:
-            return f"{value / factor:.3g} {unit}"
-    return f"{value / 1e-9:.3g} nJ"
 
 
 def _remedy(rig: Rig, pair: str) -> str:

@@ -1,0 +1,104 @@
+"""The verdict on the wave port of an axis that takes velocity and measures effort.
+
+The proof is in the docstring of `tautwave.laws.admittance`. It rests on samples of the effort, so
+the claim is of energy as encoder and force sensor see it, and the verdict conditional.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tautwave.certificate.belief import drive_lag, stated_contact
+from tautwave.certificate.data import Element, Verdict
+from tautwave.config import Rig
+from tautwave.couplings.wave.claim import Claim, claim_of, claimed_sentence
+from tautwave.couplings.wave.from_keys import port_impedance
+from tautwave.couplings.wave.keys import WavePair
+from tautwave.rig import at_axis_rate
+from tautwave.types import CommandDelay
+
+REACHED = 5.0
+"""Time constants after which a drive counts as having reached its velocity."""
+
+Delays = Mapping[str, CommandDelay]
+
+
+def admittance_element(rig: Rig, axis_name: str, delays: Delays, broken: str | None) -> Element:
+    """Return the port of an axis that takes velocity; `broken`: why it cannot pass, if known."""
+    axis = rig.axes[axis_name]
+    side, pair = axis_name.split(".")
+    keys = rig.coupling.pairs[pair]
+    assert isinstance(keys, WavePair)
+    name = f"{axis_name} port"
+    upper = axis.environment_stiffness_upper or 0.0
+    claim = claim_of(rig, axis_name, delays)
+    assert isinstance(claim, Claim)
+    numbers = {
+        "impedance": port_impedance(keys, side),
+        "environment_stiffness_upper": upper,
+        "drive_lag_s": drive_lag(rig, axis_name),
+        "command_delay_periods": delays[axis_name].periods,
+        **claim._asdict(),
+        "seen_j": claim.seen(rig.duration_s),
+    }
+    passive = _passive(at_axis_rate(rig, axis_name), axis_name, delays[axis_name], upper, broken)
+    quantised = passive
+    if passive.passed and claim.leak > 0.0:
+        quantised = Verdict(
+            False,
+            f"{name}: encoder step and noise look like losses; its tank is given "
+            f"{1e3 * claim.leak:.3g} mW for them, which may be released.",
+            margin=-claim.leak,
+        )
+    sentences = (passive.reason, claimed_sentence(axis_name, claim, rig.duration_s))
+    return Element(name, "admittance port", axis_name, passive, quantised, numbers, sentences)
+
+
+def _passive(
+    rig: Rig, axis_name: str, delay: CommandDelay, upper: float, broken: str | None
+) -> Verdict:
+    name = f"{axis_name} port"
+    unit = "N m/rad" if rig.axes[axis_name].kind == "rotary" else "N/m"
+    lag, contact = drive_lag(rig, axis_name), stated_contact(rig, axis_name)
+    if broken is not None:
+        return Verdict(False, broken)
+    if upper == 0.0:
+        return Verdict(
+            False, f"{name}: nothing is guaranteed without environment_stiffness_upper; set it"
+        )
+    if contact is not None and contact.stiffness > upper:
+        return Verdict(
+            False,
+            f"{name}: {contact.text} has {contact.stiffness:.4g} {unit}, more than "
+            f"environment_stiffness_upper {upper:.4g}; raise that",
+        )
+    if contact is not None and contact.damping > 0.0:
+        return Verdict(
+            False,
+            f"{name}: the proof assumes a pure spring as environment; {contact.text} has a "
+            "damper. Require coupled_stable",
+        )
+    if delay.remainder_s > 0.0:
+        return Verdict(
+            False,
+            f"{name}: its commands act a fraction of a period late, and the proof covers whole "
+            "periods only",
+        )
+    if lag is not None and REACHED * lag > rig.period_s:
+        return Verdict(
+            False,
+            f"{name}: the proof needs a drive that reaches its velocity within one period of "
+            f"{1e3 * rig.period_s:.3g} ms; the simulated one has a time constant of "
+            f"{1e3 * lag:.3g} ms. Require coupled_stable, or make the drive faster",
+        )
+    return Verdict(
+        True,
+        f"{name}: passive by the proof in tautwave.laws.admittance for an outside stiffness up to "
+        f"{upper:.4g} {unit}.",
+        (
+            f"the drive of {axis_name} reaches its velocity within one period",
+            f"what {axis_name} touches is a spring without a damper",
+            f"the effort at {axis_name} is known from its samples only, and so is the energy "
+            "that it claims",
+        ),
+    )
