@@ -61,7 +61,9 @@ def declared_noise(pair: ObservedPair, side: str, axis: CoupledAxis) -> NoisePow
     whole = axis.delay + (1 if axis.late > 0.0 else 0)
     port = bare_port(pair, side, axis.period, axis.inertia, axis.delay + axis.late)
     observer = observer_of(pair, side, axis.period, axis.inertia)
-    return noise_power(port, observer, whole, axis.position_noise, axis.encoder_quantum)
+    return noise_power(
+        port, observer, whole, axis.position_noise, axis.encoder_quantum, axis.noise_lags
+    )
 
 
 def end_constants(pair: ObservedPair, side: str, axis: CoupledAxis) -> ObservedEndParams:
