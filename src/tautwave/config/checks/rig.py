@@ -130,6 +130,11 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
         )
     if part is not None and part.observes and axis.velocity_filter_s > 0.0:
         _check_filter(document, parts, side, name, axis)
+    if axis.position_noise_autocorrelation and axis.position_noise == 0.0:
+        document.report(
+            (*path, "position_noise_autocorrelation"),
+            "is the colour of a noise that is 0; give position_noise, or remove it",
+        )
     if axis.causality == "impedance":
         if axis.inertia is None:
             document.report((*path, "inertia"), "required key is missing (impedance axis)")
