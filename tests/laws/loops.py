@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from tautwave.laws.tracked_port import PortParams, port_close, port_effort, track_velocity
+from tautwave.laws.observer import ObserverParams, observe
+from tautwave.laws.port import PortParams, port_close, port_effort
 
 Matrix = np.ndarray[Any, np.dtype[np.float64]]
-RICH = 1e30  # an account that never limits anything: the port is then linear
+RICH = 1e30  # a tank that never limits anything: the port is then linear
 
 
 class Device(NamedTuple):
@@ -59,46 +60,53 @@ class PortState(NamedTuple):
 
 
 def port_cycle(
-    p: PortParams, device: Device, gain: float, delay: int
+    p: PortParams, seen: ObserverParams, device: Device, delay: int
 ) -> tuple[int, Callable[[list[float], float], tuple[list[float], float]]]:
     """Return (number of states, step): one period of port and device, wave in to wave out.
 
-    The states are those at the end of a period, before it is closed: displacement, x, v, tracked
-    velocity, impulse, gap, acting effort and wave, then the efforts and waves under way. `step`
-    closes the period and returns the leaving wave; the arriving wave acts on the next period, so
-    a delay-free far end is possible.
+    The states are those at the end of a period, before it is closed: displacement, x, v, observed
+    position less measured, observed velocity and acceleration, filter, acting effort and wave, then
+    the efforts and waves under way. `step` closes the period and returns the leaving wave; the
+    arriving wave acts on the next period, so a delay-free far end is possible.
     """
     row_x, row_v = device.flow(p.period)
-    size = 8 + 2 * delay
+    size = 9 + 2 * delay
 
     def step(state: list[float], arriving: float) -> tuple[list[float], float]:
-        moved, x, v, velocity, impulse, gap, acted, wave = state[:8]
-        efforts, waves = state[8 : 8 + delay], state[8 + delay : size]
-        expected = velocity - p.half_mobility * (impulse + acted)
-        velocity = track_velocity(gain, expected, moved, p.period)
-        leaving, _, gap, _, _, _ = port_close(p, RICH, gap, moved, 1.0, velocity, acted, wave, 0.0)
-        coast = velocity - p.half_mobility * (acted + 2.0 * sum(efforts))
-        effort, _ = port_effort(p, RICH, coast, arriving)
+        moved, x, v, off, velocity, push, filtered, acted, wave = state[:9]
+        efforts, waves = state[9 : 9 + delay], state[9 + delay : size]
+        ahead, velocity, push = observe(seen, off, velocity, push, moved, acted, 1.0)
+        leaving, _, _, filtered, _, _, _ = port_close(
+            p, RICH, 0.0, filtered, moved, ahead - off, 1.0, acted, wave, 0.0, False
+        )
+        effort = port_effort(p, RICH, velocity, push, sum(efforts), arriving)
         efforts, waves = [*efforts, effort], [*waves, arriving]
         acting, acting_wave = efforts.pop(0), waves.pop(0)
         # Without a spring nothing depends on x: it is left out, or it would be a pole at 1.
         after = row_x[0] * x + row_x[1] * v + row_x[2] * acting
+        off = ahead - moved
         moved = after - x
         v = row_v[0] * x + row_v[1] * v + row_v[2] * acting
         x = after if device.stiffness > 0.0 else 0.0
-        return [moved, x, v, velocity, acted, gap, acting, acting_wave, *efforts, *waves], leaving
+        last = [moved, x, v, off, velocity, push, filtered, acting, acting_wave]
+        return [*last, *efforts, *waves], leaving
 
     return size, step
 
 
 def port_loop(
-    p: PortParams, device: Device, gain: float, delay: int, samples: int, reflection: float
+    p: PortParams,
+    seen: ObserverParams,
+    device: Device,
+    delay: int,
+    samples: int,
+    reflection: float,
 ) -> Matrix:
     """Return the state matrix of port and device before a far end that is `samples` away.
 
     What left comes back `samples` slots later, multiplied by `reflection`.
     """
-    size, step = port_cycle(p, device, gain, delay)
+    size, step = port_cycle(p, seen, device, delay)
 
     def cycle(state: list[float]) -> list[float]:
         line = state[size:]
@@ -112,9 +120,11 @@ def port_loop(
     return matrix_of(cycle, size + samples)
 
 
-def port_response(p: PortParams, device: Device, gain: float, delay: int, angles: Matrix) -> Matrix:
+def port_response(
+    p: PortParams, seen: ObserverParams, device: Device, delay: int, angles: Matrix
+) -> Matrix:
     """Return S(exp(j angle)), leaving over arriving wave of port and device."""
-    size, step = port_cycle(p, device, gain, delay)
+    size, step = port_cycle(p, seen, device, delay)
 
     def both(state: list[float]) -> list[float]:
         after, leaving = step(state[:size], state[size])

@@ -7,8 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.laws.admittance import admittance_params, admittance_velocity, greatest_stiffness
-from tautwave.laws.tracked_port import port_close, rigid_port
+from tautwave.laws.admittance import (
+    admittance_params,
+    admittance_velocity,
+    greatest_stiffness,
+    rigid_port,
+)
+from tautwave.laws.port import port_close
 from tests.laws.loops import RICH, Matrix, matrix_of, radius
 
 T, B = 1e-3, 10.0
@@ -18,25 +23,24 @@ CIRCLE = np.concatenate([np.geomspace(1e-4, 0.1, 60), np.linspace(0.1, np.pi, 24
 def system(b: float, stiffness: float, upper: float, delay: int) -> Matrix:
     """Return [[A, B], [C, D]] of port, drive and outside spring, wave in to wave out.
 
-    States at the end of a period: effort before, displacement, x, wave that acted, gap, then the
+    States at the end of a period: effort before, displacement, x, wave that acted, then the
     velocities and waves under way.
     """
     p = admittance_params(T, b, upper, delay)
-    books = rigid_port(T, b, 0.05, 0.0)
-    size = 5 + 2 * delay
+    books = rigid_port(T, b, filter_gain=1.0, reserve=RICH, leak=0.0)
+    size = 4 + 2 * delay
 
     def both(state: list[float]) -> list[float]:
-        before, moved, x, wave, gap = state[:5]
-        velocities, waves = state[5 : 5 + delay], state[5 + delay : size]
+        before, moved, x, wave = state[:4]
+        velocities, waves = state[4 : 4 + delay], state[4 + delay : size]
         arriving = state[size]
         effort = -stiffness * x
-        leaving, _, gap, *_ = port_close(
-            books, RICH, gap, moved, 1.0, moved / T, 0.5 * (before + effort), wave, 0.0
-        )
+        mean = 0.5 * (before + effort)
+        leaving, *_ = port_close(books, RICH, 0.0, 0.0, moved, moved, 1.0, mean, wave, 0.0, False)
         command = admittance_velocity(p, effort, arriving, sum(velocities), 0.0, 0.0, 0.0)
         velocities, waves = [*velocities, command], [*waves, arriving]
         acting, acting_wave = velocities.pop(0), waves.pop(0)
-        return [effort, acting * T, x + acting * T, acting_wave, gap, *velocities, *waves, leaving]
+        return [effort, acting * T, x + acting * T, acting_wave, *velocities, *waves, leaving]
 
     return matrix_of(both, size + 1)
 

@@ -37,11 +37,11 @@ class TestWave(CouplingContract):
         return CouplingBench(registry.load_coupling("wave"), "wave", {"wave_impedance": 0.02})
 
 
-class TestObserved(CouplingContract):
+class TestFilteredWave(CouplingContract):
     @pytest.fixture
     def bench(self) -> CouplingBench:
         keys = {"wave_impedance": 0.02, "wave_filter_hz": 100.0}
-        return CouplingBench(registry.load_coupling("observed_wave"), "observed_wave", keys)
+        return CouplingBench(registry.load_coupling("wave"), "wave", keys)
 
 
 class TestPosition(CouplingContract):

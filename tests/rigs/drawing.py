@@ -30,6 +30,9 @@ def walls(draw: st.DrawFn, inertia: float) -> Tree:
     }
 
 
+POLES = st.sampled_from([0.5, 0.3, "plain"])
+
+
 @st.composite
 def axes(draw: st.DrawFn, bus: str, number: int) -> tuple[Tree, Tree, float]:
     """Return (belief, truth, inertia) of an impedance axis."""
@@ -43,7 +46,7 @@ def axes(draw: st.DrawFn, bus: str, number: int) -> tuple[Tree, Tree, float]:
         "effort_limit": draw(st.sampled_from([2.0, 20.0, 1000.0])),
         "encoder_quantum": draw(st.sampled_from([0.0, 1e-6, 1e-4])),
         "position_noise": draw(st.sampled_from([0.0, 0.0, 1e-5])),
-        "velocity_filter_s": draw(st.sampled_from([0.0, 0.0, 2e-3])),
+        "velocity_limit": draw(st.sampled_from([2.0, 20.0])),
         "effort_quantum": draw(st.sampled_from([0.0, 0.0, 0.01])),
     }
     if draw(st.booleans()):
@@ -70,7 +73,6 @@ def rigs(draw: st.DrawFn, cycles: int = 500) -> Tree:
             "slave.axes": {},
             "coupling.pairs": {},
             "coupling.delay_s": 1e-3 * draw(st.sampled_from([0, 1, 2, 7, 50])),
-            "coupling.wave_filter_hz": draw(maybe(st.floats(5.0, 500.0))),
             "coupling.engage_ramp_s": draw(st.sampled_from([0.0, 0.05])),
             "coupling.release_ramp_s": draw(st.sampled_from([0.0, 0.05])),
             "loop.missing_limit": 1000,
@@ -93,13 +95,18 @@ def rigs(draw: st.DrawFn, cycles: int = 500) -> Tree:
             "sign": draw(st.sampled_from([1, -1])),
             "matched_master": draw(st.booleans()),
             "matched_slave": draw(st.booleans()),
-            "drift_time_s": draw(magnitudes(0.005, 0.5)),
+            "wave_filter_hz": draw(maybe(st.floats(5.0, 500.0))),
+            "pole_master": draw(POLES),
+            "pole_slave": draw(POLES),
         }
         if draw(st.booleans()):
             pair["force_scale"] = draw(magnitudes(0.2, 5.0))
         for side in ("master", "slave"):
             if draw(st.booleans()):
-                pair[f"wall_{side}"] = draw(walls(inertias[side]))
+                wall = pair[f"wall_{side}"] = draw(walls(inertias[side]))
+                if wall["damping"] > 0.0 or wall["passivity_control"]:
+                    filtered = draw(st.sampled_from([0.0, 2e-3]))
+                    data[side]["axes"][name]["velocity_filter_s"] = filtered
         data["coupling"]["pairs"][name] = pair
         simulation["hand"][name] = {
             "mass": draw(st.floats(0.0, 0.3)),

@@ -32,6 +32,7 @@ BASE: Tree = {
                 "kind": "linear",
                 "inertia": {"value": 0.5, "lower": 0.4, "source": "test"},
                 "effort_limit": 1000.0,
+                "velocity_limit": 20.0,
             }
         }
     },
@@ -43,6 +44,7 @@ BASE: Tree = {
                 "kind": "linear",
                 "inertia": {"value": 0.5, "lower": 0.4, "source": "test"},
                 "effort_limit": 1000.0,
+                "velocity_limit": 20.0,
             }
         }
     },
@@ -207,8 +209,3 @@ def books(run: Run, name: str = "a") -> Books:
         flow, float(np.abs(total).max()), generated, worst, plant_flow, plant_residual, gap,
         uncertainty,
     )  # fmt: skip
-
-
-def forgiven(run: Run, side: str, name: str = "a") -> float:
-    """Return what the account of a port forgave over the run [J]."""
-    return -float(run[f"{name}.port_{side}.dissipated"][-1])

@@ -134,7 +134,7 @@ def test_scaling_closes_too(scale: float, force: float | None, sign: int) -> Non
         "coupling.pairs.a.position_scale": scale,
         "coupling.pairs.a.force_scale": force,
         "coupling.pairs.a.sign": sign,
-        "coupling.wave_filter_hz": 80.0,
+        "coupling.pairs.a.wave_filter_hz": 80.0,
     }
     run = run_rig(tree(MOTION, CONTACT, WALLS, line(7), changes, {"duration_s": 2.0}))
     assert_closed(run)

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from tautwave.controller import rows
-from tautwave.couplings.tracked import port, steps
-from tautwave.laws.tracked_port import port_close
+from tautwave.couplings.wave import port, steps
+from tautwave.laws.port import port_close
 from tautwave.rig import Assembly
 from tests.rigs.closing import CLOSED, EXACT, MOTION, WALLS, line, port_bound
 from tests.rigs.running import Run, books, run_rig, tree
@@ -32,13 +32,10 @@ def test_the_sound_run_passes() -> None:
     assert not fails(run_rig(LOSSLESS))
 
 
-def test_defect_a_wave_from_the_estimated_velocity(monkeypatch: pytest.MonkeyPatch) -> None:
-    def defect(p: Any, account: float, gap: float, moved: float, *rest: float) -> Any:
-        _, account, gap, absorbed, burnt, forgave = port_close(p, account, gap, moved, *rest)
-        _, velocity, _, wave_sum, _ = rest
-        estimated = 1.02 * velocity  # and no account in front of it
-        leaving = p.root * estimated - wave_sum
-        return leaving, account, gap, absorbed, burnt, forgave
+def test_defect_a_wave_that_nobody_paid_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    def defect(p: Any, *rest: Any) -> Any:
+        leaving, *books = port_close(p, *rest)
+        return 1.02 * leaving, *books
 
     monkeypatch.setattr(port, "port_close", defect)
     assert fails(run_rig(LOSSLESS))
@@ -79,25 +76,32 @@ def test_defect_a_forgotten_wall(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_naive_port_fails_the_same_books(monkeypatch: pytest.MonkeyPatch) -> None:
     """F = b vhat - root w, u = root vhat - w: its own identity holds, and the run blows up."""
 
-    def naive_effort(p: Any, account: float, coast: float, arriving: float) -> tuple[float, float]:
-        return p.impedance * coast - p.root * arriving, coast
+    def naive_effort(
+        p: Any, account: float, velocity: float, outside: float, pending: float, arriving: float
+    ) -> float:
+        effort: float = p.impedance * velocity - p.root * arriving
+        return effort
 
     def naive_close(
-        p: Any, account: float, gap: float, moved: float, periods: float, velocity: float,
-        effort: float, wave_sum: float, wave_energy: float,
+        p: Any, account: float, gap: float, filtered: float, moved: float, advance: float,
+        periods: float, effort: float, wave_sum: float, wave_energy: float, cut: bool,
     ) -> tuple[float, ...]:  # fmt: skip
-        # The estimate that the effort was made of, not the velocity it met; kept in `gap`.
-        leaving = p.root * gap - wave_sum
+        # The estimate that the effort was made of, not the velocity it met; kept in `filtered`.
+        leaving = p.root * filtered - wave_sum
         sent = 0.5 * p.period * leaving * leaving
         income = effort * moved + wave_energy
-        return leaving, account + income - sent, velocity, income - sent, 0.0, 0.0
+        velocity = moved / p.period
+        return leaving, account + income - sent, 0.0, velocity, income - sent, 0.0, 0.0
 
     def believe_infinite_mass(built: Assembly) -> None:
         control = built.control
         control.params = [
             p._replace(
                 site=p.site._replace(half_mobility=0.0),
-                end=p.end._replace(port=p.end.port._replace(half_mobility=0.0)),
+                end=p.end._replace(
+                    port=p.end.port._replace(half_mobility=1e-300),
+                    observer=p.end.observer._replace(inverse_mass=0.0),
+                ),
             )
             for p in control.params
         ]
@@ -106,6 +110,8 @@ def test_the_naive_port_fails_the_same_books(monkeypatch: pytest.MonkeyPatch) ->
         line(2),
         {
             "coupling.pairs.a.wave_impedance": 10.0,
+            "coupling.pairs.a.pole_master": "plain",
+            "coupling.pairs.a.pole_slave": "plain",
             "slave.axes.a.inertia": {"value": 1e6, "lower": 1e6, "source": "x"},
             "duration_s": 4.0,
         },

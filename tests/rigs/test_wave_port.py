@@ -1,4 +1,4 @@
-"""Law observed_wave in the product: it holds under noise, and keeps what it claims."""
+"""Law wave in the product: it holds under noise, and keeps what it claims."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.rigs.running import books, run_rig
 
 pytest.importorskip("numba")
 
-NAME = "bench-observed-2khz"
+NAME = "bench-1dof-2khz"
 PAIR = "coupling.pairs.lever"
 HELD = (
     "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0.2, 0.0], [0.7, 0.18]]}",

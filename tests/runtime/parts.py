@@ -37,13 +37,14 @@ from tautwave.controller.steps import NoParams
 from tautwave.controller.stops import AxisName
 from tautwave.couplings.position.steps import PositionEndParams
 from tautwave.couplings.position.steps import law as position_law
-from tautwave.couplings.tracked.port import receive_wave, start_end, waiting_energy
-from tautwave.couplings.tracked.records import WaveEndParams, WaveLinkParams
-from tautwave.couplings.tracked.steps import law as wave_law
-from tautwave.laws.admittance import admittance_params
+from tautwave.couplings.wave.port import receive_wave, start_end, waiting_energy
+from tautwave.couplings.wave.records import WaveEndParams
+from tautwave.couplings.wave.steps import law as wave_law
+from tautwave.laws.admittance import admittance_params, rigid_port
 from tautwave.laws.limit import LimitParams
+from tautwave.laws.observer import observer_params, plain_observer
+from tautwave.laws.port import port_params
 from tautwave.laws.site import SiteParams
-from tautwave.laws.tracked_port import port_params, rigid_port
 from tautwave.laws.wall import WallParams
 from tautwave.laws.wave_filter import filter_gain
 from tautwave.runtime.control import CoupledControl
@@ -70,7 +71,10 @@ def site(
     wall: WallParams | None = None,
     matched: bool = False,
     gain: float = 1.0,
-    allowance: float = 0.0,
+    reserve: float = 1.0,
+    leak: float = 0.0,
+    filter_hz: float | None = None,
+    pole: float | None = None,
     delay: int = 0,
     late: float = 0.0,
     admittance: bool = False,
@@ -82,14 +86,24 @@ def site(
 ) -> Axis:
     """Return one axis of a wave coupling, or of a position coupling with this K and B."""
     period = divisor * T
-    port = port_params(period, b, mass, matched, 0.05, allowance)
+    step = 1.0 if filter_hz is None else filter_gain(filter_hz, period)
+    port = port_params(
+        period, b, mass, delay=delay + late, matched=matched, filter_gain=step, reserve=reserve,
+        leak=leak,
+    )  # fmt: skip
     if admittance:
-        port = rigid_port(period, b, 0.05, allowance)
+        port = rigid_port(period, b, filter_gain=step, reserve=reserve, leak=leak)
     params = SiteParams(
         period, port.half_mobility, wall or NO_WALL, limit, gain, velocity_quantum,
         has_wall=wall is not None,
     )  # fmt: skip
-    end: Any = WaveEndParams(port, admittance_params(period, b, upper, delay), wave)
+    seen = plain_observer(period, mass)
+    if pole is not None:
+        seen = observer_params(period, mass, pole)
+    end: Any = WaveEndParams(
+        port, seen, admittance_params(period, b, upper, delay), wave, 1e-12,
+        late, delay, period, 0.1,
+    )  # fmt: skip
     if spring is not None:
         end = PositionEndParams(*spring)
     return Axis(
@@ -116,7 +130,7 @@ class Axis:
     def start(self, position: float, outside: float, gap: float) -> None:
         start_axis(self.state, self.params, position, outside)
         if self.law is wave_law:
-            start_end(self.state, gap)
+            start_end(self.state, self.params, gap)
 
     def pass_slot(self) -> None:
         pass_slot(self.state, self.params, self.table, self.law.steps)
@@ -159,7 +173,6 @@ class Pair:
         slave: Axis,
         *,
         line: int = 0,
-        filter_hz: float | None = None,
         scale: float = 1.0,
         sign: float = 1.0,
         power: float = 1.0,
@@ -172,14 +185,11 @@ class Pair:
         rated = rated or max(one.divisor, two.divisor) > 1
         two = two._replace(pipe=PIPE * one.delay, weight=1.0 / power)
         law = master.law
-        link: Any = NoParams()
-        if law is wave_law:
-            step = 1.0 if filter_hz is None else filter_gain(filter_hz, T)
-            link = WaveLinkParams(filter_hz is not None, step)
         at = PIPE * (one.delay + two.delay)
         q = PairParams(
             0, 1, rated, offset is None, sign * scale, sign, power / scale, sign / scale,
-            1.0 / power, T, 0.5 * T, 0.0 if offset is None else offset, tolerance, line, at, link,
+            1.0 / power, T, 0.5 * T, 0.0 if offset is None else offset, tolerance, line, at,
+            NoParams(),
         )  # fmt: skip
         self.control = CoupledControl(
             run or RunParams(PERIOD_NS, 20, 2, 1, 0, 5, 4, 50, 0.1, 5e9),

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tautwave.controller.records import AxisParams, AxisState, RunParams
 from tautwave.controller.stops import AxisName
-from tautwave.couplings.tracked import rates
+from tautwave.couplings.wave import rates
 from tautwave.errors import DriverError
 from tautwave.runtime.loop import READ_SHARE, TIMING_COLUMNS, Loop
 from tautwave.runtime.sensing import LoopBus, Sensing
@@ -33,13 +33,13 @@ def multirate(
 ) -> Pair:
     """Return a pair that goes through the slots of one with a slow side, even if none is slow."""
     gains = (1.0, -math.sqrt(1.4) if scaled else 1.0)
+    corner = 8.0 if filtered else None
     sites = [
-        site(divisor=n, delay=delay if n > 1 else 0, wave=gain)
+        site(divisor=n, delay=delay if n > 1 else 0, wave=gain, filter_hz=corner)
         for n, gain in zip(divisors, gains, strict=True)
     ]
     scale = SCALED if scaled else {}
-    corner = 80.0 if filtered else None
-    return Pair(*sites, line=line, filter_hz=corner, rated=True, run=run, **scale)  # type: ignore[arg-type]
+    return Pair(*sites, line=line, rated=True, run=run, **scale)  # type: ignore[arg-type]
 
 
 # -- the pair ------------------------------------------------------------------------------------
@@ -88,8 +88,9 @@ def test_no_ratio_phase_loss_or_motion_opens_the_books(
         taken, flow = motors(pair)
         waves += sum(T * (s.leaving**2 + s.arrived**2) for s in (pair.master, pair.slave))
         scale = flow + 60.0 * waves + 1e-300
+        tanks = 1e-13  # rounding of the reserves, 1 J each
         for name, (absorbed, stored, dissipated) in reported.items():
-            assert absorbed == pytest.approx(stored + dissipated, abs=1e-12 * scale), name
+            assert absorbed == pytest.approx(stored + dissipated, abs=1e-12 * scale + tanks), name
             if name in lost:
                 # Passive at every moment: it holds what it has, and never loses less than before.
                 assert stored >= 0.0
@@ -97,7 +98,7 @@ def test_no_ratio_phase_loss_or_motion_opens_the_books(
                 assert dissipated >= lost[name]
                 lost[name] = dissipated
         total = sum(stored + dissipated for _, stored, dissipated in reported.values())
-        assert taken == pytest.approx(total, abs=1e-11 * scale)
+        assert taken == pytest.approx(total, abs=1e-11 * scale + tanks)
 
 
 @given(script, st.integers(2, 50), st.sampled_from([0, 3]), st.booleans())
@@ -143,7 +144,8 @@ def test_a_ratio_of_one_changes_no_bit(
     moves: list[tuple[float, float, bool, bool, int]], line: int, filtered: bool
 ) -> None:
     turned = multirate((1, 1), line=line, filtered=filtered)
-    plain = Pair(site(), site(), line=line, filter_hz=80.0 if filtered else None)
+    corner = 8.0 if filtered else None
+    plain = Pair(site(filter_hz=corner), site(filter_hz=corner), line=line)
     for pair in (plain, turned):
         pair.start(state(), state())
         pair.engage(1.0)

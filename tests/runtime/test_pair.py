@@ -17,10 +17,11 @@ WALL = WallParams(0.004, 1.0, 800.0, 1.0, controlled=True)
 
 def wave_pair(line: int = 3, filtered: bool = False, swap: bool = False, delay: int = 0) -> Pair:
     """Return a pair of two unlike sites; `swap` makes the first one the slave."""
-    one = site(b=10.0, mass=0.3, wall=WALL, delay=delay)
-    two = site(b=10.0, mass=0.9, limit=WIDE._replace(effort=2.0))
+    corner = 50.0 if filtered else None
+    one = site(b=10.0, mass=0.3, wall=WALL, delay=delay, filter_hz=corner)
+    two = site(b=10.0, mass=0.9, limit=WIDE._replace(effort=2.0), filter_hz=corner)
     master, slave = (two, one) if swap else (one, two)
-    return Pair(master, slave, line=line, filter_hz=50.0 if filtered else None)
+    return Pair(master, slave, line=line)
 
 
 samples = st.lists(

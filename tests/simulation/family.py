@@ -15,12 +15,13 @@ def any_rigs(draw: st.DrawFn, cycles: int = 300) -> Tree:
     position_law = draw(st.booleans())
     if position_law:
         data["coupling"]["law"] = "position"
-        data["coupling"].pop("wave_filter_hz", None)
     names = list(data["coupling"]["pairs"])
     for name in names:
         pair = data["coupling"]["pairs"][name]
         if position_law:
             for key in ("wave_impedance", "matched_master", "matched_slave"):
+                pair.pop(key)
+            for key in ("wave_filter_hz", "pole_master", "pole_slave"):
                 pair.pop(key)
             pair["stiffness"] = draw(magnitudes(1.0, 3e4))
             pair["damping"] = draw(magnitudes(0.1, 30.0))

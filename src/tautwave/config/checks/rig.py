@@ -185,7 +185,7 @@ def _check_coupling(document: Document, parts: Parts) -> None:
     if rate is None:
         return
     for key, text in coupling.problems(rate):
-        document.report(("coupling", key), text)
+        document.report(("coupling", *key.split(".")), text)
     samples = coupling.delay_s * rate
     if abs(samples - round(samples)) > 1e-6:
         low, high = math.floor(samples) / rate, math.ceil(samples) / rate
