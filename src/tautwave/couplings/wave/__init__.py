@@ -8,10 +8,9 @@ from tautwave.contracts import CouplingPlugin
 
 plugin = CouplingPlugin(
     summary="transmission line between observed ports: holds under noise, claims its joules",
-    keys="tautwave.couplings.wave.keys:ObservedCoupling",
+    keys="tautwave.couplings.wave.keys:WaveCoupling",
     law="tautwave.couplings.wave.steps:law",
     end_constants="tautwave.couplings.wave.from_keys:end_constants",
-    link_constants="tautwave.couplings.wave.from_keys:link_constants",
     carries="waves",
     divisors=True,
     causalities=("impedance",),

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 from tautwave.config import Rig
 from tautwave.couplings.wave.from_keys import declared_noise, observer_of, port_impedance
-from tautwave.couplings.wave.keys import ObservedPair
+from tautwave.couplings.wave.keys import WavePair
 from tautwave.laws.port import port_reserve
 from tautwave.rig import coupled_axis
 from tautwave.types import CommandDelay
@@ -87,7 +87,7 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
     """Return what the port of an axis may give out, or the key without which nothing bounds it."""
     side = axis_name.split(".")[0]
     axis, pair = rig.axes[axis_name], rig.coupling.pairs[axis_name.split(".")[1]]
-    assert isinstance(pair, ObservedPair)
+    assert isinstance(pair, WavePair)
     assert axis.inertia is not None
     for key in ("velocity_limit", "effort_rate_limit"):
         if getattr(axis, key) is None:

@@ -6,9 +6,8 @@ import math
 
 from tautwave.analysis.wave_port.sensor_noise import NoisePower, noise_power
 from tautwave.contracts import CoupledAxis
-from tautwave.couplings.tracked.records import WaveLinkParams
-from tautwave.couplings.wave.keys import ObservedPair
-from tautwave.couplings.wave.records import ObservedEndParams
+from tautwave.couplings.wave.keys import WavePair
+from tautwave.couplings.wave.records import WaveEndParams
 from tautwave.errors import ConfigError
 from tautwave.laws.observer import ObserverParams, observer_params, plain_observer
 from tautwave.laws.port import PortParams, port_params, port_reserve
@@ -20,19 +19,19 @@ WATCHED_S = 1.0
 LIMP_SHARE = 0.1
 
 
-def port_impedance(pair: ObservedPair, side: str) -> float:
+def port_impedance(pair: WavePair, side: str) -> float:
     """Return the wave impedance of the port at one side [N m s/rad or N s/m]."""
     return pair.in_device_units(side, pair.wave_impedance)
 
 
-def observer_of(pair: ObservedPair, side: str, period: float, mass: float) -> ObserverParams:
+def observer_of(pair: WavePair, side: str, period: float, mass: float) -> ObserverParams:
     """Return the observer of one side."""
     pole = pair.pole(side)
     return plain_observer(period, mass) if pole is None else observer_params(period, mass, pole)
 
 
 def bare_port(
-    pair: ObservedPair,
+    pair: WavePair,
     side: str,
     period: float,
     mass: float,
@@ -55,16 +54,18 @@ def bare_port(
     )
 
 
-def declared_noise(pair: ObservedPair, side: str, axis: CoupledAxis) -> NoisePower:
+def declared_noise(pair: WavePair, side: str, axis: CoupledAxis) -> NoisePower:
     """Return what encoder step and noise can take from a tank and feign [W]."""
     assert axis.inertia is not None
     whole = axis.delay + (1 if axis.late > 0.0 else 0)
     port = bare_port(pair, side, axis.period, axis.inertia, axis.delay + axis.late)
     observer = observer_of(pair, side, axis.period, axis.inertia)
-    return noise_power(port, observer, whole, axis.position_noise, axis.encoder_quantum)
+    return noise_power(
+        port, observer, whole, axis.position_noise, axis.encoder_quantum, axis.noise_lags
+    )
 
 
-def end_constants(pair: ObservedPair, side: str, axis: CoupledAxis) -> ObservedEndParams:
+def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams:
     """Return the constants of one end.
 
     Raises
@@ -94,7 +95,7 @@ def end_constants(pair: ObservedPair, side: str, axis: CoupledAxis) -> ObservedE
         axis.velocity_limit,
     )
     leak = declared_noise(pair, side, axis).lost * axis.period
-    return ObservedEndParams(
+    return WaveEndParams(
         port=bare_port(pair, side, axis.period, axis.inertia, delay, reserve=reserve, leak=leak),
         observer=observer,
         wave=pair.wave_gain(side),
@@ -104,8 +105,3 @@ def end_constants(pair: ObservedPair, side: str, axis: CoupledAxis) -> ObservedE
         watch=axis.period / WATCHED_S,
         limp=LIMP_SHARE,
     )
-
-
-def link_constants(coupling: object, period: float) -> WaveLinkParams:
-    """Return the constants of the line: its ports filter."""
-    return WaveLinkParams(False, 1.0)

@@ -1,7 +1,8 @@
-"""Keys of law observed_wave. Units: [rad | m] reads "rad for a rotary axis, m for a linear one"."""
+"""Keys of a wave line. Units: [rad | m] reads "rad for a rotary axis, m for a linear one"."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
@@ -9,8 +10,7 @@ from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 from tautwave.config.keys.common import Name, Positive
-from tautwave.config.keys.coupling import Coupling
-from tautwave.couplings.tracked.keys import WavePair
+from tautwave.config.keys.coupling import Coupling, Pair
 
 
 def _check_pole(value: Any) -> Any:
@@ -23,9 +23,15 @@ def _check_pole(value: Any) -> Any:
 Pole = Annotated[Literal["plain"] | float, BeforeValidator(_check_pole)]
 
 
-class ObservedPair(WavePair):
-    """A master axis and the slave axis of the same name, on a wave line between observed ports."""
+class WavePair(Pair):
+    """A master axis and the slave axis of the same name, on a wave line."""
 
+    wave_impedance: Positive = Field(
+        description="[N m s/rad | N s/m] Characteristic impedance of the line, in the master's "
+        "units. Small: light and soft; large: heavy and crisp.",
+    )
+    matched_master: bool = Field(default=False, description="Matching damper at the master's end.")
+    matched_slave: bool = Field(default=False, description="Matching damper at the slave's end.")
     wave_filter_hz: Positive = Field(
         description="[Hz] Corner of the low-pass inside both ports, at the rate of each axis; a "
         "tenth of the rate is a good start."
@@ -42,14 +48,20 @@ class ObservedPair(WavePair):
         found = self.pole_master if side == "master" else self.pole_slave
         return found if isinstance(found, float) else None
 
+    def wave_gain(self, side: str) -> float:
+        """Return device wave per line wave [1]: the sign and the root of the power ratio."""
+        if side == "master":
+            return 1.0
+        return float(self.sign) * math.sqrt(self.effective_force_scale * self.position_scale)
 
-class ObservedCoupling(Coupling):
+
+class WaveCoupling(Coupling):
     """A wave line between observed ports."""
 
     law: Literal["observed_wave"] = Field(
         description="A wave line whose ports hold a force under noise and claim joules."
     )
-    pairs: Mapping[Name, ObservedPair] = Field(
+    pairs: Mapping[Name, WavePair] = Field(
         description="The pairs by name: one per axis of each side."
     )
 

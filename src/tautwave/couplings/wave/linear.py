@@ -5,11 +5,11 @@ from __future__ import annotations
 from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site
 from tautwave.analysis.wave_port.port_loop import observed_end
 from tautwave.couplings.wave.from_keys import bare_port, observer_of
-from tautwave.couplings.wave.keys import ObservedPair
+from tautwave.couplings.wave.keys import WavePair
 
 
 def linear_end(
-    pair: ObservedPair, side: str, device: Device, site: Site, filter_gain: float
+    pair: WavePair, side: str, device: Device, site: Site, filter_gain: float
 ) -> LinearEnd:
     """Return the end at one side; its waves are those of the line."""
     period = site.port.period

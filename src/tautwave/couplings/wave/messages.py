@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from tautwave.config import Rig
-from tautwave.couplings.tracked.messages import describe_pair
-from tautwave.couplings.wave.keys import ObservedPair
+from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.standing import standing
 from tautwave.wording import CouplingMessages, PlanLine
 
@@ -21,7 +20,7 @@ def _coupling(rig: Any) -> str:
 
 def _pair_plan(rig: Rig, name: str) -> Iterator[PlanLine]:
     keys = rig.coupling.pairs[name]
-    assert isinstance(keys, ObservedPair)
+    assert isinstance(keys, WavePair)
     for side in ("master", "slave"):
         pole = keys.pole(side)
         why = f"pole {pole}, wave filter at {keys.wave_filter_hz:g} Hz"
@@ -32,6 +31,16 @@ def _pair_plan(rig: Rig, name: str) -> Iterator[PlanLine]:
         what = f"its bus is served every {divisor} cycles"
         same = "its bus is served every cycle"
         yield PlanLine(f"rate converter of {side}.{name}", divisor > 1, what, same)
+
+
+def describe_pair(
+    settings: Mapping[str, Any], effort: str, position: str, number: Callable[[Any], str]
+) -> str:
+    """Return one line on a pair from its keys, empty without an impedance."""
+    impedance = settings.get("wave_impedance")
+    if impedance is None:
+        return ""
+    return f"wave coupling, impedance b = {number(impedance)} {effort} s/{position}"
 
 
 messages = CouplingMessages(

@@ -1,10 +1,11 @@
-"""One end of an observed wave pair: observer and tank around their laws, and the books."""
+"""One end of a wave pair: observer and tank around their laws, and the books."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import MutableSequence
 
-from tautwave.controller.records import AxisParams, AxisState
+from tautwave.controller.records import PIPE, AxisParams, AxisState
 from tautwave.controller.steps import OWN_GUARDS
 from tautwave.laws.observer import observe
 from tautwave.laws.port import port_close, port_effort
@@ -45,6 +46,15 @@ def start_end(s: AxisState, p: AxisParams, gap: float) -> None:
     e.rate_left = 0
     e.rate_count = 0
     e.cut_left = 0
+
+
+def receive_wave(s: AxisState, p: AxisParams, arriving: float) -> None:
+    """Take the wave of this slot; it is booked with the command that it leads to."""
+    e = s.end
+    wave = p.end.wave * arriving
+    e.arrived = arriving
+    e.wave_in = wave
+    s.tag = wave
 
 
 def act(s: AxisState, p: AxisParams, tag: float) -> None:
@@ -123,3 +133,15 @@ def think(s: AxisState, p: AxisParams, coast: float) -> float:
     effort = port_effort(k.port, e.account, e.velocity, e.push, pending, e.wave_in)
     e.wanted = effort
     return effort
+
+
+def waiting_energy(s: AxisState, p: AxisParams, table: MutableSequence[float]) -> float:
+    """Return the energy of waves that arrived but are not booked yet [J]."""
+    total: float = s.end.wave_energy + p.half_period * s.tag * s.tag
+    for i in range(p.delay):
+        at = s.head + i
+        if at >= p.delay:
+            at = at - p.delay
+        wave = table[p.pipe + PIPE * at + 3]
+        total += p.half_period * wave * wave
+    return total

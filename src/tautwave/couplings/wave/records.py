@@ -1,4 +1,4 @@
-"""Constants and state of an observed wave coupling at each axis; the line is that of law wave."""
+"""Constants and state of a wave coupling: one end at each axis, the line between them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tautwave.laws.observer import ObserverParams
 from tautwave.laws.port import PortParams
 
 
-class ObservedEndParams(NamedTuple):
+class WaveEndParams(NamedTuple):
     """Constants of one end.
 
     `wave` is device wave per line wave: sign * sqrt(power ratio); `quantum` the effort's step
@@ -29,7 +29,7 @@ class ObservedEndParams(NamedTuple):
 
 
 @dataclass(slots=True)
-class ObservedEnd:
+class WaveEnd:
     """State of one end: observer, tank, waves, and its books [J].
 
     `at`, `velocity`, `push` are observed: position [rad or m], velocity, acceleration from outside.
@@ -65,3 +65,11 @@ class ObservedEnd:
     rate_left: int = 0
     rate_count: int = 0
     cut_left: int = 0
+
+
+@dataclass(slots=True)
+class WaveLink:
+    """State between the ends: the energy of the waves on the line [J], and where it stands."""
+
+    line_energy: float = 0.0
+    at: int = 0

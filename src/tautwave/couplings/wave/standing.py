@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from tautwave.config import Rig
-from tautwave.couplings.wave.keys import ObservedPair
+from tautwave.couplings.wave.keys import WavePair
 from tautwave.laws.wave_filter import filter_gain
 from tautwave.types import CommandDelay
 from tautwave.wording import Standing
@@ -17,7 +17,7 @@ def standing(rig: Rig, name: str, delays: Mapping[str, CommandDelay], tau: float
     The observer is not biased by a held effort, so the devices get all of the line's effort.
     """
     pair = rig.coupling.pairs[name]
-    assert isinstance(pair, ObservedPair)
+    assert isinstance(pair, WavePair)
     lag = 0.0
     for side in ("master", "slave"):
         period = rig.axis_period_s(f"{side}.{name}")

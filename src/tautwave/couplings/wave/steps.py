@@ -1,4 +1,4 @@
-"""The steps of an observed wave coupling: line and rate converters are those of law wave."""
+"""The steps of a wave coupling, and what of it is recorded."""
 
 from __future__ import annotations
 
@@ -8,26 +8,20 @@ from tautwave.contracts import Row
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
 from tautwave.controller.rows import fill_element
 from tautwave.controller.steps import Guard, Law, Steps
-from tautwave.couplings.tracked.port import waiting_energy
-from tautwave.couplings.tracked.records import WaveLink
-from tautwave.couplings.tracked.steps import (
-    element_names,
-    engage,
-    exchange,
-    fill_converter,
-    fill_signals,
-    has_damper,
-)
+from tautwave.couplings.wave.line import exchange_waves
 from tautwave.couplings.wave.port import (
     LIMP,
     PORT_OVERDRAWN,
     act,
     close,
     miss,
+    receive_wave,
     start_end,
     think,
+    waiting_energy,
 )
-from tautwave.couplings.wave.records import ObservedEnd
+from tautwave.couplings.wave.rates import exchange_rated, stored_in_converter
+from tautwave.couplings.wave.records import WaveEnd, WaveLink
 
 
 def start(
@@ -43,6 +37,75 @@ def start(
     """Begin with nothing on its way; the slave's port mends the `gap` [rad or m]."""
     start_end(one, p1, 0.0)
     start_end(two, p2, gap)
+
+
+def engage(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+) -> None:
+    """Let nothing arrive."""
+    receive_wave(one, p1, 0.0)
+    receive_wave(two, p2, 0.0)
+
+
+def exchange(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+    here: bool,
+    due_one: bool,
+    due_two: bool,
+) -> None:
+    """Pass one slot: leaving waves enter the line, what leaves it arrives."""
+    if q.rated:
+        exchange_rated(c, q, one, two, p1, p2, table, here, due_one, due_two)
+        return
+    from_master = 0.0
+    from_slave = 0.0
+    if here:
+        from_master = one.end.leaving
+        from_slave = two.end.leaving
+    at_master = from_slave
+    at_slave = from_master
+    if q.samples > 0:
+        at_master, at_slave = exchange_waves(c, q, table, from_master, from_slave)
+    receive_wave(one, p1, at_master)
+    receive_wave(two, p2, at_slave)
+
+
+def has_damper(p: AxisParams) -> bool:
+    """Return whether a damper stands in series with the port, so that no wave is reflected."""
+    return p.end.port.slip > 0.0 and p.impedance
+
+
+def element_names(q: PairParams, p1: AxisParams, p2: AxisParams) -> list[str]:
+    """Return the names of a pair's elements in the order of their columns."""
+    sides = (("master", p1), ("slave", p2))
+    names: list[str] = []
+    for side, p in sides:
+        names.append(f"port_{side}")
+        if has_damper(p):
+            names.append(f"damper_{side}")
+    names += [f"converter_{side}" for side, p in sides if p.divisor > 1]
+    if q.samples > 0:
+        names.append("line")
+    return names
+
+
+def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write the waves that arrived and left, as they are on the line."""
+    out[at] = s.end.arrived
+    out[at + 1] = s.end.leaving
+    return at + 2
 
 
 def fill_tank(out: Row, at: int, s: AxisState, p: AxisParams, table: MutableSequence[float]) -> int:
@@ -61,6 +124,14 @@ def fill_tank(out: Row, at: int, s: AxisState, p: AxisParams, table: MutableSequ
         lost = weight * e.damper_dissipated
         at = fill_element(out, at, lost, 0.0, lost)
     return at
+
+
+def fill_converter(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write the account of a rate converter, if there is one."""
+    if p.divisor == 1:
+        return at
+    e = s.end
+    return fill_element(out, at, e.rate_absorbed, stored_in_converter(s, p), e.rate_dissipated)
 
 
 def fill_elements(
@@ -97,7 +168,7 @@ law = Law(
         fill_signals=fill_signals,
         fill_elements=fill_elements,
     ),
-    end=ObservedEnd,
+    end=WaveEnd,
     link=WaveLink,
     signals=("wave_in", "wave_out"),
     elements=element_names,

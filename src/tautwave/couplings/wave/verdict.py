@@ -22,17 +22,16 @@ from tautwave.certificate.belief import (
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.certificate.rates import converter_element
 from tautwave.config import Rig
-from tautwave.couplings.tracked.verdict import verdict as wave_verdict
 from tautwave.couplings.wave.claim import Claim, claim_of
 from tautwave.couplings.wave.from_keys import (
     bare_port,
     observer_of,
     port_impedance,
 )
-from tautwave.couplings.wave.keys import ObservedPair
+from tautwave.couplings.wave.keys import WavePair
 from tautwave.laws.observer import ObserverParams
 from tautwave.laws.port import PortParams
-from tautwave.rig import at_axis_rate
+from tautwave.rig import at_axis_rate, pair_scale
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
@@ -84,14 +83,14 @@ def _gain(
     return class_gain(port, observer, delay, devices)
 
 
-def _keys(rig: Rig, axis_name: str) -> ObservedPair:
+def _keys(rig: Rig, axis_name: str) -> WavePair:
     found = rig.coupling.pairs[axis_name.split(".")[1]]
-    assert isinstance(found, ObservedPair)
+    assert isinstance(found, WavePair)
     return found
 
 
 def port_of(
-    rig: Rig, axis_name: str, delays: Delays, damping: float, keys: ObservedPair | None = None
+    rig: Rig, axis_name: str, delays: Delays, damping: float, keys: WavePair | None = None
 ) -> Port:
     """Return the port of an axis; `damping` is what its wall leaves of the device's."""
     side = axis_name.split(".")[0]
@@ -251,6 +250,43 @@ def _claimed(axis_name: str, claim: Claim, seconds: float) -> str:
     )
 
 
+def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
+    """Yield the line, the filters of its ports and its scaling."""
+    coupling = rig.coupling
+    if rig.delay_samples:
+        yield _fine(
+            f"line of {pair}",
+            "line",
+            pair,
+            f"a constant delay of {coupling.delay_s:g} s each way is lossless and holds the "
+            "waves under way (Niemeyer and Slotine 1991); a missing wave counts as 0",
+        )
+    keys = coupling.pairs[pair]
+    assert isinstance(keys, WavePair)
+    yield _fine(
+        f"wave filters of {pair}",
+        "filter",
+        pair,
+        f"|H| <= 1 at every frequency ({keys.wave_filter_hz:g} Hz)",
+    )
+    scale = pair_scale(keys)
+    if abs(scale.power - 1.0) > 1e-12:
+        yield _fine(
+            f"scaling of {pair}",
+            "scaling",
+            pair,
+            f"power scaled by {scale.power:g}, the waves by its root: passive for a hand and an "
+            "environment that touch each other through the rig only",
+        )
+    elif scale.scale != 1.0 or scale.sign < 0.0:
+        yield _fine(f"scaling of {pair}", "scaling", pair, "keeps power")
+
+
+def _fine(name: str, kind: str, pair: str, why: str) -> Element:
+    result = Verdict(True, f"{name}: {why}.")
+    return Element(name, kind, pair, result, result, {}, (result.reason,))
+
+
 def _joules(value: float) -> str:
     for factor, unit in ((1.0, "J"), (1e-3, "mJ"), (1e-6, "uJ")):
         if value >= factor:
@@ -260,12 +296,12 @@ def _joules(value: float) -> str:
 
 def _remedy(rig: Rig, pair: str) -> str:
     keys = rig.coupling.pairs[pair]
-    assert isinstance(keys, ObservedPair)
+    assert isinstance(keys, WavePair)
     return f"Lower wave_impedance {keys.wave_impedance:g}, or change the poles."
 
 
 verdict = CouplingVerdict(
-    wave_verdict.pair_elements,
+    _between,
     _at_axis,
     _remedy,
     contracting=True,

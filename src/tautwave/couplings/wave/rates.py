@@ -1,0 +1,111 @@
+"""Pairs with a slow side: its bus is served every n-th slot, the line every slot.
+
+At slot j n the bus gets its request, at slot j n + n - 1 its response is there: the port closes,
+takes the mean of the waves of the last n slots, thinks, and its leaving wave is held for the n
+slots from there on. What it decides goes out with the next request. The converter between line and
+slow port keeps an account; its state is the `rate_` part of the end's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import MutableSequence
+
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.couplings.wave.line import exchange_waves
+from tautwave.couplings.wave.port import receive_wave
+from tautwave.laws.conversion import gather_wave, hand_over
+
+
+def stored_in_converter(s: AxisState, p: AxisParams) -> float:
+    """Return the energy under way in the converter [J]."""
+    e = s.end
+    held = e.rate_left * e.rate_held * e.rate_held
+    stored: float = p.half_slot * (held + e.rate_count * e.rate_mean * e.rate_mean)
+    return stored
+
+
+def load_wave(s: AxisState, p: AxisParams, wave: float) -> None:
+    """Take the wave that leaves the slow port, to give it away over n slots."""
+    e = s.end
+    # Nothing is left but when the port closes out of turn.
+    e.rate_dissipated += p.half_slot * e.rate_left * e.rate_held * e.rate_held
+    e.rate_held = wave
+    e.rate_left = p.divisor
+    e.rate_absorbed += p.half_slot * p.divisor * wave * wave
+
+
+def give_wave(s: AxisState, p: AxisParams) -> float:
+    """Return the wave of this slot for the line."""
+    e = s.end
+    if e.rate_left == 0:
+        return 0.0
+    e.rate_left -= 1
+    e.rate_absorbed -= p.half_slot * e.rate_held * e.rate_held
+    held: float = e.rate_held
+    return held
+
+
+def take_wave(s: AxisState, p: AxisParams, wave: float) -> None:
+    """Take the wave that the line delivers in this slot."""
+    e = s.end
+    mean, lost = gather_wave(e.rate_count, e.rate_mean, wave)
+    e.rate_mean = mean
+    e.rate_count += 1
+    e.rate_absorbed += p.half_slot * wave * wave
+    e.rate_dissipated += p.half_slot * lost
+
+
+def hand_over_wave(s: AxisState, p: AxisParams) -> float:
+    """Return the wave for the slow port, and begin a new block."""
+    e = s.end
+    wave, lost = hand_over(p.divisor, e.rate_count, e.rate_mean)
+    e.rate_dissipated += p.half_slot * lost
+    e.rate_absorbed -= p.half_slot * p.divisor * wave * wave
+    e.rate_mean = 0.0
+    e.rate_count = 0
+    return wave
+
+
+def leave_rated(s: AxisState, p: AxisParams, due: bool, here: bool) -> float:
+    """Return the wave of this slot for the line. `here`: the loop saw the slot."""
+    if p.divisor > 1:
+        if due:
+            load_wave(s, p, s.end.leaving)
+        return give_wave(s, p)
+    if here:
+        leaving: float = s.end.leaving
+        return leaving
+    return 0.0
+
+
+def arrive_rated(s: AxisState, p: AxisParams, wave: float, due: bool) -> None:
+    """Take the wave of this slot from the line."""
+    if p.divisor == 1:
+        receive_wave(s, p, wave)
+    else:
+        take_wave(s, p, wave)
+        if due:
+            receive_wave(s, p, hand_over_wave(s, p))
+
+
+def exchange_rated(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+    here: bool,
+    due_one: bool,
+    due_two: bool,
+) -> None:
+    """Pass one slot of a pair with a slow side."""
+    from_master = leave_rated(one, p1, due_one, here)
+    from_slave = leave_rated(two, p2, due_two, here)
+    at_master = from_slave
+    at_slave = from_master
+    if q.samples > 0:
+        at_master, at_slave = exchange_waves(c, q, table, from_master, from_slave)
+    arrive_rated(one, p1, at_master, due_one)
+    arrive_rated(two, p2, at_slave, due_two)
