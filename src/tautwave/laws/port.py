@@ -164,6 +164,17 @@ def port_effort(
     return effort
 
 
+def port_brake(account: float, effort: float) -> float:
+    """Return what may act of a stop's damping [N m or N]: nothing while the tank is in debt.
+
+    Damping on a late or noisy velocity can give. Sent only out of a tank [J] that holds something,
+    it can overdraw it by what commands under way give, and no more; NaN is a debt.
+    """
+    if account > 0.0:
+        return effort
+    return 0.0
+
+
 def port_close(
     p: PortParams,
     account: float,
