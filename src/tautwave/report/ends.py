@@ -1,12 +1,14 @@
 """What each end of a pair gave out in a run, against the joules that its law claimed beforehand.
 
-Both are as the end's encoder sees it, from the recording. A device beyond its velocity limit was
-hit from outside: what the motor gave in the periods until the guard acted, the effort that acted
-times the way, is a blow. It is no part of the claim, and reported.
+Both are as the end's encoder sees it, from the recording. A device that is beyond its velocity
+limit by more than its motor can have made of it was hit from outside: what the motor gave in the
+periods until the guard acted, the effort that acted times the way, is a blow. It is no part of the
+claim, and reported.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -16,9 +18,6 @@ from tautwave.report.claims import ROUNDING
 from tautwave.report.motors import motion
 from tautwave.report.run.rundir import SIDES, Run, block
 from tautwave.report.units import number, quantity
-
-FASTER = 1.0 + 1e-9
-"""Times the velocity limit: what is faster is not rounding."""
 
 
 class End(NamedTuple):
@@ -40,7 +39,7 @@ class End(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """What there is to say of it; empty where it kept its claim and was not hit."""
+        """A broken claim or a blow in a sentence; empty without either."""
         given, claim = quantity(self.given, "J", 3), quantity(self.claim, "J", 3)
         blow = f"{quantity(self.blow, 'J', 3)} of it in a blow beyond its velocity limit"
         if self.passed and self.blow == 0.0:
@@ -81,15 +80,18 @@ def ends_of(run: Run) -> Iterator[End]:
 
 
 def blow(run: Run, pair: str, side: str) -> float:
-    """Return what a motor gave while its device was beyond its velocity limit [J, pair's]."""
+    """Return what a motor gave while its device was too fast by itself [J, pair's]."""
     axis = f"{side}.{pair}"
-    limit = number(block(run.rig, side, "axes", pair).get("velocity_limit"))
+    keys = block(run.rig, side, "axes", pair)
+    limit = number(keys.get("velocity_limit"))
+    mass = number(block(keys, "inertia").get("lower")) or math.inf
+    own_push = (number(keys.get("effort_limit")) or 0.0) / mass
     names = (f"{axis}.port_energy", f"{pair}.wall_{side}.absorbed")
     read = run.read(*names)
     if limit is None or names[0] not in read:
         return 0.0
     moved, time, good = motion(run, axis)
-    own = read[names[0]] - read.get(names[1], np.zeros(run.rows))
-    gave = -np.diff(own[good])
-    fast = np.abs(moved) > FASTER * limit * time
+    taken = read[names[0]] - read.get(names[1], np.zeros(run.rows))
+    gave = -np.diff(taken[good])
+    fast = np.abs(moved) > (limit + 2.0 * own_push * time) * time
     return float(np.sum(np.maximum(gave[fast], 0.0)))
