@@ -22,7 +22,7 @@ from tautwave.files import create, reason
 
 COMMANDS = (
     "example", "run", "check", "sim", "scan", "sweep", "identify", "report", "drivers", "bench",
-    "reproduce", "compile", "keys",
+    "reproduce", "compile", "keys", "link",
 )  # fmt: skip
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 _PARSED = "tautwave.arguments"
