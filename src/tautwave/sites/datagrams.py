@@ -11,8 +11,8 @@ import time
 from contextlib import suppress
 
 from tautwave.errors import LinkError
-from tautwave.link.control import Session
-from tautwave.link.seal import Opener, Sealer
+from tautwave.sites.control import Session
+from tautwave.sites.seal import Opener, Sealer
 
 EXPEDITED = 46 << 2
 """Expedited forwarding (RFC 3246) in the byte that routers look at."""

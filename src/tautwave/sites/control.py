@@ -15,9 +15,10 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
+from tautwave.config.guard import parse_json
 from tautwave.errors import LinkError
-from tautwave.link.certificates import Identity
-from tautwave.link.seal import SECRET_BYTES, SESSION_BYTES
+from tautwave.sites.certificates import Identity
+from tautwave.sites.seal import SECRET_BYTES, SESSION_BYTES
 
 PROTOCOL = 1
 """Version of messages and datagrams; both sites must have the same."""
@@ -128,7 +129,7 @@ class Channel:
                 raise _Broken(f"sent a message of over {MOST_BYTES} bytes")
         line, _, self._waiting = self._waiting.partition(b"\n")
         try:
-            message = json.loads(line)
+            message = parse_json(line.decode())
         except ValueError as err:
             raise _Broken("sent what is no message") from err
         if not isinstance(message, dict):

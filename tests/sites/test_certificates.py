@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from tautwave.cli import main as cli
 from tautwave.errors import ConfigError
-from tautwave.link.certificates import identity_files, make_authority
+from tautwave.sites.certificates import identity_files, make_authority
 
 
 def test_each_site_gets_a_certificate_that_names_it(tmp_path: Path) -> None:

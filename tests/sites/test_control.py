@@ -16,9 +16,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.errors import LinkError
-from tautwave.link import certificates
-from tautwave.link.certificates import identity_files, make_authority
-from tautwave.link.control import (
+from tautwave.sites import certificates
+from tautwave.sites.certificates import identity_files, make_authority
+from tautwave.sites.control import (
     Channel,
     Session,
     accept,
@@ -195,6 +195,7 @@ def test_rigs_that_differ_are_refused_key_by_key(listener: socket.socket, keys: 
     [
         (b"\xff\xfe\n", "sent what is no message"),
         (b"[1, 2]\n", "sent what is no message"),
+        (b"[" * 30000 + b"\n", "sent what is no message"),
         (b"{}\n", "protocol None there, 1 here"),
         (b"x" * 70000, "sent a message of over 65536 bytes"),
     ],

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tautwave.errors import ConfigError, LinkError
-from tautwave.link.certificates import identity_files
-from tautwave.link.control import Channel, accept, client_context, dial, server_context
-from tautwave.link.datagrams import DataPort, open_socket
-from tautwave.link.probe import Heard, Way, delays_of, probe, way_of
+from tautwave.sites.certificates import identity_files
+from tautwave.sites.control import Channel, accept, client_context, dial, server_context
+from tautwave.sites.datagrams import DataPort, open_socket
+from tautwave.sites.probe import Heard, Way, delays_of, probe, way_of
 
 PURPOSE = {"purpose": "link test"}
 """So that a run never agrees with a test."""
@@ -52,7 +52,7 @@ class Found(NamedTuple):
 def serve_tests(
     directory: Path, site: str, peer: str, address: tuple[str, int], *, once: bool = False
 ) -> Iterator[str]:
-    """Yield a sentence on each test or refusal, for ever unless `once`.
+    """Yield a sentence on each test or refusal, indefinitely unless `once`.
 
     Raises
     ------

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from tautwave.errors import LinkError
 from tautwave.link.clocks import Exchange, clock_line, exchange, keep_best
-from tautwave.link.datagrams import DataPort
+from tautwave.sites.datagrams import DataPort
 
 PAYLOAD = struct.Struct(">QQQQ24x")
 """Number, sender's clock, echo of ours and how long it was held [ns]; padded to a wave's size."""

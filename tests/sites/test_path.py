@@ -17,11 +17,11 @@ from hypothesis import strategies as st
 
 from tautwave.cli import main as cli
 from tautwave.errors import ConfigError, LinkError
-from tautwave.link import path, probe
-from tautwave.link.certificates import make_authority
 from tautwave.link.clocks import exchange, keep_best
-from tautwave.link.path import Asked, Found, parse_address, run_test, serve_tests, trace
-from tautwave.link.probe import Arrival, Heard, quantile, way_of
+from tautwave.sites import path, probe
+from tautwave.sites.certificates import make_authority
+from tautwave.sites.path import Asked, Found, parse_address, run_test, serve_tests, trace
+from tautwave.sites.probe import Arrival, Heard, quantile, way_of
 
 OFFSET_NS, RATE = 7_000_000_000_000, 40e-6
 

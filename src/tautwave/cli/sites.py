@@ -1,4 +1,4 @@
-"""`tautwave link`: what the path between two sites is like, before anything moves."""
+"""`tautwave keys` and `tautwave link`: who the other site is, and what the path to it is like."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def link() -> None:
 @click.option("--once", is_flag=True, help="End after the first test.")
 def serve(directory: Path, site: str, peer: str, bind: str, port: int, once: bool) -> None:
     """Let the other site test the path; ends with Ctrl-C."""
-    from tautwave.link.path import serve_tests
+    from tautwave.sites.path import serve_tests
 
     for line in serve_tests(directory, site, peer, (bind, port), once=once):
         click.echo(line)
@@ -81,7 +81,7 @@ def test(
     as_json: bool,
 ) -> None:
     """Test the path to a site that runs `tautwave link serve`."""
-    from tautwave.link.path import Asked, run_test, table, trace
+    from tautwave.sites.path import Asked, run_test, table, trace
 
     found = run_test(address, directory, site, peer, Asked(rate, duration))
     if record is not None:
@@ -111,3 +111,41 @@ def _compliance(rig: Any, delay: float) -> Iterator[str]:
                 f"pair {name}: a line of {1e3 * delay:.3g} ms each way at wave_impedance "
                 f"{impedance:g} gives {1e3 * delay / impedance:.3g} {unit} (tau / b)"
             )
+
+
+@click.group("keys", short_help="Make the keys with which two sites know each other.")
+def keys() -> None:
+    """Make the keys with which two sites know each other."""
+
+
+@keys.command("init", short_help="Make an authority and a certificate per site.")
+@click.argument("directory", type=click.Path(path_type=Path))
+@click.option(
+    "--site",
+    "sites",
+    multiple=True,
+    default=("master", "slave"),
+    show_default=True,
+    help="Name of a site; give two or more.",
+)
+@click.option(
+    "--days", type=click.IntRange(1, 3650), default=825, show_default=True, help="Validity [days]."
+)
+def init(directory: Path, sites: tuple[str, ...], days: int) -> None:
+    """Make an authority and a certificate per site in DIRECTORY, which is new or empty.
+
+    Copy to each machine authority.pem and the site's own .pem and .key, nothing else. The
+    authority's own key is not kept: to add a site or to withdraw one, make all anew.
+
+    \b
+    Examples:
+        tautwave keys init keys
+        tautwave keys init keys --site lab --site clinic --days 90
+    """
+    from tautwave.sites.certificates import make_authority
+
+    for path in make_authority(directory, sites, days):
+        click.echo(path)
+    click.echo(
+        "Copy to each site authority.pem and its own .pem and .key; then remove the rest here."
+    )

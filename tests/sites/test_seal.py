@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave.link.seal import (
+from tautwave.sites.seal import (
     FOREIGN,
     FORGED,
     HEAD,
