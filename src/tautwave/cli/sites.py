@@ -44,7 +44,13 @@ def link() -> None:
 @click.option("--port", type=click.IntRange(0, 65535), default=PORT, show_default=True)
 @click.option("--once", is_flag=True, help="End after the first test.")
 def serve(directory: Path, site: str, peer: str, bind: str, port: int, once: bool) -> None:
-    """Let the other site test the path; ends with Ctrl-C."""
+    """Let the other site test the path; ends with Ctrl-C.
+
+    \b
+    Examples:
+        tautwave link serve --keys keys
+        tautwave link serve --keys keys --site clinic --peer lab --port 7000
+    """
     from tautwave.sites.path import serve_tests
 
     for line in serve_tests(directory, site, peer, (bind, port), once=once):
@@ -80,7 +86,13 @@ def test(
     record: Path | None,
     as_json: bool,
 ) -> None:
-    """Test the path to a site that runs `tautwave link serve`."""
+    """Test the path to a site that runs `tautwave link serve`.
+
+    \b
+    Examples:
+        tautwave link test 10.0.0.2 --keys keys --duration 30
+        tautwave link test 10.0.0.2 --keys keys --rig rig.yaml --record trace.csv
+    """
     from tautwave.sites.path import Asked, run_test, table, trace
 
     found = run_test(address, directory, site, peer, Asked(rate, duration))
@@ -115,7 +127,12 @@ def _compliance(rig: Any, delay: float) -> Iterator[str]:
 
 @click.group("keys", short_help="Make the keys with which two sites know each other.")
 def keys() -> None:
-    """Make the keys with which two sites know each other."""
+    """Make the keys with which two sites know each other.
+
+    \b
+    Examples:
+        tautwave keys init keys
+    """
 
 
 @keys.command("init", short_help="Make an authority and a certificate per site.")
