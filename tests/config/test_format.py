@@ -85,7 +85,7 @@ def test_a_velocity_filter_is_refused_where_nothing_reads_it() -> None:
     key = "slave.axes.lever.velocity_filter_s=0.002"
     assert parse_rig(BENCH.read_text(), overrides=[key])  # its wall has a damper
     undamped = "coupling.pairs.lever.wall_slave.damping=0"
-    with pytest.raises(ConfigError, match="nothing reads it here: .* see .*pole_slave; remove it"):
+    with pytest.raises(ConfigError, match=r"nothing reads it here: .* see .*pole_slave; remove it"):
         parse_rig(BENCH.read_text(), overrides=[key, undamped])
 
 

@@ -95,11 +95,15 @@ def port_bound(run: Run, side: str, name: str = "a") -> float:
         effort=limit.effort,
         rate=limit.effort_step / port.period,
         velocity=limit.velocity,
+        wall=limit.effort if p.site.has_wall else 0.0,
         period=port.period,
-        blind=1.0 + p.delay + p.late + whole.missing_limit + whole.overrun_limit,
+        blind=p.delay + p.late + whole.missing_limit + whole.overrun_limit,
         mass=port.period / (2.0 * p.site.half_mobility),
         deviation=1e-5,
         quantum=1e-4,
+        nonlinearity=0.0,
+        stop_damping=0.0,
+        release=0.0,
         kinetic=0.0,
     )
     return p.weight * claim.seen(len(run.table) * pair.params.period)

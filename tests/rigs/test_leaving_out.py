@@ -12,7 +12,8 @@ BUSY = tree(MOTION, CONTACT, FRICTION, SENSORS, MISHAPS, line(7), {"duration_s":
 INERT_WALL = {"position": 50.0, "stiffness": 500.0, "damping": 3.0}
 SECOND = {
     f"{side}.axes.c": {
-        "bus": bus, "id": 9, "kind": "linear", "effort_limit": 5.0, "velocity_limit": 20.0, "encoder_quantum": 1e-5,
+        "bus": bus, "id": 9, "kind": "linear", "effort_limit": 5.0, "encoder_quantum": 1e-5,
+        "velocity_limit": 20.0,
         "inertia": {"value": 0.2, "lower": 0.2, "source": "x"}, "position_noise": 1e-5,
     }
     for side, bus in (("master", "hand"), ("slave", "arm"))

@@ -8,10 +8,13 @@ it is compared with what the ports claim.
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.rundir import SIDES, Run, block, served_rows
 from tautwave.report.units import number
+
+Rows = npt.NDArray[np.bool_]
 
 
 def given_energy(run: Run, axes: list[str]) -> Floats | None:
@@ -62,8 +65,8 @@ def stated_debt(run: Run, pair: str) -> float | None:
     return debt
 
 
-def _steps(run: Run, axis: str) -> tuple[Floats, Floats]:
-    """Return displacements between valid samples, and the duration of each [s]."""
+def motion(run: Run, axis: str) -> tuple[Floats, Floats, Rows]:
+    """Return displacements between valid samples, the duration of each [s], and their rows."""
     names = (f"{axis}.position", f"{axis}.valid", "skipped_slots")
     read = run.read(*names)
     position = read[names[0]]
@@ -72,7 +75,7 @@ def _steps(run: Run, axis: str) -> tuple[Floats, Floats]:
     good = np.zeros(len(position), bool)
     good[served_rows(run, axis)] = True
     good &= np.isfinite(position) & (read.get(names[1], np.ones(len(position))) > 0.5)
-    return np.diff(position[good]), np.diff(slots[good]) / run.rate_hz
+    return np.diff(position[good]), np.diff(slots[good]) / run.rate_hz, good
 
 
 def _wall(run: Run, pair: str, side: str, weight: float) -> float:
@@ -82,6 +85,6 @@ def _wall(run: Run, pair: str, side: str, weight: float) -> float:
         return 0.0
     held = max(0.0, -float(np.nanmin(read[names[1]])))
     created = max(0.0, -float(np.nanmin(read[names[0]])) - held)
-    moved, time = _steps(run, f"{side}.{pair}")
+    moved, time, _ = motion(run, f"{side}.{pair}")
     damping = number(block(run.rig, side, "axes", pair, "damping").get("lower")) or 0.0
     return held + min(created, weight * damping * float(np.sum(moved**2 / time)))

@@ -18,6 +18,9 @@ WATCHED_S = 1.0
 
 LIMP_SHARE = 0.1
 
+PATIENCE_S = 10.0
+"""For so long a port may owe more than a period's way at the velocity limit [s]."""
+
 
 def port_impedance(pair: WavePair, side: str) -> float:
     """Return the wave impedance of the port at one side [N m s/rad or N s/m]."""
@@ -109,6 +112,8 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
         delay=axis.delay,
         watch=axis.period / WATCHED_S,
         limp=LIMP_SHARE,
+        astray=port.root * axis.velocity_limit * axis.period,
+        patience=round(PATIENCE_S / axis.period),
     )
 
 
