@@ -100,6 +100,17 @@ def _unfiltered(rig: Rig, axis_name: str) -> str | None:
     )
 
 
+def _unreachable(rig: Rig, axis_name: str) -> str | None:
+    """Return a sentence if the wave filter's corner is above half the rate of the axis."""
+    corner, half = pair_of(rig, axis_name).wave_filter_hz, 0.5 / rig.axis_period_s(axis_name)
+    if corner is None or corner <= half:
+        return None
+    return (
+        f"{axis_name} port: wave_filter_hz {corner:g} is above half the rate of its bus, "
+        f"{half:g} Hz; lower it"
+    )
+
+
 def _passive(
     rig: Rig,
     axis_name: str,
@@ -122,7 +133,7 @@ def _passive(
             "periods only",
         )
     broken = (
-        _unfiltered(rig, axis_name),
+        _unfiltered(rig, axis_name) or _unreachable(rig, axis_name),
         broken_inertia(rig, axis_name),
         broken_delay(at_axis_rate(rig, axis_name), axis_name, delay),
         broken_damping(rig, axis_name),
