@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from tautwave.analysis.ports.loop_modes import spectral_radius
-from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site, close_loop, position_end
+from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, close_loop, position_end
 from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.errors import ConfigError
-from tautwave.laws.tracked_port import port_params
+from tests.analysis.ends import site_of
 from tests.analysis.reference.lifted import (
     PairLaw,
     damping_curve,
@@ -125,7 +125,7 @@ def test_a_share_of_a_period_lies_between_whole_ones() -> None:
 
 
 def ends_of(mass: float, damping: float, stiffness: float, coupler: float) -> LinearEnd:
-    site = Site(port_params(T, 1.0, mass, False, 0.05, 0.0))
+    site = site_of(T, mass)
     return position_end(
         Device(mass, damping, stiffness),
         site,

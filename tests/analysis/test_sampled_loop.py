@@ -12,22 +12,14 @@ from tautwave.analysis.ports.loop_modes import least_damped, loop_roots, mode_of
 from tautwave.analysis.ports.sampled_loop import (
     Device,
     LinearEnd,
-    Site,
     close_loop,
     position_end,
     reflecting_end,
-    wave_end,
 )
-from tautwave.laws.tracked_port import port_params
+from tests.analysis.ends import port_end, site_of
 from tests.analysis.reference.boundary import stability_boundary, stability_crossings
 
 T = 1e-3
-
-
-def site(b: float, believed: float, delay: int = 0, *, gain: float = 1.0) -> Site:
-    return Site(
-        port_params(T, b, believed, matched=False, drift_time=0.05, allowance=0.0), gain, delay
-    )
 
 
 def naive_radius(m: float, b: float, samples: int) -> float:
@@ -49,7 +41,7 @@ def wall(k: float, b: float, *, delay: int = 0, own: float = 0.1, m: float = 0.1
     """Spectral radius of a device at a sampled spring-damper that never lets go."""
     end = position_end(
         Device(m, own, 0.0, delay),
-        site(1.0, m, delay),
+        site_of(T, m, delay),
         stiffness=k,
         damping=b,
         sent_stiffness=k,
@@ -60,7 +52,7 @@ def wall(k: float, b: float, *, delay: int = 0, own: float = 0.1, m: float = 0.1
 
 def test_naive_port_is_unstable_and_ours_is_not() -> None:
     assert naive_radius(0.5, 10.0, 2) == pytest.approx(1.00995, abs=5e-6)
-    end = wave_end(Device(0.5), site(10.0, 0.5))
+    end = port_end(Device(0.5), site_of(T, 0.5), 10.0)
     for samples in (0, 1, 2, 50):
         assert spectral_radius(close_loop(end, reflecting_end(1.0), samples)) <= 1.0 + 1e-9
 
@@ -91,7 +83,7 @@ def test_pole_of_a_mass_at_a_sampled_spring() -> None:
 def test_device_moves_as_the_matrix_exponential_says() -> None:
     device = Device(0.3, 0.7, 400.0)
     end = position_end(
-        device, site(1.0, 0.3), stiffness=0.0, damping=0.0, sent_stiffness=1.0, sent_damping=0.0
+        device, site_of(T, 0.3), stiffness=0.0, damping=0.0, sent_stiffness=1.0, sent_damping=0.0
     )
     flow = np.zeros((3, 3))
     flow[0, 1] = 1.0
@@ -102,13 +94,10 @@ def test_device_moves_as_the_matrix_exponential_says() -> None:
 
 
 def test_late_command_acts_in_two_parts() -> None:
-    whole = wave_end(Device(0.3, 0.1, 400.0, 1.0), site(5.0, 0.3, 1))
-    almost = wave_end(Device(0.3, 0.1, 400.0, 1.0 - 2e-9 + 1e-9), site(5.0, 0.3, 1))
+    whole = port_end(Device(0.3, 0.1, 400.0, 1.0), site_of(T, 0.3, 1), 5.0)
+    almost = port_end(Device(0.3, 0.1, 400.0, 1.0 - 2e-9 + 1e-9), site_of(T, 0.3, 1), 5.0)
     assert whole.a.shape == almost.a.shape
-    late = wave_end(
-        Device(0.3, 0.1, 400.0, 0.4),
-        Site(site(5.0, 0.3).port, late_share=0.4),
-    )
+    late = port_end(Device(0.3, 0.1, 400.0, 0.4), site_of(T, 0.3, late=0.4), 5.0)
     assert "acting" in late.states
     assert "last_acted" in late.states
 
@@ -116,20 +105,20 @@ def test_late_command_acts_in_two_parts() -> None:
 @pytest.mark.parametrize("b", [1.0, 20.0, 400.0])
 @pytest.mark.parametrize(("delay", "share"), [(0, 1.0), (0, 0.5), (1, 1.0), (1, 0.6)])
 def test_wave_line_is_stable_at_every_delay(b: float, delay: int, share: float) -> None:
-    end = wave_end(Device(0.5, 0.0, 0.0, delay), site(b, 0.5 * share, delay))
-    other = wave_end(Device(0.2, 0.0, 0.0, delay), site(b, 0.2 * share, delay))
+    end = port_end(Device(0.5, 0.0, 0.0, delay), site_of(T, 0.5 * share, delay), b)
+    other = port_end(Device(0.2, 0.0, 0.0, delay), site_of(T, 0.2 * share, delay), b)
     for samples in (1, 2, 7, 50):
         assert least_damped(end, other, samples, T).radius <= 1.0 + 1e-9
 
 
 def test_wave_line_is_stable_at_half_a_second() -> None:
     for b in (1.0, 400.0):
-        end, other = (wave_end(Device(m), site(b, 0.8 * m)) for m in (0.5, 0.2))
+        end, other = (port_end(Device(m), site_of(T, 0.8 * m), b) for m in (0.5, 0.2))
         assert least_damped(end, other, 500, T).radius <= 1.0 + 1e-9
 
 
 def test_overestimated_mass_is_not() -> None:
-    end = wave_end(Device(0.5), site(50.0, 1.0))
+    end = port_end(Device(0.5), site_of(T, 1.0), 50.0)
     assert least_damped(end, end, 7, T).radius > 1.0 + 1e-5
 
 
@@ -138,11 +127,11 @@ def test_stiff_hand_costs_the_port_some_damping(b: float, k: float) -> None:
     """A spring is a force the port cannot predict: it needs b k T**2 / 2 m, and little less."""
     m = 0.5
     needed = b * k * T * T / (2.0 * m)
-    free = wave_end(Device(m), site(b, m))
+    free = port_end(Device(m), site_of(T, m), b)
     for samples in (0, 5, 50, 300):
-        held = wave_end(Device(m, needed, k), site(b, m))
+        held = port_end(Device(m, needed, k), site_of(T, m), b)
         assert least_damped(held, free, samples, T).radius <= 1.0 + 1e-9
-    less = wave_end(Device(m, 0.5 * needed, k), site(b, m))
+    less = port_end(Device(m, 0.5 * needed, k), site_of(T, m), b)
     assert least_damped(less, free, 50, T).radius > 1.0 + 1e-8
 
 
@@ -159,14 +148,11 @@ def random_pair(rng: np.random.Generator) -> tuple[LinearEnd, LinearEnd, int]:
         stiffness = float(np.exp(rng.uniform(2, 8)) * rng.integers(2))
         damping = float(np.exp(rng.uniform(-5, 2)) * rng.integers(2))
         device = Device(m, damping, stiffness, delay)
-        belief = Site(
-            port_params(T, b, m * float(rng.uniform(0.5, 1)), bool(rng.integers(2)), 0.05, 0.0),
-            float(rng.choice([1.0, 0.3])),
-            pipe,
-            delay - pipe,
-        )
+        gain = float(rng.choice([1.0, 0.3]))
+        belief = site_of(T, m * float(rng.uniform(0.5, 1)), pipe, delay - pipe, gain=gain)
         if by_wave:
-            ends.append(wave_end(device, belief, filter_gain=float(rng.choice([1.0, 0.2]))))
+            step, matched = float(rng.choice([1.0, 0.2])), bool(rng.integers(2))
+            ends.append(port_end(device, belief, b, pole=0.3, matched=matched, filter_gain=step))
         else:
             ends.append(
                 position_end(

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.analysis.ports.admittance_loop import Outside, admittance_end
-from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site, position_end, wave_end
+from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, position_end
 from tautwave.analysis.ports.sampled_port import HIGHEST, Body, sampled_response
 from tautwave.analysis.ports.two_port import Hybrid
+from tautwave.analysis.wave_port.admittance_loop import Outside, admittance_end
 from tautwave.errors import ConfigError
-from tautwave.laws.admittance import admittance_params
-from tautwave.laws.tracked_port import port_params, rigid_port
+from tautwave.laws.admittance import admittance_params, rigid_port
+from tests.analysis.ends import port_end, site_of
 from tests.analysis.reference.absolute import absolute_stability
 from tests.analysis.reference.hybrids import Rig, position_position, wave_line
 
@@ -33,11 +33,10 @@ def position_ends(
         (rig.master_mass, rig.master_damping),
         (rig.slave_mass, rig.slave_damping),
     ):
-        port = port_params(period, 1.0, mass, matched=False, drift_time=0.05, allowance=0.0)
         k = rig.stiffness, rig.damping
         end = position_end(
             Device(mass, damping, 0.0, delay),
-            Site(port, 1.0, math.floor(delay), delay % 1.0),
+            site_of(period, mass, math.floor(delay), delay % 1.0),
             stiffness=k[0],
             damping=k[1],
             sent_stiffness=k[0],
@@ -62,8 +61,7 @@ def test_a_fast_wave_line_is_the_continuous_one() -> None:
     s = 1j * np.geomspace(0.5, 100.0, 40)
     ends, bodies = [], []
     for mass, damping in ((0.4, 1.0), (0.6, 2.0)):
-        port = port_params(period, 10.0, mass, matched=False, drift_time=0.05, allowance=0.0)
-        ends.append(wave_end(Device(mass, damping), Site(port)))
+        ends.append(port_end(Device(mass, damping), site_of(period, mass), 10.0))
         bodies.append(Body(mass, damping))
     found = sampled_response((ends[0], ends[1]), (bodies[0], bodies[1]), samples, period)(s)
     near(found, wave_line(rig, s), 4e-3)
@@ -121,11 +119,10 @@ def test_what_a_hand_feels_of_a_slow_pair_is_what_a_run_in_time_shows(
 def test_a_drive_that_takes_velocity_shows_its_law() -> None:
     # A massless master on the line's end, but for half a period here and there.
     period, b, samples = 1e-5, 20.0, 500
-    port = rigid_port(period, b, 0.05, 0.0)
+    port = rigid_port(period, b, filter_gain=1.0, reserve=1.0, leak=0.0)
     law = admittance_params(period, b, 0.0, 0)
     drive = admittance_end(Outside(lag=0.0), port, law)
-    free = port_params(period, b, 0.3, matched=False, drift_time=0.05, allowance=0.0)
-    far = wave_end(Device(0.3, 1.0), Site(free))
+    far = port_end(Device(0.3, 1.0), site_of(period, 0.3), b)
     s = 1j * np.geomspace(1.0, 200.0, 40)
     found = sampled_response((drive, far), (Body(), Body(0.3, 1.0)), samples, period)(s)
     reported = wave_line(

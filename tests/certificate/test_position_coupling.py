@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.analysis.ports.sampled_loop import Device, Site, close_loop, position_end
+from tautwave.analysis.ports.sampled_loop import Device, close_loop, position_end
 from tautwave.certificate import Element
 from tautwave.couplings.position.verdict import damping_between
-from tautwave.laws.tracked_port import port_params
+from tests.analysis.ends import site_of
 from tests.certificate.rigs import certified, element
 
 RIG = "bench-position-coupling"
@@ -65,7 +65,7 @@ def test_late_commands_cost_what_they_cost_a_wall() -> None:
 
 
 def spectral_radius(stiffness: float, damping: float, one: Device, two: Device) -> float:
-    site = Site(port_params(1e-3, 1.0, 1e-3, False, 0.05, 0.0))
+    site = site_of(1e-3, 1e-3)
     end = {"stiffness": stiffness, "damping": damping}
     sent = {"sent_stiffness": stiffness, "sent_damping": damping}
     ends = [position_end(device, site, **end, **sent) for device in (one, two)]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave.laws.tracked_port import port_close, port_effort, port_params
+from tautwave.laws.port import port_close, port_effort, port_params
 from tautwave.scene.delay_line import DelayLine
 from tests.laws.loops import RICH, Device, matrix_of
 from tests.laws.waves import decode_effort, decode_velocity, encode_wave
@@ -162,19 +162,19 @@ def rig_admittance(omega: float, damping: float, clamped_slave: bool) -> complex
     """
     period, K, D, mass = 1e-4, 100.0, 10.0, 0.5
     samples = round(TAU / period)
-    p = port_params(period, B, mass, False, 0.05, 0.0)
+    p = port_params(period, B, mass, reserve=RICH)
     row_x, row_v = Device(mass, damping).flow(period)
     root = math.sqrt(2.0 * B)
 
     def cycle(state: list[float]) -> list[float]:
-        v, moved, velocity, _, gap, acted, wave, xs, vs, xd, before = state[:11]
+        v, moved, velocity, _, _, acted, wave, xs, vs, xd, before = state[:11]
         ahead, back = state[11 : 10 + samples], state[10 + samples : -1]
-        leaving, _, gap, *_ = port_close(p, RICH, gap, moved, 1.0, moved / period, acted, wave, 0.0)
+        leaving, *_ = port_close(p, RICH, 0.0, 0.0, moved, moved, 1.0, acted, wave, 0.0, False)
         arriving = back[0]
         velocity = moved / period
         held = state[-1]  # force of the hand
         coast = velocity - p.half_mobility * (acted - before - held)
-        effort, _ = port_effort(p, RICH, coast, arriving)
+        effort = port_effort(p, RICH, coast, 0.0, 0.0, arriving)
         at_slave = ahead[0]
         # F_s = (K e + B (root u / b - v_s)) / (1 + B / b), in resisting terms R = -F_s.
         force = (K * (xd - xs) + D * (root * at_slave / B - vs)) / (1.0 + D / B)
@@ -190,7 +190,7 @@ def rig_admittance(omega: float, damping: float, clamped_slave: bool) -> complex
                 row_v[1] * vs - row_v[2] * force,
             )
         return [
-            after, step, velocity, acted, gap, effort, arriving, xs, vs_after,
+            after, step, velocity, acted, 0.0, effort, arriving, xs, vs_after,
             xd + period * wanted, held, *ahead[1:], leaving, *back[1:], returned, held,
         ]  # fmt: skip
 
