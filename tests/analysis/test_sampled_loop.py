@@ -54,7 +54,8 @@ def test_naive_port_is_unstable_and_ours_is_not() -> None:
     assert naive_radius(0.5, 10.0, 2) == pytest.approx(1.00995, abs=5e-6)
     end = port_end(Device(0.5), site_of(T, 0.5), 10.0)
     for samples in (0, 1, 2, 50):
-        assert spectral_radius(close_loop(end, reflecting_end(1.0), samples)) <= 1.0 + 1e-9
+        # A double root at 1: rounding moves it by its root.
+        assert spectral_radius(close_loop(end, reflecting_end(1.0), samples)) <= 1.0 + 1e-7
 
 
 @pytest.mark.parametrize(

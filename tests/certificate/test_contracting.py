@@ -11,7 +11,7 @@ import pytest
 from tautwave.certificate import certify
 from tests.certificate.rigs import element, rig
 
-NAME = "bench-observed-2khz"
+NAME = "bench-1dof-2khz"
 
 
 def draw(rng: np.random.Generator) -> list[str]:
@@ -63,7 +63,9 @@ def test_more_passive_pairs_are_stable_with_what_is_stated(seed: int) -> None:
 
 
 def test_what_stands_in_the_way_of_a_stiffer_contact_is_named() -> None:
-    port = element(certify(rig(name=NAME)), "slave.lever port")
+    port = element(
+        certify(rig("coupling.pairs.lever.pole_slave=0.3", name=NAME)), "slave.lever port"
+    )
     assert port.numbers["stiffest"] == pytest.approx(3875.0, rel=0.01)
     assert any("springs up to 387" in text and "least mass" in text for text in port.sentences)
 
@@ -77,6 +79,7 @@ def test_what_stands_in_the_way_of_a_stiffer_contact_is_named() -> None:
     ],
 )
 def test_the_remedy_of_a_refused_port_passes(changes: tuple[str, ...]) -> None:
+    changes = ("coupling.pairs.lever.pole_slave=0.3", *changes)
     port = element(certify(rig(*changes, name=NAME)), "slave.lever port")
     assert not port.passive.passed
     said = re.findall(r"(?:set|lower) (\w+) to ([\w.e-]+)", port.passive.reason)

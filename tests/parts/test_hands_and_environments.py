@@ -62,7 +62,7 @@ def test_a_file_is_a_part_and_named_by_its_hash_in_the_resolved_rig(rig_file: Pa
 def test_mistakes_name_their_line(old: str, new: str, said: str, rig_file: Path) -> None:
     text = rig_file.read_text()
     assert old in text
-    with pytest.raises(ConfigError, match=rf"rig.yaml:(34|36): simulation.*{said}"):
+    with pytest.raises(ConfigError, match=rf"rig.yaml:(38|40): simulation.*{said}"):
         parse_rig(text.replace(old, new), rig_file)
 
 

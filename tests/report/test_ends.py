@@ -22,7 +22,7 @@ from tests.certificate.rigs import rig
 ROWS = 400
 CLAIM = 0.02
 KEYS = yaml.safe_load(
-    resolved_yaml(rig("master.axes.lever.velocity_limit=3", name="bench-observed-2khz"))
+    resolved_yaml(rig("master.axes.lever.velocity_limit=3", name="bench-1dof-2khz"))
 )
 
 
@@ -86,7 +86,7 @@ def test_the_damper_of_a_matched_end_is_part_of_it() -> None:
 
 
 def test_claims_grow_with_the_time_that_a_run_takes() -> None:
-    loaded = rig("duration_s=10", name="bench-observed-2khz")
+    loaded = rig("duration_s=10", name="bench-1dof-2khz")
     longer = loaded.model_copy(update={"duration_s": 20.0})
     delays = command_delays(loaded)
     ten, twenty = (claimed_joules(one, "slave.lever", delays) for one in (loaded, longer))

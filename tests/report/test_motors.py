@@ -13,15 +13,16 @@ import yaml
 from tautwave.cli.terminal.show import BAD, Cell
 from tautwave.cli.terminal.summary import summary_sections
 from tautwave.config import Rig, resolved_yaml
-from tautwave.couplings.tracked import port
-from tautwave.laws.tracked_port import port_close
+from tautwave.couplings.wave import port
+from tautwave.couplings.wave.claim import claimed_joules
+from tautwave.laws.port import port_close
 from tautwave.report.claims import exceeds
 from tautwave.report.motors import motor_energy
 from tautwave.report.run.rebuild import rebuild_summary
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import verdicts
-from tautwave.rig import command_delays, debt_rates
-from tautwave.session.facts import pair_facts, port_debts
+from tautwave.rig import command_delays
+from tautwave.session.facts import pair_facts, port_claims
 from tests.certificate.rigs import NO_QUANTUM, NO_WALLS, rig
 from tests.report.synthetic import make_columns
 from tests.report.synthetic import rig as rig_keys
@@ -37,7 +38,7 @@ def ran(loaded: Rig) -> Run:
     delays = command_delays(loaded)
     facts = {
         **pair_facts(loaded, "lever", delays)._asdict(),
-        **port_debts(loaded, "lever", delays),
+        **port_claims(loaded, "lever", delays),
     }
     columns: Any = {name: done.table[:, at] for at, name in enumerate(done.columns)}
     rows = len(done.table)
@@ -71,25 +72,18 @@ def test_what_the_motors_gave_is_their_work_on_the_devices(changes: tuple[str, .
     assert energy["stated_debt"] == reported["stated_debt"]
 
 
-def test_the_stated_debt_is_that_of_the_certificate_at_the_speed_of_the_run() -> None:
+def test_the_stated_debt_is_what_the_ends_claim() -> None:
     loaded = rig(*QUIET)
-    run = ran(loaded)
-    expected = 0.0
-    for side in ("master", "slave"):
-        axis = f"{side}.lever"
-        rates = debt_rates(loaded, axis, command_delays(loaded))
-        energy, flow = run.read(f"{axis}.port_energy", f"{axis}.gross_flow").values()
-        fastest = 1e3 * np.abs(np.diff(run.read(f"{axis}.position")[f"{axis}.position"])).max()
-        expected += rates.debt_per_speed_squared * fastest**2 + rates.debt_per_flow * flow[-1]
-        expected += max(0.0, (energy[:-1] - energy[1:]).max())
-    assert motor_energy(run, "lever")["stated_debt"] == pytest.approx(expected, rel=1e-9)
+    delays = command_delays(loaded)
+    claims = [claimed_joules(loaded, f"{side}.lever", delays) for side in ("master", "slave")]
+    assert motor_energy(ran(loaded), "lever")["stated_debt"] == pytest.approx(sum(claims))
 
 
 def test_a_port_that_gives_without_an_account_exceeds_what_it_may(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def generous(p: Any, account: float, gap: float, *rest: float) -> Any:
-        leaving, account, *others = port_close(p, account, gap, *rest)
+    def generous(p: Any, account: float, *rest: float) -> Any:
+        leaving, account, *others = port_close(p, account, *rest)
         return 1.2 * leaving, account + 1.0, *others
 
     monkeypatch.setattr(port, "port_close", generous)

@@ -35,13 +35,10 @@ from tests.rigs.running import run_rig
 
 ROOT = Path(__file__).parents[2]
 KEPT = Path(__file__).with_name("row_hashes.txt")
-LATER = {"bench-observed-2khz"}
-"""Shipped since the file was made: recorded with the next reason to record."""
-
 SHIPPED = tuple(
     path.stem
     for path in sorted((ROOT / "configs").glob("*.yaml"))
-    if "\nsimulation:" in path.read_text() and path.stem not in LATER
+    if "\nsimulation:" in path.read_text()
 )
 ENGINES = ("live", "compiled", "python")
 SHORT_S = 2.5
@@ -56,7 +53,7 @@ CHANGED: dict[str, tuple[str, ...]] = {
     "bench-1dof-loopback": (
         "master.axes.lever.position_range=[-0.5,0.1]",
         "coupling.pairs.lever.matched_master=true",
-        "coupling.wave_filter_hz=null;coupling.delay_s=0",
+        "coupling.pairs.lever.wave_filter_hz=null;coupling.delay_s=0",
         "coupling.pairs.lever.wall_master.passivity_control=true;"
         "coupling.pairs.lever.wall_master.position=0.1;"
         "coupling.pairs.lever.wall_master.side=above",

@@ -51,11 +51,13 @@ BASE: Tree = {
     "coupling": {
         "engage_ramp_s": 0.0,
         "release_ramp_s": 0.0,
-        "pairs": {"a": {"wave_impedance": 10.0}},
+        "pairs": {"a": {"wave_impedance": 10.0, "pole_master": "plain", "pole_slave": "plain"}},
     },
     "simulation": {},
 }
-"""Two linear masses of half a kilogram on a line without delay; nobody holds or touches them."""
+"""Two linear masses of half a kilogram on a line without delay; nobody holds or touches them.
+
+Their ports have no observers: closed forms are those of the plain port."""
 
 
 def tree(*changes: Tree, base: Tree = BASE) -> Tree:

@@ -110,8 +110,6 @@ def test_the_naive_port_fails_the_same_books(monkeypatch: pytest.MonkeyPatch) ->
         line(2),
         {
             "coupling.pairs.a.wave_impedance": 10.0,
-            "coupling.pairs.a.pole_master": "plain",
-            "coupling.pairs.a.pole_slave": "plain",
             "slave.axes.a.inertia": {"value": 1e6, "lower": 1e6, "source": "x"},
             "duration_s": 4.0,
         },

@@ -48,7 +48,7 @@ def rig_tree(buses: Tree, master: Tree, slave: Tree, **changes: Any) -> Tree:
             "master.axes.a": master,
             "slave.axes.a": slave,
             "coupling.delay_s": 0.004,
-            "coupling.wave_filter_hz": 100.0,
+            "coupling.pairs.a.wave_filter_hz": 100.0,
             "coupling.pairs.a.wave_impedance": 0.1,
             "simulation": {
                 "axes": {

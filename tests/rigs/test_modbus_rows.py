@@ -52,7 +52,7 @@ def one_rate_tree(profile: str, **device: Any) -> Tree:
         axis |= {"bus": "arm", "id": unit, "effort_limit": 1.0, "effort_rate_limit": 200}
         axis.pop("encoder_quantum", None)
         axis["inertia"] = {"value": 4.0e-3, "lower": 3.0e-3, "source": "test"}
-    data["coupling"] |= {"delay_s": 0.02, "wave_filter_hz": 10}
+    data["coupling"] |= {"delay_s": 0.02}
     del data["coupling"]["pairs"]["lever"]["wall_slave"]
     return data
 
@@ -116,7 +116,7 @@ def one_line_tree() -> Tree:
     data = one_rate_tree("generic")
     data["rate_hz"] = 20
     data["buses"]["arm"]["options"] |= {"link": "rtu", "baud": 115200, "comm_timeout_s": 0.5}
-    data["coupling"] |= {"delay_s": 0.05, "wave_filter_hz": 2}
+    data["coupling"] |= {"delay_s": 0.05}
     for side in ("master", "slave"):
         data[side]["axes"]["lever"]["inertia"] = {"value": 0.03, "lower": 0.02, "source": "test"}
         data[side]["axes"]["lever"]["damping"] = {"value": 0.1, "lower": 0.08, "source": "test"}

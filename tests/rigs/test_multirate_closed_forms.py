@@ -136,7 +136,7 @@ def test_the_modes_of_the_certificate_are_those_of_the_run() -> None:
         slow(1, 10),
         line(5),
         {
-            "coupling.wave_filter_hz": 60.0,
+            "coupling.pairs.a.wave_filter_hz": 60.0,
             "master.axes.a": {**known_axis("hand", 1.0)},
             "slave.axes.a": {**known_axis("arm", 2.0)},
             "simulation.hand.a": {
@@ -259,7 +259,7 @@ def test_contact_rests_where_the_loop_is_certified(
         slow(1, divisor),
         line(5),
         {
-            "coupling.wave_filter_hz": 60.0,
+            "coupling.pairs.a.wave_filter_hz": 60.0,
             "master.axes.a": known_axis("hand", 1.0),
             "slave.axes.a": known_axis("arm", 4.0),
             "simulation.hand.a": {

@@ -15,7 +15,7 @@ from tests.certificate.rigs import rig
 
 pytest.importorskip("numba")
 
-NAME = "bench-observed-2khz"
+NAME = "bench-1dof-2khz"
 PAIR = "coupling.pairs.lever"
 LAGS = range(1, 65)
 COLOURS: dict[str, list[float]] = {

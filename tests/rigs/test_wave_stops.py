@@ -15,7 +15,7 @@ from tautwave.runtime.control import CoupledControl
 from tautwave.types import JointState
 from tests.certificate.rigs import rig
 
-NAME = "bench-observed-2khz"
+NAME = "bench-1dof-2khz"
 QUIET = [
     f"{side}.axes.lever.{key}=0"
     for side in ("master", "slave")

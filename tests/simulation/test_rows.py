@@ -28,14 +28,7 @@ def bench(name: str, *changes: str) -> Rig:
     return load_rig(path, list(changes))
 
 
-OWN_KERNEL = {"bench-observed-2khz": pytest.mark.slow}
-"""Rigs of a law that no other test compiles."""
-
-
-@pytest.mark.parametrize(
-    "path",
-    [pytest.param(path, id=path.stem, marks=OWN_KERNEL.get(path.stem, ())) for path in CONFIGS],
-)
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_shipped_rigs(path: Path) -> None:
     live = assert_equal(load_rig(path), "compiled", duration_s=2.5)
     assert len(live.table) > 2000

@@ -43,7 +43,7 @@ FIELDS = {
     "simulation.hand.{pair}": ("mass", "damping", "stiffness"),
     "simulation.axes.master.{pair}": ("inertia", "damping", "coulomb", "encoder_quantum"),
     "simulation.axes.slave.{pair}": ("inertia", "damping", "coulomb", "effort_limit"),
-    "coupling.pairs.{pair}": ("wave_impedance", "stiffness", "damping", "drift_time_s"),
+    "coupling.pairs.{pair}": ("wave_impedance", "stiffness", "damping"),
     "coupling.pairs.{pair}.wall_master": ("stiffness", "damping"),
     "coupling.pairs.{pair}.wall_slave": ("stiffness", "damping"),
 }

@@ -50,6 +50,8 @@ def predicted_motion(rig: Rig, cycles: int) -> np.ndarray[Any, Any]:
     start = np.zeros(len(matrix))
     at = master.states.index("position")
     start[at] = -1e-3
+    if "observed_position" in master.states:
+        start[master.states.index("observed_position")] = -1e-3
     if rig.coupling.law == "position":  # it engages without a mismatch, also not under way
         pair = rig.coupling.pairs["cart"]
         ratio = pair.sign * pair.position_scale
@@ -68,7 +70,11 @@ def predicted_motion(rig: Rig, cycles: int) -> np.ndarray[Any, Any]:
     "overrides",
     [
         [],
-        ["coupling.wave_filter_hz=80", "master.axes.cart.velocity_filter_s=0.002"],
+        [
+            "coupling.pairs.cart.wave_filter_hz=80",
+            "coupling.pairs.cart.pole_master=0.3",
+            "coupling.pairs.cart.pole_slave=0.5",
+        ],
         ["coupling.delay_s=0"],
         [
             "buses.table.options={command_delay_s: 0.001}",

@@ -12,13 +12,16 @@ from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.certificate.loops import pair_loop
 from tautwave.certificate.walls import sampled_wall
 from tautwave.config import Axis, Rig, Wall, local_wall, replace_wall
-from tautwave.rig import at_axis_rate
+from tautwave.rig import at_axis_rate, coupling_part
 from tautwave.types import CommandDelay
 
 DIGITS = 6
 """Digits to which a derated stiffness is rounded, downwards."""
 
 BISECTIONS = 24
+
+PORT_SHARE = 0.05
+"""Share of the device's damping that a derated wall leaves to its wave port, which needs some."""
 
 Delays = Mapping[str, CommandDelay]
 
@@ -58,6 +61,8 @@ def _limit(
     sampled = sampled_wall(at_axis_rate(rig, axis_name), axis_name, wall, delays[axis_name])
     axis = rig.axes[axis_name]
     damping = axis.damping.lower
+    if coupling_part(rig).carries == "waves":
+        damping *= 1.0 - PORT_SHARE
     controlled = wall.passivity_control and sampled.delay == 0.0
     limit = wall.stiffness
     if not controlled and not is_passive(sampled, damping):
