@@ -336,12 +336,10 @@ class CouplingPlugin(NamedTuple):
     `tautwave.analysis.ports.sampled_loop`; without it no stability is predicted. `verdict` is a
     `CouplingVerdict` of `tautwave.certificate.data`, or only its `pair_elements`; without one
     nothing is ever certified. `messages` is a `CouplingMessages` of `tautwave.wording`. `carries`
-    says what the sides exchange: `waves`, or `states` (position and velocity). `divisors`: either
-    side may be on a slower bus; `causalities`: of the axes that it can drive; `observes`: its ends
-    make no use of an axis' velocity filter.
+    says what is exchanged: `waves` or `states`. `divisors`: a side may be on a slower bus;
+    `causalities`: of its axes; `observes`: it has no use for an axis' velocity filter.
 
-    `claim(rig, axis_name, delays)` is the energy [J] that an end may deliver in a run as its
-    encoder sees it, fixed before the run.
+    `claim(rig, axis_name, delays)`: the energy [J] that an end may deliver in a run as it sees it.
     """
 
     summary: str

@@ -87,7 +87,7 @@ def test_a_port_that_gives_without_an_account_exceeds_what_it_may(
         return 1.2 * leaving, account + 1.0, *others
 
     monkeypatch.setattr(port, "port_close", generous)
-    run = ran(rig(*QUIET))
+    run = ran(rig(*QUIET, "loop.missing_limit=1", "loop.overrun_limit=1"))
     reported = motor_energy(run, "lever")
     assert reported["worst"] > reported["stated_debt"]
     summary = {**rebuild_summary(run), "energy_j": rebuild_summary(run)["energy_j"]}

@@ -53,6 +53,7 @@ def one_rate_tree(profile: str, **device: Any) -> Tree:
         axis.pop("encoder_quantum", None)
         axis["inertia"] = {"value": 4.0e-3, "lower": 3.0e-3, "source": "test"}
     data["coupling"] |= {"delay_s": 0.02}
+    data["coupling"]["pairs"]["lever"]["wave_filter_hz"] = 10
     del data["coupling"]["pairs"]["lever"]["wall_slave"]
     return data
 
@@ -117,6 +118,7 @@ def one_line_tree() -> Tree:
     data["rate_hz"] = 20
     data["buses"]["arm"]["options"] |= {"link": "rtu", "baud": 115200, "comm_timeout_s": 0.5}
     data["coupling"] |= {"delay_s": 0.05}
+    data["coupling"]["pairs"]["lever"]["wave_filter_hz"] = 2
     for side in ("master", "slave"):
         data[side]["axes"]["lever"]["inertia"] = {"value": 0.03, "lower": 0.02, "source": "test"}
         data[side]["axes"]["lever"]["damping"] = {"value": 0.1, "lower": 0.08, "source": "test"}
@@ -246,6 +248,7 @@ def _sentences(value: Any) -> list[str]:
 def test_lost_answers_stay_passive() -> None:
     """Random loss on the slow line: samples are missing, no energy appears."""
     data = tree_of(TCP, simulator={"faults": {"seed": 3, "answer_lost": 0.1, "request_lost": 0.1}})
+    data["loop"]["missing_limit"] = 20
     run = run_rig(data, duration_s=DURATION_S)
     closed = books(run, "lever")
     assert closed.residual < 1e-9 * closed.gross_flow

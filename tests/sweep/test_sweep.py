@@ -153,7 +153,7 @@ def test_table_and_figure(write: Callable[[str], Path], tmp_path: Path) -> None:
     for row in rows:
         assert row["outcome"] == "finished"
         assert row["cycles"] == "50"
-        assert float(row["residual"]) < 1e-15
+        assert float(row["residual"]) < 1e-14
     picture = write_sweep_figure(plan.sweep, list(result.rows), tmp_path)
     assert picture is not None
     assert struct.unpack(">I", picture.read_bytes()[16:20]) == (1000,)

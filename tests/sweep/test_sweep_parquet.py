@@ -33,7 +33,7 @@ cases:
     set: {{coupling.law: position, coupling.pairs.cart: {{stiffness: 1, damping: 10}}}}
     columns:
       coupling.pairs.cart.stiffness: [500, -1]
-      coupling.pairs.cart.wave_impedance: [1, 0.05]
+      coupling.pairs.cart.position_scale: [1, 1.05]
 grid:
   seed: [1, 2]
   name: ["a, b", "say \\"c\\""]
@@ -69,7 +69,7 @@ def test_columns_have_the_types_of_their_values(path: Path, tmp_path: Path) -> N
         "simulation.hand.cart.reference": "string",
         "coupling.pairs.cart.matched_master": "bool",
         "coupling.pairs.cart.stiffness": "int64",
-        "coupling.pairs.cart.wave_impedance": "double",
+        "coupling.pairs.cart.position_scale": "double",
         "outcome": "string",
         "cycles": "int64",
         "stable": "double",
