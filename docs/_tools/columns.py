@@ -94,7 +94,6 @@ SECTIONS = {
             "J",
             "conversion between the line's rate and that of a slow bus",
         ),
-        Column("PAIR.filter_SIDE.absorbed", "J", "low-pass on the waves that leave this side"),
         Column("PAIR.line.absorbed", "J", "the delay line: the waves under way"),
         Column("PAIR.coupler.absorbed", "J", "spring and damper of the law `position`"),
         Column("PAIR.wall_SIDE.absorbed", "J", "a local wall"),

@@ -30,7 +30,7 @@ An axis that takes velocity stops at once and is driven by nothing but its comma
 effort that it meets is believed to be its `effort_limit`. What its effort did between two samples
 is not seen: there the claim is of energy as encoder and force sensor see it.
 
-Source: derived here; see `tautwave.laws.port` and `analysis.wave_port.sensor_noise`.
+Source: derived here; see `tautwave.laws.port` and `couplings.wave.sensor_noise`.
 """
 
 from __future__ import annotations

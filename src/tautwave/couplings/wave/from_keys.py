@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from tautwave.analysis.wave_port.sensor_noise import NoisePower, noise_power
 from tautwave.contracts import CoupledAxis
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.records import WaveEndParams
+from tautwave.couplings.wave.sensor_noise import NoisePower, noise_power
 from tautwave.errors import ConfigError
 from tautwave.laws.admittance import admittance_params, effort_leak, rigid_port
 from tautwave.laws.observer import ObserverParams, observer_params, plain_observer

@@ -1,4 +1,9 @@
-"""Pairs with a slow side: its bus is served every n-th slot, the line every slot.
+"""The line between the ends of a wave pair, and pairs with a slow side.
+
+A line delays by a whole number of slots, both ways. A slot that the loop skipped still passes:
+nothing enters (a null wave, which is passive), and what leaves is handed over.
+
+A slow side: its bus is served every n-th slot, the line every slot.
 
 At slot j n the bus gets its request, at slot j n + n - 1 its response is there: the port closes,
 takes the mean of the waves of the last n slots, thinks, and its leaving wave is held for the n
@@ -11,9 +16,35 @@ from __future__ import annotations
 from collections.abc import MutableSequence
 
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
-from tautwave.couplings.wave.line import exchange_waves
 from tautwave.couplings.wave.port import receive_wave
 from tautwave.laws.conversion import gather_wave, hand_over
+
+
+def exchange_waves(
+    c: PairState,
+    q: PairParams,
+    table: MutableSequence[float],
+    from_master: float,
+    from_slave: float,
+) -> tuple[float, float]:
+    """Pass one slot on the wave line; return the waves arriving at (master, slave)."""
+    w = c.link
+    ahead = q.line + w.at
+    back = ahead + q.samples
+    at_slave = table[ahead]
+    at_master = table[back]
+    table[ahead] = from_master
+    table[back] = from_slave
+    w.at += 1
+    if w.at == q.samples:
+        w.at = 0
+    w.line_energy += q.half_period * (
+        from_master * from_master
+        + from_slave * from_slave
+        - at_slave * at_slave
+        - at_master * at_master
+    )
+    return at_master, at_slave
 
 
 def stored_in_converter(s: AxisState, p: AxisParams) -> float:

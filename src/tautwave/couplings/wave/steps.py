@@ -8,7 +8,6 @@ from tautwave.contracts import Row
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
 from tautwave.controller.rows import fill_element
 from tautwave.controller.steps import Guard, Law, Steps
-from tautwave.couplings.wave.line import exchange_waves
 from tautwave.couplings.wave.port import (
     ASTRAY,
     LIMP,
@@ -23,7 +22,7 @@ from tautwave.couplings.wave.port import (
     think,
     waiting_energy,
 )
-from tautwave.couplings.wave.rates import exchange_rated, stored_in_converter
+from tautwave.couplings.wave.rates import exchange_rated, exchange_waves, stored_in_converter
 from tautwave.couplings.wave.records import WaveEnd, WaveLink
 
 
