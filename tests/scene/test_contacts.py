@@ -113,6 +113,49 @@ def test_a_contact_behind_a_mass_counts_with_its_resonance():
     assert want > 20.0  # twice the wall's 10
 
 
+def test_ports_count_together():
+    """A contact between two ports moves both ways at once: each needs K T / 2, both K T."""
+    axis = (
+        "{bus: hand, id: 1, kind: linear, inertia: {value: 0.1, lower: 0.1, source: a}, "
+        "damping: {value: 1, lower: 1, source: a}, effort_limit: 60}"
+    )
+    found = contacts(
+        wall(
+            f"master.axes={{stick: {axis}, pen: {axis.replace('id: 1', 'id: 2')}}}",
+            "scene.ports={stick: {}, pen: {}}",
+            "scene.links.wall={type: contact, between: [stick, pen], stiffness: 800}",
+            "simulation={}",
+        )
+    )
+    assert found.numbers["share"] == pytest.approx(2.0 * 800 * 1e-3 / 2.0)
+
+
+def test_a_wall_rests_on_nothing_if_devices_and_hand_dissipate_all_that_it_leaks():
+    """Beside a resonator that leaks more, the loop is stable either way; switching is unproved."""
+    assert wall("scene.links.wall.stiffness=399").verdicts["coupled_stable"].state == "passed"
+    more = [
+        "scene.masses={object: {mass: 0.004, damping: 0.01}}",
+        "scene.links.spring={type: spring, between: [object, ground], stiffness: 14200}",
+        "scene.links.coupling={type: spring, between: [stick, object], stiffness: 1000}",
+        "scene.scheme=discrete_gradient",
+    ]
+    verdict = wall("scene.links.wall.stiffness=399", *more).verdicts["coupled_stable"]
+    assert verdict.state == "conditional"
+    assert "at wall stays small" in verdict.conditions[0]
+
+
+def test_a_scheme_that_cannot_run_a_closed_contact_is_refused():
+    more = [
+        "scene.scheme=symplectic",
+        "scene.masses={m: {mass: 0.001, damping: 0.01}}",
+        "scene.links.wall={type: contact, between: [m, ground], stiffness: 5000}",
+        "scene.links.hold={type: spring, between: [stick, m], stiffness: 10}",
+    ]
+    found = wall(*more)
+    assert not found.passed
+    assert "unstable by itself with wall closed" in found.sentences()[0]
+
+
 # -- what is refused ------------------------------------------------------------------------------
 
 STIFFENED = {
