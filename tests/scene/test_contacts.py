@@ -13,6 +13,7 @@ import pytest
 from tautwave import simulate
 from tautwave.certificate import Certificate, certify
 from tautwave.certificate.scene.contacts import Press, pressed, regimes, together
+from tautwave.certificate.scene.joint import PortMap, responses
 from tautwave.certificate.scene.maps import linear_scene, loop_poles
 from tautwave.config import load_rig
 from tautwave.errors import SafetyStop
@@ -111,6 +112,14 @@ def test_a_contact_behind_a_mass_counts_with_its_resonance():
     want = (0.5e-3 * (law.real - law.imag / np.tan(0.5 * theta))).max()
     assert found.numbers["share"] == pytest.approx(want / 0.2, rel=1e-3)
     assert want > 20.0  # twice the wall's 10
+
+
+def test_modes_that_coincide_are_not_taken_apart():
+    """A double pole has no modes; the response is 1 / (z - 0.5)**2."""
+    law = PortMap(np.array([[0.5, 1.0], [0.0, 0.5]]), np.array([[0.0], [1.0]]),
+                  np.array([[1.0, 0.0]]), np.zeros((1, 1)), 1e-3)  # fmt: skip
+    z = np.exp(1j * np.linspace(0.1, 3.0, 20))
+    assert responses(law, z)[:, 0, 0] == pytest.approx(1.0 / (z - 0.5) ** 2, rel=1e-9)
 
 
 def test_ports_count_together():
@@ -316,7 +325,7 @@ def trials(share: float, count: int) -> list[Trial]:
     return [one for one in found if one is not None]
 
 
-@pytest.mark.parametrize("count", [5, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [3, pytest.param(300, marks=pytest.mark.slow)])
 def test_a_certified_scene_gives_a_tuned_user_no_more_than_its_limit(count):
     found = trials(0.99, count)
     assert len(found) > 0.7 * count
@@ -325,7 +334,7 @@ def test_a_certified_scene_gives_a_tuned_user_no_more_than_its_limit(count):
         assert not one.stopped
 
 
-@pytest.mark.parametrize("count", [6, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [4, pytest.param(300, marks=pytest.mark.slow)])
 def test_beyond_the_bound_a_tuned_user_breaks_more_than_half(count):
     found = trials(1.3, count)
     assert sum(one.gained > one.limit for one in found) > 0.5 * len(found)
