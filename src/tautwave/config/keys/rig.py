@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import Discriminator, Field, PrivateAttr, Tag
 
@@ -17,6 +17,7 @@ from tautwave.config.keys.scene3d import Scene3d, scene_kind
 from tautwave.config.keys.simulation import AxisSimulation, EnvironmentPart, Simulation
 from tautwave.contracts import AxisSpec, BusSpec
 
+T = TypeVar("T")
 VELOCITY_TIME_CONSTANT_S = 0.002
 """[s] Default velocity loop time constant of a simulated admittance axis."""
 
@@ -138,6 +139,7 @@ class AxisTruth(NamedTuple):
     coulomb: float
     encoder_quantum: float
     position_noise: float
+    position_noise_autocorrelation: tuple[float, ...]
     effort_quantum: float
     velocity_quantum: float
     effort_limit: float
@@ -172,6 +174,9 @@ def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
         coulomb=_first(given.coulomb, axis.coulomb.value),
         encoder_quantum=_first(given.encoder_quantum, axis.encoder_quantum),
         position_noise=_first(given.position_noise, axis.position_noise),
+        position_noise_autocorrelation=_first(
+            given.position_noise_autocorrelation, axis.position_noise_autocorrelation or ()
+        ),
         effort_quantum=_first(given.effort_quantum, axis.effort_quantum),
         velocity_quantum=_first(given.velocity_quantum, axis.velocity_quantum),
         effort_limit=_first(given.effort_limit, axis.effort_limit),
@@ -217,5 +222,5 @@ def _axis_spec(name: str, axis: Axis) -> AxisSpec:
     )
 
 
-def _first(given: float | None, otherwise: float) -> float:
+def _first(given: T | None, otherwise: T) -> T:
     return otherwise if given is None else given

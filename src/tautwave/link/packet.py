@@ -1,0 +1,128 @@
+"""The datagram between two sites, without sockets: bytes in, a packet or a refusal out.
+
+A packet supersedes all that are older: it has the counters of its slot, those of slots before for
+a receiver that missed them, and the newest word on credit. Layout, most significant byte first:
+
+    0   1  version                   8  8  slot
+    1   1  site: 0 master, 1 slave  16  8  sender's clock [ns] when it left
+    2   1  lines                    24  8  clock in the newest packet the sender had got [ns]
+    3   1  slots repeated           32  8  for how long it had it [ns]
+    4   4  zero                     40     each line: granted, asked, then wave integral and
+                                           energy of the slot and of those repeated, 8 bytes each
+
+On the way it is sealed (`tautwave.sites.seal`), which adds session and sequence and keeps out what
+is forged, repeated or of another session. Nothing that comes from a wire raises.
+"""
+
+from __future__ import annotations
+
+import struct
+from enum import Enum
+from typing import NamedTuple
+
+from tautwave.laws.counters import SPAN
+
+VERSION = 1
+GREATEST_BYTES = 1160
+"""What passes every path unfragmented, tunnels and the seal included."""
+
+HEADER = struct.Struct(">BBBBIQQQQ")
+COUNTER = struct.Struct(">Q")
+
+
+class Line(NamedTuple):
+    """One wave line of a packet, as counters.
+
+    granted, asked: energy sent back, and how much in all would be taken; pairs: wave integral and
+    energy of the packet's slot and of those before it, newest first.
+    """
+
+    granted: int
+    asked: int
+    pairs: tuple[tuple[int, int], ...]
+
+
+class Packet(NamedTuple):
+    """One slot of one site; times [ns] are those of monotonic clocks.
+
+    clock_ns: sender's clock when it left; echo_ns, held_ns: `clock_ns` of the newest packet that
+    the sender had got, and for how long it had it; 0, 0 before the first.
+    """
+
+    site: int
+    slot: int
+    clock_ns: int
+    echo_ns: int
+    held_ns: int
+    lines: tuple[Line, ...]
+
+
+class Refusal(Enum):
+    """Why a payload is no packet."""
+
+    SHORT = "is too short for a packet"
+    VERSION = "speaks another version of the protocol; both sites need the same release"
+    LENGTH = "has another length than its header says"
+    SITE = "comes from the same side as this one; one site is the master, the other the slave"
+    RANGE = "has numbers that no site sends"
+
+
+def packet_size(lines: int, repeated: int) -> int:
+    """Return the bytes of a packet."""
+    return HEADER.size + lines * (2 + 2 * (1 + repeated)) * COUNTER.size
+
+
+def write_packet(packet: Packet) -> bytes:
+    """Return a packet as bytes.
+
+    Raises
+    ------
+    ValueError
+        The packet has no line, lines of unlike length, or does not fit a datagram.
+    """
+    repeated = {len(line.pairs) - 1 for line in packet.lines}
+    if len(repeated) != 1 or min(repeated) < 0:
+        raise ValueError("all lines of a packet repeat the same slots, and there is at least one")
+    count = repeated.pop()
+    if packet_size(len(packet.lines), count) > GREATEST_BYTES:
+        raise ValueError(f"a packet has at most {GREATEST_BYTES} bytes: repeat fewer slots")
+    times = (packet.clock_ns, packet.echo_ns, packet.held_ns)
+    parts = [HEADER.pack(VERSION, packet.site, len(packet.lines), count, 0, packet.slot, *times)]
+    for line in packet.lines:
+        numbers = (line.granted, line.asked, *(part for pair in line.pairs for part in pair))
+        parts.append(struct.pack(f">{len(numbers)}Q", *numbers))
+    return b"".join(parts)
+
+
+def read_packet(data: bytes, site: int) -> Packet | Refusal:
+    """Return what an opened payload says, or why it is refused; never raises.
+
+    Parameters
+    ----------
+    data : bytes
+        The payload.
+    site : int
+        This end: packets come from the other one.
+    """
+    if len(data) < packet_size(1, 0):
+        return Refusal.SHORT
+    version, sender, lines, repeated, zero, slot, *times = HEADER.unpack_from(data)
+    clock_ns, echo_ns, held_ns = times
+    if version != VERSION:
+        return Refusal.VERSION
+    if lines == 0 or len(data) != packet_size(lines, repeated) or len(data) > GREATEST_BYTES:
+        return Refusal.LENGTH
+    if sender == site:
+        return Refusal.SITE
+    count = (len(data) - HEADER.size) // COUNTER.size
+    numbers = struct.unpack_from(f">{count}Q", data, HEADER.size)
+    if zero or sender > 1 or repeated > slot or max(slot, *numbers) >= SPAN:
+        return Refusal.RANGE
+    each = len(numbers) // lines
+    found = []
+    for at in range(0, len(numbers), each):
+        pairs = numbers[at + 2 : at + each]
+        found.append(
+            Line(numbers[at], numbers[at + 1], tuple(zip(pairs[::2], pairs[1::2], strict=True)))
+        )
+    return Packet(sender, slot, clock_ns, echo_ns, held_ns, tuple(found))
