@@ -341,6 +341,10 @@ class CouplingPlugin(NamedTuple):
 
     `claim(rig, axis_name, delays)` is the energy [J] that an end may deliver in a run as its
     encoder sees it, fixed before the run.
+
+    `resolve(rig)` returns a `Choice` for each key of the coupling that the file leaves to the law
+    (`auto`), by its path in it, such as `pairs.wrist.wave_impedance`. It is asked when a rig is
+    read, and everything else sees the values. Equal rigs get equal choices.
     """
 
     summary: str
@@ -355,6 +359,14 @@ class CouplingPlugin(NamedTuple):
     verdict: Any = ""
     messages: Any = ""
     claim: Any = ""
+    resolve: Any = ""
+
+
+class Choice(NamedTuple):
+    """What a law takes for a key that is left to it, and why, without a full stop."""
+
+    value: Any
+    reason: str
 
 
 class CoupledAxis(NamedTuple):

@@ -21,7 +21,13 @@ LIMP_SHARE = 0.1
 
 def port_impedance(pair: WavePair, side: str) -> float:
     """Return the wave impedance of the port at one side [N m s/rad or N s/m]."""
-    return pair.in_device_units(side, pair.wave_impedance)
+    return pair.in_device_units(side, pair.impedance)
+
+
+def low_pass(pair: WavePair, period: float) -> float:
+    """Return the step of the wave filter of a port with this period [s]; 1 without one."""
+    corner = pair.corner_hz
+    return 1.0 if corner is None else filter_gain(corner, period)
 
 
 def observer_of(pair: WavePair, side: str, period: float, mass: float) -> ObserverParams:
@@ -47,7 +53,7 @@ def bare_port(
         mass,
         delay=delay,
         matched=pair.matched_master if side == "master" else pair.matched_slave,
-        filter_gain=filter_gain(pair.wave_filter_hz, period),
+        filter_gain=low_pass(pair, period),
         drift_time=pair.drift_time_s,
         reserve=reserve,
         leak=leak,
@@ -78,9 +84,10 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
             f"law observed_wave: the {side}'s axis has no velocity_limit, and without one nothing "
             "bounds what its port may give out; give its greatest safe velocity"
         )
-    if pair.wave_filter_hz > 0.5 / axis.period:
+    corner = pair.corner_hz
+    if corner is not None and corner > 0.5 / axis.period:
         raise ConfigError(
-            f"law observed_wave: wave_filter_hz {pair.wave_filter_hz:g} is above half the rate of "
+            f"law observed_wave: wave_filter_hz {corner:g} is above half the rate of "
             f"the {side}'s bus, {0.5 / axis.period:g} Hz; lower it"
         )
     delay = axis.delay + axis.late

@@ -28,14 +28,13 @@ from tautwave.couplings.wave.from_keys import (
     observer_of,
     port_impedance,
 )
-from tautwave.couplings.wave.keys import WavePair
+from tautwave.couplings.wave.keys import PLAIN, POLES, WavePair
 from tautwave.laws.observer import ObserverParams
 from tautwave.laws.port import PortParams
 from tautwave.rig import at_axis_rate, pair_scale
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
-POLES = ("0.5", "0.3", "plain")
 SOFTER = 40
 """Greatest factor by which a smaller impedance is looked for."""
 
@@ -87,6 +86,17 @@ def _keys(rig: Rig, axis_name: str) -> WavePair:
     found = rig.coupling.pairs[axis_name.split(".")[1]]
     assert isinstance(found, WavePair)
     return found
+
+
+def sees_noise(rig: Rig, pair: str) -> bool:
+    """Return whether an encoder of a pair has noise or a step."""
+    axes = (rig.axes[f"{side}.{pair}"] for side in ("master", "slave"))
+    return any(axis.position_noise > 0.0 or axis.encoder_quantum > 0.0 for axis in axes)
+
+
+def tenth_of_rate(rig: Rig, pair: str) -> float:
+    """Return the usual corner of a pair's wave filters [Hz], by its slower axis."""
+    return 0.1 / max(rig.axis_period_s(f"{side}.{pair}") for side in ("master", "slave"))
 
 
 def port_of(
@@ -169,6 +179,13 @@ def _passive(
             f"{name}: its commands act a fraction of a period late, and the proof covers whole "
             "periods only",
         )
+    pair = axis_name.split(".")[1]
+    if _keys(rig, axis_name).corner_hz is None and sees_noise(rig, pair):
+        return Verdict(
+            False,
+            f"{name}: encoder steps and noise ring in a line that loses nothing; set "
+            f"wave_filter_hz to {tenth_of_rate(rig, pair):g}",
+        )
     broken = (
         broken_inertia(rig, axis_name),
         broken_delay(at_axis_rate(rig, axis_name), axis_name, delay),
@@ -223,19 +240,17 @@ def _remedy_of(rig: Rig, axis_name: str, delays: Delays, left: float) -> str:
     side = axis_name.split(".")[0]
     keys = _keys(rig, axis_name)
     for pole in POLES:
-        value = pole if pole == "plain" else float(pole)
-        other = keys.model_copy(update={f"pole_{side}": value})
+        other = keys.model_copy(update={f"pole_{side}": pole})
         if port_of(rig, axis_name, delays, left, other).contracting:
             return f"set pole_{side} to {pole}"
     factor = 1.25
     while factor < SOFTER:
         lower = keys.model_copy(
-            update={"wave_impedance": keys.wave_impedance / factor, f"pole_{side}": "plain"}
+            update={"wave_impedance": keys.impedance / factor, f"pole_{side}": PLAIN}
         )
         if port_of(rig, axis_name, delays, left, lower).contracting:
-            return (
-                f"set pole_{side} to plain and lower wave_impedance to {lower.wave_impedance:.3g}"
-            )
+            plain = "" if keys.pole(side) is None else f"set pole_{side} to plain and "
+            return f"{plain}lower wave_impedance to {lower.impedance:.3g}"
         factor *= 1.25
     return "raise the rate, lower wave_impedance, or add damping"
 
@@ -263,12 +278,13 @@ def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
         )
     keys = coupling.pairs[pair]
     assert isinstance(keys, WavePair)
-    yield _fine(
-        f"wave filters of {pair}",
-        "filter",
-        pair,
-        f"|H| <= 1 at every frequency ({keys.wave_filter_hz:g} Hz)",
-    )
+    if keys.corner_hz is not None:
+        yield _fine(
+            f"wave filters of {pair}",
+            "filter",
+            pair,
+            f"|H| <= 1 at every frequency ({keys.corner_hz:g} Hz)",
+        )
     scale = pair_scale(keys)
     if abs(scale.power - 1.0) > 1e-12:
         yield _fine(
@@ -297,7 +313,7 @@ def _joules(value: float) -> str:
 def _remedy(rig: Rig, pair: str) -> str:
     keys = rig.coupling.pairs[pair]
     assert isinstance(keys, WavePair)
-    return f"Lower wave_impedance {keys.wave_impedance:g}, or change the poles."
+    return f"Lower wave_impedance {keys.impedance:g}, or change the poles."
 
 
 verdict = CouplingVerdict(
