@@ -61,7 +61,7 @@ class SimulatedAxis:
         self._reference = truth.reference
         self._last = len(truth.reference) - 1
         self._slot = 0
-        self._noise = normal_stream((*truth.seed, NOISE))
+        self._noise = normal_stream((*truth.seed, NOISE), truth.colour)
         self._missing = uniform_stream((*truth.seed, MISSING))
         self._hand = self._hand_at(0)
         self.columns = self._columns()

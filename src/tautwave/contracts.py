@@ -375,7 +375,8 @@ class CoupledAxis(NamedTuple):
     `period` of its bus [s]; `gain` of its velocity tracker; `inertia`: lower bound, None where it
     takes velocity; `encoder_quantum` and `position_noise` [rad or m]; `delay` in whole periods
     until a command acts, `late` the share of a period beyond; `outside_stiffness`: upper bound, 0
-    where none is stated; `velocity_limit` [rad/s or m/s]; `effort_quantum` [N m or N].
+    where none is stated; `velocity_limit` [rad/s or m/s]; `effort_quantum` [N m or N]; `noise_lags`
+    the noise's autocorrelation from lag 1 on, None where its colour is unknown.
     """
 
     period: float
@@ -388,6 +389,7 @@ class CoupledAxis(NamedTuple):
     late: float = 0.0
     velocity_limit: float = math.inf
     effort_quantum: float = 0.0
+    noise_lags: tuple[float, ...] | None = None
 
 
 class Row(Protocol):

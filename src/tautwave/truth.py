@@ -17,7 +17,8 @@ class AxisModel(NamedTuple):
     Exactly one physics applies: `servo` for an admittance axis, `foam` (with `plant`) for a power-
     law contact, `part` (with `plant`) for an environment that is a part, else `plant`. `reference`
     is the hand's position at every loop slot, empty without a hand. `command_delay` is in periods,
-    with a fraction. `seed` seeds the axis' random streams: noise and missing samples.
+    with a fraction. `seed` seeds the axis' random streams: noise and missing samples. `colour` is
+    the noise's autocorrelation from lag 1 on, empty where it is white.
     """
 
     period: float
@@ -35,6 +36,7 @@ class AxisModel(NamedTuple):
     missing_probability: float
     seed: tuple[int, ...]
     part: PartContact | None = None
+    colour: tuple[float, ...] = ()
 
 
 class HandPlugin(NamedTuple):

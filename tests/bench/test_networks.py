@@ -7,8 +7,7 @@ import json
 import pytest
 from click.testing import CliRunner
 
-from tautwave.bench.networks import chain_network, granular_network, networks
-from tautwave.scene.network import problems_of
+from tautwave.bench.networks import chain_network, networks
 from tautwave.scene.pruning import prune
 
 
@@ -28,7 +27,6 @@ def test_the_suite_has_its_tables_and_goals():
 
 
 def test_what_is_measured_is_right():
-    assert problems_of(granular_network()) == []
     assert len(prune(chain_network(10, 1000)).network.masses) == 10
 
 

@@ -14,7 +14,7 @@ from tautwave.models.hand import rotary_hand
 from tautwave.models.linear import flow_coefficients, flow_increment, linear_flow
 from tautwave.models.plant import FREE, plant_cache, plant_forces, plant_step, plant_stored
 from tautwave.models.reference import minimum_jerk_position, ramp_gain, sine_position
-from tautwave.models.servo import ServoParams, servo_effort, servo_step, servo_stored
+from tautwave.models.servo import ServoParams, servo_forces, servo_step, servo_stored
 from tests.models.compiled import compiled
 from tests.models.plants import STEP, plant
 
@@ -105,7 +105,7 @@ def test_foam() -> None:
 def test_servo() -> None:
     rng = random.Random(4)
     p = ServoParams(0.002, 0.143, 538.0, 5.0, 50.0, 0.0, 1e4, 20.0, 0.0002, -1.0)
-    step, stored, effort = compiled(servo_step), compiled(servo_stored), compiled(servo_effort)
+    step, stored, forces = compiled(servo_step), compiled(servo_stored), compiled(servo_forces)
     x, v = 0.0, 0.0
     for _ in range(800):
         args: Any = (p, x, v, *draw(rng, 1), *draw(rng, 1, 0.01), *draw(rng, 1), STEP)
@@ -113,7 +113,7 @@ def test_servo() -> None:
         assert step(*args) == want
         x, v = want[:2]
         assert stored(p, x, v, 0.01) == servo_stored(p, x, v, 0.01)
-        assert effort(p, x, v, 0.1, 0.0, 0.2) == servo_effort(p, x, v, 0.1, 0.0, 0.2)
+        assert forces(p, x, v, 0.1, 0.0, 0.2) == servo_forces(p, x, v, 0.1, 0.0, 0.2)
 
 
 def test_small_models() -> None:

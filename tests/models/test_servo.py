@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tautwave.models.servo import (
     ServoParams,
     lag_integrals,
-    servo_effort,
+    servo_forces,
     servo_step,
     servo_stored,
 )
@@ -49,21 +49,12 @@ def test_without_lag_the_command_is_the_velocity() -> None:
 def test_the_measured_effort_pushes_back() -> None:
     p = ServoParams(0.002, 0.1, 500.0, 5.0, 100.0, 0.0, 1e4, 20.0, 0.01, 1.0)
     # Inside the wall, moving in, hand at 0, accelerating: everything resists.
-    effort = servo_effort(p, 0.011, 0.1, 0.2, 0.0, 0.0)
+    effort = sum(servo_forces(p, 0.011, 0.1, 0.2, 0.0, 0.0))
     parts = -500.0 * 0.011 - 5.0 * 0.1 - 100.0 * 0.011 - (1e4 * 0.001 + 20.0 * 0.1)
     assert effort == pytest.approx(parts - 0.1 * 0.1 / 0.002)
     # The wall does not pull.
-    assert (
-        servo_effort(
-            p._replace(grip_stiffness=0.0, grip_damping=0.0, spring_stiffness=0.0, hand_mass=0.0),
-            0.011,
-            -1.0,
-            0.0,
-            0.0,
-            0.0,
-        )
-        == 0.0
-    )
+    free = p._replace(grip_stiffness=0.0, grip_damping=0.0, spring_stiffness=0.0, hand_mass=0.0)
+    assert sum(servo_forces(free, 0.011, -1.0, 0.0, 0.0, 0.0)) == 0.0
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

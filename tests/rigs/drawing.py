@@ -53,6 +53,7 @@ def axes(draw: st.DrawFn, bus: str, number: int) -> tuple[Tree, Tree, float]:
         "inertia": inertia * draw(st.floats(1.0, 2.0)),
         "damping": draw(st.sampled_from([0.0, 0.2, 4.0])),
         "coulomb": draw(st.sampled_from([0.0, 0.0, 0.3])),
+        "position_noise_autocorrelation": draw(st.sampled_from([[], [], [0.5]])),
     }
     return belief, truth, inertia
 

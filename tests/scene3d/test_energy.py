@@ -18,7 +18,6 @@ from tautwave.scene3d.network import (
     Mass3d,
     Network3d,
     Port3d,
-    problems_of_network3d,
     prune_network3d,
 )
 from tautwave.scene3d.tension import pull_link
@@ -232,21 +231,3 @@ def test_pruning_changes_no_bit(scheme):
     for k in range(300):
         at = [0.01 * math.sin(0.01 * k), 0.0, 0.002 * math.cos(0.02 * k)]
         assert whole.advance(at, [0.1]) == kept.advance(at, [0.1])
-
-
-def test_what_is_wrong_with_a_network_is_said():
-    wrong = Network3d(
-        (Mass3d("a", 0.0), Mass3d("lonely", 1.0)),
-        (
-            Link("k", "spring", "a", "nobody", 1.0),
-            Link("c", "contact", "a", "ground", 1.0),
-        ),
-    )
-    reported = " ".join(problems_of_network3d(wrong))
-    for part in (
-        "mass 'a': a mass must be greater than 0",
-        "unknown node 'nobody'",
-        "'lonely': nothing is linked to it",
-        "link 'c': between points a contact needs a rest above 0",
-    ):
-        assert part in reported

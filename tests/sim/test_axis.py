@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.contracts import AxisSpec
+from tautwave.streams import BLOCK, NOISE, colour_taps, normal_noise
 from tautwave_sim.axis import SimulatedAxis
 from tautwave_sim.loopback import LoopbackSimulator
 from tests.sim.truths import PERIOD, truth
@@ -79,6 +80,20 @@ def test_streams_are_the_axis_own_and_seeded() -> None:
     assert first[0] == first[1] != other
     lossy = SimulatedAxis("m.a", truth(noise=1.0, missing=0.5, seed=(1, 7)))
     assert lossy.measure().position == first[0]
+
+
+NARROW = tuple(0.98**k * math.cos(1.67 * k) * (1 - k / 41) for k in range(1, 41))
+
+
+@pytest.mark.parametrize("colour", [(0.5,), (-0.4,), NARROW], ids=["mean", "MA(-.5)", "narrow"])
+def test_noise_has_the_colour_asked_for_across_blocks(colour: tuple[float, ...]) -> None:
+    taps = colour_taps(colour)
+    assert np.correlate(taps, taps, "full")[len(taps) - 1 :] == pytest.approx(
+        (1.0, *colour), abs=1e-6
+    )
+    axis = SimulatedAxis("master.a", truth(noise=1.0)._replace(colour=colour))
+    seen = [axis.measure().position for _ in range(2 * BLOCK + 7)]
+    assert seen == normal_noise((1, 2, NOISE), len(seen), colour).tolist()
 
 
 def test_samples_are_missing_as_often_as_asked_and_never_the_first() -> None:

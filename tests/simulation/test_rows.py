@@ -98,6 +98,15 @@ def test_a_stop_ends_the_rows_as_live(name: str, law: str) -> None:
     assert 50 < len(live.table) < 1000
 
 
+def test_coloured_noise_is_the_same_in_every_engine() -> None:
+    noise = {"position_noise": 1e-5, "position_noise_autocorrelation": [0.5]}
+    own = {f"master.axes.a.{key}": value for key, value in noise.items()}
+    rig = rig_of(tree({**own, "simulation.axes": {"slave.a": noise}}))
+    live = assert_equal(rig, "compiled", "python", duration_s=0.5)
+    white = live_run(rig_of(tree({"master.axes.a.position_noise": 1e-5})), 0.5)
+    assert not np.array_equal(live.table, white.table)
+
+
 def test_a_stop_on_one_pair_stops_the_other() -> None:
     live = assert_equal(
         bench("bench-2axis-loopback", "master.axes.wrist.velocity_limit=0.1"), "compiled"

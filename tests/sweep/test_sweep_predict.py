@@ -17,7 +17,7 @@ from tautwave.rig import build_rig, end_constants
 from tautwave.runtime.loop import Loop
 from tautwave.sweep.measure import growth_of, is_bounded, moving_energy, scales_of
 from tautwave.sweep.predict import pair_ends, pair_matrix, pair_mode
-from tautwave.sweep.rows import simulate_rows
+from tautwave.sweep.rows import Simulator
 from tautwave.types import CommandDelay
 from tests.analysis.reference.boundary import stability_boundary
 
@@ -37,7 +37,7 @@ def position_law(stiffness: float, damping: float) -> list[str]:
 
 
 def growth(rig: Rig, duration: float = 10.0) -> tuple[float, bool]:
-    columns, _, outcome = simulate_rows(rig, duration)
+    columns, _, outcome = Simulator("python", whole=True).simulate(rig, "cart", duration)
     energy = moving_energy(scales_of(rig, "cart"), columns)
     found = growth_of(energy, rig.period_s)
     return found.rate, outcome == "finished" and is_bounded(energy, found)

@@ -26,7 +26,6 @@ from tautwave_drivers.cia402.machine import Machine
 from tautwave_drivers.cia402.modes import (
     Homing,
     Mode,
-    SetPoint,
     mode_name,
     supported_modes,
     supports,
@@ -56,7 +55,6 @@ __all__ = [
     "Machine",
     "Mode",
     "Quirks",
-    "SetPoint",
     "State",
     "Timeouts",
     "Transmission",

@@ -88,34 +88,6 @@ def supported_text(supported: int) -> str:
     return names or "no standard mode"
 
 
-class SetPoint:
-    """Hands one target position to a drive in PP: new set-point (bit 4) against acknowledge (12).
-
-    The target (607Ah) has to be on its way before `step` first returns bit 4; the driver sends
-    both in one PDO, or the target first. Non-blocking, one `step` per cycle; timeouts are the
-    caller's. `done` is True once the drive has acknowledged and bit 4 is taken back.
-    """
-
-    def __init__(self, *, immediately: bool = True, relative: bool = False) -> None:
-        self._bits = (CHANGE_IMMEDIATELY if immediately else 0) | (RELATIVE if relative else 0)
-        self._raised = False
-        self._taken = False
-        self.done = False
-
-    def step(self, statusword: int) -> int:
-        """Return the controlword bits of this cycle, for `Machine.step(mode_bits=...)`."""
-        acknowledged = bool(statusword & MODE_BIT_12)
-        if not self._raised:
-            self._raised = (
-                not acknowledged
-            )  # the last acknowledge has to be over before a rising edge
-        elif not self._taken:
-            self._taken = acknowledged
-        elif not acknowledged:
-            self.done = True
-        return self._bits | (NEW_SET_POINT if self._raised and not self._taken else 0)
-
-
 class Homing:
     """Runs the drive's homing: start (bit 4) until attained (12 and 10) or error (13).
 

@@ -96,7 +96,7 @@ class Bringup:
                     f"{self._where}: {name} reads {found:#x}, but a {profile.family} drive has "
                     f"{wanted:#x}; correct its profile, or the unit id"
                 )
-        reported = [f"{words} {self._get(name)}" for name, words in profile.told.items()]
+        reported = [f"{label} {self._get(name)}" for name, label in profile.reported.items()]
         self.notes.append(", ".join((f"{self._where}: {profile.family}", *reported)))
         rated = profile.register_of("rated_torque")
         if rated is not None and device.options.rated_torque is not None:

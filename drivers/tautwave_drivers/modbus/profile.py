@@ -192,7 +192,7 @@ class Profile(Keys):
     comm_loss: CommLoss | None = None
     identity: Identity | None = None
     limits: Limits = Limits()
-    told: dict[str, str] = Field(default_factory=dict)
+    reported: dict[str, str] = Field(default_factory=dict)
     """Registers that are read and reported before enabling, with a label for each."""
     caveats: tuple[str, ...] = ()
     """What a user of the drive has to know; in the notes of each run."""
@@ -247,7 +247,7 @@ class Profile(Keys):
         for kind in ("effort", "velocity"):
             names = getattr(self.limits, kind)
             named += [(("limits", kind, number), name) for number, name in enumerate(names)]
-        named += [(("told", name), name) for name in self.told]
+        named += [(("reported", name), name) for name in self.reported]
         for where, name in named:
             if name not in self.registers:
                 yield where, f"there is no register {name!r}{nearest(name, [*self.registers])}"

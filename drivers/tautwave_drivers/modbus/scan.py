@@ -203,7 +203,7 @@ def _matches(one: _Unit, profile: Profile) -> bool:
         found = one.value(profile, profile.identity.register_name)
         if found is None or profile.identity.value not in (None, found):
             return False
-    names = {profile.roles["status"], profile.roles["position"], *profile.told}
+    names = {profile.roles["status"], profile.roles["position"], *profile.reported}
     return all(one.value(profile, name) is not None for name in sorted(names))
 
 

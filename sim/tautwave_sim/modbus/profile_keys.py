@@ -156,7 +156,7 @@ class ProfileKeys(Keys):
     comm_loss: CommLossKeys | None = None
     identity: IdentityKeys | None = None
     limits: LimitsKeys = LimitsKeys()
-    told: dict[str, str] = Field(default_factory=dict)
+    reported: dict[str, str] = Field(default_factory=dict)
     caveats: tuple[str, ...] = ()
 
     def named(self) -> Iterator[tuple[KeyPath, str]]:
@@ -177,8 +177,8 @@ class ProfileKeys(Keys):
         for kind in ("effort", "velocity"):
             for number, name in enumerate(getattr(self.limits, kind)):
                 yield ("limits", kind, number), name
-        for name in self.told:
-            yield ("told", name), name
+        for name in self.reported:
+            yield ("reported", name), name
 
 
 class TableRegisterKeys(Keys):

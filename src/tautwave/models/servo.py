@@ -278,19 +278,3 @@ def servo_forces(
         if push > 0.0:
             environment = environment - p.wall_side * push
     return hand, environment
-
-
-def servo_effort(
-    p: ServoParams,
-    x: float,
-    v: float,
-    command: float,
-    reference: float,
-    reference_rate: float,
-) -> float:
-    """Return what a force sensor reads now: outside on device, positive along x [N m or N].
-
-    Without lag (`time_constant` 0) the impulses at the jumps of the command are not in it.
-    """
-    hand, environment = servo_forces(p, x, v, command, reference, reference_rate)
-    return hand + environment

@@ -66,6 +66,7 @@ def coupled_axis(rig: Rig, axis_name: str, delay: CommandDelay) -> CoupledAxis:
         late=delay.remainder_s / rig.axis_period_s(axis_name),
         velocity_limit=math.inf if axis.velocity_limit is None else axis.velocity_limit,
         effort_quantum=axis.effort_quantum,
+        noise_lags=axis.position_noise_autocorrelation,
     )
 
 

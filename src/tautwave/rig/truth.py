@@ -133,6 +133,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         missing_probability=rig.simulation.faults.missing_probability,
         seed=_seed(rig, axis_name),
         part=part,
+        colour=truth.position_noise_autocorrelation,
     )
 
 

@@ -106,7 +106,7 @@ def compile_network(network: Network, ports_at: Sequence[float] = ()) -> Compile
     Parameters
     ----------
     network : Network
-        Without problems (`problems_of`).
+        Its nodes and links as `config.checks.scene` wants them.
     ports_at : sequence of float
         Positions of the ports [m]; 0 if not given.
     """

@@ -7,7 +7,6 @@ line of an element in its file, for messages. 1-D: one coordinate a node; the ar
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 GROUND = "ground"
@@ -87,37 +86,3 @@ class Network(NamedTuple):
         """Return the names of all nodes: masses, strings, ports, grounds."""
         names = [mass.name for mass in self.masses] + [string.name for string in self.strings]
         return (*names, *self.ports, *(name for name, _ in self.grounds))
-
-
-def problems_of(network: Network) -> list[str]:
-    """Return the mistakes of a network, a sentence each: names, zero masses, loose ends."""
-    return list(_problems(network))
-
-
-def _problems(network: Network) -> Iterator[str]:
-    names = network.nodes()
-    listed = f"Nodes: {', '.join(names[:20])}{' ...' if len(names) > 20 else ''}"
-    known = set(names)
-    if len(known) < len(names):
-        for name in sorted(known):
-            if names.count(name) > 1:
-                yield f"node {name!r} exists twice; rename one of them"
-    for mass in network.masses:
-        if not mass.mass > 0.0:
-            yield f"mass {mass.name!r}: a mass must be greater than 0 (got {mass.mass:g})"
-    touched: set[str] = set()
-    for link in network.links:
-        if link.kind not in KINDS:
-            yield f"link {link.name!r}: unknown type {link.kind!r}. Types: {', '.join(KINDS)}"
-        for end in (link.a, link.b):
-            if end not in known:
-                yield f"link {link.name!r}: unknown node {end!r}. {listed}"
-        if link.a == link.b:
-            yield f"link {link.name!r}: both ends are at {link.a!r}"
-        touched.update((link.a, link.b))
-    for name in names[: len(names) - len(network.grounds)]:
-        if name not in touched:
-            yield f"node {name!r}: nothing is linked to it; link it, or remove it"
-    for name in (*network.forced, *network.recorded):
-        if name not in known:
-            yield f"unknown node {name!r}. {listed}"

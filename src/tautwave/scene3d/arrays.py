@@ -103,7 +103,7 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
     Parameters
     ----------
     network : Network3d
-        Without problems (`problems_of_network3d`).
+        Its nodes and links as `config.checks.scene3d` wants them.
     axes_at : sequence of float
         Positions of the ports' axes [m]; 0 if not given.
     """

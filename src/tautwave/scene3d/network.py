@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tautwave.scene.network import GROUND, Link, Mass, Network, problems_of
+from tautwave.scene.network import GROUND, Link, Mass, Network
 from tautwave.scene.pruning import prune
 
 Vector = tuple[float, float, float]
@@ -82,21 +82,6 @@ def skeleton(network: Network3d) -> Network:
         tuple(dict.fromkeys(name for name, _ in network.forced)),
         network.recorded,
     )
-
-
-def problems_of_network3d(network: Network3d) -> list[str]:
-    """Return the mistakes of a network, a sentence each."""
-    problems = problems_of(skeleton(network))
-    for port in network.ports:
-        if not 1 <= len(port.axes) <= 3 or len(port.directions) < len(port.axes):
-            problems.append(f"port {port.name!r}: one to three axes, and a direction for each")
-    problems += [
-        f"link {link.name!r}: between points a contact needs a rest above 0 (both radii), or a "
-        "normal"
-        for link in network.links
-        if link.kind == "contact" and link.normal is None and not link.rest > 0.0
-    ]
-    return problems
 
 
 def prune_network3d(network: Network3d, *, merge: bool = True) -> Pruned3d:

@@ -171,9 +171,3 @@ def _outcome(job: Job, tables: Tables) -> str:
     if error is None:
         return "finished"
     return "safety_stop" if isinstance(error, SafetyStop) else "fault"
-
-
-def simulate_rows(rig: Rig, duration_s: float, engine: str = "python") -> Run:
-    """Return the whole rows of a simulation by column."""
-    pair = next(iter(rig.coupling.pairs))
-    return Simulator(engine, whole=True).simulate(rig, pair, duration_s)

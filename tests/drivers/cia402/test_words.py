@@ -19,7 +19,6 @@ from tautwave_drivers.cia402.modes import (
     CONTROL_BITS,
     Homing,
     Mode,
-    SetPoint,
     control_mask,
     mode_name,
     supported_modes,
@@ -152,27 +151,6 @@ def test_modes_in_words() -> None:
     assert control_mask(Mode.CST) == 0x100
     assert control_mask(Mode.PP) == 0x370
     assert all(mask & 0x8F == 0 for mask in map(control_mask, CONTROL_BITS))
-
-
-@given(st.integers(0, 5), st.integers(0, 5), st.booleans())
-def test_a_new_set_point_is_one_edge_acknowledged(before: int, after: int, busy: bool) -> None:
-    hand_over = SetPoint()
-    acknowledged = busy
-    bits: list[int] = []
-    for cycle in range(40):
-        old = busy
-        bits.append(hand_over.step(0x1000 if acknowledged else 0) >> 4 & 1)
-        assert not (old and bits[-1]), "no edge before the last set-point is acknowledged"
-        if busy and cycle == before:
-            acknowledged, busy = False, False
-        elif bits[-1] and not busy:
-            acknowledged = sum(bits) > after
-        elif not bits[-1] and not busy:
-            acknowledged = False
-    assert hand_over.done
-    edges = sum(1 for a, b in zip([0, *bits], bits, strict=False) if b and not a)
-    assert edges == 1
-    assert bits[-1] == 0
 
 
 def test_homing_waits_for_attained_and_tells_errors() -> None:

@@ -128,6 +128,11 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
             (*path, "causality"),
             f"{_word(parts)} drives axes that take {takes} only; use law wave, or an {kind} axis",
         )
+    if axis.position_noise_autocorrelation and axis.position_noise == 0.0:
+        document.report(
+            (*path, "position_noise_autocorrelation"),
+            "is the colour of a noise that is 0; give position_noise, or remove it",
+        )
     if axis.causality == "impedance":
         if axis.inertia is None:
             document.report((*path, "inertia"), "required key is missing (impedance axis)")

@@ -5,9 +5,13 @@ Units: [rad | m] reads "rad for a rotary axis, m for a linear one".
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+from tautwave.models.noise_colour import TOLERANCE, least_spectrum
 
 
 class Block(BaseModel):
@@ -34,3 +38,27 @@ AxisName = Annotated[str, Field(pattern=r"^(master|slave)\.[A-Za-z_][A-Za-z0-9_-
 
 AUTO: Literal["auto"] = "auto"
 """In place of a value: the part that the key belongs to chooses it."""
+
+
+def _check_colour(lags: tuple[float, ...]) -> tuple[float, ...]:
+    least, theta = least_spectrum(lags)
+    if least < -TOLERANCE:
+        raise PydanticCustomError(
+            "colour",
+            "no noise has this autocorrelation: its spectrum would be {least} of its mean at "
+            "{share} of the rate; lags beyond the last count as 0, so taper them, lag k times "
+            "1 - k/{count}",
+            {
+                "least": f"{least:.2g}",
+                "share": f"{theta / (2.0 * math.pi):.2g}",
+                "count": str(len(lags) + 1),
+            },
+        )
+    return lags
+
+
+Autocorrelation = Annotated[
+    tuple[Annotated[float, Field(ge=-1, le=1)], ...],
+    AfterValidator(_check_colour),
+]
+"""Of a noise, from lag 1 on, as shares of its variance; beyond the last 0, [] is white."""

@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from tautwave.config.keys.common import Block, Name, NonNegative, Positive
+from tautwave.config.keys.common import Autocorrelation, Block, Name, NonNegative, Positive
+from tautwave.models.noise_colour import LAGS
 
 
 class Bus(Block):
@@ -139,6 +140,19 @@ class Axis(Block):
     encoder_quantum: NonNegative = Field(default=0.0, description="[rad | m] Encoder step.")
     position_noise: NonNegative = Field(
         default=0.0, description="[rad | m] Standard deviation of the position's noise."
+    )
+    position_noise_autocorrelation: Annotated[Autocorrelation, Field(max_length=LAGS)] | None = (
+        Field(
+            default=None,
+            description="Colour of that noise: its autocorrelation from lag 1 on, in samples, as "
+            "shares of the variance; beyond the last lag 0, [] is white. Default: unknown, and the "
+            "worst one counts. `tautwave identify RECORDING --noise` measures it.",
+        )
+    )
+    encoder_nonlinearity: Annotated[float, Field(ge=0, lt=1)] = Field(
+        default=0.0,
+        description="Greatest error of a small displacement that the encoder reports, as a share "
+        "of it; no run can see it, so its share of what a port may give out is stated apart.",
     )
     effort_quantum: NonNegative = Field(
         default=0.0, description="[N m | N] Step of the effort that is commanded or measured."

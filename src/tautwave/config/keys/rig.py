@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import Discriminator, Field, PrivateAttr, Tag
 
@@ -18,6 +18,7 @@ from tautwave.config.keys.scene3d import Scene3d, scene_kind
 from tautwave.config.keys.simulation import AxisSimulation, EnvironmentPart, Simulation
 from tautwave.contracts import AxisSpec, BusSpec, Choice
 
+T = TypeVar("T")
 VELOCITY_TIME_CONSTANT_S = 0.002
 """[s] Default velocity loop time constant of a simulated admittance axis."""
 
@@ -109,7 +110,9 @@ class Rig(Block):
             name: pair.model_copy(update=updates.get(name))
             for name, pair in self.coupling.pairs.items()
         }
-        rig = self.model_copy(update={"coupling": self.coupling.model_copy(update={"pairs": pairs})})
+        rig = self.model_copy(
+            update={"coupling": self.coupling.model_copy(update={"pairs": pairs})}
+        )
         rig._choices = dict(choices)  # noqa: SLF001 - its own kind
         return rig
 
@@ -159,6 +162,7 @@ class AxisTruth(NamedTuple):
     coulomb: float
     encoder_quantum: float
     position_noise: float
+    position_noise_autocorrelation: tuple[float, ...]
     effort_quantum: float
     velocity_quantum: float
     effort_limit: float
@@ -193,6 +197,9 @@ def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
         coulomb=_first(given.coulomb, axis.coulomb.value),
         encoder_quantum=_first(given.encoder_quantum, axis.encoder_quantum),
         position_noise=_first(given.position_noise, axis.position_noise),
+        position_noise_autocorrelation=_first(
+            given.position_noise_autocorrelation, axis.position_noise_autocorrelation or ()
+        ),
         effort_quantum=_first(given.effort_quantum, axis.effort_quantum),
         velocity_quantum=_first(given.velocity_quantum, axis.velocity_quantum),
         effort_limit=_first(given.effort_limit, axis.effort_limit),
@@ -238,5 +245,5 @@ def _axis_spec(name: str, axis: Axis) -> AxisSpec:
     )
 
 
-def _first(given: float | None, otherwise: float) -> float:
+def _first(given: T | None, otherwise: T) -> T:
     return otherwise if given is None else given

@@ -8,6 +8,7 @@ from pydantic import Field, SerializeAsAny, WrapValidator
 
 from tautwave.config.keys.chosen import PART_HASH, PartHash, PartName, chosen_part
 from tautwave.config.keys.common import (
+    Autocorrelation,
     AxisName,
     Block,
     Name,
@@ -31,6 +32,12 @@ class AxisSimulation(Block):
     encoder_quantum: NonNegative | None = Field(default=None, description="[rad | m]")
     position_noise: NonNegative | None = Field(
         default=None, description="[rad | m] Standard deviation."
+    )
+    position_noise_autocorrelation: Annotated[Autocorrelation, Field(max_length=128)] | None = (
+        Field(
+            default=None,
+            description="Colour of that noise, as of the axis; white where neither says.",
+        )
     )
     effort_quantum: NonNegative | None = Field(default=None, description="[N m | N]")
     velocity_quantum: NonNegative | None = Field(default=None, description="[rad/s | m/s]")

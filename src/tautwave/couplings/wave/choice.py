@@ -28,8 +28,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from tautwave.analysis.wave_port.chatter import NoisyEnd, chatter, step_effort
 from tautwave.analysis.walls.passivity import wall_leak
+from tautwave.analysis.wave_port.chatter import NoisyEnd, chatter, step_effort
 from tautwave.certificate.derate import derate_walls
 from tautwave.certificate.walls import sampled_wall
 from tautwave.config import Rig, local_wall
@@ -150,7 +150,9 @@ def _pole(asked: Asked, pair: WavePair, side: str, poles: Sequence[float | str] 
     for at, pole in enumerate(poles):
         if asked.takes(_with(pair, **{f"pole_{side}": pole}), side):
             refused = " or ".join(map(str, poles[:at]))
-            return Choice(pole, f"{pole}, which the certificate takes{refused and ', not '}{refused}")
+            return Choice(
+                pole, f"{pole}, which the certificate takes{refused and ', not '}{refused}"
+            )
     return Choice(PLAIN, "plain, for the certificate takes none")
 
 
@@ -180,9 +182,7 @@ def _impedance(asked: Asked, pair: WavePair) -> Choice:
     return Choice(found, f"{found:g} {unit}, {cause}")
 
 
-def _blocked(
-    asked: Asked, pair: WavePair, poles: Sequence[float | str], impedance: float
-) -> str:
+def _blocked(asked: Asked, pair: WavePair, poles: Sequence[float | str], impedance: float) -> str:
     """Return what forbids an impedance with the first of some poles that is taken, or nothing."""
     pair = _with(pair, wave_impedance=impedance)
     for side in asked.left:
@@ -248,9 +248,7 @@ def _noise_bound(asked: Asked, pair: WavePair, side: str, start: float) -> Bound
                 "filter where noise is stated; set wave_filter_hz to auto"
             )
         impedance *= limit / effort  # the effort is all but proportional
-    return Bound(
-        impedance, f"chatter of {axis_name} at {NOISE_SHARE:.0%} of its effort limit"
-    )
+    return Bound(impedance, f"chatter of {axis_name} at {NOISE_SHARE:.0%} of its effort limit")
 
 
 def _noisy(asked: Asked, pair: WavePair, side: str) -> NoisyEnd:

@@ -66,7 +66,9 @@ def declared_noise(pair: WavePair, side: str, axis: CoupledAxis) -> NoisePower:
     whole = axis.delay + (1 if axis.late > 0.0 else 0)
     port = bare_port(pair, side, axis.period, axis.inertia, axis.delay + axis.late)
     observer = observer_of(pair, side, axis.period, axis.inertia)
-    return noise_power(port, observer, whole, axis.position_noise, axis.encoder_quantum)
+    return noise_power(
+        port, observer, whole, axis.position_noise, axis.encoder_quantum, axis.noise_lags
+    )
 
 
 def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams:

@@ -13,7 +13,6 @@ from tautwave.config.keys.common import AUTO, Name, Positive
 from tautwave.config.keys.coupling import Coupling, Pair
 from tautwave.errors import ConfigError
 
-
 PLAIN: Literal["plain"] = "plain"
 POLES: tuple[float | str, ...] = (0.5, 0.3, PLAIN)
 """Poles that are tried where none is given, the least noisy first."""

@@ -28,7 +28,7 @@ from tautwave.rig import (
     true_delay_s,
 )
 from tautwave.simulation.kernel.records import FOAM, PLANT, SERVO, DeviceParams, FakeParams
-from tautwave.streams import MISSING, NOISE, OVERRUN
+from tautwave.streams import MISSING, NOISE, OVERRUN, normal_noise
 from tautwave.truth import AxisModel
 from tautwave.types import CommandDelay
 
@@ -221,7 +221,7 @@ def draw_noise(model: AxisModel, cycles: int) -> Array:
     """Return the position noise of every cycle, of standard deviation 1; nothing without noise."""
     if model.position_noise == 0.0:
         return np.zeros(0)
-    return np.random.default_rng((*model.seed, NOISE)).standard_normal(cycles)
+    return normal_noise((*model.seed, NOISE), cycles, model.colour)
 
 
 def draw_missing(model: AxisModel, cycles: int) -> Array:
