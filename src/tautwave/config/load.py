@@ -18,8 +18,9 @@ from tautwave.config.pieces import take_apart
 from tautwave.config.text.document import Document, open_document, read_text
 from tautwave.config.text.overrides import apply_overrides
 from tautwave.config.text.yaml12 import KeyPath
-from tautwave.contracts import Choice, DriverPlugin
+from tautwave.contracts import DriverPlugin
 from tautwave.errors import ConfigError
+from tautwave.types import Choice
 
 
 def load_rig(path: str | Path, overrides: Sequence[str] = (), *, choose: bool = True) -> Rig:

@@ -9,6 +9,7 @@ Sources: derived here.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -46,6 +47,7 @@ class Answers(NamedTuple):
     reflected: Complex
 
 
+@functools.lru_cache(maxsize=1024)
 def chatter(near: NoisyEnd, far: NoisyEnd) -> float:
     """Return the standard deviation of the effort of `near` [N m or N]; inf without wave filters.
 

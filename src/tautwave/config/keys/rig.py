@@ -16,7 +16,8 @@ from tautwave.config.keys.devices import Axis, Bus, Side
 from tautwave.config.keys.scene import Scene
 from tautwave.config.keys.scene3d import Scene3d, scene_kind
 from tautwave.config.keys.simulation import AxisSimulation, EnvironmentPart, Simulation
-from tautwave.contracts import AxisSpec, BusSpec, Choice
+from tautwave.contracts import AxisSpec, BusSpec
+from tautwave.types import Choice
 
 T = TypeVar("T")
 VELOCITY_TIME_CONSTANT_S = 0.002

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tautwave.config import Rig
 from tautwave.config.keys.common import AUTO
-from tautwave.contracts import Choice
+from tautwave.types import Choice
 
 KEYS = ("wave_filter_hz", "wave_impedance", "pole_master", "pole_slave")
 

@@ -34,15 +34,14 @@ from tautwave.certificate.derate import derate_walls
 from tautwave.certificate.walls import sampled_wall
 from tautwave.config import Rig, local_wall
 from tautwave.config.keys.common import AUTO
-from tautwave.contracts import Choice
 from tautwave.couplings.wave.from_keys import bare_port, observer_of
 from tautwave.couplings.wave.keys import PLAIN, POLES, WavePair
 from tautwave.couplings.wave.standing import line_time
-from tautwave.couplings.wave.verdict import SOFTER, port_of, sees_noise, tenth_of_rate
+from tautwave.couplings.wave.verdict import SOFTER, port_of
 from tautwave.errors import ConfigError
 from tautwave.laws.port import port_reserve
 from tautwave.rig import at_axis_rate, command_delays, one_way_delay
-from tautwave.types import CommandDelay
+from tautwave.types import Choice, CommandDelay
 
 SIDES = ("master", "slave")
 
@@ -135,10 +134,11 @@ def _damping_left(rig: Rig, name: str, delays: Delays) -> dict[str, float]:
 
 
 def _corner(rig: Rig, name: str) -> Choice:
-    if not sees_noise(rig, name):
+    names = [f"{side}.{name}" for side in SIDES]
+    if not any(rig.axes[one].position_noise or rig.axes[one].encoder_quantum for one in names):
         return Choice(None, "none, for no noise and no encoder step is stated")
-    slower = max((f"{side}.{name}" for side in SIDES), key=rig.axis_period_s)
-    corner = tenth_of_rate(rig, name)
+    slower = max(names, key=rig.axis_period_s)
+    corner = float(f"{0.1 / rig.axis_period_s(slower):.3g}")
     return Choice(corner, f"{corner:g} Hz, a tenth of the rate of {slower}")
 
 

@@ -11,7 +11,6 @@ from tautwave.couplings.wave.records import WaveEndParams
 from tautwave.errors import ConfigError
 from tautwave.laws.observer import ObserverParams, observer_params, plain_observer
 from tautwave.laws.port import PortParams, port_params, port_reserve
-from tautwave.laws.wave_filter import filter_gain
 
 WATCHED_S = 1.0
 """Time over which the share of periods with an empty tank is taken [s]."""
@@ -22,12 +21,6 @@ LIMP_SHARE = 0.1
 def port_impedance(pair: WavePair, side: str) -> float:
     """Return the wave impedance of the port at one side [N m s/rad or N s/m]."""
     return pair.in_device_units(side, pair.impedance)
-
-
-def low_pass(pair: WavePair, period: float) -> float:
-    """Return the step of the wave filter of a port with this period [s]; 1 without one."""
-    corner = pair.corner_hz
-    return 1.0 if corner is None else filter_gain(corner, period)
 
 
 def observer_of(pair: WavePair, side: str, period: float, mass: float) -> ObserverParams:
@@ -53,7 +46,7 @@ def bare_port(
         mass,
         delay=delay,
         matched=pair.matched_master if side == "master" else pair.matched_slave,
-        filter_gain=low_pass(pair, period),
+        filter_gain=pair.filter_step(period),
         drift_time=pair.drift_time_s,
         reserve=reserve,
         leak=leak,
@@ -86,8 +79,8 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
             f"law observed_wave: the {side}'s axis has no velocity_limit, and without one nothing "
             "bounds what its port may give out; give its greatest safe velocity"
         )
-    corner = pair.corner_hz
-    if corner is not None and corner > 0.5 / axis.period:
+    corner = pair.wave_filter_hz
+    if isinstance(corner, float) and corner > 0.5 / axis.period:
         raise ConfigError(
             f"law observed_wave: wave_filter_hz {corner:g} is above half the rate of "
             f"the {side}'s bus, {0.5 / axis.period:g} Hz; lower it"

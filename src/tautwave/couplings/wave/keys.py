@@ -12,6 +12,7 @@ from pydantic_core import PydanticCustomError
 from tautwave.config.keys.common import AUTO, Name, Positive
 from tautwave.config.keys.coupling import Coupling, Pair
 from tautwave.errors import ConfigError
+from tautwave.laws.wave_filter import filter_gain
 
 PLAIN: Literal["plain"] = "plain"
 POLES: tuple[float | str, ...] = (0.5, 0.3, PLAIN)
@@ -43,7 +44,7 @@ Corner = Annotated[Auto | Positive | None, BeforeValidator(_check_positive)]
 
 def _chosen(key: str, value: str | float) -> float:
     if isinstance(value, str):
-        raise ConfigError(f"{key} is still auto: read the rig with load_rig")
+        raise ConfigError(f"{key} is still auto, for nothing has chosen it; give a value")
     return value
 
 
@@ -77,17 +78,17 @@ class WavePair(Pair):
         """Impedance of the line [N m s/rad or N s/m, master]."""
         return _chosen("wave_impedance", self.wave_impedance)
 
-    @property
-    def corner_hz(self) -> float | None:
-        """Corner of the wave filters [Hz], None without."""
-        corner = self.wave_filter_hz
-        return None if corner is None else _chosen("wave_filter_hz", corner)
-
     def pole(self, side: str) -> float | None:
         """Return the pole of one side's observer, None for none."""
         key = f"pole_{side}"
         found = getattr(self, key)
         return None if found == PLAIN else _chosen(key, found)
+
+    def filter_step(self, period_s: float) -> float:
+        """Return the step of the wave filter [1] at an axis' period [s]; 1 without one."""
+        if self.wave_filter_hz is None:
+            return 1.0
+        return filter_gain(_chosen("wave_filter_hz", self.wave_filter_hz), period_s)
 
     def wave_gain(self, side: str) -> float:
         """Return device wave per line wave [1]: the sign and the root of the power ratio."""

@@ -21,7 +21,7 @@ def _coupling(rig: Any) -> str:
 def _pair_plan(rig: Rig, name: str) -> Iterator[PlanLine]:
     keys = rig.coupling.pairs[name]
     assert isinstance(keys, WavePair)
-    corner = keys.corner_hz
+    corner = keys.wave_filter_hz
     yield PlanLine(f"wave filters of {name}", corner is not None, f"low-pass at {corner} Hz")
     for side in ("master", "slave"):
         pole = keys.pole(side)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from tautwave.config import Rig
-from tautwave.couplings.wave.from_keys import low_pass
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.types import CommandDelay
 from tautwave.wording import Standing
@@ -15,7 +14,7 @@ def line_time(rig: Rig, name: str, pair: WavePair, tau: float) -> float:
     """Return the delay tau [s] of a line with the lag of both ports' filters."""
     for side in ("master", "slave"):
         period = rig.axis_period_s(f"{side}.{name}")
-        gain = low_pass(pair, period)
+        gain = pair.filter_step(period)
         tau += 0.5 * period * (1.0 - gain) / gain
     return tau
 

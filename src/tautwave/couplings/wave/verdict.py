@@ -88,17 +88,6 @@ def _keys(rig: Rig, axis_name: str) -> WavePair:
     return found
 
 
-def sees_noise(rig: Rig, pair: str) -> bool:
-    """Return whether an encoder of a pair has noise or a step."""
-    axes = (rig.axes[f"{side}.{pair}"] for side in ("master", "slave"))
-    return any(axis.position_noise > 0.0 or axis.encoder_quantum > 0.0 for axis in axes)
-
-
-def tenth_of_rate(rig: Rig, pair: str) -> float:
-    """Return the usual corner of a pair's wave filters [Hz], by its slower axis."""
-    return 0.1 / max(rig.axis_period_s(f"{side}.{pair}") for side in ("master", "slave"))
-
-
 def port_of(
     rig: Rig, axis_name: str, delays: Delays, damping: float, keys: WavePair | None = None
 ) -> Port:
@@ -178,13 +167,6 @@ def _passive(
             False,
             f"{name}: its commands act a fraction of a period late, and the proof covers whole "
             "periods only",
-        )
-    pair = axis_name.split(".")[1]
-    if _keys(rig, axis_name).corner_hz is None and sees_noise(rig, pair):
-        return Verdict(
-            False,
-            f"{name}: encoder steps and noise ring in a line that loses nothing; set "
-            f"wave_filter_hz to {tenth_of_rate(rig, pair):g}",
         )
     broken = (
         broken_inertia(rig, axis_name),
@@ -278,12 +260,12 @@ def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
         )
     keys = coupling.pairs[pair]
     assert isinstance(keys, WavePair)
-    if keys.corner_hz is not None:
+    if keys.wave_filter_hz is not None:
         yield _fine(
             f"wave filters of {pair}",
             "filter",
             pair,
-            f"|H| <= 1 at every frequency ({keys.corner_hz:g} Hz)",
+            f"|H| <= 1 at every frequency ({keys.wave_filter_hz:g} Hz)",
         )
     scale = pair_scale(keys)
     if abs(scale.power - 1.0) > 1e-12:
