@@ -9,11 +9,20 @@ import os
 import signal
 import socket
 import subprocess
+import sys
 import tempfile
 import threading
 from collections import Counter
 from collections.abc import Generator, Iterator
 from pathlib import Path
+
+if sys.dont_write_bytecode:
+    # To keep a checkout clean of bytecode is no wish to compile every module again in each of a
+    # hundred processes: a second a start. It goes elsewhere.
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    sys.pycache_prefix = os.environ["PYTHONPYCACHEPREFIX"] = str(cache / "tautwave" / "bytecode")
+    sys.dont_write_bytecode = False
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # Before NumPy: threads of BLAS only wait for each other beside the workers of xdist.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

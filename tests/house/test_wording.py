@@ -9,8 +9,6 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 PHRASES = {
     r"\bno number\b(?! (?:of|changes))": "NaN, or not a number",
@@ -58,9 +56,9 @@ def translated(text: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
-def test_no_text_has_a_translated_phrase(path: Path) -> None:
-    assert not translated(path.read_text(encoding="utf-8"))
+def test_no_text_has_a_translated_phrase() -> None:
+    found = {str(path.relative_to(ROOT)): translated(path.read_text("utf-8")) for path in TEXTS}
+    assert {path: phrases for path, phrases in found.items() if phrases} == {}
 
 
 def test_planted_phrases_are_noticed() -> None:

@@ -1,4 +1,4 @@
-"""`tautwave identify`: a device by exciting it, or an environment from a recording."""
+"""`tautwave identify`: a device by exciting it, an environment or noise from a recording."""
 
 from __future__ import annotations
 
@@ -28,11 +28,17 @@ _RIG_ONLY = (
     *("overrides", "allow_uncertified", "simulate", "attach"),
 )
 _RECORDING_ONLY = ("position", "effort", "time", "model", "filter_hz", "begin_s", "end_s")
+_NOT_NOISE = ("share", "reach", "effort", "model", "filter_hz")
 
 
-@click.command(short_help="Identify a device, or the environment in a recording.")
+@click.command(short_help="Identify a device, an encoder's noise, or an environment.")
 @click.argument("source", type=PATH, metavar="RIG|RECORDING")
 @click.option("--axis", metavar="NAME", help="Such as master.wrist; required if there are several.")
+@click.option(
+    "--noise",
+    is_flag=True,
+    help="Measure the encoder of a lever that stands still instead: step, noise, its colour.",
+)
 @out_option("Output directory, new or empty; default: runs/identify-NAME-DATE-TIME.")
 @json_option
 @click.option(
@@ -102,26 +108,87 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
     .mcap, or a .csv: the result is stiffness, damping, surface and force offset of the environment
     (or the hand).
 
+    With --noise the lever stands still, clamped best; of a RIG no axis gets any effort. The result
+    is the encoder's step, and standard deviation and autocorrelation of its noise.
+
     \b
     Examples:
         tautwave identify rig.yaml --axis master.wrist
         tautwave identify runs/first --axis slave.wrist
         tautwave identify contact.csv --position x_m --effort force_n
+        tautwave identify rig.yaml --axis master.wrist --noise
     """
     rig = source.suffix in RIG_SUFFIXES and not source.is_dir()
     if not rig and source.suffix not in RECORDINGS and not source.is_dir():
         raise ConfigError(
             f"{source}: is neither a rig (.yaml), a run's directory nor a recording (.mcap, .csv)"
         )
+    given = {
+        p.name: p.opts[0]
+        for p in ctx.command.params
+        if p.name is not None
+        and ctx.get_parameter_source(p.name) is click.core.ParameterSource.COMMANDLINE
+    }
     for name in _RECORDING_ONLY if rig else _RIG_ONLY:
-        if ctx.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
-            spelled = next(p.opts[0] for p in ctx.command.params if p.name == name)
+        if name in given:
             other, this = ("recording", "rig") if rig else ("rig", "recording")
-            raise click.UsageError(f"{spelled} is for a {other}; {source} is a {this}.")
-    if rig:
+            raise click.UsageError(f"{given[name]} is for a {other}; {source} is a {this}.")
+    for name in _NOT_NOISE if options["noise"] else ():
+        if name in given:
+            raise click.UsageError(f"{given[name]} has no meaning with --noise.")
+    if options["noise"]:
+        _noise(source, rig, options)
+    elif rig:
         _device(source, options)
     else:
         _recording(source, options)
+
+
+def _noise(source: Path, rig: bool, options: Mapping[str, Any]) -> None:
+    from tautwave.cli.run import fresh_directory
+    from tautwave.cli.terminal.progress import Progress
+    from tautwave.cli.terminal.show import show
+    from tautwave.report.figures.identification import noise_figure, write_figure
+    from tautwave.report.units import axis_units
+    from tautwave.session.identification.recorded import save_result
+    from tautwave.session.identification.still import identify_noise, identify_still
+
+    axis = options["axis"]
+    if rig:
+        from tautwave.config import load_rig
+        from tautwave.session import describe_ways
+
+        loaded = load_rig(source, options["overrides"])
+        ways = {name: options[name] for name in ("clock", "simulate", "attach")}
+        for sentence in describe_ways(loaded, **ways):
+            click.echo(sentence, err=options["as_json"])
+        directory = fresh_directory(options["out"], f"identify-{loaded.name}")
+        try:
+            with Progress("standing still") as progress:
+                result = identify_still(
+                    loaded,
+                    axis=axis,
+                    out=directory,
+                    duration_s=options["duration"],
+                    allow_uncertified=options["allow_uncertified"],
+                    progress=progress,
+                    **ways,
+                )
+        finally:
+            with suppress(OSError):
+                directory.rmdir()
+    else:
+        names = ("position", "time", "begin_s", "end_s")
+        result = identify_noise(source, axis=axis, **{name: options[name] for name in names})
+        directory = fresh_directory(options["out"], f"identify-{source.resolve().stem}")
+    save_result(result.as_dict(), directory)
+    rotary = result.series.rotary
+    unit = "" if rotary is None else axis_units("rotary" if rotary else "linear")[0]
+    picture = write_figure(noise_figure(result.fit, result.series.period, unit), directory)
+    if options["as_json"]:
+        echo_json(result.as_dict() | {"figure": str(picture)})
+    else:
+        show(noise_sections(result, unit, picture))
 
 
 def _device(source: Path, options: Mapping[str, Any]) -> None:
@@ -180,7 +247,7 @@ def _recording(source: Path, options: Mapping[str, Any]) -> None:
         **{name: options[name] for name in ("axis", *_RECORDING_ONLY)},
     )
     directory = fresh_directory(options["out"], f"identify-{source.resolve().stem}")
-    save_result(result, directory)
+    save_result(result.as_dict(), directory)
     kinds = {True: "rotary", False: "linear"}
     rotary = result.series.rotary
     units = ("", "") if rotary is None else axis_units(kinds[rotary])
@@ -243,6 +310,33 @@ def device_sections(result: Any, units: tuple[str, str], picture: Path) -> list[
 
 def _lines_of(result: Any) -> list[str]:
     return str(result.as_dict()["snippet"]).splitlines()
+
+
+def noise_sections(result: Any, unit: str, picture: Path) -> list[Any]:
+    """Step, deviation and colour of an encoder's noise, lines for the rig file, files."""
+    from tautwave.cli.terminal.show import Section
+
+    fit, series = result.fit, result.series
+    step = "unknown" if fit.quantum is None else f"{fit.quantum:.5g}"
+    rows = [
+        ("encoder step", step, f"{fit.levels} values", unit),
+        _line("noise, standard deviation", fit.deviation, unit),
+        ("drift, removed", f"{fit.drift:.3g}", "", unit),
+    ]
+    if fit.autocorrelation is not None:
+        rows.insert(2, ("autocorrelation, lag 1", f"{fit.autocorrelation[0]:.3f}",
+                        f"+- {fit.lag_error:.2g} at most", ""))  # fmt: skip
+    rate = 1.0 / series.period
+    head = f"{series.source}: {series.position_name}, {fit.samples} samples at {rate:.6g} Hz"
+    written = picture.with_name("identification.json")
+    lines = str(result.as_dict()["snippet"]).splitlines()
+    return [
+        Section(head, (), ()),
+        Section("Noise", _head("parameter"), rows),
+        Section("For the axis in the rig file", ("",), [(line,) for line in lines]),
+        Section("Notes", ("",), [(note,) for note in result.notes]),
+        Section("Files", ("",), [(str(written),), (str(picture),)]),
+    ]
 
 
 def contact_sections(result: Any, units: tuple[str, str], picture: Path) -> list[Any]:

@@ -10,9 +10,11 @@ import numpy as np
 
 from tautwave.analysis.identification.contact_model import ContactFit
 from tautwave.analysis.identification.device_model import DeviceFit
+from tautwave.analysis.identification.encoder_noise import NoiseFit
 from tautwave.analysis.identification.regression import Array
 from tautwave.canvas import FILTER, INK, LINE, SLAVE, SOFT, heading, legend, panels, png
 from tautwave.files import make_directory, write_bytes
+from tautwave.models.noise_colour import spectrum
 from tautwave.report.figures.canvas import shade
 from tautwave.report.run.contacts import Contact
 from tautwave.report.units import quantity, scale_for, significant
@@ -153,6 +155,29 @@ def device_figure(fit: DeviceFit, axis: str, units: tuple[str, str]) -> Figure:
     rest.set_ylabel(f"residual [{unit}]")
     rest.set_xlabel("time [s]")
     heading(rest, f"Residual: {quantity(fit.residual_rms, units[1], 3)} rms")
+    return figure
+
+
+def noise_figure(fit: NoiseFit, period: float, unit: str) -> Figure:
+    """Noise over time, and its spectrum as the declared lags have it."""
+    figure, (time, density) = panels([1.9, 1.5], "Encoder of a lever at rest", [False, False])
+    factor, scaled = scale_for(float(np.max(np.abs(fit.residual))), unit)
+    thin = slice(None, None, max(1, len(fit.residual) // MOST_POINTS))
+    times = period * np.arange(len(fit.residual))
+    time.plot(times[thin], factor * fit.residual[thin], color=SLAVE, linewidth=0.6)
+    time.set_xlabel("time [s]")
+    time.set_ylabel(f"position [{scaled}]")
+    heading(time, f"Noise of {quantity(fit.deviation.value, unit, 3)}, without drift")
+    if fit.autocorrelation is not None:
+        theta = np.linspace(0.0, math.pi, 400)
+        shape = [spectrum(fit.autocorrelation, at) for at in theta.tolist()]
+        density.plot(theta / (2.0 * math.pi * period), shape, color=INK, linewidth=1.0)
+        density.axhline(1.0, color=SOFT, linewidth=0.9, label="white")
+        density.set_ylim(0.0, 1.1 * max(shape))
+        legend(density)
+    density.set_xlabel("frequency [Hz]")
+    density.set_ylabel("density over its mean")
+    heading(density, "Colour" if fit.autocorrelation is not None else "Colour: unknown")
     return figure
 
 

@@ -137,6 +137,11 @@ def plan_excitation(
     )
 
 
+def no_excitation(rig: Rig) -> Plan:
+    """Return the plan that gives no axis any effort."""
+    return Plan("", (), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, rig.period_s, 0.0, 0.0)
+
+
 class Excitation:
     """The multisine with a gain that grows until the device moves enough, and halves beyond."""
 

@@ -196,6 +196,65 @@ def identify_device(
     TautwaveError
         The rig is refused, the run ended in a fault or a stop, or the device did not move enough.
     """
+    name = axis_to_identify(rig, axis)
+    cycles = max(round(duration_s * rig.rate_hz), 1)
+    plan = plan_excitation(rig, name, cycles, share=share, reach=reach)
+    run = record_excitation(
+        rig,
+        name,
+        plan,
+        out=out,
+        clock=clock,
+        duration_s=duration_s,
+        allow_uncertified=allow_uncertified,
+        simulate=simulate,
+        attach=attach,
+        progress=progress,
+    )
+    if progress is not None:
+        progress(1.0, "fitting")
+    with run.heard.raised():
+        fit = fit_recorded(out / "recording.mcap", name, run.rig, run.delay, plan.highest_hz)
+    notes = [*run.notes, *_doubts(fit, plan)]
+    found = DeviceResult(
+        name, rig.axes[name].kind, fit, plan, run.seconds, notes, out, run.interrupted
+    )
+    text = json.dumps(found.as_dict(), indent=2, ensure_ascii=False)
+    write_text(out / "identification.json", text + "\n")
+    return found
+
+
+class ExcitedRun(NamedTuple):
+    """A recorded excitation: the rig as it ran, and how it went."""
+
+    rig: Rig
+    delay: CommandDelay
+    seconds: float
+    notes: list[str]
+    interrupted: bool
+    heard: Any
+
+
+def record_excitation(
+    rig: Rig,
+    name: str,
+    plan: Plan,
+    *,
+    out: Path,
+    clock: str,
+    duration_s: float,
+    allow_uncertified: bool,
+    simulate: Simulate,
+    attach: bool,
+    progress: Callable[[float, str], None] | None,
+) -> ExcitedRun:
+    """Run a rig without its coupling, as the plan says, and record it; see `identify_device`.
+
+    Raises
+    ------
+    TautwaveError
+        The rig is refused, or the run ended in a fault or a stop.
+    """
     require_drivers(rig)
     ways = bus_ways(rig, clock=clock, simulate=simulate, attach=attach)
     whole, rig = rig, as_taken(rig, ways)
@@ -208,7 +267,6 @@ def identify_device(
                 f"buses.{bus_name}.divisor: identify serves every bus in every cycle; run it with "
                 f"--set buses.{bus_name}.divisor=1 --set rate_hz={rig.rate_hz / bus.divisor:g}"
             )
-    name = axis_to_identify(rig, axis)
     hardware = any(
         load_driver(bus.driver).hardware
         and (rig.simulation is None or ways[bus_name].way is Way.HARDWARE)
@@ -225,8 +283,6 @@ def identify_device(
             notes.append("The simulated hand and environment were removed.")
     if attach:
         notes.append("Doubtful: devices served by another process keep their hand and environment.")
-    cycles = max(round(duration_s * rig.rate_hz), 1)
-    plan = plan_excitation(rig, name, cycles, share=share, reach=reach)
     with devices(rig, ways) as ways:
         assembly = excite(rig, build_rig(rig, clock=clock, duration_s=duration_s, ways=ways), plan)
         delays = {key: bus.driver.command_delay for bus in assembly.buses for key in bus.axes}
@@ -258,18 +314,8 @@ def identify_device(
         _tell(name, result.error, stats.error)
     if stats.error:
         raise WritingError(stats.error)
-    if progress is not None:
-        progress(1.0, "fitting")
     seconds = (result.cycles + result.missed_cycles) * rig.period_s
-    with heard.raised():
-        fit = fit_recorded(out / "recording.mcap", name, rig, delays[name], plan.highest_hz)
-    notes += _doubts(fit, plan)
-    found = DeviceResult(
-        name, rig.axes[name].kind, fit, plan, seconds, notes, out, result.interrupted
-    )
-    text = json.dumps(found.as_dict(), indent=2, ensure_ascii=False)
-    write_text(out / "identification.json", text + "\n")
-    return found
+    return ExcitedRun(rig, delays[name], seconds, notes, result.interrupted, heard)
 
 
 def _tell(name: str, error: BaseException, lost: str | None) -> None:

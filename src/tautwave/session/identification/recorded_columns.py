@@ -51,6 +51,64 @@ def read_series(
     ConfigError, RecordingError
         No such recording or column, or names that leave the columns ambiguous.
     """
+    return _even(*_read(source, position, effort, time, axis), part)
+
+
+def read_positions(
+    source: Path,
+    position: str | None,
+    time: str | None,
+    axis: str | None,
+    part: tuple[float | None, float | None],
+) -> Series:
+    """Read the positions of a recording as they were measured, each on the slot nearest its time.
+
+    Raises
+    ------
+    ConfigError, RecordingError
+        No such recording or column, or names that leave the column ambiguous.
+    """
+    if source.is_dir():
+        source = source / "recording.mcap"
+    if position is None and source.is_file():
+        position = _only_position(source, axis)
+    series, times = _read(source, position, position, time, axis)
+    inside, notes = _inside(series, times, part)
+    t = times[inside]
+    period = _period(series, t)
+    slots = np.rint((t - t[0]) / period).astype(np.int64)
+    slots = slots[slots < 4 * MOST_SAMPLES]
+    count = int(slots[-1]) + 1
+    values = np.zeros(count)
+    known = np.zeros(count, dtype=bool)
+    values[slots] = series.position[inside][: len(slots)]
+    known[slots] = True
+    return series._replace(
+        start_s=float(t[0]), period=period, position=values, effort=values, known=known,
+        notes=notes,
+    )  # fmt: skip
+
+
+def _only_position(source: Path, axis: str | None) -> str:
+    """Return the column of the given axis' position, or of the only one."""
+    if source.suffix == ".csv":
+        header = csv_header(source)
+        places = [name for name in header if "position" in name.lower() or "angle" in name.lower()]
+        return _one(source, "position", "--position", places, header)
+    from tautwave.report.run.recording import read_recording
+
+    names = read_recording(source, rows=slice(0, 1)).axes()
+    if axis is None and len(names) > 1:
+        raise ConfigError(f"{source}: choose an axis with --axis: {', '.join(names)}")
+    if axis is not None and axis not in names:
+        raise ConfigError(f"{source}: there is no axis {axis!r}; there are {', '.join(names)}")
+    return f"{axis or names[0]}.position"
+
+
+def _read(
+    source: Path, position: str | None, effort: str | None, time: str | None, axis: str | None
+) -> tuple[Series, Array]:
+    """Return the two columns as they were recorded, and their times [s]."""
     if source.is_dir():
         source = source / "recording.mcap"
     if not source.is_file():
@@ -79,15 +137,14 @@ def read_series(
         times, places, efforts = recording[clock], recording[position], recording[effort]
         valid = recording[flag] > 0.5 if flag in names.columns else np.ones(len(times), dtype=bool)
         rotary = _kind_of(names.attachments, position)
-    return _even(
-        Series(str(source), position, effort, rotary, 0.0, 1.0, places, efforts, valid, ()),
-        times,
-        part,
-    )
+    series = Series(str(source), position, effort, rotary, 0.0, 1.0, places, efforts, valid, ())
+    return series, times
 
 
-def _even(series: Series, times: Array, part: tuple[float | None, float | None]) -> Series:
-    """Cut out a part and resample it to a uniform grid, with gaps filled and marked."""
+def _inside(
+    series: Series, times: Array, part: tuple[float | None, float | None]
+) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """Return which samples are used, with a note if that is not the whole part."""
     begin, end = part
     inside = np.ones(len(times), dtype=bool)
     if begin is not None:
@@ -102,10 +159,21 @@ def _even(series: Series, times: Array, part: tuple[float | None, float | None])
         inside[np.flatnonzero(inside)[MOST_SAMPLES:]] = False
         last = times[inside][-1]
         notes.append(f"Only the part up to {last:.4g} s is used; --from and --to choose another.")
-    t, x, force = times[inside], series.position[inside], series.effort[inside]
-    period = float(np.median(np.diff(t)))
+    return inside, tuple(notes)
+
+
+def _period(series: Series, times: Array) -> float:
+    period = float(np.median(np.diff(times)))
     if not period > 0.0:
         raise RecordingError(f"{series.source}: its timestamps do not increase")
+    return period
+
+
+def _even(series: Series, times: Array, part: tuple[float | None, float | None]) -> Series:
+    """Cut out a part and resample it to a uniform grid, with gaps filled and marked."""
+    inside, notes = _inside(series, times, part)
+    t, x, force = times[inside], series.position[inside], series.effort[inside]
+    period = _period(series, t)
     count = min(round((t[-1] - t[0]) / period) + 1, 4 * MOST_SAMPLES)
     grid = t[0] + period * np.arange(count)
     nearest = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
@@ -116,7 +184,7 @@ def _even(series: Series, times: Array, part: tuple[float | None, float | None])
         position=np.interp(grid, t, x),
         effort=np.interp(grid, t, force),
         known=away < UNEVEN * period,
-        notes=tuple(notes),
+        notes=notes,
     )
 
 
