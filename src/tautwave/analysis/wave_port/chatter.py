@@ -14,10 +14,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from tautwave.analysis.wave_port.sensor_noise import Complex, noise_responses
 from tautwave.laws.observer import ObserverParams
 from tautwave.laws.port import PortParams
+from tautwave.models.noise_colour import spectrum
+
+Float = npt.NDArray[np.float64]
 
 FREQUENCIES = 240
 
@@ -25,14 +29,15 @@ FREQUENCIES = 240
 class NoisyEnd(NamedTuple):
     """One end: port, observer, whole periods of command delay, deviation of its noise [rad or m].
 
-    wave: device wave per line wave [1].
+    wave: device wave per line wave [1]. colour: the noise's autocorrelation from lag 1 on.
     """
 
     port: PortParams
     observer: ObserverParams
     delay: int
     deviation: float
-    wave: float
+    wave: float = 1.0
+    colour: tuple[float, ...] = ()
 
 
 class Answers(NamedTuple):
@@ -58,14 +63,13 @@ def chatter(near: NoisyEnd, far: NoisyEnd) -> float:
     period = near.port.period
     theta = math.pi * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES
     own, other = _answers(near, theta), _answers(far, theta * far.port.period / period)
+    noise, others = _spectrum(near, theta), _spectrum(far, theta * far.port.period / period)
     left = 1.0 - np.abs(own.reflected * other.reflected) ** 2
     if float(np.min(left)) <= 0.0:
         return math.inf
-    echo = np.abs(own.leaving * other.reflected * near.deviation) ** 2
-    ratio = near.wave / far.wave
-    sent = np.abs(ratio * other.leaving * far.deviation) ** 2 * far.port.period / period
-    direct = np.abs(own.effort * near.deviation) ** 2
-    power = direct + np.abs(own.pushed) ** 2 * (echo + sent) / left
+    echo = np.abs(own.leaving * other.reflected) ** 2 * noise
+    sent = np.abs(near.wave / far.wave * other.leaving) ** 2 * others * far.port.period / period
+    power = np.abs(own.effort) ** 2 * noise + np.abs(own.pushed) ** 2 * (echo + sent) / left
     return math.sqrt(float(np.mean(power)))
 
 
@@ -75,7 +79,12 @@ def step_effort(port: PortParams, observer: ObserverParams, quantum: float) -> f
     return port.impedance / port.divisor * velocity * quantum
 
 
-def _answers(end: NoisyEnd, theta: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Answers:
+def _spectrum(end: NoisyEnd, theta: Float) -> Float:
+    shares = [spectrum(end.colour, at) for at in theta.tolist()]
+    return end.deviation * end.deviation * np.maximum(shares, 0.0)
+
+
+def _answers(end: NoisyEnd, theta: Float) -> Answers:
     # All is linear: two far ends tell what any does.
     share = 0.5
     ask = (end.port, end.observer, end.delay, theta)

@@ -56,9 +56,6 @@ FEWER = 8.0
 """Greatest factor by which the impedance is lowered to do without a plain port."""
 
 HALVINGS = 6
-NARROWINGS = 4
-LEAST = 1e-9
-"""An impedance at which efforts are still proportional to it: an upper bound for greater ones."""
 
 Delays = Mapping[str, CommandDelay]
 
@@ -199,68 +196,55 @@ def _blocked(asked: Asked, pair: WavePair, poles: Sequence[float | str], impedan
 
 def least_bound(asked: Asked, pair: WavePair) -> Bound:
     """Return what bounds the impedance of a pair whose poles are known, but for the certificate."""
-    others = list(_bounds(asked, pair))
-    start = min(others)
-    noises = [_noise_bound(asked, pair, side, start.impedance) for side in asked.left]
-    return min([*others, *noises])
+    return min(_bounds(asked, _with(pair, wave_impedance=1.0)))
 
 
 def _bounds(asked: Asked, pair: WavePair) -> Iterator[Bound]:
-    """Yield bounds but for that of the noise."""
+    """Yield the bounds of a line of impedance 1: all efforts are in proportion to it."""
     rig, name = asked.rig, asked.name
+    ends = {side: _heavy(asked, pair, side) for side in asked.left}
     inertia = 0.0
-    for side in asked.left:
+    for side, end in ends.items():
         axis_name = f"{side}.{name}"
-        axis, end = rig.axes[axis_name], _noisy(asked, _with(pair, wave_impedance=LEAST), side)
+        axis, limit = rig.axes[axis_name], rig.axes[axis_name].effort_limit
         assert axis.inertia is not None
-        units = pair.in_device_units(side, 1.0)
+        units, period = pair.in_device_units(side, 1.0), end.port.period
         inertia += axis.inertia.value / units
-        step = step_effort(end.port, end.observer, axis.encoder_quantum)
-        if step > 0.0:
-            yield Bound(
-                LEAST * STEP_SHARE * axis.effort_limit / (RATTLE * step),
-                f"the rattle of {axis_name} within its encoder step, at {STEP_SHARE:.0%} of its "
-                "effort limit",
-            )
-        known = end.observer.velocity * end.port.period
-        reserve = port_reserve(units, end.port.period, end.port.lead - 0.5, known, 1.0)
+        reserve = port_reserve(
+            units, period, end.port.lead - 0.5, end.observer.velocity * period, 1.0
+        )
         yield Bound(
             0.25 * axis.inertia.lower / reserve,
             f"the reserve of {axis_name}, at half its energy at the velocity limit",
         )
+        rattle = RATTLE * step_effort(end.port, end.observer, axis.encoder_quantum)
+        if rattle > 0.0:
+            share = f"{STEP_SHARE:.0%} of its effort limit"
+            cause = f"the rattle of {axis_name} within its encoder step, at {share}"
+            yield Bound(STEP_SHARE * limit / rattle, cause)
+        effort = chatter(end, next((ends[other] for other in ends if other != side), end))
+        if math.isinf(effort):
+            raise ConfigError(
+                f"{rig.name}: coupling.pairs.{name}: wave_impedance auto needs a wave filter where "
+                "noise is stated; set wave_filter_hz to auto"
+            )
+        if effort > 0.0:
+            cause = f"chatter of {axis_name} at {NOISE_SHARE:.0%} of its effort limit"
+            yield Bound(NOISE_SHARE * limit / effort, cause)
     time = line_time(rig, name, pair, one_way_delay(rig, name, asked.delays))
     yield Bound(inertia / time, "the weight of the line, at that of both devices")
 
 
-def _noise_bound(asked: Asked, pair: WavePair, side: str, start: float) -> Bound:
-    """Return the impedance at which chatter has its share; `start` is of its size or more."""
-    axis_name = f"{side}.{asked.name}"
-    limit, impedance = NOISE_SHARE * asked.rig.axes[axis_name].effort_limit, start
-    for _ in range(NARROWINGS):
-        keys = _with(pair, wave_impedance=impedance)
-        far = [other for other in asked.left if other != side] or [side]
-        effort = chatter(_noisy(asked, keys, side), _noisy(asked, keys, far[0]))
-        if effort == 0.0:
-            return Bound(math.inf, "")
-        if math.isinf(effort):
-            raise ConfigError(
-                f"{asked.rig.name}: coupling.pairs.{asked.name}: wave_impedance auto needs a wave "
-                "filter where noise is stated; set wave_filter_hz to auto"
-            )
-        impedance *= limit / effort  # the effort is all but proportional
-    return Bound(impedance, f"chatter of {axis_name} at {NOISE_SHARE:.0%} of its effort limit")
-
-
-def _noisy(asked: Asked, pair: WavePair, side: str) -> NoisyEnd:
+def _heavy(asked: Asked, pair: WavePair, side: str) -> NoisyEnd:
+    """Return an end whose device is too heavy to give way: it chatters most."""
     axis_name = f"{side}.{asked.name}"
     axis, delay = asked.rig.axes[axis_name], asked.delays[axis_name]
-    assert axis.inertia is not None
-    period, mass = asked.rig.axis_period_s(axis_name), axis.inertia.lower
-    late = delay.remainder_s / period
+    period = asked.rig.axis_period_s(axis_name)
     return NoisyEnd(
-        bare_port(pair, side, period, mass, delay.periods + late),
-        observer_of(pair, side, period, mass),
+        bare_port(pair, side, period, math.inf, delay.periods + delay.remainder_s / period),
+        observer_of(pair, side, period, math.inf),
         delay.periods,
         axis.position_noise,
         pair.wave_gain(side),
+        axis.position_noise_autocorrelation or (),
     )
