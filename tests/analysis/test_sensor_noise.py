@@ -84,6 +84,18 @@ def test_a_declared_colour_costs_less_than_an_unknown_one() -> None:
     assert coarse.lost == pytest.approx(0.12 * 0.05 * 1e-6 / PERIOD**2)
 
 
+@pytest.mark.parametrize(
+    ("lags", "drains"),
+    [((), (1.41, 0.64, 0.64)), ((0.5,), (0.76, 0.96, 0.50)), ((-0.4,), (1.93, 0.38, 0.75))],
+)
+def test_declared_colours(lags: tuple[float, ...], drains: tuple[float, ...]) -> None:
+    """The table of the page on the port."""
+    for delay, drain in enumerate(drains):
+        end = ends(pole=0.5, delay=delay)
+        bounds = noise_bounds(end.port, end.observer, delay, lags)
+        assert bounds.drain / UNIT == pytest.approx(drain, abs=0.005)
+
+
 @pytest.mark.parametrize(("pole", "delay"), [(0.3, 0), (0.3, 1), (0.5, 0), (0.5, 1), (0.5, 2)])
 @pytest.mark.parametrize("centre", [0.3, 0.8, 1.5, 2.0, 2.6, 3.0])
 def test_sixteen_tapered_lags_of_a_narrow_band_cover_what_the_band_itself_drains(

@@ -40,7 +40,7 @@ Complex = npt.NDArray[np.complex128]
 FREQUENCIES = 160
 PHASES = 12
 MARGIN = 1.25
-"""On the drain of a declared spectrum, so that the tank stays full."""
+"""On drain and gain of a declared spectrum, so that the tank stays full."""
 
 QUANTUM_DRAIN = (0.25, 0.12)
 """Greatest drain of a quantum found at pole 0.5, by command delay: none, and some."""
@@ -153,8 +153,8 @@ def noise_bounds(
 ) -> NoiseBounds:
     """Return drain and feigned gain behind any line and passive far end.
 
-    Of noise of the `autocorrelation` from lag 1 on, the drain with its margin; of the worst
-    colour, which is never less, without one.
+    Of noise of the `autocorrelation` from lag 1 on, with a margin; of the worst colour, which is
+    never less, without one.
     """
     theta = math.pi * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES
     lost, feigned = worst_changes(p, observer, delay_periods, theta)
@@ -162,7 +162,7 @@ def noise_bounds(
     if autocorrelation is None:
         return worst
     shares = np.array([max(spectrum(autocorrelation, at), 0.0) for at in theta.tolist()])
-    drain, gain = MARGIN * float(np.mean(shares * lost)), float(np.mean(shares * feigned))
+    drain, gain = (MARGIN * float(np.mean(shares * each)) for each in (lost, feigned))
     return NoiseBounds(
         min(max(drain, 0.0), worst.drain),
         min(max(gain, 0.0), worst.feigned),

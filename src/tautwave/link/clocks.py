@@ -1,0 +1,85 @@
+"""Two clocks: how far the other is ahead, and how fast, from packets that echo each other.
+
+Of each window only the packet with the least round trip counts: what waited in a queue tells of
+the queue. A line through the last windows gives offset and rate. An unlike delay of the two ways
+enters by half and cannot be seen, so an offset is right to half the least round trip at best: it
+is for plots and for the slot grid, never for a decision on safety.
+
+The follower's slots are stretched by at most `GREATEST_SLEW`, never shifted in a step: T differs by
+2e-4 at most, and each side's slots keep one numbering.
+
+Source: Mills, RFC 5905 (clock filter and discipline of NTP).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+GREATEST_SLEW = 200e-6
+"""Share by which a slot may be longer or shorter than T: ordinary crystals are within 100 ppm."""
+
+
+WINDOW_S = 1.0
+WINDOWS = 10
+"""The best of each window [s] is kept, for so many windows."""
+
+
+class Exchange(NamedTuple):
+    """What one packet tells, or the best of a window.
+
+    at: own clock when it came [s]; offset: the other's clock less the own one [s]; round_trip [s].
+    """
+
+    at: float
+    offset: float
+    round_trip: float
+
+
+def exchange(now_ns: int, clock_ns: int, echo_ns: int, held_ns: int) -> Exchange:
+    """Return what a packet tells that came at `now_ns`; times [ns] as in `link.packet.Packet`."""
+    round_trip_ns = now_ns - echo_ns - held_ns
+    offset_ns = clock_ns - now_ns + round_trip_ns // 2
+    return Exchange(now_ns * 1e-9, offset_ns * 1e-9, round_trip_ns * 1e-9)
+
+
+def keep_best(best: tuple[Exchange, ...], new: Exchange) -> tuple[Exchange, ...]:
+    """Return the best exchange of this window and of those before, newest first."""
+    if not best or new.at // WINDOW_S > best[0].at // WINDOW_S:
+        return (new, *best[:WINDOWS])
+    if new.round_trip < best[0].round_trip:
+        return (new, *best[1:])
+    return best
+
+
+def clock_line(best: tuple[Exchange, ...], now: float) -> tuple[float, float]:
+    """Return offset [s] at `now` [s] and rate [1] of the other's clock, by least squares.
+
+    The window that still lasts does not count, if there is another: its best may be poor.
+    """
+    best = best[1:] or best
+    if not best:
+        return 0.0, 0.0
+    count = len(best)
+    middle = sum(one.at for one in best) / count
+    level = sum(one.offset for one in best) / count
+    spread = sum((one.at - middle) ** 2 for one in best)
+    if spread == 0.0:
+        return level, 0.0
+    rate = sum((one.at - middle) * (one.offset - level) for one in best) / spread
+    return level + rate * (now - middle), rate
+
+
+def slot_stretch(rate: float, late: float, settle: float) -> float:
+    """Return by what share the follower's next slots are longer [1].
+
+    Parameters
+    ----------
+    rate : float
+        By how much the leader's clock is faster [1].
+    late : float
+        How far the follower's slots are behind the leader's [s].
+    settle : float
+        Time constant in which that is made up [s].
+    """
+    stretch = -rate - late / settle
+    return max(-GREATEST_SLEW, min(GREATEST_SLEW, stretch))

@@ -1,0 +1,193 @@
+"""The receiver: no energy from any pattern, no position lost, and in time nothing is changed."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tautwave.laws.counters import ENERGY_QUANTUM, SPAN, WAVE_QUANTUM
+from tautwave.laws.receiver import ReceiverParams, output_wave, receiver_params
+from tautwave.models.network import EXPONENTIAL, SPIKES, UNIFORM, network_params
+from tests.link.lines import Run, run_line
+
+PERIOD = 0.5e-3
+RATES = [(PERIOD, PERIOD), (2e-3, PERIOD), (PERIOD, 2e-3)]
+DEPTH_S = 0.01
+
+
+def waves_of(seed: int, count: int = 1500, noise: float = 0.3) -> list[float]:
+    rng = random.Random(seed)
+    return [math.sin(0.005 * k) + noise * rng.gauss(0.0, 1.0) for k in range(count)]
+
+
+def equal_rates(**changes: float) -> ReceiverParams:
+    return receiver_params(PERIOD, sender_period=PERIOD, **({"depth": DEPTH_S} | changes))
+
+
+def joules(waves: list[float], period: float) -> float:
+    return 0.5 * period * math.fsum(wave * wave for wave in waves)
+
+
+shares = st.floats(0.0, 0.5)
+patterns = st.fixed_dictionaries(
+    {
+        "jitter": st.floats(0.0, 0.05),
+        "kind": st.sampled_from([UNIFORM, EXPONENTIAL, SPIKES]),
+        "loss": shares,
+        "burst": st.floats(1.0, 20.0),
+        "duplicates": shares,
+        "reorders": st.booleans(),
+        "outage_at": st.floats(0.0, 0.3),
+        "outage": st.floats(0.0, 0.3),
+    }
+)
+
+
+@given(
+    patterns, st.floats(0.0, 0.1), st.sampled_from(RATES), st.booleans(), st.integers(0, 7),
+    st.integers(0, 1000), st.floats(-200e-6, 200e-6), st.sampled_from([0, SPAN - 10**6]),
+)  # fmt: skip
+def test_no_pattern_gives_out_more_than_came_in(
+    pattern: dict[str, float],
+    delay: float,
+    rates: tuple[float, float],
+    newest: bool,
+    repeated: int,
+    seed: int,
+    stretch: float,
+    begin: int,
+) -> None:
+    """To the bit, at every tick; and, independently of any counter, in floats."""
+    period, slot = rates
+    p = receiver_params(period, sender_period=slot, depth=0.01, newest=newest)
+    way = network_params(delay, **pattern)  # type: ignore[arg-type]
+    run = run_line(
+        p, way, waves_of(seed, 400), ticks=800, repeated=repeated, seed=seed, begin=begin,
+        stretch=stretch,
+    )  # fmt: skip
+    assert run.least >= 0
+    reserve = ENERGY_QUANTUM * p.reserve
+    assert joules(run.given, period) <= joules(run.sent, slot) + reserve + 1e-15
+
+
+def test_without_the_limit_energy_the_test_would_see_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def spendthrift(p: ReceiverParams, funds: int, backlog: int, timely: int) -> int:
+        return output_wave(p, 1 << 50, backlog, timely)
+
+    monkeypatch.setattr("tautwave.link.receiver.output_wave", spendthrift)
+    way = network_params(0.0, outage_at=0.1, outage=0.1)
+    assert run_line(equal_rates(), way, [1.0] * 400, ticks=800).least < 0
+
+
+@pytest.mark.parametrize("begin", [0, SPAN - 10**9])
+def test_in_time_it_is_a_line_of_constant_delay(begin: int) -> None:
+    """Nothing is cut: what comes out is what was sent, to a quantum of the integral."""
+    run = run_line(equal_rates(), network_params(0.01), waves_of(2), ticks=2000, begin=begin)
+    slots = 20 + 20  # the network's, and the depth
+    for slot, wave in enumerate(run.sent[: 2000 - slots]):
+        assert abs(run.given[slot + slots] - wave) <= 1.01 * WAVE_QUANTUM / PERIOD
+    assert run.given[: slots - 1] == [0.0] * (slots - 1)
+
+
+@pytest.mark.parametrize(
+    "way",
+    [
+        network_params(0.01, loss=0.1),
+        network_params(0.01, jitter=0.009),
+        network_params(0.01, jitter=0.002, loss=0.2, duplicates=0.1),
+    ],
+)
+def test_what_the_depth_and_the_repetition_cover_is_not_felt_at_all(way: object) -> None:
+    """As smooth as a clean line: it is one, of the least delay and the depth."""
+    clean = run_line(equal_rates(), network_params(0.01), waves_of(2), ticks=2500)
+    run = run_line(equal_rates(), way, waves_of(2), ticks=2500, repeated=7)  # type: ignore[arg-type]
+    # The pointer slips to where it belongs within two blocks, by the slack at most beside it.
+    late = 1200
+    settled = min(
+        max(abs(run.given[k + s] - clean.given[k]) for k in range(late, 1500)) for s in range(-2, 3)
+    )
+    assert settled < 1e-8
+
+
+@pytest.mark.parametrize("rates", RATES)
+@pytest.mark.parametrize("newest", [False, True])
+def test_after_any_loss_the_integral_is_delivered(rates: tuple[float, float], newest: bool) -> None:
+    """Claim 4: energy always suffices for the backlog, though half of all packets are lost."""
+    period, slot = rates
+    p = receiver_params(period, sender_period=slot, depth=0.01, newest=newest)
+    way = network_params(0.01, jitter=0.005, loss=0.5, burst=4.0, outage_at=0.2, outage=0.1)
+    sent = [0.8] * round(0.5 / slot) + [0.0]
+    run = run_line(p, way, sent, ticks=round(3.0 / period), repeated=2, seed=5)
+    assert abs(run.backlog) < 1e-5  # the outage alone cost 0.08 W**0.5 s
+    assert run.least >= 0
+
+
+def test_energy_lasts_as_long_as_the_backlog() -> None:
+    """After an outage the first ticks do not spend all: force comes back, and stays."""
+    way = network_params(0.0, outage_at=0.2, outage=0.3)
+    run = run_line(equal_rates(), way, [0.5] * 1400, ticks=1500)
+    after = run.given[1000:1380]
+    assert max(after) < 0.75
+    assert min(after[60:]) > 0.45
+
+
+def test_repayment_after_an_outage_is_bounded_in_speed() -> None:
+    fastest = 0.2
+    way = network_params(0.0, outage_at=0.2, outage=0.3)
+    waves = [0.5] * 1000
+    slow = run_line(equal_rates(fastest=fastest), way, waves, ticks=3000)
+    quick = run_line(equal_rates(), way, waves, ticks=3000)
+    assert max(map(abs, slow.given)) <= 0.5 + fastest + 1e-9
+    assert max(map(abs, quick.given)) >= 0.5
+    assert abs(slow.backlog) < 1e-6
+
+
+def test_starved_it_waits_and_invents_nothing() -> None:
+    way = network_params(0.0, outage_at=0.2, outage=10.0)
+    run = run_line(equal_rates(), way, [0.5] * 1000, ticks=1000)
+    assert run.given[-400:] == [0.0] * 400
+    assert run.receiver.pointer == run.receiver.newest
+
+
+@pytest.mark.parametrize("stretch", [200e-6, -200e-6])
+def test_clocks_that_differ_cost_slips_and_no_position(stretch: float) -> None:
+    """10 s at 200 ppm are four slots of 2 kHz; the pointer stays as far behind as it should."""
+    waves = waves_of(3, 20_000, noise=0.05)
+    leads: list[int] = []
+
+    def look(run: Run) -> None:
+        leads.append(run.receiver.newest - run.receiver.pointer)
+
+    p = equal_rates()
+    run = run_line(p, network_params(0.002), waves, ticks=20_400, stretch=stretch, look=look)
+    assert max(leads[-2000:-400]) in range(p.depth - 2, p.depth + 3)
+    assert abs(run.backlog) < 2e-5
+    assert run.least >= 0
+
+
+def test_what_a_loss_averages_out_is_not_hoarded() -> None:
+    """Noise that a lost stretch took with it leaves energy, which nobody may keep."""
+    run = run_line(
+        equal_rates(level=1e-4), network_params(0.01, loss=0.4, burst=10.0), waves_of(4),
+        ticks=2500, repeated=0,
+    )  # fmt: skip
+    assert run.receiver.dropped > 0.01
+    assert run.funds <= 1e-4 + 1e-9
+    given_out = joules(run.given, PERIOD)
+    assert given_out + run.receiver.dropped + run.funds == pytest.approx(
+        joules(run.sent, PERIOD), rel=1e-9
+    )
+
+
+def test_the_speed_that_a_wave_costs_is_that_of_its_energy() -> None:
+    """The law's bound alone: |out| <= sqrt(funds / K)."""
+    p = equal_rates()
+    funds = round(1e-3 / ENERGY_QUANTUM)
+    wave = output_wave(p, funds, 1 << 50, 1 << 50) * WAVE_QUANTUM / PERIOD
+    assert 0.5 * PERIOD * wave * wave <= 1e-3
+    lasting = output_wave(p, funds, 10**10, 10**10) * WAVE_QUANTUM / PERIOD
+    assert lasting == pytest.approx(2.0 * 1e-3 / (10**10 * WAVE_QUANTUM), rel=1e-6)
