@@ -33,7 +33,7 @@ AXIS = """{bus: bench, id: %d, kind: rotary, inertia: {value: 1.6e-3, lower: 1.1
       effort_rate_limit: 1000, velocity_limit: 15, position_noise: 9.0e-5, %s}"""
 FIRST = f"""name: first
 rate_hz: 2000
-duration_s: 0.9
+duration_s: 1.6
 loop: {{missing_limit: 5, overrun_limit: 40}}
 buses: {{bench: {{driver: loopback}}}}
 master: {{axes: {{lever: {AXIS % (1, "encoder_quantum: 2.1e-5")}}}}}
@@ -83,14 +83,14 @@ def test_a_first_rig_is_certified_firm_and_quiet() -> None:
     assert certify(rig).passed
     run = simulate(rig, engine="python")
     assert run.error is None
-    still = slice(int(0.55 * rig.rate_hz), int(0.69 * rig.rate_hz))  # before the release
+    still = slice(2000, 2700)  # the knock has died out; before the release
     for side in SIDES:
         effort = run[f"{side}.lever.commanded"][still]
         assert abs(float(np.mean(effort))) > 0.1
         slow = np.convolve(effort, np.full(41, 1.0 / 41), "valid")  # below 40 Hz
         rough = float(np.std(effort[20:-20] - slow))
         assert 0.6 < rough / (choice.NOISE_SHARE * 1.1) < 1.0
-    assert float(np.max(np.abs(run["lever.position_error"][still]))) < 8e-3
+    assert float(np.max(np.abs(run["lever.position_error"][still]))) < 5e-3
 
 
 def test_a_choice_is_the_number_itself_to_the_bit() -> None:
