@@ -34,10 +34,10 @@ from tautwave.certificate.derate import derate_walls
 from tautwave.certificate.walls import sampled_wall
 from tautwave.config import Rig, local_wall
 from tautwave.config.keys.common import AUTO
+from tautwave.couplings.wave.device_port import SOFTER, port_of
 from tautwave.couplings.wave.from_keys import bare_port, observer_of
 from tautwave.couplings.wave.keys import PLAIN, POLES, WavePair
 from tautwave.couplings.wave.standing import line_time
-from tautwave.couplings.wave.verdict import SOFTER, port_of
 from tautwave.errors import ConfigError
 from tautwave.laws.port import port_reserve
 from tautwave.rig import at_axis_rate, command_delays, one_way_delay

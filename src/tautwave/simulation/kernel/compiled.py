@@ -63,7 +63,7 @@ INLINED = {
 }
 """What runs in every cycle, is called in a place or two, and costs little more than a call."""
 
-RARE = ("start", "engage", "move")
+RARE = ("start", "engage", "move", "brake")
 """Steps of a coupling that are called: the others are inlined."""
 
 
