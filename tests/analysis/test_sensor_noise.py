@@ -80,8 +80,18 @@ def test_a_declared_colour_costs_less_than_an_unknown_one() -> None:
     assert white.lost < 0.35 * unknown.lost
     assert white.lost < worst.lost < unknown.lost
     assert noise_power(end.port, end.observer, 1, 0.0, 0.0) == (0.0, 0.0)
-    coarse = noise_power(end.port, end.observer, 1, 0.0, 1e-3)
-    assert coarse.lost == pytest.approx(0.12 * 0.05 * 1e-6 / PERIOD**2)
+
+
+@pytest.mark.parametrize(
+    ("lags", "drains"),
+    [((), (1.41, 0.64, 0.64)), ((0.5,), (0.76, 0.96, 0.50)), ((-0.4,), (1.93, 0.38, 0.75))],
+)
+def test_declared_colours(lags: tuple[float, ...], drains: tuple[float, ...]) -> None:
+    """The table of the page on the port."""
+    for delay, drain in enumerate(drains):
+        end = ends(pole=0.5, delay=delay)
+        bounds = noise_bounds(end.port, end.observer, delay, lags)
+        assert bounds.drain / UNIT == pytest.approx(drain, abs=0.005)
 
 
 @pytest.mark.parametrize(("pole", "delay"), [(0.3, 0), (0.3, 1), (0.5, 0), (0.5, 1), (0.5, 2)])
@@ -100,6 +110,20 @@ def test_sixteen_tapered_lags_of_a_narrow_band_cover_what_the_band_itself_drains
                            + 0.98**2 * z * z) ** 2  # fmt: skip
     drain = float(np.sum(density * lost) / np.sum(density))
     assert drain <= declared.drain <= noise_bounds(end.port, end.observer, delay).drain
+
+
+@pytest.mark.parametrize(
+    ("pole", "drains"), [(0.5, (0.25, 0.12, 0.12)), (0.3, (0.5, 0.25, 0.2)), (0.2, (math.inf,) * 3)]
+)
+def test_a_step_takes_what_was_found_and_never_more_than_is_sure(
+    pole: float, drains: tuple[float, ...]
+) -> None:
+    step = 1e-3
+    for delay, drain in enumerate(drains):
+        end = ends(pole=pole, delay=delay)
+        sure = noise_bounds(end.port, end.observer, delay).drain * 0.25 * step**2 / PERIOD
+        lost = noise_power(end.port, end.observer, delay, 0.0, step).lost
+        assert lost == pytest.approx(min(drain * 0.05 * step**2 / PERIOD**2, sure))
 
 
 def test_white_noise_drifts_as_the_effort_s_answer_to_the_newest_sample_says() -> None:

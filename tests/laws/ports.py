@@ -40,6 +40,7 @@ def ends(
     fastest: float = 15.0,
     leak: float = 0.0,
     mass: float = MASS,
+    matched: bool = False,
 ) -> Ends:
     """Return a port at 2 kHz; `pole` None: without an observer; `leak` in W."""
     seen = plain_observer(PERIOD, mass) if pole is None else observer_params(PERIOD, mass, pole)
@@ -49,6 +50,7 @@ def ends(
         impedance,
         mass,
         delay=delay,
+        matched=matched,
         filter_gain=filter_gain(corner, PERIOD),
         reserve=reserve,
         leak=leak * PERIOD,
@@ -63,8 +65,9 @@ def compiled() -> Any:
     from numba.extending import register_jitable
 
     for function in (
-        *(limit.clamp, observer.observer_gains, observer.observe),
-        *(port_law.filter_energy, port_law.repayment),
+        *(limit.clamp, limit.truncate, limit.share_effort),
+        *(observer.observer_gains, observer.observe),
+        *(port_law.filter_energy, port_law.repayment, port_law.port_brake),
         *(port_law.port_effort, port_law.port_close),
         *(_move, _quantised),
     ):
@@ -72,80 +75,126 @@ def compiled() -> Any:
     return SimpleNamespace(attack=njit(_attack), pair=njit(_pair))
 
 
-def _attack(
-    port: Any,
-    seen: Any,
-    n: int,
-    most: float,
-    step: float,
-    quantum: float,
-    moves: Any,
-    waves: Any,
-    valid: Any,
-    stops: bool,
-) -> tuple[float, bool]:
-    """One end that an adversary moves as it likes, against the effort that acts.
+class Attack(NamedTuple):
+    """What moves a port, and its limits; arrays by slot.
 
-    `moves` [rad]: positive gives way to the effort. `waves` arrive. A port below the floor sends
-    nothing more; what is on its way still acts. Returns the most that it gave out [J], and whether
-    it stopped.
+    most, step [N m, per period], quantum of the effort; braking: damping of a stop; fastest: what
+    the guard allows [rad/s]. A device of `mass` is moved by `moves` as efforts [N m]; without one
+    they are ways [rad], and positive ones give way to the effort. Of its own leaving wave `back`
+    returns after `line` slots. `noise` [rad] is on the samples, `walls` [N m] on the same motor.
+    """
+
+    most: float
+    step: float
+    quantum: float
+    braking: float
+    fastest: float
+    mass: float
+    damping: float
+    spring: float
+    back: float
+    line: int
+    moves: Any
+    waves: Any
+    valid: Any
+    noise: Any
+    walls: Any
+    stops: bool
+
+
+def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
+    """One end against an adversary or on a device; a port below the floor stops and brakes.
+
+    Returns the most that it gave out in any window as its encoder sees it, blows apart [J], and
+    whether it stopped. Efforts: columns port, total; what is on its way still acts.
     """
     period = port.period
     account, gap, filtered = port.reserve, 0.0, 0.0
-    at = velocity = outside = 0.0
-    x = sample = given = worst = last = 0.0
-    efforts, arrived, cuts = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
-    count = effort_sum = wave_sum = wave_energy = was_cut = 0.0
+    x = speed = at = velocity = outside = sample = given = worst = lowest = last = 0.0
+    efforts, totals = np.zeros(n + 1), np.zeros(n + 1)
+    arrived, cuts = np.zeros(n + 1), np.zeros(n + 1)
+    ring = np.zeros(a.line + 1)
+    count = port_sum = total_sum = wave_sum = wave_energy = was_cut = 0.0
     stopped = False
-    left = n + 2
-    for k in range(len(moves)):
-        effort, wave = efforts[0], arrived[0]
-        moved = moves[k]
-        if effort > 0.0:
-            moved = -moved
-        x += moved
-        given -= effort * moved + 0.5 * period * wave * wave
+    for k in range(len(a.moves)):
+        effort, total, wave = efforts[0], totals[0], arrived[0]
+        if a.mass > 0.0:
+            x, speed = _move(x, speed, a.moves[k] - total, a.mass, a.damping, a.spring, 0.0)
+        elif effort > 0.0:
+            x -= a.moves[k]
+        else:
+            x += a.moves[k]
+        given -= 0.5 * period * wave * wave
         count += 1.0
-        effort_sum += effort
+        port_sum += effort
+        total_sum += total
         wave_sum += wave
         wave_energy += 0.5 * period * wave * wave
         was_cut += cuts[0]
         leaving = 0.0
-        if valid[k]:
-            mean = effort_sum / count
-            ahead, velocity, outside = observer.observe(seen, at, velocity, outside, x, mean, count)
+        known = a.valid[k]
+        fast = False
+        if known:
+            now = x + a.noise[k]
+            moved, span = now - sample, count * period
+            fast = abs(moved) > a.fastest * span
+            taken = port_sum / count * moved
+            slipped = port.slip * (port_sum / count) * span
+            if fast and taken < 0.0:
+                given += taken  # a blow, judged by what was measured
+            given -= taken
+            tracked = moved / span
+            ahead, velocity, outside = observer.observe(
+                seen, at, velocity, outside, now, total_sum / count, count
+            )
+            shift = 0.0
+            if stopped:
+                shift = slipped
             leaving, account, gap, filtered, _, _, _ = port_law.port_close(
-                port, account, gap, filtered, x - sample, ahead - at, count, mean, wave_sum,
-                wave_energy, was_cut > 0.0,
+                port, account, gap, filtered, moved + shift, ahead - at + shift, count,
+                port_sum / count, wave_sum, wave_energy, was_cut > 0.0,
             )  # fmt: skip
-            at, sample = ahead, x
-            count = effort_sum = wave_sum = wave_energy = was_cut = 0.0
+            at, sample = ahead, now
+            count = port_sum = total_sum = wave_sum = wave_energy = was_cut = 0.0
         given += 0.5 * period * leaving * leaving
-        worst = max(worst, given)
-        if stops and account < -port.reserve:
+        if known:
+            # In any window: what it began with is the reserve and the filter's at most.
+            worst = max(worst, given - lowest)
+            lowest = min(lowest, given + port_law.filter_energy(port, filtered))
+        if a.stops and (account < -port.reserve or fast):
             stopped = True
-        asked = sent = came = 0.0
-        if not stopped:
-            came = waves[k]
-            asked = sent = last
-            if valid[k]:
-                pending = 0.0
-                for i in range(1, n + 1):
-                    pending += efforts[i]
-                asked = port_law.port_effort(port, account, velocity, outside, pending, came)
-                sent = limit.clamp(asked, most)
-                sent = min(max(sent, last - step), last + step)
-                if quantum > 0.0:
-                    sent = quantum * math.trunc(sent / quantum)
+        came = a.waves[k] + a.back * ring[0]
+        for i in range(a.line):
+            ring[i] = ring[i + 1]
+        ring[a.line] = leaving
+        asked = sent = last
+        wall = 0.0
+        if stopped:
+            asked = port_law.port_brake(account, a.braking * tracked) if known else 0.0
+            sent = asked
+        elif known:
+            pending = 0.0
+            for i in range(1, n + 1):
+                pending += totals[i]
+            wall = a.walls[k]
+            pending += 0.5 * wall
+            asked = port_law.port_effort(port, account, velocity, outside, pending, came) + wall
+            sent = asked
+        if stopped or known:
+            sent = limit.clamp(sent, a.most)
+            sent = min(max(sent, last - a.step), last + a.step)
+            sent = limit.truncate(sent, a.quantum)
         else:
-            left -= 1
-            if left == 0:
-                break
+            wall = totals[n] - efforts[n]
+        share = sent
+        if wall != 0.0:
+            share = limit.share_effort(wall, asked - wall, sent) if known else efforts[n]
         last = sent
         for i in range(n):
-            efforts[i], arrived[i], cuts[i] = efforts[i + 1], arrived[i + 1], cuts[i + 1]
-        efforts[n], arrived[n] = sent, came
-        cuts[n] = 1.0 if abs(sent - asked) > 1.001 * quantum else 0.0
+            efforts[i], totals[i] = efforts[i + 1], totals[i + 1]
+            arrived[i], cuts[i] = arrived[i + 1], cuts[i + 1]
+        efforts[n], totals[n], arrived[n] = share, sent, came
+        cuts[n] = 1.0 if abs(sent - asked) > 1.001 * a.quantum else 0.0
     return worst, stopped
 
 

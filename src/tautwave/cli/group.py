@@ -22,7 +22,7 @@ from tautwave.files import create, reason
 
 COMMANDS = (
     "example", "run", "check", "sim", "scan", "sweep", "identify", "report", "drivers", "bench",
-    "reproduce", "compile",
+    "reproduce", "compile", "keys", "link",
 )  # fmt: skip
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 _PARSED = "tautwave.arguments"
@@ -59,7 +59,8 @@ class Commands(click.Group):
         """Import the command's module; None if there is no such command."""
         if cmd_name not in self.list_commands(ctx):
             return None
-        module = importlib.import_module(f"tautwave.cli.{cmd_name}")
+        where = "sites" if cmd_name in ("keys", "link") else cmd_name
+        module = importlib.import_module(f"tautwave.cli.{where}")
         builtin = "_" if cmd_name == "compile" else ""
         return cast("click.Command", getattr(module, cmd_name + builtin))
 

@@ -38,8 +38,8 @@ def scan(ctx: click.Context, driver: str | None, as_json: bool, wants_help: bool
     if driver is None:
         click.echo(ctx.get_help())
         return
-    from tautwave.cli.model_options import parse_model, print_help
     from tautwave.cli.options import echo_json
+    from tautwave.cli.terminal.model_options import parse_model, print_help
     from tautwave.cli.terminal.progress import Progress
     from tautwave.cli.terminal.show import Section, show
     from tautwave.registry import load_driver, require_modules

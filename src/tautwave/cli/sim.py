@@ -65,7 +65,7 @@ def _is_rig(what: str) -> bool:
 
 
 def _serve_driver(driver: str, arguments: list[str], wants_help: bool) -> None:
-    from tautwave.cli.model_options import parse_model, print_help
+    from tautwave.cli.terminal.model_options import parse_model, print_help
     from tautwave.registry import driver_names, load_simulator, require_modules
 
     plugin = load_simulator(driver)

@@ -12,7 +12,14 @@ from collections.abc import MutableSequence
 
 from tautwave.controller.records import AxisParams, AxisState, Sample
 from tautwave.controller.steps import Steps
-from tautwave.laws.limit import NOT_A_NUMBER, clamp, guard_axis, limit_effort, stop_effort
+from tautwave.laws.limit import (
+    NOT_A_NUMBER,
+    UNSEEN,
+    clamp,
+    guard_axis,
+    limit_effort,
+    stop_effort,
+)
 from tautwave.laws.site import held_effort, limit_site, limit_velocity, render_wall, wall_ahead
 from tautwave.laws.tracked_port import track_velocity
 from tautwave.laws.wall import wall_depth, wall_effort, wall_loss, wall_stored
@@ -204,7 +211,7 @@ def think_axis(
     """
     guard = guard_axis(p.site.limit, s.position, s.velocity)
     if guard != 0 or s.stopping:
-        stop_axis(s, p, ceiling)
+        stop_coupled(s, p, ceiling, steps)
         if guard == 0:
             guard = s.alarm
         return guard
@@ -227,7 +234,7 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
     if port - port != 0.0:
         s.alarm = NOT_A_NUMBER
     if s.alarm != 0:
-        stop_axis(s, p, ceiling)
+        stop_coupled(s, p, ceiling, steps)
         return s.alarm
     total, port, wall, wanted = limit_site(site, wall, port, s.total, ceiling)
     s.asked = wanted
@@ -248,7 +255,7 @@ def think_velocity(
     if asked - asked != 0.0:
         s.alarm = NOT_A_NUMBER
     if s.alarm != 0:
-        stop_axis(s, p, ceiling)
+        stop_coupled(s, p, ceiling, steps)
         return s.alarm
     velocity = limit_velocity(site, asked, ceiling)
     s.asked = asked
@@ -260,12 +267,21 @@ def think_velocity(
 
 def stop_axis(s: AxisState, p: AxisParams, ceiling: float) -> None:
     """Replace coupling and wall by the certified damping of a passive stop."""
+    brake_axis(s, p, stop_effort(p.site.limit, s.velocity), ceiling)
+
+
+def stop_coupled(s: AxisState, p: AxisParams, ceiling: float, steps: Steps) -> None:
+    """Stop an axis by as much of its damping as the coupling can answer for."""
+    brake_axis(s, p, steps.brake(s, p, stop_effort(p.site.limit, s.velocity)), ceiling)
+
+
+def brake_axis(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> None:
+    """Send a resisting effort in place of coupling and wall; an admittance axis stands."""
     s.stopping = True
     total = 0.0
     s.command = 0.0
     if p.impedance:
-        damping = stop_effort(p.site.limit, s.velocity)
-        total = limit_effort(p.site.limit, damping, s.total, ceiling)
+        total = limit_effort(p.site.limit, effort, s.total, ceiling)
         s.command = -total
     s.total = total
     s.port_effort = total
@@ -307,12 +323,24 @@ def decide_axis(
     ramp: float,
     steps: Steps,
 ) -> int:
-    """Think if there is a sample; without one, fade while stopping, else keep the command."""
+    """Think if there is a sample; without one, fade while stopping, else keep the command.
+
+    Slots that a stalled host skipped count as well: beyond `p.blind` periods without a sample the
+    axis stops.
+    """
     if valid:
         return think_axis(s, p, table, ramp * p.ceiling, steps)
+    guard = 0
+    if s.count >= p.blind:
+        s.stopping = True
+        guard = UNSEEN
     if s.stopping:
-        fade_axis(s, p, ramp * p.ceiling)
-    return 0
+        held = steps.brake(s, p, s.total)
+        if p.impedance and held != s.total:
+            brake_axis(s, p, held, ramp * p.ceiling)
+        else:
+            fade_axis(s, p, ramp * p.ceiling)
+    return guard
 
 
 def is_due(p: AxisParams, slot: int) -> bool:

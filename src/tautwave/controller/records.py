@@ -22,6 +22,9 @@ PIPE = 4
 """Numbers of a command on its way: total, port, wall, and what the coupling put beside it."""
 
 
+NEVER = 1 << 40
+
+
 class RunParams(NamedTuple):
     """Length, ramps and limits of a run, in cycles and ns; how many axes and pairs there are."""
 
@@ -52,6 +55,8 @@ class RunState:
     armed_at: int = -1
     first: float = 0.0
     second: float = 0.0
+    told: float = 0.0
+    allowed: float = 0.0
 
 
 @dataclass(slots=True)
@@ -71,7 +76,7 @@ class AxisParams(NamedTuple):
     `ceiling` is the effort or velocity limit, `weight` the pair's energy per energy of the device.
     `delay` commands wait in the table from `pipe` on, `PIPE` floats each. `divisor`: slots from one
     exchange to the next; `half_slot` is half a slot [s]. `end` are the constants of the coupling's
-    end here.
+    end here. `blind`: periods without a sample, skipped slots included, after which it stops.
     """
 
     site: SiteParams
@@ -85,6 +90,7 @@ class AxisParams(NamedTuple):
     divisor: int
     half_slot: float
     end: Any
+    blind: int = NEVER
 
 
 @dataclass(slots=True)
@@ -94,7 +100,8 @@ class AxisState:
     `total`, `port_effort`, `wall_effort` are the resisting efforts of the present command [N m or
     N] (`total` of an admittance axis: its velocity), `tag` a number that the coupling put beside
     it. What acted since the last sample is summed up: `count` slots and efforts. `end` is the
-    coupling's own state here, and its steps leave the code of a reason to stop in `alarm`.
+    coupling's own state here, and its steps leave the code of a reason to stop in `alarm`, with
+    two numbers for its sentence in `told` and `allowed`.
     """
 
     position: float = 0.0
@@ -128,6 +135,8 @@ class AxisState:
     missing: int = 0
     guard: int = 0
     alarm: int = 0
+    told: float = 0.0
+    allowed: float = 0.0
     valid: bool = False
     stopping: bool = False
     end: Any = None

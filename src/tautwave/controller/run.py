@@ -176,6 +176,8 @@ def stop_on_guard(
         begin_stop(r, o, axes, slot, GUARD, which, s.guard)
         o.first = s.position
         o.second = s.velocity
+        o.told = s.told
+        o.allowed = s.allowed
 
 
 def run_cycle(

@@ -97,6 +97,11 @@ def no_velocity(
     return 0.0
 
 
+def no_brake(s: AxisState, p: AxisParams, effort: float) -> float:
+    """Let all of a stop's damping act."""
+    return effort
+
+
 def fill_no_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
     """Write no columns of an axis."""
     return at
@@ -137,7 +142,8 @@ class Steps(NamedTuple):
     `here`: a slot that the loop did not see; `due`: this side was read in this slot. `think`:
     return the resisting effort for the next period [N m or N], where `coast` is its mean velocity
     without it [rad/s or m/s]. `move`: return the velocity of an admittance axis, see
-    `laws.admittance`.
+    `laws.admittance`. `brake`: return what may act of the effort that a stop asks for, or holds
+    where there was no sample [N m or N].
 
     `fill_signals` and `fill_elements` write columns and return the next index. `signals` are the
     names of an axis' columns, `elements(q, p1, p2)` those of a pair's elements, three columns each.
@@ -151,6 +157,7 @@ class Steps(NamedTuple):
     exchange: Callable[..., None] = no_exchange
     think: Callable[..., float] = no_effort
     move: Callable[..., float] = no_velocity
+    brake: Callable[..., float] = no_brake
     fill_signals: Callable[..., int] = fill_no_signals
     fill_elements: Callable[..., int] = fill_no_elements
 
@@ -158,7 +165,8 @@ class Steps(NamedTuple):
 class Guard(NamedTuple):
     """A coupling's reason to stop: a word for programs, and the rest of a sentence.
 
-    Such as `port_overdrawn` and `drew more energy than its port had`.
+    Such as `port_overdrawn` and `drew more energy than its port had`. The sentence may name the
+    axis' `told` and `allowed`.
     """
 
     word: str

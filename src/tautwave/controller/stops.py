@@ -24,7 +24,7 @@ from tautwave.controller.records import (
 )
 from tautwave.controller.steps import ALONE, Law
 from tautwave.errors import DriverError, SafetyStop, TautwaveError
-from tautwave.laws.limit import NOT_A_NUMBER, OVERDRAWN, RUNAWAY, LimitParams
+from tautwave.laws.limit import NOT_A_NUMBER, OVERDRAWN, RUNAWAY, UNSEEN, LimitParams
 
 ARM_SHARE = 0.1
 """The engage ramp begins when every requested effort is below this share of its limit."""
@@ -67,6 +67,7 @@ GUARDS = {
     RUNAWAY: "runaway",
     OVERDRAWN: "overdrawn",
     NOT_A_NUMBER: "coupling_not_finite",
+    UNSEEN: "unseen",
 }
 
 
@@ -122,7 +123,17 @@ def stop_error(
     if o.kind == BROKEN:
         return SafetyStop(broken_sentence(axis, unit, o.first, o.second))
     limit = p.site.limit
+    law = with_numbers(law, o.told, o.allowed)
     return SafetyStop(guard_sentence(axis, o.code, unit, limit, o.first, o.second, time_s, law))
+
+
+def with_numbers(law: Law, told: float, allowed: float) -> Law:
+    """Return a law whose sentences have the numbers of a stop."""
+    named = {
+        code: guard._replace(sentence=guard.sentence.format(told=told, allowed=allowed))
+        for code, guard in law.guards.items()
+    }
+    return law._replace(guards=named)
 
 
 def guard_word(code: int, law: Law) -> str:
@@ -154,8 +165,8 @@ def guard_sentence(
     axis : str
         Full name.
     code : int
-        Of the guard: 1 to 3 (`laws.limit.guard_axis`), `RUNAWAY`, `OVERDRAWN`, `NOT_A_NUMBER`, or
-        one of the coupling's own.
+        Of the guard: 1 to 3 (`laws.limit.guard_axis`), `RUNAWAY`, `OVERDRAWN`, `NOT_A_NUMBER`,
+        `UNSEEN`, or one of the coupling's own.
     unit : str
         Of the position, `rad` or `m`.
     limit : LimitParams
@@ -177,6 +188,7 @@ def guard_sentence(
         OVERDRAWN: "drew more energy from its scene than it put in, because efforts are held for "
         "a period (raise rate_hz, or lower the stiffness it meets),",
         NOT_A_NUMBER: f"was asked by its coupling, law {law.name}, for what is not finite",
+        UNSEEN: "had no sample for too many periods, skipped slots included (loop.missing_limit),",
     } | {own: guard.sentence for own, guard in law.guards.items()}
     own = f"was stopped by its coupling, guard {code},"
     return (

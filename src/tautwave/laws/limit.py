@@ -20,6 +20,9 @@ OVERDRAWN = 5
 NOT_A_NUMBER = 6
 """The guard's code for a coupling whose effort is not finite."""
 
+UNSEEN = 7
+"""The guard's code for an axis that had no sample for too long, skipped slots included."""
+
 
 class LimitParams(NamedTuple):
     """Limits of an axis; an absent one is infinite.

@@ -10,10 +10,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.rundir import SIDES, Run, block, served_rows
 from tautwave.report.units import number
+
+Rows = npt.NDArray[np.bool_]
 
 
 def given_energy(run: Run, axes: list[str]) -> Floats | None:
@@ -84,8 +87,8 @@ def _port(run: Run, axis: str, rates: dict[str, Any], weight: float) -> float:
     return debt + until + max(0.0, _last(run, f"{axis}.uncertainty"))
 
 
-def _steps(run: Run, axis: str) -> tuple[Floats, Floats]:
-    """Return displacements between valid samples, and the duration of each [s]."""
+def motion(run: Run, axis: str) -> tuple[Floats, Floats, Rows]:
+    """Return displacements between valid samples, the duration of each [s], and their rows."""
     names = (f"{axis}.position", f"{axis}.valid", "skipped_slots")
     read = run.read(*names)
     position = read[names[0]]
@@ -94,11 +97,11 @@ def _steps(run: Run, axis: str) -> tuple[Floats, Floats]:
     good = np.zeros(len(position), bool)
     good[served_rows(run, axis)] = True
     good &= np.isfinite(position) & (read.get(names[1], np.ones(len(position))) > 0.5)
-    return np.diff(position[good]), np.diff(slots[good]) / run.rate_hz
+    return np.diff(position[good]), np.diff(slots[good]) / run.rate_hz, good
 
 
 def _speeds(run: Run, axis: str) -> Floats:
-    moved, time = _steps(run, axis)
+    moved, time, _ = motion(run, axis)
     return np.asarray(np.abs(moved) / time)
 
 
@@ -109,7 +112,7 @@ def _wall(run: Run, pair: str, side: str, weight: float) -> float:
         return 0.0
     held = max(0.0, -float(np.nanmin(read[names[1]])))
     created = max(0.0, -float(np.nanmin(read[names[0]])) - held)
-    moved, time = _steps(run, f"{side}.{pair}")
+    moved, time, _ = motion(run, f"{side}.{pair}")
     damping = number(block(run.rig, side, "axes", pair, "damping").get("lower")) or 0.0
     return held + min(created, weight * damping * float(np.sum(moved**2 / time)))
 

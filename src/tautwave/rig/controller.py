@@ -10,7 +10,7 @@ from tautwave import registry
 from tautwave.config import Axis, Rig, Wall
 from tautwave.config import Pair as PairKeys
 from tautwave.contracts import CoupledAxis, CouplingPlugin
-from tautwave.controller.records import PIPE, AxisParams, PairParams, RunParams
+from tautwave.controller.records import NEVER, PIPE, AxisParams, PairParams, RunParams
 from tautwave.controller.steps import Law, NoParams
 from tautwave.controller.stops import ARM_SHARE, ARM_TIMEOUT_S, AxisName, position_unit
 from tautwave.laws.limit import LimitParams
@@ -195,6 +195,7 @@ def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> Axi
         pipe,
         weight=1.0 if side == "master" else 1.0 / scale.power,
         end=end_constants(rig, axis_name, delay),
+        blind=rig.loop.missing_limit,
     )
 
 
@@ -207,6 +208,7 @@ def controlled_axis(
     *,
     weight: float = 1.0,
     end: Any = None,
+    blind: int = NEVER,
 ) -> AxisParams:
     """Return the constants of one axis around those of its laws; by default an uncoupled axis."""
     impedance = rig.axes[axis_name].causality == "impedance"
@@ -222,6 +224,7 @@ def controlled_axis(
         divisor=rig.axis_divisor(axis_name),
         half_slot=0.5 * rig.period_s,
         end=end,
+        blind=blind,
     )
 
 

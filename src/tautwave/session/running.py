@@ -165,7 +165,7 @@ def run(
         "left_out": left_out(rig_plan(rig, clock=clock)),
         "recording": recording_block(moved.stats),
         "buses": _buses(assembly, ways),
-        "pairs": _pairs(rig, assembly),
+        "pairs": _pairs(_of_length(rig, duration_s), assembly),
     }
     if assembly.scene is not None:
         summary["scene"] = {
@@ -298,6 +298,11 @@ def _buses(assembly: Assembly, ways: Mapping[str, BusWay]) -> dict[str, dict[str
         }
         for bus in assembly.buses
     }
+
+
+def _of_length(rig: Rig, duration_s: float | None) -> Rig:
+    """Return the rig of a run of another length [s]: its claims are for that."""
+    return rig if duration_s is None else rig.model_copy(update={"duration_s": duration_s})
 
 
 def _pairs(rig: Rig, assembly: Assembly) -> dict[str, dict[str, Any]]:

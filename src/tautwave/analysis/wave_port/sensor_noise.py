@@ -17,8 +17,8 @@ that it measures, which widens a narrow band by 1/17 of the rate and lessens its
 fifth (at pole 0.3 with two periods of delay by up to 30 %).
 
 What quantisation takes is not noise: a held contact limit-cycles within a step or two and passes
-real energy on. `QUANTUM_DRAIN` was found by search over held contacts, in units of b q**2 / T**2
-[W]; the worst colour of a bounded error of q/2 is the sure bound.
+real energy on. `QUANTUM_DRAIN` is above what a search over held contacts found, in units of
+b q**2 / T**2 [W]; elsewhere the worst colour of a bounded error of q/2 counts, the sure bound.
 
 Sources: derived here.
 """
@@ -40,10 +40,13 @@ Complex = npt.NDArray[np.complex128]
 FREQUENCIES = 160
 PHASES = 12
 MARGIN = 1.25
-"""On the drain of a declared spectrum, so that the tank stays full."""
+"""On drain and gain of a declared spectrum, so that the tank stays full."""
 
-QUANTUM_DRAIN = (0.25, 0.12)
-"""Greatest drain of a quantum found at pole 0.5, by command delay: none, and some."""
+QUANTUM_DRAIN = ((0.5, (0.25, 0.12, 0.12)), (0.3, (0.5, 0.25, 0.2)))
+"""Least pole, and above the greatest drain of a quantum found there: by command delay 0, 1, 2."""
+
+SEARCHED = 0.6
+"""Greatest pole of that search."""
 
 
 class NoiseBounds(NamedTuple):
@@ -153,8 +156,8 @@ def noise_bounds(
 ) -> NoiseBounds:
     """Return drain and feigned gain behind any line and passive far end.
 
-    Of noise of the `autocorrelation` from lag 1 on, the drain with its margin; of the worst
-    colour, which is never less, without one.
+    Of noise of the `autocorrelation` from lag 1 on, with a margin; of the worst colour, which is
+    never less, without one.
     """
     theta = math.pi * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES
     lost, feigned = worst_changes(p, observer, delay_periods, theta)
@@ -162,7 +165,7 @@ def noise_bounds(
     if autocorrelation is None:
         return worst
     shares = np.array([max(spectrum(autocorrelation, at), 0.0) for at in theta.tolist()])
-    drain, gain = MARGIN * float(np.mean(shares * lost)), float(np.mean(shares * feigned))
+    drain, gain = (MARGIN * float(np.mean(shares * each)) for each in (lost, feigned))
     return NoiseBounds(
         min(max(drain, 0.0), worst.drain),
         min(max(gain, 0.0), worst.feigned),
@@ -204,7 +207,8 @@ def quantum_power(
     """Return what an encoder step can take [W]: K b q**2 / T**2, see `QUANTUM_DRAIN`."""
     if quantum == 0.0:
         return 0.0
-    unit = p.impedance * quantum * quantum / (p.period * p.period)
-    if 0.5 <= observer.pole <= 0.6:
-        return QUANTUM_DRAIN[min(delay_periods, 1)] * unit
+    found = [drains[delay_periods] for pole, drains in QUANTUM_DRAIN
+             if pole <= observer.pole <= SEARCHED and delay_periods < len(drains)]  # fmt: skip
+    if found:
+        return found[0] * p.impedance * quantum * quantum / (p.period * p.period)
     return noise_bounds(p, observer, delay_periods).drain * 0.25 * quantum * quantum / p.period

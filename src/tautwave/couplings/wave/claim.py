@@ -4,13 +4,27 @@ Two lines. *Seen*: as the encoder sees it, for any device, hand, noise and colou
 *True*: if the declared noise is true. E0 is the reserve, W what commands under way can give within
 the limits until the guard has acted, P the leak. The true energy differs from the seen one by
 sum F_k (n[k+1] - n[k]): what noise can feign of income, P+ t, a martingale of which z deviations
-are counted, and the boundary. The sum of effort changes is bounded by `effort_rate_limit`.
+are counted, and the boundary. The sum of effort changes is bounded by `effort_rate_limit`. In a
+stop F = B (y[k] - y[k-1]) / T instead, n periods late: |conj(G) (e^(j theta) - 1)| <= 4 B / T, so
+any colour feigns at most 4 B / T**2 of the error's variance in watts while it lasts.
 
-W is what acts unseen: the command delay, `missing_limit` samples in a row and `overrun_limit` slots
-of a stalled host, in which the held effort may drive the device beyond its velocity limit; and the
-ramp on which `effort_rate_limit` lets a stop take the effort away. A longer stall is left to the
-drive's watchdog, a blow from outside during one is not covered, and the claim ends where a stop
-begins.
+W is what acts between the last sample at which the tank was in order and the effort's end. The axis
+stops after `missing_limit` periods without a sample, skipped slots included, or at a sample; before
+the last of them a host may stall for `overrun_limit` slots more. With the command delay that is
+`blind` periods, in which the held effort may drive the device beyond its velocity limit; and the
+ramp on which `effort_rate_limit` takes the effort away. Against a local wall on the same axis the
+port's share may be the limit and the wall's effort (the *true* line is then of both). A longer
+stall is left to the drive's watchdog. W is lost once only, below an empty tank: a port in debt
+sends no effort in a stop, so that the claim holds to the last command.
+
+One engagement: pairs engage once in a run, and nothing but what comes in fills the tank again. A
+device faster than its velocity limit was hit: the work of the motor in these periods is a blow,
+judged by what was measured (`report.ends`). In a gap between samples with commands under way, or
+where commands act a fraction of a period late, the encoder does not show in which period the device
+moved: the recorded `uncertainty` stands beside both lines.
+
+An encoder that is not linear reads dy = (1 + e) dx, |e| <= `encoder_nonlinearity`; what of F dx it
+hides is F (dy - dx), at most e / (1 - e) of the energy that passes to and fro. No run can see it.
 
 Source: derived here; see `tautwave.laws.port` and `analysis.wave_port.sensor_noise`.
 """
@@ -21,7 +35,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from tautwave.config import Rig
+from tautwave.config import Rig, local_wall
 from tautwave.couplings.wave.from_keys import declared_noise, observer_of, port_impedance
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.laws.port import port_reserve
@@ -38,9 +52,10 @@ class Claim(NamedTuple):
     """Of one end, SI of the device.
 
     reserve E0 [J]; leak, feigned [W]; effort, rate, velocity limits [N m, N m/s, rad/s or N, N/s,
-    m/s]; period T [s]; blind: periods whose effort acts before the guard can have stopped it;
-    mass: lower bound [kg m**2 or kg]; deviation, quantum of the encoder [rad or m]; kinetic: energy
-    at the velocity limit [J].
+    m/s]; wall: greatest effort of a wall on the same axis [N m or N]; period T [s]; blind: periods
+    whose effort acts before the guard can have stopped it; mass: lower bound [kg m**2 or kg];
+    deviation, quantum, nonlinearity of the encoder [rad or m, 1]; stop_damping [N m s/rad];
+    release: how long a stop lasts [s]; kinetic: energy at the velocity limit [J].
     """
 
     reserve: float
@@ -49,11 +64,15 @@ class Claim(NamedTuple):
     effort: float
     rate: float
     velocity: float
+    wall: float
     period: float
     blind: float
     mass: float
     deviation: float
     quantum: float
+    nonlinearity: float
+    stop_damping: float
+    release: float
     kinetic: float
 
     @property
@@ -68,7 +87,7 @@ class Claim(NamedTuple):
         way = self.velocity * unseen + 2.0 * self.blind * self.sample_error
         driven = 0.5 * self.effort * unseen * unseen / self.mass
         ramp = 0.5 * self.velocity * self.effort / self.rate
-        return self.effort * (way + driven + ramp)
+        return (self.effort + self.wall) * (way + driven + ramp)
 
     def seen(self, seconds: float) -> float:
         """Return the bound on what the encoder sees of the energy given out [J]."""
@@ -80,7 +99,22 @@ class Claim(NamedTuple):
         change = step * math.sqrt(seconds / self.period)
         error = self.deviation + 0.5 * self.quantum
         drawn = DEVIATIONS * self.deviation * change + 2.0 * DEVIATIONS * error * self.effort
-        return self.seen(seconds) + self.feigned * seconds + drawn
+        return self.seen(seconds) + self.feigned * seconds + drawn + self.stopping
+
+    @property
+    def stopping(self) -> float:
+        """Return what noise can feign of income while the stop's own damping acts [J]."""
+        variance = self.deviation**2 + 0.25 * self.quantum**2
+        return 4.0 * self.stop_damping * variance / self.period**2 * self.release
+
+    def hidden(self, passed: float) -> float:
+        """Return what the encoder's nonlinearity hides of the energy `passed` to and fro [J]."""
+        return self.nonlinearity / (1.0 - self.nonlinearity) * passed
+
+    @property
+    def strongest(self) -> float:
+        """Return the greatest power that can pass within the limits [W]."""
+        return self.effort * self.velocity
 
 
 def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
@@ -109,14 +143,17 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
         effort=axis.effort_limit,
         rate=axis.effort_rate_limit or 0.0,
         velocity=known.velocity_limit,
+        wall=0.0 if local_wall(rig, axis_name) is None else axis.effort_limit,
         period=known.period,
-        blind=1.0
-        + late
+        blind=late
         + rig.loop.missing_limit
         + math.ceil(rig.loop.overrun_limit / rig.axis_divisor(axis_name)),
         mass=axis.inertia.lower,
         deviation=axis.position_noise,
         quantum=axis.encoder_quantum,
+        nonlinearity=axis.encoder_nonlinearity,
+        stop_damping=axis.damping.lower,
+        release=rig.coupling.release_ramp_s,
         kinetic=0.5 * axis.inertia.value * known.velocity_limit**2,
     )
 

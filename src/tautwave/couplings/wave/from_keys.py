@@ -18,6 +18,9 @@ WATCHED_S = 1.0
 
 LIMP_SHARE = 0.1
 
+PATIENCE_S = 10.0
+"""For so long a port may owe more than a period's way at the velocity limit [s]."""
+
 
 def port_impedance(pair: WavePair, side: str) -> float:
     """Return the wave impedance of the port at one side [N m s/rad or N s/m]."""
@@ -95,8 +98,9 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
         axis.velocity_limit,
     )
     leak = declared_noise(pair, side, axis).lost * axis.period
+    port = bare_port(pair, side, axis.period, axis.inertia, delay, reserve=reserve, leak=leak)
     return WaveEndParams(
-        port=bare_port(pair, side, axis.period, axis.inertia, delay, reserve=reserve, leak=leak),
+        port=port,
         observer=observer,
         wave=pair.wave_gain(side),
         quantum=1.001 * axis.effort_quantum + 1e-12,
@@ -104,4 +108,6 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
         delay=axis.delay,
         watch=axis.period / WATCHED_S,
         limp=LIMP_SHARE,
+        astray=port.root * axis.velocity_limit * axis.period,
+        patience=round(PATIENCE_S / axis.period),
     )

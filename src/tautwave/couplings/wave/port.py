@@ -7,15 +7,20 @@ from collections.abc import MutableSequence
 
 from tautwave.controller.records import PIPE, AxisParams, AxisState
 from tautwave.controller.steps import OWN_GUARDS
+from tautwave.couplings.wave.records import WaveEndParams
 from tautwave.laws.observer import observe
-from tautwave.laws.port import port_close, port_effort
+from tautwave.laws.port import port_brake, port_close, port_effort
 
 PORT_OVERDRAWN = OWN_GUARDS
 LIMP = OWN_GUARDS + 1
+ASTRAY = OWN_GUARDS + 2
 """Codes of the reasons to stop."""
 
 EMPTY = 1e-9
 """Share of the reserve below which a tank is empty: it could not pay for the wave."""
+
+SHRUNK = 0.99
+"""A gap below this share of what it was is being repaid."""
 
 
 def start_end(s: AxisState, p: AxisParams, gap: float) -> None:
@@ -30,6 +35,8 @@ def start_end(s: AxisState, p: AxisParams, gap: float) -> None:
     e.filtered = 0.0
     e.wanted = 0.0
     e.cut_share = 0.0
+    e.least_gap = 0.0
+    e.owing = 0
     e.leaving = 0.0
     e.wave_in = 0.0
     e.arrived = 0.0
@@ -75,28 +82,27 @@ def close(
     at, velocity, push = observe(
         k.observer, e.at, e.velocity, e.push, s.position, s.effort_sum / count, count
     )
+    advance = at - e.at
+    slipped = 0.0
+    if s.stopping:
+        # A stop's damping acts on the device itself, not through the series damper.
+        slipped = k.port.slip * port * span
     leaving, account, gap, filtered, absorbed, burnt, spilled = port_close(
         k.port,
         e.account,
         e.gap,
         e.filtered,
-        displacement,
-        at - e.at,
+        displacement + slipped,
+        advance + slipped,
         count,
         port,
         e.wave_sum,
         e.wave_energy,
         e.cut_left > 0,
     )
-    if e.cut_left > 0:
-        e.cut_left -= 1
-    elif account < EMPTY * k.port.reserve:
-        e.cut_share += k.watch
-    e.cut_share -= k.watch * e.cut_share
-    if account < -k.port.reserve:
-        s.alarm = PORT_OVERDRAWN
-    elif e.cut_share > k.limp:
-        s.alarm = LIMP
+    if s.stopping:
+        burnt = 0.0
+    watch_port(s, k, account, gap)
     e.at = at
     e.velocity = velocity
     e.push = push
@@ -113,6 +119,44 @@ def close(
     e.spilled += spilled
     e.wave_sum = 0.0
     e.wave_energy = 0.0
+
+
+def watch_port(s: AxisState, k: WaveEndParams, account: float, gap: float) -> None:
+    """Look whether the port can still pay and follow; leave reasons to stop, with their numbers."""
+    e = s.end
+    if e.cut_left > 0:
+        e.cut_left -= 1
+        e.owing = 0
+    elif account < EMPTY * k.port.reserve:
+        e.cut_share += k.watch
+    e.cut_share -= k.watch * e.cut_share
+    if account < -k.port.reserve:
+        s.alarm = PORT_OVERDRAWN
+        s.told = -account
+        s.allowed = k.port.reserve
+    elif e.cut_share > k.limp:
+        s.alarm = LIMP
+        s.told = 100.0 * e.cut_share
+        s.allowed = 100.0 * k.limp
+    owed = math.fabs(gap)
+    if owed < k.astray:
+        e.owing = 0
+        return
+    if e.owing == 0 or owed < SHRUNK * e.least_gap:
+        e.least_gap = owed
+        e.owing = 0
+    e.owing += 1
+    if e.owing > k.patience and s.alarm == 0:
+        s.alarm = ASTRAY
+        s.told = owed / k.port.root
+        s.allowed = k.astray / k.port.root
+
+
+def brake(s: AxisState, p: AxisParams, effort: float) -> float:
+    """Return what may act of a stop's effort: none unseen, none that the tank cannot answer for."""
+    if not s.valid:
+        return 0.0
+    return port_brake(s.end.account, effort)
 
 
 def miss(s: AxisState, p: AxisParams) -> None:

@@ -10,9 +10,11 @@ from tautwave.controller.rows import fill_element
 from tautwave.controller.steps import Guard, Law, Steps
 from tautwave.couplings.wave.line import exchange_waves
 from tautwave.couplings.wave.port import (
+    ASTRAY,
     LIMP,
     PORT_OVERDRAWN,
     act,
+    brake,
     close,
     miss,
     receive_wave,
@@ -165,6 +167,7 @@ law = Law(
         miss=miss,
         exchange=exchange,
         think=think,
+        brake=brake,
         fill_signals=fill_signals,
         fill_elements=fill_elements,
     ),
@@ -173,11 +176,21 @@ law = Law(
     signals=("wave_in", "wave_out"),
     elements=element_names,
     guards={
-        PORT_OVERDRAWN: Guard("port_overdrawn", "drew more energy than its port had in reserve"),
+        PORT_OVERDRAWN: Guard(
+            "port_overdrawn",
+            "drew more energy than its port had in reserve: its tank is {told:.3g} J in debt, "
+            "{allowed:.3g} J are allowed,",
+        ),
         LIMP: Guard(
             "limp",
-            "has lost its coupling: its port could not pay for its waves. Its noise is larger than "
-            "position_noise and encoder_quantum say, or its port is plain and is moved hard",
+            "has lost its coupling: its port could not pay for {told:.3g} % of the waves of the "
+            "last second, {allowed:.3g} % are allowed. Its noise is larger than position_noise and "
+            "encoder_quantum say, or its port is plain and is moved hard",
+        ),
+        ASTRAY: Guard(
+            "astray",
+            "has lost its coupling: its port owes the other end a displacement of {told:.3g} that "
+            "does not shrink, {allowed:.3g} are allowed for so long,",
         ),
     },
     rings=2,

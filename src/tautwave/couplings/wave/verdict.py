@@ -128,6 +128,12 @@ def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterat
         seconds = rig.duration_s
         numbers |= {**claim._asdict(), "seen_j": claim.seen(seconds), "true_j": claim.true(seconds)}
         sentences.append(_claimed(axis_name, claim, seconds))
+        if claim.nonlinearity > 0.0:
+            hidden = _joules(claim.hidden(claim.strongest * seconds))
+            sentences.append(
+                f"{name}: its encoder's nonlinearity hides {100.0 * claim.hidden(1.0):.3g} % of "
+                f"the energy that passes, at most {hidden} in {seconds:g} s; no run can see it."
+            )
         if passive.passed and claim.leak > 0.0:
             quantised = Verdict(
                 False,

@@ -10,6 +10,7 @@ from tautwave.certificate.after import Measured, recheck
 from tautwave.config import Rig
 from tautwave.errors import TautwaveError
 from tautwave.registry import load_driver
+from tautwave.report.ends import ends_of
 from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.units import number
 from tautwave.rig import pair_scale
@@ -21,8 +22,10 @@ ROUNDING = 1e-12
 def recheck_run(run: Run) -> dict[str, Any]:
     """Return a run's summary with `certificate.after_run`.
 
-    `invalidated` is true if the certificate held before the run and its measurements break it. If
-    it cannot be computed, `error` says why.
+    `invalidated` is true if the certificate held before the run and its measurements break it, or
+    if an end gave out more than it claimed, whatever the certificate said. If it cannot be
+    computed, `error` says why. `ends` are `report.ends` by axis, `blows` sentences on those that
+    were hit and kept their claim.
     """
     summary = dict(run.summary)
     certificate = dict(block(summary, "certificate"))
@@ -31,6 +34,15 @@ def recheck_run(run: Run) -> dict[str, Any]:
     except TautwaveError as err:
         after = {"passed": None, "error": str(err)}
     after["invalidated"] = certificate.get("passed") is True and after["passed"] is False
+    ends = list(ends_of(run))
+    after["ends"] = {
+        end.axis: {"given_j": end.given, "blow_j": end.blow, "claim_j": end.claim} for end in ends
+    }
+    after["blows"] = [end.sentence for end in ends if end.passed and end.sentence]
+    broken = [end.sentence for end in ends if not end.passed]
+    if broken:
+        after |= {"passed": False, "invalidated": True}
+        after["sentences"] = [*broken, *after.get("sentences", ())]
     certificate["after_run"] = after
     summary["certificate"] = certificate
     return summary

@@ -68,7 +68,7 @@ INLINED = {
 
 Modules = tuple[ModuleType, ...]
 
-RARE = ("start", "engage", "move")
+RARE = ("start", "engage", "move", "brake")
 """Steps of a coupling that are called: the others are inlined."""
 
 

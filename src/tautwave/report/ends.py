@@ -1,0 +1,97 @@
+"""What each end of a pair gave out in a run, against the joules that its law claimed beforehand.
+
+Both are as the end's encoder sees it, from the recording. A device that is beyond its velocity
+limit by more than its motor can have made of it was hit from outside: what the motor gave in the
+periods until the guard acted, the effort that acted times the way, is a blow. It is no part of the
+claim, and reported.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from tautwave.report.claims import ROUNDING
+from tautwave.report.motors import motion
+from tautwave.report.run.rundir import SIDES, Run, block
+from tautwave.report.units import number, quantity
+
+
+class End(NamedTuple):
+    """One end of a pair: what it gave out at its worst moment, in blows, and what it claimed [J].
+
+    `flow` is all that passed to and fro.
+    """
+
+    axis: str
+    given: float
+    blow: float
+    claim: float
+    flow: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether it kept its claim, blows apart."""
+        return self.given - self.blow <= self.claim + ROUNDING * self.flow
+
+    @property
+    def sentence(self) -> str:
+        """A broken claim or a blow in a sentence; empty without either."""
+        given, claim = quantity(self.given, "J", 3), quantity(self.claim, "J", 3)
+        blow = f"{quantity(self.blow, 'J', 3)} of it in a blow beyond its velocity limit"
+        if self.passed and self.blow == 0.0:
+            return ""
+        if self.passed:
+            return f"{self.axis} port: gave out {given}, {blow}; its claim is {claim}."
+        apart = f", {blow}" if self.blow > 0.0 else ""
+        return (
+            f"{self.axis} port: gave out {given}{apart}, more than its claim of {claim}; "
+            "its encoder, its delay or its driver is not what the rig says."
+        )
+
+
+def ends_of(run: Run) -> Iterator[End]:
+    """Yield every end that has a claim and is recorded."""
+    for pair in run.pairs:
+        own = block(run.summary, "pairs", pair)
+        claims = block(own, "claim_j")
+        for side in SIDES:
+            claim = number(claims.get(side))
+            absorbed = f"{pair}.port_{side}.absorbed"
+            damper = f"{pair}.damper_{side}.absorbed"
+            read = run.read(absorbed, damper)
+            if claim is None or absorbed not in read or not run.rows:
+                continue
+            # A matched end's damper is part of it: what the tank paid for it did not come out.
+            taken = sum(read.values())
+            axis = f"{side}.{pair}"
+            flow = run.read(f"{axis}.gross_flow").get(f"{axis}.gross_flow", np.zeros(1))
+            weight = 1.0 if side == "master" else 1.0 / (number(own.get("power_ratio")) or 1.0)
+            yield End(
+                axis,
+                max(0.0, -float(np.nanmin(taken))) / weight,
+                blow(run, pair, side) / weight,
+                claim,
+                float(np.nanmax(flow)) / weight,
+            )
+
+
+def blow(run: Run, pair: str, side: str) -> float:
+    """Return what a motor gave while its device was too fast by itself [J, pair's]."""
+    axis = f"{side}.{pair}"
+    keys = block(run.rig, side, "axes", pair)
+    limit = number(keys.get("velocity_limit"))
+    mass = number(block(keys, "inertia").get("lower")) or math.inf
+    own_push = (number(keys.get("effort_limit")) or 0.0) / mass
+    names = (f"{axis}.port_energy", f"{pair}.wall_{side}.absorbed")
+    read = run.read(*names)
+    if limit is None or names[0] not in read:
+        return 0.0
+    moved, time, good = motion(run, axis)
+    taken = read[names[0]] - read.get(names[1], np.zeros(run.rows))
+    gave = -np.diff(taken[good])
+    fast = np.abs(moved) > (limit + 2.0 * own_push * time) * time
+    return float(np.sum(np.maximum(gave[fast], 0.0)))

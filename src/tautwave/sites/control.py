@@ -1,0 +1,325 @@
+"""The control plane of two sites: TLS 1.3 with certificates of both, one line of JSON a message.
+
+Nothing here is on the loop's path. The site that serves draws session and secret; both are sure of
+each other's name before either says more. A refusal is a sentence on both sides.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+import socket
+import ssl
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+from tautwave.config.guard import parse_json
+from tautwave.errors import LinkError
+from tautwave.sites.certificates import Identity
+from tautwave.sites.seal import SECRET_BYTES, SESSION_BYTES
+
+PROTOCOL = 1
+"""Version of messages and datagrams; both sites must have the same."""
+
+MOST_BYTES = 65536
+PATIENCE_S = 5.0
+"""Time for a handshake or an answer [s]."""
+
+
+class Session(NamedTuple):
+    """What both sites agreed on.
+
+    `peer` is the other's name; `facts` what it stated, such as its data port.
+    """
+
+    id: bytes
+    secret: bytes
+    peer: str
+    facts: Mapping[str, Any]
+
+
+def differences(here: Mapping[str, Any], there: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a phrase for each key of two tables of JSON that is not the same on both sides."""
+    for key in sorted({*here, *there}):
+        one, two = here.get(key), there.get(key)
+        if isinstance(one, Mapping) and isinstance(two, Mapping):
+            yield from (f"{key}.{text}" for text in differences(one, two))
+        elif one != two:
+            yield f"{key}: {_shown(one)} here, {_shown(two)} there"
+
+
+def _shown(value: Any) -> str:
+    return "nothing" if value is None else json.dumps(value)
+
+
+def server_context(files: Identity) -> ssl.SSLContext:
+    """Return what a serving site speaks: TLS 1.3, and the other one's certificate is required."""
+    return _context(ssl.PROTOCOL_TLS_SERVER, files)
+
+
+def client_context(files: Identity) -> ssl.SSLContext:
+    """Return what a dialling site speaks: TLS 1.3, the other one's name is checked."""
+    return _context(ssl.PROTOCOL_TLS_CLIENT, files)
+
+
+def _context(protocol: int, files: Identity) -> ssl.SSLContext:
+    context = ssl.SSLContext(protocol)
+    context.minimum_version = ssl.TLSVersion.TLSv1_3
+    try:
+        context.load_cert_chain(files.certificate, files.key)
+        context.load_verify_locations(files.authority)
+    except (ssl.SSLError, OSError) as err:
+        raise LinkError(
+            f"{files.certificate}, {files.key} and {files.authority} do not go together ({err}); "
+            "make them anew with: tautwave keys init DIR"
+        ) from err
+    context.verify_mode = ssl.CERT_REQUIRED
+    return context
+
+
+class _Broken(Exception):
+    """Nothing more can come on a connection."""
+
+
+class Channel:
+    """A connection on which both sites are known; not for use by two threads."""
+
+    def __init__(self, connection: ssl.SSLSocket, where: str) -> None:
+        self._connection = connection
+        self._where = where
+        self._waiting = b""
+
+    def send(self, message: Mapping[str, Any]) -> None:
+        """Send a message; raises `LinkError` where the other site is gone."""
+        try:
+            self._connection.sendall(json.dumps(message).encode() + b"\n")
+        except OSError as err:
+            raise LinkError(f"{self._where}: {_why(err)}") from err
+
+    def receive(self, timeout_s: float = PATIENCE_S) -> dict[str, Any]:
+        """Return the next message; raises `LinkError` where none comes or it is no message.
+
+        Only the first leaves the connection open.
+        """
+        try:
+            return self._receive(timeout_s)
+        except _Broken as err:
+            self.close()
+            raise LinkError(f"{self._where}: {err}") from err
+
+    def _receive(self, timeout_s: float) -> dict[str, Any]:
+        deadline = time.monotonic() + timeout_s
+        while b"\n" not in self._waiting:
+            left = deadline - time.monotonic()
+            if left <= 0.0:
+                raise LinkError(f"{self._where}: no message within {timeout_s:g} s")
+            self._connection.settimeout(left)
+            try:
+                more = self._connection.recv(4096)
+            except TimeoutError:
+                continue
+            except OSError as err:
+                raise _Broken(_why(err)) from err
+            if not more:
+                raise _Broken("closed the connection")
+            self._waiting += more
+            if len(self._waiting) > MOST_BYTES:
+                raise _Broken(f"sent a message of over {MOST_BYTES} bytes")
+        line, _, self._waiting = self._waiting.partition(b"\n")
+        try:
+            message = parse_json(line.decode())
+        except ValueError as err:
+            raise _Broken("sent what is no message") from err
+        if not isinstance(message, dict):
+            raise _Broken("sent what is no message")
+        return message
+
+    def refuse(self, why: str) -> None:
+        """Say why nothing comes of it, and close."""
+        with suppress(LinkError):
+            self.send({"refused": why})
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection; never raises."""
+        with suppress(OSError):
+            self._connection.settimeout(0.2)
+            self._connection.unwrap()
+        self._connection.close()
+
+
+def accept(
+    connection: socket.socket,
+    context: ssl.SSLContext,
+    peer: str,
+    shared: Mapping[str, Any],
+    facts: Mapping[str, Any],
+) -> tuple[Channel, Session]:
+    """Agree on a session with a site that dialled.
+
+    Parameters
+    ----------
+    connection : socket
+        As accepted; it is closed if nothing comes of it.
+    context : SSLContext
+        `server_context`.
+    peer : str
+        The name that the other site must have.
+    shared : mapping
+        What must be the same on both sides, JSON.
+    facts : mapping
+        What the other site has to know of this one, JSON.
+
+    Raises
+    ------
+    LinkError
+        It is not that site, or something differs; the other one gets a sentence too.
+    """
+    where = "{}:{}".format(*connection.getpeername()[:2])
+    connection.settimeout(PATIENCE_S)
+    spare = connection.dup()  # TLS closes its own on a failure
+    try:
+        secured = context.wrap_socket(connection, server_side=True)
+    except OSError as err:
+        _linger(spare)
+        raise LinkError(f"{where}: {_why(err)}") from err
+    finally:
+        spare.close()
+    channel = Channel(secured, where)
+    names = [value for kind, value in _names(secured) if kind == "DNS"]
+    if names != [peer]:
+        found = ", ".join(names) or "nobody"
+        channel.refuse(f"your certificate is that of {found}, and {peer} is expected here")
+        raise LinkError(f"{where}: its certificate is that of {found}, not of {peer}")
+    hello = _answer(channel, where)
+    _compare(channel, where, hello, shared)
+    session = Session(
+        secrets.token_bytes(SESSION_BYTES),
+        secrets.token_bytes(SECRET_BYTES),
+        peer,
+        _table(hello, "facts"),
+    )
+    channel.send(
+        {
+            "protocol": PROTOCOL, "shared": shared, "facts": facts,
+            "session": session.id.hex(), "secret": session.secret.hex(),
+        }
+    )  # fmt: skip
+    return channel, session
+
+
+def _linger(connection: socket.socket) -> None:
+    """Let the other side read why: closing with its bytes unread would take that back."""
+    with suppress(OSError):
+        connection.shutdown(socket.SHUT_WR)
+        connection.settimeout(0.5)
+        while connection.recv(4096):
+            pass
+
+
+def dial(
+    address: tuple[str, int],
+    context: ssl.SSLContext,
+    peer: str,
+    shared: Mapping[str, Any],
+    facts: Mapping[str, Any],
+) -> tuple[Channel, Session]:
+    """Agree on a session with a site that serves; arguments and errors as in `accept`."""
+    where = f"{peer} at {address[0]}:{address[1]}"
+    try:
+        connection = socket.create_connection(address, timeout=PATIENCE_S)
+    except OSError as err:
+        raise LinkError(f"{where}: {_why(err)}") from err
+    try:
+        secured = context.wrap_socket(connection, server_hostname=peer)
+    except OSError as err:
+        connection.close()
+        raise LinkError(f"{where}: {_why(err)}") from err
+    channel = Channel(secured, where)
+    channel.send({"protocol": PROTOCOL, "shared": shared, "facts": facts})
+    answer = _answer(channel, where)
+    _compare(channel, where, answer, shared)
+    session = _bytes(answer, "session", SESSION_BYTES)
+    secret = _bytes(answer, "secret", SECRET_BYTES)
+    if session is None or secret is None:
+        channel.refuse("your session has no id or secret")
+        raise LinkError(f"{where}: sent no session")
+    return channel, Session(session, secret, peer, _table(answer, "facts"))
+
+
+def _bytes(message: Mapping[str, Any], key: str, size: int) -> bytes | None:
+    try:
+        found = bytes.fromhex(message[key])
+    except (KeyError, TypeError, ValueError):
+        return None
+    return found if len(found) == size else None
+
+
+def _answer(channel: Channel, where: str) -> dict[str, Any]:
+    message = channel.receive()
+    if "refused" in message:
+        channel.close()
+        raise LinkError(f"{where}: refused: {message['refused']}")
+    return message
+
+
+def _compare(
+    channel: Channel, where: str, message: Mapping[str, Any], shared: Mapping[str, Any]
+) -> None:
+    theirs = message.get("protocol")
+    if theirs != PROTOCOL:
+        channel.refuse(f"protocol {PROTOCOL} here, {theirs} there; use the same version of both")
+        raise LinkError(f"{where}: protocol {theirs} there, {PROTOCOL} here; use the same version")
+    found = list(differences(shared, _table(message, "shared")))
+    if found:
+        listed = "; ".join(found[:8]) + (" ..." if len(found) > 8 else "")
+        channel.refuse(f"seen from the other site, {listed}")
+        raise LinkError(f"{where}: the rigs differ: {listed}")
+
+
+def _table(message: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    found = message.get(key)
+    return found if isinstance(found, dict) else {}
+
+
+def _names(connection: ssl.SSLSocket) -> list[tuple[str, str]]:
+    certificate = connection.getpeercert() or {}
+    return list(certificate.get("subjectAltName", ()))  # type: ignore[arg-type]
+
+
+ALERTS = {
+    "UNKNOWN_CA": "it does not know the authority of our certificate; both need the same "
+    "authority.pem",
+    "CERTIFICATE_EXPIRED": "it says that our certificate has expired; make new keys",
+    "CERTIFICATE_REQUIRED": "it wants a certificate and got none",
+    "BAD_CERTIFICATE": "it refused our certificate: another name than it expects",
+    "PEER_DID_NOT_RETURN_A_CERTIFICATE": "it has no certificate",
+    "WRONG_VERSION_NUMBER": "it does not speak TLS",
+    "HTTP_REQUEST": "it does not speak TLS 1.3, but HTTP",
+    "UNSUPPORTED_PROTOCOL": "it does not speak TLS 1.3",
+    "UNEXPECTED_EOF": "closed the connection during the handshake",
+}
+"""What the last word of a TLS error means."""
+
+
+def _why(err: OSError) -> str:
+    """Return what a failed connection means, with the remedy where there is one."""
+    if isinstance(err, ssl.SSLCertVerificationError):
+        if "expired" in err.verify_message:
+            return "its certificate has expired; make new keys"
+        if err.verify_code in (62,) or "ostname mismatch" in str(err):
+            return "its certificate is that of another site"
+        return f"its certificate is not of our authority ({err.verify_message})"
+    if isinstance(err, ssl.SSLError):
+        word = err.reason or str(err)
+        for key, sentence in ALERTS.items():
+            if key in word.upper().replace(" ", "_"):
+                return sentence
+        return f"TLS failed ({word})"
+    if isinstance(err, ConnectionRefusedError):
+        return "nobody serves there; start the other site first, and look at address and port"
+    if isinstance(err, TimeoutError):
+        return f"no answer within {PATIENCE_S:g} s; look at address, port and firewall"
+    return f"connection lost ({err.strerror or err})"

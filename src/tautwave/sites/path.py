@@ -1,0 +1,202 @@
+"""A test of the path between two sites: agree, probe both ways, exchange what each end heard."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tautwave.errors import ConfigError, LinkError
+from tautwave.sites.certificates import identity_files
+from tautwave.sites.control import Channel, accept, client_context, dial, server_context
+from tautwave.sites.datagrams import DataPort, open_socket
+from tautwave.sites.probe import Heard, Way, delays_of, probe, way_of
+
+PURPOSE = {"purpose": "link test"}
+"""So that a run never agrees with a test."""
+
+
+class Asked(NamedTuple):
+    """What the dialling site wants: datagrams each way [Hz], for how long [s]."""
+
+    rate_hz: float
+    duration_s: float
+
+
+class Found(NamedTuple):
+    """Both ways of a path, and what came here."""
+
+    there: Way
+    back: Way
+    heard: Heard
+
+    @property
+    def depth_s(self) -> float:
+        """Return the play-out depth that 99 % of the worse way need [s]."""
+        return max(self.there.depth, self.back.depth)
+
+    @property
+    def delay_s(self) -> float:
+        """Return the delay of a line that plays out at that depth [s], the mean of both ways."""
+        return 0.5 * (self.there.least + self.back.least) + self.depth_s
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "there": self.there._asdict(), "back": self.back._asdict(),
+            "play_out_s": self.depth_s, "delay_s": self.delay_s,
+        }  # fmt: skip
+
+
+def serve_tests(
+    directory: Path, site: str, peer: str, address: tuple[str, int], *, once: bool = False
+) -> Iterator[str]:
+    """Yield a sentence on each test or refusal, indefinitely unless `once`.
+
+    Raises
+    ------
+    ConfigError
+        Keys are missing.
+    LinkError
+        The port is taken.
+    """
+    context = server_context(identity_files(directory, site))
+    try:
+        listener = socket.create_server(address)
+    except OSError as err:
+        raise LinkError(f"TCP port {address[1]}: {err.strerror}") from err
+    with listener:
+        host, port = listener.getsockname()[:2]
+        yield f"{site} serves {peer} at {host}:{port}, TCP and UDP"
+        while True:
+            connection, _ = listener.accept()
+            try:
+                yield _serve(connection, context, (host, port), site, peer)
+            except LinkError as err:
+                yield str(err)
+                continue
+            if once:
+                return
+
+
+def _serve(
+    connection: socket.socket, context: Any, address: tuple[str, int], site: str, peer: str
+) -> str:
+    channel, session = accept(connection, context, peer, PURPOSE, {"port": address[1]})
+    try:
+        asked = _asked(session.facts)
+        with open_socket(*address) as sock:
+            channel.send({"ready": True})
+            heard = probe(DataPort(sock, session, site, None), *asked)
+        way = _swap(channel, heard, asked)[0]
+        return f"{peer} tested: {_line(way)}"
+    finally:
+        channel.close()
+
+
+def run_test(address: str, directory: Path, site: str, peer: str, asked: Asked) -> Found:
+    """Test the path to a site that serves.
+
+    Raises
+    ------
+    ConfigError
+        Keys are missing, or the address is none.
+    LinkError
+        The other site is not there, refuses, or nothing comes of it.
+    """
+    where = parse_address(address)
+    context = client_context(identity_files(directory, site))
+    channel, session = dial(where, context, peer, PURPOSE, asked._asdict())
+    try:
+        if channel.receive() != {"ready": True}:
+            raise LinkError(f"{peer} at {address}: is not ready")
+        peer_at = (where[0], int(session.facts.get("port", where[1])))
+        family = "::" if ":" in where[0] else ""
+        with open_socket(family, 0) as sock:
+            heard = probe(DataPort(sock, session, site, peer_at), *asked)
+        back, there = _swap(channel, heard, asked)
+        return Found(there, back, heard)
+    finally:
+        channel.close()
+
+
+def parse_address(text: str, port: int = 7447) -> tuple[str, int]:
+    """Return host and port of `HOST`, `HOST:PORT` or `[HOST]:PORT`.
+
+    Raises
+    ------
+    ConfigError
+        It is none of these.
+    """
+    host, colon, number = text.rpartition(":")
+    if not colon or (host.count(":") and not host.endswith("]")):
+        host, number = text, str(port)
+    host = host.removeprefix("[").removesuffix("]")
+    if not host or not number.isdigit() or not 0 < int(number) < 65536:
+        raise ConfigError(f"{text!r} is no address: HOST, HOST:PORT or [HOST]:PORT")
+    return host, int(number)
+
+
+def _asked(facts: Any) -> Asked:
+    try:
+        asked = Asked(float(facts["rate_hz"]), float(facts["duration_s"]))
+    except (KeyError, TypeError, ValueError) as err:
+        raise LinkError("the other site did not say at which rate and for how long") from err
+    if not (1.0 <= asked.rate_hz <= 10000.0 and 1.0 <= asked.duration_s <= 3600.0):
+        raise LinkError(f"the other site asked for {asked.rate_hz:g} Hz, {asked.duration_s:g} s")
+    return asked
+
+
+def _swap(channel: Channel, heard: Heard, asked: Asked) -> tuple[Way, Way]:
+    """Return the way to here and, as the other end heard it, the way from here."""
+    here = way_of(heard, round(asked.rate_hz * asked.duration_s))
+    channel.send({"way": here._asdict()})
+    try:
+        return here, Way(**channel.receive(15.0)["way"])
+    except (KeyError, TypeError) as err:
+        raise LinkError("the other site did not say what it heard") from err
+
+
+def table(found: Found, site: str, peer: str) -> Iterator[str]:
+    """Yield the lines that a person reads."""
+    yield f"{'':14}{f'{site} to {peer}':>20}{f'{peer} to {site}':>20}"
+    rows: tuple[tuple[str, Callable[[Way], str]], ...] = (
+        ("lost", lambda w: f"{w.lost / w.sent:.3%}"),
+        ("most in a row", lambda w: f"{w.longest}"),
+        ("reordered", lambda w: f"{w.reordered / w.sent:.3%}"),
+        ("delay least", lambda w: f"{1e3 * w.least:.3f} ms"),
+        ("  median", lambda w: f"{1e3 * w.median:.3f} ms"),
+        ("  p99", lambda w: f"{1e3 * w.p99:.3f} ms"),
+        ("  p99.9", lambda w: f"{1e3 * w.p999:.3f} ms"),
+        ("  greatest", lambda w: f"{1e3 * w.greatest:.3f} ms"),
+    )
+    for name, text in rows:
+        yield f"{name:14}{text(found.there):>20}{text(found.back):>20}"
+    yield (
+        f"clock: {peer}'s runs {1e6 * found.back.rate:+.1f} ppm; a delay of one way is known to "
+        f"+-{1e3 * found.back.unknown:.3g} ms (half the least round trip)"
+    )
+    yield (
+        f"play-out: {1e3 * found.depth_s:.3g} ms takes in 99 % of the worse way, a line of "
+        f"{1e3 * found.delay_s:.3g} ms each way; a force F stands off by F tau / b"
+    )
+
+
+def _line(way: Way) -> str:
+    return (
+        f"{way.sent} datagrams, {way.lost / way.sent:.3%} lost, p99 {1e3 * way.p99:.3g} ms on the "
+        "way here"
+    )
+
+
+def trace(found: Found, rate_hz: float) -> str:
+    """Return what came here as CSV: when it was sent [s], its delay [s], whether it was lost."""
+    first: dict[int, float] = {}
+    for one, delay in zip(found.heard.arrivals, delays_of(found.heard), strict=True):
+        first.setdefault(one.number, delay)
+    lines = ["time_s,delay_s,lost"]
+    for number in range(found.back.sent):
+        delay = max(0.0, first.get(number, 0.0))
+        lines.append(f"{number / rate_hz:.6f},{delay:.6f},{int(number not in first)}")
+    return "\n".join(lines) + "\n"
