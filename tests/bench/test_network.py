@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tautwave.bench.lines import suite as bench
-from tautwave.bench.lines.patterns import LAWS, draw_pattern, end_params, run_pattern
+from tautwave.bench.lines.patterns import RECEIVERS, draw_pattern, end_params, run_pattern
 from tautwave.bench.lines.suite import WAYS, chosen_pattern
 from tests.commands import tautwave
 
@@ -51,7 +51,7 @@ def test_a_loss_is_not_felt_at_all_where_null_waves_lose_position() -> None:
 @pytest.mark.slow
 def test_compiled_it_is_the_same_to_the_bit() -> None:
     for seed in range(8):
-        for law in LAWS:
+        for law in RECEIVERS:
             x = draw_pattern(seed)._replace(**SHORT)
             one, rows = run_pattern(x, law)
             two, same = run_pattern(x, law, compiled=False)
@@ -61,12 +61,12 @@ def test_compiled_it_is_the_same_to_the_bit() -> None:
 
 @pytest.mark.slow
 def test_a_thousand_patterns_are_passive_to_the_bit_and_the_test_can_fail() -> None:
-    found = {law: [run_pattern(draw_pattern(s), law)[0] for s in range(1000)] for law in LAWS}
+    found = {law: [run_pattern(draw_pattern(s), law)[0] for s in range(1000)] for law in RECEIVERS}
     for law in ("play-out", "newest"):
         assert sum(o.violations for o in found[law]) == 0
         assert max(o.excess for o in found[law]) <= 0.0
         assert all(o.made < reserves(seed) for seed, o in enumerate(found[law]))
-    made = {law: np.mean([o.excess > 1e-9 for o in found[law]]) for law in LAWS}
+    made = {law: np.mean([o.excess > 1e-9 for o in found[law]]) for law in RECEIVERS}
     assert made["hold-last"] > 0.7
     assert made["null packets"] > 0.02
     assert made["fixed buffer"] > 0.02

@@ -30,7 +30,7 @@ DAYS = 1024
 REFERENCE_NS = 500_000
 LIMIT = 0.5  # N m
 
-LAWS = {
+RECEIVERS = {
     "play-out": (PLAY_OUT, False),
     "newest": (PLAY_OUT, True),
     "hold-last": (HOLD, False),
@@ -87,17 +87,17 @@ class Outcome(NamedTuple):
     force: float
 
 
-def end_params(x: Pattern, side: int, law: str) -> EndParams:
+def end_params(x: Pattern, side: int, receiver: str) -> EndParams:
     """Return the constants of one end."""
     period, far = x.periods[side], x.periods[1 - side]
-    policy, newest = LAWS[law]
+    policy, newest = RECEIVERS[receiver]
     mass = 1.1e-3
     observer = observer_params(period, mass, 0.5)
     reserve = port_reserve(x.impedance, period, 0.0, observer.velocity * period, 15.0)
     # What sensor noise costs the account per period, b (observed velocity's noise)**2: generous.
     leak = 2.0 * x.impedance * (x.noise**2 + x.quantum**2 / 12.0) / period
     root = math.sqrt(2.0 * x.impedance)
-    receiver = receiver_params(
+    constants = receiver_params(
         period,
         sender_period=far,
         depth=x.depth,
@@ -105,7 +105,7 @@ def end_params(x: Pattern, side: int, law: str) -> EndParams:
         fastest=5.0 * root,
         level=x.level,
     )
-    places = max(ring_size(receiver), 256)
+    places = max(ring_size(constants), 256)
     size = PLACE * places + network_places(DAYS)
     return EndParams(
         port_params(
@@ -118,7 +118,7 @@ def end_params(x: Pattern, side: int, law: str) -> EndParams:
             leak=leak,
         ),
         observer,
-        receiver,
+        constants,
         x.ways[side],
         round(period * 1e9 * (1.0 + side * x.offset)),
         1.584e-3 if side == 0 else 1.7e-3,
@@ -162,10 +162,10 @@ def compiled_pair() -> Callable[..., int]:
 
 
 def run_pattern(
-    x: Pattern, law: str = "play-out", *, compiled: bool = True
+    x: Pattern, receiver: str = "play-out", *, compiled: bool = True
 ) -> tuple[Outcome, Array]:
-    """Run a pattern with a receiver of `LAWS`; return what became of it, and the rows."""
-    params = [end_params(x, side, law) for side in (0, 1)]
+    """Run a pattern with a receiver of `RECEIVERS`; return what became of it, and the rows."""
+    params = [end_params(x, side, receiver) for side in (0, 1)]
     size = params[1].calendar + network_places(DAYS)
     until_ns = round(x.end * 1e9)
     reference = hand_motion(x)

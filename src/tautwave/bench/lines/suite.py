@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tautwave.bench.lines.patterns import LAWS, Outcome, Pattern, draw_pattern, run_pattern
+from tautwave.bench.lines.patterns import RECEIVERS, Outcome, Pattern, draw_pattern, run_pattern
 from tautwave.bench.result import Goal, Suite, Table, Value
 from tautwave.models.network import SPIKES, NetworkParams, network_params
 
@@ -70,24 +70,27 @@ def network(*, patterns: int = 1000, first: int = 0, tell: Tell = silent) -> Sui
     """
     found: dict[str, list[Outcome]] = {}
     drawn = [draw_pattern(seed) for seed in range(first, first + patterns)]
-    for law in LAWS:
-        tell(f"{patterns} random patterns: {law}")
-        found[law] = [run_pattern(x, law)[0] for x in drawn]
+    for name in RECEIVERS:
+        tell(f"{patterns} random patterns: {name}")
+        found[name] = [run_pattern(x, name)[0] for x in drawn]
     tell("chosen patterns")
     chosen = {
-        law: {name: run_pattern(chosen_pattern(way), law)[0] for name, way in WAYS.items()}
-        for law in LAWS
+        name: {title: run_pattern(chosen_pattern(way), name)[0] for title, way in WAYS.items()}
+        for name in RECEIVERS
     }
     tell("a force held for a minute")
     held = [_held_row(offset) for offset in (0.0, 100e-6, -100e-6)]
-    lossy, clean = (chosen["play-out"][name] for name in ("30 %, jitter, 5 % twice", "clean"))
+    lossy, clean = (chosen["play-out"][title] for title in ("30 %, jitter, 5 % twice", "clean"))
     roughness, makers = lossy.chatter / clean.chatter, _makers(found["hold-last"])
     worst = max(o.rest for o in chosen["play-out"].values())
     return Suite(
         "network",
         [
             _random_table(found, drawn),
-            *(_chosen_table(name, {law: chosen[law][name] for law in LAWS}) for name in WAYS),
+            *(
+                _chosen_table(title, {name: chosen[name][title] for name in RECEIVERS})
+                for title in WAYS
+            ),
             Table(
                 "A force held for a minute",
                 "play-out, clean line of 10 ms, the slave's clock slower by the offset; effort at "
@@ -116,11 +119,11 @@ def _makers(found: list[Outcome]) -> float:
 def _random_table(found: dict[str, list[Outcome]], drawn: list[Pattern]) -> Table:
     free = [x.wall == 0.0 and x.coulomb == 0.0 for x in drawn]
     rows: list[list[Value]] = []
-    for law, outcomes in found.items():
+    for name, outcomes in found.items():
         rest = [1e3 * o.rest for o, counts in zip(outcomes, free, strict=True) if counts] or [0.0]
         rows.append(
             [
-                law,
+                name,
                 len(outcomes),
                 int(_violations(outcomes)),
                 _makers(outcomes),
@@ -143,16 +146,16 @@ def _random_table(found: dict[str, list[Outcome]], drawn: list[Pattern]) -> Tabl
     )  # fmt: skip
 
 
-def _chosen_table(name: str, outcomes: dict[str, Outcome]) -> Table:
+def _chosen_table(title: str, outcomes: dict[str, Outcome]) -> Table:
     return Table(
-        f"Tracking: {name}",
+        f"Tracking: {title}",
         "free device, b 0.1, 10 ms each way and the impairment, depth 6 ms, 3 slots repeated: "
         "error while the hand moves (rms) and 3 s after it rests, standard deviation of the "
         "change of effort, greatest effort (limit 0.5 N m)",
         ("receiver", "rms_mrad", "rest_mrad", "chatter_mNm", "peak_Nm", "excess_j"),
         [
-            [law, 1e3 * o.rms, 1e3 * o.rest, 1e3 * o.chatter, o.peak, o.excess]
-            for law, o in outcomes.items()
+            [name, 1e3 * o.rms, 1e3 * o.rest, 1e3 * o.chatter, o.peak, o.excess]
+            for name, o in outcomes.items()
         ],
     )
 
