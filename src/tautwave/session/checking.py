@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, bus_spec
@@ -132,6 +133,7 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
         facts.append(("scene limit", hold_fact(rig)))
     facts.extend((f"pair {name}", pair_sentence(rig, name, delays)) for name in rig.coupling.pairs)
     if rig.scene is None:
+        facts.extend(_choices(rig))
         facts.extend(coupling_messages(rig).facts(rig, delays))
         facts.extend(coupling_messages(rig).hints(rig))
     for axis_name, axis in rig.axes.items():
@@ -184,6 +186,14 @@ def _coupling(rig: Rig) -> str:
     if rig.scene is not None:
         return f"none: the master's axes touch a scene, {_scheme(rig)}"
     return coupling_messages(rig).coupling(rig)
+
+
+def _choices(rig: Rig) -> Iterator[tuple[str, str]]:
+    """Yield what the law chose for each key that the file leaves to it, and why."""
+    for path, choice in rig.choices.items():
+        _, pair, key = path.split(".")
+        short = key if len(rig.coupling.pairs) == 1 else f"{pair}.{key}"
+        yield f"{short} auto", choice.reason
 
 
 def _scheme(rig: Rig) -> str:
