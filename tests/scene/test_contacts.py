@@ -271,9 +271,11 @@ def press_on(rig: Any, stiffness: float, rng: np.random.Generator) -> Trial:
     start = energy() + booked.kinetic + booked.stored
     for _ in range(6000):
         push = bias - asked
-        x, v, before = (1.0 - spring * xn) * x + (xv - damping * xn) * v + xn * push, (
-            -spring * vn * x + (1.0 + vv - damping * vn) * v + vn * push
-        ), x
+        x, v, before = (
+            (1.0 - spring * xn) * x + (xv - damping * xn) * v + xn * push,
+            (-spring * vn * x + (1.0 + vv - damping * vn) * v + vn * push),
+            x,
+        )
         site.position = x
         site.end.absorbed += asked * (x - before)
         moved = model.advance([x])[0]
