@@ -109,7 +109,8 @@ def _passive(
     unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
     if axis.damping.lower <= 0.0:
         return Verdict(
-            False, f"{name}: nothing is known of the device's damping; give damping.lower"
+            False,
+            f"{name}: nothing is known of the device's damping; give damping.lower, however small",
         )
     if claim.leak > claim.effort * claim.velocity:
         return Verdict(
@@ -178,12 +179,13 @@ def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
         )
     keys = coupling.pairs[pair]
     assert isinstance(keys, WavePair)
-    yield _fine(
-        f"wave filters of {pair}",
-        "filter",
-        pair,
-        f"|H| <= 1 at every frequency ({keys.wave_filter_hz:g} Hz)",
-    )
+    if keys.wave_filter_hz is not None:
+        yield _fine(
+            f"wave filters of {pair}",
+            "filter",
+            pair,
+            f"|H| <= 1 at every frequency ({keys.wave_filter_hz:g} Hz)",
+        )
     scale = pair_scale(keys)
     if abs(scale.power - 1.0) > 1e-12:
         yield _fine(
@@ -212,7 +214,7 @@ def _joules(value: float) -> str:
 def _remedy(rig: Rig, pair: str) -> str:
     keys = rig.coupling.pairs[pair]
     assert isinstance(keys, WavePair)
-    return f"Lower wave_impedance {keys.wave_impedance:g}, or change the poles."
+    return f"Lower wave_impedance {keys.impedance:g}, or change the poles."
 
 
 verdict = CouplingVerdict(
