@@ -128,9 +128,10 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
     if any(way.way in (Way.SERVED, Way.ELSEWHERE) for way in ways.values()):
         facts.append(("--clock fake", "simulates every bus in memory"))
     if rig.scene is not None:
-        from tautwave.session.scene_pace import pace_fact
+        from tautwave.session.scene_pace import hold_fact, pace_fact
 
         facts.append(("scene time", pace_fact(rig)))
+        facts.append(("scene limit", hold_fact(rig)))
     facts.extend((f"pair {name}", pair_sentence(rig, name, delays)) for name in rig.coupling.pairs)
     if rig.scene is None:
         facts.extend(_choices(rig))

@@ -17,6 +17,9 @@ WATCHED_S = 1.0
 
 LIMP_SHARE = 0.1
 
+EMPTY_SHARE = 1e-9
+"""Share of the reserve below which a tank is empty."""
+
 PATIENCE_S = 10.0
 """For so long a port may owe more than a period's way at the velocity limit [s]."""
 
@@ -108,6 +111,7 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
         delay=axis.delay,
         watch=axis.period / WATCHED_S,
         limp=LIMP_SHARE,
+        empty=EMPTY_SHARE * reserve,
         astray=port.root * axis.velocity_limit * axis.period,
         patience=round(PATIENCE_S / axis.period),
     )
