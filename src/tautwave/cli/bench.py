@@ -183,6 +183,32 @@ def lanes(as_json: bool) -> None:
     _print([_backend().lanes(tell=_tell)], as_json)
 
 
+@bench.command(short_help="The wave port against the one before it and a laboratory's PD.")
+@click.option(
+    "--recordings",
+    type=click.Path(file_okay=False, exists=True, path_type=Path),
+    help="Folder of recorded hands, <set>_<free_motion|foam|spring|rigid>.csv; without it hands "
+    "are multisines.",
+)
+@click.option("--quick", is_flag=True, help="One hand per contact, 10 s of holding.")
+@click.option("--cost", is_flag=True, help="Measure CPU time too; numba compiles for a minute.")
+@out_option("Directory for the picture of a held force; default: none.")
+@json_option
+def port(recordings: Path | None, quick: bool, cost: bool, out: Path | None, as_json: bool) -> None:
+    """Compare tracking, holding and cost of the wave port: before, after, lab.
+
+    On the identified bench at 2 kHz, in one simulator. Before is the port with an account and a
+    velocity filter, lab a position-position PD. Takes minutes.
+
+    \b
+    Examples:
+        tautwave bench port --quick
+        tautwave bench port --recordings teleop-1dof --out pictures
+    """
+    suite = _backend().port(recordings=recordings, quick=quick, cost=cost, out=out, tell=_tell)
+    _print([suite], as_json)
+
+
 @bench.command(
     short_help="Mass-interaction networks: speed relative to real time, and scaling with size."
 )
