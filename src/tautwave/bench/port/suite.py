@@ -13,6 +13,7 @@ from tautwave.bench.port.cost import port_costs
 from tautwave.bench.port.figure import held_figure
 from tautwave.bench.port.hands import CONTACTS, Hand, recorded_hands, synthetic_hands
 from tautwave.bench.port.hold import RESTING_S, Held, hold
+from tautwave.bench.port.line import line_table
 from tautwave.bench.port.rigs import FILTER_HZ, IMPEDANCE, LAWS, POLE
 from tautwave.bench.port.tracking import Score, gripped, imposed
 from tautwave.bench.result import Goal, Suite, Table, Value
@@ -85,7 +86,8 @@ def port(
         held[noise] = {law: hold(law, noise, seconds) for law in LAWS}
     tell("a hand that rests before a wall")
     resting = {law: hold(law, NOISES[0], RESTING_S, resting=True) for law in LAWS}
-    tables += [_held_table(held, seconds), _resting_table(resting)]
+    tell("a line of 20 ms")
+    tables += [_held_table(held, seconds), _resting_table(resting), line_table()]
     goals += _held_goals(held, resting)
     if cost:
         table, more = port_costs(20 if quick else 40, tell)
@@ -94,7 +96,7 @@ def port(
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         drawn = held_figure(*(held[NOISES[0]][law] for law in ("before", "after", "lab")))
-        text = canvas.svg(drawn, PICTURE, "A held force over time, before and after")
+        text = canvas.alone(canvas.svg(drawn, PICTURE, "A held force over time, before and after"))
         (out / f"{PICTURE}.svg").write_text(text, encoding="utf-8")
     return Suite("port", tables, goals)
 
@@ -220,8 +222,8 @@ def _held_goals(
     found = held[NOISES[0]]["after"]
     return [
         *goals,
-        Goal("motor over line effort, off by", 0.005, "times", abs(found.share - 1.0)),
+        Goal("motor over line effort, off by", 0.005, "of 1", abs(found.share - 1.0)),
         Goal("drift of a held force", 0.1, "mrad", 1e3 * abs(found.drift)),
-        Goal("waves cut while holding", 0.0, "times", found.cut),
+        Goal("waves cut while holding", 0.0, "of all", found.cut),
         Goal("error of a resting hand", 3.0, "mrad", 1e3 * resting["after"].error),
     ]
