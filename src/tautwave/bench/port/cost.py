@@ -20,17 +20,17 @@ COMPARED = ("before", "after")
 
 def port_costs(rounds: int, tell: Callable[[str], None]) -> tuple[Table, list[Goal]]:
     """Return think, close and kernel of the port before and after, and their goals."""
-    rigs = {law: bench_rig(law, HELD, WALL, noise=9e-5, seconds=SECONDS) for law in COMPARED}
+    rigs = {port: bench_rig(port, HELD, WALL, noise=9e-5, seconds=SECONDS) for port in COMPARED}
     tell("steps of the port, plain Python")
     cases = []
-    for law, rig in rigs.items():
+    for port, rig in rigs.items():
         delay = command_delays(rig)["master.lever"]
         end = end_constants(rig, "master.lever", delay)
-        cases.append(SiteCase(law, SITE, coupling_law(rig), end))
+        cases.append(SiteCase(port, SITE, coupling_law(rig), end))
     taken = costs(works_of(cases), rounds)
     rows: list[list[Value]] = []
     for part in PARTS:
-        before, after = (taken[f"{law}/{part}"].median_ns for law in COMPARED)
+        before, after = (taken[f"{port}/{part}"].median_ns for port in COMPARED)
         rows.append([f"{part}, plain Python", before, after, after / before])
     kernel = None
     if has_numba():
@@ -40,7 +40,8 @@ def port_costs(rounds: int, tell: Callable[[str], None]) -> tuple[Table, list[Go
         rows.append(["step of the bench, compiled", *steps.values(), kernel])
     table = Table(
         "What the port costs, per axis and cycle",
-        "CPU time in chunks between two calibrations, median; both in the controller as it is now",
+        "CPU time in chunks between two calibrations, median; both in the controller as it is now; "
+        "before writes no books",
         ("part", "before_ns", "after_ns", "ratio"),
         rows,
     )

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.errors import ConfigError
+from tautwave.motion import read_recording, recorded_positions
 
 Float = npt.NDArray[np.float64]
 
@@ -71,15 +72,15 @@ def recorded_hands(folder: Path, seconds: float = math.inf) -> list[Hand]:
         ending = [each for each in FILES if name.endswith(f"_{each}")]
         if not ending:
             continue
-        lines = np.genfromtxt(path, delimiter=",", names=True)
         master, slave = "master_position_rad", "slave_position_rad"
-        if lines.dtype.names is None or not {master, slave} <= set(lines.dtype.names):
-            raise ConfigError(f"{path}: has no columns {master} and {slave}; give recordings")
         if name.removesuffix(f"_{ending[0]}") in SWAPPED:
             master, slave = slave, master
-        count = int(min(len(lines), seconds / PERIOD))
-        moved, off = lines[master][:count], (lines[master] - lines[slave])[:count]
-        found.append(Hand(name, FILES[ending[0]], moved, off))
+        (times, moved), (_, far) = (
+            read_recording(path, each, "time_s") for each in (master, slave)
+        )
+        new = np.arange(0.0, min(float(times[-1] - times[0]), seconds) + 0.5 * PERIOD, PERIOD)
+        moved, far = (recorded_positions(times, each, new, False) for each in (moved, far))
+        found.append(Hand(name, FILES[ending[0]], moved, moved - far))
     if not found:
         raise ConfigError(
             f"{folder}: has no recording; their names end in "

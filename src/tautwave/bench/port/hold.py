@@ -49,10 +49,10 @@ class Held(NamedTuple):
     errors: Float
 
 
-def hold(law: str, noise: float, seconds: float, *, resting: bool = False) -> Held:
+def hold(port: str, noise: float, seconds: float, *, resting: bool = False) -> Held:
     """Hold 0.3 N m (or rest at 0.1 rad before a wall) with a law, devices without dry friction."""
     rig = bench_rig(
-        law,
+        port,
         RESTING if resting else HELD,
         NEARER if resting else WALL,
         noise=noise,
@@ -73,7 +73,7 @@ def hold(law: str, noise: float, seconds: float, *, resting: bool = False) -> He
         reserve = end_constants(rig, "slave.lever", command_delays(rig)["slave.lever"]).port.reserve
         cut = float(np.mean(run["lever.port_slave.stored"][:end] < (EMPTY - 1.0) * reserve))
     if "slave.lever.wave_in" in run.columns:
-        impedance = BEFORE_B if law == "before" else IMPEDANCE
+        impedance = BEFORE_B if port == "before" else IMPEDANCE
         arriving, leaving = run["slave.lever.wave_in"][last], run["slave.lever.wave_out"][last]
         line = -math.sqrt(0.5 * impedance) * float(np.mean(arriving - leaving))
         share = float(np.mean(efforts[last])) / line

@@ -83,9 +83,9 @@ def port(
     held = {}
     for noise in noises:
         tell(f"{seconds:g} s of a held force, noise {noise:g} rad")
-        held[noise] = {law: hold(law, noise, seconds) for law in LAWS}
+        held[noise] = {name: hold(name, noise, seconds) for name in LAWS}
     tell("a hand that rests before a wall")
-    resting = {law: hold(law, NOISES[0], RESTING_S, resting=True) for law in LAWS}
+    resting = {name: hold(name, NOISES[0], RESTING_S, resting=True) for name in LAWS}
     tell("a line of 20 ms")
     tables += [_held_table(held, seconds), _resting_table(resting), line_table()]
     goals += _held_goals(held, resting)
@@ -95,7 +95,7 @@ def port(
         goals += more
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
-        drawn = held_figure(*(held[NOISES[0]][law] for law in ("before", "after", "lab")))
+        drawn = held_figure(*(held[NOISES[0]][name] for name in ("before", "after", "lab")))
         text = canvas.alone(canvas.svg(drawn, PICTURE, "A held force over time, before and after"))
         (out / f"{PICTURE}.svg").write_text(text, encoding="utf-8")
     return Suite("port", tables, goals)
@@ -105,13 +105,13 @@ def _gripped_table(scores: Mapping[str, Mapping[str, Score]], noise: float, whos
     rows: list[list[Value]] = []
     for contact, by in scores.items():
         row: list[Value] = [contact]
-        for law in LAWS:
-            row += [1e3 * by[law].error, 1e3 * by[law].chatter]
+        for name in LAWS:
+            row += [1e3 * by[name].error, 1e3 * by[name].chatter]
         after, lab = by["after"], by["lab"]
         rows.append([*row, after.error / lab.error, after.chatter / lab.chatter])
     columns = ["contact"]
-    for law in LAWS:
-        columns += [f"{law}_mrad", f"{law}_mNm"]
+    for name in LAWS:
+        columns += [f"{name}_mrad", f"{name}_mNm"]
     return Table(
         f"A hand of 3 N m/rad follows a path, encoder noise {noise:g} rad",
         f"rms of master minus slave, and of the motors above 20 Hz; {whose}; {SETTING}; before: "
@@ -143,7 +143,7 @@ def _imposed_table(
             [
                 hand.name,
                 hand.contact,
-                *(1e3 * by[law].error for law in LAWS),
+                *(1e3 * by[name].error for name in LAWS),
                 None if math.isnan(share) else share,
             ]
         )
@@ -151,7 +151,7 @@ def _imposed_table(
         "The master is moved as recorded, whatever it feels; no noise",
         f"rms of master minus slave [mrad], and after over what the laboratory recorded; {whose}; "
         f"{SETTING}",
-        ("hand", "contact", *(f"{law}_mrad" for law in LAWS), "after_over_recorded"),
+        ("hand", "contact", *(f"{name}_mrad" for name in LAWS), "after_over_recorded"),
         rows,
     )
 
@@ -175,7 +175,7 @@ def _imposed_goals(moved: Mapping[str, Mapping[str, Score]], hands: Sequence[Han
 def _held_table(held: Mapping[float, Mapping[str, Held]], seconds: float) -> Table:
     rows: list[list[Value]] = [
         [
-            law,
+            name,
             noise,
             -1e3 * found.effort,
             _known(found.share),
@@ -184,7 +184,7 @@ def _held_table(held: Mapping[float, Mapping[str, Held]], seconds: float) -> Tab
             1e3 * found.chatter,
         ]
         for noise, by in held.items()
-        for law, found in by.items()
+        for name, found in by.items()
     ]
     return Table(
         f"0.3 N m pressed against 250 N m/rad for {seconds:g} s, devices without dry friction",
@@ -204,7 +204,7 @@ def _resting_table(resting: Mapping[str, Held]) -> Table:
         f"A hand rests at 0.1 rad, a wall of 250 N m/rad is at 0.05 rad; {RESTING_S:g} s",
         "rms of master minus slave over the whole run, and effort of the slave at the end",
         ("law", "error_mrad", "effort_mNm"),
-        [[law, 1e3 * found.error, -1e3 * found.effort] for law, found in resting.items()],
+        [[name, 1e3 * found.error, -1e3 * found.effort] for name, found in resting.items()],
     )
 
 

@@ -47,7 +47,7 @@ def chatter(values: Float) -> float:
     return rms(np.fft.irfft(parts, len(values)))
 
 
-def score(hand: Hand, law: str, noise: float, folder: Path, grip: str = GRIP) -> Score:
+def score(hand: Hand, port: str, noise: float, folder: Path, grip: str = GRIP) -> Score:
     """Let a hand move the bench with a law.
 
     Raises
@@ -56,10 +56,12 @@ def score(hand: Hand, law: str, noise: float, folder: Path, grip: str = GRIP) ->
         The run ended early.
     """
     reference = f"{{type: recording, file: {hand.write(folder)}, column: hand, repeat: false}}"
-    rig = bench_rig(law, reference, MET[hand.contact], noise=noise, seconds=hand.seconds, grip=grip)
+    rig = bench_rig(
+        port, reference, MET[hand.contact], noise=noise, seconds=hand.seconds, grip=grip
+    )
     run = simulate(rig, engine="python")
     if run.error is not None:
-        raise SafetyStop(f"{hand.name}, {law}: {run.error}")
+        raise SafetyStop(f"{hand.name}, {port}: {run.error}")
     count = len(hand.positions) - round((SETTLED_S + RELEASED_S) / PERIOD)
     began = round((LEAD_S + SETTLED_S) / PERIOD)
     part = slice(began, began + count)
@@ -83,9 +85,9 @@ def gripped(
             continue
         tell(f"hands through a grip, {contact}, noise {noise:g} rad")
         found[contact] = {}
-        for law in LAWS:
-            scores = [score(hand, law, noise, folder) for hand in met]
-            found[contact][law] = Score(
+        for port in LAWS:
+            scores = [score(hand, port, noise, folder) for hand in met]
+            found[contact][port] = Score(
                 rms(np.array([each.error for each in scores])),
                 rms(np.array([each.chatter for each in scores])),
             )
@@ -97,5 +99,5 @@ def imposed(hands: Sequence[Hand], folder: Path, tell: Tell) -> dict[str, dict[s
     found = {}
     for hand in hands:
         tell(f"imposed motion, {hand.name}")
-        found[hand.name] = {law: score(hand, law, 0.0, folder, IMPOSED) for law in LAWS}
+        found[hand.name] = {port: score(hand, port, 0.0, folder, IMPOSED) for port in LAWS}
     return found
