@@ -52,7 +52,7 @@ def giving_way(c: CoupledControl) -> Iterator[Any]:
         yield master
 
 
-def test_an_overdrawn_port_stops_with_its_numbers_and_sends_nothing_while_in_debt() -> None:
+def test_an_overdrawn_port_stops_with_its_numbers_and_sends_nothing_below_its_floor() -> None:
     c = control(*QUIET, "master.axes.lever.position_range=null")
     for master in giving_way(c):
         if master.stopping:
@@ -64,7 +64,7 @@ def test_an_overdrawn_port_stops_with_its_numbers_and_sends_nothing_while_in_deb
     x = master.position
     for at in range(1, 60):
         x += 5e-3 if at % 2 else -5e-3
-        assert step(c, slot + at, x).end.account <= 0.0
+        assert step(c, slot + at, x).end.account < -c.params[0].end.port.reserve
         assert master.command == 0.0
 
 
