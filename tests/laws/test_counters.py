@@ -23,7 +23,7 @@ from tautwave.laws.counters import (
 
 counters = st.integers(0, SPAN - 1)
 periods = st.sampled_from([1e-4, 0.5e-3, 1e-3, 2e-3])
-waves = st.floats(-30.0, 30.0)
+waves = st.floats(-1000.0, 1000.0)
 EXACT_QUANTUM = Fraction(1, 2**40)
 
 
@@ -35,7 +35,7 @@ def test_a_change_is_what_lies_between(counter: int, change: int) -> None:
     assert float(later) == later
 
 
-@given(periods, st.lists(st.integers(-(10**11), 10**11), max_size=30))
+@given(periods, st.lists(st.integers(-(10**12), 10**12), max_size=30))
 def test_what_is_charged_covers_what_is_given_out_and_hardly_more(
     period: float, given_out: list[int]
 ) -> None:
@@ -73,7 +73,7 @@ def test_an_integral_is_off_by_half_a_quantum_however_long(
         total += change
         exact += Fraction(wave * period / WAVE_QUANTUM)
     # The one float that is carried rounds too: 2**-53 of a wave's quanta each time.
-    assert abs(total - exact) <= Fraction(1, 2) + len(left) * Fraction(1, 2**12)
+    assert abs(total - exact) <= Fraction(1, 2) + len(left) * Fraction(1, 2**10)
 
 
 @pytest.mark.parametrize("period", [0.5e-3, 2e-3])

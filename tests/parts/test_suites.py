@@ -40,7 +40,8 @@ class TestWave(CouplingContract):
 class TestObserved(CouplingContract):
     @pytest.fixture
     def bench(self) -> CouplingBench:
-        keys = {"wave_impedance": 0.02, "wave_filter_hz": 100.0}
+        keys = {"wave_impedance": 0.02, "wave_filter_hz": 100.0, "pole_master": 0.5}
+        keys["pole_slave"] = 0.5
         return CouplingBench(registry.load_coupling("observed_wave"), "observed_wave", keys)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from tautwave.bench.buses import buses
 from tautwave.bench.extremes.suite import extremes
+from tautwave.bench.lines.suite import network
 from tautwave.bench.networks import networks
 from tautwave.bench.plain.lanes import lanes
 from tautwave.bench.result import Goal, Suite, Table
@@ -23,6 +24,7 @@ __all__ = [
     "lanes",
     "laws",
     "loop",
+    "network",
     "networks",
     "rates",
     "workprecision",

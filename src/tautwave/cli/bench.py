@@ -197,6 +197,27 @@ def networks(as_json: bool) -> None:
     _print([_backend().networks(tell=_tell)], as_json)
 
 
+@bench.command(short_help="A pair over random networks: energy, position, force.")
+@click.option("--patterns", type=click.IntRange(1), default=1000, show_default=True)
+@click.option(
+    "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first one."
+)
+@json_option
+def network(patterns: int, first: int, as_json: bool) -> None:
+    """Run a pair over random networks with our receiver, and with those in common use.
+
+    Counts where more energy came out of a receiver than went into the far end: 0 for ours, to the
+    bit. Then chosen networks (jitter, loss, bursts, an outage) side by side, and a force held for
+    a minute on two clocks. Two minutes for each 1,000 patterns.
+
+    \b
+    Examples:
+        tautwave bench network
+        tautwave bench network --patterns 100000 --json
+    """
+    _print([_backend().network(patterns=patterns, first=first, tell=_tell)], as_json)
+
+
 def _backend() -> Any:
     return importlib.import_module("tautwave.bench")
 

@@ -54,8 +54,9 @@ class PortParams(NamedTuple):
     period T [s]; impedance b; root = sqrt(2 b); half_mobility = T / (2 mass lower bound);
     divisor = 1 + b half_mobility + b slip; slip = 1 / series damper, 0 without, 1/b to match the
     line; lead: periods from a sample to the middle of the period in which its command acts;
-    filter_gain: step of the wave filter, 1 without; repay: share of the unsent wave integral that
-    is sent per period; reserve E0 [J]; leak [J per period].
+    filter_gain: step of the wave filter, 1 without; kept [J/W]: what the filter still has to send
+    per squared wave; repay: share of the unsent wave integral that is sent per period; reserve E0
+    [J]; leak [J per period].
     """
 
     period: float
@@ -66,6 +67,7 @@ class PortParams(NamedTuple):
     slip: float
     lead: float
     filter_gain: float
+    kept: float
     repay: float
     reserve: float
     leak: float
@@ -117,6 +119,7 @@ def port_params(
         slip,
         delay + 0.5,
         filter_gain,
+        0.5 * period * (1.0 - filter_gain) / filter_gain,
         period / (period + drift_time),
         reserve,
         leak,
@@ -165,7 +168,7 @@ def port_effort(
     if given > 0.0:
         # Absorbing is never taken away; giving is limited to what is there.
         funds = account + 0.5 * p.period * arriving * arriving
-        if given > funds:
+        if not given <= funds:
             if funds > 0.0:
                 return effort * (funds / given)
             return 0.0
@@ -236,23 +239,27 @@ def port_close(
         arriving = wave_sum / periods
     plain = p.root * (advance / span - slipped) - arriving
     filtered = filtered + p.filter_gain * (plain - filtered)
-    leaving = filtered + repayment(p, account, gap, filtered)
+    leaving = filtered
+    if gap != 0.0:
+        leaving = filtered + repayment(p, account, gap, filtered)
     if cut:
         carried = arriving * arriving + 2.0 * effort * displacement / span
         if carried > 0.0:
             leaving = clamp(leaving, math.sqrt(carried))
         else:
             leaving = 0.0
-    if account > 0.0:
-        leaving = clamp(leaving, math.sqrt(2.0 * account / period))
-    else:
-        leaving = 0.0
+    sent = 0.5 * period * leaving * leaving
+    if not sent <= account:  # NaN is not
+        if account > 0.0:
+            leaving = clamp(leaving, math.sqrt(2.0 * account / period))
+        else:
+            leaving = 0.0
+        sent = 0.5 * period * leaving * leaving
     # Slots without a sample sent nothing: their share of the integral is kept.
     gap = gap + period * (filtered - leaving) + (periods - 1.0) * period * plain
-    sent = 0.5 * period * leaving * leaving
     account = account - sent
     spilled = 0.0
-    full = p.reserve + filter_energy(p, filtered)
+    full = p.reserve + p.kept * filtered * filtered
     if account > full:
         spilled = account - full
         account = full
@@ -266,10 +273,3 @@ def repayment(p: PortParams, account: float, gap: float, filtered: float) -> flo
         return 0.0
     bound = math.sqrt(filtered * filtered + 2.0 * spare / p.period)
     return clamp(filtered + p.repay * gap / p.period, bound) - filtered
-
-
-def filter_energy(p: PortParams, filtered: float) -> float:
-    """Return what the wave filter still has to send [J]."""
-    if p.filter_gain == 1.0:
-        return 0.0
-    return 0.5 * p.period * (1.0 - p.filter_gain) / p.filter_gain * filtered * filtered

@@ -40,7 +40,17 @@ from tautwave.rig.truth import (
     simulated_axes,
     true_delay_s,
 )
-from tautwave.rig.ways import BusWay, Simulate, Way, as_taken, bus_ways, choose_way, overlaid
+from tautwave.rig.ways import (
+    BusWay,
+    Simulate,
+    Way,
+    as_taken,
+    bus_ways,
+    choose_way,
+    overlaid,
+    real_buses,
+    without_truth,
+)
 
 __all__ = [
     "NO_WALL",
@@ -77,6 +87,7 @@ __all__ = [
     "overlaid",
     "pair_params",
     "pair_scale",
+    "real_buses",
     "run_params",
     "simulated_axes",
     "site_params",
@@ -87,4 +98,5 @@ __all__ = [
     "wall_params",
     "wave_gain",
     "wave_port",
+    "without_truth",
 ]

@@ -1,4 +1,4 @@
-"""How much of a wave a port returns on the worst device of a class, frequency by frequency.
+"""Does a port return more of a wave than arrives on any device of a class? A proof, or where.
 
 A class is given by what is sure of the impedance Z = R + jX that the motor feels, device, hand and
 environment together, at every frequency w > 0:
@@ -12,15 +12,12 @@ admittance is a weighted mean of the true one at the frequencies which the sampl
 
     Y*(theta) = sum_n s_n Y(j w_n),  w_n = (theta + 2 pi n) / T,  s_n = sinc(w_n T / 2)**2,
 
-and sum s_n = 1. At each w_n the class allows the part of the disc |Y - 1/(2d)| <= 1/(2d) with
-X >= m w - K/w, another disc; the weighted sum of their convex hulls is a convex set known by its
-support function, with corners, arcs and all.
-
-The returned wave is a Moebius map of Y*: S = (A Y* + B) / (C Y* + E). Hence |H S| > 1 inside (or
-outside) one disc of Y*, and the port is contracting on the whole class exactly as far as that disc
-and the convex set do not meet: a line that separates them proves it. No device is sampled. The set
-holds Y = 0, so that each device can be stiffened into a locked lever within it, on which C Y + E
-has no zero on the circle: stable on the locked lever is stable on the class.
+and sum s_n = 1: a parallel device under a held effort is in it exactly, not through a bilinear
+approximation. The returned wave is a Moebius map of Y*, S = (A Y* + B) / (C Y* + E), known exactly
+(`reflection`); that |H S| <= 1 for all of Y* and theta is proved cell by cell (`contraction`). No
+device and no frequency is sampled. The class holds Y* = 0, so that each device can be stiffened
+into a locked lever within it, on which C Y* + E has no zero on the circle: stable on the locked
+lever, which Schur's test decides, is stable on the class.
 
 Sources: the weights are those of Colgate & Schenkel 1997 for a held wall, applied to the
 device; the rest is derived here.
@@ -34,26 +31,25 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.analysis.wave_port.sensor_noise import observer_response
+from tautwave.analysis.wave_port.contraction import Folded, least, prove, touching
+from tautwave.analysis.wave_port.reflection import Reflection, reflection
 from tautwave.laws.observer import ObserverParams
 from tautwave.laws.port import PortParams
 
-Complex = npt.NDArray[np.complex128]
 Float = npt.NDArray[np.float64]
 
-FOLDS = 6
-"""Frequencies folded in on each side; the rest is bounded as one."""
+ROUNDED = 1e-15
+"""Share by which the class is taken larger than stated, for the rounding of its numbers."""
 
-DIRECTIONS = 96
-NARROWINGS = 14
-LOWEST = 5e-4
-"""Least theta of the grid: from 1e-2 down the gain is 1 - c theta**2, of one sign."""
+POINTS = np.geomspace(1e-4, math.pi, 96)
+"""Frequencies at which a gain is computed; a guide, never a proof."""
 
-TURNS = 2048
-"""Frequencies at which the port on a locked lever is followed round the circle."""
+SHARPLY = np.geomspace(0.1, 1e3, 14)
+"""Distances from the class' resonance, in its widths, of further such frequencies."""
 
-TOLERANCE = 1e-9
-"""Excess of a gain over 1 that is rounding."""
+STEPS, NEAR_STEPS = 14, 7
+RETREAT = (0.999, 0.99, 0.97, 0.9, 0.8, 0.6, 0.4, 0.2, 0.1, 0.01)
+"""Shares of the stiffest spring that points suggest, at which a proof is tried."""
 
 
 class DeviceClass(NamedTuple):
@@ -68,60 +64,21 @@ class DeviceClass(NamedTuple):
 
 
 class ClassGain(NamedTuple):
-    """Greatest share of a wave returned over a class [1], and the theta = w T where it is."""
+    """How much of a wave may return over a class [1].
+
+    greatest: 1 where that is proved (standing, all returns), else what a device of the class was
+    found to return, at theta = w T.
+    """
 
     greatest: float
     theta: float
-
-    @property
-    def contracting(self) -> bool:
-        """Whether no wave leaves larger than it came, to rounding."""
-        return self.greatest <= 1.0 + TOLERANCE
-
-
-class Moebius(NamedTuple):
-    """S = (a Y + b) / (c Y + e) per frequency, and the filter's |H|**2; each of shape (n,)."""
-
-    a: Complex
-    b: Complex
-    c: Complex
-    e: Complex
-    low_pass: Float
-
-
-def returned_wave(
-    p: PortParams, observer: ObserverParams, delay_periods: int, theta: Float
-) -> Moebius:
-    """Return what a port makes of a wave, as a map of the sampled admittance at e^(j theta)."""
-    z = np.exp(1j * theta)
-    q = 1.0 / z
-    x, by_effort = observer_response(observer, theta)
-    lead, b = p.period * p.lead, p.impedance
-    late = q**delay_periods
-    under_way = sum((q**at for at in range(1, delay_periods + 1)), np.zeros_like(q))
-    # predicted mean velocity of the acting period, per true velocity and per effort
-    by_velocity = late * (x[1] + lead * x[2]) * p.period / (z - 1.0)
-    fed = late * (by_effort[1] + lead * by_effort[2]) - p.half_mobility * (1.0 + 2.0 * under_way)
-    sent_velocity, sent_fed = x[0], (z - 1.0) / p.period * by_effort[0]
-    slipped = b * p.slip
-    low_pass = p.filter_gain / np.abs(1.0 - (1.0 - p.filter_gain) * q)
-    return Moebius(
-        a=2.0 * b * sent_velocity - b * by_velocity,
-        b=b * fed - 2.0 * b * sent_fed - (1.0 - slipped),
-        c=b * by_velocity,
-        e=1.0 + slipped - b * fed,
-        low_pass=low_pass * low_pass,
-    )
+    contracting: bool
 
 
 def class_gain(
-    p: PortParams,
-    observer: ObserverParams,
-    delay_periods: int,
-    devices: DeviceClass,
-    theta: Float | None = None,
+    p: PortParams, observer: ObserverParams, delay_periods: int, devices: DeviceClass
 ) -> ClassGain:
-    """Return the greatest |H S| over a class of devices.
+    """Return that |H S| <= 1 over a class of devices is proved, or the gain that was found.
 
     Parameters
     ----------
@@ -131,123 +88,100 @@ def class_gain(
         Whole periods until a command acts.
     devices : DeviceClass
         The class; damping > 0.
-    theta : ndarray of shape (n,), optional
-        Frequencies w T in (0, pi); a grid that is fine where it matters, if None.
     """
-    if theta is None:
-        theta = frequencies(p.period, devices)
-    if not stable_when_locked(p, observer, delay_periods):
-        return ClassGain(math.inf, math.pi)
-    s = returned_wave(p, observer, delay_periods, theta)
-    # |c Y + e|**2 - |H|**2 |a Y + b|**2 = curve |Y|**2 + 2 Re(slope Y) + rest >= 0
-    curve = np.abs(s.c) ** 2 - s.low_pass * np.abs(s.a) ** 2
-    slope = s.c * np.conj(s.e) - s.low_pass * s.a * np.conj(s.b)
-    rest = np.abs(s.e) ** 2 - s.low_pass * np.abs(s.b) ** 2
-    centre = -np.conj(slope) / curve
-    square = np.abs(centre) ** 2 - rest / curve
-    inside = curve < 0.0  # then the disc is where the port contracts
-    distance, point = _distances(p.period, devices, theta, centre, inside)
-    excess = curve * (square - distance * np.abs(distance))
-    gain = 1.0 + excess / np.abs(s.c * point + s.e) ** 2
-    worst = int(np.argmax(gain))
-    return ClassGain(math.sqrt(max(float(gain[worst]), 0.0)), float(theta[worst]))
+    r = reflection(p, observer, delay_periods)
+    device = _folded(p, devices)
+    found = prove(r, device)
+    if found.proved:
+        return ClassGain(1.0, 0.0, True)
+    if not r.locked:
+        return ClassGain(math.inf, math.pi, False)
+    theta = POINTS if math.isnan(found.theta) else np.append(POINTS, found.theta)
+    gains = _reached(r, device, theta)
+    worst = int(np.argmax(gains))
+    return ClassGain(max(float(gains[worst]), 1.0), float(theta[worst]), False)
 
 
-def stable_when_locked(p: PortParams, observer: ObserverParams, delay_periods: int) -> bool:
-    """Return whether a port is stable on a lever that cannot move.
+def contracting(
+    p: PortParams, observer: ObserverParams, delay_periods: int, devices: DeviceClass
+) -> bool:
+    """Return whether |H S| <= 1 over a class of devices is proved."""
+    return prove(reflection(p, observer, delay_periods), _folded(p, devices)).proved
 
-    Its poles are the zeros of E, which has none of its own outside the circle: E goes round zero
-    as often as it has zeros there.
+
+def stiffest_spring(
+    p: PortParams, observer: ObserverParams, delay_periods: int, devices: DeviceClass
+) -> float:
+    """Return the stiffest spring [N m/rad or N/m] up to which `class_gain` proves contraction.
+
+    `devices.stiffness` is not used. 0 if there is none.
     """
-    theta = 2.0 * math.pi * (np.arange(TURNS) + 0.5) / TURNS
-    locked = returned_wave(p, observer, delay_periods, theta).e
-    turns = np.angle(np.roll(locked, -1) / locked)
-    return bool(np.max(np.abs(turns)) < 0.5 * math.pi and abs(float(np.sum(turns))) < math.pi)
+    guide = suggested_spring(p, observer, delay_periods, devices)
+    for share in RETREAT if guide > 0.0 else ():
+        tried = devices._replace(stiffness=share * guide)
+        if contracting(p, observer, delay_periods, tried):
+            return tried.stiffness
+    return 0.0
 
 
-def frequencies(period: float, devices: DeviceClass) -> Float:
-    """Return a grid of theta in (0, pi), dense at the class' resonance."""
-    grid = [np.geomspace(LOWEST, 0.05, 60), np.linspace(0.05, math.pi - 1e-6, 320)]
-    swing = period * math.sqrt(devices.stiffness / devices.mass)
-    width = max(0.5 * devices.damping * period / devices.mass, 1e-6)
-    near = swing + width * np.concatenate([-np.geomspace(0.05, 40, 24), np.geomspace(0.05, 40, 24)])
-    grid.append(near[(near > LOWEST) & (near < math.pi)])
-    return np.unique(np.concatenate(grid))
-
-
-def support(devices: DeviceClass, frequency: Float, direction: Complex) -> Float:
-    """Return how far the admittances that a class allows reach in a direction [1/(N s/m) ...].
-
-    Parameters
-    ----------
-    devices : DeviceClass
-        The class.
-    frequency : ndarray
-        w > 0 [rad/s], broadcast with `direction`.
-    direction : ndarray of complex
-        Of length 1.
-    """
-    radius = 0.5 / devices.damping
-    reactance = devices.mass * frequency - devices.stiffness / frequency
-    corner = 1.0 / (devices.damping + 1j * reactance)
-    best = np.maximum(0.0, (np.conj(direction) * corner).real)
-    on_disc = radius + radius * direction  # where the damper's disc reaches farthest
-    size = 0.5 / np.maximum(np.abs(reactance), 1e-300)
-    heavy = reactance > 0.0
-    other = np.where(heavy, -1j, 1j) * size
-    apart = np.abs(on_disc - other)
-    allowed = np.where(heavy, apart <= size * (1.0 + 1e-12), apart >= size)
-    best = np.where(allowed, (np.conj(direction) * on_disc).real, best)
-    on_other = other + size * direction
-    allowed = heavy & (np.abs(on_other - radius) <= radius * (1.0 + 1e-12))
-    return np.where(allowed, np.maximum(best, (np.conj(direction) * on_other).real), best)
-
-
-def sampled_support(period: float, devices: DeviceClass, theta: Float, direction: Complex) -> Float:
-    """Return how far the sampled admittances of a class reach; shapes (n, 1) and (n, k)."""
-    reach = np.zeros(np.broadcast(theta, direction).shape)
-    taken = np.zeros(theta.shape)
-    for at in range(-FOLDS, FOLDS + 1):
-        angle = theta + 2.0 * math.pi * at
-        weight = (np.sin(0.5 * angle) / (0.5 * angle)) ** 2
-        facing = direction if at >= 0 else np.conj(direction)
-        reach = reach + weight * support(devices, np.abs(angle) / period, facing)
-        taken = taken + weight
-    # All that is folded in from higher up is at most this long, whatever its direction.
-    beyond = (2.0 * math.pi * (FOLDS + 0.5)) / period
-    longest = 1.0 / max(devices.mass * beyond - devices.stiffness / beyond, devices.damping)
-    return reach + (1.0 - taken) * longest
-
-
-def _distances(
-    period: float,
+def suggested_spring(
+    p: PortParams,
+    observer: ObserverParams,
+    delay_periods: int,
     devices: DeviceClass,
-    theta: Float,
-    centre: Complex,
-    inside: npt.NDArray[np.bool_],
-) -> tuple[Float, Complex]:
-    """Return, per theta, how far the class stays away from a point, and where it is nearest.
+    from_: float = 0.0,
+    to: float = math.inf,
+) -> float:
+    """Return the stiffest spring within a range at which no frequency of a grid objects."""
+    r = reflection(p, observer, delay_periods)
 
-    Where `inside`, how far it reaches away from the point, and where it is farthest. Negative: the
-    point is in the class.
+    width = np.maximum(0.5 * devices.damping * p.period / devices.mass, 1e-6) * SHARPLY
+
+    def fine(stiffness: float) -> bool:
+        swing = p.period * math.sqrt(stiffness / devices.mass)
+        near = np.concatenate([POINTS, swing - width, swing + width])
+        near = near[(near >= POINTS[0]) & (near <= math.pi)]
+        device = _folded(p, devices._replace(stiffness=stiffness))
+        return bool(np.all(_bounds(r, device, near) >= 0.0))
+
+    if not r.locked or not fine(from_):
+        return 0.0
+    # Nothing is stiffer than what swings at half the rate with the least mass.
+    high = min(to, devices.mass * (math.pi / p.period) ** 2)
+    low = max(from_, 1e-9 * high)
+    if not fine(low):
+        return from_
+    for _ in range(STEPS if from_ == 0.0 else NEAR_STEPS):
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if fine(middle) else (low, middle)
+    return low
+
+
+def _folded(p: PortParams, devices: DeviceClass) -> Folded:
+    less, more = 1.0 - ROUNDED, 1.0 + ROUNDED
+    return Folded(
+        devices.mass / p.period * less, devices.damping * less, devices.stiffness * p.period * more
+    )
+
+
+def _bounds(r: Reflection, device: Folded, theta: Float) -> Float:
+    return least(r, device, theta, np.zeros_like(theta), touching(r, device, theta))
+
+
+def _reached(r: Reflection, device: Folded, theta: Float) -> Float:
+    """Return the greatest |H S| at each theta that devices of the class were found to reach.
+
+    With the class' least reactance or more and its least resistance or more at the frequency
+    itself, and locked at those folded into it.
     """
-    row = theta[:, None]
-    angle = np.tile(np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False), (len(theta), 1))
-    step = 2.0 * math.pi / DIRECTIONS
-    sign = np.where(inside, -1.0, 1.0)[:, None]
-    best = np.zeros((len(theta), 1))
-    value = np.zeros((len(theta), 1))
-    for at in range(NARROWINGS):
-        direction = np.exp(1j * angle)
-        along = (np.conj(direction) * centre[:, None]).real
-        # nearest: the best separating line; farthest: the largest reach
-        gap = sign * (along - sampled_support(period, devices, row, direction)) * sign
-        choose = np.argmax(sign * gap, axis=1)[:, None]
-        best = np.take_along_axis(angle, choose, axis=1)
-        value = np.take_along_axis(gap, choose, axis=1)
-        step = step if at == 0 else step / 3.0
-        angle = best + step * np.linspace(-1.0, 1.0, 7)[None, :]
-    direction = np.exp(1j * best[:, 0])
-    distance = np.where(inside, -value[:, 0], value[:, 0])
-    point = centre - np.where(inside, -distance, distance) * direction
-    return distance, point
+    spread = np.geomspace(1e-3, 1e3, 40)
+    resistance = device.damping * np.concatenate([[1.0], 1.0 + spread])[:, None, None]
+    edge = device.mass * theta - device.stiffness / theta
+    reactance = edge + np.concatenate([[0.0], device.mass * spread])[:, None]
+    y = np.sinc(0.5 * theta / math.pi) ** 2 / (resistance + 1j * reactance)
+    excess, leaving = (
+        curve * np.abs(y) ** 2 + 2.0 * (slope * y).real + rest for curve, slope, rest in r.at(theta)
+    )
+    arriving = np.maximum(excess + leaving, 1e-30 * leaving)
+    found: Float = np.sqrt(np.max(leaving / arriving, axis=(0, 1)))
+    return found

@@ -11,12 +11,14 @@ from tautwave.couplings.wave.records import WaveEndParams
 from tautwave.errors import ConfigError
 from tautwave.laws.observer import ObserverParams, observer_params, plain_observer
 from tautwave.laws.port import PortParams, port_params, port_reserve
-from tautwave.laws.wave_filter import filter_gain
 
 WATCHED_S = 1.0
 """Time over which the share of periods with an empty tank is taken [s]."""
 
 LIMP_SHARE = 0.1
+
+EMPTY_SHARE = 1e-9
+"""Share of the reserve below which a tank is empty."""
 
 PATIENCE_S = 10.0
 """For so long a port may owe more than a period's way at the velocity limit [s]."""
@@ -24,7 +26,7 @@ PATIENCE_S = 10.0
 
 def port_impedance(pair: WavePair, side: str) -> float:
     """Return the wave impedance of the port at one side [N m s/rad or N s/m]."""
-    return pair.in_device_units(side, pair.wave_impedance)
+    return pair.in_device_units(side, pair.impedance)
 
 
 def observer_of(pair: WavePair, side: str, period: float, mass: float) -> ObserverParams:
@@ -50,7 +52,7 @@ def bare_port(
         mass,
         delay=delay,
         matched=pair.matched_master if side == "master" else pair.matched_slave,
-        filter_gain=filter_gain(pair.wave_filter_hz, period),
+        filter_gain=pair.filter_step(period),
         drift_time=pair.drift_time_s,
         reserve=reserve,
         leak=leak,
@@ -83,9 +85,10 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
             f"law observed_wave: the {side}'s axis has no velocity_limit, and without one nothing "
             "bounds what its port may give out; give its greatest safe velocity"
         )
-    if pair.wave_filter_hz > 0.5 / axis.period:
+    corner = pair.wave_filter_hz
+    if isinstance(corner, float) and corner > 0.5 / axis.period:
         raise ConfigError(
-            f"law observed_wave: wave_filter_hz {pair.wave_filter_hz:g} is above half the rate of "
+            f"law observed_wave: wave_filter_hz {corner:g} is above half the rate of "
             f"the {side}'s bus, {0.5 / axis.period:g} Hz; lower it"
         )
     delay = axis.delay + axis.late
@@ -108,6 +111,7 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
         delay=axis.delay,
         watch=axis.period / WATCHED_S,
         limp=LIMP_SHARE,
+        empty=EMPTY_SHARE * reserve,
         astray=port.root * axis.velocity_limit * axis.period,
         patience=round(PATIENCE_S / axis.period),
     )

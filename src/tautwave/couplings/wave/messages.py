@@ -21,10 +21,11 @@ def _coupling(rig: Any) -> str:
 def _pair_plan(rig: Rig, name: str) -> Iterator[PlanLine]:
     keys = rig.coupling.pairs[name]
     assert isinstance(keys, WavePair)
+    corner = keys.wave_filter_hz
+    yield PlanLine(f"wave filters of {name}", corner is not None, f"low-pass at {corner} Hz")
     for side in ("master", "slave"):
         pole = keys.pole(side)
-        why = f"pole {pole}, wave filter at {keys.wave_filter_hz:g} Hz"
-        yield PlanLine(f"observer of {side}.{name}", pole is not None, why, "pole: plain")
+        yield PlanLine(f"observer of {side}.{name}", pole is not None, f"pole {pole}", "plain")
         matched = keys.matched_master if side == "master" else keys.matched_slave
         yield PlanLine(f"matching damper of {side}.{name}", matched, "matched end")
         divisor = rig.axis_divisor(f"{side}.{name}")

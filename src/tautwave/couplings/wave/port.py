@@ -16,8 +16,8 @@ LIMP = OWN_GUARDS + 1
 ASTRAY = OWN_GUARDS + 2
 """Codes of the reasons to stop."""
 
-EMPTY = 1e-9
-"""Share of the reserve below which a tank is empty: it could not pay for the wave."""
+FORGOTTEN = 1e-4
+"""Share of cut waves that is none."""
 
 SHRUNK = 0.99
 """A gap below this share of what it was is being repaid."""
@@ -53,6 +53,7 @@ def start_end(s: AxisState, p: AxisParams, gap: float) -> None:
     e.rate_left = 0
     e.rate_count = 0
     e.cut_left = 0
+    e.watched = False
 
 
 def receive_wave(s: AxisState, p: AxisParams, arriving: float) -> None:
@@ -79,6 +80,7 @@ def close(
     k = p.end
     if math.fabs(s.port_effort - e.wanted) > k.quantum:
         e.cut_left = k.delay + 2
+        e.watched = True
     at, velocity, push = observe(
         k.observer, e.at, e.velocity, e.push, s.position, s.effort_sum / count, count
     )
@@ -100,9 +102,8 @@ def close(
         e.wave_energy,
         e.cut_left > 0,
     )
-    if s.stopping:
-        burnt = 0.0
-    watch_port(s, k, account, gap)
+    if e.watched or not account >= k.empty or not -k.astray < gap < k.astray:
+        watch_port(s, k, account, gap)
     e.at = at
     e.velocity = velocity
     e.push = push
@@ -114,9 +115,10 @@ def close(
     if k.wave != 1.0:
         e.leaving = leaving / k.wave
     e.port_absorbed += absorbed
-    e.damper_dissipated += burnt
     e.leaked += count * k.port.leak
     e.spilled += spilled
+    if burnt != 0.0 and not s.stopping:
+        e.damper_dissipated += burnt
     e.wave_sum = 0.0
     e.wave_energy = 0.0
 
@@ -127,10 +129,10 @@ def watch_port(s: AxisState, k: WaveEndParams, account: float, gap: float) -> No
     if e.cut_left > 0:
         e.cut_left -= 1
         e.owing = 0
-    elif account < EMPTY * k.port.reserve:
+    elif not account >= k.empty:
         e.cut_share += k.watch
     e.cut_share -= k.watch * e.cut_share
-    if account < -k.port.reserve:
+    if not account >= -k.port.reserve:  # NaN is overdrawn
         s.alarm = PORT_OVERDRAWN
         s.told = -account
         s.allowed = k.port.reserve
@@ -139,6 +141,7 @@ def watch_port(s: AxisState, k: WaveEndParams, account: float, gap: float) -> No
         s.told = 100.0 * e.cut_share
         s.allowed = 100.0 * k.limp
     owed = math.fabs(gap)
+    e.watched = e.cut_left > 0 or e.cut_share > FORGOTTEN or owed >= k.astray
     if owed < k.astray:
         e.owing = 0
         return

@@ -6,9 +6,17 @@ from collections.abc import Mapping
 
 from tautwave.config import Rig
 from tautwave.couplings.wave.keys import WavePair
-from tautwave.laws.wave_filter import filter_gain
 from tautwave.types import CommandDelay
 from tautwave.wording import Standing
+
+
+def line_time(rig: Rig, name: str, pair: WavePair, tau: float) -> float:
+    """Return the delay tau [s] of a line with the lag of both ports' filters."""
+    for side in ("master", "slave"):
+        period = rig.axis_period_s(f"{side}.{name}")
+        gain = pair.filter_step(period)
+        tau += 0.5 * period * (1.0 - gain) / gain
+    return tau
 
 
 def standing(rig: Rig, name: str, delays: Mapping[str, CommandDelay], tau: float) -> Standing:
@@ -18,9 +26,5 @@ def standing(rig: Rig, name: str, delays: Mapping[str, CommandDelay], tau: float
     """
     pair = rig.coupling.pairs[name]
     assert isinstance(pair, WavePair)
-    lag = 0.0
-    for side in ("master", "slave"):
-        period = rig.axis_period_s(f"{side}.{name}")
-        gain = filter_gain(pair.wave_filter_hz, period)
-        lag += 0.5 * period * (1.0 - gain) / gain
-    return Standing((tau + lag) / pair.wave_impedance, 1.0, "a port gives all of the line's effort")
+    offset = line_time(rig, name, pair, tau) / pair.impedance
+    return Standing(offset, 1.0, "a port gives all of the line's effort")

@@ -7,107 +7,26 @@ whatever device, hand or noise there is, it gives out no more than its claim.
 
 from __future__ import annotations
 
-import functools
+import math
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
 
-from tautwave.analysis.wave_port.device_class import ClassGain, DeviceClass, class_gain
 from tautwave.certificate.belief import (
     assumed,
     broken_damping,
     broken_delay,
     broken_inertia,
-    stated_contact,
 )
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.certificate.rates import converter_element
 from tautwave.config import Rig
 from tautwave.couplings.wave.claim import Claim, claim_of
-from tautwave.couplings.wave.from_keys import (
-    bare_port,
-    observer_of,
-    port_impedance,
-)
+from tautwave.couplings.wave.device_port import binding, pair_of, port_of, remedy_of
+from tautwave.couplings.wave.from_keys import port_impedance
 from tautwave.couplings.wave.keys import WavePair
-from tautwave.laws.observer import ObserverParams
-from tautwave.laws.port import PortParams
 from tautwave.rig import at_axis_rate, pair_scale
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
-POLES = ("0.5", "0.3", "plain")
-SOFTER = 40
-"""Greatest factor by which a smaller impedance is looked for."""
-
-STEPS = 7
-
-
-class Port(NamedTuple):
-    """One port as the certificate sees it, with the class of its device."""
-
-    port: PortParams
-    observer: ObserverParams
-    delay: int
-    devices: DeviceClass
-
-    def gain(self) -> float:
-        """Return the greatest share of a wave that it returns on its class [1]."""
-        return _gain(self.port, self.observer, self.delay, self.devices).greatest
-
-    @property
-    def contracting(self) -> bool:
-        """Whether it returns no more than arrives."""
-        return _gain(self.port, self.observer, self.delay, self.devices).contracting
-
-    def stiffest(self) -> float:
-        """Return the stiffest spring up to which it returns no more than arrives."""
-        least = self._replace(devices=self.devices._replace(stiffness=0.0))
-        if not least.contracting:
-            return 0.0
-        low, high = 0.0, max(self.devices.stiffness, 1e-3 * self.port.impedance / self.port.period)
-        while self._at(high) and high < 1e9:
-            low, high = high, 4.0 * high
-        for _ in range(STEPS):
-            middle = (low * high) ** 0.5 if low > 0.0 else 0.25 * high
-            low, high = (middle, high) if self._at(middle) else (low, middle)
-        return low
-
-    def _at(self, stiffness: float) -> bool:
-        return self._replace(devices=self.devices._replace(stiffness=stiffness)).contracting
-
-
-@functools.lru_cache(maxsize=512)
-def _gain(
-    port: PortParams, observer: ObserverParams, delay: int, devices: DeviceClass
-) -> ClassGain:
-    return class_gain(port, observer, delay, devices)
-
-
-def _keys(rig: Rig, axis_name: str) -> WavePair:
-    found = rig.coupling.pairs[axis_name.split(".")[1]]
-    assert isinstance(found, WavePair)
-    return found
-
-
-def port_of(
-    rig: Rig, axis_name: str, delays: Delays, damping: float, keys: WavePair | None = None
-) -> Port:
-    """Return the port of an axis; `damping` is what its wall leaves of the device's."""
-    side = axis_name.split(".")[0]
-    axis = rig.axes[axis_name]
-    assert axis.inertia is not None
-    pair = _keys(rig, axis_name) if keys is None else keys
-    period, delay = rig.axis_period_s(axis_name), delays[axis_name].periods
-    contact = stated_contact(rig, axis_name)
-    stiffness = max(
-        axis.environment_stiffness_upper or 0.0, 0.0 if contact is None else contact.stiffness
-    )
-    return Port(
-        bare_port(pair, side, period, axis.inertia.lower, delay, reserve=1.0),
-        observer_of(pair, side, period, axis.inertia.lower),
-        delay,
-        DeviceClass(axis.inertia.lower, damping, stiffness),
-    )
 
 
 def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterator[Element]:
@@ -119,7 +38,7 @@ def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterat
     passive = _passive(rig, axis_name, delays, left, claim, damping)
     sentences = [passive.reason]
     numbers: dict[str, object] = {
-        "impedance": port_impedance(_keys(rig, axis_name), axis_name.split(".")[0]),
+        "impedance": port_impedance(pair_of(rig, axis_name), axis_name.split(".")[0]),
         "damping_left": left,
         "damping_of_wall": damping,
     }
@@ -143,11 +62,15 @@ def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterat
             )
     if left > 0.0:
         port = port_of(rig, axis_name, delays, left)
-        numbers |= {"gain": port.gain(), **port.devices._asdict()}
+        numbers |= {"gain": port.gain.greatest, **port.devices._asdict()}
         if passive.passed:
             unit = "N m/rad" if axis.kind == "rotary" else "N/m"
             stiffest = numbers["stiffest"] = port.stiffest()
-            sentences.append(f"{name}: it tolerates springs up to {stiffest:.4g} {unit}.")
+            binds = binding(rig, axis_name, delays, left)
+            sentences.append(
+                f"{name}: it tolerates springs up to {stiffest:.4g} {unit}"
+                f"{'; ' if binds else ''}{binds}."
+            )
     yield Element(name, "port", axis_name, passive, quantised, numbers, tuple(sentences))
     converter = converter_element(rig, axis_name, delays)
     if converter is not None:
@@ -186,7 +109,8 @@ def _passive(
     unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
     if axis.damping.lower <= 0.0:
         return Verdict(
-            False, f"{name}: nothing is known of the device's damping; give damping.lower"
+            False,
+            f"{name}: nothing is known of the device's damping; give damping.lower, however small",
         )
     if claim.leak > claim.effort * claim.velocity:
         return Verdict(
@@ -207,43 +131,29 @@ def _passive(
         f"on any device of at least {d.mass:g} and {d.damping:.4g} {unit}, held by any passive "
         f"hand or environment that is nowhere softer than a spring of {d.stiffness:.4g} {spring}"
     )
-    gain = port.gain()
     if not port.contracting:
+        gain = port.gain.greatest
         return Verdict(
             False,
-            f"{name}: {whom}, it returns up to {gain:.4g} of a wave; "
-            f"{_remedy_of(rig, axis_name, delays, left)}",
-            margin=1.0 - gain,
+            f"{name}: {whom}, {_excess(gain)}; {remedy_of(rig, axis_name, delays, left)}",
+            margin=1.0 - gain if math.isfinite(gain) else None,
         )
     conditions = assumed(axis, axis_name, inertia=True, damping=True)
     return Verdict(
         True,
         f"{name}: returns no more of a wave than arrives {whom}.",
         tuple(conditions),
-        1.0 - gain,
+        0.0,
     )
 
 
-def _remedy_of(rig: Rig, axis_name: str, delays: Delays, left: float) -> str:
-    """Return the pole or the impedance that would pass."""
-    side = axis_name.split(".")[0]
-    keys = _keys(rig, axis_name)
-    for pole in POLES:
-        value = pole if pole == "plain" else float(pole)
-        other = keys.model_copy(update={f"pole_{side}": value})
-        if port_of(rig, axis_name, delays, left, other).contracting:
-            return f"set pole_{side} to {pole}"
-    factor = 1.25
-    while factor < SOFTER:
-        lower = keys.model_copy(
-            update={"wave_impedance": keys.wave_impedance / factor, f"pole_{side}": "plain"}
-        )
-        if port_of(rig, axis_name, delays, left, lower).contracting:
-            return (
-                f"set pole_{side} to plain and lower wave_impedance to {lower.wave_impedance:.3g}"
-            )
-        factor *= 1.25
-    return "raise the rate, lower wave_impedance, or add damping"
+def _excess(gain: float) -> str:
+    if gain > 100.0:
+        return "it is unstable"
+    if gain == 1.0:
+        return "it may return more of a wave than arrives: nothing is proved so near to the limit"
+    much = f"{gain:.4g}" if gain > 1.001 else f"1 + {gain - 1.0:.2g}"
+    return f"it returns up to {much} of a wave"
 
 
 def _claimed(axis_name: str, claim: Claim, seconds: float) -> str:
@@ -269,12 +179,13 @@ def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
         )
     keys = coupling.pairs[pair]
     assert isinstance(keys, WavePair)
-    yield _fine(
-        f"wave filters of {pair}",
-        "filter",
-        pair,
-        f"|H| <= 1 at every frequency ({keys.wave_filter_hz:g} Hz)",
-    )
+    if keys.wave_filter_hz is not None:
+        yield _fine(
+            f"wave filters of {pair}",
+            "filter",
+            pair,
+            f"|H| <= 1 at every frequency ({keys.wave_filter_hz:g} Hz)",
+        )
     scale = pair_scale(keys)
     if abs(scale.power - 1.0) > 1e-12:
         yield _fine(
@@ -303,7 +214,7 @@ def _joules(value: float) -> str:
 def _remedy(rig: Rig, pair: str) -> str:
     keys = rig.coupling.pairs[pair]
     assert isinstance(keys, WavePair)
-    return f"Lower wave_impedance {keys.wave_impedance:g}, or change the poles."
+    return f"Lower wave_impedance {keys.impedance:g}, or change the poles."
 
 
 verdict = CouplingVerdict(

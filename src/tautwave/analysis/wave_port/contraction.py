@@ -1,0 +1,253 @@
+"""Proof over cells of frequency that a port returns no more of a wave than arrives.
+
+At a frequency the port contracts on a device of sampled admittance Y if
+
+    q(Y) = curve |Y|**2 + 2 Re(slope Y) + rest >= 0                      (`reflection`),
+
+and Y = sum_n s_n Y_n, where Y_n = 1 / Z(w_n) is what the class allows, w_n = (theta + 2 pi n) / T.
+For any D >= curve, D >= 0 and any point P, D |Y|**2 >= D (2 Re(conj(P) Y) - |P|**2), and what is
+left is concave, so that the mean of it is no more than it is of the mean:
+
+    q(Y) >= rest - D |P|**2 + sum_n s_n f(Y_n),
+    f(Y) = (curve - D) |Y|**2 + 2 Re((slope + D conj(P)) Y).
+
+With Z = R + jX, f(1 / Z) >= -g says g |Z|**2 + 2 (sr R + si X) + curve - D >= 0, over R >= d,
+X >= m w - K / w. For the frequencies folded in a g is closed form; what they leave is the g_0
+of the device's own, and the least value of its quadratic over that quadrant is closed form too.
+With theta X for X and g_0 / theta**2 for g_0 all of this is regular down to theta = 0, light
+damping or not: resonances are nowhere sharp in Z.
+
+Each number is an enclosure over a cell (`enclosure`), so that a positive lower bound is a proof;
+cells that are not proved are halved, down to a point that fails.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from tautwave.analysis.wave_port.enclosure import Enclosed, angle, cosine_sum, sine_ratio
+from tautwave.analysis.wave_port.reflection import Reflection
+
+Float = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+FOLDS = 3
+"""Frequencies folded in on each side; the rest is bounded as one."""
+
+CELLS = 48
+HALVINGS = 24
+MOST_CELLS = 200_000
+TOUCHES = 16
+"""Steps by which the point P is sought."""
+
+
+class Folded(NamedTuple):
+    """A device as the port sees it: theta-scaled bounds m / T, K T, d, the class' only numbers."""
+
+    mass: float
+    damping: float
+    stiffness: float
+
+
+class Outcome(NamedTuple):
+    """Whether all cells are proved; else a theta at which the bound fails, nan if cells ran out."""
+
+    proved: bool
+    theta: float
+
+
+def prove(r: Reflection, device: Folded) -> Outcome:
+    """Return whether |H S| <= 1 on a class at every theta in [0, pi]."""
+    if not r.locked:
+        return Outcome(False, math.pi)
+    edges = np.concatenate([[0.0], np.geomspace(0.01, math.pi, CELLS)])
+    edges[-1] = math.pi
+    low, high = edges[:-1], edges[1:]
+    for _ in range(HALVINGS):
+        centre, half = 0.5 * (low + high), 0.5 * (high - low) * (1.0 + 1e-12)
+        point = touching(r, device, centre)
+        open_ = ~(least(r, device, centre, half, point) >= 0.0)
+        if not np.any(open_):
+            return Outcome(True, math.nan)
+        low, high, centre, point = low[open_], high[open_], centre[open_], point[open_]
+        at_centre = least(r, device, centre, np.zeros_like(centre), point)
+        if np.any(~(at_centre >= 0.0)):
+            return Outcome(False, float(centre[np.argmin(at_centre)]))
+        low, high = np.concatenate([low, centre]), np.concatenate([centre, high])
+        if len(low) > MOST_CELLS:
+            break
+    return Outcome(False, math.nan)
+
+
+def least(
+    r: Reflection,
+    device: Folded,
+    centre: Float,
+    half: Float,
+    point: Complex,
+) -> Float:
+    """Return a lower bound of q over each cell; >= 0 proves that |H S| <= 1 there.
+
+    Parameters
+    ----------
+    r : Reflection
+        The port.
+    device : Folded
+        The class.
+    centre, half : ndarray of shape (n,)
+        Cells of theta within [0, pi].
+    point : ndarray of complex, shape (n,)
+        P; any is valid, `touching` is best.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):  # what is not known proves nothing
+        return _least(r, device, centre, half, point)
+
+
+def _least(r: Reflection, device: Folded, centre: Float, half: Float, point: Complex) -> Float:
+    def total(parts: Float) -> Enclosed:
+        return cosine_sum(parts[0], centre, half)
+
+    theta = angle(centre, half)
+    square = theta * theta
+    x = cosine_sum(np.array([1.0, -1.0]), centre, half)
+    curve = total(r.curve) * x + r.curve_0[0]
+    slope = total(r.slope)
+    turn = total(r.slope_sine) * sine_ratio(centre, half)
+    rest = total(r.rest)
+    over = x.inverse()
+    standing = float(r.rest_0[0])
+    lowest = centre <= half  # the cell that holds theta = 0
+    point = np.where(lowest, 0.0, point)
+    drop = np.maximum(curve.most, 0.0) * (1.0 + 1e-12)
+    bend = curve - drop
+    real = slope + drop * point.real
+    imag = turn
+    given = rest
+    if standing != 0.0:
+        top = 1.0 / (1.0 - np.cos(np.minimum(centre + half, math.pi)))
+        given = given + _either(lowest, standing * top * (1.0 - 1e-9), over * standing)
+    if np.any(point != 0.0):
+        imag = imag + _either(lowest, 0.0 * drop, theta.inverse() * (-drop * point.imag))
+        given = given + _either(lowest, 0.0 * drop, over * (-drop * np.abs(point) ** 2))
+    given = 0.5 * given - _folded_in(device, theta, bend, real, imag)
+    return _least_of_quadrant(device, square, given, real, imag, bend)
+
+
+def _folded_in(
+    device: Folded, theta: Enclosed, bend: Enclosed, real: Enclosed, imag: Enclosed
+) -> Enclosed:
+    """Return the sum of g_n / (theta + 2 pi n)**2 over all n but 0."""
+    sized, opposed = bend.size, np.maximum(-real.least, 0.0)
+    turn = imag * theta
+    total = 0.0 * theta
+    lowest, highest = theta.value - theta.half, theta.value + theta.half
+    for n in [*range(-FOLDS, 0), *range(1, FOLDS + 1)]:
+        folded = theta + 2.0 * math.pi * n
+        at = (
+            np.abs(highest if n < 0 else lowest)
+            if n == 0
+            else np.minimum(np.abs(lowest + 2.0 * math.pi * n), np.abs(highest + 2.0 * math.pi * n))
+        )
+        bound = _folded_bound(device, at, sized, opposed, (turn if n < 0 else -turn).most)
+        weight = folded.inverse()
+        total = total + weight * weight * bound
+    # Beyond: |theta + 2 pi n| >= 2 pi (|n| - 1/2), and sum of 1/(n - 1/2)**2 from N + 1 < 1/(N - 0)
+    at = np.full_like(sized, 2.0 * math.pi * (FOLDS + 0.5))
+    bound = _folded_bound(device, at, sized, opposed, turn.size)
+    return total + bound * (2.0 / (4.0 * math.pi**2 * FOLDS) * (1.0 + 1e-9))
+
+
+def _folded_bound(device: Folded, at: Float, bend: Float, opposed: Float, turned: Float) -> Float:
+    """Return a g with f >= -g over the class at |theta + 2 pi n| >= at."""
+    reactance = device.mass * at - device.stiffness / at
+    heavy = reactance > 0.0
+    safe = np.where(heavy, reactance, 1.0)
+    d = device.damping
+    facing = np.hypot(opposed, turned) + turned
+    light = bend / d**2 + 2.0 * np.hypot(opposed, turned) / d
+    return np.where(heavy, bend / (d * d + safe * safe) + facing / safe, light) * (1.0 + 1e-12)
+
+
+def _least_of_quadrant(
+    device: Folded, square: Enclosed, given: Enclosed, real: Enclosed, imag: Enclosed,
+    bend: Enclosed,
+) -> Float:  # fmt: skip
+    """Return a lower bound of given (theta**2 R**2 + X**2) + 2 (real R + imag X) + bend.
+
+    Over R >= d, X >= m theta**2 / T - K T. Where the least point is on the edge, there; else the
+    least over all R or X, which is never above it.
+    """
+    d = device.damping
+    edge = square * device.mass - device.stiffness
+    inverse = given.inverse()
+    on_edge = (given * edge + 2.0 * imag) * edge
+    anywhere = -(imag * imag) * inverse
+    up = (given * edge + imag).least >= 0.0
+    across = (given * square * d + 2.0 * real) * d
+    free = -(real * real) * inverse * square.inverse()
+    out = (given * square * d + real).least >= 0.0
+    sums = [
+        np.where(okx & okr, (a + b + bend).least, -np.inf)
+        for a, okx in ((on_edge, up), (anywhere, True))
+        for b, okr in ((across, out), (free, True))
+    ]
+    best = np.fmax.reduce(sums)
+    return np.where(given.least >= 0.0, best, -np.inf)
+
+
+def _either(where: npt.NDArray[np.bool_], a: Float, b: Enclosed) -> Enclosed:
+    return Enclosed(
+        b.half,
+        np.where(where, a, b.value),
+        np.where(where, 0.0, b.slope),
+        np.where(where, 0.0, b.rest),
+    )
+
+
+def touching(r: Reflection, device: Folded, theta: Float) -> Complex:
+    """Return the point of the sampled class at which q is least, nearly; 0 where q is concave."""
+    best = np.zeros(theta.shape, dtype=complex)
+    curve, slope, _ = r.at(theta)[0]
+    convex = (curve > 0.0) & (theta > 0.0)
+    if not np.any(convex):
+        return best
+    curve, slope, theta = curve[convex], slope[convex], theta[convex]
+    y = np.zeros(theta.shape, dtype=complex)
+    for _ in range(TOUCHES):
+        inclined = slope + curve * np.conj(y)
+        towards = _farthest(device, theta, -np.conj(inclined)) - y
+        fall = -(np.conj(inclined) * np.conj(towards)).real
+        step = np.clip(fall / (curve * np.abs(towards) ** 2 + 1e-300), 0.0, 1.0)
+        y = y + step * towards
+    best[convex] = y
+    return best
+
+
+def _farthest(device: Folded, theta: Float, direction: Complex) -> Complex:
+    """Return the sampled admittance of the class that reaches farthest in a direction."""
+    n = 2.0 * math.pi * np.arange(-FOLDS, FOLDS + 1)[None, :]
+    at = theta[:, None] + n
+    weight = (np.sin(0.5 * at) / (0.5 * at)) ** 2
+    mirrored = at < 0.0
+    u = np.where(mirrored, np.conj(direction[:, None]), direction[:, None])
+    u = u / np.maximum(np.abs(u), 1e-300)
+    at = np.abs(at)
+    d, reactance = device.damping, device.mass * at - device.stiffness / at
+    found = np.zeros(at.shape, dtype=complex)
+    reach = np.zeros(at.shape)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        corner = 1.0 / (d + 1j * reactance)
+        round_d = 0.5 / d * (1.0 + u)
+        round_x = 0.5 / reactance * (u - 1j)
+        allowed_d = (1.0 / round_d).imag >= reactance
+        allowed_x = (reactance > 0.0) & ((1.0 / round_x).real >= d)
+        for y, fine in ((corner, True), (round_d, allowed_d), (round_x, allowed_x)):
+            along = (np.conj(u) * y).real
+            better = fine & (along > reach)
+            found, reach = np.where(better, y, found), np.where(better, along, reach)
+    sampled: Complex = np.sum(weight * np.where(mirrored, np.conj(found), found), axis=1)
+    return sampled

@@ -1,0 +1,171 @@
+"""One port as the certificate sees it: the class of its device, the spring that it bears."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from tautwave.analysis.wave_port.device_class import (
+    ClassGain,
+    DeviceClass,
+    class_gain,
+    contracting,
+    stiffest_spring,
+    suggested_spring,
+)
+from tautwave.certificate.belief import stated_contact
+from tautwave.config import Rig
+from tautwave.couplings.wave.from_keys import bare_port, observer_of
+from tautwave.couplings.wave.keys import PLAIN, POLES, WavePair
+from tautwave.laws.observer import ObserverParams
+from tautwave.laws.port import PortParams
+from tautwave.types import CommandDelay
+
+Delays = Mapping[str, CommandDelay]
+SOFTER = 40
+"""Greatest factor by which a smaller impedance is looked for."""
+
+TENTH = 1.1
+
+
+class DevicePort(NamedTuple):
+    """One port as the certificate sees it, with the class of its device."""
+
+    port: PortParams
+    observer: ObserverParams
+    delay: int
+    devices: DeviceClass
+
+    @property
+    def gain(self) -> ClassGain:
+        """The greatest share of a wave that it returns on its class [1]."""
+        return _gain(*self)
+
+    @property
+    def contracting(self) -> bool:
+        """Whether it returns no more than arrives."""
+        return _contracting(*self)
+
+    def stiffest(self) -> float:
+        """Return the stiffest spring up to which it returns no more than arrives."""
+        return _stiffest(*self)
+
+    def suggested(self, from_: float = 0.0, to: float = math.inf) -> float:
+        """Return the stiffest spring that frequencies of a grid allow; no proof."""
+        return suggested_spring(*self, from_, to)
+
+
+_gain = functools.lru_cache(maxsize=512)(class_gain)
+_contracting = functools.lru_cache(maxsize=512)(contracting)
+_stiffest = functools.lru_cache(maxsize=512)(stiffest_spring)
+
+
+def pair_of(rig: Rig, axis_name: str) -> WavePair:
+    """Return the keys of an axis' pair."""
+    found = rig.coupling.pairs[axis_name.split(".")[1]]
+    assert isinstance(found, WavePair)
+    return found
+
+
+def port_of(
+    rig: Rig,
+    axis_name: str,
+    delays: Delays,
+    damping: float,
+    keys: WavePair | None = None,
+    *,
+    sooner: int = 0,
+    heavier: float = 1.0,
+) -> DevicePort:
+    """Return the port of an axis.
+
+    Parameters
+    ----------
+    rig, axis_name, delays : Rig, str, Mapping
+        The axis and its command delay.
+    damping : float
+        What its wall leaves of the device's [N m s/rad or N s/m].
+    keys : WavePair, optional
+        Instead of the rig's.
+    sooner, heavier : int, float
+        Periods less of command delay, and a factor on the least mass.
+    """
+    side = axis_name.split(".")[0]
+    axis = rig.axes[axis_name]
+    assert axis.inertia is not None
+    pair = pair_of(rig, axis_name) if keys is None else keys
+    period, delay = rig.axis_period_s(axis_name), delays[axis_name].periods - sooner
+    mass = heavier * axis.inertia.lower
+    contact = stated_contact(rig, axis_name)
+    stiffness = max(
+        axis.environment_stiffness_upper or 0.0, 0.0 if contact is None else contact.stiffness
+    )
+    return DevicePort(
+        bare_port(pair, side, period, mass, delay, reserve=1.0),
+        observer_of(pair, side, period, mass),
+        delay,
+        DeviceClass(mass, damping, stiffness),
+    )
+
+
+def binding(rig: Rig, axis_name: str, delays: Delays, damping: float) -> str:
+    """Return which belief most limits the stiffest spring, as a clause; "" if none does.
+
+    Each is made better by a tenth, the command delay by a period and counted for its share.
+    """
+    keys = pair_of(rig, axis_name)
+    now = port_of(rig, axis_name, delays, damping)
+    before = now.suggested()
+    if before <= 0.0:
+        return ""
+    better = {
+        "a tenth more least mass": port_of(rig, axis_name, delays, damping, heavier=TENTH),
+        "a tenth more least damping": port_of(rig, axis_name, delays, TENTH * damping),
+    }
+    if isinstance(keys.wave_filter_hz, float):
+        softer = keys.model_copy(update={"wave_filter_hz": keys.wave_filter_hz / TENTH})
+        lower = port_of(rig, axis_name, delays, damping, softer)
+        better["a wave filter a tenth lower"] = lower
+    found = [(_share(port, before), _share(port, before), what) for what, port in better.items()]
+    if now.delay > 0:
+        share = _share(port_of(rig, axis_name, delays, damping, sooner=1), before)
+        weighed = share * math.log(TENTH) / math.log((now.delay + 1.0) / now.delay)
+        found.append((weighed, share, "a period less of command delay"))
+    _, share, what = max(found)
+    if share < 0.005:
+        return ""
+    return f"{what} would raise that by {100.0 * math.expm1(share):.0f} %"
+
+
+def _share(port: DevicePort, before: float) -> float:
+    return math.log(max(port.suggested(before, 4.0 * before), before) / before)
+
+
+def remedy_of(rig: Rig, axis_name: str, delays: Delays, left: float) -> str:
+    """Return the pole, the filter or the impedance that would pass."""
+    side = axis_name.split(".")[0]
+    keys = pair_of(rig, axis_name)
+
+    def passes(**update: object) -> bool:
+        other = keys.model_copy(update=update)
+        return port_of(rig, axis_name, delays, left, other).contracting
+
+    for pole in POLES:
+        if passes(**{f"pole_{side}": pole}):
+            return f"set pole_{side} to {pole}"
+    filtered = keys.wave_filter_hz
+    corners = [filtered / factor for factor in (1.5, 2, 4)] if isinstance(filtered, float) else []
+    for corner in (float(f"{one:.3g}") for one in corners):
+        if passes(wave_filter_hz=corner):
+            return f"lower wave_filter_hz to {corner:g}"
+    factor = 1.25
+    while factor < SOFTER:
+        lower = float(f"{keys.impedance / factor:.3g}")
+        if passes(wave_impedance=lower):
+            return f"lower wave_impedance to {lower:g}"
+        if passes(wave_impedance=lower, **{f"pole_{side}": PLAIN}):
+            return f"set pole_{side} to plain and lower wave_impedance to {lower:g}"
+        factor *= 1.25
+    return "raise the rate, lower wave_impedance, or add damping"

@@ -1,0 +1,85 @@
+"""The two verdicts of a wave port agree: contracting on its class, stable with what is stated."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+from tautwave.certificate import certify
+from tests.certificate.rigs import element, rig
+
+NAME = "bench-observed-2khz"
+
+
+def draw(rng: np.random.Generator) -> list[str]:
+    """Return changes that make the rig any other: port, beliefs, delays, hand, environment."""
+    pole = ["plain", 0.0, 0.3, 0.5, 0.7][rng.integers(5)]
+    other = ["plain", 0.3, 0.5][rng.integers(3)]
+    impedance = 0.05 * math.exp(rng.uniform(-3.0, 1.0))
+    damping = 1e-3 * math.exp(rng.uniform(-3.0, 3.0))
+    stiffness = 200.0 * math.exp(rng.uniform(-4.0, 3.0))
+    late = 0.0005 * int(rng.integers(3))
+    line = 0.0005 * int(rng.choice([0, 1, 7, 40, 80]))
+    return [
+        f"coupling.pairs.lever.pole_master={pole}",
+        f"coupling.pairs.lever.pole_slave={other}",
+        f"coupling.pairs.lever.wave_impedance={impedance!r}",
+        f"coupling.pairs.lever.wave_filter_hz={float(rng.choice([30.0, 100.0, 200.0, 600.0]))}",
+        f"coupling.delay_s={line!r}",
+        f"buses.bench.options={{command_delay_s: {late!r}}}",
+        *(
+            f"{side}.axes.lever.damping={{value: {2 * damping!r}, lower: {damping!r}, source: x}}"
+            for side in ("master", "slave")
+        ),
+        f"simulation.environment.lever={{type: wall, position: 0.1, stiffness: {stiffness!r}, "
+        f"damping: {damping!r}}}",
+    ]
+
+
+def agree(seed: int, rigs: int) -> int:
+    """Certify random rigs; return how many were passive."""
+    rng = np.random.default_rng(seed)
+    passed = 0
+    for _ in range(rigs):
+        changes = draw(rng)
+        verdicts = certify(rig(*changes, name=NAME)).verdicts
+        if verdicts["passive"].passed:
+            passed += 1
+            assert verdicts["coupled_stable"].passed, changes
+    return passed
+
+
+def test_a_passive_pair_is_stable_with_what_is_stated() -> None:
+    assert agree(20, 2) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_more_passive_pairs_are_stable_with_what_is_stated(seed: int) -> None:
+    assert agree(10 + seed, 40) > 8
+
+
+def test_what_stands_in_the_way_of_a_stiffer_contact_is_named() -> None:
+    port = element(certify(rig(name=NAME)), "slave.lever port")
+    assert port.numbers["stiffest"] == pytest.approx(3875.0, rel=0.01)
+    assert any("springs up to 387" in text and "least mass" in text for text in port.sentences)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        ("coupling.pairs.lever.pole_slave=0.8",),
+        ("coupling.pairs.lever.wave_impedance=0.5",),
+        ("slave.axes.lever.inertia.lower=1e-6", "coupling.pairs.lever.wave_impedance=0.02"),
+    ],
+)
+def test_the_remedy_of_a_refused_port_passes(changes: tuple[str, ...]) -> None:
+    port = element(certify(rig(*changes, name=NAME)), "slave.lever port")
+    assert not port.passive.passed
+    said = re.findall(r"(?:set|lower) (\w+) to ([\w.e-]+)", port.passive.reason)
+    assert said, port.passive.reason
+    better = [*changes, *(f"coupling.pairs.lever.{key}={value}" for key, value in said)]
+    assert element(certify(rig(*better, name=NAME)), "slave.lever port").passive.passed
