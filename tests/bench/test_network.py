@@ -21,7 +21,7 @@ def reserves(seed: int) -> float:
     return sum(end_params(draw_pattern(seed), side, "play-out").port.reserve for side in (0, 1))
 
 
-@pytest.mark.parametrize("law", ["play-out", "newest"])
+@pytest.mark.parametrize("law", ["play-out", "auto depth", "newest"])
 def test_random_patterns_make_no_energy(law: str) -> None:
     for seed in range(6):
         outcome, _ = run_pattern(draw_pattern(seed)._replace(**SHORT), law, compiled=False)
@@ -62,7 +62,7 @@ def test_compiled_it_is_the_same_to_the_bit() -> None:
 @pytest.mark.slow
 def test_a_thousand_patterns_are_passive_to_the_bit_and_the_test_can_fail() -> None:
     found = {law: [run_pattern(draw_pattern(s), law)[0] for s in range(1000)] for law in RECEIVERS}
-    for law in ("play-out", "newest"):
+    for law in ("play-out", "auto depth", "newest"):
         assert sum(o.violations for o in found[law]) == 0
         assert max(o.excess for o in found[law]) <= 0.0
         assert all(o.made < reserves(seed) for seed, o in enumerate(found[law]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -191,3 +192,45 @@ def test_the_speed_that_a_wave_costs_is_that_of_its_energy() -> None:
     assert 0.5 * PERIOD * wave * wave <= 1e-3
     lasting = output_wave(p, funds, 10**10, 10**10) * WAVE_QUANTUM / PERIOD
     assert lasting == pytest.approx(2.0 * 1e-3 / (10**10 * WAVE_QUANTUM), rel=1e-6)
+
+
+def test_a_depth_that_follows_finds_what_the_network_needs() -> None:
+    period = 2e-3
+    way = network_params(0.01, jitter=0.008)  # four slots
+    depths: list[int] = []
+    late = {}
+    for name, deepest in (("follows", 0.05), ("stays", 0.0)):
+        p = receiver_params(period, sender_period=period, depth=0.0, deepest=deepest)
+        waits: list[int] = []
+
+        def look(run: Run, waits: list[int] = waits) -> None:
+            depths.append(run.receiver.depth)
+            waits.append(run.receiver.pointer)
+
+        run = run_line(p, way, [1.0] * 3000, ticks=2500, repeated=0, look=look)
+        late[name] = sum(one == two for one, two in pairwise(waits[500:]))
+        assert run.least >= 0
+    assert 3 <= depths[2499] <= 4
+    assert max(depths) <= 4
+    assert late["follows"] < 0.25 * late["stays"]
+
+
+def test_a_deep_buffer_on_a_calm_network_becomes_shallow_slot_by_slot() -> None:
+    period = 10e-3
+    p = receiver_params(period, sender_period=period, depth=0.03, deepest=0.05)
+    depths: list[int] = []
+    run_line(
+        p, network_params(0.01), [1.0] * 6000, ticks=6000,
+        look=lambda run: depths.append(run.receiver.depth if run.receiver.begun else 3),
+    )  # fmt: skip
+    changes = [k for k in range(1, 6000) if depths[k] != depths[k - 1]]
+    assert [depths[k] for k in changes] == [2, 1, 0]
+    assert all(later - sooner > 1000 for sooner, later in pairwise([0, *changes]))
+
+
+def test_it_grows_no_deeper_than_it_may() -> None:
+    period = 2e-3
+    p = receiver_params(period, sender_period=period, depth=0.0, deepest=0.004)
+    way = network_params(0.01, jitter=0.03)
+    run = run_line(p, way, [1.0] * 3000, ticks=2900, repeated=0)
+    assert run.receiver.depth == 2

@@ -31,12 +31,14 @@ REFERENCE_NS = 500_000
 LIMIT = 0.5  # N m
 
 RECEIVERS = {
-    "play-out": (PLAY_OUT, False),
-    "newest": (PLAY_OUT, True),
-    "hold-last": (HOLD, False),
-    "null packets": (NULL, False),
-    "fixed buffer": (BUFFER, False),
+    "play-out": (PLAY_OUT, False, 0.0),
+    "auto depth": (PLAY_OUT, False, 0.1),
+    "newest": (PLAY_OUT, True, 0.0),
+    "hold-last": (HOLD, False, 0.0),
+    "null packets": (NULL, False, 0.0),
+    "fixed buffer": (BUFFER, False, 0.0),
 }
+"""Receivers by name: which, whether it plays the newest, up to which depth [s] it follows."""
 
 
 class Pattern(NamedTuple):
@@ -90,7 +92,7 @@ class Outcome(NamedTuple):
 def end_params(x: Pattern, side: int, receiver: str) -> EndParams:
     """Return the constants of one end."""
     period, far = x.periods[side], x.periods[1 - side]
-    policy, newest = RECEIVERS[receiver]
+    policy, newest, deepest = RECEIVERS[receiver]
     mass = 1.1e-3
     observer = observer_params(period, mass, 0.5)
     reserve = port_reserve(x.impedance, period, 0.0, observer.velocity * period, 15.0)
@@ -101,6 +103,7 @@ def end_params(x: Pattern, side: int, receiver: str) -> EndParams:
         period,
         sender_period=far,
         depth=x.depth,
+        deepest=deepest,
         newest=newest,
         fastest=5.0 * root,
         level=x.level,
