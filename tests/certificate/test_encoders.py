@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from tautwave.certificate import certify
 from tautwave.couplings.wave.claim import Claim, claim_of
-from tautwave.couplings.wave.noise_hints import noise_hints
+from tautwave.couplings.wave.messages import noise_hints
 from tautwave.rig import command_delays
+from tautwave.session.facts import coupling_messages
 from tests.certificate.rigs import element, rig
 
 NAME = "bench-observed-2khz"
@@ -31,7 +32,7 @@ def test_a_step_that_is_felt_names_the_impedance_that_hides_it() -> None:
     [(where, text), (_, more)] = hints("slave.axes.lever.encoder_quantum=2.0e-3")
     assert where == "hint on slave.lever"
     assert "changes the effort by 11% of effort_limit" in text
-    assert "wave_impedance up to 0.045" in text
+    assert "wave_impedance up to 0.046" in text
     assert "take" in more  # what a step costs of the claim
     assert "identify" not in more  # its noise matters little beside the step
     softer = ("slave.axes.lever.encoder_quantum=2.0e-3", "coupling.pairs.lever.wave_impedance=0.04")
@@ -46,6 +47,12 @@ def test_noise_that_costs_much_of_the_claim_is_said_with_the_remedy() -> None:
     [(_, known)] = hints(loud, "slave.axes.lever.position_noise_autocorrelation=[]")
     assert "identify" not in known  # its colour is declared
     assert hints("slave.axes.lever.position_noise=6.0e-4") == []
+
+
+def test_check_prints_the_hints() -> None:
+    loaded = rig("slave.axes.lever.encoder_quantum=2.0e-3", name=NAME)
+    said = dict(coupling_messages(loaded).facts(loaded, command_delays(loaded)))
+    assert "hint on slave.lever" in said
 
 
 SHARE = 0.02
