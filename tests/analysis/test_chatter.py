@@ -79,6 +79,12 @@ def test_without_noise_there_is_none_and_a_line_that_loses_nothing_collects_it()
     assert math.isinf(chatter(lossless, lossless))
 
 
+def test_waves_from_the_other_end_are_scaled_with_the_power() -> None:
+    quiet, far = noisy(0.0), noisy()
+    assert chatter(quiet, far._replace(wave=2.0)) == pytest.approx(0.5 * chatter(quiet, far))
+    assert chatter(quiet._replace(wave=3.0), far) == pytest.approx(3.0 * chatter(quiet, far))
+
+
 def test_the_colour_of_the_noise_counts() -> None:
     """White noise is half and half of one colour and its opposite, at either end."""
     white = noisy()

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave.laws.port import port_close, port_effort
+from tautwave.laws.observer import observe
+from tautwave.laws.port import plain_drain, port_close, port_effort
 from tests.laws.ports import MASS, PERIOD, Attack, Ends, compiled, ends
 
 LIMIT = 1.1
@@ -174,6 +175,34 @@ def test_the_tank_s_book_closes(
     assert after <= port.reserve + port.kept * state * state + 1e-15
     if leaving != 0.0:
         assert after >= -1e-15
+
+
+@pytest.mark.parametrize("delay", [0, 1, 2])
+@pytest.mark.parametrize("pole", [None, 0.0, 0.5])
+def test_only_a_plain_port_pays_for_the_work_that_passes(pole: float | None, delay: int) -> None:
+    """A lever drawn through at 2 rad/s against a steady wave: what the tank loses, per work."""
+    end = ends(pole=pole, delay=delay, corner=1e6)
+    port = end.port._replace(reserve=1e3)
+    account, gap, filtered, speed, wave = 1e3, 0.0, 0.0, 2.0, -0.5
+    state, x, work, before = (0.0, speed, 0.0), 0.0, 0.0, 0.0
+    efforts = [0.0] * (delay + 1)
+    for k in range(2000):
+        x += speed * PERIOD
+        old = state[0]
+        state = observe(end.observer, *state, x, efforts[0], 1.0)
+        _, account, gap, filtered, *_ = port_close(
+            port, account, gap, filtered, speed * PERIOD, state[0] - old, 1.0, efforts[0], wave,
+            0.5 * PERIOD * wave * wave, False,
+        )  # fmt: skip
+        if k < 1000:
+            before = account
+        else:
+            work += efforts[0] * speed * PERIOD
+        effort = port_effort(port, account, state[1], state[2], sum(efforts[1:]), wave)
+        efforts = [*efforts[1:], effort]
+    assert work > 0.1
+    share = plain_drain(port) if pole is None else 0.0
+    assert (before - account) / work == pytest.approx(share, rel=1e-6, abs=1e-9)
 
 
 def test_an_effort_is_never_planned_to_give_what_is_not_there() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -186,12 +187,19 @@ def test_the_bound_follows_the_devices(factor: float, which: str) -> None:
     assert sign * bound_of(first(*words, choose=False)) >= sign * plain - 1e-9
 
 
-def test_the_units_of_the_slave_are_counted() -> None:
-    """A pair that trades motion for force: the slave's share of the effort limit decides."""
-    louder = ["slave.axes.lever.effort_limit=0.2", "master.axes.lever.position_noise=0"]
+@pytest.mark.parametrize(
+    "binds",
+    [
+        ["slave.axes.lever.effort_limit=0.2", "master.axes.lever.position_noise=0"],
+        [*both("position_noise", 1e-7), LIGHT],
+    ],
+    ids=["chatter", "reserve"],
+)
+def test_the_units_of_the_slave_are_counted(binds: list[str]) -> None:
+    """A pair that trades motion for force: the slave's port has half the line's impedance."""
     scaled = [f"{PAIR}.position_scale=2.0", f"{PAIR}.force_scale=1.0"]
-    one, two = (bound_of(first(*louder, *more, choose=False)) for more in ([], scaled))
-    assert two == pytest.approx(2.0 * one, rel=1e-3)  # half the impedance at the slave
+    one, two = (bound_of(first(*binds, *more, choose=False)) for more in ([], scaled))
+    assert two == pytest.approx(2.0 * one, rel=1e-3)
 
 
 def certificate(half: float, third: float, plain: float) -> Callable[[Asked, Any, str], bool]:
@@ -251,6 +259,27 @@ def test_a_pole_beside_a_given_impedance(
     assert found["pole_master"] == (pole or "plain", reason)
     assert "pole_slave" not in found
     assert "wave_impedance" not in found
+
+
+def taking_velocity(rig: Rig, *sides: str) -> Rig:
+    update = {"inertia": None, "causality": "admittance"}
+    for side in sides:
+        block = getattr(rig, side)
+        axes = {name: axis.model_copy(update=update) for name, axis in block.axes.items()}
+        rig = rig.model_copy(update={side: block.model_copy(update={"axes": axes})})
+    return rig
+
+
+def test_an_axis_that_takes_velocity_leaves_the_choice_to_the_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Asked, "takes", certificate(1.0, 1.0, 1.0))
+    left = first(choose=False)
+    found = choose_pair(taking_velocity(left, "slave"), "lever")
+    assert found["pole_slave"] == ("plain", "plain, for the axis takes velocity")
+    assert found["wave_impedance"].value == pytest.approx(0.045)
+    with pytest.raises(ConfigError, match="needs an axis that takes effort; give a number"):
+        choose_pair(taking_velocity(left, "master", "slave"), "lever")
 
 
 @pytest.mark.slow
@@ -324,3 +353,19 @@ def test_a_changed_rig_can_be_asked_again() -> None:
     assert chosen(choose_again(weaker))[1] == pytest.approx(0.5 * chosen(rig)[1], rel=0.05)
     given_numbers = parse_rig(resolved_yaml(rig))
     assert choose_again(given_numbers) is given_numbers
+
+
+def test_check_says_what_the_standing_offset_is_made_of() -> None:
+    """Three parts that add up to it, and the weight that halving it would double."""
+    rig = first(
+        "coupling.delay_s=0.02", f"{PAIR}.wave_impedance=0.02", f"{PAIR}.wave_filter_hz=200"
+    )
+    text = dict(check(rig).facts)["offset of lever"]
+    words = re.findall(r"[0-9.]+(?= rad per| of sampling| of the wave)", text)
+    parts = [float(word) for word in words]
+    assert parts[0] == pytest.approx(0.02 / 0.02)
+    assert parts[1] == pytest.approx(0.0005 / 0.02)
+    delays = command_delays(rig)
+    assert sum(parts) == pytest.approx(standing_offset(rig, "lever", delays), rel=1e-2)
+    weight = 0.02 * 0.02 * standing_offset(rig, "lever", delays)
+    assert f"b tau = {weight:.2g} kg m^2 beside the devices' 0.0032" in text

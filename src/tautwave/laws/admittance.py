@@ -11,8 +11,16 @@ Re(-q**(d+1) / (1 - q)) = 1/2 + sum_1^d cos(i theta) >= 1/2 - d, hence the extra
 max(0, d - 1/2) makes the port passive for any external stiffness up to Kh. Nothing is claimed
 beyond it, and nothing at all without Kh. An external *damper* B is not covered: its effort is also
 one sample old, and with B of the order of b the loop is active, then unstable. The device is
-assumed to reach the commanded velocity within the period. The energy at this port rests on sampled
-efforts: it is an interval.
+assumed to reach the commanded velocity within the period.
+
+Energy: the way is known, dx = w T, the effort only at its ends. The books take the trapezoid, (F[k]
++ F[k+1]) dx / 2, and the true work is the integral of F w. With w constant both are equal where F
+is linear in x, so for every outside spring, whatever its stiffness. In general a chord is off by
+its curvature: at most |dx| (s T) / 4 for an effort that changes by no more than s per second, and
+unbounded for a blow between two samples. So nothing like the claim of an impedance port is sure
+here: that one knows F, held by itself, and measures dx; this one would have to know the hand. A
+tank over the books claims 2 E0 + W + P t, W = (1 + n) F_max v_max T, of what sensor and encoder
+see; what is true besides is s T / 4 of the way covered, and s is the hand's. Verdicts say so.
 """
 
 from __future__ import annotations

@@ -137,6 +137,21 @@ def port_reserve(
     return impedance * period * (1.0 / velocity_gain + delay) * velocity_limit * velocity_limit
 
 
+def plain_drain(p: PortParams) -> float:
+    """Return the share of the work passing through it that a port without an observer pays for [1].
+
+    It takes the device's last mean velocity and believes in nothing outside. Pushed through at a
+    steady velocity v it expects v - (n + 1) T F / m, so that F = b (v - (n + 1) T F / m) - r a, and
+    with the leaving wave r v - a its tank changes in a period by
+
+        F v T + T/2 (a**2 - (r v - a)**2) = T v (F - b v + r a) = -(n + 1) b T / m * (F v T).
+
+    That is energy truly passed on: work in one direction empties the tank, work back fills it. The
+    outside acceleration of an observer takes the error away, and any pole in [0, 1) has one.
+    """
+    return 2.0 * p.half_mobility * p.impedance * (p.lead + 0.5)
+
+
 def port_effort(
     p: PortParams,
     account: float,

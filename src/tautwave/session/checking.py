@@ -14,6 +14,7 @@ from tautwave.session.facts import (
     axis_rows,
     count_words,
     coupling_messages,
+    offset_costs,
     pair_rows,
     pair_sentence,
 )
@@ -134,6 +135,7 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
     facts.extend((f"pair {name}", pair_sentence(rig, name, delays)) for name in rig.coupling.pairs)
     if rig.scene is None:
         facts.extend(_choices(rig))
+        facts.extend(offset_costs(rig, delays))
         facts.extend(coupling_messages(rig).facts(rig, delays))
         facts.extend(coupling_messages(rig).hints(rig))
     for axis_name, axis in rig.axes.items():

@@ -37,7 +37,7 @@ from tautwave.config.keys.common import AUTO
 from tautwave.couplings.wave.device_port import SOFTER, port_of
 from tautwave.couplings.wave.from_keys import bare_port, observer_of
 from tautwave.couplings.wave.keys import PLAIN, POLES, WavePair
-from tautwave.couplings.wave.standing import line_time
+from tautwave.couplings.wave.standing import line_time, moved_inertia
 from tautwave.errors import ConfigError
 from tautwave.laws.port import port_reserve
 from tautwave.rig import at_axis_rate, command_delays, one_way_delay
@@ -92,6 +92,11 @@ def choose_pair(rig: Rig, name: str) -> dict[str, Choice]:
         chosen["wave_filter_hz"] = _corner(rig, name)
         pair = _with(pair, wave_filter_hz=chosen["wave_filter_hz"].value)
     if pair.wave_impedance == AUTO:
+        if not asked.left:
+            raise ConfigError(
+                f"{rig.name}: coupling.pairs.{name}: wave_impedance auto needs an axis that takes "
+                "effort; give a number"
+            )
         chosen["wave_impedance"] = _impedance(asked, pair)
         pair = _with(pair, wave_impedance=chosen["wave_impedance"].value)
     for side in SIDES:
@@ -203,13 +208,11 @@ def _bounds(asked: Asked, pair: WavePair) -> Iterator[Bound]:
     """Yield the bounds of a line of impedance 1: all efforts are in proportion to it."""
     rig, name = asked.rig, asked.name
     ends = {side: _heavy(asked, pair, side) for side in asked.left}
-    inertia = 0.0
     for side, end in ends.items():
         axis_name = f"{side}.{name}"
         axis, limit = rig.axes[axis_name], rig.axes[axis_name].effort_limit
         assert axis.inertia is not None
         units, period = pair.in_device_units(side, 1.0), end.port.period
-        inertia += axis.inertia.value / units
         reserve = port_reserve(
             units, period, end.port.lead - 0.5, end.observer.velocity * period, 1.0
         )
@@ -232,7 +235,9 @@ def _bounds(asked: Asked, pair: WavePair) -> Iterator[Bound]:
             cause = f"chatter of {axis_name} at {NOISE_SHARE:.0%} of its effort limit"
             yield Bound(NOISE_SHARE * limit / effort, cause)
     time = line_time(rig, name, pair, one_way_delay(rig, name, asked.delays))
-    yield Bound(inertia / time, "the weight of the line, at that of both devices")
+    yield Bound(
+        moved_inertia(rig, name, pair) / time, "the weight of the line, at that of both devices"
+    )
 
 
 def _heavy(asked: Asked, pair: WavePair, side: str) -> NoisyEnd:

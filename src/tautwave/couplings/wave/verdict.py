@@ -23,6 +23,7 @@ from tautwave.couplings.wave.claim import Claim, claim_of
 from tautwave.couplings.wave.device_port import binding, pair_of, port_of, remedy_of
 from tautwave.couplings.wave.from_keys import port_impedance
 from tautwave.couplings.wave.keys import WavePair
+from tautwave.laws.port import plain_drain
 from tautwave.rig import at_axis_rate, pair_scale
 from tautwave.types import CommandDelay
 
@@ -63,6 +64,12 @@ def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterat
     if left > 0.0:
         port = port_of(rig, axis_name, delays, left)
         numbers |= {"gain": port.gain.greatest, **port.devices._asdict()}
+        if port.observer.pole < 0.0 and isinstance(claim, Claim):
+            share = numbers["drain"] = plain_drain(port.port)
+            sentences.append(
+                f"{name}: without an observer its tank pays {100.0 * share:.3g} % of the work that "
+                f"passes; {_joules(claim.reserve / share)} in one direction empty it."
+            )
         if passive.passed:
             unit = "N m/rad" if axis.kind == "rotary" else "N/m"
             stiffest = numbers["stiffest"] = port.stiffest()
