@@ -205,11 +205,12 @@ def _executed(folder: Path) -> list[tuple[str, str, bytes]]:
     ]
 
 
-def _naming(path: str, took: dict[str, float]) -> set[str]:
-    """Return the tests in files that import from a module by its name."""
-    name = ".".join(Path(path).with_suffix("").parts[-3:])  # of the package, or of its root
-    name = name.removeprefix("src.").removeprefix("drivers.").removeprefix("sim.")
-    return {test for test in took if name in _text(test.partition("::")[0])}
+def _naming(path: str, took: dict[str, float]) -> tuple[set[str], set[str]]:
+    """Return the tests in files that import from a module by its name, or from its package."""
+    *package, module = Path(path).with_suffix("").parts
+    names = ".".join((*package[1:], module)), ".".join(package[-2:])
+    found = [{test for test in took if name in _text(test.partition("::")[0])} for name in names]
+    return found[0], found[1]
 
 
 @cache
@@ -221,7 +222,7 @@ def tests_of(mutant: Mutant, took: dict[str, float]) -> list[str]:
     """Return the tests that execute a mutant's line, within the budget, its own floor's first.
 
     What runs at import is nobody's own, whoever imported it first: it gets the tests that name its
-    module, after them those that execute anything of it, or of its folder.
+    module or package, after them those that execute anything of it, or of its folder.
     """
     at, bit = divmod(mutant.line, 8)
     path = str(ROOT / mutant.path)
@@ -241,7 +242,7 @@ def tests_of(mutant: Mutant, took: dict[str, float]) -> list[str]:
                 if called and at < len(bits) and bits[at] & 1 << bit:
                     line.add(name)
     taken: dict[str, float] = {}
-    for names in (line,) if line else (_naming(mutant.path, took), module, folder):
+    for names in (line,) if line else (*_naming(mutant.path, took), module, folder):
         for name in sorted(names - set(taken), key=lambda name: (took[name], name)):
             if taken and sum(taken.values()) + took[name] > BUDGET_S:
                 break

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 from types import SimpleNamespace
 
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from tautwave import registry
 from tautwave.bench.buses import buses, one_processor
 from tautwave.contracts import CycleCost
-from tautwave_drivers.cost import in_turn
+from tautwave_drivers import cost
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system has no affinity")
@@ -72,7 +73,23 @@ def test_two_kinds_of_exchange_are_measured_in_turn(cycles: int) -> None:
         calls.append(name)
         return time_ns
 
-    ours, floor = in_turn(cycles, lambda: exchange("a", 3000), lambda: exchange("b", 2000), 2)
+    ours, floor = cost.in_turn(cycles, lambda: exchange("a", 3000), lambda: exchange("b", 2000), 2)
     assert (ours, floor) == ([3.0] * cycles, [2.0] * cycles)
     rounds = 1 + -(-cycles // 2)  # one to warm up
     assert "".join(calls) == rounds * "aabb"
+
+
+def test_a_bare_exchange_waits_for_the_whole_response_but_not_forever(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(cost, "LIMIT_NS", 1_000_000)
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        theirs.sendall(bytes(8))
+        cost.bare_exchange(ours.fileno(), b"request", 5000)  # no more comes: it ends
+        assert theirs.recv(100) == b"request"
+        theirs.sendall(bytes(5000))
+        cost.bare_exchange(ours.fileno(), b"", 5000)  # read in two pieces
+        ours.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            ours.recv(1)

@@ -272,6 +272,16 @@ def test_the_bound_counts_pressed_balls_and_friction_at_rest():
         assert max(*pulls["x", 0.0], *pulls["v", 0.0]) > 0.9 * max(k, z)
 
 
+def test_what_has_no_greatest_stiffness_counts_nothing():
+    for link in (
+        Link("hard", "nonlinear", "m", "ground", 1e4, exponent=3.0, rest=0.02),
+        Link("floor", "contact", "m", "ground", 1e5, exponent=1.5, normal=(0.0, 0.0, 1.0)),
+        Link("engine", "energy_source", "m", "ground", limit=0.01, scale=0.1),
+    ):
+        s = compile_network3d(Network3d((Mass3d("m", 0.01, (0.01, 0.0, 0.0)),), (link,))).arrays
+        assert steepest(s, 0) == (0.0, 0.0)
+
+
 def walled(contact: str, *more: str):
     """Return the contacts' element of a point on three axes that meets a contact of 1000 N/m."""
     given = [
