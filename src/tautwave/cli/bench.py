@@ -228,8 +228,9 @@ def networks(as_json: bool) -> None:
 @click.option(
     "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first one."
 )
+@click.option("--hour", is_flag=True, help="Move a pair for an hour, too: half a minute more.")
 @json_option
-def network(patterns: int, first: int, as_json: bool) -> None:
+def network(patterns: int, first: int, hour: bool, as_json: bool) -> None:
     """Run a pair over random networks with our receiver, and with those in common use.
 
     Counts where more energy came out of a receiver than went into the far end: 0 for ours, to the
@@ -240,8 +241,9 @@ def network(patterns: int, first: int, as_json: bool) -> None:
     Examples:
         tautwave bench network
         tautwave bench network --patterns 100000 --json
+        tautwave bench network --patterns 1 --hour
     """
-    _print([_backend().network(patterns=patterns, first=first, tell=_tell)], as_json)
+    _print([_backend().network(patterns=patterns, first=first, hour=hour, tell=_tell)], as_json)
 
 
 def _backend() -> Any:
