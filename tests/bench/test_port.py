@@ -102,7 +102,7 @@ def test_synthetic_hands_meet_every_contact_and_are_always_the_same() -> None:
 def test_the_whole_suite_without_recordings(tmp_path: Path) -> None:
     suite = port(quick=True, out=tmp_path).as_dict()
     assert "synthetic" in suite["tables"][0]["what"]
-    assert (tmp_path / "held-force.svg").read_text().startswith("<svg")
+    assert "prefers-color-scheme: dark" in (tmp_path / "held-force.svg").read_text()
     assert all(goal["met"] for goal in suite["goals"])
     json.dumps(suite)
 
