@@ -15,12 +15,14 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.contracts import Bench, BusSpec, SimulatorPlugin
 from tautwave.errors import ConfigError, DriverError
+from tautwave.link.trace import parse_trace, replayed
 from tautwave.models.network import (
     EXPONENTIAL,
     LOST,
@@ -34,6 +36,11 @@ from tautwave.models.network import (
 
 KINDS = {"uniform": UNIFORM, "exponential": EXPONENTIAL, "spikes": SPIKES}
 PIECE = 65536
+DRAWN = {
+    *("delay_s", "jitter_s", "jitter", "loss", "burst", "duplicate", "reorder"),
+    *("outage_at_s", "outage_s", "outage_every_s"),
+}
+"""Options that a trace takes the place of."""
 IDLE_S = 0.2
 """The relay looks whether it shall end at least so often [s]."""
 
@@ -57,14 +64,21 @@ class NetworkOptions(BaseModel):
     outage_at_s: float = Field(0.0, ge=0.0, description="[s] Start of the first outage.")
     outage_s: float = Field(0.0, ge=0.0, description="[s] Length of an outage.")
     outage_every_s: float = Field(0.0, ge=0.0, description="[s] From one to the next; 0: one.")
+    trace: str = Field(
+        "",
+        description="FILE of `link test --record`: its delays and losses, both ways, again "
+        "and again; in place of the drawn ones.",
+    )
     seed: int = Field(0, ge=0, description="Begins the random numbers.")
 
 
 class Way:
     """One way: what is drawn for each datagram, and how many were lost and repeated."""
 
-    def __init__(self, params: NetworkParams, seed: int, direction: int) -> None:
-        self._params = params
+    def __init__(
+        self, params: NetworkParams, seed: int, direction: int, trace: Sequence[float] = ()
+    ) -> None:
+        self._params, self._trace = params, trace
         self._one, self._two = seeded(seed, direction)
         self._losing = False
         self._last_ns = 0
@@ -72,9 +86,12 @@ class Way:
 
     def arrivals(self, now_ns: int) -> list[int]:
         """Return when a datagram sent now arrives [ns]: never, once, or twice."""
-        self._one, self._two, self._losing, self._last_ns, arrival, copy = transit(
-            self._params, self._one, self._two, self._losing, self._last_ns, now_ns
-        )
+        if self._trace:
+            arrival, copy = replayed(self._trace, 0, len(self._trace) // 2, now_ns), LOST
+        else:
+            self._one, self._two, self._losing, self._last_ns, arrival, copy = transit(
+                self._params, self._one, self._two, self._losing, self._last_ns, now_ns
+            )
         self.sent += 1
         self.lost += arrival == LOST
         self.repeated += copy != LOST
@@ -93,7 +110,8 @@ class Relay:
         )  # fmt: skip
         self._delay_ns = round(options.delay_s * 1e9)
         self._to = parse(options.to, "--to")
-        self.ways = Way(params, options.seed, 0), Way(params, options.seed, 1)
+        trace = read_trace(options.trace) if options.trace else ()
+        self.ways = Way(params, options.seed, 0, trace), Way(params, options.seed, 1, trace)
         host, port = parse(options.listen, "--listen")
         self._clients: dict[tuple[str, int], socket.socket] = {}
         self._waiting: list[tuple[int, int, Callable[[], Any]]] = []
@@ -219,6 +237,15 @@ class Pipe:
                     sock.close()
 
 
+def read_trace(path: str) -> Sequence[float]:
+    """Return a trace; raises `ConfigError` where there is none."""
+    try:
+        return parse_trace(Path(path).read_text(encoding="utf-8"), path)
+    except (OSError, UnicodeDecodeError) as err:
+        why = err.strerror if isinstance(err, OSError) else "no text"
+        raise ConfigError(f"sim network: --trace {path}: {why}") from err
+
+
 def parse(text: str, option: str) -> tuple[str, int]:
     """Return host and port; raises `ConfigError` where it is neither."""
     host, _, port = text.rpartition(":")
@@ -258,6 +285,10 @@ def bench(options: NetworkOptions) -> Bench:
             f"sim network: --loss {options.loss:g} is more than bursts of {options.burst:g} can "
             "lose; raise --burst"
         )
+    drawn = {name for name in options.model_fields_set if name in DRAWN}
+    if options.trace and drawn:
+        names = ", ".join("--" + name.replace("_", "-") for name in sorted(drawn))
+        raise ConfigError(f"sim network: --trace has its own delays and losses; leave out {names}")
     return Bench(options, BusSpec("network", (), 1000.0), ())
 
 

@@ -170,7 +170,7 @@ def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
         asked = sent = last
         wall = 0.0
         if stopped:
-            asked = port_law.port_brake(account, a.braking * tracked) if known else 0.0
+            asked = port_law.port_brake(port, account, a.braking * tracked) if known else 0.0
             sent = asked
         elif known:
             pending = 0.0

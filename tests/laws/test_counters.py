@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from fractions import Fraction
 
 import pytest
@@ -61,6 +62,20 @@ def test_what_is_credited_was_paid_and_hardly_less(period: float, left: list[flo
         exact += Fraction(period) * Fraction(wave) ** 2 / 2 / EXACT_QUANTUM
         assert credit <= exact
         assert credit >= exact * (1 - Fraction(1, 2**47)) - 2
+
+
+def test_at_energies_where_a_double_has_no_fraction_left_it_is_still_safe() -> None:
+    """Near 2**51 quanta the five roundings are half a quantum: without the margin it fails."""
+    rng = random.Random(1)
+    period = 0.5e-3
+    scale = energy_scale(period)
+    for _ in range(500):
+        wave = rng.randrange(10**12, 15 * 10**11)
+        exact = Fraction(wave) ** 2 * EXACT_QUANTUM / (2 * Fraction(period))
+        assert charged(scale * (1.0 * wave * wave), 0.0)[0] >= exact
+        left = rng.uniform(1500.0, 2200.0)
+        exact = Fraction(period) * Fraction(left) ** 2 / 2 / EXACT_QUANTUM
+        assert credited(0.5 * period * left * left / ENERGY_QUANTUM, 0.0)[0] <= exact
 
 
 @given(periods, st.lists(waves, max_size=200))

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tautwave.analysis.wave_port.sensor_noise import noise_power
 from tautwave.laws.observer import observe
 from tautwave.laws.port import plain_drain, port_close, port_effort
 from tests.laws.ports import MASS, PERIOD, Attack, Ends, compiled, ends
@@ -242,6 +243,44 @@ def test_a_pressed_force_stays_for_a_minute(delay: int, error: float) -> None:
     assert np.std(late[:, 3]) < 0.030
     true = rows[:, 6:8]
     assert true.max() < claim(end) + 5e-3 * 60.0
+
+
+def true_share(rng: np.random.Generator, seconds: float) -> float:
+    """Return the greatest share of its true claim that an end of a random noisy pair gave."""
+    slots = round(seconds / PERIOD)
+    delay, pole = int(rng.integers(0, 3)), (0.5, 0.3)[int(rng.integers(0, 2))]
+    sigma = 9e-5 * math.exp(rng.uniform(-1.0, 1.0))
+    bare = ends(float(rng.uniform(0.02, 0.06)), pole, delay=delay, fastest=FASTEST / 5.0)
+    power = noise_power(bare.port, bare.observer, delay, sigma, 0.0)
+    port = bare.port._replace(leak=power.lost * PERIOD)
+    colour = rng.normal(size=int(rng.integers(1, 4)))
+    white = rng.standard_normal((slots + len(colour), 2)) * sigma / np.linalg.norm(colour)
+    noise = sum(tap * white[at : at + slots] for at, tap in enumerate(colour))
+    push = rng.normal() * np.sin(np.arange(slots) * rng.uniform(1e-4, 0.3))
+    rows, _ = compiled().pair(
+        port, port, bare.observer, delay, int(rng.integers(0, 40)), push, rng.uniform(0.0, 500.0),
+        noise, 0.0, LIMIT, MASS * math.exp(rng.uniform(0.0, 2.0)), rng.uniform(1e-3, 0.02),
+    )  # fmt: skip
+    if rows[:, 4:6].min() < -port.reserve:
+        return 0.0  # stopped: that is judged where an encoder sees it
+    speed = np.abs(np.diff(rows[:, :2], axis=0)).max() / PERIOD
+    changes = np.sqrt(np.sum(np.diff(rows[:, 2:4], axis=0) ** 2, axis=0).max())
+    allowed = 2.0 * port.reserve + (1 + delay) * LIMIT * speed * PERIOD
+    allowed += (power.lost + power.gained) * seconds + 5.0 * sigma * (changes + 2.0 * LIMIT)
+    return float(rows[:, 6:8].max() / allowed)
+
+
+def test_true_energy_is_below_the_claim_where_the_noise_is_as_declared() -> None:
+    rng = np.random.default_rng(5)
+    shares = [true_share(rng, 1.0) for _ in range(40)]
+    assert max(shares) <= 1.0
+    assert sum(share > 0.0 for share in shares) > 20
+
+
+@pytest.mark.slow
+def test_true_energy_of_a_thousand_pairs_is_below_the_claim() -> None:
+    rng = np.random.default_rng(6)
+    assert 0.05 < max(true_share(rng, 2.0) for _ in range(1000)) <= 1.0
 
 
 def test_without_the_leak_or_the_reserve_a_force_dies() -> None:

@@ -261,6 +261,27 @@ def test_a_pole_beside_a_given_impedance(
     assert "wave_impedance" not in found
 
 
+def taking_velocity(rig: Rig, *sides: str) -> Rig:
+    update = {"inertia": None, "causality": "admittance"}
+    for side in sides:
+        block = getattr(rig, side)
+        axes = {name: axis.model_copy(update=update) for name, axis in block.axes.items()}
+        rig = rig.model_copy(update={side: block.model_copy(update={"axes": axes})})
+    return rig
+
+
+def test_an_axis_that_takes_velocity_leaves_the_choice_to_the_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Asked, "takes", certificate(1.0, 1.0, 1.0))
+    left = first(choose=False)
+    found = choose_pair(taking_velocity(left, "slave"), "lever")
+    assert found["pole_slave"] == ("plain", "plain, for the axis takes velocity")
+    assert found["wave_impedance"].value == pytest.approx(0.045)
+    with pytest.raises(ConfigError, match="needs an axis that takes effort; give a number"):
+        choose_pair(taking_velocity(left, "master", "slave"), "lever")
+
+
 @pytest.mark.slow
 def test_stiffer_contacts_get_a_sharper_observer_and_never_a_stiffer_line() -> None:
     found = [

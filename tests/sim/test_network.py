@@ -7,13 +7,14 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tautwave.errors import ConfigError, DriverError
 from tautwave.models.network import LOST, network_params, seeded, transit
-from tautwave_sim.network import NetworkOptions, Relay, Way, bench, simulator
+from tautwave_sim.network import NetworkOptions, Relay, Way, bench, read_trace, simulator
 
 
 @contextmanager
@@ -135,3 +136,21 @@ def test_what_cannot_be_is_a_sentence() -> None:
         listen = f"127.0.0.1:{taken.getsockname()[1]}"
         with pytest.raises(DriverError, match="Address already in use"):
             Relay(NetworkOptions(to="127.0.0.1:9", listen=listen))  # type: ignore[call-arg]
+
+
+def test_a_recorded_path_comes_back(tmp_path: Path) -> None:
+    trace = tmp_path / "trace.csv"
+    trace.write_text("time_s,delay_s,lost\n0,0.010,0\n0.001,0,1\n")
+    table = read_trace(str(trace))
+    way = Way(network_params(0.0), 0, 0, table)
+    assert [way.arrivals(at) for at in (0, 1_000_000, 2_000_000)] == [
+        [10_000_000], [], [12_000_000],
+    ]  # fmt: skip
+    assert (way.sent, way.lost, way.repeated) == (3, 1, 0)
+
+
+def test_a_trace_and_drawn_delays_exclude_each_other_and_a_missing_one_is_named() -> None:
+    with pytest.raises(ConfigError, match="leave out --delay-s, --loss"):
+        bench(NetworkOptions(to="127.0.0.1:1", trace="t.csv", loss=0.1, delay_s=0.1))
+    with pytest.raises(ConfigError, match=r"--trace /nowhere/.*: No such file"):
+        read_trace("/nowhere/t.csv")

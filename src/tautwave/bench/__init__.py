@@ -11,6 +11,7 @@ from tautwave.bench.extremes.suite import extremes
 from tautwave.bench.lines.suite import network
 from tautwave.bench.networks import networks
 from tautwave.bench.plain.lanes import lanes
+from tautwave.bench.port.suite import port
 from tautwave.bench.result import Goal, Suite, Table
 from tautwave.bench.suites import laws, loop, rates
 from tautwave.bench.workprecision.suite import workprecision
@@ -26,6 +27,7 @@ __all__ = [
     "loop",
     "network",
     "networks",
+    "port",
     "rates",
     "workprecision",
 ]

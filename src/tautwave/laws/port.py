@@ -21,9 +21,9 @@ stops below -E0, at most n + 1 commands later. Hence g <= 2 E0 + W + P t. With a
 sample in each period W = (1 + n) F_max (v_max T + 2 nbar), nbar what one sample may be off; where
 samples are missing, W takes the periods without one as well. Nothing in it is measured.
 
-The tank is kept in a stop, whose damping acts only while A > 0 (`port_brake`): from there what is
-under way brings A to -W at most, above the -E0 - W of the run. So the bound holds to the last
-command, however late or noisy the velocity that is damped.
+The tank is kept in a stop, whose damping acts only while A >= -E0 (`port_brake`): from there what
+is under way brings A to -E0 - W at most, as in the run. So the bound holds to the last command,
+however late or noisy the velocity that is damped.
 
 A matched end's damper takes F**2 T / b out of the tank in a period and gives nothing back. In the
 last n + 1 periods that lowers A, and raises what the damper has burnt, by the same: for the end,
@@ -190,13 +190,13 @@ def port_effort(
     return effort
 
 
-def port_brake(account: float, effort: float) -> float:
-    """Return what may act of a stop's damping [N m or N]: nothing while the tank is in debt.
+def port_brake(p: PortParams, account: float, effort: float) -> float:
+    """Return what may act of a stop's damping [N m or N]: nothing of an overdrawn tank.
 
-    Damping on a late or noisy velocity can give. Sent only out of a tank [J] that holds something,
-    it can overdraw it by what commands under way give, and no more; NaN is a debt.
+    Damping on a late or noisy velocity can give. Sent only above the floor of the run, it can bring
+    the tank [J] below it by what commands under way give, and no more; NaN is overdrawn.
     """
-    if account > 0.0:
+    if account >= -p.reserve:
         return effort
     return 0.0
 

@@ -29,6 +29,8 @@ DAYS = 1024
 """Ticks and slots that a network reaches ahead."""
 REFERENCE_NS = 500_000
 LIMIT = 0.5  # N m
+NOISE, QUANTUM = 9e-5, 2.094e-5
+"""Of the encoders [rad]: white noise and step."""
 
 RECEIVERS = {
     "play-out": (PLAY_OUT, False, 0.0),
@@ -96,8 +98,9 @@ def end_params(x: Pattern, side: int, receiver: str) -> EndParams:
     mass = 1.1e-3
     observer = observer_params(period, mass, 0.5)
     reserve = port_reserve(x.impedance, period, 0.0, observer.velocity * period, 15.0)
-    # What sensor noise costs the account per period, b (observed velocity's noise)**2: generous.
-    leak = 2.0 * x.impedance * (x.noise**2 + x.quantum**2 / 12.0) / period
+    # What sensor noise costs the account per period, b (observed velocity's noise)**2: generous,
+    # and for the declared noise, whatever is simulated.
+    leak = 2.0 * x.impedance * (NOISE**2 + QUANTUM**2 / 12.0) / period
     root = math.sqrt(2.0 * x.impedance)
     constants = receiver_params(
         period,
@@ -244,8 +247,8 @@ def draw_pattern(seed: int) -> Pattern:
         wall=float(rng.choice([0.0, 1.0, 8.0, 20.0, 200.0])),
         wall_at=0.05,
         coulomb=float(rng.choice([0.0, 1e-3])),
-        noise=9e-5 * noisy,
-        quantum=2.094e-5 * noisy,
+        noise=NOISE * noisy,
+        quantum=QUANTUM * noisy,
         push=0.0,
         rest=1.0,
         end=3.0,

@@ -6,7 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tautwave.bench.lines.patterns import RECEIVERS, Outcome, Pattern, draw_pattern, run_pattern
+from tautwave.bench.lines.patterns import (
+    NOISE,
+    QUANTUM,
+    RECEIVERS,
+    Outcome,
+    Pattern,
+    draw_pattern,
+    run_pattern,
+)
 from tautwave.bench.result import Goal, Suite, Table, Value
 from tautwave.models.network import SPIKES, NetworkParams, network_params
 
@@ -47,8 +55,8 @@ def chosen_pattern(way: NetworkParams, *, hold: bool = False, offset: float = 0.
         wall=200.0 if hold else 0.0,
         wall_at=0.02,
         coulomb=0.0,
-        noise=9e-5,
-        quantum=2.094e-5,
+        noise=NOISE,
+        quantum=QUANTUM,
         push=0.1 if hold else 0.0,
         rest=3.0,
         end=60.0 if hold else 6.0,
@@ -56,7 +64,9 @@ def chosen_pattern(way: NetworkParams, *, hold: bool = False, offset: float = 0.
     )
 
 
-def network(*, patterns: int = 1000, first: int = 0, tell: Tell = silent) -> Suite:
+def network(
+    *, patterns: int = 1000, first: int = 0, hour: bool = False, tell: Tell = silent
+) -> Suite:
     """Run pairs over random networks and over chosen ones.
 
     Parameters
@@ -65,6 +75,8 @@ def network(*, patterns: int = 1000, first: int = 0, tell: Tell = silent) -> Sui
         Random patterns for each receiver.
     first : int
         Seed of the first one.
+    hour : bool
+        Move a pair for an hour, too.
     tell : callable
         Called with the name of each measurement as it starts.
     """
@@ -80,6 +92,10 @@ def network(*, patterns: int = 1000, first: int = 0, tell: Tell = silent) -> Sui
     }
     tell("a force held for a minute")
     held = [_held_row(offset) for offset in (0.0, 100e-6, -100e-6)]
+    after: list[list[Value]] = []
+    if hour:
+        tell("an hour")
+        after = [_hour_row(noisy) for noisy in (False, True)]
     lossy, clean = (chosen["play-out"][title] for title in ("30 %, jitter, 5 % twice", "clean"))
     roughness, makers = lossy.chatter / clean.chatter, _makers(found["hold-last"])
     worst = max(o.rest for o in chosen["play-out"].values())
@@ -98,6 +114,7 @@ def network(*, patterns: int = 1000, first: int = 0, tell: Tell = silent) -> Sui
                 ("offset_ppm", "force_3_s", "force_60_s", "violations"),
                 held,
             ),
+            *([_hour_table(after)] if hour else []),
         ],
         [
             Goal("ticks on which more came out than in", 0.0, "", _violations(found["play-out"])),
@@ -157,6 +174,25 @@ def _chosen_table(title: str, outcomes: dict[str, Outcome]) -> Table:
             [name, 1e3 * o.rms, 1e3 * o.rest, 1e3 * o.chatter, o.peak, o.excess]
             for name, o in outcomes.items()
         ],
+    )
+
+
+def _hour_row(noisy: bool) -> list[Value]:
+    way = network_params(DELAY, jitter=0.02, loss=0.05)
+    x = chosen_pattern(way, offset=50e-6)._replace(
+        depth=0.025, noise=NOISE * noisy, quantum=QUANTUM * noisy, rest=3590.0, end=3600.0
+    )
+    result, _ = run_pattern(x)
+    return [1e6 * x.noise, 1e3 * result.rms, 1e3 * result.rest, result.violations]
+
+
+def _hour_table(rows: list[list[Value]]) -> Table:
+    return Table(
+        "An hour of motion",
+        "play-out with a depth of 25 ms, 5 % loss, 20 ms of jitter, clocks 50 ppm apart; error "
+        "while the hand moves, and at the end of 10 s of rest",
+        ("noise_urad", "rms_mrad", "rest_mrad", "violations"),
+        rows,
     )
 
 

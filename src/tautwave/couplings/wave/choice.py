@@ -92,6 +92,11 @@ def choose_pair(rig: Rig, name: str) -> dict[str, Choice]:
         chosen["wave_filter_hz"] = _corner(rig, name)
         pair = _with(pair, wave_filter_hz=chosen["wave_filter_hz"].value)
     if pair.wave_impedance == AUTO:
+        if not asked.left:
+            raise ConfigError(
+                f"{rig.name}: coupling.pairs.{name}: wave_impedance auto needs an axis that takes "
+                "effort; give a number"
+            )
         chosen["wave_impedance"] = _impedance(asked, pair)
         pair = _with(pair, wave_impedance=chosen["wave_impedance"].value)
     for side in SIDES:

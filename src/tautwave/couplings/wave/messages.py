@@ -5,10 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from tautwave.analysis.wave_port.chatter import step_effort
 from tautwave.config import Rig
+from tautwave.couplings.wave.claim import Claim, claim_of
+from tautwave.couplings.wave.from_keys import bare_port, observer_of, port_impedance
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.standing import standing
+from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages, PlanLine
+
+GREATEST_STEP = 0.1
+"""Of the effort limit: a held force chatters by about as much as one step changes the effort."""
+
+GREATEST_LEAK = 0.01
+"""Of effort limit times velocity limit."""
 
 
 def _coupling(rig: Any) -> str:
@@ -34,6 +44,43 @@ def _pair_plan(rig: Rig, name: str) -> Iterator[PlanLine]:
         yield PlanLine(f"rate converter of {side}.{name}", divisor > 1, what, same)
 
 
+def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:
+    """Yield a hint for each axis whose step is felt, or whose noise costs much of its claim."""
+    for axis_name, axis in rig.axes.items():
+        side, name = axis_name.split(".")
+        keys = rig.coupling.pairs[name]
+        assert isinstance(keys, WavePair)
+        if axis.inertia is None:
+            continue
+        period, mass = rig.axis_period_s(axis_name), axis.inertia.lower
+        late = delays[axis_name].periods + delays[axis_name].remainder_s / period
+        port = bare_port(keys, side, period, mass, late)
+        step = step_effort(port, observer_of(keys, side, period, mass), axis.encoder_quantum)
+        share = step / axis.effort_limit
+        if share > GREATEST_STEP:
+            softer = port_impedance(keys, "master") * GREATEST_STEP / share
+            yield (
+                f"hint on {axis_name}",
+                f"one encoder step changes the effort by {share:.0%} of effort_limit, and a held "
+                f"force chatters by about as much; wave_impedance up to {softer:.2g} keeps it "
+                f"below {GREATEST_STEP:.0%}",
+            )
+        claim = claim_of(rig, axis_name, delays)
+        if not isinstance(claim, Claim):
+            continue
+        if claim.leak > GREATEST_LEAK * claim.effort * claim.velocity:
+            colour = ""
+            loud = axis.position_noise > 0.5 * axis.encoder_quantum
+            if loud and axis.position_noise_autocorrelation is None:
+                colour = ", or declare the noise's colour, which identify --noise measures"
+            yield (
+                f"hint on {axis_name}",
+                f"step and noise of its encoder take {1e3 * claim.leak:.3g} mW from the port, "
+                f"{claim.leak / (claim.effort * claim.velocity):.1%} of what the motor can give, "
+                f"and its claim grows by that; lower wave_impedance{colour}",
+            )
+
+
 def describe_pair(
     settings: Mapping[str, Any], effort: str, position: str, number: Callable[[Any], str]
 ) -> str:
@@ -47,6 +94,7 @@ def describe_pair(
 messages = CouplingMessages(
     coupling=_coupling,
     pair_plan=_pair_plan,
+    facts=noise_hints,
     standing=standing,
     pair=describe_pair,
     offset_caption="Dotted in the error: the standing offset of the effort F, F τ / b of a line of "

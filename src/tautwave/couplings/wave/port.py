@@ -156,10 +156,10 @@ def watch_port(s: AxisState, k: WaveEndParams, account: float, gap: float) -> No
 
 
 def brake(s: AxisState, p: AxisParams, effort: float) -> float:
-    """Return what may act of a stop's effort: none unseen, none that the tank cannot answer for."""
+    """Return what may act of a stop's effort: none unseen, none of an overdrawn tank."""
     if not s.valid:
         return 0.0
-    return port_brake(s.end.account, effort)
+    return port_brake(p.end.port, s.end.account, effort)
 
 
 def miss(s: AxisState, p: AxisParams) -> None:
