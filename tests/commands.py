@@ -6,7 +6,7 @@ That the installed command, its children and their exit codes work is `tests/cli
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import chdir
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,13 +15,14 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from tautwave.certificate import certify
+from tautwave.certificate.__main__ import certify_text
 from tautwave.cli import main
-from tautwave.config import Rig
+from tautwave.config import Rig, resolved_yaml
 from tautwave.report import write_report
 from tautwave.report.run.after_run import recheck_run
 from tautwave.report.run.complete import complete_summary, write_summary
 from tautwave.report.run.loading import load_run
+from tautwave.rig import BusWay, real_buses
 from tautwave.session import reporting, running
 
 
@@ -34,8 +35,10 @@ def tautwave(*words: object, cwd: Path) -> Result:
 def keep_in_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have runs compute certificate and summary here, and draw no figures."""
 
-    def certificate_of(rig: Rig) -> dict[str, Any]:
-        found: dict[str, Any] = json.loads(json.dumps(certify(rig).as_dict()))
+    def certificate_of(rig: Rig, ways: Mapping[str, BusWay]) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(
+            json.dumps(certify_text(resolved_yaml(rig), real_buses(ways)))
+        )
         return found
 
     def complete(command: Sequence[str], **_: object) -> SimpleNamespace:

@@ -15,6 +15,7 @@ import threading
 from collections import Counter
 from collections.abc import Generator, Iterator
 from pathlib import Path
+from typing import Any
 
 if sys.dont_write_bytecode:
     # To keep a checkout clean of bytecode is no wish to compile every module again in each of a
@@ -34,14 +35,18 @@ from hypothesis.internal.conjecture import providers
 from tautwave.runtime import machine
 from tests import compiling
 
+# `.ci/run` sets it: it has installed every library, so a test that misses one is a hole in the net.
+LIBRARIES_REQUIRED = os.environ.get("TAUTWAVE_LIBRARIES") == "required"
+
 # The same cases each time, so that a red run is about the change and not about luck; the machine's
-# speed is nobody's business. `.ci/run` tries more; `pytest --hypothesis-profile=explore`
-# looks for new ones.
+# speed is nobody's business. `.ci/run` tries 2.5 times as many, also where a default test has a
+# number of its own; `pytest --hypothesis-profile=explore` looks for new ones.
+EXAMPLES, FEWER = 25, 0.4
 settings.register_profile(
     "steady",
     derandomize=True,
     deadline=None,
-    max_examples=25 if os.environ.get("TAUTWAVE_LIBRARIES") == "required" else 10,
+    max_examples=EXAMPLES if LIBRARIES_REQUIRED else int(FEWER * EXAMPLES),
     print_blob=True,
     suppress_health_check=[HealthCheck.too_slow],
 )
@@ -61,8 +66,6 @@ Report = pytest.TestReport | pytest.CollectReport
 
 # `.ci/vcan` sets it: there a skipped vcan test is a hole in the net, and fails.
 VCAN_REQUIRED = os.environ.get("TAUTWAVE_VCAN") == "required"
-# `.ci/run` sets it: it has installed every library, so a test that misses one is another hole.
-LIBRARIES_REQUIRED = os.environ.get("TAUTWAVE_LIBRARIES") == "required"
 
 
 COMPILER = pytest.StashKey[subprocess.Popen[bytes] | None]()
@@ -94,6 +97,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             if seen[function] % sparse.args[0]:
                 item.add_marker(pytest.mark.slow)
             seen[function] += 1
+    if not LIBRARIES_REQUIRED:
+        default = [item for item in items if not item.get_closest_marker("slow")]
+        try_fewer({item.function for item in default if isinstance(item, pytest.Function)})
+
+
+def try_fewer(tests: set[Any]) -> None:
+    """Have tests whose examples are counted beside them try a share of them."""
+    for test in tests:
+        own = getattr(test, "_hypothesis_internal_use_settings", None)
+        if own is not None and settings.default is not None:
+            most = max(settings.default.max_examples, int(FEWER * own.max_examples))
+            if own.max_examples > most:
+                test._hypothesis_internal_use_settings = settings(own, max_examples=most)
 
 
 def pytest_collection_finish() -> None:

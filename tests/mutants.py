@@ -4,34 +4,49 @@
     python -m tests.mutants run --seed 12 --count 300 --out mutants.jsonl
 
 A mutant is one change in one place: a comparison, an operator, a constant, a condition, a statement
-left out. Folders take turns, so that a small floor gets as many as a large one. A mutant is killed
+left out. Folders take turns, so that a small floor gets as many as a large one, and draw with
+random numbers of their own: an edit in one floor changes no other's mutants. A mutant is killed
 when a test fails or hangs. Survivors are printed with file, line and change; one that changes
-nothing a test could see is written down in `tests/mutants-equivalent.txt` with the reason. The map
-needs `pytest-cov` (extra dev). Mutants live in a copy; the checkout is never touched.
+nothing a test could see is written down in `tests/mutants-equivalent.txt` with the reason.
+A run that was stopped continues (`--out` holds what is judged); `--from` and `--only` choose a
+part. The map needs `pytest-cov` (extra dev). Mutants live in a copy; the checkout is never touched.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import importlib
 import json
 import os
 import random
+import resource
 import shutil
+import signal
 import sqlite3
 import subprocess
 import sys
-import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
+from functools import cache
+from itertools import islice, zip_longest
 from pathlib import Path
 from typing import NamedTuple
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
 TREES = ("src", "drivers", "sim")
 MAP = ROOT / ".mutants" / "coverage"
+EQUIVALENT = ROOT / "tests" / "mutants-equivalent.txt"
 BUDGET_S = 60.0
 """Tests beyond this much time of their own are left out, the slowest first."""
+COMPILE_S = 150.0
+"""Beside four times its tests' own time, what a mutant may compute: the kernel may compile anew."""
+LIBRARIES = ("matplotlib.figure", "numba", "pydantic", "rich.console", "scipy.signal", "yaml")
+"""Imported once and not by every child."""
 
 COMPARE = {
     ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "==",
@@ -122,24 +137,33 @@ def mutants_of(path: str, text: str) -> Iterator[Mutant]:
 
 
 def drawn(seed: int, count: int) -> list[Mutant]:
-    """Return mutants, folder after folder in turn, each module and place as likely as another."""
-    chance = random.Random(seed)
+    """Return mutants, folder after folder in turn, each module and place as likely as another.
+
+    Each folder has random numbers of its own: an edit in one changes the draw of no other.
+    """
     folders: dict[str, list[str]] = {}
     for path in sorted(path for tree in TREES for path in (ROOT / tree).rglob("*.py")):
         where = path.relative_to(ROOT)
         if path.name != "__init__.py":
             folders.setdefault("/".join(where.parts[:-1][:3]), []).append(str(where))
+    draws = [draw(f"{seed} {name}", folders[name]) for name in sorted(folders)]
+    turns = (mutant for turn in zip_longest(*draws) for mutant in turn if mutant is not None)
+    return list(islice(turns, count))
+
+
+def draw(seed: str, paths: list[str]) -> Iterator[Mutant]:
+    """Yield mutants of these files, none twice, until there are hardly new ones."""
+    chance = random.Random(seed)
     every: dict[str, list[Mutant]] = {}
-    chosen: dict[Mutant, None] = {}  # in order, none twice
-    for turn in range(20 * count):
-        path = chance.choice(folders[sorted(folders)[turn % len(folders)]])
+    chosen: set[Mutant] = set()
+    for _ in range(1000):
+        path = chance.choice(paths)
         if path not in every:
             every[path] = list(mutants_of(path, (ROOT / path).read_text(encoding="utf-8")))
-        if every[path]:
-            chosen[chance.choice(every[path])] = None
-        if len(chosen) == count:
-            break
-    return list(chosen)
+        one = chance.choice(every[path]) if every[path] else None
+        if one is not None and one not in chosen:
+            chosen.add(one)
+            yield one
 
 
 def make_map(tests: list[str]) -> int:
@@ -153,94 +177,204 @@ def make_map(tests: list[str]) -> int:
 
 
 def times() -> dict[str, float]:
-    """Return how long each test took [s]."""
+    """Return how long each test that passed took [s]."""
     from xml.etree import ElementTree
 
     found = {}
     for case in ElementTree.parse(MAP.with_name("times.xml")).iter("testcase"):
+        if any(case.iter("failure")) or any(case.iter("error")):
+            continue  # what fails anyway shows nothing
         name = f"{case.get('classname', '').replace('.', '/')}.py::{case.get('name')}"
         found[name] = float(case.get("time", 0.0))
     return found
 
 
-def tests_of(mutant: Mutant, took: dict[str, float]) -> list[str]:
-    """Return the tests that execute a mutant's line, the quickest first, within the budget."""
+@cache
+def _executed(folder: Path) -> list[tuple[str, str, bytes]]:
+    """Return path, test and lines as bits for all modules of a folder."""
     query = (
-        "select c.context, l.numbits from line_bits l join file f on f.id = l.file_id "
-        "join context c on c.id = l.context_id where f.path = ?"
+        "select f.path, c.context, l.numbits from line_bits l join file f on f.id = l.file_id "
+        "join context c on c.id = l.context_id where f.path like ? and c.context != ''"
     )
     with sqlite3.connect(f"file:{MAP}?mode=ro", uri=True) as store:
-        rows = store.execute(query, (str(ROOT / mutant.path),)).fetchall()
+        rows = store.execute(query, (f"{folder}/%.py",)).fetchall()
+    return [
+        (path, context.split("|")[0], bits)
+        for path, context, bits in rows
+        if Path(path).parent == folder
+    ]
+
+
+def _naming(path: str, took: dict[str, float]) -> tuple[set[str], set[str]]:
+    """Return the tests in files that import from a module by its name, or from its package."""
+    *package, module = Path(path).with_suffix("").parts
+    names = ".".join((*package[1:], module)), ".".join(package[-2:])
+    found = [{test for test in took if name in _text(test.partition("::")[0])} for name in names]
+    return found[0], found[1]
+
+
+@cache
+def _text(path: str) -> str:
+    return (ROOT / path).read_text(encoding="utf-8")
+
+
+def tests_of(mutant: Mutant, took: dict[str, float]) -> list[str]:
+    """Return the tests that execute a mutant's line, within the budget, its own floor's first.
+
+    What runs at import is nobody's own, whoever imported it first: it gets the tests that name its
+    module or package, after them those that execute anything of it, or of its folder.
+    """
     at, bit = divmod(mutant.line, 8)
-    names = {
-        context.split("|")[0]
-        for context, bits in rows
-        if context and at < len(bits) and bits[at] & 1 << bit
-    }
-    if not names:  # executed at import or in a child process: whoever executes the module at all
-        names = {context.split("|")[0] for context, _ in rows if context}
-    taken, sum_s = [], 0.0
-    for name in sorted(names, key=lambda name: took.get(name, 1.0)):
-        sum_s += took.get(name, 1.0)
-        if taken and sum_s > BUDGET_S:
-            break
-        taken.append(name)
-    return taken
+    path = str(ROOT / mutant.path)
+    called = any(
+        node.body[0].lineno <= mutant.line <= (node.end_lineno or 0)
+        for node in ast.walk(ast.parse((ROOT / mutant.path).read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef)
+    )
+    line: set[str] = set()
+    module: set[str] = set()
+    folder: set[str] = set()
+    for where, name, bits in _executed(Path(path).parent):
+        if name in took:
+            folder.add(name)
+            if where == path:
+                module.add(name)
+                if called and at < len(bits) and bits[at] & 1 << bit:
+                    line.add(name)
+    taken: dict[str, float] = {}
+    for names in (line,) if line else (*_naming(mutant.path, took), module, folder):
+        for name in sorted(names - set(taken), key=lambda name: (took[name], name)):
+            if taken and sum(taken.values()) + took[name] > BUDGET_S:
+                break
+            taken[name] = took[name]
+    rooms = Path(mutant.path).parts
+    return sorted(taken, key=lambda name: name.split("/")[1] not in rooms)  # stable
 
 
-def judge(mutant: Mutant, tests: list[str], copy: Path) -> str:
-    """Return `killed`, `survived` or `no test` of one mutant."""
-    if not tests:
-        return "no test"
-    path = copy / mutant.path
-    kept = path.read_bytes()
-    path.write_bytes(kept[: mutant.start] + mutant.new.encode() + kept[mutant.end :])
-    environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join(str(copy / tree) for tree in TREES),
-        "PYTHONDONTWRITEBYTECODE": "1",
-    }
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider"]
-    try:
-        done = subprocess.run(
-            [*command, *tests],
-            cwd=copy,
-            env=environment,
-            capture_output=True,
-            timeout=6 * BUDGET_S,
-            check=False,
-        )
-        return "survived" if done.returncode == 0 else "killed"
-    except subprocess.TimeoutExpired:
-        return "killed"
-    finally:
-        path.write_bytes(kept)
+class Judge:
+    """A copy of the checkout in which one file at a time is changed and tests run.
+
+    Each mutant's tests run in a child that finds the large libraries imported already.
+    """
+
+    def __init__(self, room: Path) -> None:
+        self._copy = room / "tree"
+        self._judged = 0
+        ignore = shutil.ignore_patterns(".git", ".venv", "__pycache__", ".mutants", ".mypy_cache")
+        for stale in (self._copy, room / "bytecode" / self._copy.relative_to("/")):
+            shutil.rmtree(stale, ignore_errors=True)
+        shutil.copytree(ROOT, self._copy, ignore=ignore)
+        (room / "shared").unlink(missing_ok=True)
+        if (ROOT.parent / "shared").exists():
+            (room / "shared").symlink_to(ROOT.parent / "shared")
+        trees = [str(self._copy / tree) for tree in TREES]
+        os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+        os.environ |= {
+            "PYTHONPATH": os.pathsep.join(trees),
+            "PYTHONPYCACHEPREFIX": str(room / "bytecode"),
+            "NUMBA_CACHE_DIR": str(room / "numba"),
+            "OPENBLAS_NUM_THREADS": "1",
+        }
+        sys.path[:0] = [str(self._copy), *trees]
+        sys.dont_write_bytecode, sys.pycache_prefix = False, str(room / "bytecode")
+        for name in LIBRARIES:
+            importlib.import_module(name)
+        for name in [name for name in sys.modules if name.split(".")[0] == "tests"]:
+            del sys.modules[name]  # the children import the copy's
+
+    def judge(self, mutant: Mutant, tests: list[str], limit_s: float) -> str:
+        """Return `survived`, `killed (how pytest ended)` or `no test`."""
+        if not tests:
+            return "no test"
+        path = self._copy / mutant.path
+        kept, stamp = path.read_bytes(), path.stat()
+        path.write_bytes(kept[: mutant.start] + mutant.new.encode() + kept[mutant.end :])
+        self._judged += 1
+        os.utime(path, (self._judged, self._judged))  # bytecode is looked up by whole seconds
+        try:
+            status = self._run(tests, limit_s)
+            return f"killed ({status})" if status else "survived"
+        finally:
+            path.write_bytes(kept)
+            os.utime(path, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+
+    def _run(self, tests: list[str], limit_s: float) -> int:
+        child = os.fork()
+        if child == 0:
+            code = 1
+            try:
+                os.setsid()
+                os.chdir(self._copy)
+                nowhere = os.open(os.devnull, os.O_RDWR)
+                for stream in range(3):
+                    os.dup2(nowhere, stream)
+                resource.setrlimit(resource.RLIMIT_CPU, (int(limit_s), int(limit_s) + 5))
+                options = ["-x", "-q", "-n0", "-p", "no:cacheprovider", "--timeout=600"]
+                code = pytest.main([*options, *tests])
+            finally:
+                os._exit(code)
+        end = time.monotonic() + 10.0 * limit_s
+        while True:
+            done, status = os.waitpid(child, os.WNOHANG)
+            if done:
+                break
+            if time.monotonic() > end:
+                os.killpg(child, signal.SIGKILL)
+            time.sleep(0.05)
+        with suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)  # servers whose test was cut short
+        return os.waitstatus_to_exitcode(status)
 
 
-def run(seed: int, count: int, out: Path, only: str) -> int:
-    """Judge mutants, a line of JSON each; what `out` holds already is not judged again."""
+def line_of(mutant: Mutant) -> str:
+    """Return the text of a mutant's line."""
+    lines = (ROOT / mutant.path).read_text(encoding="utf-8").splitlines()
+    return lines[mutant.line - 1].strip()
+
+
+def equivalents() -> set[tuple[str, str, str]]:
+    """Return path, change and line of what is known to change nothing, whose reason is given."""
+    found = set()
+    for entry in EQUIVALENT.read_text(encoding="utf-8").split("\n\n")[1:]:
+        where, line, *reason = entry.strip().splitlines()
+        assert reason, f"{where}: no reason"
+        path, _, what = where.partition(": ")
+        found.add((path, what, line.strip()))
+    return found
+
+
+def run(seed: int, count: int, out: Path, only: list[str], first: int) -> int:
+    """Judge mutants, a line of JSON each; what `out` holds as killed is not judged again."""
     done = {}
     if out.exists():
         for line in out.read_text(encoding="utf-8").splitlines():
             one = json.loads(line)
-            done[tuple(one["mutant"])] = one["verdict"]
-    took = times()
-    with tempfile.TemporaryDirectory() as room, out.open("a", encoding="utf-8") as kept:
-        copy = Path(room) / "tree"
-        ignore = shutil.ignore_patterns(".git", ".venv", "__pycache__", ".mutants", ".mypy_cache")
-        shutil.copytree(ROOT, copy, ignore=ignore)
-        for mutant in drawn(seed, count):
-            if tuple(mutant) in done or not mutant.path.startswith(only):
+            done[tuple(one["mutant"])] = one["verdict"]  # the last word counts
+    took, equivalent = times(), equivalents()
+    with out.open("a", encoding="utf-8") as kept:
+        judge = Judge(MAP.with_name("room"))
+        for mutant in drawn(seed, count)[first:]:
+            if done.get(tuple(mutant), "").startswith("killed") or not mutant.path.startswith(
+                tuple(only)
+            ):
                 continue
             began = time.monotonic()
-            verdict = judge(mutant, tests_of(mutant, took), copy)
+            tests = tests_of(mutant, took)
+            limit_s = COMPILE_S + 4.0 * sum(took[name] for name in tests)
+            verdict = judge.judge(mutant, tests, limit_s)
+            if verdict == "survived" and (mutant.path, mutant.what, line_of(mutant)) in equivalent:
+                verdict = "equivalent"
             done[tuple(mutant)] = verdict
             spent = time.monotonic() - began
-            kept.write(json.dumps({"mutant": mutant, "verdict": verdict, "s": spent}) + "\n")
+            line = {"mutant": mutant, "verdict": verdict, "tests": len(tests), "s": spent}
+            kept.write(json.dumps(line) + "\n")
             kept.flush()
-            if verdict != "killed":
+            if verdict in ("survived", "no test"):
                 print(f"{verdict}: {mutant.path}:{mutant.line}: {mutant.what}", flush=True)
-    killed = sum(verdict == "killed" for verdict in done.values())
-    print(f"{killed} of {len(done)} killed ({killed / max(1, len(done)):.0%})")
+    counted = Counter(verdict.split()[0] for verdict in done.values())
+    able = len(done) - counted["equivalent"]
+    share = counted["killed"] / max(1, able)
+    print(f"{dict(counted)}: {share:.1%} of the {able} that change anything are killed")
     return 0
 
 
@@ -250,14 +384,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
     parser.add_argument("what", choices=("map", "run"))
     parser.add_argument("tests", nargs="*", help="map: only these tests")
-    parser.add_argument("--only", default="", help="run: mutants of paths that begin so")
+    parser.add_argument("--only", nargs="+", default=[""], help="run: of paths that begin so")
+    parser.add_argument("--from", type=int, default=0, dest="first", help="run: leave out so many")
     parser.add_argument("--seed", type=int, default=12)
     parser.add_argument("--count", type=int, default=300)
     parser.add_argument("--out", type=Path, default=Path("mutants.jsonl"))
     given = parser.parse_args()
     if given.what == "map":
         return make_map(given.tests)
-    return run(given.seed, given.count, given.out, given.only)
+    return run(given.seed, given.count, given.out, given.only, given.first)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,9 @@ from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 READ_SHARE = 0.8
 """Share of a loop period after which a sample counts as missing, so that commands still go out."""
 
+ScanProgress = Callable[[float, str], None]
+"""Takes the fraction of a scan that is done (0 to 1) and its current step."""
+
 
 class AxisSpec(NamedTuple):
     """What a driver has to know about one of its axes.
@@ -53,10 +56,7 @@ class BusSpec(NamedTuple):
 
 
 class AxisFacts(NamedTuple):
-    """What the options of a bus determine for an axis: steps of its sensor and commands, SI.
-
-    0 if there is none, or it is unknown.
-    """
+    """What the options of a bus say of an axis: steps of sensor and commands, SI, 0: unknown."""
 
     encoder_quantum: float = 0.0
     effort_quantum: float = 0.0
@@ -181,10 +181,7 @@ class Driver(Protocol):
 
 
 class Budget(NamedTuple):
-    """Bus time of one cycle: `time_s` needed, the greatest rate [Hz] that fits, the arithmetic.
-
-    `remedy` says how more axes or a higher rate would fit.
-    """
+    """Bus time of one cycle, the greatest rate [Hz] that fits, the arithmetic, and what helps."""
 
     time_s: float
     greatest_rate_hz: float
@@ -225,10 +222,6 @@ def _no_costs(cycles: int) -> Sequence[CycleCost]:
 
 def _no_facts(options: Any, bus: BusSpec) -> Sequence[AxisFacts]:
     return [AxisFacts()] * len(bus.axes)
-
-
-ScanProgress = Callable[[float, str], None]
-"""Takes the fraction of a scan that is done (0 to 1) and its current step."""
 
 
 def no_progress(done: float, text: str) -> None:
@@ -340,6 +333,8 @@ class CouplingPlugin(NamedTuple):
     `causalities`: of its axes; `observes`: it has no use for an axis' velocity filter.
 
     `claim(rig, axis_name, delays)`: the energy [J] that an end may deliver in a run as it sees it.
+    `resolve(rig)`, asked when a rig is read, returns a `Choice` for each key of a pair left to the
+    law, by path such as `pairs.wrist.wave_impedance`.
     """
 
     summary: str
@@ -355,6 +350,7 @@ class CouplingPlugin(NamedTuple):
     verdict: Any = ""
     messages: Any = ""
     claim: Any = ""
+    resolve: Any = ""
 
 
 class CoupledAxis(NamedTuple):

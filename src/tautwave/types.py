@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class JointState(NamedTuple):
@@ -49,3 +49,10 @@ class Fault(NamedTuple):
 
 SAFE_COMMAND = AxisCommand(0.0, 0.0)
 """Zero effort for an impedance axis, zero velocity for an admittance axis."""
+
+
+class Choice(NamedTuple):
+    """What a law takes for a key that a rig leaves to it, and why, without a full stop."""
+
+    value: Any
+    reason: str

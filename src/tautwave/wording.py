@@ -38,12 +38,13 @@ class Standing(NamedTuple):
 
     `offset`: offset between them per unit of effort held at the master [rad/(N m) or m/N, master];
     `held_share`: the share of the coupling's effort that they get [1]; `text` describes one of
-    them.
+    them; `cost` says what the offset is made of, and what a smaller one costs.
     """
 
     offset: float = 0.0
     held_share: float = 1.0
     text: str = ""
+    cost: str = ""
 
 
 def _no_standing(*_: Any) -> Standing:

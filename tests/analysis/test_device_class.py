@@ -19,7 +19,7 @@ from tautwave.analysis.wave_port.device_class import (
     stiffest_spring,
 )
 from tautwave.analysis.wave_port.reflection import reflection
-from tautwave.couplings.wave.sensor_noise import observer_response
+from tautwave.analysis.wave_port.sensor_noise import observer_response
 from tests.laws.ports import MASS, PERIOD, Ends, ends
 
 THETA = np.unique(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tautwave.analysis.identification.contact_model import choose, fit_contact
-from tautwave.analysis.identification.contact_motion import motion_of
+from tautwave.analysis.identification.contact_motion import motion_of, touching_share
 from tautwave.analysis.identification.device_model import fit_device
 from tautwave.analysis.identification.regression import (
     Array,
@@ -193,3 +193,11 @@ def test_noise_and_quantiles() -> None:
     assert white_noise(smooth + 1e-3 * rng.normal(size=5000)) == pytest.approx(1e-3, rel=0.05)
     for freedom, quantile in ((5, 2.5706), (16, 2.1199), (100, 1.98397)):  # Student's tables
         assert student_quantile(freedom) == pytest.approx(quantile, rel=2e-3)
+
+
+@pytest.mark.parametrize("step", [1e-9, 1e-3, 2.0])
+def test_the_share_of_a_period_in_contact_is_that_of_a_straight_motion(step: float) -> None:
+    ahead = step * np.arange(-2.0, 3.0) + 0.25 * step  # crosses a quarter of a period before 0
+    assert touching_share(ahead).tolist() == pytest.approx([0.0, 0.0, 0.75, 1.0, 1.0])
+    assert touching_share(np.full(3, step)).tolist() == [1.0, 1.0, 1.0]
+    assert touching_share(np.full(3, -step)).tolist() == [0.0, 0.0, 0.0]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.couplings.wave.sensor_noise import (
+from tautwave.analysis.wave_port.sensor_noise import (
     noise_bounds,
     noise_power,
     noise_responses,

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import os
+import socket
+from types import SimpleNamespace
 
 import pytest
 
-from tautwave.bench.buses import one_processor
+from tautwave import registry
+from tautwave.bench.buses import buses, one_processor
+from tautwave.contracts import CycleCost
+from tautwave_drivers import cost
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system has no affinity")
@@ -24,3 +29,67 @@ def test_a_measurement_that_fails_lets_go_of_it_as_well() -> None:
     with pytest.raises(ValueError, match="in the middle"), one_processor():
         raise ValueError("in the middle")
     assert os.sched_getaffinity(0) == before
+
+
+def test_each_driver_is_measured_and_named_as_it_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    spent = [float(n) for n in range(1, 101)]  # n-th of 100 values: the n-th percentile
+    costs = {
+        "fast": [
+            CycleCost("one", spent[::-1], [10.0], goal_us=60.0),
+            CycleCost("two", spent, [10.0], goal_ratio=5.0),
+        ],
+        "mute": [],
+        "torn": [CycleCost("three", why_not="no line")],
+    }
+    asked = []
+
+    def load(name: str) -> SimpleNamespace:
+        def measure(cycles: int) -> list[CycleCost]:
+            asked.append((name, cycles))
+            return costs[name]
+
+        return SimpleNamespace(needs=("no_such",) if name == "bare" else (), measure=measure)
+
+    monkeypatch.setattr(registry, "driver_names", lambda: ["bare", *costs])
+    monkeypatch.setattr(registry, "load_driver", load)
+    monkeypatch.setattr(registry, "missing_modules", list)
+    told: list[str] = []
+    made = buses(cycles=7, tell=told.append)
+    assert told == ["fast, 7 exchanges", "mute, 7 exchanges", "torn, 7 exchanges"]
+    assert asked == [(name, 7) for name in costs]
+    assert [table.title for table in made.tables] == ["Bus bare", "Bus fast", "Bus torn"]
+    bare, fast, torn = (table.rows for table in made.tables)
+    assert bare[0][0] == "bare exchange: no_such is not installed"
+    assert fast == [("one", 1.0, 51.0, 100.0, 10.0, 5.1), ("two", 1.0, 51.0, 100.0, 10.0, 5.1)]
+    assert torn[0][0] == "three: no line"
+    assert [(goal.met, goal.measured) for goal in made.goals] == [(True, 51.0), (False, 5.1)]
+
+
+@pytest.mark.parametrize("cycles", [1, 4, 5])
+def test_two_kinds_of_exchange_are_measured_in_turn(cycles: int) -> None:
+    calls: list[str] = []
+
+    def exchange(name: str, time_ns: int) -> int:
+        calls.append(name)
+        return time_ns
+
+    ours, floor = cost.in_turn(cycles, lambda: exchange("a", 3000), lambda: exchange("b", 2000), 2)
+    assert (ours, floor) == ([3.0] * cycles, [2.0] * cycles)
+    rounds = 1 + -(-cycles // 2)  # one to warm up
+    assert "".join(calls) == rounds * "aabb"
+
+
+def test_a_bare_exchange_waits_for_the_whole_response_but_not_forever(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(cost, "LIMIT_NS", 1_000_000)
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        theirs.sendall(bytes(8))
+        cost.bare_exchange(ours.fileno(), b"request", 5000)  # no more comes: it ends
+        assert theirs.recv(100) == b"request"
+        theirs.sendall(bytes(5000))
+        cost.bare_exchange(ours.fileno(), b"", 5000)  # read in two pieces
+        ours.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            ours.recv(1)

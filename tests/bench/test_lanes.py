@@ -14,6 +14,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tautwave.bench.plain import scene as plain_scene
+from tautwave.bench.plain.gcc import compile_text
 from tautwave.bench.plain.lanes import (
     SCALAR,
     _timed,
@@ -28,6 +29,7 @@ from tautwave.bench.plain.lanes_text import LANES
 from tautwave.bench.plain.scene import Plain, meet_wall, plain_set, run_plain
 from tautwave.bench.plain.truth import plain_plants, plain_truth
 from tautwave.cli import main
+from tautwave.errors import ConfigError
 from tautwave.models.integrators.schemes import DORMAND_PRINCE, EXACT
 from tautwave.models.plant import plant_step
 from tautwave.models.plant_params import plant_cache
@@ -133,6 +135,12 @@ def test_the_suite_says_what_it_compared() -> None:
     assert {row[3] for row in rows.values()} == {"yes"}
     assert all(goal.measured is not None for goal in suite.goals[:1])
     assert suite.goals[2].met
+
+
+@gcc
+def test_what_gcc_says_of_a_text_it_refuses_is_reported(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"gcc refuses the text: /.*kernel\.c:1"):
+        compile_text("int f( {", tmp_path, ["-shared"])
 
 
 def test_without_gcc_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

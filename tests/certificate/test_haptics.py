@@ -10,6 +10,7 @@ import pytest
 
 from tautwave.analysis.ports.loop_modes import least_damped
 from tautwave.analysis.ports.sampled_loop import LinearEnd
+from tautwave.analysis.walls.limit_cycle import REST
 from tautwave.certificate import haptics as room
 from tautwave.certificate.belief import declared_delays
 from tautwave.certificate.haptics import haptics
@@ -126,6 +127,19 @@ def test_limit_cycles_are_of_walls_that_fail_only() -> None:
     [boundless] = cycles(f"{key}.stiffness=40", *none)
     assert "unbounded" in boundless.sentences()[0]
     assert boundless.as_dict()["predicted"]["depth"] is None
+
+
+@pytest.mark.parametrize(
+    ("change", "named"), [({}, True), ({"predicted": None}, False), ({"predicted": REST}, False)]
+)
+def test_a_prediction_is_drawn_where_there_is_one(change: dict[str, object], named: bool) -> None:
+    one = rig("bench-1dof-loopback", "coupling.pairs.lever.wall_slave.stiffness=40")
+    [found] = wall_cycles(one, declared_delays(one))
+    figure = cycle_figure("bench", (found._replace(**change),))  # type: ignore[arg-type]
+    [panel] = [axes for axes in figure.axes if axes.axison]
+    labels = panel.get_legend_handles_labels()[1]
+    assert any(label.startswith("simulated, ") for label in labels)
+    assert any(label.startswith("predicted, ") for label in labels) == named
 
 
 @pytest.mark.slow

@@ -51,7 +51,7 @@ class Backend:
         self.ways: list[str] = []
         self.ways_asked: dict[str, Any] = {}
 
-    def load_rig(self, path: Path, overrides: Sequence[str] = ()) -> Any:
+    def load_rig(self, path: Path, overrides: Sequence[str] = (), **_: object) -> Any:
         self.loaded = (path, overrides)
         return SimpleNamespace(name="bench / 1dof")
 

@@ -50,7 +50,7 @@ SLOW = "CHILD = 'import time; time.sleep(60)'"
 CERTIFYING = """
 import sys, time
 from tautwave.session import running
-def certificate_of(rig):
+def certificate_of(rig, ways):
     sys.stderr.write("certifying\\n")
     sys.stderr.flush()
     time.sleep(60)

@@ -10,12 +10,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from tautwave.cli.terminal import progress_bar
 from tautwave.cli.terminal.progress import Progress
 from tautwave.cli.terminal.show import Cell, Section, plain, plain_lines
+from tautwave.cli.terminal.summary import left_out_rows
 
 TABLE = Section(
     "Tracking", ("pair", ">rms"), [("wrist", "1.5 mrad"), ("elbow", Cell("12 µrad", "red"))]
@@ -93,6 +95,25 @@ def test_progress_goes_to_a_process_of_its_own(capfd: pytest.CaptureFixture[str]
     ]
 
 
+def test_progress_is_written_every_half_percent_and_when_the_word_changes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    there, here = os.pipe()
+    with os.fdopen(there, "r") as lines:
+        child = SimpleNamespace(stdin=os.fdopen(here, "wb"), wait=lambda timeout: 0)
+        monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: child)
+        with Progress("bench") as progress:
+            for percent in (0.0, 0.4, 0.6, 1.0, 1.2):
+                progress(percent / 100.0, "running")
+            progress(0.012, "reporting")
+            progress(0.012, "reporting")
+            progress(0.0, "reporting")
+        assert lines.read().splitlines() == [
+            *("0.0000\trunning", "0.0060\trunning", "0.0120\trunning"),
+            *("0.0120\treporting", "0.0000\treporting"),
+        ]
+
+
 def test_progress_never_waits_for_a_stopped_reader() -> None:
     progress = Progress("bench")
     os.kill(progress._child.pid, signal.SIGSTOP)  # as Ctrl-S does to whoever writes to a terminal
@@ -132,3 +153,9 @@ def test_ctrl_c_leaves_the_bar_to_the_run(tmp_path: Path) -> None:
         child.communicate(b"0.6\tramping down\n")
         assert child.returncode == 0
     assert "ramping down" in (tmp_path / "err").read_text()
+
+
+def test_what_is_left_out_is_read_in_every_form_that_summaries_had() -> None:
+    forms = [["wall", "the rig has none"], {"element": "wall", "reason": "the rig has none"}]
+    rows = list(left_out_rows([*forms, "wall: the rig has none"]))
+    assert rows == 3 * [("wall", "the rig has none")]

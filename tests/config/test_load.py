@@ -17,6 +17,7 @@ from tautwave.config import (
     simulation_of,
 )
 from tautwave.contracts import AxisSpec, BusSpec
+from tautwave.errors import ConfigError
 from tests.config.bench import BENCH, problems
 
 
@@ -203,6 +204,20 @@ def test_recording_without_the_time(tmp_path: Path) -> None:
     text = BENCH.replace("{type: minimum_jerk, waypoints: [[0, 0], [1, 0.3]]}", RECORDING)
     with pytest.raises(ValueError, match=r"hand\.csv has no column 'time_s'"):
         parse_rig(text, tmp_path / "rig.yaml")
+
+
+@pytest.mark.parametrize(("count", "ends"), [(12, "c10, c11"), (13, "c10, c11, ...")])
+def test_a_recording_without_the_column_names_a_dozen_of_its_own(
+    tmp_path: Path, count: int, ends: str
+) -> None:
+    (tmp_path / "hand.csv").write_text(",".join(f"c{n}" for n in range(count)) + "\n")
+    text = BENCH.replace("{type: minimum_jerk, waypoints: [[0, 0], [1, 0.3]]}", RECORDING)
+    with pytest.raises(ConfigError) as caught:
+        parse_rig(text, tmp_path / "rig.yaml")
+    assert all(
+        problem.endswith(f"It has: c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, {ends}")
+        for problem in caught.value.problems
+    )
 
 
 def test_recording_that_is_no_text(tmp_path: Path) -> None:

@@ -153,7 +153,7 @@ def test_uncertified_hardware_is_refused(tmp_path: Path, monkeypatch: pytest.Mon
     plugin: Any = SimpleNamespace(hardware=True)
     monkeypatch.setattr(identifying, "load_driver", lambda _: plugin)
     monkeypatch.setattr(
-        identifying, "certificate_of", lambda _: {"passed": False, "sentences": ["because"]}
+        identifying, "certificate_of", lambda *_: {"passed": False, "sentences": ["because"]}
     )
     with pytest.raises(NotCertifiedError, match="allow-uncertified"):
         identify_device(rig, axis="master.lever", out=tmp_path / "out", clock="fake")

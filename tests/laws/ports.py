@@ -67,7 +67,7 @@ def compiled() -> Any:
     for function in (
         *(limit.clamp, limit.truncate, limit.share_effort),
         *(observer.observer_gains, observer.observe),
-        *(port_law.filter_energy, port_law.repayment, port_law.port_brake),
+        *(port_law.repayment, port_law.port_brake),
         *(port_law.port_effort, port_law.port_close),
         *(_move, _quantised),
     ):
@@ -160,7 +160,7 @@ def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
         if known:
             # In any window: what it began with is the reserve and the filter's at most.
             worst = max(worst, given - lowest)
-            lowest = min(lowest, given + port_law.filter_energy(port, filtered))
+            lowest = min(lowest, given + port.kept * filtered * filtered)
         if a.stops and (account < -port.reserve or fast):
             stopped = True
         came = a.waves[k] + a.back * ring[0]
@@ -170,7 +170,7 @@ def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
         asked = sent = last
         wall = 0.0
         if stopped:
-            asked = port_law.port_brake(account, a.braking * tracked) if known else 0.0
+            asked = port_law.port_brake(port, account, a.braking * tracked) if known else 0.0
             sent = asked
         elif known:
             pending = 0.0

@@ -75,3 +75,31 @@ def test_a_packet_brings_what_it_repeats_and_the_newest_word_on_credit() -> None
         known.append(sorted(int(slot) for slot in ring[::PLACE] if slot >= 0))
     assert known[3:] == [[0], [0, 1], [0, 1], [0, 1, 2, 3], [0, 1, 2, 3, 4]]
     assert (r.was_granted, r.was_asked, n.lost, n.arrived) == (40, 400, 1, 4)
+
+
+def test_an_overtaken_packet_does_not_bring_old_credit_back() -> None:
+    p = receiver_params(1e-3, sender_period=1e-3, depth=0.01)
+    places = ring_size(p)
+    ring, table = [0.0] * (PLACE * places), [0.0] * network_places(DAYS)
+    n, s, r, far = Network(), Sender(), Receiver(), Receiver()
+    start_receiver(r, ring, 0, places)
+    start_network(n, table, 0, DAYS, 0, 0)
+    for tick, delay in enumerate((0.006, 0.001)):
+        far.granted, far.asked = 10 + tick, 100 + tick
+        send(s, 1e-3, 1.0)
+        way = network_params(delay)
+        post(n, way, table, 0, DAYS, s, far, tick * TICK_NS, TICK_NS, tick, TICK_NS)
+    for tick in range(8):
+        deliver(n, table, 0, DAYS, tick, r, p, ring, 0, places, 0)
+        if tick >= 2:
+            assert (r.was_granted, r.was_asked) == (11, 101)
+    assert n.arrived == 2
+
+
+def test_a_packet_that_is_posted_late_comes_at_once() -> None:
+    n, s, table = Network(), Sender(), [0.0] * network_places(DAYS)
+    start_network(n, table, 0, DAYS, 0, 0)
+    send(s, 1e-3, 1.0)
+    way = network_params(0.0, duplicates=1.0)
+    post(n, way, table, 0, DAYS, s, Receiver(), 0, TICK_NS, 5, TICK_NS)
+    assert [take_copy(table, 0, DAYS, 5) for _ in range(3)] == [0, 0, -1]

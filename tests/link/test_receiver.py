@@ -4,13 +4,25 @@ from __future__ import annotations
 
 import math
 import random
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.laws.counters import ENERGY_QUANTUM, SPAN, WAVE_QUANTUM
-from tautwave.laws.receiver import ReceiverParams, output_wave, receiver_params
+from tautwave.laws.receiver import ReceiverParams, advance, output_wave, receiver_params, watched
+from tautwave.link.receiver import (
+    PLACE,
+    Receiver,
+    funds_of,
+    play_to,
+    ring_size,
+    settle,
+    start_receiver,
+    take_credit,
+    take_pair,
+)
 from tautwave.models.network import EXPONENTIAL, SPIKES, UNIFORM, network_params
 from tests.link.lines import Run, run_line
 
@@ -135,14 +147,15 @@ def test_energy_lasts_as_long_as_the_backlog() -> None:
     assert min(after[60:]) > 0.45
 
 
-def test_repayment_after_an_outage_is_bounded_in_speed() -> None:
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_repayment_after_an_outage_is_bounded_in_speed(sign: float) -> None:
     fastest = 0.2
     way = network_params(0.0, outage_at=0.2, outage=0.3)
-    waves = [0.5] * 1000
+    waves = [0.5 * sign] * 1000
     slow = run_line(equal_rates(fastest=fastest), way, waves, ticks=3000)
     quick = run_line(equal_rates(), way, waves, ticks=3000)
     assert max(map(abs, slow.given)) <= 0.5 + fastest + 1e-9
-    assert max(map(abs, quick.given)) >= 0.5
+    assert max(map(abs, quick.given)) > 0.5
     assert abs(slow.backlog) < 1e-6
 
 
@@ -176,7 +189,7 @@ def test_what_a_loss_averages_out_is_not_hoarded() -> None:
         ticks=2500, repeated=0,
     )  # fmt: skip
     assert run.receiver.dropped > 0.01
-    assert run.funds <= 1e-4 + 1e-9
+    assert run.funds == pytest.approx(1e-4, rel=1e-3)  # the level: kept, for slips
     given_out = joules(run.given, PERIOD)
     assert given_out + run.receiver.dropped + run.funds == pytest.approx(
         joules(run.sent, PERIOD), rel=1e-9
@@ -191,3 +204,149 @@ def test_the_speed_that_a_wave_costs_is_that_of_its_energy() -> None:
     assert 0.5 * PERIOD * wave * wave <= 1e-3
     lasting = output_wave(p, funds, 10**10, 10**10) * WAVE_QUANTUM / PERIOD
     assert lasting == pytest.approx(2.0 * 1e-3 / (10**10 * WAVE_QUANTUM), rel=1e-6)
+
+
+def test_a_depth_that_follows_finds_what_the_network_needs() -> None:
+    period = 2e-3
+    way = network_params(0.01, jitter=0.008)  # four slots
+    depths: list[int] = []
+    late = {}
+    for name, deepest in (("follows", 0.05), ("stays", 0.0)):
+        p = receiver_params(period, sender_period=period, depth=0.0, deepest=deepest)
+        waits: list[int] = []
+
+        def look(run: Run, waits: list[int] = waits) -> None:
+            depths.append(run.receiver.depth)
+            waits.append(run.receiver.pointer)
+
+        run = run_line(p, way, [1.0] * 3000, ticks=2500, repeated=0, look=look)
+        late[name] = sum(one == two for one, two in pairwise(waits[500:]))
+        assert run.least >= 0
+    assert 3 <= depths[2499] <= 4
+    assert max(depths) <= 4
+    assert late["follows"] < 0.25 * late["stays"]
+
+
+def test_a_deep_buffer_on_a_calm_network_becomes_shallow_slot_by_slot() -> None:
+    period = 10e-3
+    p = receiver_params(period, sender_period=period, depth=0.03, deepest=0.05)
+    depths: list[int] = []
+    run_line(
+        p, network_params(0.01), [1.0] * 6000, ticks=6000,
+        look=lambda run: depths.append(run.receiver.depth if run.receiver.begun else 3),
+    )  # fmt: skip
+    changes = [k for k in range(1, 6000) if depths[k] != depths[k - 1]]
+    assert [depths[k] for k in changes] == [2, 1, 0]
+    assert all(later - sooner > 1000 for sooner, later in pairwise([0, *changes]))
+
+
+def test_what_was_long_ago_counts_less() -> None:
+    p = equal_rates()
+    share = 0.0
+    for since in range(p.watch):
+        share = watched(p, share, since % 4 == 0, since)
+    assert share == pytest.approx(0.25, rel=1e-3)
+    for since in range(p.watch, 3 * p.watch):
+        share = watched(p, share, False, since)
+    assert share == pytest.approx(0.25 * math.exp(-2.0), rel=1e-3)
+
+
+def test_a_depth_that_is_needed_stays() -> None:
+    period = 10e-3
+    p = receiver_params(period, sender_period=period, depth=0.04, deepest=0.05)
+    depths: list[int] = []
+    run_line(
+        p, network_params(0.01, jitter=0.04), [1.0] * 5000, ticks=5000, repeated=0,
+        look=lambda run: depths.append(run.receiver.depth),
+    )  # fmt: skip
+    assert min(depths[100:]) >= 2
+    assert depths.count(2) < 500
+
+
+def test_it_grows_no_deeper_than_it_may() -> None:
+    period = 2e-3
+    p = receiver_params(period, sender_period=period, depth=0.0, deepest=0.004)
+    way = network_params(0.01, jitter=0.03)
+    run = run_line(p, way, [1.0] * 3000, ticks=2900, repeated=0)
+    assert run.receiver.depth == 2
+
+
+def test_a_slip_backwards_repeats_what_there_was_and_is_not_felt() -> None:
+    """A receiver whose clock is fast, with energy to spare: the force never drops."""
+    p = equal_rates(reserve=1e-2)
+    run = run_line(p, network_params(0.002), [0.5] * 20_000, ticks=19_000, stretch=-200e-6)
+    assert run.receiver.pointer < run.receiver.newest - p.depth + 3
+    assert min(run.given[1000:]) > 0.45
+
+
+@pytest.mark.parametrize(("owed", "step", "timely"), [(3, 2, 1), (-3, 0, -1)])
+def test_slips_are_made_one_in_a_tick(owed: int, step: int, timely: int) -> None:
+    p = equal_rates()
+    left = owed
+    for expected in range(abs(owed) - 1, -1, -1):
+        *moved, _, _, left = advance(p, p.depth, p.depth + 5, 0, 0, left)
+        assert moved == [step, timely]
+        assert abs(left) == expected
+    *moved, _, _, left = advance(p, p.depth, p.depth + 5, 0, 0, left)
+    assert (moved, left) == ([1, 1], 0)
+
+
+def test_what_came_is_not_taken_back_where_a_late_packet_says_less() -> None:
+    p = equal_rates()
+    places = ring_size(p)
+    ring = [0.0] * (PLACE * places)
+    r = Receiver()
+    start_receiver(r, ring, 0, places)
+    r.begun = True
+    r.pointer = -1
+    take_pair(r, p, ring, 0, places, 9, 0, 1000)
+    play_to(r, p, ring, 0, places, 4)
+    assert r.paid == 500
+    take_pair(r, p, ring, 0, places, 5, 0, 100)
+    play_to(r, p, ring, 0, places, 5)
+    assert r.paid == 500
+    play_to(r, p, ring, 0, places, 9)
+    assert r.paid == 1000
+
+
+def placed(paid: float = 0.0, backlog: float = 0.0) -> tuple[Receiver, ReceiverParams]:
+    """Return a receiver that holds energy [J] beyond its reserve, and owes [W**0.5 s]."""
+    p = equal_rates(level=1e-4)
+    r = Receiver()
+    r.begun = True
+    r.paid = round(paid / ENERGY_QUANTUM)
+    r.played = round(backlog / WAVE_QUANTUM)
+    return r, p
+
+
+@pytest.mark.parametrize(("asked", "granted"), [(0.0, 0.0), (3e-4, 3e-4), (1.0, 9e-4)])
+def test_what_is_too_much_is_sent_back_as_far_as_it_is_wanted(asked: float, granted: float) -> None:
+    """1 mJ where 0.1 are kept: the rest goes to who asked for it, or is dropped and booked."""
+    r, p = placed(1e-3)
+    take_credit(r, 0, round(asked / ENERGY_QUANTUM))
+    settle(r, p, funds_of(r, p))
+    assert r.granted * ENERGY_QUANTUM == pytest.approx(granted, abs=1e-11)
+    assert r.dropped == pytest.approx(9e-4 - granted, abs=1e-11)
+    assert funds_of(r, p) - p.reserve == pytest.approx(p.level, abs=1)
+    settle(r, p, funds_of(r, p))
+    assert r.granted * ENERGY_QUANTUM == pytest.approx(granted, abs=1e-11)
+
+
+def test_a_backlog_keeps_the_energy_that_it_may_need() -> None:
+    r, p = placed(1e-3, backlog=5e-4)
+    settle(r, p, funds_of(r, p))
+    needed = (5e-4) ** 2 / (2.0 * PERIOD)
+    assert r.dropped == pytest.approx(9e-4 - needed, abs=1e-11)
+
+
+def test_credit_pays_for_what_is_owed_and_is_asked_for_again() -> None:
+    r, p = placed(backlog=1e-3)
+    r.spent = p.reserve  # nothing left: it owes, and can give nothing
+    settle(r, p, funds_of(r, p))
+    assert output_wave(p, funds_of(r, p), 10**9, 0) == 0
+    assert r.asked == p.reserve + p.level
+    take_credit(r, r.asked, 0)
+    assert funds_of(r, p) == p.reserve + p.level
+    assert output_wave(p, funds_of(r, p), 10**9, 0) > 0
+    settle(r, p, funds_of(r, p))
+    assert r.asked == r.was_granted

@@ -34,13 +34,17 @@ def example(name: str) -> ModuleType:
 class TestWave(CouplingContract):
     @pytest.fixture
     def bench(self) -> CouplingBench:
-        return CouplingBench(registry.load_coupling("wave"), "wave", {"wave_impedance": 0.02})
+        keys = {"wave_impedance": 0.02, "pole_master": "plain", "pole_slave": "plain"}
+        return CouplingBench(
+            registry.load_coupling("wave"), "wave", {**keys, "wave_filter_hz": None}
+        )
 
 
 class TestFilteredWave(CouplingContract):
     @pytest.fixture
     def bench(self) -> CouplingBench:
-        keys = {"wave_impedance": 0.02, "wave_filter_hz": 100.0}
+        keys = {"wave_impedance": 0.02, "wave_filter_hz": 100.0, "pole_master": 0.5}
+        keys["pole_slave"] = 0.5
         return CouplingBench(registry.load_coupling("wave"), "wave", keys)
 
 

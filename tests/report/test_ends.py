@@ -19,19 +19,21 @@ from tautwave.rig import command_delays
 from tautwave.session.reporting import final_code
 from tests.certificate.rigs import rig
 
-ROWS = 400
+ROWS = 2000
 CLAIM = 0.02
 KEYS = yaml.safe_load(
     resolved_yaml(rig("master.axes.lever.velocity_limit=3", name="bench-1dof-2khz"))
 )
 
 
-def run(given: float, way: float, claim: float | None = CLAIM, damper: float = 0.0) -> Run:
+def run(given: float, way: float, claim: float | None = CLAIM, **more: float) -> Run:
     """Return a run whose master gives evenly [J] while it moves evenly [rad per row]."""
     axis = "master.lever"
+    damper, deviation = more.get("damper", 0.0), more.get("deviation", 0.0)
     rise = np.arange(ROWS) / (ROWS - 1)
+    shaken = deviation * np.random.default_rng(1).standard_normal(ROWS)
     columns: Any = {
-        f"{axis}.position": way * np.arange(ROWS),
+        f"{axis}.position": way * np.arange(ROWS) + shaken,
         f"{axis}.valid": np.ones(ROWS),
         f"{axis}.port_energy": -given * rise,
         f"{axis}.gross_flow": given * rise,
@@ -74,9 +76,9 @@ def test_a_blow_is_reported_and_is_no_part_of_the_claim() -> None:
     assert not after["invalidated"]
     assert (
         "50\u202fmJ of it in a blow beyond its velocity limit; its claim is 20\u202fmJ"
-        in after["blows"][0]
+        in after["notes"][0]
     )
-    assert after["blows"][0] in verdicts(found)[-1].sentences
+    assert after["notes"][0] in verdicts(found)[-1].sentences
     assert only(run(0.05, 3.9 / 2000.0)).blow == 0.0  # its motor may have driven it
 
 
@@ -91,3 +93,15 @@ def test_claims_grow_with_the_time_that_a_run_takes() -> None:
     delays = command_delays(loaded)
     ten, twenty = (claimed_joules(one, "slave.lever", delays) for one in (loaded, longer))
     assert twenty > ten > 0.0
+
+
+@pytest.mark.parametrize(
+    ("times", "reported"), [(0.5, False), (1.0, False), (1.3, True), (2.0, True)]
+)
+def test_noise_beyond_the_declared_is_reported(times: float, reported: bool) -> None:
+    """Whatever the lever does meanwhile: here it moves at 2 rad/s."""
+    found = run(0.0, 1e-3, deviation=times * 9e-5)
+    notes = recheck_run(found)["certificate"]["after_run"]["notes"]
+    said = [note for note in notes if "times the declared (position_noise 9e-05)" in note]
+    assert bool(said) == reported
+    assert all(note.startswith("master.lever: its position is as noisy as by") for note in said)

@@ -8,6 +8,10 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+import pytest
+
+from tautwave.errors import ConfigError
+from tautwave.report.__main__ import main
 from tests.report.synthetic import Columns, make_run
 
 COUNTING = """
@@ -41,3 +45,12 @@ def test_a_run_is_loaded_once_and_its_summary_written_once(
     assert opened["write summary.json.part"] == 1
     assert opened["read recording.mcap"] == 2  # what it holds, and all of it
     assert json.loads((tmp_path / "summary.json").read_text())["certificate"]["after_run"]
+
+
+def test_a_directory_without_a_run_is_one_sentence_and_an_exit_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["tautwave.report", str(tmp_path)])
+    assert main() == ConfigError.exit_code
+    [sentence] = capsys.readouterr().err.splitlines()
+    assert str(tmp_path) in sentence

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from tautwave.report.claims import exceeds
 from tautwave.report.motors import motor_energy
 from tautwave.report.run.rebuild import rebuild_summary
 from tautwave.report.run.rundir import Run
-from tautwave.report.run.verdicts import verdicts
+from tautwave.report.run.verdicts import _books, verdicts
 from tautwave.rig import command_delays
 from tautwave.session.facts import pair_facts, port_claims
 from tests.certificate.rigs import NO_QUANTUM, NO_WALLS, rig
@@ -111,3 +112,15 @@ def test_what_no_rig_states_is_no_debt_and_nothing_exceeds_it() -> None:
     assert reported["net"] == pytest.approx(given[-1] - given[0])
     assert "stated_debt" not in reported
     assert not exceeds({**reported, "worst": 1e3}, 1.0)
+
+
+@pytest.mark.parametrize(("worst", "status"), [(0.9e-3, "ok"), (1.1e-3, "bad")])
+def test_books_that_close_are_bad_where_motors_gave_more_than_the_debt(
+    worst: float, status: str
+) -> None:
+    motors = {"worst": worst, "worst_at_s": 1.0, "stated_debt": 1e-3}
+    energy = {"gross_flow": 1.0, "residual": 0.0, "motors_net": 1e-4, "generated": 0.0}
+    summary = {"energy_j": energy, "pairs": {"wrist": {"motors": motors}}}
+    books = _books(SimpleNamespace(summary=summary, pairs=("wrist",)))  # type: ignore[arg-type]
+    assert books.status == status
+    assert any("more than the" in sentence for sentence in books.sentences) == (status == "bad")

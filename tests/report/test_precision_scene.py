@@ -167,6 +167,15 @@ def hasty(made: Any) -> Any:
     return base
 
 
+def test_a_string_keeps_its_pitch_at_every_rate() -> None:
+    [(name, pitch)] = precision_scene.pitches_of(load_rig(CONFIGS / "scene-string.yaml")).items()
+    assert name == "string"
+    asked = pitch.pop("asked_hz")
+    assert asked == 196.0
+    assert len(pitch) >= 3
+    assert pitch == {rate: pytest.approx(asked, rel=0.01) for rate in pitch}
+
+
 @pytest.mark.slow
 def test_a_string_is_told_its_pitch(tmp_path: Path) -> None:
     directory = leave_run(tmp_path / "string", "string", 0.1)

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from tautwave.config import load_rig
 from tautwave.rig import Assembly
+from tautwave.rig.controller import site_params
 from tautwave.session.facts import pair_facts
 from tests.rigs.running import Run, Tree, pair_of, rig_of, run_rig, tree
 
+CONFIGS = Path(__file__).parents[2] / "configs"
 LOOSE = {"coupling.pairs.a.wave_impedance": 1e-14}
 """A coupling that transmits nothing to speak of."""
 
@@ -225,3 +229,12 @@ def test_a_minute_of_contact_ending_pressed_leaves_what_is_explained() -> None:
     assert abs(run["true.master.a.velocity"][-1]) < 1e-5
     error, predicted = left_over(run)
     assert error == pytest.approx(predicted, abs=1e-5)
+
+
+def test_commands_are_in_steps_of_what_an_axis_takes() -> None:
+    keys = ("effort_quantum=0.001", "velocity_quantum=0.002")
+    changes = [f"{side}.axes.lever.{key}" for side in ("master", "slave") for key in keys]
+    rig = load_rig(CONFIGS / "bench-admittance-loopback.yaml", changes)
+    master, slave = site_params(rig, "master.lever"), site_params(rig, "slave.lever")
+    assert (master.limit.effort_quantum, master.velocity_quantum) == (1e-3, 0.0)
+    assert (slave.limit.effort_quantum, slave.velocity_quantum) == (0.0, 2e-3)

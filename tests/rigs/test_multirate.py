@@ -164,7 +164,7 @@ def test_picking_instead_of_averaging_fails_the_same_books(
 
 
 def test_identify_refuses_a_slow_bus_in_a_sentence(tmp_path: Path) -> None:
-    ranged = {"slave.axes.a.position_range": [-1.0, 1.0]}
+    rig = rig_of(tree(slow(1, 2), {"slave.axes.a.position_range": [-1.0, 1.0]}))
     with pytest.raises(ConfigError, match=r"buses\.arm\.divisor: .* --set rate_hz=500"):
-        identify_device(rig_of(tree(slow(1, 2), ranged)), axis="slave.a", out=tmp_path / "out")
+        identify_device(rig, axis="slave.a", out=tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -249,8 +249,8 @@ def test_what_acts_unseen_is_in_the_claim(changes: tuple[str, ...]) -> None:
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        (f"{PAIR}.pole_master=1", "Input should be 'plain' or a number from 0 to 0.9"),
-        (f"{PAIR}.pole_master=abc", "Input should be 'plain' or a number from 0 to 0.9"),
+        (f"{PAIR}.pole_master=1", "Input should be 'auto', 'plain' or a number from 0 to 0.9"),
+        (f"{PAIR}.pole_master=abc", "Input should be 'auto', 'plain' or a number from 0 to 0.9"),
     ],
 )
 def test_a_pole_that_is_none_is_refused_in_a_sentence(change: str, sentence: str) -> None:

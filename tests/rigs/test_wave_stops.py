@@ -52,7 +52,7 @@ def giving_way(c: CoupledControl) -> Iterator[Any]:
         yield master
 
 
-def test_an_overdrawn_port_stops_with_its_numbers_and_sends_nothing_while_in_debt() -> None:
+def test_an_overdrawn_port_stops_with_its_numbers_and_sends_nothing_below_its_floor() -> None:
     c = control(*QUIET, "master.axes.lever.position_range=null")
     for master in giving_way(c):
         if master.stopping:
@@ -64,7 +64,7 @@ def test_an_overdrawn_port_stops_with_its_numbers_and_sends_nothing_while_in_deb
     x = master.position
     for at in range(1, 60):
         x += 5e-3 if at % 2 else -5e-3
-        assert step(c, slot + at, x).end.account <= 0.0
+        assert step(c, slot + at, x).end.account < -c.params[0].end.port.reserve
         assert master.command == 0.0
 
 
@@ -90,11 +90,11 @@ def test_without_a_sample_a_stopping_port_lets_go_at_its_ramp() -> None:
     assert abs(master.total) == pytest.approx(held - 100 * 0.5e-3)
 
 
-def owing(c: CoupledControl, slots: int) -> int:
+def owing(c: CoupledControl, slots: int, gap: float, shrinks: float) -> int:
     """Let the master's port owe a displacement that it cannot pay for; return when it stopped."""
     end = step(c, 0, 0.0).end
     for slot in range(1, slots):
-        end.gap = 1.5 * c.params[0].end.astray
+        end.gap = gap * shrinks**slot * c.params[0].end.astray
         end.account = 0.4 * c.params[0].end.port.reserve
         step(c, slot, 0.0)
         if c.stopped:
@@ -103,10 +103,27 @@ def owing(c: CoupledControl, slots: int) -> int:
 
 
 def test_a_gap_that_nobody_repays_ends_the_run() -> None:
-    c = control(*QUIET, "rate_hz=400", "coupling.pairs.lever.wave_filter_hz=100")
+    slow = (*QUIET, "rate_hz=400", "coupling.pairs.lever.wave_filter_hz=100")
     slots = round(PATIENCE_S * 400)
-    assert slots < owing(c, slots + 20)
+    c = control(*slow)
+    assert slots < owing(c, slots + 20, 1.5, 1.0)
     assert "owes the other end a displacement of 0.0563 that does not shrink" in sentence(c)
+    assert owing(control(*slow), slots + 20, 30.0, 0.9995) == 0  # a slow one is on its way
+
+
+def test_the_damping_of_a_stop_does_not_act_through_a_series_damper() -> None:
+    """Else a matched end would pay F**2 T / b, more than it takes, and let go."""
+    c = control(
+        *QUIET,
+        "coupling.pairs.lever.matched_master=true",
+        "master.axes.lever.position_range=null",
+        "master.axes.lever.damping={value: 0.2, lower: 0.2, source: test}",
+    )
+    step(c, 0, 0.0)
+    c.overrun(40, 40)
+    for slot in range(41, 300):
+        master = step(c, slot, 1e-3 * slot)
+    assert master.command == pytest.approx(-0.2 * 2.0, rel=0.5)
 
 
 def test_a_gap_that_shrinks_does_not() -> None:

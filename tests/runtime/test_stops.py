@@ -7,7 +7,7 @@ import math
 import pytest
 
 from tautwave.controller.stops import guard_sentence, overrun_sentence, unarmed_sentence
-from tautwave.laws.limit import OVERDRAWN, RUNAWAY, LimitParams
+from tautwave.laws.limit import RUNAWAY, LimitParams
 
 LIMIT = LimitParams(2.0, 0.1, 0.0, 0.5, -math.inf, 0.25, 1.0)
 
@@ -19,7 +19,6 @@ LIMIT = LimitParams(2.0, 0.1, 0.0, 0.5, -math.inf, 0.25, 1.0)
         (2, "exceeded its velocity limit of 0.5 m/s at 1.500 s"),
         (3, "is not finite at 1.500 s"),
         (RUNAWAY, "over a million times its limit of 2 N at 1.500 s"),
-        (OVERDRAWN, "(raise rate_hz, or lower the stiffness it meets), at 1.500 s"),
     ],
 )
 def test_a_guard_names_its_limit_with_units(code: int, passed: str) -> None:

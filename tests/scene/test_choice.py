@@ -13,7 +13,7 @@ from tautwave.bench.workprecision.scenes import DRUM, Stage
 from tautwave.config import load_rig
 from tautwave.rig.scene.network import scene_of, scheme_choice
 from tautwave.scene.network import Link, Mass, Network
-from tautwave.scene.schemes.choice import choose_scene_scheme, scheme_error
+from tautwave.scene.schemes.choice import _fastest, choose_scene_scheme, scheme_error
 from tautwave.session.plan import rig_plan
 from tests.scene.networks import everything
 
@@ -79,3 +79,16 @@ def test_check_says_what_auto_takes_and_why() -> None:
     rig = load_rig(CONFIGS / "scene-drum.yaml", ["scene.scheme=auto"])
     (said,) = [item for item in rig_plan(rig) if item.element == "scheme rk4"]
     assert "auto: rk4: least error of a bounce at 8 m/s" in said.reason
+
+
+def test_the_bound_of_the_fastest_mode_is_the_mode_where_there_is_one() -> None:
+    """Gershgorin: exact for a mass on the ground, twice over for a pair that swings."""
+    masses = {"a": 0.5, "b": 0.5}
+    both = tuple(Mass(name, mass, damping=0.1) for name, mass in masses.items())
+    grounded = Link("k", "spring", "a", "ground", 300.0, damping=0.2)
+    coupled = grounded._replace(b="b")
+    assert _fastest(Network(both, (grounded,)), masses, {}) == (600.0, pytest.approx(0.6))
+    assert _fastest(Network(both, (coupled,)), masses, {}) == (1200.0, pytest.approx(1.0))
+    contact = Link("c", "contact", "a", "ground", 7.0, damping=0.2)
+    assert _fastest(Network(both, (contact,)), masses, {})[0] == 0.0
+    assert _fastest(Network(both, (contact,)), masses, {"c": 50.0})[0] == 100.0

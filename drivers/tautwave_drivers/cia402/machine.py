@@ -13,7 +13,7 @@ from __future__ import annotations
 from tautwave_drivers.cia402 import states as s
 from tautwave_drivers.cia402.advice import fall_text, hang_text, mode_lost_text, silence_text
 from tautwave_drivers.cia402.emergency import error_text
-from tautwave_drivers.cia402.modes import CYCLIC_MODES, control_mask
+from tautwave_drivers.cia402.modes import CYCLIC_MODES, Mode, control_mask
 from tautwave_drivers.cia402.reactions import leaves_quick_stop, stays_in_quick_stop
 from tautwave_drivers.cia402.repeats import NEVER, FaultReset, Repeat
 from tautwave_drivers.cia402.routes import AWAIT_MODE, ROUTES, Route
@@ -50,14 +50,14 @@ class Machine:
         self.name = name
         self.quirks = quirks
         self.goal = Goal.DISABLE
-        self.mode_wanted = 0
+        self.mode_wanted = int(Mode.NONE)
         self.commanding = False
         self.done = False
         self.failure = ""
         self.state = State.UNKNOWN
         self.controlword = s.DISABLE_VOLTAGE
         self._route: Route = DisableMethod.COAST
-        self._mode = 0
+        self._mode = int(Mode.NONE)
         self._halt = False
         self._enabled = False
         self._armed = False  # the last word was ENABLE OPERATION, for this goal
@@ -199,7 +199,7 @@ class Machine:
         under_way = sent != NEVER and now - sent <= 2 * self.quirks.timeouts.edge
         if state not in s.TORQUE_STATES and not under_way:
             self.mode_wanted = self._mode
-        elif self.mode_wanted == 0 and self._display is not None:
+        elif self.mode_wanted == Mode.NONE and self._display is not None:
             self.mode_wanted = self._display
 
     def _report(self, text: str, *, fatal: bool) -> None:

@@ -184,8 +184,7 @@ class Station:
             return self.plan.requests
         requests = list(self.plan.requests)
         self._writes = machine.writes() if machine is not None else []
-        if self._writes:
-            requests += [self.codec.write(name, value) for name, value in self._writes]
+        requests += [self.codec.write(name, value) for name, value in self._writes]
         if self._code_wanted:
             requests.append(self.codec.read(self.device.profile.roles["fault"]))
         return requests

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from tautwave.bench.buses import buses
 from tautwave.bench.extremes.suite import extremes
+from tautwave.bench.lines.suite import network
 from tautwave.bench.networks import networks
 from tautwave.bench.plain.lanes import lanes
+from tautwave.bench.port.suite import port
 from tautwave.bench.result import Goal, Suite, Table
 from tautwave.bench.suites import laws, loop, rates
 from tautwave.bench.workprecision.suite import workprecision
@@ -23,7 +25,9 @@ __all__ = [
     "lanes",
     "laws",
     "loop",
+    "network",
     "networks",
+    "port",
     "rates",
     "workprecision",
 ]

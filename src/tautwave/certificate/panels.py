@@ -9,7 +9,8 @@ if TYPE_CHECKING:
 
 SCENE = (
     "The damping that the linear part of the scene, contacts open, needs from the device at each "
-    "frequency: it is passive for any hand where the device has more."
+    "frequency: it is passive for any hand where the device has more. With contacts closed: "
+    "see the text."
 )
 
 

@@ -183,6 +183,32 @@ def lanes(as_json: bool) -> None:
     _print([_backend().lanes(tell=_tell)], as_json)
 
 
+@bench.command(short_help="The wave port against the one before it and a laboratory's PD.")
+@click.option(
+    "--recordings",
+    type=click.Path(file_okay=False, exists=True, path_type=Path),
+    help="Folder of recorded hands, <set>_<free_motion|foam|spring|rigid>.csv; without it hands "
+    "are multisines.",
+)
+@click.option("--quick", is_flag=True, help="One hand per contact, 10 s of holding.")
+@click.option("--cost", is_flag=True, help="Measure CPU time too; numba compiles for a minute.")
+@out_option("Directory for the picture of a held force; default: none.")
+@json_option
+def port(recordings: Path | None, quick: bool, cost: bool, out: Path | None, as_json: bool) -> None:
+    """Compare tracking, holding and cost of the wave port: before, after, lab.
+
+    On the identified bench at 2 kHz, in one simulator. Before is the port with an account and a
+    velocity filter, lab a position-position PD. Takes minutes.
+
+    \b
+    Examples:
+        tautwave bench port --quick
+        tautwave bench port --recordings teleop-1dof --out pictures
+    """
+    suite = _backend().port(recordings=recordings, quick=quick, cost=cost, out=out, tell=_tell)
+    _print([suite], as_json)
+
+
 @bench.command(
     short_help="Mass-interaction networks: speed relative to real time, and scaling with size."
 )
@@ -195,6 +221,29 @@ def networks(as_json: bool) -> None:
         tautwave bench networks
     """
     _print([_backend().networks(tell=_tell)], as_json)
+
+
+@bench.command(short_help="A pair over random networks: energy, position, force.")
+@click.option("--patterns", type=click.IntRange(1), default=1000, show_default=True)
+@click.option(
+    "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first one."
+)
+@click.option("--hour", is_flag=True, help="Move a pair for an hour, too: half a minute more.")
+@json_option
+def network(patterns: int, first: int, hour: bool, as_json: bool) -> None:
+    """Run a pair over random networks with our receiver, and with those in common use.
+
+    Counts where more energy came out of a receiver than went into the far end: 0 for ours, to the
+    bit. Then chosen networks (jitter, loss, bursts, an outage) side by side, and a force held for
+    a minute on two clocks. Two minutes for each 1,000 patterns.
+
+    \b
+    Examples:
+        tautwave bench network
+        tautwave bench network --patterns 100000 --json
+        tautwave bench network --patterns 1 --hour
+    """
+    _print([_backend().network(patterns=patterns, first=first, hour=hour, tell=_tell)], as_json)
 
 
 def _backend() -> Any:

@@ -89,7 +89,7 @@ def run(
     from tautwave.cli.terminal.summary import last_line, summary_sections
     from tautwave.config import load_rig
 
-    loaded = load_rig(rig, overrides)
+    loaded = load_rig(rig, overrides, choose=False)  # its certificate chooses, elsewhere
     if play and loaded.scene is None:
         raise ConfigError("--play: this rig has no scene, so there is no sound to play")
     from tautwave import session

@@ -89,7 +89,7 @@ def _serve_rig(path: Path, overrides: tuple[str, ...], simulate: bool | tuple[st
     from tautwave.session.devices import serve_rig
     from tautwave.session.serving import print_line
 
-    rig = load_rig(path, overrides)
+    rig = load_rig(path, overrides, choose=False)
 
     def ready(buses: Sequence[str]) -> None:
         command = ["tautwave", "run", str(path)]

@@ -11,6 +11,7 @@ from tautwave import formats, registry
 from tautwave.config.checks.rig import check_parts
 from tautwave.config.complete import complete_rig
 from tautwave.config.inputs.file_parts import name_file_parts, name_option_files
+from tautwave.config.keys.common import AUTO
 from tautwave.config.keys.rig import Rig
 from tautwave.config.messages import unknown_key, validate
 from tautwave.config.older import take_older
@@ -20,9 +21,10 @@ from tautwave.config.text.overrides import apply_overrides
 from tautwave.config.text.yaml12 import KeyPath
 from tautwave.contracts import DriverPlugin
 from tautwave.errors import ConfigError
+from tautwave.types import Choice
 
 
-def load_rig(path: str | Path, overrides: Sequence[str] = ()) -> Rig:
+def load_rig(path: str | Path, overrides: Sequence[str] = (), *, choose: bool = True) -> Rig:
     """Read, check and complete a rig file.
 
     Parameters
@@ -31,12 +33,15 @@ def load_rig(path: str | Path, overrides: Sequence[str] = ()) -> Rig:
         The rig file, YAML 1.2, SI units; `configs/README.md` describes it.
     overrides : sequence of str
         `a.b=c` each, applied to the file in order; keys and values are checked like the file.
+    choose : bool
+        Let the law choose the keys that are left to it; else they stay `auto`, and the rig can only
+        be run, whose certificate chooses in another process.
 
     Returns
     -------
     Rig
         Complete: drivers' options and the truth of simulated axes have their defaults filled in,
-        and files their whole path.
+        `auto` its value, and files their whole path.
 
     Raises
     ------
@@ -44,10 +49,16 @@ def load_rig(path: str | Path, overrides: Sequence[str] = ()) -> Rig:
         Anything is wrong; `problems` holds every mistake with its line.
     """
     path = Path(path)
-    return parse_rig(read_text(path), path, overrides)
+    return parse_rig(read_text(path), path, overrides, choose=choose)
 
 
-def parse_rig(text: str, path: str | Path = "rig.yaml", overrides: Sequence[str] = ()) -> Rig:
+def parse_rig(
+    text: str,
+    path: str | Path = "rig.yaml",
+    overrides: Sequence[str] = (),
+    *,
+    choose: bool = True,
+) -> Rig:
     """Check and complete the text of a rig file, as `load_rig` does.
 
     Parameters
@@ -56,7 +67,7 @@ def parse_rig(text: str, path: str | Path = "rig.yaml", overrides: Sequence[str]
         The rig file's text.
     path : str or Path
         Name for messages and base of relative paths; it need not exist.
-    overrides : sequence of str
+    overrides, choose : sequence of str, bool
         As for `load_rig`.
 
     Raises
@@ -65,10 +76,13 @@ def parse_rig(text: str, path: str | Path = "rig.yaml", overrides: Sequence[str]
         Anything is wrong.
     """
     path = Path(path)
-    return finish_rig(open_document(text, str(path), path.parent), path, overrides)
+    document = open_document(text, str(path), path.parent)
+    return finish_rig(document, path, overrides, choose=choose)
 
 
-def finish_rig(document: Document, path: Path, overrides: Sequence[str] = ()) -> Rig:
+def finish_rig(
+    document: Document, path: Path, overrides: Sequence[str] = (), *, choose: bool = True
+) -> Rig:
     """Check and complete a document, which is consumed; the last steps of `parse_rig`.
 
     Raises
@@ -88,7 +102,27 @@ def finish_rig(document: Document, path: Path, overrides: Sequence[str] = ()) ->
         _check_simulators(document, plugins)
     if document.problems or rig is None:
         raise ConfigError(document.sentences())
-    return complete_rig(document, rig, plugins, path)
+    rig = complete_rig(document, rig, plugins, path)
+    return choose_keys(rig) if choose else rig
+
+
+def choose_keys(rig: Rig) -> Rig:
+    """Return a rig with a value for each key of its coupling that is left to the law.
+
+    Raises
+    ------
+    ConfigError
+        The law cannot choose.
+    """
+    named = registry.load_coupling(rig.coupling.law).resolve if rig.scene is None else ""
+    choices = registry.load_named(named)(rig) if named else {}
+    return rig.with_choices(choices) if choices else rig
+
+
+def choose_again(rig: Rig) -> Rig:
+    """Return a rig that has been changed since it was read, with what its law takes now."""
+    left = {path: Choice(AUTO, "") for path in rig.choices}
+    return choose_keys(rig.with_choices(left)) if left else rig
 
 
 def _check_format(document: Document) -> None:

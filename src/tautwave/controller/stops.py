@@ -24,7 +24,7 @@ from tautwave.controller.records import (
 )
 from tautwave.controller.steps import ALONE, Law
 from tautwave.errors import DriverError, SafetyStop, TautwaveError
-from tautwave.laws.limit import NOT_A_NUMBER, OVERDRAWN, RUNAWAY, UNSEEN, LimitParams
+from tautwave.laws.limit import NOT_A_NUMBER, RUNAWAY, UNSEEN, LimitParams
 
 ARM_SHARE = 0.1
 """The engage ramp begins when every requested effort is below this share of its limit."""
@@ -65,7 +65,6 @@ GUARDS = {
     2: "velocity_limit",
     3: "not_finite",
     RUNAWAY: "runaway",
-    OVERDRAWN: "overdrawn",
     NOT_A_NUMBER: "coupling_not_finite",
     UNSEEN: "unseen",
 }
@@ -165,8 +164,8 @@ def guard_sentence(
     axis : str
         Full name.
     code : int
-        Of the guard: 1 to 3 (`laws.limit.guard_axis`), `RUNAWAY`, `OVERDRAWN`, `NOT_A_NUMBER`,
-        `UNSEEN`, or one of the coupling's own.
+        Of the guard: 1 to 3 (`laws.limit.guard_axis`), `RUNAWAY`, `NOT_A_NUMBER`, `UNSEEN`,
+        or one of the coupling's own.
     unit : str
         Of the position, `rad` or `m`.
     limit : LimitParams
@@ -185,8 +184,6 @@ def guard_sentence(
         3: "is not finite",
         RUNAWAY: "received a scene effort over a million times its limit of "
         f"{limit.effort:.6g} {_effort(unit)}",
-        OVERDRAWN: "drew more energy from its scene than it put in, because efforts are held for "
-        "a period (raise rate_hz, or lower the stiffness it meets),",
         NOT_A_NUMBER: f"was asked by its coupling, law {law.name}, for what is not finite",
         UNSEEN: "had no sample for too many periods, skipped slots included (loop.missing_limit),",
     } | {own: guard.sentence for own, guard in law.guards.items()}

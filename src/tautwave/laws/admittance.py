@@ -15,11 +15,18 @@ assumed to reach the commanded velocity within the period.
 
 The books of a period are those of `laws.port.port_close`: the mean of two sampled efforts times the
 measured displacement enters the tank, the wave of that displacement is paid from it. With D the
-plain divisor b, a period changes the tank by T v (F_k - F_k-1): the effort's change while the
+plain divisor b, a period changes the tank by T v (F[k] - F[k-1]): the effort's change while the
 command was under way. Over a swing of velocity that sums up to a share of b T v**2 per period of
-age, which is the reserve E0 = b T (1 + d) v_max**2. Below -E0 the run stops, so the port gives out
-at most 2 E0 + P t + F_max v_max T (1 + d), as encoder and force sensor see it. What the effort did
-between its samples nobody sees: true energy is an interval about that.
+age, which is the reserve E0 = b T (1 + d) v_max**2. Below -E0 the run stops.
+
+Energy: the way is known, dx = w T, the effort only at its ends. The books take the trapezoid, (F[k]
++ F[k+1]) dx / 2, and the true work is the integral of F w. With w constant both are equal where F
+is linear in x, so for every outside spring, whatever its stiffness. In general a chord is off by
+its curvature: at most |dx| (s T) / 4 for an effort that changes by no more than s per second, and
+unbounded for a blow between two samples. So nothing like the claim of an impedance port is sure
+here: that one knows F, held by itself, and measures dx; this one would have to know the hand. A
+tank over the books claims 2 E0 + W + P t, W = (1 + n) F_max v_max T, of what sensor and encoder
+see; what is true besides is s T / 4 of the way covered, and s is the hand's. Verdicts say so.
 """
 
 from __future__ import annotations

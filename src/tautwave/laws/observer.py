@@ -52,8 +52,11 @@ def observer_params(period: float, mass: float, pole: float) -> ObserverParams:
 def plain_observer(period: float, mass: float) -> ObserverParams:
     """Return the constants that trust each sample and believe in nothing outside.
 
-    Mean velocity of the last period plus what the known effort adds: the port without an observer,
-    which bears the stiffest springs where a device has much damping, and passes on all noise.
+    Mean velocity of the last period plus what the known effort adds: the port without an observer.
+    It returns no more of a wave than arrives where every pole does, but pays a share of all work
+    that passes (`laws.port.plain_drain`): the last choice. A small disturbance gain beside it is no
+    way out, for an outside acceleration that lags returns more of a slow wave than arrives; a pole
+    near 0 is.
     """
     return ObserverParams(period, 1.0 / mass, -1.0, 1.0, 1.0 / period, 0.0)
 

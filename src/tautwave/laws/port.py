@@ -21,9 +21,9 @@ stops below -E0, at most n + 1 commands later. Hence g <= 2 E0 + W + P t. With a
 sample in each period W = (1 + n) F_max (v_max T + 2 nbar), nbar what one sample may be off; where
 samples are missing, W takes the periods without one as well. Nothing in it is measured.
 
-The tank is kept in a stop, whose damping acts only while A > 0 (`port_brake`): from there what is
-under way brings A to -W at most, above the -E0 - W of the run. So the bound holds to the last
-command, however late or noisy the velocity that is damped.
+The tank is kept in a stop, whose damping acts only while A >= -E0 (`port_brake`): from there what
+is under way brings A to -E0 - W at most, as in the run. So the bound holds to the last command,
+however late or noisy the velocity that is damped.
 
 A matched end's damper takes F**2 T / b out of the tank in a period and gives nothing back. In the
 last n + 1 periods that lowers A, and raises what the damper has burnt, by the same: for the end,
@@ -54,8 +54,9 @@ class PortParams(NamedTuple):
     period T [s]; impedance b; root = sqrt(2 b); half_mobility = T / (2 mass lower bound);
     divisor = 1 + b half_mobility + b slip; slip = 1 / series damper, 0 without, 1/b to match the
     line; lead: periods from a sample to the middle of the period in which its command acts;
-    filter_gain: step of the wave filter, 1 without; repay: share of the unsent wave integral that
-    is sent per period; reserve E0 [J]; leak [J per period].
+    filter_gain: step of the wave filter, 1 without; kept [J/W]: what the filter still has to send
+    per squared wave; repay: share of the unsent wave integral that is sent per period; reserve E0
+    [J]; leak [J per period].
     """
 
     period: float
@@ -66,6 +67,7 @@ class PortParams(NamedTuple):
     slip: float
     lead: float
     filter_gain: float
+    kept: float
     repay: float
     reserve: float
     leak: float
@@ -117,6 +119,7 @@ def port_params(
         slip,
         delay + 0.5,
         filter_gain,
+        0.5 * period * (1.0 - filter_gain) / filter_gain,
         period / (period + drift_time),
         reserve,
         leak,
@@ -132,6 +135,21 @@ def port_reserve(
     1/l periods in the observer and n in what is under way.
     """
     return impedance * period * (1.0 / velocity_gain + delay) * velocity_limit * velocity_limit
+
+
+def plain_drain(p: PortParams) -> float:
+    """Return the share of the work passing through it that a port without an observer pays for [1].
+
+    It takes the device's last mean velocity and believes in nothing outside. Pushed through at a
+    steady velocity v it expects v - (n + 1) T F / m, so that F = b (v - (n + 1) T F / m) - r a, and
+    with the leaving wave r v - a its tank changes in a period by
+
+        F v T + T/2 (a**2 - (r v - a)**2) = T v (F - b v + r a) = -(n + 1) b T / m * (F v T).
+
+    That is energy truly passed on: work in one direction empties the tank, work back fills it. The
+    outside acceleration of an observer takes the error away, and any pole in [0, 1) has one.
+    """
+    return 2.0 * p.half_mobility * p.impedance * (p.lead + 0.5)
 
 
 def port_effort(
@@ -165,20 +183,20 @@ def port_effort(
     if given > 0.0:
         # Absorbing is never taken away; giving is limited to what is there.
         funds = account + 0.5 * p.period * arriving * arriving
-        if given > funds:
+        if not given <= funds:
             if funds > 0.0:
                 return effort * (funds / given)
             return 0.0
     return effort
 
 
-def port_brake(account: float, effort: float) -> float:
-    """Return what may act of a stop's damping [N m or N]: nothing while the tank is in debt.
+def port_brake(p: PortParams, account: float, effort: float) -> float:
+    """Return what may act of a stop's damping [N m or N]: nothing of an overdrawn tank.
 
-    Damping on a late or noisy velocity can give. Sent only out of a tank [J] that holds something,
-    it can overdraw it by what commands under way give, and no more; NaN is a debt.
+    Damping on a late or noisy velocity can give. Sent only above the floor of the run, it can bring
+    the tank [J] below it by what commands under way give, and no more; NaN is overdrawn.
     """
-    if account > 0.0:
+    if account >= -p.reserve:
         return effort
     return 0.0
 
@@ -236,23 +254,27 @@ def port_close(
         arriving = wave_sum / periods
     plain = p.root * (advance / span - slipped) - arriving
     filtered = filtered + p.filter_gain * (plain - filtered)
-    leaving = filtered + repayment(p, account, gap, filtered)
+    leaving = filtered
+    if gap != 0.0:
+        leaving = filtered + repayment(p, account, gap, filtered)
     if cut:
         carried = arriving * arriving + 2.0 * effort * displacement / span
         if carried > 0.0:
             leaving = clamp(leaving, math.sqrt(carried))
         else:
             leaving = 0.0
-    if account > 0.0:
-        leaving = clamp(leaving, math.sqrt(2.0 * account / period))
-    else:
-        leaving = 0.0
+    sent = 0.5 * period * leaving * leaving
+    if not sent <= account:  # NaN is not
+        if account > 0.0:
+            leaving = clamp(leaving, math.sqrt(2.0 * account / period))
+        else:
+            leaving = 0.0
+        sent = 0.5 * period * leaving * leaving
     # Slots without a sample sent nothing: their share of the integral is kept.
     gap = gap + period * (filtered - leaving) + (periods - 1.0) * period * plain
-    sent = 0.5 * period * leaving * leaving
     account = account - sent
     spilled = 0.0
-    full = p.reserve + filter_energy(p, filtered)
+    full = p.reserve + p.kept * filtered * filtered
     if account > full:
         spilled = account - full
         account = full
@@ -266,10 +288,3 @@ def repayment(p: PortParams, account: float, gap: float, filtered: float) -> flo
         return 0.0
     bound = math.sqrt(filtered * filtered + 2.0 * spare / p.period)
     return clamp(filtered + p.repay * gap / p.period, bound) - filtered
-
-
-def filter_energy(p: PortParams, filtered: float) -> float:
-    """Return what the wave filter still has to send [J]."""
-    if p.filter_gain == 1.0:
-        return 0.0
-    return 0.5 * p.period * (1.0 - p.filter_gain) / p.filter_gain * filtered * filtered

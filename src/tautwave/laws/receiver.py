@@ -45,10 +45,11 @@ class ReceiverParams(NamedTuple):
     """Constants of a receiver; times in steps of its pointer, `up` to a slot of the sender.
 
     period T of a tick [s]; newest: play what came last, without a buffer; up, down: a tick is
-    down / up slots, one of them 1; depth: distance to the newest slot at its best; slack: how far
-    off it may be; far: how late is an outage; block: ticks over which the best is taken; repay:
-    share of the old backlog per tick; fastest: most of it per tick [wave quanta]; scale K; reserve,
-    level [energy quanta]: what it starts with; what it keeps beyond.
+    down / up slots, one of them 1; depth: distance to the newest slot at its best, to begin with;
+    deepest: as far as it may grow by itself; slack: how far off the pointer may be; far: how late
+    is an outage; block, watch: ticks over which the best, and the share of dry ticks, are taken;
+    repay: share of the old backlog per tick; fastest: most of it per tick [wave quanta]; scale K;
+    reserve, level [energy quanta]: what it starts with; what it keeps beyond.
     """
 
     period: float
@@ -56,9 +57,11 @@ class ReceiverParams(NamedTuple):
     up: int
     down: int
     depth: int
+    deepest: int
     slack: int
     far: int
     block: int
+    watch: int
     repay: float
     fastest: float
     scale: float
@@ -71,6 +74,7 @@ def receiver_params(
     *,
     sender_period: float,
     depth: float,
+    deepest: float = 0.0,
     newest: bool = False,
     repay_time: float = 0.02,
     fastest: float = math.inf,
@@ -83,8 +87,9 @@ def receiver_params(
     ----------
     period, sender_period : float
         Tick of the receiver and slot of the sender [s]; one is a whole number of the other.
-    depth : float
-        Play-out depth [s], rounded to slots of the sender.
+    depth, deepest : float
+        Play-out depth [s], rounded to slots of the sender; up to which it follows what the network
+        needs, at or below `depth`: it stays.
     newest : bool
         Whether to play what came last instead: quicker by the depth, and rougher.
     repay_time : float
@@ -102,9 +107,11 @@ def receiver_params(
         up,
         down,
         up * round(depth / sender_period),
+        up * round(max(depth, deepest) / sender_period),
         max(up, down),
         OUTAGE_SLOTS * up,
         max(1, round(BLOCK_S / period)),
+        max(1, round(WATCH_S / period)),
         period / (period + repay_time),
         min(fastest * period / WAVE_QUANTUM, 2.0**51),
         energy_scale(period),
@@ -113,8 +120,55 @@ def receiver_params(
     )
 
 
+WATCH_S = 10.0
+"""Time over which the share of dry ticks is taken, and after which the depth may shrink [s]."""
+DRY = 0.01
+"""Share of ticks that may be dry: the depth follows the 99th percentile of the delays."""
+
+
+def watched(p: ReceiverParams, share: float, happened: bool, since: int) -> float:
+    """Return the share of the last ticks in which something happened [1].
+
+    `since` is how many there were before: a mean of all at first, a fading one from `watch` on.
+    """
+    count = since + 1
+    if count > p.watch:
+        count = p.watch
+    if happened:
+        return share + (1.0 - share) / count
+    return share - share / count
+
+
+def adapt_depth(
+    p: ReceiverParams, depth: int, best: int, dry: float, thin: float, since: int
+) -> int:
+    """Return the depth from a block's end on.
+
+    Parameters
+    ----------
+    p : ReceiverParams
+        Constants.
+    depth, best : int
+        Depth so far; greatest lead in the block, which grew while the pointer waited.
+    dry, thin : float
+        Shares of ticks [1] without a slot to play, and of those that would have been with a
+        slot less.
+    since : int
+        Ticks since the depth last changed.
+
+    Notes
+    -----
+    Raised to what the waiting has made of it; lowered by a slot at a time.
+    """
+    if dry > DRY and best > depth:
+        return min(best, p.deepest)
+    if thin < 0.5 * DRY and since > p.watch and depth > 0:
+        return depth - min(depth, p.up)
+    return depth
+
+
 def advance(
-    p: ReceiverParams, ahead: int, best: int, ticks: int, owed: int
+    p: ReceiverParams, depth: int, ahead: int, best: int, ticks: int, owed: int
 ) -> tuple[int, int, int, int, int]:
     """Choose how far the pointer moves in a tick.
 
@@ -122,6 +176,8 @@ def advance(
     ----------
     p : ReceiverParams
         Constants.
+    depth : int
+        Present play-out depth.
     ahead : int
         Steps from the pointer to the newest slot.
     best, ticks, owed : int
@@ -141,8 +197,8 @@ def advance(
     if p.newest:
         return ahead, ahead, LOWEST, 0, 0
     lead = ahead - p.down
-    if lead > p.depth + p.far:
-        return ahead - p.depth, 0, LOWEST, 0, 0
+    if lead > depth + p.far:
+        return ahead - depth, 0, LOWEST, 0, 0
     step = p.down
     timely = p.down
     if owed > 0:
@@ -157,7 +213,7 @@ def advance(
             best = lead
         ticks = ticks + 1
         if ticks >= p.block:
-            excess = best - p.depth
+            excess = best - depth
             if excess > p.slack or excess < -p.slack:
                 owed = excess
             best = LOWEST

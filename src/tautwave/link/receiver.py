@@ -21,10 +21,12 @@ from tautwave.laws.counters import (
 from tautwave.laws.receiver import (
     LOWEST,
     ReceiverParams,
+    adapt_depth,
     advance,
     output_wave,
     part_of,
     surplus,
+    watched,
 )
 
 PLACE = 3
@@ -48,9 +50,11 @@ class Receiver:
     """Where a receiver stands.
 
     `pointer` is played up to, with the counters `played` and `paid` there; `newest` is the last
-    slot that came, -1 before. `given` and `spent` are what it gave out. `granted` is energy that it
-    sent back, `asked` how much in all it would take; `was_granted` and `was_asked` are the other
-    site's. `dropped` [J] is energy that nobody wanted.
+    slot that came, -1 before. `given` and `spent` are what it gave out. The pointer aims at
+    `depth`, for `since` ticks; `dry` and `thin` are the shares of them for which it was too short,
+    or would have been with a slot less. `granted` is energy that it sent back, `asked` how much in
+    all it would take; `was_granted` and `was_asked` are the other site's. `dropped` [J] is energy
+    that nobody wanted.
     """
 
     newest: int = -1
@@ -63,12 +67,16 @@ class Receiver:
     best: int = LOWEST
     ticks: int = 0
     owed: int = 0
+    depth: int = 0
+    since: int = 0
     granted: int = 0
     asked: int = 0
     was_granted: int = 0
     was_asked: int = 0
     prepaid: float = 0.0
     dropped: float = 0.0
+    dry: float = 0.0
+    thin: float = 0.0
     begun: bool = False
 
 
@@ -93,12 +101,16 @@ def start_receiver(s: Receiver, table: MutableSequence[float], ring: int, size: 
     s.best = LOWEST
     s.ticks = 0
     s.owed = 0
+    s.depth = 0
+    s.since = 0
     s.granted = 0
     s.asked = 0
     s.was_granted = 0
     s.was_asked = 0
     s.prepaid = 0.0
     s.dropped = 0.0
+    s.dry = 0.0
+    s.thin = 0.0
     s.begun = False
     for i in range(size):
         table[ring + PLACE * i] = EMPTY
@@ -115,7 +127,7 @@ def send(s: Sender, period: float, wave: float) -> None:
 
 def ring_size(p: ReceiverParams) -> int:
     """Return the places that a receiver's ring needs."""
-    return (p.depth + p.far) // p.up + p.down + 2
+    return (p.deepest + p.far) // p.up + p.down + 2
 
 
 def take_pair(
@@ -183,11 +195,13 @@ def tick(
         return 0.0
     if not s.begun:
         s.begun = True
+        s.depth = p.depth
         s.pointer = min(-p.up, s.newest * p.up - p.depth - p.down)
     before = s.played
-    step, timely, s.best, s.ticks, s.owed = advance(
-        p, s.newest * p.up - s.pointer, s.best, s.ticks, s.owed
-    )
+    ahead = s.newest * p.up - s.pointer
+    if p.deepest > p.depth:
+        follow_network(s, p, ahead)
+    step, timely, s.best, s.ticks, s.owed = advance(p, s.depth, ahead, s.best, s.ticks, s.owed)
     growth = s.growth
     if timely >= 0:
         play_to(s, p, table, ring, size, s.pointer + timely)
@@ -203,6 +217,20 @@ def tick(
     s.spent = added(s.spent, cost)
     settle(s, p, funds - cost)
     return wave * WAVE_QUANTUM / p.period
+
+
+def follow_network(s: Receiver, p: ReceiverParams, ahead: int) -> None:
+    """Watch how often a tick is dry, and change the depth at the end of a block."""
+    s.dry = watched(p, s.dry, ahead < p.down, s.since)
+    s.thin = watched(p, s.thin, ahead < p.down + p.up, s.since)
+    s.since += 1
+    if s.owed == 0 and s.ticks + 1 >= p.block:
+        depth = adapt_depth(p, s.depth, s.best, s.dry, s.thin, s.since)
+        if depth != s.depth:
+            s.depth = depth
+            s.since = 0
+            s.dry = 0.0
+            s.thin = 0.0
 
 
 def settle(s: Receiver, p: ReceiverParams, funds: int) -> None:

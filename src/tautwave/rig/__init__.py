@@ -36,7 +36,17 @@ from tautwave.rig.truth import (
     simulated_axes,
     true_delay_s,
 )
-from tautwave.rig.ways import BusWay, Simulate, Way, as_taken, bus_ways, choose_way, overlaid
+from tautwave.rig.ways import (
+    BusWay,
+    Simulate,
+    Way,
+    as_taken,
+    bus_ways,
+    choose_way,
+    overlaid,
+    real_buses,
+    without_truth,
+)
 
 __all__ = [
     "NO_WALL",
@@ -71,6 +81,7 @@ __all__ = [
     "overlaid",
     "pair_params",
     "pair_scale",
+    "real_buses",
     "run_params",
     "simulated_axes",
     "site_params",
@@ -79,4 +90,5 @@ __all__ = [
     "true_delay_s",
     "velocity_gain",
     "wall_params",
+    "without_truth",
 ]

@@ -243,13 +243,19 @@ def as_taken(rig: Rig, ways: Mapping[str, BusWay]) -> Rig:
     If every bus is hardware the simulation block is removed; else the hand of a real master, the
     environment of a real slave and the truth of both are.
     """
+    return without_truth(rig, real_buses(ways))
+
+
+def real_buses(ways: Mapping[str, BusWay]) -> list[str]:
+    """Return the buses that are hardware."""
+    return [name for name, found in ways.items() if found.way is Way.HARDWARE]
+
+
+def without_truth(rig: Rig, buses: Collection[str]) -> Rig:
+    """Return the rig without the simulated truth of what is on some buses, see `as_taken`."""
     if rig.simulation is None:
         return rig
-    real = {
-        name
-        for name, axis in rig.axes.items()
-        if axis.bus in ways and ways[axis.bus].way is Way.HARDWARE
-    }
+    real = {name for name, axis in rig.axes.items() if axis.bus in buses}
     if not real:
         return rig
     if real == set(rig.axes):

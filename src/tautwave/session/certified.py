@@ -8,19 +8,26 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Mapping
 from typing import Any
 
 from tautwave.config import Rig, render_stiffness, resolved_yaml
 from tautwave.errors import NotCertifiedError
+from tautwave.rig import BusWay, real_buses
+from tautwave.types import Choice
 
 TIMEOUT_S = 120.0
 
 
-def certificate_of(rig: Rig) -> dict[str, Any]:
-    """Return the certificate of a rig as plain data; `passed` is None if there is none."""
+def certificate_of(rig: Rig, ways: Mapping[str, BusWay]) -> dict[str, Any]:
+    """Return the certificate of a rig as plain data; `passed` is None if there is none.
+
+    It is that of the rig as its ways take it, `tautwave.rig.as_taken`. What the law chose for keys
+    that are left to it is in `choices`: value and reason by path.
+    """
     try:
         child = subprocess.run(
-            [sys.executable, "-m", "tautwave.certificate"],
+            [sys.executable, "-m", "tautwave.certificate", *real_buses(ways)],
             input=resolved_yaml(rig),
             capture_output=True,
             text=True,
@@ -46,11 +53,15 @@ def _none(rig: Rig, why: str) -> dict[str, Any]:
         "elements": [],
         "loops": [],
         "walls": {},
+        "choices": {},
     }
 
 
 def certified_rig(rig: Rig, certificate: dict[str, Any]) -> Rig:
-    """Return the rig as it will run: derated walls at the certified stiffness."""
+    """Return the rig as it will run: derated walls at the certified stiffness, `auto` its value."""
+    choices = {path: Choice(*chosen) for path, chosen in certificate["choices"].items()}
+    if choices:
+        rig = rig.with_choices(choices)
     walls = certificate["walls"]
     return render_stiffness(rig, {axis: wall["rendered_stiffness"] for axis, wall in walls.items()})
 

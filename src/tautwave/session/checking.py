@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, bus_spec
@@ -13,6 +14,7 @@ from tautwave.session.facts import (
     axis_rows,
     count_words,
     coupling_messages,
+    offset_costs,
     pair_rows,
     pair_sentence,
 )
@@ -126,11 +128,14 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
     if any(way.way in (Way.SERVED, Way.ELSEWHERE) for way in ways.values()):
         facts.append(("--clock fake", "simulates every bus in memory"))
     if rig.scene is not None:
-        from tautwave.session.scene_pace import pace_fact
+        from tautwave.session.scene_pace import hold_fact, pace_fact
 
         facts.append(("scene time", pace_fact(rig)))
+        facts.append(("scene limit", hold_fact(rig)))
     facts.extend((f"pair {name}", pair_sentence(rig, name, delays)) for name in rig.coupling.pairs)
     if rig.scene is None:
+        facts.extend(_choices(rig))
+        facts.extend(offset_costs(rig, delays))
         facts.extend(coupling_messages(rig).facts(rig, delays))
         facts.extend(coupling_messages(rig).hints(rig))
     for axis_name, axis in rig.axes.items():
@@ -183,6 +188,14 @@ def _coupling(rig: Rig) -> str:
     if rig.scene is not None:
         return f"none: the master's axes touch a scene, {_scheme(rig)}"
     return coupling_messages(rig).coupling(rig)
+
+
+def _choices(rig: Rig) -> Iterator[tuple[str, str]]:
+    """Yield what the law chose for each key that the file leaves to it, and why."""
+    for path, choice in rig.choices.items():
+        _, pair, key = path.split(".")
+        short = key if len(rig.coupling.pairs) == 1 else f"{pair}.{key}"
+        yield f"{short} auto", choice.reason
 
 
 def _scheme(rig: Rig) -> str:

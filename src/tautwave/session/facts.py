@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, count_velocity
@@ -59,6 +60,15 @@ def pair_sentence(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> str:
     unit = "rad per N m" if rig.master.axes[name].kind == "rotary" else "m per N"
     text = f"one-way delay {tau:.4g} s in all; standing offset {standing.offset:.4g} {unit}"
     return f"{text}; held still, {standing.text}" if standing.text else text
+
+
+def offset_costs(rig: Rig, delays: dict[str, CommandDelay]) -> Iterator[tuple[str, str]]:
+    """Yield of each pair what its standing offset is made of, where its law says so."""
+    for name in rig.coupling.pairs:
+        tau = one_way_delay(rig, name, delays)
+        cost = coupling_messages(rig).standing(rig, name, delays, tau).cost
+        if cost:
+            yield f"offset of {name}", cost
 
 
 PAIR_HEADS = ("pair", ">one-way delay", ">standing offset", ">share given held still")

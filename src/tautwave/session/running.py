@@ -102,14 +102,13 @@ def run(
     """
     require_drivers(rig)
     ways = bus_ways(rig, clock=clock, simulate=simulate, attach=attach)
-    rig = as_taken(rig, ways)
     problems = over_budget(rig, bus_budgets(rig))
     if problems:
         raise BusBudgetError("\n".join(problems))
-    certificate = certificate_of(rig)
+    certificate = certificate_of(rig, ways)
     if not allow_uncertified:
         refuse_uncertified(rig, certificate)
-    rig = certified_rig(rig, certificate)
+    rig = certified_rig(as_taken(rig, ways), certificate)
     engine = None
     if rig.scene is not None:
         from tautwave.session.scene_pace import choose_engine, use_engine

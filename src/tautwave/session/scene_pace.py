@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from importlib.util import find_spec
@@ -9,7 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from tautwave.config import Rig
 from tautwave.errors import BusBudgetError, TautwaveError
-from tautwave.rig import Assembly, BusWay, Way, build_rig, bus_ways
+from tautwave.rig import Assembly, BusWay, Way, build_rig, bus_ways, command_delays
+from tautwave.rig.scene.network import hold_claim, hold_limit
 from tautwave.runtime.loop import Loop
 from tautwave.runtime.machine import quiet_collector
 from tautwave.scene.live import SceneModel
@@ -177,6 +179,17 @@ def pace_fact(rig: Rig) -> str:
         word = "cannot" if pace.share > 1.0 else "may not"
         return f"{text}: on the real clock it {word} keep its rate; {_remedy(rig, pace)}"
     return text
+
+
+def hold_fact(rig: Rig) -> str:
+    """Return the text for `check`: the energy that held efforts may create."""
+    delays = command_delays(rig)
+    names = [name.partition(".")[2] for name in rig.axes]
+    limit, claim = hold_limit(rig, names), hold_claim(rig, names, delays)
+    text = f"the run stops once holding its efforts has created {limit:.3g} J"
+    if math.isfinite(claim):
+        return f"{text}; until it has, at most {claim:.3g} J at the effort and velocity limits"
+    return f"{text}; without velocity_limit, what a faster hand gets until then has no bound"
 
 
 def _remedy(rig: Rig, pace: ScenePace) -> str:

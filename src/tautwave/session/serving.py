@@ -182,7 +182,7 @@ def main() -> int:
     if not end_with_parent(int(sys.argv[2])):
         return 0
     try:
-        rig = parse_rig(sys.stdin.read())
+        rig = parse_rig(sys.stdin.read(), choose=False)
         bus = sys.argv[1]
         bench = bus_bench(rig, bus)
         driver, priority = rig.buses[bus].driver, rig.loop.fifo_priority

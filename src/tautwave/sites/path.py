@@ -83,7 +83,7 @@ def serve_tests(
 def _serve(
     connection: socket.socket, context: Any, address: tuple[str, int], site: str, peer: str
 ) -> str:
-    channel, session = accept(connection, context, peer, PURPOSE, {"port": address[1]})
+    channel, session = accept(connection, context, peer, PURPOSE, {})
     try:
         asked = _asked(session.facts)
         with open_socket(*address) as sock:
@@ -111,10 +111,9 @@ def run_test(address: str, directory: Path, site: str, peer: str, asked: Asked) 
     try:
         if channel.receive() != {"ready": True}:
             raise LinkError(f"{peer} at {address}: is not ready")
-        peer_at = (where[0], int(session.facts.get("port", where[1])))
         family = "::" if ":" in where[0] else ""
         with open_socket(family, 0) as sock:
-            heard = probe(DataPort(sock, session, site, peer_at), *asked)
+            heard = probe(DataPort(sock, session, site, where), *asked)
         back, there = _swap(channel, heard, asked)
         return Found(there, back, heard)
     finally:
@@ -174,13 +173,19 @@ def table(found: Found, site: str, peer: str) -> Iterator[str]:
     for name, text in rows:
         yield f"{name:14}{text(found.there):>20}{text(found.back):>20}"
     yield (
-        f"clock: {peer}'s runs {1e6 * found.back.rate:+.1f} ppm; a delay of one way is known to "
+        f"clock: {_clock(found.back, peer)}; a delay of one way is known to "
         f"+-{1e3 * found.back.unknown:.3g} ms (half the least round trip)"
     )
     yield (
         f"play-out: {1e3 * found.depth_s:.3g} ms takes in 99 % of the worse way, a line of "
         f"{1e3 * found.delay_s:.3g} ms each way; a force F stands off by F tau / b"
     )
+
+
+def _clock(way: Way, peer: str) -> str:
+    if way.rate_unknown > 1e-3:
+        return f"too short a test for the rate of {peer}'s"
+    return f"{peer}'s runs {1e6 * way.rate:+.1f} +-{1e6 * way.rate_unknown:.2g} ppm"
 
 
 def _line(way: Way) -> str:

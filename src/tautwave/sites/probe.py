@@ -46,7 +46,7 @@ class Way(NamedTuple):
 
     sent, lost, reordered: datagrams; longest: most lost in a row; delays [s]: least, median, p99,
     p99.9, greatest; unknown [s]: by how much all delays may be off, half the least round trip;
-    rate [1]: by how much the sender's clock is faster.
+    rate [1]: by how much the sender's clock is faster, and by how much that may be off.
     """
 
     sent: int
@@ -60,6 +60,7 @@ class Way(NamedTuple):
     greatest: float
     unknown: float
     rate: float
+    rate_unknown: float
 
     @property
     def depth(self) -> float:
@@ -133,10 +134,13 @@ def way_of(heard: Heard, sent: int) -> Way:
         late += number < newest
         newest = max(newest, number)
     _, rate = clock_line(heard.best, heard.best[0].at)
+    trips = [one.round_trip for one in heard.best]
+    span = heard.best[0].at - heard.best[-1].at
+    rate_unknown = 0.5 * (max(trips) - min(trips)) / span if span > 0.0 else 1.0
     return Way(
         sent, sent - len(known), late, max(gaps),
         ordered[0], quantile(ordered, 0.5), quantile(ordered, 0.99), quantile(ordered, 0.999),
-        ordered[-1], 0.5 * min(one.round_trip for one in heard.best), rate,
+        ordered[-1], 0.5 * min(trips), rate, rate_unknown,
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig
+from tautwave.config.load import choose_again
 from tautwave.sweep.grid import Recipe
 from tautwave.sweep.local_keys import LocalKey, local_keys, read_value, with_values
 
@@ -33,7 +34,11 @@ class Family:
         self._read: list[dict[str, float | int | None]] = [{} for _ in keys]
 
     def read(self, values: Values) -> tuple[float | int, ...] | None:
-        """Return the values as in a validated rig; None if one is invalid."""
+        """Return the values as in a validated rig.
+
+        None if one is invalid, or if the law would choose otherwise with them: such points are
+        read alone, and equal the rig file with these values.
+        """
         found = []
         for local, known, value in zip(self.keys, self._read, values, strict=True):
             key = repr(value)
@@ -43,7 +48,10 @@ class Family:
             if number is None:
                 return None
             found.append(number)
-        return tuple(found)
+        read = tuple(found)
+        if self.base.choices and choose_again(self.rig(read)).choices != self.base.choices:
+            return None
+        return read
 
     def rig(self, read: tuple[float | int, ...]) -> Rig:
         """Return the rig with values from `read`; its seed is the family's."""

@@ -17,6 +17,7 @@ from tautwave_drivers.cia402.emergency import (
 from tautwave_drivers.cia402.entry import FORMATS, limits, pack, unpack
 from tautwave_drivers.cia402.modes import (
     CONTROL_BITS,
+    MODE_NAMES,
     Homing,
     Mode,
     control_mask,
@@ -139,6 +140,16 @@ def test_reactions_in_words() -> None:
     assert "not an option code" in reaction_text(0x6040, 1)
     assert [value for value in range(-3, 6) if acts_on_loss(value)] == [1, 2, 3]
     assert set(REACTIONS[0x605A][1]) == set(range(9))
+    # CiA 402-2: 0 lets the axis coast, where there is a 0; 1 is its own ramp, whatever the occasion
+    for index, least in ((0x605A, 0), (0x605B, 0), (0x605C, 0), (0x605D, 1), (0x605E, 0)):
+        assert min(REACTIONS[index][1]) == least
+        assert ("coast" in reaction_text(index, 0)) == (least == 0)
+        assert REACTIONS[index][1][1].startswith(REACTIONS[0x605E][1][1])
+
+
+def test_modes_are_numbered_and_named_alike() -> None:
+    short = {value: name.partition(" ")[0] for value, name in MODE_NAMES.items()}
+    assert short == {0: "no"} | {mode.value: mode.name for mode in Mode if mode}
 
 
 def test_modes_in_words() -> None:

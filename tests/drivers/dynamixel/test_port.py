@@ -74,6 +74,21 @@ def test_bytes_go_through_as_they_are(line: tuple[int, str]) -> None:
     port.close()
 
 
+def test_a_line_is_raw_whatever_it_was_before(line: tuple[int, str]) -> None:
+    master, path = line
+    cooked = termios.tcgetattr(master)
+    cooked[0] = termios.IGNBRK | termios.ISTRIP | termios.ICRNL
+    cooked[1] = termios.OPOST | termios.ONLCR
+    cooked[3] = termios.ISIG | termios.ICANON | termios.ECHO
+    cooked[6][termios.VTIME] = 5
+    termios.tcsetattr(master, termios.TCSANOW, cooked)
+    port = SerialPort(path, 57_600)
+    given = termios.tcgetattr(port.fileno())
+    port.close()
+    assert [given[0], given[1], given[3]] == [0, 0, 0]  # of input, of output, of a terminal
+    assert [given[6][termios.VMIN], given[6][termios.VTIME]] == [1, 0]
+
+
 def test_a_port_is_ours_alone(line: tuple[int, str]) -> None:
     port = SerialPort(line[1], 57_600)
     exclusive = fcntl.ioctl(port.fileno(), TIOCGEXCL, bytes(4))

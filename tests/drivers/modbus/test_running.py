@@ -152,6 +152,17 @@ def test_a_fault_of_the_drive_is_decoded(profile: str, causality: str) -> None:
     made.driver.close()
 
 
+def test_a_drive_with_a_fault_is_told_to_stay_off() -> None:
+    """Else it would go on by itself once somebody resets the fault at its keypad."""
+    broken = {"kind": "drive_fault", "unit": 1, "at_s": 0.02, "code": 0x4310}
+    made = bench(profile="cia402", simulator={"faults": {"events": [broken]}})
+    made.enable()
+    assert made.number(1, "controlword") == 0xF  # enable operation
+    made.run(40, 0.2)
+    assert made.number(1, "controlword") == 0  # disable voltage
+    made.driver.close()
+
+
 def test_a_drive_that_was_switched_off_and_on_is_reported() -> None:
     gone = {"kind": "power_cycle", "unit": 1, "at_s": 0.02}
     made = bench(simulator={"faults": {"events": [gone]}})

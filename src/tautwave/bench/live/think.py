@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from tautwave.bench.calls import GUARDED, SERVO_SITE, SITE, WALLED, B, T
@@ -74,7 +74,12 @@ class Bench(NamedTuple):
 
 def works() -> dict[str, Work]:
     """Return the work of closing, of thinking, and of both, for every kind of axis."""
-    return {f"{case.name}/{part}": _work(_axis(case), part) for case in cases() for part in PARTS}
+    return works_of(cases())
+
+
+def works_of(kinds: Iterable[SiteCase]) -> dict[str, Work]:
+    """Return the same for given kinds."""
+    return {f"{case.name}/{part}": _work(_axis(case), part) for case in kinds for part in PARTS}
 
 
 def _axis(case: SiteCase) -> Bench:

@@ -8,6 +8,7 @@ that runs.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,9 +16,11 @@ import numpy.typing as npt
 
 from tautwave.analysis.walls.passivity import needed_damping
 from tautwave.analysis.walls.sampled import PulseTransfer
+from tautwave.certificate.scene.contacts import Regime
+from tautwave.certificate.scene.joint import PortMap
 from tautwave.models.linear import flow_rows
 from tautwave.scene.live import SceneModel
-from tautwave.scene.network import LINEAR, Network
+from tautwave.scene.network import LINEAR, Link, Mass, Network
 
 Matrix = npt.NDArray[np.float64]
 
@@ -63,6 +66,22 @@ def linear_part(network: Network) -> Network:
     )
 
 
+def closed_part(network: Network, regime: Regime) -> Network:
+    """Return the linear part of a network with some contacts closed, as springs both ways.
+
+    Strings are taken as endless: their ends echo nothing.
+    """
+    links = []
+    for link in network.links:
+        one = regime.closed.get(link.name)
+        if one is not None:
+            link = Link(link.name, "spring", link.a, link.b, one.stiffness, one.damping)
+        links.append(link)
+    endless = tuple(Mass(s.name, 0.0, damping=2.0 * s.impedance) for s in network.strings)
+    masses = network.masses + endless
+    return linear_part(network._replace(masses=masses, links=tuple(links), strings=()))
+
+
 def linear_scene(
     network: Network, scheme: str, period: float, port: str, scale: float = 1.0
 ) -> LinearScene:
@@ -70,41 +89,54 @@ def linear_scene(
 
     `scale` is the scene's motion per motion of the axis.
     """
-    model = SceneModel(linear_part(network), scheme, period)
     at = network.ports.index(port)
-    masses = len(model.network.masses)
-    size = 2 * masses + 1
-    a, b, c = np.zeros((size, size)), np.zeros(size), np.zeros(size)
-    for state in range(size + 1):
-        given = np.zeros(size + 1)
-        given[state] = 1.0
-        after, effort = _probe(model, at, given, masses)
-        if state < size:
-            a[:, state], c[state] = after, effort
-        else:
-            b, d = after, effort
-    # The last position is in the axis' units, so only input and output are scaled.
-    b[:-1] *= scale
-    a[:-1, -1] *= scale
-    c[:-1] *= scale
-    c[-1] *= scale * scale
-    return LinearScene(a, b, c, d * scale * scale, period)
+    scales = [scale if one == at else 1.0 for one in range(len(network.ports))]
+    return one_port(scene_map(linear_part(network), scheme, period, scales), at)
 
 
-def _probe(model: SceneModel, port: int, given: Matrix, masses: int) -> tuple[Matrix, float]:
-    places = [0.0] * len(model.network.ports)
-    places[port] = float(given[2 * masses])
-    model.reset(places)
+def one_port(law: PortMap, at: int) -> LinearScene:
+    """Return a map at one port, the others held still."""
+    ports = len(law.d)
+    masses = len(law.a) - ports
+    keep = [*range(masses), masses + at]
+    a, b, c = law.a[np.ix_(keep, keep)], law.b[keep, at], law.c[at, keep]
+    return LinearScene(a, b, c, float(law.d[at, at]), law.period)
+
+
+def scene_map(network: Network, scheme: str, period: float, scales: Sequence[float]) -> PortMap:
+    """Return the step of a linear network at all its ports; `scales` as for `linear_scene`."""
+    model = SceneModel(network, scheme, period)
+    masses, ports = len(network.masses), len(network.ports)
+    size = 2 * masses + ports
+    after, effort = np.zeros((size, size + ports)), np.zeros((ports, size + ports))
+    for given in range(size + ports):
+        after[:, given], effort[:, given] = _probe(model, given, masses)
+    # The last positions are in the axes' units, so only inputs and outputs are scaled.
+    units = np.array(scales)
+    after[: 2 * masses, 2 * masses : size] *= units
+    after[: 2 * masses, size:] *= units
+    effort *= units[:, None]
+    effort[:, 2 * masses : size] *= units
+    effort[:, size:] *= units
+    return PortMap(after[:, :size], after[:, size:], effort[:, :size], effort[:, size:], period)
+
+
+def _probe(model: SceneModel, unit: int, masses: int) -> tuple[Matrix, Matrix]:
+    """Return the state after one step, and the efforts, from one unit of a state or an input."""
+    ports = len(model.network.ports)
+    given = [0.0] * (2 * (masses + ports))
+    given[unit] = 1.0
+    first = 2 * masses + ports
+    model.reset(given[2 * masses : first])
     s = model.arrays
     for mass in range(masses):
-        s.x[mass], s.v[mass] = float(given[mass]), float(given[masses + mass])
+        s.x[mass], s.v[mass] = given[mass], given[masses + mass]
     for i in range(s.count[2]):
         d = s.x[s.a[i]] - s.x[s.b[i]]
         s.stretch[i] = d
         s.stored[i] = 0.5 * s.k[i] * d * d
-    places[port] = float(given[2 * masses + 1])
-    effort = model.advance(places)[port]
-    return np.array([*s.x[:masses], *s.v[:masses], places[port]]), effort
+    efforts = model.advance(given[first:])
+    return np.array([*s.x[:masses], *s.v[:masses], *given[first:]]), np.array(efforts)
 
 
 def needed(scene: LinearScene, delay: float) -> Need:

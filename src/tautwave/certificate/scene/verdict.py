@@ -31,24 +31,41 @@ from tautwave.certificate.data import (
     Verdict,
     join_verdicts,
 )
+from tautwave.certificate.scene.closed import (
+    SPLIT,
+    STABLE,
+    ClosedScene,
+    close_all,
+    closed_element,
+    closed_loop,
+    unproved,
+)
+from tautwave.certificate.scene.contacts import (
+    Press,
+    Regime,
+    curved_links,
+    is_wall,
+    regimes,
+)
+from tautwave.certificate.scene.joint import PortMap
 from tautwave.certificate.scene.maps import (
     LinearScene,
+    closed_part,
     linear_part,
     linear_scene,
     loop_poles,
     needed,
     own_radius,
+    scene_map,
 )
 from tautwave.config import Rig
-from tautwave.rig.scene.network import pruned_network, scene_of
+from tautwave.rig.scene.network import hold_limit, press_energy, pruned_network, scene_of
 from tautwave.scene.compiling import compile_network
-from tautwave.scene.network import ACTIVE, LINEAR, Network
+from tautwave.scene.network import ACTIVE, LINEAR, Link, Network
 from tautwave.scene.schemes.exact import linear_matrices
 from tautwave.types import CommandDelay
 
-STABLE = 1e-9
-SPLIT = 1e-6
-STABLE_PORTS = "every port is stable with the stated hand, with every contact open."
+STABLE_PORTS = "every port is stable with the stated hand, its contacts open and closed."
 SMALL = 6
 """Masses up to which the impedance at a port is computed in fractions."""
 
@@ -57,35 +74,65 @@ LARGE = 60
 
 
 def scene_elements(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Element]:
-    """Yield the network, then each of its ports."""
+    """Yield the network, then each of its ports with every contact open."""
     network = pruned_network(rig).network
-    yield _network(network)
+    curved = _curved(network, hold_limit(rig, network.ports))
+    yield _network(network, curved)
     for name in network.ports:
-        yield _port(rig, network, name, delays[f"master.{name}"])
+        yield _port(rig, network, name, delays[f"master.{name}"], curved)
 
 
 def scene_loops(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[PairLoop]:
-    """Yield the coupled stability of each port with the stated hand."""
+    """Yield the coupled stability of each port with the stated hand, every contact open."""
     network = pruned_network(rig).network
+    curved = _curved(network, hold_limit(rig, network.ports))
     for name in network.ports:
-        yield _loop(rig, network, name, delays[f"master.{name}"])
+        yield _loop(rig, network, name, delays[f"master.{name}"], curved)
+
+
+def _closed(rig: Rig, delays: Mapping[str, CommandDelay]) -> ClosedScene:
+    """Return the scene with its contacts closed."""
+    network = pruned_network(rig).network
+    curved = _curved(network, hold_limit(rig, network.ports))
+    axes = [f"master.{name}" for name in network.ports]
+    scheme = scene_of(rig).scheme
+    scales = [scene_of(rig).ports[name].position_scale for name in network.ports]
+    press = Press(
+        {
+            name: rig.axes[axis].effort_limit / abs(scale) if scale else 0.0
+            for name, axis, scale in zip(network.ports, axes, scales, strict=True)
+        },
+        press_energy(rig, network.ports),
+    )
+    masses = {mass.name: mass._replace(name="", position=0.0) for mass in network.masses}
+
+    def kind(link: Link) -> object:
+        ends = (masses.get(link.a, link.a), masses.get(link.b, link.b))
+        return link._replace(name="", a="", b="", rest=0.0), ends
+
+    def close(regime: Regime) -> PortMap:
+        return scene_map(closed_part(network, regime), scheme, rig.period_s, scales)
+
+    refusal = _active(network) is not None or len(network.masses) > LARGE
+    found = [] if refusal else regimes(curved_links(network.links), press, kind)
+    delayed = [delays[axis] for axis in axes]
+    return ClosedScene(rig, axes, delayed, close_all(found, close), close, curved)
 
 
 def _named(network: Network, kinds: tuple[str, ...]) -> list[str]:
     return [link.name for link in network.links if link.kind in kinds]
 
 
-def _curved(network: Network) -> tuple[str, ...]:
-    """Return the condition for nonlinear links and strings, if there are any."""
-    names = [link.name for link in network.links if link.kind not in (*LINEAR, *ACTIVE)]
+def _curved(network: Network, limit: float) -> tuple[str, ...]:
+    """Return the condition for nonlinear links and strings, if there are any but walls at ports."""
+    fixed = [name for name, _ in network.grounds]
+    names = [
+        link.name
+        for link in network.links
+        if link.kind not in (*LINEAR, *ACTIVE) and not is_wall(link, network.ports, fixed)
+    ]
     names += [string.name for string in network.strings]
-    if not names:
-        return ()
-    listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
-    return (
-        f"what holding the effort creates at {listed} stays small: no theorem bounds it; a run "
-        f"measures it (scene.hold) and stops if it exceeds its limit",
-    )
+    return (unproved(names, limit),) if names else ()
 
 
 def _active(network: Network) -> Verdict | None:
@@ -99,7 +146,7 @@ def _active(network: Network) -> Verdict | None:
     )
 
 
-def _network(network: Network) -> Element:
+def _network(network: Network, curved: tuple[str, ...]) -> Element:
     """Return the element for the network without sampling."""
     bad = _active(network)
     masses = len(network.masses)
@@ -119,7 +166,7 @@ def _network(network: Network) -> Element:
         if exact is not None:
             linear += f"; its impedance is {exact}"
         why = f"network: {linear}, so its linear part is passive in continuous time."
-        verdict = Verdict(True, why, _curved(network))
+        verdict = Verdict(True, why, curved)
     else:
         verdict = bad
     sentences = [verdict.reason, *(f"network: if {c}." for c in verdict.conditions)]
@@ -160,7 +207,9 @@ def _linear(rig: Rig, network: Network, name: str) -> LinearScene:
     return linear_scene(network, scene.scheme, rig.period_s, name, scale)
 
 
-def _port(rig: Rig, network: Network, name: str, delay: CommandDelay) -> Element:
+def _port(
+    rig: Rig, network: Network, name: str, delay: CommandDelay, curved: tuple[str, ...]
+) -> Element:
     """Return the element for the sampled port: Colgate and Schenkel's condition on what runs."""
     axis_name = f"master.{name}"
     axis = rig.axes[axis_name]
@@ -197,7 +246,7 @@ def _port(rig: Rig, network: Network, name: str, delay: CommandDelay) -> Element
             f"the device (Colgate and Schenkel, {proof}; at {need.frequency:.4g} Hz), of which "
             f"{present:.4g} is believed."
         )
-        conditions = (*_curved(network), *assumed(axis, axis_name, inertia=True, damping=True))
+        conditions = (*curved, *assumed(axis, axis_name, inertia=True, damping=True))
         if broken:
             passive = Verdict(False, f"{title}: {broken[0]}.")
         elif need.damping <= present:
@@ -213,7 +262,9 @@ def _port(rig: Rig, network: Network, name: str, delay: CommandDelay) -> Element
     return Element(title, "scene port", axis_name, passive, quantised, numbers, sentences)
 
 
-def _loop(rig: Rig, network: Network, name: str, delay: CommandDelay) -> PairLoop:
+def _loop(
+    rig: Rig, network: Network, name: str, delay: CommandDelay, curved: tuple[str, ...]
+) -> PairLoop:
     """Return the verdict on the exact loop of hand, device and linear part."""
     axis_name = f"master.{name}"
     axis = rig.axes[axis_name]
@@ -247,7 +298,7 @@ def _loop(rig: Rig, network: Network, name: str, delay: CommandDelay) -> PairLoo
         hz = float(abs(np.angle(worst))) / (2.0 * math.pi * rig.period_s)
         stable = radius <= 1.0 + STABLE
         cases.append(LoopCase("with every contact open", bound, stable, radius, growth, hz))
-    conditions = (*_curved(network), *assumed(axis, axis_name, inertia=True, damping=True))
+    conditions = (*curved, *assumed(axis, axis_name, inertia=True, damping=True))
     worst_case = max(cases, key=lambda case: case.radius)
     text = (
         f"its least damped mode is at {worst_case.frequency:.4g} Hz (|z| = {worst_case.radius:.8f})"
@@ -273,8 +324,10 @@ def scene_certificate(
     rig: Rig, delays: Mapping[str, CommandDelay], passes: Mapping[str, str]
 ) -> Certificate:
     """Return the certificate of a rig with a scene; `passes` are the reasons of plain passes."""
-    elements = tuple(scene_elements(rig, delays))
-    loops = tuple(scene_loops(rig, delays))
+    closed = _closed(rig, delays)
+    ports = ", ".join(pruned_network(rig).network.ports)
+    elements = (*scene_elements(rig, delays), *closed_element(closed))
+    loops = (*scene_loops(rig, delays), *closed_loop(closed, ports))
     verdicts = {
         "passive": join_verdicts([e.passive for e in elements], passes["passive"]),
         "passive_quantised": join_verdicts(

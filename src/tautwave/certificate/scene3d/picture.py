@@ -21,7 +21,8 @@ from tautwave.canvas import (
     text_panel,
 )
 from tautwave.certificate.panels import SCENE, decades
-from tautwave.certificate.scene3d.maps import leak_together, needed_together, network3d_map, seen
+from tautwave.certificate.scene.joint import leak_together, needed_together, seen
+from tautwave.certificate.scene3d.maps import network3d_map
 from tautwave.certificate.scene3d.verdict import FELT, LARGE
 from tautwave.config import Rig
 from tautwave.rig.scene.network3d import axis_scales, pruned_network3d, scene3d_of

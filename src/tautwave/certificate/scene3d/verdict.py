@@ -27,17 +27,30 @@ from tautwave.certificate.data import (
     Verdict,
     join_verdicts,
 )
-from tautwave.certificate.scene.verdict import SPLIT, STABLE, STABLE_PORTS
-from tautwave.certificate.scene3d.maps import (
-    Map3d,
-    Need3d,
+from tautwave.certificate.scene.closed import (
+    SPLIT,
+    STABLE,
+    ClosedScene,
+    close_all,
+    closed_element,
+    closed_loop,
+    listed,
+    unproved,
+)
+from tautwave.certificate.scene.contacts import Regime
+from tautwave.certificate.scene.joint import (
+    JointNeed,
+    PortMap,
     joint_poles,
     needed_together,
-    network3d_map,
     radius_of,
     seen,
 )
+from tautwave.certificate.scene.verdict import STABLE_PORTS
+from tautwave.certificate.scene3d.contacts import regimes3d
+from tautwave.certificate.scene3d.maps import network3d_map
 from tautwave.config import Rig
+from tautwave.rig.scene.network import hold_limit, press_energy
 from tautwave.rig.scene.network3d import axis_scales, pruned_network3d, scene3d_of
 from tautwave.scene.network import ACTIVE, LINEAR
 from tautwave.scene3d.arrays import Arrays3d, compile_network3d
@@ -59,21 +72,45 @@ class _Scene:
         self.rig = rig
         self.network: Network3d = pruned_network3d(rig).network
         self.scheme = scene3d_of(rig).scheme
-        self.arrays: Arrays3d = compile_network3d(self.network).arrays
+        compiled = compile_network3d(self.network)
+        self.arrays: Arrays3d = compiled.arrays
+        self.limit = hold_limit(rig, self.network.axes)
         self.axes = [f"master.{name}" for name in self.network.axes]
         self.delays = [delays[name] for name in self.axes]
         self.large = len(self.network.masses) > LARGE
-        self.law: Map3d | None = None
+        self.law: PortMap | None = None
         self.least = 0.0
         if not self.large:
-            scales = np.array(axis_scales(rig))
-            self.law = network3d_map(self.arrays, self.scheme, rig.period_s, scales)
+            self.law = network3d_map(
+                self.arrays, self.scheme, rig.period_s, np.array(axis_scales(rig))
+            )
             n = 3 * len(self.network.masses)
             stiffness = tangent(self.arrays).stiffness[:n, :n]
             if n:
                 size = np.sqrt(tangent(self.arrays).mass)
                 values = np.linalg.eigvalsh(stiffness / np.outer(size, size))
                 self.least = float(values.min()) if values.min() < -1e-9 * values.max() else 0.0
+
+    def closed(self) -> ClosedScene:
+        """Return the scene with its contacts closed."""
+        rig = self.rig
+        scales = np.array(axis_scales(rig))
+        order = {name: at for at, name in enumerate(compile_network3d(self.network).links)}
+
+        def close(regime: Regime) -> PortMap:
+            links = {order[name]: one for name, one in regime.closed.items()}
+            return network3d_map(self.arrays, self.scheme, rig.period_s, scales, links)
+
+        efforts = {
+            name: rig.axes[f"master.{name}"].effort_limit / abs(scale)
+            for name, scale in zip(self.network.axes, scales.tolist(), strict=True)
+        }
+        found = []
+        if self.law is not None and self.active() is None:
+            energy = press_energy(rig, self.network.axes)
+            found = regimes3d(self.network, tangent(self.arrays), efforts, energy)
+        laws = close_all(found, close)
+        return ClosedScene(rig, self.axes, self.delays, laws, close, self.conditions())
 
     def conditions(self) -> tuple[str, ...]:
         """Return the conditions that no theorem covers."""
@@ -85,15 +122,12 @@ class _Scene:
         ]
         conditions = []
         if curved:
-            conditions.append(
-                f"what holding the effort creates at {_listed(curved)} stays small: no theorem "
-                f"bounds it; a run measures it (scene.hold) and stops if it exceeds its limit"
-            )
+            conditions.append(unproved(curved, self.limit))
         if turning:
             conditions.append(
-                f"what {_listed(turning)} do as they turn away from the start position stays "
-                "small: no theorem bounds it; a run measures it (scene.hold) and stops if it "
-                "exceeds its limit"
+                f"what {listed(turning)} do as they turn away from the start position stays "
+                "small: no theorem bounds it; a run measures it (scene.hold) and stops beyond "
+                f"{self.limit:.4g} J"
             )
         share = symplectic_share(self.arrays, self.rig.period_s)
         if self.scheme == "symplectic" and share >= 1.0:
@@ -116,10 +150,6 @@ class _Scene:
         )
 
 
-def _listed(names: list[str]) -> str:
-    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
-
-
 def _rate_for(s: Arrays3d, rate: float) -> float:
     """Return the lowest tried rate [Hz] at which the symplectic scheme is stable in any posture."""
     low, high = rate, 2.0 * rate
@@ -139,8 +169,10 @@ def scene3d_certificate(
 ) -> Certificate:
     """Return the certificate of a rig with a 3D scene; `passes` as for other scenes."""
     scene = _Scene(rig, delays)
-    elements = (_network(scene), *_ports(scene))
-    loops = (_loop(scene),)
+    closed = scene.closed()
+    ports = ", ".join(port.name for port in scene.network.ports)
+    elements = (_network(scene), *_ports(scene), *closed_element(closed))
+    loops = (_loop(scene), *closed_loop(closed, ports))
     verdicts = {
         "passive": join_verdicts([e.passive for e in elements], passes["passive"]),
         "passive_quantised": join_verdicts(
@@ -174,7 +206,7 @@ def _network(scene: _Scene) -> Element:
 def _ports(scene: _Scene) -> Iterator[Element]:
     """Yield the elements of the sampled axes: each with the others held, then all together."""
     rig = scene.rig
-    need: Need3d | None = None
+    need: JointNeed | None = None
     damping = np.array([rig.axes[name].damping.lower for name in scene.axes])
     late = [d.periods + d.remainder_s / rig.period_s for d in scene.delays]
     felt = 0 if scene.law is None else len(seen(scene.law).a)
@@ -203,7 +235,7 @@ def _ports(scene: _Scene) -> Iterator[Element]:
         )
 
 
-def _axis(scene: _Scene, at: int, name: str, need: Need3d | None, why: str) -> Element:
+def _axis(scene: _Scene, at: int, name: str, need: JointNeed | None, why: str) -> Element:
     rig, axis = scene.rig, scene.rig.axes[name]
     unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
     title = f"port axis {name.partition('.')[2]}"

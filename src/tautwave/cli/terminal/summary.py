@@ -155,7 +155,7 @@ def _certificate_notes(summary: Mapping[str, Any]) -> Iterator[str]:
     if _dig(summary, "certificate", "after_run", "invalidated"):
         yield "what this run measured invalidates its certificate:"
         yield from _dig(summary, "certificate", "after_run", "sentences") or ()
-    yield from _dig(summary, "certificate", "after_run", "blows") or ()
+    yield from _dig(summary, "certificate", "after_run", "notes") or ()
 
 
 def verdict(passed: Any, state: Any = None) -> Cell:

@@ -6,7 +6,7 @@ Units: [rad | m] reads "rad for a rotary axis, m for a linear one".
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic_core import PydanticCustomError
@@ -35,6 +35,9 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_-]*$")]
 
 AxisName = Annotated[str, Field(pattern=r"^(master|slave)\.[A-Za-z_][A-Za-z0-9_-]*$")]
 """Full name of an axis, such as `master.wrist`."""
+
+AUTO: Literal["auto"] = "auto"
+"""In place of a value: the part that the key belongs to chooses it."""
 
 
 def _check_colour(lags: tuple[float, ...]) -> tuple[float, ...]:

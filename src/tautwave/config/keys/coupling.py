@@ -249,7 +249,9 @@ class Loop(Block):
     )
 
     missing_limit: Annotated[int, Field(ge=1)] = Field(
-        default=20, description="Consecutive missing samples of an axis that trigger a safety stop."
+        default=20,
+        description="Periods in a row without a sample of an axis that trigger a safety stop; "
+        "between missing samples, skipped slots count too.",
     )
     overrun_limit: Annotated[int, Field(ge=1)] = Field(
         default=200, description="Consecutive skipped slots that trigger a safety stop."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
 
@@ -16,6 +17,7 @@ from tautwave.config.keys.scene import Scene
 from tautwave.config.keys.scene3d import Scene3d, scene_kind
 from tautwave.config.keys.simulation import AxisSimulation, EnvironmentPart, Simulation
 from tautwave.contracts import AxisSpec, BusSpec
+from tautwave.types import Choice
 
 T = TypeVar("T")
 VELOCITY_TIME_CONSTANT_S = 0.002
@@ -74,6 +76,7 @@ class Rig(Block):
     )
 
     _source: Path | None = PrivateAttr(default=None)
+    _choices: Mapping[str, Choice] = PrivateAttr(default_factory=dict)
 
     def __eq__(self, other: object) -> bool:
         """Rigs are equal if all keys are, wherever they were read from."""
@@ -92,6 +95,27 @@ class Rig(Block):
         """Return the same rig with `source` set."""
         rig = self.model_copy()
         rig._source = path  # noqa: SLF001 - its own kind
+        return rig
+
+    @property
+    def choices(self) -> Mapping[str, Choice]:
+        """What the law took for keys that the file left to it, by path in the coupling."""
+        return self._choices
+
+    def with_choices(self, choices: Mapping[str, Choice]) -> Self:
+        """Return the rig with these values in its coupling."""
+        updates: dict[str, dict[str, Any]] = {}
+        for path, choice in choices.items():
+            _, pair, key = path.split(".")
+            updates.setdefault(pair, {})[key] = choice.value
+        pairs = {
+            name: pair.model_copy(update=updates.get(name))
+            for name, pair in self.coupling.pairs.items()
+        }
+        rig = self.model_copy(
+            update={"coupling": self.coupling.model_copy(update={"pairs": pairs})}
+        )
+        rig._choices = dict(choices)  # noqa: SLF001 - its own kind
         return rig
 
     @property

@@ -168,6 +168,11 @@ class Scene3d(Block):
         description="Masses to keep and record even if they affect no port.",
     )
     output: SceneOutput = Field(default_factory=SceneOutput, description="Audio output.")
+    hold_limit_j: Positive | None = Field(
+        default=None,
+        description="[J] Energy that held efforts may create before the run stops. Default: that "
+        "of the devices at a tenth of their velocity limits, at most 10 mJ an axis.",
+    )
     engage_ramp_s: NonNegative = Field(
         default=0.2, description="[s] Fade-in time of the scene's efforts."
     )

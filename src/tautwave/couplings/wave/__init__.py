@@ -18,5 +18,6 @@ plugin = CouplingPlugin(
     linear="tautwave.couplings.wave.linear:linear_end",
     verdict="tautwave.couplings.wave.verdict:verdict",
     claim="tautwave.couplings.wave.claim:claimed_joules",
+    resolve="tautwave.couplings.wave.automatic:resolve",
     messages="tautwave.couplings.wave.messages:messages",
 )

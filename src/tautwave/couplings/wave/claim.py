@@ -14,8 +14,8 @@ the last of them a host may stall for `overrun_limit` slots more. With the comma
 `blind` periods, in which the held effort may drive the device beyond its velocity limit; and the
 ramp on which `effort_rate_limit` takes the effort away. Against a local wall on the same axis the
 port's share may be the limit and the wall's effort (the *true* line is then of both). A longer
-stall is left to the drive's watchdog. W is lost once only, below an empty tank: a port in debt
-sends no effort in a stop, so that the claim holds to the last command.
+stall is left to the drive's watchdog. W is lost once only, below the reserve twice: an
+overdrawn port sends no effort in a stop, so that the claim holds to the last command.
 
 One engagement: pairs engage once in a run, and nothing but what comes in fills the tank again. A
 device faster than its velocity limit was hit: the work of the motor in these periods is a blow,
@@ -30,7 +30,7 @@ An axis that takes velocity stops at once and is driven by nothing but its comma
 effort that it meets is believed to be its `effort_limit`. What its effort did between two samples
 is not seen: there the claim is of energy as encoder and force sensor see it.
 
-Source: derived here; see `tautwave.laws.port` and `couplings.wave.sensor_noise`.
+Source: derived here; see `tautwave.laws.port` and `analysis.wave_port.sensor_noise`.
 """
 
 from __future__ import annotations

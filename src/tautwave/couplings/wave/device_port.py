@@ -18,13 +18,12 @@ from tautwave.analysis.wave_port.device_class import (
 from tautwave.certificate.belief import stated_contact
 from tautwave.config import Rig
 from tautwave.couplings.wave.from_keys import bare_port, observer_of
-from tautwave.couplings.wave.keys import WavePair
+from tautwave.couplings.wave.keys import PLAIN, POLES, WavePair
 from tautwave.laws.observer import ObserverParams
 from tautwave.laws.port import PortParams
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
-POLES = ("0.5", "0.3", "plain")
 SOFTER = 40
 """Greatest factor by which a smaller impedance is looked for."""
 
@@ -111,11 +110,6 @@ def port_of(
     )
 
 
-def corner_of(rig: Rig, axis_name: str) -> float:
-    """Return the corner of the wave filter of an axis [Hz], half its rate without one."""
-    return pair_of(rig, axis_name).wave_filter_hz or 0.5 / rig.axis_period_s(axis_name)
-
-
 def binding(rig: Rig, axis_name: str, delays: Delays, damping: float) -> str:
     """Return which belief most limits the stiffest spring, as a clause; "" if none does.
 
@@ -126,12 +120,14 @@ def binding(rig: Rig, axis_name: str, delays: Delays, damping: float) -> str:
     before = now.suggested()
     if before <= 0.0:
         return ""
-    softer = keys.model_copy(update={"wave_filter_hz": corner_of(rig, axis_name) / TENTH})
     better = {
         "a tenth more least mass": port_of(rig, axis_name, delays, damping, heavier=TENTH),
         "a tenth more least damping": port_of(rig, axis_name, delays, TENTH * damping),
-        "a wave filter a tenth lower": port_of(rig, axis_name, delays, damping, softer),
     }
+    if isinstance(keys.wave_filter_hz, float):
+        softer = keys.model_copy(update={"wave_filter_hz": keys.wave_filter_hz / TENTH})
+        lower = port_of(rig, axis_name, delays, damping, softer)
+        better["a wave filter a tenth lower"] = lower
     found = [(_share(port, before), _share(port, before), what) for what, port in better.items()]
     if now.delay > 0:
         share = _share(port_of(rig, axis_name, delays, damping, sooner=1), before)
@@ -157,19 +153,19 @@ def remedy_of(rig: Rig, axis_name: str, delays: Delays, left: float) -> str:
         return port_of(rig, axis_name, delays, left, other).contracting
 
     for pole in POLES:
-        value = pole if pole == "plain" else float(pole)
-        if passes(**{f"pole_{side}": value}):
+        if passes(**{f"pole_{side}": pole}):
             return f"set pole_{side} to {pole}"
-    for factor in (1.5, 2.0, 4.0):
-        corner = float(f"{corner_of(rig, axis_name) / factor:.3g}")
+    filtered = keys.wave_filter_hz
+    corners = [filtered / factor for factor in (1.5, 2, 4)] if isinstance(filtered, float) else []
+    for corner in (float(f"{one:.3g}") for one in corners):
         if passes(wave_filter_hz=corner):
             return f"lower wave_filter_hz to {corner:g}"
     factor = 1.25
     while factor < SOFTER:
-        lower = float(f"{keys.wave_impedance / factor:.3g}")
+        lower = float(f"{keys.impedance / factor:.3g}")
         if passes(wave_impedance=lower):
             return f"lower wave_impedance to {lower:g}"
-        if passes(wave_impedance=lower, **{f"pole_{side}": "plain"}):
+        if passes(wave_impedance=lower, **{f"pole_{side}": PLAIN}):
             return f"set pole_{side} to plain and lower wave_impedance to {lower:g}"
         factor *= 1.25
     return "raise the rate, lower wave_impedance, or add damping"

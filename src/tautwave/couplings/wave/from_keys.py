@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
+from tautwave.analysis.wave_port.sensor_noise import NoisePower, noise_power
 from tautwave.contracts import CoupledAxis
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.records import WaveEndParams
-from tautwave.couplings.wave.sensor_noise import NoisePower, noise_power
 from tautwave.errors import ConfigError
 from tautwave.laws.admittance import admittance_params, effort_leak, rigid_port
 from tautwave.laws.observer import ObserverParams, observer_params, plain_observer
@@ -18,13 +18,16 @@ WATCHED_S = 1.0
 
 LIMP_SHARE = 0.1
 
+EMPTY_SHARE = 1e-9
+"""Share of the reserve below which a tank is empty."""
+
 PATIENCE_S = 10.0
 """For so long a port may owe more than a period's way at the velocity limit [s]."""
 
 
 def port_impedance(pair: WavePair, side: str) -> float:
     """Return the wave impedance of the port at one side [N m s/rad or N s/m]."""
-    return pair.in_device_units(side, pair.wave_impedance)
+    return pair.in_device_units(side, pair.impedance)
 
 
 def observer_of(pair: WavePair, side: str, period: float, mass: float) -> ObserverParams:
@@ -81,10 +84,11 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
             f"law wave: the {side}'s axis has no velocity_limit, and without one nothing bounds "
             "what its port may give out; give its greatest safe velocity"
         )
-    if pair.wave_filter_hz is not None and pair.wave_filter_hz > 0.5 / axis.period:
+    corner = pair.wave_filter_hz
+    if isinstance(corner, float) and corner > 0.5 / axis.period:
         raise ConfigError(
-            f"law wave: wave_filter_hz {pair.wave_filter_hz:g} is above half the rate of the "
-            f"{side}'s bus, {0.5 / axis.period:g} Hz; lower it"
+            f"law wave: wave_filter_hz {corner:g} is above half the rate of the {side}'s bus, "
+            f"{0.5 / axis.period:g} Hz; lower it"
         )
     impedance = port_impedance(pair, side)
     if axis.inertia is None:
@@ -112,6 +116,7 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
         delay=axis.delay,
         watch=axis.period / WATCHED_S,
         limp=LIMP_SHARE,
+        empty=EMPTY_SHARE * port.reserve,
         astray=port.root * axis.velocity_limit * axis.period,
         patience=round(PATIENCE_S / axis.period),
     )

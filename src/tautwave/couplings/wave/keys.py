@@ -9,50 +9,86 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
-from tautwave.config.keys.common import Name, Positive
+from tautwave.config.keys.common import AUTO, Name, Positive
 from tautwave.config.keys.coupling import Coupling, Pair
+from tautwave.errors import ConfigError
 from tautwave.laws.wave_filter import filter_gain
+
+PLAIN: Literal["plain"] = "plain"
+POLES: tuple[float | str, ...] = (0.5, 0.3, PLAIN)
+"""Poles that are tried where none is given, the least noisy first."""
 
 
 def _check_pole(value: Any) -> Any:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if value == "plain" or (number and 0.0 <= value <= 0.9):
-        return value if value == "plain" else float(value)
-    raise PydanticCustomError("pole", "Input should be 'plain' or a number from 0 to 0.9")
+    if value in (AUTO, PLAIN) or (_is_number(value) and 0.0 <= value <= 0.9):
+        return value if isinstance(value, str) else float(value)
+    text = "Input should be 'auto', 'plain' or a number from 0 to 0.9"
+    raise PydanticCustomError("pole", text)
 
 
-Pole = Annotated[Literal["plain"] | float, BeforeValidator(_check_pole)]
+def _check_positive(value: Any) -> Any:
+    if value is None or value == AUTO or (_is_number(value) and 0.0 < value < math.inf):
+        return value
+    raise PydanticCustomError("auto", "Input should be 'auto' or a number greater than 0")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+Auto = Literal["auto"]
+Pole = Annotated[Auto | Literal["plain"] | float, BeforeValidator(_check_pole)]
+Impedance = Annotated[Auto | Positive, BeforeValidator(_check_positive)]
+Corner = Annotated[Auto | Positive | None, BeforeValidator(_check_positive)]
+
+
+def _chosen(key: str, value: str | float) -> float:
+    if isinstance(value, str):
+        raise ConfigError(f"{key} is still auto, for nothing has chosen it; give a value")
+    return value
 
 
 class WavePair(Pair):
     """A master axis and the slave axis of the same name, on a wave line."""
 
-    wave_impedance: Positive = Field(
+    wave_impedance: Impedance = Field(
+        default=AUTO,
         description="[N m s/rad | N s/m] Characteristic impedance of the line, in the master's "
-        "units. Small: light and soft; large: heavy and crisp.",
+        "units. Small: light and soft; large: heavy and crisp. auto: the greatest whose chatter, "
+        "weight and reserve are small and that the certificate takes; `check` says what bounds it.",
     )
     matched_master: bool = Field(default=False, description="Matching damper at the master's end.")
     matched_slave: bool = Field(default=False, description="Matching damper at the slave's end.")
-    wave_filter_hz: Positive | None = Field(
-        default=None,
-        description="[Hz] Corner of the low-pass inside both ports, at the rate of each axis; a "
-        "tenth of the rate is a good start. Needed with encoder steps or noise.",
+    wave_filter_hz: Corner = Field(
+        default=AUTO,
+        description="[Hz] Corner of the low-pass inside both ports, at the rate of each axis; "
+        "null: none. auto: a tenth of the slower axis' rate, none where neither axis has noise or "
+        "an encoder step.",
     )
     pole_master: Pole = Field(
-        default=0.5,
+        default=AUTO,
         description="Pole of the master's observer: what is left of an error after a period. "
-        "Large: little noise; small: stiff contacts; plain: no observer.",
+        "Large: little noise; small: stiff contacts; plain: no observer. auto: the first of 0.5, "
+        "0.3 and plain that the certificate takes for the stated contact.",
     )
-    pole_slave: Pole = Field(default=0.5, description="Pole of the slave's observer.")
+    pole_slave: Pole = Field(default=AUTO, description="Pole of the slave's observer.")
+
+    @property
+    def impedance(self) -> float:
+        """Impedance of the line [N m s/rad or N s/m, master]."""
+        return _chosen("wave_impedance", self.wave_impedance)
 
     def pole(self, side: str) -> float | None:
         """Return the pole of one side's observer, None for none."""
-        found = self.pole_master if side == "master" else self.pole_slave
-        return found if isinstance(found, float) else None
+        key = f"pole_{side}"
+        found = getattr(self, key)
+        return None if found == PLAIN else _chosen(key, found)
 
     def filter_step(self, period_s: float) -> float:
         """Return the step of the wave filter [1] at an axis' period [s]; 1 without one."""
-        return 1.0 if self.wave_filter_hz is None else filter_gain(self.wave_filter_hz, period_s)
+        if self.wave_filter_hz is None:
+            return 1.0
+        return filter_gain(_chosen("wave_filter_hz", self.wave_filter_hz), period_s)
 
     def is_matched(self, side: str) -> bool:
         """Return whether a damper at one side keeps waves from being reflected."""
@@ -85,5 +121,5 @@ class WaveCoupling(Coupling):
                 f"(got {pair.wave_filter_hz:g})",
             )
             for name, pair in self.pairs.items()
-            if pair.wave_filter_hz is not None and pair.wave_filter_hz > rate_hz / 2.0
+            if isinstance(pair.wave_filter_hz, float) and pair.wave_filter_hz > rate_hz / 2.0
         ]

@@ -5,13 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from tautwave.analysis.wave_port.chatter import step_effort
 from tautwave.config import Rig
-from tautwave.couplings.wave.from_keys import port_impedance
+from tautwave.couplings.wave.claim import Claim, claim_of
+from tautwave.couplings.wave.from_keys import bare_port, observer_of, port_impedance
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.standing import standing
 from tautwave.laws.admittance import greatest_stiffness
 from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages, PlanLine
+
+GREATEST_STEP = 0.1
+"""Of the effort limit: a held force chatters by about as much as one step changes the effort."""
+
+GREATEST_LEAK = 0.01
+"""Of effort limit times velocity limit."""
 
 
 def _coupling(rig: Any) -> str:
@@ -27,7 +35,7 @@ def _pair_plan(rig: Rig, name: str) -> Iterator[PlanLine]:
         axis_name = f"{side}.{name}"
         pole = keys.pole(side)
         takes_effort = rig.axes[axis_name].causality == "impedance"
-        why_not = "pole: plain" if takes_effort else "its axis takes velocity"
+        why_not = "plain" if takes_effort else "its axis takes velocity"
         used = takes_effort and pole is not None
         yield PlanLine(f"observer of {axis_name}", used, f"pole {pole}", why_not)
         yield PlanLine(f"matching damper of {axis_name}", keys.is_matched(side), "matched end")
@@ -38,7 +46,7 @@ def _pair_plan(rig: Rig, name: str) -> Iterator[PlanLine]:
 
 
 def _facts(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:
-    """Yield a sentence per admittance axis on how stiff its outside may be."""
+    """Yield a sentence per admittance axis on how stiff its outside may be, and the hints."""
     for axis_name, axis in rig.axes.items():
         if axis.causality != "admittance":
             continue
@@ -63,6 +71,44 @@ def _facts(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, 
                 "and nothing for an outside damper"
             )
         yield f"admittance port of {axis_name}", text
+    yield from noise_hints(rig, delays)
+
+
+def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:
+    """Yield a hint for each axis whose step is felt, or whose noise costs much of its claim."""
+    for axis_name, axis in rig.axes.items():
+        side, name = axis_name.split(".")
+        keys = rig.coupling.pairs[name]
+        assert isinstance(keys, WavePair)
+        if axis.inertia is None:
+            continue
+        period, mass = rig.axis_period_s(axis_name), axis.inertia.lower
+        late = delays[axis_name].periods + delays[axis_name].remainder_s / period
+        port = bare_port(keys, side, period, mass, late)
+        step = step_effort(port, observer_of(keys, side, period, mass), axis.encoder_quantum)
+        share = step / axis.effort_limit
+        if share > GREATEST_STEP:
+            softer = port_impedance(keys, "master") * GREATEST_STEP / share
+            yield (
+                f"hint on {axis_name}",
+                f"one encoder step changes the effort by {share:.0%} of effort_limit, and a held "
+                f"force chatters by about as much; wave_impedance up to {softer:.2g} keeps it "
+                f"below {GREATEST_STEP:.0%}",
+            )
+        claim = claim_of(rig, axis_name, delays)
+        if not isinstance(claim, Claim):
+            continue
+        if claim.leak > GREATEST_LEAK * claim.effort * claim.velocity:
+            colour = ""
+            loud = axis.position_noise > 0.5 * axis.encoder_quantum
+            if loud and axis.position_noise_autocorrelation is None:
+                colour = ", or declare the noise's colour, which identify --noise measures"
+            yield (
+                f"hint on {axis_name}",
+                f"step and noise of its encoder take {1e3 * claim.leak:.3g} mW from the port, "
+                f"{claim.leak / (claim.effort * claim.velocity):.1%} of what the motor can give, "
+                f"and its claim grows by that; lower wave_impedance{colour}",
+            )
 
 
 def describe_pair(

@@ -17,8 +17,8 @@ LIMP = OWN_GUARDS + 1
 ASTRAY = OWN_GUARDS + 2
 """Codes of the reasons to stop."""
 
-EMPTY = 1e-9
-"""Share of the reserve below which a tank is empty: it could not pay for the wave."""
+FORGOTTEN = 1e-4
+"""Share of cut waves that is none."""
 
 SHRUNK = 0.99
 """A gap below this share of what it was is being repaid."""
@@ -54,6 +54,7 @@ def start_end(s: AxisState, p: AxisParams, gap: float) -> None:
     e.rate_left = 0
     e.rate_count = 0
     e.cut_left = 0
+    e.watched = False
 
 
 def receive_wave(s: AxisState, p: AxisParams, arriving: float) -> None:
@@ -82,6 +83,7 @@ def close(
     if p.impedance:
         if math.fabs(s.port_effort - e.wanted) > k.quantum:
             e.cut_left = k.delay + 2
+            e.watched = True
         at, velocity, push = observe(
             k.observer, e.at, e.velocity, e.push, s.position, s.effort_sum / count, count
         )
@@ -108,7 +110,8 @@ def close(
     )
     if s.stopping:
         burnt = 0.0
-    watch_port(s, k, account, gap)
+    if e.watched or not account >= k.empty or not -k.astray < gap < k.astray:
+        watch_port(s, k, account, gap)
     e.account = account
     e.stored = account - k.port.reserve
     e.gap = gap
@@ -117,9 +120,10 @@ def close(
     if k.wave != 1.0:
         e.leaving = leaving / k.wave
     e.port_absorbed += absorbed
-    e.damper_dissipated += burnt
     e.leaked += count * k.port.leak
     e.spilled += spilled
+    if burnt != 0.0 and not s.stopping:
+        e.damper_dissipated += burnt
     e.wave_sum = 0.0
     e.wave_energy = 0.0
 
@@ -130,10 +134,10 @@ def watch_port(s: AxisState, k: WaveEndParams, account: float, gap: float) -> No
     if e.cut_left > 0:
         e.cut_left -= 1
         e.owing = 0
-    elif account < EMPTY * k.port.reserve:
+    elif not account >= k.empty:
         e.cut_share += k.watch
     e.cut_share -= k.watch * e.cut_share
-    if account < -k.port.reserve:
+    if not account >= -k.port.reserve:  # NaN is overdrawn
         s.alarm = PORT_OVERDRAWN
         s.told = -account
         s.allowed = k.port.reserve
@@ -142,6 +146,7 @@ def watch_port(s: AxisState, k: WaveEndParams, account: float, gap: float) -> No
         s.told = 100.0 * e.cut_share
         s.allowed = 100.0 * k.limp
     owed = math.fabs(gap)
+    e.watched = e.cut_left > 0 or e.cut_share > FORGOTTEN or owed >= k.astray
     if owed < k.astray:
         e.owing = 0
         return
@@ -156,10 +161,10 @@ def watch_port(s: AxisState, k: WaveEndParams, account: float, gap: float) -> No
 
 
 def brake(s: AxisState, p: AxisParams, effort: float) -> float:
-    """Return what may act of a stop's effort: none unseen, none that the tank cannot answer for."""
+    """Return what may act of a stop's effort: none unseen, none of an overdrawn tank."""
     if not s.valid:
         return 0.0
-    return port_brake(s.end.account, effort)
+    return port_brake(p.end.port, s.end.account, effort)
 
 
 def miss(s: AxisState, p: AxisParams) -> None:

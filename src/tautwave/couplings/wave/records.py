@@ -17,8 +17,8 @@ class WaveEndParams(NamedTuple):
     wave per line wave: sign * sqrt(power ratio); `quantum` the effort's step [N m or N], by which a
     command may be off without counting as cut; `late` the share of a period for which the command
     before still acts; `watch` the weight of a period in the share of cut waves [1], `limp` the
-    share at which the run ends; `astray` the gap [W**0.5 s] that may be owed for `patience` periods
-    without shrinking.
+    share at which the run ends; below `empty` [J] a tank could not pay for its wave; `astray` the
+    gap [W**0.5 s] that may be owed for `patience` periods without shrinking.
     """
 
     port: PortParams
@@ -30,6 +30,7 @@ class WaveEndParams(NamedTuple):
     delay: int
     watch: float
     limp: float
+    empty: float
     astray: float
     patience: int
 
@@ -42,9 +43,9 @@ class WaveEnd:
     `stored` is what the tank holds beyond its reserve, 0 before it was filled. `wanted` is the
     last requested effort [N m or N]; `cut_left` the periods for which an effort that limits cut
     may still act, `cut_share` the share of the last periods in which the tank could not pay for
-    the whole wave; `owing` the periods for which a large gap was not below `least_gap`. `wave_sum`
-    and `wave_energy` are of the waves whose commands acted since the last sample. The `rate_`
-    fields are the rate converter of a slow axis.
+    the whole wave; `owing` the periods for which a large gap was not below `least_gap`; `watched`
+    whether any of these is at work. `wave_sum` and `wave_energy` are of the waves whose commands
+    acted since the last sample. The `rate_` fields are the rate converter of a slow axis.
     """
 
     at: float = 0.0
@@ -74,6 +75,7 @@ class WaveEnd:
     cut_left: int = 0
     least_gap: float = 0.0
     owing: int = 0
+    watched: bool = False
 
 
 @dataclass(slots=True)

@@ -24,6 +24,7 @@ from tautwave.couplings.wave.claim import Claim, claim_of, claimed_sentence, jou
 from tautwave.couplings.wave.device_port import binding, pair_of, port_of, remedy_of
 from tautwave.couplings.wave.from_keys import port_impedance
 from tautwave.couplings.wave.keys import WavePair
+from tautwave.laws.port import plain_drain
 from tautwave.rig import at_axis_rate, pair_scale
 from tautwave.types import CommandDelay
 
@@ -75,6 +76,12 @@ def _impedance_port(rig: Rig, axis_name: str, delays: Delays, damping: float) ->
     if left > 0.0:
         port = port_of(rig, axis_name, delays, left)
         numbers |= {"gain": port.gain.greatest, **port.devices._asdict()}
+        if port.observer.pole < 0.0 and isinstance(claim, Claim):
+            share = numbers["drain"] = plain_drain(port.port)
+            sentences.append(
+                f"{name}: without an observer its tank pays {100.0 * share:.3g} % of the work that "
+                f"passes; {joules(claim.reserve / share)} in one direction empty it."
+            )
         if passive.passed:
             unit = "N m/rad" if axis.kind == "rotary" else "N/m"
             stiffest = numbers["stiffest"] = port.stiffest()
@@ -103,7 +110,7 @@ def _unfiltered(rig: Rig, axis_name: str) -> str | None:
 def _unreachable(rig: Rig, axis_name: str) -> str | None:
     """Return a sentence if the wave filter's corner is above half the rate of the axis."""
     corner, half = pair_of(rig, axis_name).wave_filter_hz, 0.5 / rig.axis_period_s(axis_name)
-    if corner is None or corner <= half:
+    if not isinstance(corner, float) or corner <= half:
         return None
     return (
         f"{axis_name} port: wave_filter_hz {corner:g} is above half the rate of its bus, "
@@ -144,7 +151,8 @@ def _passive(
     unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
     if axis.damping.lower <= 0.0:
         return Verdict(
-            False, f"{name}: nothing is known of the device's damping; give damping.lower"
+            False,
+            f"{name}: nothing is known of the device's damping; give damping.lower, however small",
         )
     if claim.leak > claim.effort * claim.velocity:
         return Verdict(
@@ -231,7 +239,7 @@ def _fine(name: str, kind: str, pair: str, why: str) -> Element:
 def _remedy(rig: Rig, pair: str) -> str:
     keys = rig.coupling.pairs[pair]
     assert isinstance(keys, WavePair)
-    return f"Lower wave_impedance {keys.wave_impedance:g}, or change the poles."
+    return f"Lower wave_impedance {keys.impedance:g}, or change the poles."
 
 
 verdict = CouplingVerdict(

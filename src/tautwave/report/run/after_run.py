@@ -11,6 +11,7 @@ from tautwave.config import Rig
 from tautwave.errors import TautwaveError
 from tautwave.registry import load_driver
 from tautwave.report.ends import ends_of
+from tautwave.report.noise import noise_sentences
 from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.units import number
 from tautwave.rig import pair_scale
@@ -24,8 +25,8 @@ def recheck_run(run: Run) -> dict[str, Any]:
 
     `invalidated` is true if the certificate held before the run and its measurements break it, or
     if an end gave out more than it claimed, whatever the certificate said. If it cannot be
-    computed, `error` says why. `ends` are `report.ends` by axis, `blows` sentences on those that
-    were hit and kept their claim.
+    computed, `error` says why. `ends` are `report.ends` by axis; `notes` are sentences on those
+    that were hit and kept their claim, and on noise beyond the declared.
     """
     summary = dict(run.summary)
     certificate = dict(block(summary, "certificate"))
@@ -38,7 +39,8 @@ def recheck_run(run: Run) -> dict[str, Any]:
     after["ends"] = {
         end.axis: {"given_j": end.given, "blow_j": end.blow, "claim_j": end.claim} for end in ends
     }
-    after["blows"] = [end.sentence for end in ends if end.passed and end.sentence]
+    hit = [end.sentence for end in ends if end.passed and end.sentence]
+    after["notes"] = [*hit, *noise_sentences(run)]
     broken = [end.sentence for end in ends if not end.passed]
     if broken:
         after |= {"passed": False, "invalidated": True}

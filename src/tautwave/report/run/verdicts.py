@@ -192,8 +192,8 @@ def _timing(run: Run) -> Verdict:
 def _certificate(run: Run) -> Verdict:
     certificate = block(run.summary, "certificate")
     passed = certificate.get("passed")
-    blows = block(certificate, "after_run").get("blows") or ()
-    lines = (*blows, *_rendered(run), *_slow(run), *_lines(certificate.get("verdicts")))
+    notes = block(certificate, "after_run").get("notes") or ()
+    lines = (*notes, *_rendered(run), *_slow(run), *_lines(certificate.get("verdicts")))
     broken = invalidated(run)
     if broken:
         return Verdict("Certificate", "bad", (BROKEN, *broken, *lines))

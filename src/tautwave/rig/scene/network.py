@@ -23,7 +23,7 @@ from tautwave.rig.controller import (
     run_params,
 )
 from tautwave.rig.truth import SEED_WORD
-from tautwave.runtime.scene.axes import MOST_NODES, SceneControl, SceneRun
+from tautwave.runtime.scene.axes import MOST_NODES, SceneControl, SceneRun, guarded
 from tautwave.runtime.scene.hold import HoldAccount
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import ACTIVE, GROUND, Link, Mass, Network, String
@@ -39,7 +39,10 @@ COUPLING = "coupling"
 """Name of a port's own spring: `coupling of NAME`."""
 
 HOLD_SPEED = 0.1
-"""Share of the velocity limit whose kinetic energy is the allowed debt of a scene."""
+"""Share of the velocity limit whose kinetic energy held efforts may create."""
+
+HOLD_J = 0.01
+"""[J] Most that they may create by default, an axis: 0.1 kg at 0.45 m/s."""
 
 
 def scene_of(rig: Rig) -> Scene:
@@ -252,7 +255,48 @@ def scene_run(
     axes = [control.axes[at] for at in control.ports]
     params = [control.params[at] for at in control.ports]
     control.scene = SceneRun(model, axes, params, scales, offsets, forces, account)
+    if account is not None:
+        control.law = guarded(account.allowance)
     return control
+
+
+def hold_limit(rig: Rig, names: Sequence[str]) -> float:
+    """Return the energy that held efforts may create before a run stops [J]; `names` of axes."""
+    assert rig.scene is not None
+    assert rig.scene is not None
+    if rig.scene.hold_limit_j is not None:
+        return rig.scene.hold_limit_j
+    limit = 0.0
+    for axis in (rig.axes[f"master.{name}"] for name in names):
+        assert axis.inertia is not None
+        speed = math.inf if axis.velocity_limit is None else HOLD_SPEED * axis.velocity_limit
+        limit += min(HOLD_J, 0.5 * axis.inertia.lower * speed**2)
+    return limit
+
+
+def hold_claim(rig: Rig, names: Sequence[str], delays: Mapping[str, CommandDelay]) -> float:
+    """Return the most that held efforts give before a run has stopped [J]; inf without limits.
+
+    That is `hold_limit`, and what the effort that acts until the stop does at the velocity limit:
+    for a period and the command delay, and while its rate limit takes it down.
+    """
+    claim = hold_limit(rig, names)
+    for name in (f"master.{name}" for name in names):
+        axis, delay = rig.axes[name], delays[name]
+        until = rig.period_s * (1 + delay.periods) + delay.remainder_s
+        if axis.effort_rate_limit is not None:
+            until += 0.5 * axis.effort_limit / axis.effort_rate_limit
+        claim += axis.effort_limit * (axis.velocity_limit or math.inf) * until
+    return claim
+
+
+def press_energy(rig: Rig, names: Sequence[str]) -> float:
+    """Return the energy that devices bring into a contact [J]: at top speed, and their limit."""
+    energy = hold_limit(rig, names)
+    for axis in (rig.axes[f"master.{name}"] for name in names):
+        assert axis.inertia is not None
+        energy += 0.5 * axis.inertia.value * top_speed(axis) ** 2
+    return energy
 
 
 def hold_account(
@@ -260,24 +304,18 @@ def hold_account(
 ) -> HoldAccount | None:
     """Return the bound on energy created by held efforts; None for scenes that feed energy.
 
-    `names` are those of the axes on the master. The allowance is the energy of all devices at
-    `HOLD_SPEED` of their velocity limits.
+    `names` are those of the axes on the master.
     """
     if any(link.kind in ACTIVE for link in links):
         return None  # these are not certified, and their energy has no bound
     keys = [rig.axes[f"master.{name}"] for name in names]
-    allowance = 0.0
-    for axis in keys:
-        assert axis.inertia is not None
-        mass = axis.inertia.lower
-        allowance += 0.5 * mass * (HOLD_SPEED * top_speed(axis)) ** 2
     params = [control.params[at] for at in control.ports]
     return HoldAccount(
         [control.axes[at] for at in control.ports],
         [(p.delay, p.late) for p in params],
         [axis.damping.lower for axis in keys],
         rig.period_s,
-        allowance,
+        hold_limit(rig, names),
         holds_forces=scheme == "symplectic",
     )
 

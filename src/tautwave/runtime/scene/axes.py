@@ -24,7 +24,7 @@ from tautwave.controller.axis import (
 from tautwave.controller.records import FINISHED, AxisParams, AxisState, RunParams
 from tautwave.controller.rows import axis_columns, fill_axis
 from tautwave.controller.run import arm, ramp_share, stop_on_guard
-from tautwave.controller.steps import Law, Steps
+from tautwave.controller.steps import Guard, Law, Steps
 from tautwave.controller.stops import AxisName
 from tautwave.laws.limit import OVERDRAWN, RUNAWAY, RUNAWAY_TIMES
 from tautwave.runtime.control import Control
@@ -55,6 +55,16 @@ def book_work(
 
 SCENE = Law("scene", Steps(close=book_work), SceneEnd)
 """A scene in the place of a coupling; it thinks for all axes at once."""
+
+
+def guarded(limit: float) -> Law:
+    """Return the scene's law with the sentence of its stop; `limit` [J] is that of its account."""
+    sentence = (
+        f"drew more energy from its scene than it put in, by over {limit:.3g} J "
+        "(scene.hold_limit_j), because efforts are held for a period (raise rate_hz, or lower the "
+        "stiffness it meets),"
+    )
+    return SCENE._replace(guards={OVERDRAWN: Guard("overdrawn", sentence)})
 
 
 class SceneRun:

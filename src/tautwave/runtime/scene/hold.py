@@ -6,8 +6,12 @@ delivered at the scene's effort, plus, for a scheme that holds forces, what that
 (`numeric`). It is offset by the least dissipation of the devices' damping, b dx**2 / t, and by the
 scene's own losses. The difference is a debt that is never negative: quiet periods earn no credit.
 While it stays below an allowance, scene and devices give the hand no more than they received plus
-that allowance, whatever the scene is. Limits and ramps are excluded: an effort that they clip never
-reaches the device.
+that allowance, whatever the scene is.
+
+An effort that limits or ramps clip is another matter: the network takes it as given, so a hand that
+presses beyond the limit pays less than the network stores, and gets nothing as long as it stays
+there. A second debt counts the efforts that acted; it is compared after taking off all that the
+network still holds.
 """
 
 from __future__ import annotations
@@ -93,10 +97,17 @@ class HoldAccount:
     def begin(self) -> None:
         """Start with no debt, the axes at their present positions."""
         self.debt = 0.0
+        self.clipped_debt = 0.0
+        self._given = self._absorbed()
         self._held = [_Held(periods, late) for periods, late in self._delays]
         for held, axis in zip(self._held, self._axes, strict=True):
             held.position = axis.position
         self._created = 0.0
+
+    def _absorbed(self) -> float:
+        """Return what the devices gave, with the efforts that acted [J]."""
+        total: float = sum(axis.end.absorbed for axis in self._axes)
+        return total
 
     def overdrawn(self, asked: Sequence[float], slots: int, ledger: Ledger) -> bool:
         """Book a cycle; return whether the scene has created more energy than allowed.
@@ -123,6 +134,13 @@ class HoldAccount:
                 dissipated += rate * square
         # Sums since the start on one side, those of this cycle on the other.
         created = ledger.port_work + ledger.numeric - ledger.lost
-        self.debt = max(self.debt + (created - self._created) - given - dissipated, 0.0)
+        gained = created - self._created - dissipated
         self._created = created
-        return self.debt > self.allowance + self._share * (ledger.kinetic + ledger.stored)
+        self.debt = max(self.debt + gained - given, 0.0)
+        acted = self._absorbed()
+        self.clipped_debt = max(self.clipped_debt + gained - (acted - self._given), 0.0)
+        self._given = acted
+        inside = ledger.kinetic + ledger.stored
+        if self.clipped_debt - inside > self.allowance:
+            return True
+        return self.debt > self.allowance + self._share * inside

@@ -257,7 +257,7 @@ def record_excitation(
     """
     require_drivers(rig)
     ways = bus_ways(rig, clock=clock, simulate=simulate, attach=attach)
-    rig = as_taken(rig, ways)
+    whole, rig = rig, as_taken(rig, ways)
     problems = over_budget(rig, bus_budgets(rig))
     if problems:
         raise BusBudgetError("\n".join(problems))
@@ -273,7 +273,7 @@ def record_excitation(
         for bus_name, bus in rig.buses.items()
     )
     if hardware and not allow_uncertified:
-        refuse_uncertified(rig, certificate_of(rig))
+        refuse_uncertified(rig, certificate_of(whole, ways))
     off = "coupling" if rig.scene is None else "scene"
     notes = [f"The {off} was off; the other axes were enabled without effort."]
     if rig.simulation is not None:

@@ -27,6 +27,8 @@ from tautwave.controller import rows as controller_rows
 from tautwave.controller.steps import ALONE, Law, Steps
 from tautwave.errors import ConfigError
 from tautwave.laws import limit, port, site
+from tautwave.link import network as link_network
+from tautwave.link import receiver as link_receiver
 from tautwave.models import plant
 from tautwave.scene import batch, ledger
 from tautwave.scene.schemes import gradient, islands, kutta, stepping
@@ -43,7 +45,8 @@ from tautwave.simulation.scene import tick as network_tick
 from tautwave.simulation.scene import tick3d
 
 CONTROLLER_MODULES = (controller_records, steps, axis, pair, controller_rows, run)
-KERNEL_MODULES = (*CONTROLLER_MODULES, records, device, rows, kernel, live_steps)
+LINK_MODULES = (link_receiver, link_network)
+KERNEL_MODULES = (*CONTROLLER_MODULES, *LINK_MODULES, records, device, rows, kernel, live_steps)
 MODULES_3D = (stepping3d, tension3d, solving3d, ledger3d, tick3d)
 SCENE_MODULES = (
     *(stepping, pulling, islands, gradient, kutta, ledger, batch),
@@ -63,6 +66,8 @@ INLINED = {
 }
 """What runs in every cycle, is called in a place or two, and costs little more than a call."""
 
+Modules = tuple[ModuleType, ...]
+
 RARE = ("start", "engage", "move", "brake")
 """Steps of a coupling that are called: the others are inlined."""
 
@@ -76,11 +81,16 @@ def source_modules() -> tuple[ModuleType, ...]:
     return (*found, *KERNEL_MODULES, *SCENE_MODULES, *MODULES_3D)
 
 
-def source_hash(law: Law = ALONE) -> str:
+def source_hash(law: Law = ALONE, more: Modules = ()) -> str:
     """Return a short name of the sources, a coupling's included, of compiler and Python in use."""
     digest = hashlib.sha256(law.name.encode())
     own = {function.__module__: sys.modules[function.__module__] for function in behind(law.steps)}
-    for module in (*source_modules(), *own.values(), sys.modules[__name__]):  # its options count
+    for module in (
+        *source_modules(),
+        *own.values(),
+        *more,
+        sys.modules[__name__],
+    ):  # its options count
         digest.update(module.__name__.encode())
         digest.update(Path(str(module.__file__)).read_bytes())
     for name in ("numba", "llvmlite", "numpy"):
@@ -103,7 +113,7 @@ def behind(functions: Iterable[Callable[..., Any]]) -> list[Callable[..., Any]]:
     return list(found)
 
 
-def cache_directory(law: Law = ALONE) -> Path:
+def cache_directory(law: Law = ALONE, more: Modules = ()) -> Path:
     """Return where machine code of the present sources is kept between processes.
 
     Below NUMBA_CACHE_DIR if that is set, else below the user's cache folder.
@@ -113,7 +123,7 @@ def cache_directory(law: Law = ALONE) -> Path:
         root = Path(given)
     else:
         root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return root / "tautwave" / source_hash(law)
+    return root / "tautwave" / source_hash(law, more)
 
 
 def is_cached(entry: Callable[..., Any], law: Law = ALONE) -> bool:
@@ -156,8 +166,8 @@ def compiled_kernel(law: Law) -> Callable[..., int]:
 _kernels: dict[Steps, Callable[..., int]] = {}
 
 
-def cached(entry: Callable[..., Any], law: Law = ALONE) -> Callable[..., Any]:
-    """Return a function of the source modules for numba, kept in the cache once compiled.
+def cached(entry: Callable[..., Any], law: Law = ALONE, more: Modules = ()) -> Callable[..., Any]:
+    """Return a function of the source modules, and `more`, for numba; kept once compiled.
 
     Its global `STEPS`, if it has one, are the steps of `law`, compiled as well.
     """
@@ -170,7 +180,7 @@ def cached(entry: Callable[..., Any], law: Law = ALONE) -> Callable[..., Any]:
         )
         return made
 
-    made: Callable[..., Any] = _compile(entry, law, compile_it)
+    made: Callable[..., Any] = _compile(entry, law, compile_it, more)
     return made
 
 
@@ -219,9 +229,10 @@ def _compile(
     entry: Callable[..., Any],
     law: Law,
     compile_it: Callable[[Any, Callable[..., Any], bool, dict[str, Any]], Any],
+    more: Modules = (),
 ) -> Any:
     numba = load_numba()
-    for module in source_modules():
+    for module in (*source_modules(), *more):
         register(entry, functions_of(module))
     function = entry
     if "STEPS" in entry.__code__.co_names:
@@ -229,7 +240,7 @@ def _compile(
         known = {**entry.__globals__, "STEPS": compiled_steps(law)}
         function = FunctionType(entry.__code__, known, entry.__name__)
         function.__qualname__ = entry.__qualname__
-    directory = cache_directory(law)
+    directory = cache_directory(law, more)
     try:
         directory.mkdir(parents=True, exist_ok=True)
         kept = os.access(directory, os.W_OK)

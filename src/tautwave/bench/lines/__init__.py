@@ -1,0 +1,1 @@
+"""What a network does to a pair: energy, position and force, over random patterns."""

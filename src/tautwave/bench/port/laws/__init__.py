@@ -1,0 +1,1 @@
+"""Couplings to compare with, as parts that a rig names by their file."""

@@ -1,0 +1,221 @@
+"""The wave port that tautwave had before: a tracked velocity, an account without a reserve.
+
+A yardstick. Two impedance ports face to face, no line, no slow bus, no series damper, one sample
+in each period. Velocity is tracked against a prediction with `velocity_filter_s`, a wave is sent
+only if the account can pay, and passes the wave filter after it was paid for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, MutableSequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from pydantic import Field
+
+from tautwave.config import Coupling, Pair
+from tautwave.contracts import CoupledAxis, CouplingPlugin, Row
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.steps import Law, Steps
+from tautwave.laws.limit import clamp
+
+DRIFT_S = 0.05
+"""Time constant in which unsent wave integral was repaid [s]."""
+
+
+class AccountPair(Pair):
+    """Keys of one pair."""
+
+    wave_impedance: float = Field(gt=0, description="[N m s/rad | N s/m] Of the line.")
+    wave_filter_hz: float = Field(gt=0, description="[Hz] Corner of the low-pass on the waves.")
+    velocity_filter_s: float = Field(gt=0, description="[s] Memory of the velocity tracker.")
+
+
+class AccountCoupling(Coupling):
+    """Keys of `coupling`."""
+
+    pairs: Mapping[str, AccountPair] = Field(description="The pairs by name.")
+
+
+class AccountParams(NamedTuple):
+    """Constants of one end; `allowance` [J per period] is granted to an account in debt."""
+
+    period: float
+    impedance: float
+    root: float
+    half_mobility: float
+    divisor: float
+    repay: float
+    allowance: float
+    gain: float
+    filter_gain: float
+
+
+@dataclass(slots=True)
+class AccountEnd:
+    """State of one end: account [J], gap [W**0.5 s], waves [W**0.5], tracked velocity."""
+
+    account: float = 0.0
+    gap: float = 0.0
+    velocity: float = 0.0
+    impulse: float = 0.0
+    leaving: float = 0.0
+    filtered: float = 0.0
+    wave_in: float = 0.0
+    wave_sum: float = 0.0
+    wave_energy: float = 0.0
+    fastest: float = 0.0
+    cut: float = 0.0
+
+
+def end_constants(pair: AccountPair, side: str, axis: CoupledAxis) -> AccountParams:
+    """Return the constants of one end."""
+    assert axis.inertia is not None
+    period, b = axis.period, pair.in_device_units(side, pair.wave_impedance)
+    gain = period / (period + pair.velocity_filter_s)
+    noise = axis.position_noise**2 + 0.25 * axis.encoder_quantum**2
+    mobility = period / (2.0 * axis.inertia)
+    return AccountParams(
+        period,
+        b,
+        math.sqrt(2.0 * b),
+        mobility,
+        1.0 + b * mobility,
+        period / (period + DRIFT_S),
+        2.0 * b * gain * noise / period,
+        gain,
+        -math.expm1(-2.0 * math.pi * pair.wave_filter_hz * period),
+    )
+
+
+def start(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    gap: float,
+    table: MutableSequence[float],
+) -> None:
+    """Begin at rest, with nothing in the accounts; the slave mends the `gap`."""
+    forget(one, 0.0)
+    forget(two, gap * p2.end.root)
+
+
+def forget(s: AxisState, gap: float) -> None:
+    """Begin at rest, with nothing in the account."""
+    e = s.end
+    e.account = 0.0
+    e.gap = gap
+    e.velocity = 0.0
+    e.impulse = 0.0
+    e.leaving = 0.0
+    e.filtered = 0.0
+    e.wave_in = 0.0
+    e.wave_sum = 0.0
+    e.wave_energy = 0.0
+    e.fastest = 0.0
+    e.cut = 0.0
+
+
+def act(s: AxisState, p: AxisParams, tag: float) -> None:
+    """Book the wave whose command acted in a slot."""
+    s.end.wave_sum += tag
+    s.end.wave_energy += p.half_period * tag * tag
+
+
+def close(
+    s: AxisState, p: AxisParams, displacement: float, count: float, span: float, port: float
+) -> None:
+    """Close the account first, then form the leaving wave, as far as it can be paid."""
+    e = s.end
+    k = p.end
+    mean = displacement / span
+    expected = e.velocity - k.half_mobility * (e.impulse + s.effort_sum)
+    e.velocity = expected + k.gain * (mean - expected)
+    e.impulse = s.effort_sum
+    if math.fabs(mean) > e.fastest:
+        e.fastest = math.fabs(mean)
+    e.account += port * displacement + e.wave_energy
+    arriving = e.wave_sum / count
+    plain = k.root * e.velocity - arriving
+    e.gap += k.root * displacement - k.period * e.wave_sum
+    leaving = plain + k.repay * (e.gap / k.period - plain)
+    payable = 0.0
+    if e.account > 0.0:
+        payable = math.sqrt(2.0 * e.account / k.period)
+    if math.fabs(leaving) > payable:
+        e.cut += 1.0
+    leaving = clamp(leaving, payable)
+    e.account -= 0.5 * k.period * leaving * leaving
+    e.gap -= k.period * leaving
+    if e.account < 0.0:
+        e.account = min(e.account + count * k.allowance, 0.0)
+    e.filtered += k.filter_gain * (leaving - e.filtered)
+    e.leaving = e.filtered
+    e.wave_sum = 0.0
+    e.wave_energy = 0.0
+
+
+def exchange(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+    here: bool,
+    due_one: bool,
+    due_two: bool,
+) -> None:
+    """Hand each side's wave to the other."""
+    one.end.wave_in = two.end.leaving
+    two.end.wave_in = one.end.leaving
+    one.tag = one.end.wave_in
+    two.tag = two.end.wave_in
+
+
+def think(s: AxisState, p: AxisParams, coast: float) -> float:
+    """Return the resisting effort of the port; none of one that owes too much."""
+    e = s.end
+    k = p.end
+    under_way = s.velocity - p.site.half_mobility * s.impulse - coast
+    coast = e.velocity - k.half_mobility * e.impulse - under_way
+    debt = (k.impedance / k.gain) * (
+        k.period * e.fastest * e.fastest + 2.0 * k.half_mobility * s.gross_flow
+    )
+    if e.account < -debt - 1e-9 * p.half_period * e.wave_in * e.wave_in:
+        return 0.0
+    effort: float = (k.impedance * coast - k.root * e.wave_in) / k.divisor
+    given = -effort * (coast - k.half_mobility * effort) * k.period
+    funds = e.account + p.half_period * e.wave_in * e.wave_in
+    if given > 0.0 and given > funds:
+        effort = effort * max(funds, 0.0) / given
+    return effort
+
+
+def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write the waves, and how many leaving ones the account could not pay for so far."""
+    out[at] = s.end.wave_in
+    out[at + 1] = s.end.leaving
+    out[at + 2] = s.end.cut
+    return at + 3
+
+
+law = Law(
+    name="account_port",
+    steps=Steps(
+        start=start,
+        act=act,
+        close=close,
+        exchange=exchange,
+        think=think,
+        fill_signals=fill_signals,
+    ),
+    end=AccountEnd,
+    signals=("wave_in", "wave_out", "cut_waves"),
+)
+plugin = CouplingPlugin("wave ports with accounts", AccountCoupling, law, end_constants)

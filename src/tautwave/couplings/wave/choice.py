@@ -1,0 +1,255 @@
+"""What a wave pair takes for its `auto` keys, and what bounds it.
+
+wave_filter_hz: a tenth of the slower axis' rate; none where neither axis has noise or a step.
+
+pole_master, pole_slave: the first of `POLES` on which the certificate calls the port contracting,
+held by the stated contact; plain, which bears the stiffest contacts, where it takes none: then the
+certificate refuses the rig and says what would pass.
+
+wave_impedance: a stiffer line holds the devices closer together. It is the greatest at which
+
+- the noise of both encoders makes no effort beyond `NOISE_SHARE` of a limit (`chatter`), for it is
+  always felt;
+- a held contact that rattles within an encoder step makes none beyond `STEP_SHARE`;
+- the line is no heavier than the two devices: one of delay tau feels like an inertia b tau;
+- a port's reserve, twice, is no more than the kinetic energy of its device at the velocity limit.
+  That includes the bound (1 + n) b T / (2 m) <= 1/2 of the certificate;
+- the certificate takes both ports, with an observer: the tank of a plain port is drained by the
+  share b T / m of what it transports. Only where that would take less than an eighth of what the
+  others allow are plain ports tried.
+
+It is rounded down to two digits. All is decided by the rig's beliefs and by the contact that the
+certificate counts with, so that the same rig gets the same choice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from tautwave.analysis.walls.passivity import wall_leak
+from tautwave.analysis.wave_port.chatter import NoisyEnd, chatter, step_effort
+from tautwave.certificate.derate import derate_walls
+from tautwave.certificate.walls import sampled_wall
+from tautwave.config import Rig, local_wall
+from tautwave.config.keys.common import AUTO
+from tautwave.couplings.wave.device_port import SOFTER, port_of
+from tautwave.couplings.wave.from_keys import bare_port, observer_of
+from tautwave.couplings.wave.keys import PLAIN, POLES, WavePair
+from tautwave.couplings.wave.standing import line_time, moved_inertia
+from tautwave.errors import ConfigError
+from tautwave.laws.port import port_reserve
+from tautwave.rig import at_axis_rate, command_delays, one_way_delay
+from tautwave.types import Choice, CommandDelay
+
+SIDES = ("master", "slave")
+
+NOISE_SHARE = 0.01
+STEP_SHARE = 0.05
+"""Of the effort limit: the deviation of chatter, and the rattle of a held contact."""
+
+RATTLE = 1.25
+"""Deviation of that rattle per effort of one step, at most; as found for `QUANTUM_DRAIN`."""
+
+FEWER = 8.0
+"""Greatest factor by which the impedance is lowered to do without a plain port."""
+
+HALVINGS = 6
+
+Delays = Mapping[str, CommandDelay]
+
+
+class Bound(NamedTuple):
+    """A greatest impedance of the line [N m s/rad or N s/m, master], and its cause."""
+
+    impedance: float
+    cause: str
+
+
+class Asked(NamedTuple):
+    """A pair, and what its walls leave of the damping of each device that takes effort."""
+
+    rig: Rig
+    name: str
+    delays: Delays
+    left: Mapping[str, float]
+
+    def takes(self, pair: WavePair, side: str) -> bool:
+        """Return whether the certificate takes the port of a side with these keys."""
+        axis_name, left = f"{side}.{self.name}", self.left[side]
+        return left > 0.0 and port_of(self.rig, axis_name, self.delays, left, pair).contracting
+
+
+def choose_pair(rig: Rig, name: str) -> dict[str, Choice]:
+    """Return what the `auto` keys of a pair are, by key."""
+    pair = rig.coupling.pairs[name]
+    assert isinstance(pair, WavePair)
+    delays = command_delays(rig)
+    asked = Asked(rig, name, delays, _damping_left(rig, name, delays))
+    chosen: dict[str, Choice] = {}
+    if pair.wave_filter_hz == AUTO:
+        chosen["wave_filter_hz"] = _corner(rig, name)
+        pair = _with(pair, wave_filter_hz=chosen["wave_filter_hz"].value)
+    if pair.wave_impedance == AUTO:
+        if not asked.left:
+            raise ConfigError(
+                f"{rig.name}: coupling.pairs.{name}: wave_impedance auto needs an axis that takes "
+                "effort; give a number"
+            )
+        chosen["wave_impedance"] = _impedance(asked, pair)
+        pair = _with(pair, wave_impedance=chosen["wave_impedance"].value)
+    for side in SIDES:
+        key = f"pole_{side}"
+        if getattr(pair, key) == AUTO:
+            chosen[key] = _pole(asked, pair, side)
+    return chosen
+
+
+def two_digits(value: float) -> float:
+    """Return a positive value rounded down to two digits."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.floor(value / step * (1.0 + 1e-12)) * step:.1e}")
+
+
+def _with(pair: WavePair, **values: object) -> WavePair:
+    return pair.model_copy(update=values)
+
+
+def _damping_left(rig: Rig, name: str, delays: Delays) -> dict[str, float]:
+    if rig.require != "coupled_stable":  # there a wall's limit needs the whole pair
+        friction = {axis_name: axis.coulomb.lower for axis_name, axis in rig.axes.items()}
+        rig, _ = derate_walls(rig, delays, friction)
+    left = {}
+    for side in SIDES:
+        axis_name = f"{side}.{name}"
+        axis, wall = rig.axes[axis_name], local_wall(rig, axis_name)
+        if axis.inertia is None:
+            continue
+        left[side] = axis.damping.lower
+        if wall is not None:
+            own = at_axis_rate(rig, axis_name)
+            needed = wall_leak(sampled_wall(own, axis_name, wall, delays[axis_name])).damping
+            if needed <= left[side] or not wall.passivity_control:
+                left[side] -= needed
+    return left
+
+
+def _corner(rig: Rig, name: str) -> Choice:
+    names = [f"{side}.{name}" for side in SIDES]
+    if not any(rig.axes[one].position_noise or rig.axes[one].encoder_quantum for one in names):
+        return Choice(None, "none, for no noise and no encoder step is stated")
+    slower = max(names, key=rig.axis_period_s)
+    corner = float(f"{0.1 / rig.axis_period_s(slower):.3g}")
+    return Choice(corner, f"{corner:g} Hz, a tenth of the rate of {slower}")
+
+
+def _pole(asked: Asked, pair: WavePair, side: str, poles: Sequence[float | str] = POLES) -> Choice:
+    if side not in asked.left:
+        return Choice(PLAIN, "plain, for the axis takes velocity")
+    if asked.left[side] <= 0.0:
+        return Choice(POLES[0], f"{POLES[0]}, for there is no damping to certify it with")
+    for at, pole in enumerate(poles):
+        if asked.takes(_with(pair, **{f"pole_{side}": pole}), side):
+            refused = " or ".join(map(str, poles[:at]))
+            return Choice(
+                pole, f"{pole}, which the certificate takes{refused and ', not '}{refused}"
+            )
+    return Choice(PLAIN, "plain, for the certificate takes none")
+
+
+def _impedance(asked: Asked, pair: WavePair) -> Choice:
+    kind = asked.rig.master.axes[asked.name].kind
+    unit = "N m s/rad" if kind == "rotary" else "N s/m"
+    free = [f"pole_{side}" for side in SIDES if getattr(pair, f"pole_{side}") == AUTO]
+    bound = least_bound(asked, _with(pair, **dict.fromkeys(free, POLES[0])))
+    top = two_digits(bound.impedance)
+    found, cause = top, f"bound by {bound.cause}"
+    if min(asked.left.values()) > 0.0:
+        for poles, least in ((POLES[:-1], top / FEWER), (POLES, top / SOFTER)):
+            side = _blocked(asked, pair, poles, top)
+            if not side:
+                break
+            low, high = least, top
+            if _blocked(asked, pair, poles, two_digits(low)):
+                continue
+            for _ in range(HALVINGS):
+                middle = math.sqrt(low * high)
+                stop = _blocked(asked, pair, poles, two_digits(middle))
+                low, high, side = (low, middle, stop) if stop else (middle, high, side)
+            found, cause = two_digits(low), f"bound by {side}"
+            break
+        else:
+            cause += "; the certificate takes none"
+    return Choice(found, f"{found:g} {unit}, {cause}")
+
+
+def _blocked(asked: Asked, pair: WavePair, poles: Sequence[float | str], impedance: float) -> str:
+    """Return what forbids an impedance with the first of some poles that is taken, or nothing."""
+    pair = _with(pair, wave_impedance=impedance)
+    for side in asked.left:
+        key = f"pole_{side}"
+        if getattr(pair, key) == AUTO:
+            pair = _with(pair, **{key: _pole(asked, pair, side, poles).value})
+            if getattr(pair, key) not in poles:
+                return f"the certificate of {side}.{asked.name}"
+        if not asked.takes(pair, side):
+            return f"the certificate of {side}.{asked.name}"
+    bound = least_bound(asked, pair)
+    return bound.cause if bound.impedance < impedance else ""
+
+
+def least_bound(asked: Asked, pair: WavePair) -> Bound:
+    """Return what bounds the impedance of a pair whose poles are known, but for the certificate."""
+    return min(_bounds(asked, _with(pair, wave_impedance=1.0)))
+
+
+def _bounds(asked: Asked, pair: WavePair) -> Iterator[Bound]:
+    """Yield the bounds of a line of impedance 1: all efforts are in proportion to it."""
+    rig, name = asked.rig, asked.name
+    ends = {side: _heavy(asked, pair, side) for side in asked.left}
+    for side, end in ends.items():
+        axis_name = f"{side}.{name}"
+        axis, limit = rig.axes[axis_name], rig.axes[axis_name].effort_limit
+        assert axis.inertia is not None
+        units, period = pair.in_device_units(side, 1.0), end.port.period
+        reserve = port_reserve(
+            units, period, end.port.lead - 0.5, end.observer.velocity * period, 1.0
+        )
+        yield Bound(
+            0.25 * axis.inertia.lower / reserve,
+            f"the reserve of {axis_name}, at half its energy at the velocity limit",
+        )
+        rattle = RATTLE * step_effort(end.port, end.observer, axis.encoder_quantum)
+        if rattle > 0.0:
+            share = f"{STEP_SHARE:.0%} of its effort limit"
+            cause = f"the rattle of {axis_name} within its encoder step, at {share}"
+            yield Bound(STEP_SHARE * limit / rattle, cause)
+        effort = chatter(end, next((ends[other] for other in ends if other != side), end))
+        if math.isinf(effort):
+            raise ConfigError(
+                f"{rig.name}: coupling.pairs.{name}: wave_impedance auto needs a wave filter where "
+                "noise is stated; set wave_filter_hz to auto"
+            )
+        if effort > 0.0:
+            cause = f"chatter of {axis_name} at {NOISE_SHARE:.0%} of its effort limit"
+            yield Bound(NOISE_SHARE * limit / effort, cause)
+    time = line_time(rig, name, pair, one_way_delay(rig, name, asked.delays))
+    yield Bound(
+        moved_inertia(rig, name, pair) / time, "the weight of the line, at that of both devices"
+    )
+
+
+def _heavy(asked: Asked, pair: WavePair, side: str) -> NoisyEnd:
+    """Return an end whose device is too heavy to give way: it chatters most."""
+    axis_name = f"{side}.{asked.name}"
+    axis, delay = asked.rig.axes[axis_name], asked.delays[axis_name]
+    period = asked.rig.axis_period_s(axis_name)
+    return NoisyEnd(
+        bare_port(pair, side, period, math.inf, delay.periods + delay.remainder_s / period),
+        observer_of(pair, side, period, math.inf),
+        delay.periods,
+        axis.position_noise,
+        pair.wave_gain(side),
+        axis.position_noise_autocorrelation or (),
+    )
