@@ -207,7 +207,7 @@ def certificate(half: float, third: float, plain: float) -> Callable[[Asked, Any
     limits: dict[object, float] = {0.5: half, 0.3: third, "plain": plain}
 
     def takes(_: Asked, pair: Any, side: str) -> bool:
-        return bool(pair.impedance <= limits[getattr(pair, f"pole_{side}")])
+        return bool(pair.impedance <= limits.get(getattr(pair, f"pole_{side}"), 0.0))
 
     return takes
 
@@ -244,7 +244,7 @@ def test_poles_in_their_order(
     [
         (0.5, "0.5, which the certificate takes"),
         (0.3, "0.3, which the certificate takes, not 0.5"),
-        ("plain", "plain, which the certificate takes, not 0.5 or 0.3"),
+        ("plain", "plain, which the certificate takes, not 0.5 to 0.0"),
         (None, "plain, for the certificate takes none"),
     ],
 )

@@ -151,7 +151,7 @@ def _pole(asked: Asked, pair: WavePair, side: str, poles: Sequence[float | str] 
         return Choice(POLES[0], f"{POLES[0]}, for there is no damping to certify it with")
     for at, pole in enumerate(poles):
         if asked.takes(_with(pair, **{f"pole_{side}": pole}), side):
-            refused = " or ".join(map(str, poles[:at]))
+            refused = f"{poles[0]} to {poles[at - 1]}" if at > 1 else "".join(map(str, poles[:at]))
             return Choice(
                 pole, f"{pole}, which the certificate takes{refused and ', not '}{refused}"
             )

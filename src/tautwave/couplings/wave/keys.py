@@ -15,7 +15,7 @@ from tautwave.errors import ConfigError
 from tautwave.laws.wave_filter import filter_gain
 
 PLAIN: Literal["plain"] = "plain"
-POLES: tuple[float | str, ...] = (0.5, 0.3, PLAIN)
+POLES: tuple[float | str, ...] = (0.5, 0.3, 0.2, 0.1, 0.0, PLAIN)
 """Poles that are tried where none is given, the least noisy first."""
 
 
@@ -69,7 +69,7 @@ class WavePair(Pair):
         default=AUTO,
         description="Pole of the master's observer: what is left of an error after a period. "
         "Large: little noise; small: stiff contacts; plain: no observer. auto: the first of 0.5, "
-        "0.3 and plain that the certificate takes for the stated contact.",
+        "0.3, 0.2, 0.1, 0 and plain that the certificate takes for the stated contact.",
     )
     pole_slave: Pole = Field(default=AUTO, description="Pole of the slave's observer.")
 
