@@ -16,8 +16,8 @@ Cli = Callable[..., Result]
 CONFIGS = Path(__file__).parents[2] / "configs"
 RIG = CONFIGS / "bench-1dof-loopback.yaml"
 
-LINES = 49
-"""At most, of six pairs on six buses that may run: a line a pair and axis, two a bus, 19 more."""
+LINES = 79
+"""At most, of six pairs on six buses that may run: six a pair, one an axis, two a bus, 19 more."""
 
 
 @pytest.fixture

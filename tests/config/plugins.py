@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.contracts import Budget, DriverPlugin
+from tautwave.types import CommandDelay
 
 
 class LoopbackOptions(BaseModel):
@@ -40,6 +42,11 @@ def _none(*_: Any) -> Any:
     raise NotImplementedError
 
 
+def _made(*_: Any) -> Any:
+    """A driver that says when its commands act: an `auto` of the coupling asks."""
+    return SimpleNamespace(command_delay=CommandDelay(0, 0.0))
+
+
 def _budget(*_: Any) -> Budget:
     return Budget(0.0, float("inf"), "")
 
@@ -47,7 +54,7 @@ def _budget(*_: Any) -> Budget:
 def _plugin(
     options: type[BaseModel], *, hardware: bool, needs: tuple[str, ...] = ()
 ) -> DriverPlugin:
-    return DriverPlugin(options, _none, _budget, _none, needs, hardware, "a stand-in")
+    return DriverPlugin(options, _made, _budget, _none, needs, hardware, "a stand-in")
 
 
 loopback = _plugin(LoopbackOptions, hardware=False)

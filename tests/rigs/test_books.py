@@ -193,7 +193,7 @@ def test_saturation_inside_a_wall_is_the_walls() -> None:
     found = assert_closed(run)
     assert run["master.a.wall_effort"].max() <= 3.0
     reserve = pair_of(run.assembly).axes["master"][0].end.port.reserve
-    assert found.generated["port_master"] <= 0.02 * reserve
+    assert found.generated["port_master"] <= 0.05 * reserve
 
 
 def bounce(b_device: float, controlled: bool = False, phase: float = 0.5) -> Run:

@@ -102,7 +102,7 @@ def site(
         seen = observer_params(period, mass, pole)
     end: Any = WaveEndParams(
         port, seen, admittance_params(period, b, upper, delay), wave, 1e-12,
-        late, delay, period, 0.1, math.inf, 1000,
+        late, delay, period, 0.1, 0.0, math.inf, 1000,
     )  # fmt: skip
     if spring is not None:
         end = PositionEndParams(*spring)

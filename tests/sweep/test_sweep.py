@@ -92,7 +92,7 @@ def test_points_are_cases_times_grid_times_rows(write: Callable[[str], Path]) ->
         ("x: coupling.delay_s", "x: coupling.delay", "case wave does not vary 'coupling.delay'"),
         ("[5, 10]", "[]", "at least 1 item"),
         ("[0.001, 0.002]", "[0.001, 0.0015]", "grid.coupling.delay_s.1"),
-        ("[5, 10]", "[5, -10]", "Input should be greater than 0"),
+        ("[5, 10]", "[5, -10]", "Input should be 'auto' or a number greater than 0"),
         ("wave_impedance: [5", "wave_impedence: [5", "unknown key 'wave_impedence'"),
         ("growth_rate, stable,", "stable,", "'growth_rate' is not measured; add it to measures"),
         ("duration_s: 0.05", "duration_s: -1", "Input should be greater than 0"),

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from tautwave.config.keys.chosen import named_block
 from tautwave.config.keys.common import Block, Positive
-from tautwave.config.keys.coupling import AnyLaw, AnyPair, Coupling, Pair
+from tautwave.config.keys.coupling import AnyLaw, AnyPair, Coupling, Pair, pair_block
 from tautwave.config.keys.devices import Axis, Bus
 from tautwave.config.keys.scene import Scene
 from tautwave.config.keys.scene3d import Scene3d
@@ -95,7 +95,7 @@ def take_apart(document: Document, plugins: dict[str, DriverPlugin | None]) -> P
         coupling=_coupling(coupling),
         pairs=None
         if not isinstance(pairs, dict)
-        else {name: salvage(AnyPair, block) for name, block in pairs.items()},
+        else {name: _pair(coupling, block) for name, block in pairs.items()},
         simulated=get(("simulation",)) is not None,
         truths={
             name: salvage(AxisSimulation, block)
@@ -116,6 +116,12 @@ def _coupling(block: Any) -> Coupling | None:
     model = Coupling.model_for(block)
     piece: Coupling | None = salvage(model, block)
     return salvage(AnyLaw, block) if piece is None and model.part_word else piece
+
+
+def _pair(coupling: Any, block: Any) -> Pair | None:
+    """Return a pair with the keys of its law or, if those are invalid, those of all laws."""
+    piece: Pair | None = salvage(pair_block(Coupling.model_for(coupling)), block)
+    return salvage(AnyPair, block) if piece is None else piece
 
 
 def _named(block: Any) -> list[tuple[str, Any]]:

@@ -35,8 +35,9 @@ def cases() -> tuple[SiteCase, ...]:
     """Return every kind of axis that the shipped couplings hold."""
     wave, position = (load_named(load_coupling(name).law) for name in ("wave", "position"))
     axis = CoupledAxis(T, 1.0, 1e-3, 0.0, 0.0, 0, 2.0, velocity_limit=15.0)
-    port = _end("wave", {"wave_impedance": B}, axis)
-    servo = _end("wave", {"wave_impedance": B}, axis._replace(inertia=None))
+    keys = {"wave_impedance": B, "wave_filter_hz": 100.0, "pole_master": 0.5, "pole_slave": 0.5}
+    port = _end("wave", keys, axis)
+    servo = _end("wave", keys, axis._replace(inertia=None))
     spring = _end("position", {"stiffness": 1.0, "damping": 5e-3}, axis)
     return (
         SiteCase("wave port, no wall", SITE, wave, port),

@@ -185,7 +185,7 @@ def _check_coupling(document: Document, parts: Parts) -> None:
     if rate is None:
         return
     for key, text in coupling.problems(rate):
-        document.report(("coupling", *key.split(".")), text)
+        document.report(("coupling", key), text)
     samples = coupling.delay_s * rate
     if abs(samples - round(samples)) > 1e-6:
         low, high = math.floor(samples) / rate, math.ceil(samples) / rate
@@ -226,6 +226,8 @@ def _meant_by_a_pair(parts: Parts, side: str, name: str) -> bool:
 
 def _check_pair(document: Document, parts: Parts, name: str, pair: Pair) -> None:
     path = ("coupling", "pairs", name)
+    for key, text in () if parts.rate_hz is None else pair.problems(parts.rate_hz):
+        document.report((*path, key), text)
     master, slave = parts.axis("master", name), parts.axis("slave", name)
     if (
         master is not None

@@ -90,6 +90,10 @@ class Pair(Block):
         """Slave effort per master effort: the given value, else 1/position_scale."""
         return 1.0 / self.position_scale if self.force_scale is None else self.force_scale
 
+    def problems(self, rate_hz: float) -> Sequence[tuple[str, str]]:
+        """Return keys that do not fit the rate [Hz], each with a message."""
+        return ()
+
     def in_device_units(self, side: str, value: float) -> float:
         """Return an impedance, stiffness or damping of the pair in the units of one device."""
         if side == "master":

@@ -27,8 +27,10 @@ def _check_pole(value: Any) -> Any:
 
 
 def _check_positive(value: Any) -> Any:
-    if value is None or value == AUTO or (_is_number(value) and 0.0 < value < math.inf):
+    if value is None or value == AUTO:
         return value
+    if _is_number(value) and 0.0 < value < math.inf:
+        return float(value)
     raise PydanticCustomError("auto", "Input should be 'auto' or a number greater than 0")
 
 
@@ -94,6 +96,14 @@ class WavePair(Pair):
         """Return whether a damper at one side keeps waves from being reflected."""
         return self.matched_master if side == "master" else self.matched_slave
 
+    def problems(self, rate_hz: float) -> Sequence[tuple[str, str]]:
+        """Return a corner that the rate [Hz] cannot hold."""
+        corner = self.wave_filter_hz
+        if not isinstance(corner, float) or corner <= rate_hz / 2.0:
+            return ()
+        text = f"should not be above half the rate, {rate_hz / 2.0:g} Hz (got {corner:g})"
+        return (("wave_filter_hz", text),)
+
     def wave_gain(self, side: str) -> float:
         """Return device wave per line wave [1]: the sign and the root of the power ratio."""
         if side == "master":
@@ -111,15 +121,3 @@ class WaveCoupling(Coupling):
     pairs: Mapping[Name, WavePair] = Field(
         description="The pairs by name: one per axis of each side."
     )
-
-    def problems(self, rate_hz: float) -> Sequence[tuple[str, str]]:
-        """Return a corner that the rate [Hz] cannot hold."""
-        return [
-            (
-                f"pairs.{name}.wave_filter_hz",
-                f"should not be above half the rate, {rate_hz / 2.0:g} Hz "
-                f"(got {pair.wave_filter_hz:g})",
-            )
-            for name, pair in self.pairs.items()
-            if isinstance(pair.wave_filter_hz, float) and pair.wave_filter_hz > rate_hz / 2.0
-        ]
