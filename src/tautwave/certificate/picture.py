@@ -62,7 +62,7 @@ WALLS = (
 )
 PORTS = (
     "A port is passive where it reflects no more of a wave than arrives, a ratio of 1. Its "
-    "energy account has to withhold anything above."
+    "tank has to withhold anything above."
 )
 MOST = 65
 """Most points of a limit over B, denser where it bends, so that drawn corners are real."""

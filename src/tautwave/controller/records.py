@@ -55,7 +55,7 @@ class RunState:
     armed_at: int = -1
     first: float = 0.0
     second: float = 0.0
-    told: float = 0.0
+    found: float = 0.0
     allowed: float = 0.0
 
 
@@ -101,7 +101,7 @@ class AxisState:
     N] (`total` of an admittance axis: its velocity), `tag` a number that the coupling put beside
     it. What acted since the last sample is summed up: `count` slots and efforts. `end` is the
     coupling's own state here, and its steps leave the code of a reason to stop in `alarm`, with
-    two numbers for its sentence in `told` and `allowed`.
+    two numbers for its sentence in `found` and `allowed`.
     """
 
     position: float = 0.0
@@ -135,7 +135,7 @@ class AxisState:
     missing: int = 0
     guard: int = 0
     alarm: int = 0
-    told: float = 0.0
+    found: float = 0.0
     allowed: float = 0.0
     valid: bool = False
     stopping: bool = False

@@ -176,7 +176,7 @@ def stop_on_guard(
         begin_stop(r, o, axes, slot, GUARD, which, s.guard)
         o.first = s.position
         o.second = s.velocity
-        o.told = s.told
+        o.found = s.found
         o.allowed = s.allowed
 
 

@@ -166,7 +166,7 @@ class Guard(NamedTuple):
     """A coupling's reason to stop: a word for programs, and the rest of a sentence.
 
     Such as `port_overdrawn` and `drew more energy than its port had`. The sentence may name the
-    axis' `told` and `allowed`.
+    axis' `found` and `allowed`.
     """
 
     word: str

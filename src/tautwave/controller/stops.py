@@ -122,14 +122,14 @@ def stop_error(
     if o.kind == BROKEN:
         return SafetyStop(broken_sentence(axis, unit, o.first, o.second))
     limit = p.site.limit
-    law = with_numbers(law, o.told, o.allowed)
+    law = with_numbers(law, o.found, o.allowed)
     return SafetyStop(guard_sentence(axis, o.code, unit, limit, o.first, o.second, time_s, law))
 
 
-def with_numbers(law: Law, told: float, allowed: float) -> Law:
+def with_numbers(law: Law, found: float, allowed: float) -> Law:
     """Return a law whose sentences have the numbers of a stop."""
     named = {
-        code: guard._replace(sentence=guard.sentence.format(told=told, allowed=allowed))
+        code: guard._replace(sentence=guard.sentence.format(found=found, allowed=allowed))
         for code, guard in law.guards.items()
     }
     return law._replace(guards=named)

@@ -49,7 +49,7 @@ FELT_WORDS = (
     "Left: impedance at the hand. An ideal rig shows exactly what the slave touches. Right: "
     "Llewellyn's margin, in the linear regime: where it is not negative, the rig is stable between "
     "any passive hand and environment. Grey: too close to 0 to decide for a sampled rig. Where the "
-    "margin is negative, a port's energy account has to intervene."
+    "margin is negative, a port's tank has to intervene."
 )
 CYCLE_WORDS = (
     "The bare device pressed against the wall by a constant force. Depth grows in proportion to "

@@ -139,11 +139,11 @@ def watch_port(s: AxisState, k: WaveEndParams, account: float, gap: float) -> No
     e.cut_share -= k.watch * e.cut_share
     if not account >= -k.port.reserve:  # NaN is overdrawn
         s.alarm = PORT_OVERDRAWN
-        s.told = -account
+        s.found = -account
         s.allowed = k.port.reserve
     elif e.cut_share > k.limp:
         s.alarm = LIMP
-        s.told = 100.0 * e.cut_share
+        s.found = 100.0 * e.cut_share
         s.allowed = 100.0 * k.limp
     owed = math.fabs(gap)
     e.watched = e.cut_left > 0 or e.cut_share > FORGOTTEN or owed >= k.astray
@@ -156,7 +156,7 @@ def watch_port(s: AxisState, k: WaveEndParams, account: float, gap: float) -> No
     e.owing += 1
     if e.owing > k.patience and s.alarm == 0:
         s.alarm = ASTRAY
-        s.told = owed / k.port.root
+        s.found = owed / k.port.root
         s.allowed = k.astray / k.port.root
 
 

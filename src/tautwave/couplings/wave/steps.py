@@ -179,18 +179,18 @@ law = Law(
     guards={
         PORT_OVERDRAWN: Guard(
             "port_overdrawn",
-            "drew more energy than its port had in reserve: its tank is {told:.3g} J in debt, "
+            "drew more energy than its port had in reserve: its tank is {found:.3g} J in debt, "
             "{allowed:.3g} J are allowed,",
         ),
         LIMP: Guard(
             "limp",
-            "has lost its coupling: its port could not pay for {told:.3g} % of the waves of the "
+            "has lost its coupling: its port could not pay for {found:.3g} % of the waves of the "
             "last second, {allowed:.3g} % are allowed. Its noise is larger than position_noise and "
             "encoder_quantum say, or its port is plain and is moved hard",
         ),
         ASTRAY: Guard(
             "astray",
-            "has lost its coupling: its port owes the other end a displacement of {told:.3g} that "
+            "has lost its coupling: its port owes the other end a displacement of {found:.3g} that "
             "does not shrink, {allowed:.3g} are allowed for so long,",
         ),
     },

@@ -23,7 +23,7 @@ class Table(NamedTuple):
 
 
 ELEMENT = {
-    "port": "wave port, with its energy account",
+    "port": "wave port, with its tank",
     "line": "delay line",
     "filter": "wave filter",
     "converter": "between the line's rate and a slower bus'",
