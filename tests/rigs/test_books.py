@@ -36,7 +36,7 @@ from tests.rigs.running import Run, Tree, books, pair_of, run_rig, tree
 @pytest.mark.parametrize(
     ("samples", "b", "features"),
     [
-        (0, 10.0, ()), (0, 0.3, ALL), (1, 1.0, (WALLS, FRICTION)), (1, 3000.0, (SENSORS, CLIPPED)),
+        (0, 10.0, ()), (0, 1.0, ALL), (1, 1.0, (WALLS, FRICTION)), (1, 3000.0, (SENSORS, CLIPPED)),
         (7, 100.0, (WALLS, MISHAPS)), (50, 10.0, (CLIPPED, WALLS, FRICTION)),
         (50, 300.0, ALL), (500, 30.0, (MISHAPS, SENSORS, WALLS)),
     ],

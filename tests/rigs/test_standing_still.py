@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tautwave.config import Rig
+from tautwave.couplings.wave.standing import held_share
 from tautwave.rig import command_delays
 from tautwave.session.facts import pair_facts, pair_sentence
 from tests.certificate.rigs import rig
@@ -27,7 +28,7 @@ PRESSED = (
 POLES = (f"{PAIR}.pole_master=0.3", f"{PAIR}.pole_slave=plain")
 FILTER = (f"{PAIR}.wave_filter_hz=60",)
 LATE = ("buses.bench.options={command_delay_s: 0.001}",)  # two periods
-LINE = ("coupling.delay_s=0.01",)
+LINE = ("coupling.delay_s=0.01", "duration_s=8")
 SCALED = (
     f"{PAIR}.position_scale=0.8",
     f"{PAIR}.force_scale=1.2",
@@ -73,13 +74,15 @@ def test_a_wave_pair_stands_off_as_check_says(changes: tuple[str, ...], exact: f
     # What an empty account could not send yet would be an offset of its own.
     assert min(state.end.account for _, state in ports.values()) > 0.0
     assert error == pytest.approx(master * facts.offset_per_effort, rel=exact)
-    # One effort is on the line, and each port gives all of it.
+    # One effort is on the line; each port gives all of it, a plain one its share.
     keys = loaded.coupling.pairs["lever"]
     felt = -keys.sign * slave / keys.effective_force_scale
-    assert felt == pytest.approx(master, rel=max(exact, 1e-6))
     arriving = -ports["master"][0].end.port.root * float(run["master.lever.wave_in"][-1])
-    assert master == pytest.approx(arriving, rel=max(exact, 1e-6))
-    assert facts.held_share == 1.0
+    shares = [held_share(loaded, "lever", side, delays) for side in ("master", "slave")]
+    assert master == pytest.approx(shares[0] * arriving, rel=max(exact, 1e-6))
+    assert felt == pytest.approx(shares[1] * arriving, rel=max(exact, 1e-6))
+    assert facts.held_share == min(shares)
+    assert (facts.held_share < 0.99) == ("plain" in " ".join(changes))
 
 
 @pytest.mark.parametrize("changes", [(), (*FILTERED, *SCALED), FILTERED])

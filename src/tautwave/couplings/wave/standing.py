@@ -22,13 +22,34 @@ def line_time(rig: Rig, name: str, pair: WavePair, tau: float) -> float:
 def standing(rig: Rig, name: str, delays: Mapping[str, CommandDelay], tau: float) -> Standing:
     """Return the standing offset: tau / b of the line, with the lag of both ports' filters.
 
-    The observer is not biased by a held effort, so the devices get all of the line's effort.
+    It is per effort on the master. An observer is not biased by a held effort, so its device gets
+    all of the line's; a plain port gives less, see `held_share`.
     """
     pair = rig.coupling.pairs[name]
     assert isinstance(pair, WavePair)
     time = line_time(rig, name, pair, tau)
     cost = _cost(rig, name, pair, tau, time)
-    return Standing(time / pair.impedance, 1.0, "a port gives all of the line's effort", cost)
+    shares = [held_share(rig, name, side, delays) for side in ("master", "slave")]
+    least = min(shares)
+    given = "all" if least == 1.0 else f"{least:.1%}"
+    text = f"a port gives {given} of the line's effort"
+    return Standing(time / pair.impedance / shares[0], least, text, cost)
+
+
+def held_share(rig: Rig, name: str, side: str, delays: Mapping[str, CommandDelay]) -> float:
+    """Return effort given per effort of the line while the device is held still [1].
+
+    A plain port takes the effort that it gives, and that is under way, for a motion to come:
+    1 / (1 + b T (1 + n) / m), n the command delay in periods T, m the inertia's lower bound.
+    """
+    pair, axis_name = rig.coupling.pairs[name], f"{side}.{name}"
+    assert isinstance(pair, WavePair)
+    inertia = rig.axes[axis_name].inertia
+    if inertia is None or pair.pole(side) is not None:
+        return 1.0
+    period = rig.axis_period_s(axis_name)
+    ahead = period + delays[axis_name].periods * period + delays[axis_name].remainder_s
+    return 1.0 / (1.0 + pair.in_device_units(side, pair.impedance) * ahead / inertia.lower)
 
 
 def _cost(rig: Rig, name: str, pair: WavePair, tau: float, time: float) -> str:

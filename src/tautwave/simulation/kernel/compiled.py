@@ -26,7 +26,7 @@ from tautwave.controller import records as controller_records
 from tautwave.controller import rows as controller_rows
 from tautwave.controller.steps import ALONE, Law, Steps
 from tautwave.errors import ConfigError
-from tautwave.laws import limit, port, site
+from tautwave.laws import limit, observer, port, site
 from tautwave.link import network as link_network
 from tautwave.link import receiver as link_receiver
 from tautwave.models import plant
@@ -62,6 +62,7 @@ INLINED = {
     *(controller_rows.fill_pair, controller_rows.fill_axis, controller_rows.fill_wall),
     *(controller_rows.fill_element, rows.fill_device, port.port_effort, port.port_close),
     *(site.render_wall, site.limit_site, limit.guard_axis, limit.limit_effort),
+    *(observer.observe, port.repayment, limit.clamp),
     *(stepping.move_ports, stepping.pull_links, stepping.step_symplectic),
 }
 """What runs in every cycle, is called in a place or two, and costs little more than a call."""
