@@ -216,12 +216,15 @@ def books(rig: Rig, made: Simulation) -> tuple[float, float]:
         residual = float(np.abs(balance).max())
     if not flow > 1e-290:
         return 0.0, 0.0
+    return residual / (flow + reserves(rig)), generated / flow
+
+
+def reserves(rig: Rig) -> float:
+    """Return the reserves of both ports [J], 0 for a law without tanks."""
     delays = command_delays(rig)
-    held = sum(
-        end_constants(rig, f"{side}.{PAIR}", delays[f"{side}.{PAIR}"]).port.reserve
-        for side in ("master", "slave")
-    )
-    return residual / (flow + held), generated / flow
+    names = [f"{side}.{PAIR}" for side in ("master", "slave")]
+    ends = [end_constants(rig, name, delays[name]) for name in names]
+    return sum(end.port.reserve for end in ends if hasattr(end, "port"))
 
 
 def rig_table(*, duration_s: float, engine: str) -> tuple[list[Table], int]:
