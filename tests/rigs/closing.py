@@ -136,6 +136,17 @@ def assert_passive(run: Run, name: str = "a") -> None:
     assert taken.min() >= -allowed - CLOSED * found.gross_flow
 
 
+def assert_within_reserves(run: Run, name: str = "a") -> None:
+    """In a run that went to its end no port gave more than 2 E0 + P t: no command was unseen."""
+    assert run.result.error is None
+    seconds = len(run.table) * pair_of(run.assembly, name).params.period
+    found = books(run, name).generated
+    for side, (p, _) in pair_of(run.assembly, name).axes.items():
+        port = p.end.port
+        claimed = p.weight * (2.0 * port.reserve + port.leak / port.period * seconds)
+        assert found[f"port_{side}"] <= claimed, side
+
+
 def check_any(data: Tree) -> None:
     """Run a random rig of `drawing.rigs`, slow buses or not, and hold its books to all of it."""
     run = run_rig(data, raises=False)
