@@ -137,7 +137,7 @@ def test_check_says_what_it_took_and_what_bound_it() -> None:
         "0.045 N m s/rad, bound by chatter of master.lever at 1% of its effort limit"
     )
     assert facts["wave_filter_hz auto"] == "200 Hz, a tenth of the rate of master.lever"
-    assert facts["pole_slave auto"] == "0.5, which the certificate takes"
+    assert facts["pole_slave auto"] == "0.5, the first that is certified"
 
 
 @pytest.mark.parametrize(
@@ -242,9 +242,9 @@ def test_poles_in_their_order(
 @pytest.mark.parametrize(
     ("pole", "reason"),
     [
-        (0.5, "0.5, which the certificate takes"),
-        (0.3, "0.3, which the certificate takes, not 0.5"),
-        ("plain", "plain, which the certificate takes, not 0.5 to 0.0"),
+        (0.5, "0.5, the first that is certified"),
+        (0.3, "0.3, the first that is certified, not 0.5"),
+        ("plain", "plain, the first that is certified, not 0.5 to 0.0"),
         (None, "plain, for the certificate takes none"),
     ],
 )

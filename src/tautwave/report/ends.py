@@ -93,5 +93,5 @@ def blow(run: Run, pair: str, side: str) -> float:
     moved, time, good = motion(run, axis)
     taken = read[names[0]] - read.get(names[1], np.zeros(run.rows))
     gave = -np.diff(taken[good])
-    fast = np.abs(moved) > (limit + 2.0 * own_push * time) * time
+    fast = np.abs(moved) > (limit + 0.5 * own_push * time) * time
     return float(np.sum(np.maximum(gave[fast], 0.0)))

@@ -40,7 +40,7 @@ def noise_sentences(run: Run) -> Iterator[str]:
                 unit = "rad" if keys.get("kind") == "rotary" else "m"
                 times = f", {found / declared:.2g} times the declared" if declared > 0.0 else ""
                 yield (
-                    f"{axis}: its position is as noisy as by {quantity(found, unit, 3)}"
+                    f"{axis}: its position noise is {quantity(found, unit, 3)}"
                     f"{times} (position_noise {declared:g}): its port may go limp, and what its "
                     "claim says of the true energy does not hold."
                 )

@@ -6,7 +6,7 @@ environment together, at every frequency w > 0:
     R >= d,   X >= m w - K / w.
 
 It holds every parallel mass >= m, damper >= d and spring <= K, and any passive network beside them
-that is nowhere softer than the spring. The port sees a device through a held effort and through
+that is nowhere stiffer than the spring. The port sees a device through a held effort and through
 mean velocities over a period. Both are averages over the same period, so that the sampled
 admittance is a weighted mean of the true one at the frequencies which the sampling folds together,
 

@@ -224,7 +224,7 @@ def reserves(rig: Rig) -> float:
     delays = command_delays(rig)
     names = [f"{side}.{PAIR}" for side in ("master", "slave")]
     ends = [end_constants(rig, name, delays[name]) for name in names]
-    return sum(end.port.reserve for end in ends if hasattr(end, "port"))
+    return float(sum(end.port.reserve for end in ends if hasattr(end, "port")))
 
 
 def rig_table(*, duration_s: float, engine: str) -> tuple[list[Table], int]:

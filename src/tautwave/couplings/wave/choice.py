@@ -153,7 +153,7 @@ def _pole(asked: Asked, pair: WavePair, side: str, poles: Sequence[float | str] 
         if asked.takes(_with(pair, **{f"pole_{side}": pole}), side):
             refused = f"{poles[0]} to {poles[at - 1]}" if at > 1 else "".join(map(str, poles[:at]))
             return Choice(
-                pole, f"{pole}, which the certificate takes{refused and ', not '}{refused}"
+                pole, f"{pole}, the first that is certified{refused and ', not '}{refused}"
             )
     return Choice(PLAIN, "plain, for the certificate takes none")
 

@@ -95,7 +95,9 @@ class Claim(NamedTuple):
         unseen = self.blind * self.period
         way = self.velocity * unseen + 2.0 * self.blind * self.sample_error
         driven = 0.5 * self.effort * unseen * unseen / self.mass
-        ramp = 0.5 * self.velocity * self.effort / self.rate
+        fade = self.effort / self.rate  # of a stop, which begins at the speed that was driven
+        fastest = self.velocity + self.effort * unseen / self.mass
+        ramp = 0.5 * fastest * fade + 0.125 * self.effort * fade * fade / self.mass
         return (self.effort + self.wall) * (way + driven + ramp)
 
     def seen(self, seconds: float) -> float:
@@ -200,11 +202,14 @@ def claimed_joules(rig: Rig, axis_name: str, delays: Delays) -> float:
 def claimed_sentence(axis_name: str, claim: Claim, seconds: float) -> str:
     """Return what an end may give out in a run, as a sentence."""
     seen, true = joules(claim.seen(seconds)), joules(claim.true(seconds))
+    moving = ""
+    if claim.kinetic > 0.0:
+        moving = f"; at its velocity limit the device has {joules(claim.kinetic)}"
     return (
         f"{axis_name} port: whatever moves it, in {seconds:g} s it gives out at most {seen} as "
         f"its encoder sees it (reserve {joules(claim.reserve)} twice, {joules(claim.under_way)} "
-        f"under way, {1e3 * claim.leak:.3g} mW), {true} in truth if the declared noise is true; at "
-        f"its velocity limit the device has {joules(claim.kinetic)}."
+        f"under way, {1e3 * claim.leak:.3g} mW), {true} in fact, if the noise is as "
+        f"declared{moving}."
     )
 
 

@@ -185,8 +185,8 @@ law = Law(
         LIMP: Guard(
             "limp",
             "has lost its coupling: its port could not pay for {found:.3g} % of the waves of the "
-            "last second, {allowed:.3g} % are allowed. Its noise is larger than position_noise and "
-            "encoder_quantum say, or its port is plain and is moved hard",
+            "last second, {allowed:.3g} % are allowed (probably noise beyond position_noise, steps "
+            "of the effort, or hard motion of a port that is plain or declares almost no noise),",
         ),
         ASTRAY: Guard(
             "astray",

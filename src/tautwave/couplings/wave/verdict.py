@@ -158,7 +158,8 @@ def _passive(
         return Verdict(
             False,
             f"{name}: its tank would need {claim.leak:.3g} W for the declared noise, more than the "
-            f"motor can give; check position_noise and encoder_quantum",
+            f"motor can give; check position_noise, encoder_quantum and the limits, or lower "
+            "wave_impedance",
         )
     if left <= 0.0:
         return Verdict(
@@ -168,10 +169,11 @@ def _passive(
         )
     port = port_of(rig, axis_name, delays, left)
     d = port.devices
-    spring = "N m/rad" if axis.kind == "rotary" else "N/m"
+    spring, weight = ("N m/rad", "kg m^2") if axis.kind == "rotary" else ("N/m", "kg")
     whom = (
-        f"on any device of at least {d.mass:g} and {d.damping:.4g} {unit}, held by any passive "
-        f"hand or environment that is nowhere softer than a spring of {d.stiffness:.4g} {spring}"
+        f"on any device of at least {d.mass:g} {weight} and {d.damping:.4g} {unit}, held by any "
+        f"passive hand or environment that is nowhere stiffer than a spring of {d.stiffness:.4g} "
+        f"{spring}"
     )
     if not port.contracting:
         gain = port.gain.greatest
