@@ -82,7 +82,8 @@ def test_check_of_two_axes_is_light() -> None:
     found = [cpu_and_modules(code, bench) for _ in range(2)]
     assert not found[0][1] & {"scipy", "numba", "matplotlib"}
     start = max(cpu_and_modules("import numpy, pydantic")[0] for _ in range(2))
-    assert min(seconds for seconds, _ in found) < 10.0 * start  # about 4 times
+    # about 14 times: four ports are proved, and how stiff a spring each bears
+    assert min(seconds for seconds, _ in found) < 25.0 * start
 
 
 @pytest.mark.sparse(3)

@@ -35,6 +35,10 @@ def slow_rigs(draw: st.DrawFn) -> Tree:
     for hand in data["simulation"]["hand"].values():
         for component in hand["reference"]["components"]:
             component[0] = min(component[0], 0.9 * nyquist)
+    slowest = 500.0 / max(data["buses"][bus]["divisor"] for bus in ("hand", "arm"))
+    for pair in data["coupling"]["pairs"].values():
+        if isinstance(pair.get("wave_filter_hz"), float):
+            pair["wave_filter_hz"] = min(pair["wave_filter_hz"], 0.9 * slowest)
     return data
 
 
