@@ -79,7 +79,7 @@ def test_a_blow_is_reported_and_is_no_part_of_the_claim() -> None:
         in after["notes"][0]
     )
     assert after["notes"][0] in verdicts(found)[-1].sentences
-    assert only(run(0.05, 3.9 / 2000.0)).blow == 0.0  # its motor may have driven it
+    assert only(run(0.05, 3.2 / 2000.0)).blow == 0.0  # its motor may have driven it
 
 
 def test_the_damper_of_a_matched_end_is_part_of_it() -> None:
