@@ -1,6 +1,6 @@
 """How good a path between two sites is: both send at a rate and look at what comes.
 
-The delay of one way is told by two clocks whose offset is known to half the least round trip; what
+The delay of one way rests on two clocks whose offset is known to half the least round trip; what
 varies in it, loss and order are known surely.
 """
 

@@ -3,7 +3,7 @@
 The step is the spacing of the values' lattice. Drift is a curve of straight pieces of a second or
 more: what moves slower takes nothing from a port. The variance of an encoder that the noise
 dithers has q**2/12 from its step, which does not correlate (Widrow): it is taken off. Noise below
-half a step cannot be told from the step.
+half a step cannot be separated from the step.
 
 The lags are tapered, lag k by 1 - k/17, so that their spectrum is nowhere negative whatever was
 measured (Bartlett 1950); a narrow band becomes as wide as 1/17 of the rate. Units are those of the

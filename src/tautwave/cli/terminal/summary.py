@@ -136,7 +136,7 @@ def _motors(
         note = f"after {quantity(motors.get('worst_at_s'), 's', 3)}"
         debt = motors.get("stated_debt")
         if debt is not None:
-            note += f"; the ports may owe {quantity(debt, 'J', 3)}"
+            note += f"; the ports claim at most {quantity(debt, 'J', 3)}"
         worst = quantity(motors.get("worst"), "J", 3)
         if exceeds(motors, number(energy.get("gross_flow")) or 0.0):
             yield label, Cell(worst, BAD), Cell(f"{note}: exceeded", BAD)

@@ -108,7 +108,7 @@ def _given(run: Run, energy: dict[str, Any]) -> tuple[list[str], bool]:
             over = exceeds(motors, gross)
             bad = bad or over
             text += f", {'more than' if over else 'of'} the {quantity(motors['stated_debt'], 'J')} "
-            text += "that the ports are allowed"
+            text += "that the ports claimed before the run"
         sentences.append(f"{text}.")
     return sentences, bad
 
