@@ -6,6 +6,7 @@ import fcntl
 import gc
 import multiprocessing
 import os
+import pickle
 import signal
 import socket
 import subprocess
@@ -32,6 +33,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 
+from tautwave.config.text import document, yaml12
 from tautwave.runtime import machine
 from tests import compiling
 
@@ -39,9 +41,9 @@ from tests import compiling
 LIBRARIES_REQUIRED = os.environ.get("TAUTWAVE_LIBRARIES") == "required"
 
 # The same cases each time, so that a red run is about the change and not about luck; the machine's
-# speed is nobody's business. `.ci/run` tries 2.5 times as many, also where a default test has a
+# speed is nobody's business. `.ci/run` tries twice as many, also where a default test has a
 # number of its own; `pytest --hypothesis-profile=explore` looks for new ones.
-EXAMPLES, FEWER = 25, 0.4
+EXAMPLES, FEWER = 20, 0.5
 settings.register_profile(
     "steady",
     derandomize=True,
@@ -82,6 +84,17 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         compiler.wait()
 
 
+@pytest.fixture
+def no_bytecode(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Write no bytecode, here and in children: for tests that limit the size of files.
+
+    What a limit or a full disk cuts off, importlib of Python 3.11 takes for written, and every
+    later import of that module ends with an EOFError.
+    """
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+
+
 @pytest.hookimpl(tryfirst=True)  # before markers are looked at
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     without_vcan = all(name != "vcan0" for _, name in socket.if_nameindex())
@@ -116,6 +129,7 @@ def pytest_collection_finish() -> None:
     """Keep thousands of collected tests out of what the garbage collector looks through."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(20_000, 10, 10)  # a hundredth of all the time went into looking
 
 
 @pytest.hookimpl(wrapper=True)
@@ -166,6 +180,24 @@ def cheap_in_a_worker() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(autouse=True, scope="session")
+def rig_files_parsed_once() -> Iterator[None]:
+    """Parse the same YAML text once; its parser is Python, and tests load the shipped rigs often.
+
+    Each load gets a copy of its own. Tests of the parser call it directly.
+    """
+    parsed: dict[tuple[str, Any], bytes] = {}
+
+    def parse_once(text: str, mark: Any = None) -> Any:
+        if (text, mark) not in parsed:
+            parsed[text, mark] = pickle.dumps(yaml12.parse_yaml(text, mark))
+        return pickle.loads(parsed[text, mark])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(document, "parse_yaml", parse_once)
+        yield
+
+
 @pytest.fixture(autouse=True)
 def alone_on_the_buses(request: pytest.FixtureRequest) -> Iterator[None]:
     """Keep the other workers of xdist off vcan0 and vcan1 while a vcan test has them."""
@@ -177,6 +209,10 @@ def alone_on_the_buses(request: pytest.FixtureRequest) -> Iterator[None]:
         yield
 
 
+KEPT = ("Dask-Callback", "IO loop")
+"""Threads that a Dask client keeps until its process ends."""
+
+
 @pytest.fixture(autouse=True)
 def nothing_left_behind() -> Iterator[None]:
     """Fail a test that leaves a process, a thread, a signal handler or the collector changed."""
@@ -186,7 +222,11 @@ def nothing_left_behind() -> Iterator[None]:
     yield
     left = [
         *(f"process {child.name}" for child in multiprocessing.active_children()),
-        *(f"thread {t.name}" for t in set(threading.enumerate()) - threads if t.is_alive()),
+        *(
+            f"thread {t.name}"
+            for t in set(threading.enumerate()) - threads
+            if t.is_alive() and not t.name.startswith(KEPT)
+        ),
     ]
     if signal.getsignal(signal.SIGINT) is not interrupt:
         signal.signal(signal.SIGINT, interrupt)

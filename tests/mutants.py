@@ -184,8 +184,9 @@ def times() -> dict[str, float]:
     for case in ElementTree.parse(MAP.with_name("times.xml")).iter("testcase"):
         if any(case.iter("failure")) or any(case.iter("error")):
             continue  # what fails anyway shows nothing
-        name = f"{case.get('classname', '').replace('.', '/')}.py::{case.get('name')}"
-        found[name] = float(case.get("time", 0.0))
+        *where, last = case.get("classname", "").split(".")
+        file, of = (where, f"::{last}") if last[:1].isupper() else ([*where, last], "")
+        found[f"{'/'.join(file)}.py{of}::{case.get('name')}"] = float(case.get("time", 0.0))
     return found
 
 

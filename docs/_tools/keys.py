@@ -43,7 +43,7 @@ def keys_page() -> str:
 
 
 def described() -> Iterator[tuple[str, str, str]]:
-    """Yield block, key and description of every key, '' where nobody says what it means."""
+    """Yield block, key and description of every key, '' where it is not described."""
     schema = rig_schema()
     for block, node in [("", schema), *schema["$defs"].items()]:
         for key, value in node.get("properties", {}).items():
@@ -80,11 +80,15 @@ def _rows(node: Node, name: str, blocks: Node) -> str:
                 f"`{key}`",
                 _takes(value, blocks),
                 "required" if key in required else _default(value),
-                _meaning(name, key, value),
+                _meaning(name, key, value) + _tuning(value),
             )
             for key, value in node["properties"].items()
         ],
     )
+
+
+def _tuning(value: Node) -> str:
+    return f" *Tunable: {value['tuning']}.*" if "tuning" in value else ""
 
 
 def _default(value: Node) -> str:

@@ -19,7 +19,6 @@ from tautwave.errors import DriverError
 TCGETS2 = 0x802C542A
 TCSETS2 = 0x402C542B
 BOTHER = 0o010000
-CBAUD = 0o010017
 _TERMIOS2 = struct.Struct("4IB19s2I")  # iflag oflag cflag lflag line cc ispeed ospeed
 
 CHUNK = 448

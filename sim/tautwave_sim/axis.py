@@ -10,17 +10,38 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 from tautwave.contracts import Row
 from tautwave.models.encoder import quantise
-from tautwave.streams import MISSING, NOISE, normal_stream, uniform_stream
-from tautwave.truth import AxisModel
+from tautwave.models.sensors.effort import SensorParams, follow_effort, sensor_reading
+from tautwave.streams import MISSING, NOISE, SENSOR, normal_stream, uniform_stream
+from tautwave.truth import ArmModel, AxisModel
 from tautwave.types import JointState
-from tautwave_sim.physics import FoamPhysics, PartPhysics, Physics, PlantPhysics, ServoPhysics
+from tautwave_sim.loaded import ArmPhysics, JointPhysics, LoadedPhysics
+from tautwave_sim.physics import (
+    FoamPhysics,
+    ImposedPhysics,
+    OutsidePhysics,
+    PartPhysics,
+    Physics,
+    PlantPhysics,
+    PushedPhysics,
+    ServoPhysics,
+)
 
 
 def make_physics(truth: AxisModel) -> Physics:
     """Return the physics that the truth asks for, at rest at its start position."""
+    if truth.imposed:
+        return ImposedPhysics(truth.start_position)
+    if len(truth.push):
+        bare = make_physics(truth._replace(push=()))
+        return PushedPhysics(bare, servo=truth.servo is not None)
+    if truth.arm is not None:
+        return JointPhysics(truth.plant, truth.start_position)
+    if truth.load is not None:
+        return LoadedPhysics(make_physics(truth._replace(load=None)), truth.load)
     if truth.servo is not None:
         return ServoPhysics(truth.servo, truth.start_position)
     if truth.part is not None:
@@ -28,6 +49,56 @@ def make_physics(truth: AxisModel) -> Physics:
     if truth.foam is not None:
         return FoamPhysics(truth.plant, truth.foam, truth.start_position)
     return PlantPhysics(truth.plant, truth.period, truth.start_position)
+
+
+def join_arms(axes: Sequence[SimulatedAxis], truths: Sequence[AxisModel]) -> list[ArmPhysics]:
+    """Return the arms whose joints are among some axes of a bus, which are joined by this."""
+    joints: dict[ArmModel, list[JointPhysics]] = {}
+    for axis, truth in zip(axes, truths, strict=True):
+        if truth.arm is not None and isinstance(axis.physics, JointPhysics):
+            joints.setdefault(truth.arm, []).append(axis.physics)
+    arms = []
+    for model, own in joints.items():
+        arm = ArmPhysics(model, own)
+        for joint in own:
+            joint.arm = arm
+        arms.append(arm)
+    return arms
+
+
+class EffortSensor:
+    """A sensor between a device and what is outside it, moved by each slot."""
+
+    def __init__(self, params: SensorParams, period: float, seed: tuple[int, ...]) -> None:
+        self._params = params
+        self._period = period
+        self._noise = normal_stream(seed, ())
+        self._pipe = deque([0.0] * params.delay)
+        self._state = 0.0
+        self._shown = 0.0
+        self._speed = 0.0
+
+    def begin(self, physics: Physics, reference: float, rate: float) -> None:
+        """Show what acts on a device at rest."""
+        hand, environment = physics.forces(reference, rate)
+        self._state = self._shown = hand + environment
+        self._pipe = deque([self._state] * self._params.delay)
+
+    def follow(self, physics: Physics, reference: float, rate: float) -> None:
+        """Follow the effort after a slot; a mass beyond the sensor takes its share."""
+        p = self._params
+        hand, environment = physics.forces(reference, rate)
+        outside = hand + environment - p.mass * (physics.v - self._speed) / self._period
+        self._speed = physics.v
+        self._state = self._shown = follow_effort(p, self._state, outside)
+        if self._pipe:
+            self._pipe.append(self._state)
+            self._shown = self._pipe.popleft()
+
+    def read(self) -> float:
+        """Return what it shows at this slot [N m or N]."""
+        noise = next(self._noise) if self._params.noise > 0.0 else 0.0
+        return sensor_reading(self._params, self._shown, noise)
 
 
 class SimulatedAxis:
@@ -58,12 +129,21 @@ class SimulatedAxis:
         self._pipe = deque([0.0] * whole)
         self._acting = 0.0
         self._command = 0.0
+        self._grasp = truth.grasp
+        self.in_hand = truth.grasp is not None
         self._reference = truth.reference
         self._last = len(truth.reference) - 1
+        self._push = truth.push
+        self._pushed = self.physics if isinstance(self.physics, PushedPhysics) else None
         self._slot = 0
         self._noise = normal_stream((*truth.seed, NOISE), truth.colour)
         self._missing = uniform_stream((*truth.seed, MISSING))
         self._hand = self._hand_at(0)
+        self._push_at(0)
+        self.sensor = None
+        if truth.sensor is not None:
+            self.sensor = EffortSensor(truth.sensor, truth.period, (*truth.seed, SENSOR))
+            self.sensor.begin(self.physics, *self._hand)
         self.columns = self._columns()
 
     def command(self, value: float) -> None:
@@ -79,6 +159,18 @@ class SimulatedAxis:
         """Return the hand's reference [rad or m] at this slot and its rate until the next."""
         return self._hand
 
+    def give_over(self) -> OutsidePhysics | None:
+        """Let a program move the axis from now on, by what is returned; None: an arm moves it."""
+        if isinstance(self.physics, JointPhysics):
+            return None
+        self.physics = outside = OutsidePhysics(self.physics.x)
+        return outside
+
+    def acting(self) -> float:
+        """Return the mean of what acts until the next slot: effort, or an admittance's velocity."""
+        command = self._pipe[0] if self._pipe else self._command
+        return self._late * self._acting + (1.0 - self._late) * command
+
     def _hand_at(self, slot: int) -> tuple[float, float]:
         if slot < self._last:
             here = self._reference[slot]
@@ -87,6 +179,10 @@ class SimulatedAxis:
             return self._reference[self._last], 0.0
         return 0.0, 0.0
 
+    def _push_at(self, slot: int) -> None:
+        if self._pushed is not None:
+            self._pushed.push = self._push[min(slot, len(self._push) - 1)]
+
     def pass_slot(self) -> None:
         """Move by one slot of the loop's grid."""
         reference, rate = self._hand
@@ -94,6 +190,8 @@ class SimulatedAxis:
         if self._pipe:
             self._pipe.append(command)
             command = self._pipe.popleft()
+        if self._grasp is not None:
+            command += self._grasp(self.physics.x, self.physics.v, self.period)
         if self._late > 0.0:
             late = self._late * self.period
             self.physics.step(self._acting, reference, rate, late)
@@ -101,8 +199,15 @@ class SimulatedAxis:
             self._acting = command
         else:
             self.physics.step(command, reference, rate, self.period)
+        self._arrive()
+
+    def _arrive(self) -> None:
+        """Come to the next slot: what hand, environment and sensor are there."""
         self._slot += 1
         self._hand = self._hand_at(self._slot)
+        self._push_at(self._slot)
+        if self.sensor is not None:
+            self.sensor.follow(self.physics, *self._hand)
 
     def measure(self) -> JointState:
         """Return what the drive reports at this slot."""
@@ -121,6 +226,8 @@ class SimulatedAxis:
             effort = one + other
             if self._effort_quantum > 0.0:
                 effort = quantise(effort, self._effort_quantum)
+        elif self.sensor is not None:
+            effort = self.sensor.read()
         return JointState(position, math.nan, effort, valid, 0)
 
     def _columns(self) -> list[str]:

@@ -153,7 +153,7 @@ class StateMachine:
             self.come_to_rest()
 
     def drop(self) -> None:
-        """Lose the voltage of the power stage: at once, whatever was going on."""
+        """Lose the voltage of the power stage: immediately, in any state."""
         if self.state in (State.FAULT, State.FAULT_REACTION):
             return
         if self.state is not State.SWITCH_ON_DISABLED:

@@ -26,7 +26,7 @@ from tautwave.contracts import (
 from tautwave.errors import DriverError
 from tautwave.truth import AxisModel
 from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, Fault, JointState
-from tautwave_sim.axis import SimulatedAxis
+from tautwave_sim.axis import SimulatedAxis, join_arms
 
 
 class LoopbackOptions(BaseModel):
@@ -46,6 +46,7 @@ class LoopbackSimulator:
         self.axes = [
             SimulatedAxis(spec.name, truth) for spec, truth in zip(axes, truths, strict=True)
         ]
+        self.arms = join_arms(self.axes, truths)
         self._period_ns = round(truths[0].period * 1e9) if truths else 0
         self._origin_ns: int | None = None
         self._slot = 0

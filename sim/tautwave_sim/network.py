@@ -250,7 +250,7 @@ def parse(text: str, option: str) -> tuple[str, int]:
     """Return host and port; raises `ConfigError` where it is neither."""
     host, _, port = text.rpartition(":")
     if not host or not port.isdigit() or int(port) > 65535:
-        raise ConfigError(f"sim network: {option} {text!r} is no HOST:PORT")
+        raise ConfigError(f"sim network: {option} {text!r} is not HOST:PORT")
     return host, int(port)
 
 

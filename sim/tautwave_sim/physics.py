@@ -1,4 +1,4 @@
-"""The four physics a simulated axis can have, each the state around a pure model.
+"""The physics a simulated axis can have, each the state around a pure model.
 
 All offer `step`, `stored` and `forces`; works and losses are running totals [J].
 """
@@ -169,3 +169,91 @@ class ServoPhysics:
     def forces(self, reference: float, rate: float) -> tuple[float, float]:
         """Return the efforts of hand and environment."""
         return servo_forces(self._params, self.x, self.v, self._command, reference, rate)
+
+
+class ImposedPhysics:
+    """An axis that is forced along a recorded motion: what its motor gives, that force takes."""
+
+    def __init__(self, x: float) -> None:
+        self._command = 0.0
+        self.x = x
+        self.v = 0.0
+        self.hand_work = self.motor_work = 0.0
+        self.grip_loss = self.viscous_loss = self.coulomb_loss = self.environment_loss = 0.0
+
+    def step(self, command: float, reference: float, rate: float, h: float) -> None:
+        """Move by `h` with the reference."""
+        before = self.x
+        self._command = command
+        self.x = reference + rate * h
+        self.v = rate
+        self.motor_work += command * (self.x - before)
+        self.hand_work -= command * (self.x - before)
+
+    def stored(self, reference: float) -> tuple[float, float, float]:
+        """Return no energy: what the recorded device stored is not known."""
+        return 0.0, 0.0, 0.0
+
+    def forces(self, reference: float, rate: float) -> tuple[float, float]:
+        """Return what holds the motor's effort, beyond what moved the recorded device."""
+        return -self._command, 0.0
+
+
+class OutsidePhysics(ImposedPhysics):
+    """An axis that a program moves: `place` says where it is when the slot has passed."""
+
+    def __init__(self, x: float) -> None:
+        super().__init__(x)
+        self._next = (x, 0.0)
+
+    def place(self, x: float, v: float) -> None:
+        """Say where the axis is at the next slot; before the first, where it begins."""
+        self._next = (x, v)
+
+    def step(self, command: float, reference: float, rate: float, h: float) -> None:
+        """Be there; a part of a slot is passed with the whole of it."""
+        del reference, rate, h
+        x, v = self._next
+        self._command = command
+        self.motor_work += command * (x - self.x)
+        self.hand_work -= command * (x - self.x)
+        self.x, self.v = x, v
+
+
+class PushedPhysics:
+    """A device on which an effort acts that does not depend on it; `push` is that of this slot."""
+
+    def __init__(self, bare: Physics, *, servo: bool) -> None:
+        self._bare = bare
+        self._servo = servo
+        self._work = 0.0
+        self.push = 0.0
+        self._show()
+
+    def step(self, command: float, reference: float, rate: float, h: float) -> None:
+        """Move by `h`; a drive that takes velocities feels the effort and gives no way."""
+        before = self.x
+        total = command if self._servo else command + self.push
+        self._bare.step(total, reference, rate, h)
+        self._work += self.push * (self._bare.x - before)
+        self._show()
+
+    def _show(self) -> None:
+        bare = self._bare
+        self.x = bare.x
+        self.v = bare.v
+        self.hand_work = bare.hand_work
+        self.motor_work = bare.motor_work - self._work
+        self.grip_loss = bare.grip_loss
+        self.viscous_loss = bare.viscous_loss
+        self.coulomb_loss = bare.coulomb_loss
+        self.environment_loss = bare.environment_loss - self._work
+
+    def stored(self, reference: float) -> tuple[float, float, float]:
+        """Return kinetic, grip and environment energy."""
+        return self._bare.stored(reference)
+
+    def forces(self, reference: float, rate: float) -> tuple[float, float]:
+        """Return the efforts of hand and environment, with what pushes."""
+        hand, environment = self._bare.forces(reference, rate)
+        return hand, environment + self.push

@@ -11,9 +11,10 @@ if TYPE_CHECKING:
     from tautwave.config import Rig, load_rig
     from tautwave.contracts import Driver, DriverPlugin
     from tautwave.errors import ConfigError, DriverError, SafetyStop, TautwaveError
-    from tautwave.report.run.recording import read_recording
-    from tautwave.session import check, run
+    from tautwave.recordings.recording import read_recording
+    from tautwave.session import Session, check, run
     from tautwave.simulation import simulate
+    from tautwave.simulation.stepper import Stepper
     from tautwave.types import AxisCommand, JointState
 
 __version__ = "0.1.0"
@@ -29,6 +30,8 @@ __all__ = [
     "MonotonicClock",
     "Rig",
     "SafetyStop",
+    "Session",
+    "Stepper",
     "TautwaveError",
     "check",
     "load_rig",
@@ -43,8 +46,9 @@ _MODULES = {
     "contracts": ("Driver", "DriverPlugin"),
     "errors": ("ConfigError", "DriverError", "SafetyStop", "TautwaveError"),
     "simulation": ("simulate",),
-    "report.run.recording": ("read_recording",),
-    "session": ("check", "run"),
+    "simulation.stepper": ("Stepper",),
+    "recordings.recording": ("read_recording",),
+    "session": ("Session", "check", "run"),
     "types": ("AxisCommand", "JointState"),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}

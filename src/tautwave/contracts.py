@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
-from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
+from tautwave.types import AxisCommand, BusElement, CommandDelay, Fault, Imposed, JointState, Survey
 
 READ_SHARE = 0.8
 """Share of a loop period after which a sample counts as missing, so that commands still go out."""
@@ -18,10 +18,9 @@ ScanProgress = Callable[[float, str], None]
 class AxisSpec(NamedTuple):
     """What a driver has to know about one of its axes.
 
-    `name` is `master.wrist` or `slave.wrist`; `device_id` the number on the bus; `kind` is
-    `rotary` or `linear`; `causality` is `impedance` (takes effort) or `admittance` (takes
-    velocity, measures effort). Limits of the rig file: `effort_limit` [N m or N],
-    `velocity_limit` [rad/s or m/s] and `position_range` [rad or m], infinite where not given.
+    `name` is `master.wrist`; `device_id` the number on the bus; `kind` is `rotary` or `linear`;
+    `causality` is `impedance` (takes effort) or `admittance` (takes velocity, measures effort).
+    Limits of the rig file, SI, infinite where not given; whether it has an `effort_sensor`.
     """
 
     name: str
@@ -31,6 +30,7 @@ class AxisSpec(NamedTuple):
     effort_limit: float
     velocity_limit: float = math.inf
     position_range: tuple[float, float] = (-math.inf, math.inf)
+    effort_sensor: bool = False
 
 
 class BusSpec(NamedTuple):
@@ -98,13 +98,7 @@ class FramePort(Protocol):
     """One end of a CAN bus, as a driver's transport: `InMemory`, or with a `fileno()`."""
 
     def send(self, can_id: int, data: bytes) -> bool:
-        """Queue a data frame (11-bit id); return False when the queue is full.
-
-        Raises
-        ------
-        DriverError
-            The bus is gone, or off.
-        """
+        """Queue a data frame (11-bit id); False: full. Raises `DriverError` without a bus."""
         ...
 
     def receive(self) -> tuple[int, bytes, int] | None:
@@ -132,10 +126,9 @@ class BytePort(Protocol):
 class Driver(Protocol):
     """One bus and the axes on it. Times are ns, everything else SI.
 
-    A driver may also be a `RowSource`, whose columns are then recorded, and have `notes`, a
-    sequence of sentences on what `open` found, wrote and read back, for the summary. `poll()`, if
-    it has one, is called in every cycle between `request` and `read` on a bus with a divisor, to
-    continue an exchange of several requests; it never blocks.
+    A driver may also be a `RowSource`, whose columns are recorded, and have `notes`, sentences on
+    what `open` found. `poll()`, if any, is called between `request` and `read` on a bus with a
+    divisor. `dead_man`: `name` and `held()` of inputs held while engaged. `identities`: by axis.
     """
 
     command_delay: CommandDelay
@@ -148,7 +141,7 @@ class Driver(Protocol):
     def enable_step(self) -> bool:
         """Advance one step without blocking; called once per period, on every bus until all are on.
 
-        Returns True when enabled; further calls keep the devices' watchdogs fed.
+        True when enabled; further calls keep watchdogs fed.
         """
         ...
 
@@ -159,7 +152,7 @@ class Driver(Protocol):
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Return one state per axis by the deadline, invalid where no fresh sample came.
 
-        Returns immediately if the deadline has passed; that discards a late response.
+        At once if it has passed, and then a late response is discarded.
         """
         ...
 
@@ -173,11 +166,9 @@ class Driver(Protocol):
 
     def disable(self) -> None:
         """Safe command, then torque off; idempotent."""
-        ...
 
     def close(self) -> None:
         """Disable and release the bus; idempotent, never raises."""
-        ...
 
 
 class Budget(NamedTuple):
@@ -240,8 +231,10 @@ class DriverPlugin(NamedTuple):
     returns what the options determine for each axis; `measure(cycles)` measures the host's cost of
     that many exchanges of two axes, for `tautwave bench buses`. `endpoint(options)`, pure, returns
     the endpoint; without it `hardware` decides. `files` are the options that may be file paths,
-    such as `("devices", "*", "profile")`: relative ones with a suffix start at the rig file, and
-    arrive as absolute paths.
+    such as `("devices", "*", "profile")`, and arrive as absolute paths. `survey` makes the bus'
+    part of a rig file for `tautwave new`, `imposed(options, bus)` the motions it forces on axes.
+    `elements(options, bus, axes, late)`: verdicts of a driver with laws of its own; the rig's axes
+    by full name, the command delay in periods. `plain`: only the live loop simulates its axes.
     """
 
     options: type[Any]
@@ -256,6 +249,10 @@ class DriverPlugin(NamedTuple):
     measure: Callable[[int], Sequence[CycleCost]] = _no_costs
     endpoint: Callable[[Any], Endpoint] | None = None
     files: Sequence[Sequence[str]] = ()
+    survey: Survey | None = None
+    imposed: Callable[[Any, BusSpec], Sequence[Imposed]] | None = None
+    elements: Callable[..., Sequence[BusElement]] | None = None
+    plain: bool = False
 
 
 class Simulator(Protocol):
@@ -316,9 +313,8 @@ class SimulatorPlugin(NamedTuple):
 class CouplingPlugin(NamedTuple):
     """What a `tautwave.couplings` entry point names: a law that joins a master and a slave axis.
 
-    A string is a `module:attribute`, loaded on demand, so that naming a law does not import it;
-    the thing itself serves as well. `keys` is the pydantic block of the rig's `coupling`, a
-    `tautwave.config.Coupling` whose `pairs` may have keys of their own.
+    A string is a `module:attribute`, loaded on demand; the thing itself serves as well. `keys` is
+    the block of the rig's `coupling`, a `tautwave.config.Coupling` with pairs of its own.
 
     `law` is a `Law` of `tautwave.controller.steps`: the steps that the controller calls, the state
     that they work on, its columns and guards. `end_constants(pair, side, axis)`, with a
@@ -330,11 +326,12 @@ class CouplingPlugin(NamedTuple):
     `CouplingVerdict` of `tautwave.certificate.data`, or only its `pair_elements`; without one
     nothing is ever certified. `messages` is a `CouplingMessages` of `tautwave.wording`. `carries`
     says what is exchanged: `waves` or `states`. `divisors`: a side may be on a slower bus;
-    `causalities`: of its axes; `observes`: it has no use for an axis' velocity filter.
-
-    `claim(rig, axis_name, delays)`: the energy [J] that an end may deliver in a run as it sees it.
-    `resolve(rig)`, asked when a rig is read, returns a `Choice` for each key of a pair left to the
-    law, by path such as `pairs.wrist.wave_impedance`.
+    `causalities`: of its axes; `observes`: it has no use for an axis' velocity filter. `over_link`
+    is the `Law` over a network, `at_sites` a `SiteLaw` for either of two sites; `linked` makes
+    their constants and table, as in `couplings.wave.link.constants`. `claim(rig, axis_name,
+    delays)`: what an end may deliver as it sees it [J]. `resolve(rig)`: a `Choice` for each key
+    left to the law, by path. `variant(plugin, coupling)`: the declaration for a rig's keys.
+    `tune(constants, state, key, value, period)`: a running end's, with another value of a key.
     """
 
     summary: str
@@ -342,6 +339,9 @@ class CouplingPlugin(NamedTuple):
     law: Any
     end_constants: Any
     link_constants: Any = ""
+    over_link: Any = ""
+    at_sites: Any = ""
+    linked: Any = ""
     carries: str = "states"
     divisors: bool = False
     causalities: tuple[str, ...] = ("impedance",)
@@ -351,16 +351,16 @@ class CouplingPlugin(NamedTuple):
     messages: Any = ""
     claim: Any = ""
     resolve: Any = ""
+    variant: Any = ""
+    tune: Any = ""
 
 
 class CoupledAxis(NamedTuple):
-    """What the rig says of an axis that a coupling makes the constants of its end from; SI.
+    """What the rig says of an axis, for the constants of a coupling's end; SI.
 
-    `period` of its bus [s]; `gain` of its velocity tracker; `inertia`: lower bound, None where it
-    takes velocity; `encoder_quantum` and `position_noise` [rad or m]; `delay` in whole periods
-    until a command acts, `late` the share of a period beyond; `outside_stiffness`: upper bound, 0
-    where none is stated; `velocity_limit` [rad/s or m/s]; `effort_quantum` [N m or N]; `noise_lags`
-    the noise's autocorrelation from lag 1 on, None where its colour is unknown.
+    `period` of its bus; `gain` of its tracker; `inertia`: lower bound, None: it takes velocities;
+    `mass`, `viscous`, `coulomb`: estimates; `delay` in periods until a command acts, `late` beyond;
+    `outside_stiffness`: upper bound or 0; `fade`: from effort limit to 0; `noise_lags`, if known.
     """
 
     period: float
@@ -374,6 +374,12 @@ class CoupledAxis(NamedTuple):
     velocity_limit: float = math.inf
     effort_quantum: float = 0.0
     noise_lags: tuple[float, ...] | None = None
+    effort_limit: float = math.inf
+    fade: float = 0.0
+    mass: float | None = None
+    viscous: float = 0.0
+    coulomb: float = 0.0
+    senses: bool = False
 
 
 class Row(Protocol):
@@ -389,8 +395,6 @@ class RowSource(Protocol):
     @property
     def columns(self) -> Sequence[str]:
         """Names of the columns, fixed once built."""
-        ...
 
     def fill(self, row: Row, at: int) -> None:
         """Write one float per column into `row`, beginning at index `at`."""
-        ...

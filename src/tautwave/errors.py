@@ -2,6 +2,7 @@
 
 TautwaveError
 ├── ConfigError (ValueError)          2  the rig file or an argument is wrong
+│   └── UnchosenKeyError              2  a law cannot choose a key that is left to it
 ├── NotCertifiedError                 3  the rig is not certified, or no longer
 ├── BusBudgetError                    4  the rig is faster than its bus, or than this machine
 ├── DriverError                       5  a bus or a device failed
@@ -37,6 +38,14 @@ class ConfigError(TautwaveError, ValueError):
     def __init__(self, problems: str | Sequence[str]) -> None:
         self.problems = (problems,) if isinstance(problems, str) else tuple(problems)
         super().__init__("\n".join(self.problems))
+
+
+class UnchosenKeyError(ConfigError):
+    """A key of a rig file that is left to its law, which cannot choose it; `path` names it."""
+
+    def __init__(self, path: tuple[str, ...], text: str) -> None:
+        self.path = path
+        super().__init__(f"{'.'.join(path)}: {text}")
 
 
 class NotCertifiedError(TautwaveError):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import functools
 import itertools
 import json
@@ -16,6 +15,7 @@ import numpy.typing as npt
 
 from tautwave.errors import ConfigError
 from tautwave.models.reference import minimum_jerk, minimum_jerk_position, ramp_gain, sine_position
+from tautwave.recordings.columns import read_column, read_columns
 
 Array = npt.NDArray[np.float64]
 
@@ -23,6 +23,7 @@ _HALF_WIDTH = 32  # zero crossings of the windowed sinc on each side
 _KAISER = 9.0  # some -90 dB beyond the transition band
 _EDGE = 0.92  # of the new Nyquist frequency: where a low-pass ends when going down
 _KEPT = 1_000_000  # samples of a motion that is cached for the next run
+_EXTRA = 2.5  # slots beyond its end that a recording is held for, not repeated
 _SEAM_S = 0.5  # longest blend from the end of a recording into its beginning
 
 
@@ -34,7 +35,8 @@ def reference_positions(
     Parameters
     ----------
     reference
-        The rig's `reference` block: `type` is minimum_jerk, multisine, hold or recording.
+        The rig's `reference` block: `type` is minimum_jerk, multisine, hold, recording or intent,
+        which also has its hand's `grip`.
     rate_hz
         Slots per second.
     base_directory
@@ -77,14 +79,93 @@ def _sampled(
         )
     if kind == "recording":
         path = base_directory / str(reference["file"])
-        recorded, values = read_recording(
+        recorded, values = read_column(
             path, str(reference["column"]), str(reference.get("time_column", "time_s"))
         )
         scaled = values * float(reference.get("scale", 1.0)) + float(reference.get("offset", 0.0))
         return recorded_positions(recorded, scaled, times, bool(reference.get("repeat", True)))
+    if kind == "intent":
+        return _intended(base_directory / str(reference["file"]), reference, times)
     raise ConfigError(
-        f"reference type {kind!r} is unknown; known are hold, minimum_jerk, multisine and recording"
+        f"reference type {kind!r} is unknown; known are hold, minimum_jerk, multisine, recording "
+        "and intent"
     )
+
+
+def _intended(path: Path, reference: Mapping[str, Any], times: Array) -> Array:
+    """What a recorded hand wanted, at new times, with the `grip` (mass, damping, stiffness)."""
+    names = [str(reference[key]) for key in ("position", "effort")]
+    clock = str(reference.get("time_column", "time_s"))
+    read = read_columns(path, names, clock)
+    recorded = read[clock]
+    grid = np.linspace(recorded[0], recorded[-1], len(recorded))
+    position, effort = (np.interp(grid, recorded, read[name]) for name in names)
+    effort = effort * float(reference.get("effort_scale", 1.0))
+    wanted = wanted_motion(
+        position,
+        effort + float(reference.get("effort_offset", 0.0)),
+        float(grid[1] - grid[0]),
+        *(float(value) for value in reference["grip"]),
+        filter_hz=float(reference.get("filter_hz", 20.0)),
+    )
+    return recorded_positions(grid, wanted, times, bool(reference.get("repeat", True)))
+
+
+def wanted_motion(
+    position: Array,
+    effort: Array,
+    period: float,
+    mass: float,
+    damping: float,
+    stiffness: float,
+    *,
+    filter_hz: float,
+) -> Array:
+    """Where the hand wanted to be, from where it was and the effort it exerted.
+
+    With w = wanted - position, a grip exerts K w + B w' on its own mass and on the device, so
+    K w + B w' = effort + mass * position''. Both are smoothed alike by a Gaussian, which delays
+    nothing; w lags the right-hand side by B / K, as in the simulated hand.
+
+    Parameters
+    ----------
+    position, effort
+        [rad or m], [N m or N]; even in time; the effort of the hand on the device.
+    period, mass, damping, stiffness
+        [s], and the grip in SI of the axis; stiffness > 0.
+    filter_hz
+        Where the smoothing has half its gain [Hz].
+    """
+    width = math.sqrt(2.0 * math.log(2.0)) / (2.0 * math.pi * filter_hz * period)
+    reach = min(max(1, math.ceil(4.0 * width)), len(position) - 1)
+    window = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)
+    window /= window.sum()
+
+    def smooth(values: Array) -> Array:
+        ends = 2.0 * values[0] - values[reach:0:-1], 2.0 * values[-1] - values[-2 : -reach - 2 : -1]
+        return np.convolve(np.concatenate([ends[0], values, ends[1]]), window, "valid")
+
+    speed = np.gradient(smooth(position), period)
+    pull = (smooth(effort) + mass * np.gradient(speed, period)) / stiffness
+    if damping == 0.0:
+        return np.asarray(position + pull)
+    keep = math.exp(-period * stiffness / damping)
+    ahead = np.empty_like(pull)
+    state = float(pull[0])
+    for at, value in enumerate(pull.tolist()):
+        ahead[at] = state = keep * state + (1.0 - keep) * value
+    return np.asarray(position + ahead)
+
+
+def recorded_efforts(
+    path: Path, column: str, time_column: str, times: Array, *, repeat: bool
+) -> Array:
+    """Efforts of a recording at new times; without `repeat` none after its end."""
+    recorded, values = read_column(path, column, time_column)
+    found = recorded_positions(recorded, values, times, repeat)
+    if not repeat:
+        found[times > recorded[-1] - recorded[0]] = 0.0
+    return found
 
 
 def waypoint_positions(waypoints: Sequence[Sequence[float]], times: Array) -> Array:
@@ -120,57 +201,6 @@ def multisine_positions(
     )
 
 
-def read_recording(path: Path, column: str, time_column: str) -> tuple[Array, Array]:
-    """Read two columns of a CSV file with a header line: times [s] and values.
-
-    Raises
-    ------
-    ConfigError
-        Its message names the file and its columns, or the invalid line.
-    """
-    times: list[float] = []
-    values: list[float] = []
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = csv.reader(file)
-            header = [name.strip() for name in next(rows, [])]
-            for name in (time_column, column):
-                if name not in header:
-                    raise ConfigError(
-                        f"{path}: there is no column {name!r}; "
-                        f"available: {', '.join(header) or 'none, the file is empty'}"
-                    )
-            at = header.index(time_column), header.index(column)
-            for row in rows:
-                if not any(cell.strip() for cell in row):
-                    continue
-                numbers = []
-                for name, index in zip((time_column, column), at, strict=True):
-                    cell = row[index].strip() if index < len(row) else ""
-                    try:
-                        number = float(cell)
-                    except ValueError:
-                        number = math.nan
-                    if not math.isfinite(number):
-                        raise ConfigError(
-                            f"{path}:{rows.line_num}: column {name!r} holds {cell!r}, "
-                            "not a finite number"
-                        )
-                    numbers.append(number)
-                if times and not numbers[0] > times[-1]:
-                    raise ConfigError(
-                        f"{path}:{rows.line_num}: time must increase, "
-                        f"but {numbers[0]:g} s follows {times[-1]:g} s"
-                    )
-                times.append(numbers[0])
-                values.append(numbers[1])
-    except (OSError, UnicodeDecodeError, csv.Error) as err:
-        raise ConfigError(f"{path}: the recording cannot be read: {err}") from err
-    if len(times) < 2:
-        raise ConfigError(f"{path}: a recording needs at least two rows, it has {len(times)}")
-    return np.array(times), np.array(values)
-
-
 def recorded_positions(times: Array, values: Array, new_times: Array, repeat: bool) -> Array:
     """Sample a recording at `new_times` (from 0): once and then held, or repeated.
 
@@ -180,7 +210,8 @@ def recorded_positions(times: Array, values: Array, new_times: Array, repeat: bo
     clock = times - times[0]
     length = float(clock[-1])
     rate = _rate(new_times)
-    if new_times[-1] <= length or not repeat:
+    last = length + _EXTRA / rate if rate > 0.0 else length
+    if new_times[-1] <= last or not repeat:
         return resample(clock, values, np.minimum(new_times, length), rate)
     seam = min(_SEAM_S, 0.25 * length)
     period = length - seam

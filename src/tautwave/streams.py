@@ -11,7 +11,7 @@ Array = npt.NDArray[np.float64]
 
 BLOCK = 4096  # drawn in blocks; the numbers equal those of one long draw
 
-NOISE, MISSING, OVERRUN, HAND = 0, 1, 2, 3
+NOISE, MISSING, OVERRUN, HAND, SENSOR = 0, 1, 2, 3, 4
 """Purposes; the last word of a seed."""
 
 

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from tautwave.models.chain.params import ChainParams
 from tautwave.models.foam import FoamParams
+from tautwave.models.load import LoadParams
 from tautwave.models.part_contact import PartContact
 from tautwave.models.plant_params import PlantParams
+from tautwave.models.sensors.effort import SensorParams
 from tautwave.models.servo import ServoParams
+
+Grasp = Callable[[float, float, float], float]
+
+
+class ArmModel(NamedTuple):
+    """The chain whose joints are the axes that name it, in their order; `name` is its side."""
+
+    name: str
+    chain: ChainParams
 
 
 class AxisModel(NamedTuple):
@@ -18,7 +30,11 @@ class AxisModel(NamedTuple):
     law contact, `part` (with `plant`) for an environment that is a part, else `plant`. `reference`
     is the hand's position at every loop slot, empty without a hand. `command_delay` is in periods,
     with a fraction. `seed` seeds the axis' random streams: noise and missing samples. `colour` is
-    the noise's autocorrelation from lag 1 on, empty where it is white.
+    the noise's autocorrelation from lag 1 on, empty where it is white. `load` weighs on the axis;
+    `arm` couples it to others, and `plant` has then its motor's inertia alone. `imposed`: the axis
+    is where `reference` is, whatever its motor does. `push` is an effort on it at every slot, empty
+    without one. `sensor` measures the effort from outside. `grasp(x, v, T)`, asked once a slot of T
+    seconds, is the effort of a hand that follows no plan.
     """
 
     period: float
@@ -37,6 +53,12 @@ class AxisModel(NamedTuple):
     seed: tuple[int, ...]
     part: PartContact | None = None
     colour: tuple[float, ...] = ()
+    load: LoadParams | None = None
+    arm: ArmModel | None = None
+    imposed: bool = False
+    push: Sequence[float] = ()
+    sensor: SensorParams | None = None
+    grasp: Grasp | None = None
 
 
 class HandPlugin(NamedTuple):

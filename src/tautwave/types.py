@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
+
+VOLUNTARY_HZ = 8.0
+"""Hands move by will below this [Hz]."""
 
 
 class JointState(NamedTuple):
@@ -51,8 +56,79 @@ SAFE_COMMAND = AxisCommand(0.0, 0.0)
 """Zero effort for an impedance axis, zero velocity for an admittance axis."""
 
 
+class BusElement(NamedTuple):
+    """A verdict of a driver on what its own laws do with an axis: `passed`, why, conditions.
+
+    `kind` is a word for tables, `axis` a full name, `numbers` what was computed.
+    """
+
+    name: str
+    kind: str
+    axis: str
+    passed: bool
+    sentence: str
+    conditions: tuple[str, ...]
+    numbers: Mapping[str, float]
+    margin: float | None = None
+
+
+class Imposed(NamedTuple):
+    """A recorded motion that an axis is forced along; the columns of `file` by name.
+
+    `scale` and `offset` turn the column into rad or m.
+    """
+
+    file: str
+    position: str
+    time_column: str = "time_s"
+    scale: float = 1.0
+    offset: float = 0.0
+    repeat: bool = True
+
+
 class Choice(NamedTuple):
     """What a law takes for a key that a rig leaves to it, and why, without a full stop."""
 
     value: Any
     reason: str
+
+
+class Setting(NamedTuple):
+    """A value for a rig file, and what is written beside it; `TODO` where only a person knows."""
+
+    value: Any
+    comment: str = ""
+
+
+class FoundDevice(NamedTuple):
+    """A device that answered: its entry in the options of its bus, and keys of an axis on it."""
+
+    id: int
+    name: str
+    options: Mapping[str, Any]
+    axis: Mapping[str, Setting]
+
+
+class FoundBus(NamedTuple):
+    """A bus for a rig file; the `devices` are listed in its options under `listed_as`."""
+
+    name: str
+    driver: str
+    options: Mapping[str, Setting]
+    listed_as: str
+    devices: Sequence[FoundDevice]
+    notes: Sequence[str] = ()
+
+
+class Survey(NamedTuple):
+    """How a driver makes parts of a rig file.
+
+    `places()` returns options of its scan, one mapping a bus that this machine could reach;
+    `propose(scan_options, rows)`, pure, turns what a scan found into buses; `describe(path, ids)`
+    makes one of a file of the kind `file`, such as `eds`, without any device.
+    """
+
+    places: Callable[[], Sequence[Mapping[str, Any]]]
+    propose: Callable[[Any, Sequence[Mapping[str, Any]]], Sequence[FoundBus]]
+    describe: Callable[[Path, Sequence[int]], FoundBus] | None = None
+    file: str = ""

@@ -92,6 +92,6 @@ def test_senseless_questions_are_refused() -> None:
         predict_limit_cycle(wall, Device(0.1, 0.1, 5.0), 1.0)
     with pytest.raises(ConfigError, match="bias"):
         simulate_limit_cycle(wall, Device(0.1, 0.1), -1.0)
-    with pytest.raises(ConfigError, match="no slow oscillation"):
+    with pytest.raises(ConfigError, match="not a slow oscillation"):
         predict_limit_cycle(SampledWall(10.0, 300.0, 1e-3), Device(0.1, 0.1), 1.0)
     assert math.isinf(UNBOUNDED.depth)

@@ -12,7 +12,7 @@ from tautwave.analysis.exact.axis import passivity_margin
 from tautwave.analysis.exact.delay_roots import unstable_count
 from tautwave.analysis.exact.loops import modulus_margin, revised_bode
 from tautwave.analysis.exact.positive_real import positive_real
-from tautwave.analysis.exact.rational import Delayed, angle_of, bilinear, rational
+from tautwave.analysis.exact.rational import Delayed, rational
 from tautwave.analysis.ports.resonator import (
     COUPLING,
     HAND,
@@ -34,6 +34,7 @@ from tautwave.analysis.ports.resonator_sampled import (
     sampled_poles,
 )
 from tautwave.errors import ConfigError
+from tests.analysis.reference.bilinear import angle_of, bilinear
 from tests.analysis.reference.gains import unconditionally_stable
 from tests.analysis.reference.passivity_scan import scan_passivity
 from tests.analysis.reference.resonator import rendered_hz, sampled_loop

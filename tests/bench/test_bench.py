@@ -15,8 +15,8 @@ from tautwave.bench import calls, chunks, compiled, result, rigs, simulated, sui
 from tautwave.bench.live import child, think
 from tautwave.bench.live import loop as live
 from tautwave.bench.result import Goal, Suite, Table
-from tautwave.cli import bench as cli_bench
 from tautwave.cli import main
+from tautwave.cli.terminal import measured as cli_bench
 
 RIG = rigs.ONE_PAIR.path()
 
@@ -62,9 +62,22 @@ def test_the_named_events_of_the_plant_happen() -> None:
     assert 0.0 < by_name["plant_step, nothing happens"][0] < calls.PLANT.wall_position
 
 
-def test_think_parts_keep_moving() -> None:
-    for work in think.works().values():
-        assert work(3) > 0.0
+def test_think_parts_are_those_of_an_axis_that_is_well() -> None:
+    """A port that begins without its reserve is starved, and measured at repaying."""
+    for case in (case for case in think.cases() if case.impedance):
+        bench = think.standing_axis(case)
+        close, receive = think.closing(bench), think.thinking(bench)
+        for position in think.POSITIONS[:300]:
+            close(position)
+            receive()
+            assert not bench.one.stopping
+            assert not getattr(bench.one.end, "watched", False)
+        assert bench.one.command != 0.0
+
+
+def test_think_parts_cost_something() -> None:
+    found = think.part_costs(think.cases()[:1], 1)
+    assert all(cost.best_ns > 0.0 for part in found.values() for cost in part.values())
 
 
 def test_a_compiled_call_runs() -> None:
@@ -162,7 +175,8 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
         lambda commands, rounds: {name: chunks.Cost(1e7, 2e7, 1, 1) for name in commands},
     )
     real_costs = chunks.costs
-    monkeypatch.setattr(suites, "costs", lambda works, rounds: real_costs(works, 1, 1e4))
+    for module in (suites, think):
+        monkeypatch.setattr(module, "costs", lambda works, rounds: real_costs(works, 1, 1e4))
     monkeypatch.setattr(compiled, "has_numba", lambda: False)
     monkeypatch.setattr(
         suites, "simulate_costs", lambda rigs, rounds: Table("C", "what", ("rig",), [])

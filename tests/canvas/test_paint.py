@@ -25,6 +25,7 @@ from tautwave.canvas import (
     panels,
     paper,
     png,
+    sheet,
     styled,
     svg,
     text_panel,
@@ -181,3 +182,24 @@ def test_a_font_that_is_not_there_is_one_sentence():
         ConfigError, match="Sarif: no such font is installed here; there are DejaVu"
     ):
         find_font("DejaVu Sarif")
+
+
+def test_a_legend_begins_where_its_panel_does():
+    figure, (panel,) = panels([1.5], "title", False)
+    panel.plot([0, 1], [0, 1], color=MASTER, label="master")
+    legend(panel)
+    svg(figure, "a")
+    frame = panel.get_legend().get_window_extent(figure.canvas.get_renderer())
+    assert frame.x0 == pytest.approx(panel.bbox.x0, abs=1.0)
+
+
+def test_a_legend_that_just_fits_stays_in_one_line():
+    figure, (panel,) = panels([1.5], "title", False)
+    for label in ("a", "b", "c", "d"):
+        panel.plot([0, 1], [0, 1], label=label)
+    legend(panel)
+    svg(figure, "a")
+    shown = panel.get_legend().get_window_extent(figure.canvas.get_renderer())
+    style = sheet.style_of(figure)
+    room = 1.12 * shown.width / figure.dpi
+    assert sheet._columns(figure, ["a", "b", "c", "d"], room, style) == 4

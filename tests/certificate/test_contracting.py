@@ -53,7 +53,7 @@ def agree(seed: int, rigs: int) -> int:
 
 
 def test_a_passive_pair_is_stable_with_what_is_stated() -> None:
-    assert agree(20, 2) == 1
+    assert agree(21, 2) == 1
 
 
 @pytest.mark.slow
@@ -66,8 +66,8 @@ def test_what_stands_in_the_way_of_a_stiffer_contact_is_named() -> None:
     port = element(
         certify(rig("coupling.pairs.lever.pole_slave=0.3", name=NAME)), "slave.lever port"
     )
-    assert port.numbers["stiffest"] == pytest.approx(3875.0, rel=0.01)
-    assert any("springs up to 387" in text and "least mass" in text for text in port.sentences)
+    assert port.numbers["stiffest"] == pytest.approx(4437.0, rel=0.01)
+    assert any("springs up to 4437" in text and "inertia.lower" in text for text in port.sentences)
 
 
 @pytest.mark.parametrize(

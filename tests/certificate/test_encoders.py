@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.certificate import certify
-from tautwave.couplings.wave.claim import Claim, claim_of
+from tautwave.couplings.claim import Claim
+from tautwave.couplings.wave.claim import claim_of
 from tautwave.couplings.wave.messages import noise_hints
 from tautwave.rig import command_delays
 from tautwave.session.facts import coupling_messages

@@ -53,7 +53,7 @@ class Backend:
 
     def load_rig(self, path: Path, overrides: Sequence[str] = (), **_: object) -> Any:
         self.loaded = (path, overrides)
-        return SimpleNamespace(name="bench / 1dof")
+        return SimpleNamespace(name="bench / 1dof", operate=None, sites=None, site=None)
 
     def run(self, rig: Any, **arguments: Any) -> Any:
         self.run_arguments = arguments
@@ -75,6 +75,7 @@ class Backend:
         return SimpleNamespace(
             facts=[("rate", "1000 Hz"), ("pair wrist", "50 ms, 50 samples")],
             pairs=[("wrist", "50 ms", "2.5 rad/(N m)", "98% of the effort")],
+            claims=[],
             axes=[("master.wrist", "hand 1", "effort", "1 N m", "no step", "none")],
             failures=[],
             plan=[

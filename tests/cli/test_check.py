@@ -16,8 +16,8 @@ Cli = Callable[..., Result]
 CONFIGS = Path(__file__).parents[2] / "configs"
 RIG = CONFIGS / "bench-1dof-loopback.yaml"
 
-LINES = 79
-"""At most, of six pairs on six buses that may run: six a pair, one an axis, two a bus, 19 more."""
+LINES = 95
+"""At most, of six pairs on six buses that may run: six a pair, two an axis, two a bus, 23 more."""
 
 
 @pytest.fixture
@@ -50,6 +50,21 @@ def test_six_pairs_fit_on_a_screen_and_the_verdict_is_last(tautwave_cli: Cli, si
     for n in range(6):
         assert any(line.split()[:1] == [f"joint{n}"] for line in lines)
         assert any("rad/s" in line for line in lines if f"master.joint{n}" in line)
+
+
+def test_each_port_has_its_claim_beside_its_kinetic_energy(tautwave_cli: Cli) -> None:
+    rig = CONFIGS / "bench-1dof-2khz.yaml"
+    done = tautwave_cli("check", rig)
+    assert done.exit_code == 0, done.output
+    rows = [line.split() for line in done.stdout.splitlines()]
+    at = next(at for at, row in enumerate(rows) if row[:3] == ["port", "claims", "at"])
+    assert [row[0] for row in rows[at + 1 : at + 3]] == ["master.lever", "slave.lever"]
+    assert rows[at + 1][3:5] == ["178", "mJ"]
+    found = json.loads(tautwave_cli("check", rig, "--json").stdout)["claims"]["master.lever"]
+    assert found["kinetic_j"] == pytest.approx(0.5 * 1.584e-3 * 15.0**2)
+    assert found["ratio"] == pytest.approx(found["claim_j"] / found["kinetic_j"])
+    assert float(rows[at + 1][-1]) == pytest.approx(found["ratio"], rel=0.06)
+    assert rows[at + 1][1:3] == [f"{1e3 * found['claim_j']:.3g}", "mJ"]
 
 
 @pytest.mark.slow

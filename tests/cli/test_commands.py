@@ -46,7 +46,7 @@ def test_version(tautwave_cli: Cli) -> None:
     [
         (["chek", "rig.yaml"], "Did you mean 'check'?"),
         (["rum"], "Did you mean 'run'?"),
-        (["zzz"], "There are example, run, check, sim, scan, sweep, identify, report, drivers"),
+        (["zzz"], "There are example, new, calibrate, accept, doctor, run, trials"),
         (["run", "rig.yaml", "--duratoin", "1"], "--duration"),
         (["run", "rig.yaml", "--clock", "fast"], "'real', 'fake'"),
         (["run", "rig.yaml", "--duration", "nan"], "finite number above 0"),
@@ -70,6 +70,7 @@ def test_run_passes_everything_on(tautwave_cli: Cli, backend: Backend, tmp_path:
     asked = backend.run_arguments
     del asked["progress"]
     assert asked == {
+        "allow_tuning": False,
         "clock": "fake",
         "duration_s": 2.0,
         "out": Path("there"),
@@ -80,6 +81,8 @@ def test_run_passes_everything_on(tautwave_cli: Cli, backend: Backend, tmp_path:
         "configure": True,
         "attach": False,
         "simulate": (),
+        "scripts": (),
+        "live": [],
     }
 
 

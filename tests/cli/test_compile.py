@@ -12,6 +12,7 @@ from tautwave.cli import main
 from tautwave.simulation import run
 
 pytest.importorskip("numba")
+pytestmark = pytest.mark.timeout(400)  # where the kernel is not in the cache yet
 RIG = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
 
 

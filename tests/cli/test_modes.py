@@ -18,9 +18,9 @@ RIG = ROOT / "configs" / "bench-1dof-loopback.yaml"
 OWN_MODE = re.compile(r"chmod|mkstemp|NamedTemporaryFile|mkdtemp|os\.open\([^)]*0o|mode=0o")
 
 
-OWN = ("files.py", "registration.py", "certificates.py")
-"""The rule's own place; the servers that run at present, in a shared /tmp; and the keys of a site,
-which are the user's alone whatever the umask."""
+OWN = ("files.py", "registration.py", "certificates.py", "operator.py")
+"""The rule's own place; the servers that run at present, in a shared /tmp; the keys of a site, the
+user's alone whatever the umask; and a rig that is gone as soon as its run has read it."""
 
 
 @pytest.fixture(params=[0o027, 0o077])

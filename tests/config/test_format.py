@@ -10,8 +10,8 @@ import pytest
 from tautwave import formats
 from tautwave.config import load_rig, parse_rig, resolved_yaml
 from tautwave.errors import ConfigError, RecordingError
+from tautwave.recordings.recording import read_recording
 from tautwave.report.run.loading import load_run
-from tautwave.report.run.recording import read_recording
 from tautwave.runtime.mcap_file import McapFile
 
 BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"

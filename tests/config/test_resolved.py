@@ -28,14 +28,26 @@ def test_round_trip_of_shipped_rigs(path: Path) -> None:
 def test_every_key_is_there() -> None:
     rig = parse_rig(BENCH)
     values = parse_yaml(resolved_yaml(rig)).value
-    assert list(values) == [key for key in type(rig).model_fields if key != "scene"]
+    absent = ("scene", "link", "operate", "sites", "calibration")
+    assert list(values) == [key for key in type(rig).model_fields if key not in absent]
     assert values["loop"]["ring_rows"] == 8192
     assert values["coupling"]["pairs"]["wrist"]["force_scale"] == 1.0
     assert values["simulation"]["axes"]["slave.wrist"]["inertia"] == 1.5e-3
 
 
+def test_a_recorded_network_loads_back(tmp_path: Path) -> None:
+    (tmp_path / "path.csv").write_text("time_s,delay_s,lost\n0.0,0.02,0\n0.001,0.02,1\n")
+    source = next(path for path in CONFIGS if path.stem == "network-loopback")
+    text = source.read_text()
+    rig = parse_rig(text, tmp_path / "rig.yaml", ["link={trace: path.csv}"])
+    again = parse_rig(resolved_yaml(rig))
+    assert again.link is not None
+    assert again.link.trace is not None
+    assert Path(again.link.trace).name == "path.csv"
+
+
 def test_recording_keeps_its_place(tmp_path: Path) -> None:
-    (tmp_path / "hand.csv").write_text("time_s,x\n0,0\n")
+    (tmp_path / "hand.csv").write_text("time_s,x\n0,0.1\n1,0\n")
     override = "simulation.hand.wrist.reference={type: recording, file: hand.csv, column: x}"
     rig = parse_rig(BENCH, tmp_path / "rig.yaml", [override])
     assert parse_rig(resolved_yaml(rig), "elsewhere/rig.yaml") == rig
@@ -47,7 +59,7 @@ def test_any_name_survives(name: str) -> None:
     assert parse_rig(resolved_yaml(rig)).name == name
 
 
-@given(st.floats(min_value=1e-300, max_value=1e300))
+@given(st.floats(min_value=1e-15, max_value=1e15))
 def test_any_number_survives(value: float) -> None:
     rig = parse_rig(BENCH, overrides=[f"slave.axes.wrist.effort_limit={value!r}"])
     assert rig.slave.axes["wrist"].effort_limit == value

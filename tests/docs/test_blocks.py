@@ -28,7 +28,8 @@ def _run(path: Path, chosen: list[Block], folder: Path, monkeypatch: pytest.Monk
         page.close()
 
 
-LONG = ("delay-and-waves.md", "dynamixel-arms.md", "modbus-profile.md", "cia402-from-eds.md")
+LONG = ("delay-and-waves.md", "dynamixel-arms.md", "modbus-profile.md", "cia402-from-eds.md",
+        "operate.md", "export.md", "calibrate.md")  # fmt: skip
 """Their quick blocks take seconds too."""
 
 

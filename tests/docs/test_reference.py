@@ -13,6 +13,9 @@ import tautwave
 from tautwave import errors
 from tautwave.config import Rig, load_rig
 from tautwave.rig import build_rig
+from tautwave.session.operating import with_operation
+from tautwave.session.sites.control import LINK_COLUMNS
+from tautwave.session.viewing.tuning import tuning_of
 
 DOCS = Path(__file__).parents[2] / "docs"
 CONFIGS = DOCS.parent / "configs"
@@ -62,7 +65,7 @@ def _columns(rig: Rig) -> list[str]:
 
 
 def test_columns_of_the_shipped_rigs_are_explained() -> None:
-    from _tools.columns import SECTIONS
+    from tautwave.report.columns import SECTIONS
 
     kinds = [kind for section in SECTIONS.values() for kind in section]
     parts = [
@@ -74,6 +77,18 @@ def test_columns_of_the_shipped_rigs_are_explained() -> None:
     parts += _columns(
         load_rig(CONFIGS / "bench-foam-loopback.yaml", ["coupling.pairs.lever.matched_slave=true"])
     )
+    operated = load_rig(CONFIGS / "bench-1dof-loopback.yaml", ["operate={}"])
+    parts += with_operation(operated, build_rig(operated, clock="fake"), (), ()).columns
+    with tuning_of(operated, build_rig(operated, clock="fake"), allowed=True) as tuning:
+        assert tuning is not None
+        parts += tuning.columns
+    kept = [
+        "coupling={law: four_channel, delay_s: 0.01, account: {}, pairs: {lever: {}}}",
+        *(f"{side}.axes.lever.compensation={{viscous: 0.5}}" for side in ("master", "slave")),
+    ]
+    parts += _columns(load_rig(CONFIGS / "bench-1dof-2khz.yaml", kept))
+    parts += _columns(load_rig(CONFIGS / "arms" / "planar.yaml"))
+    parts += LINK_COLUMNS
     # of elements, the page spells out the three columns of the first only
     plain = {
         re.sub(r"\.(stored|dissipated)$", ".absorbed", part)

@@ -103,17 +103,20 @@ def defined_and_named(sources: Iterable[str]) -> tuple[set[str], set[str]]:
 
 
 KEPT = {
-    *("angle_of", "bilinear", "least_squares", "matrices", "reflecting_end", "spectral_radius"),
+    *("matrices", "reflecting_end", "spectral_radius"),
 }
 """A few lines each, beside what they are the plain case of: tests hold the rest against them."""
 
 
 def test_every_function_of_the_analysis_is_named_somewhere() -> None:
     sources = {path: path.read_text() for path in (ROOT / "src").rglob("*.py")}
-    analysis = [text for path, text in sources.items() if "analysis" in path.parts]
-    defined, _ = defined_and_named(analysis)
-    _, named = defined_and_named(sources.values())
-    assert defined - named - KEPT == set()
+    analysis = [sources.pop(path) for path in list(sources) if "analysis" in path.parts]
+    defined, named = defined_and_named(analysis)
+    left = defined - named - KEPT
+    for source in sources.values():
+        if any(name in source for name in left):
+            left -= defined_and_named([source])[1]
+    assert left == set()
 
 
 def test_a_planted_function_nobody_names_is_seen() -> None:

@@ -133,15 +133,19 @@ def test_a_planted_full_folder_is_noticed() -> None:
     assert full_folders({"src/a": GREATEST_FOLDER, "src/b": GREATEST_FOLDER + 1}) == ["src/b"]
 
 
+MERGED = re.compile(r"---- \w|^ +.*[.;] \w+ : (?:str|int|float|bool|sequence|[A-Z]\w+)\b", re.M)
+
+
 def merged_entries(source: str) -> list[str]:
     """Lines of docstrings in which the next entry of a section has run into a sentence."""
+    if not MERGED.search(source):
+        return []
     docs = [
         ast.get_docstring(node) or ""
         for node in ast.walk(ast.parse(source))
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and ast.get_docstring(node)
     ]
-    merged = re.compile(r"---- \w|^ +.*[.;] \w+ : (?:str|int|float|bool|sequence|[A-Z]\w+)\b")
-    return [line for doc in docs for line in doc.splitlines() if merged.search(line)]
+    return [line for doc in docs for line in doc.splitlines() if MERGED.search(line)]
 
 
 def test_entries_of_a_docstring_have_lines_of_their_own() -> None:

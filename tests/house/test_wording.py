@@ -25,6 +25,18 @@ PHRASES = {
     r"\beverybody's\b|\bsomebody else's\b": "name the owner",
     r"\boutside forces?\b": "external force",
     r"\bwho is there\b": "find the devices",
+    r"(?<!there) (?:is|are) no (?:address|frame|message|packet|profile|joint|trace)\b"
+    r"(?! (?:of|changes|for|in|to|yet|as))": "is not a ...",
+    r"(?:\. |\"\"\"|: )Who(?:ever)? (?:is|has|comes|falls|opens|reaches|gets|wants)\b(?! in)": (
+        "name the subject"
+    ),
+    r"\bnobody(?: else)? (?:serves|speaks|knows|sees|asks|wanted|changes|uses)\b": (
+        "the passive, or what does not"
+    ),
+    r"\bgo(?:es|ing)? on from there\b": "resumes",
+    r"\bwhat people should know\b": "status messages",
+    r"\b(?:are|were|be|was) told (?:of|apart|from|that|what|to)\b": "given, or distinguished",
+    r", for (?:it|nothing|there|that|the network) (?:is|has|would|are)\b": "because",
 }
 """Pattern of a phrase, and what to write instead."""
 

@@ -16,7 +16,7 @@ from tautwave.cli import main
 from tautwave.config import Rig, load_rig, simulation_of
 from tautwave.contracts import Endpoint
 from tautwave.errors import BusTimeout, ConfigError, NotCertifiedError, RecordingError, SafetyStop
-from tautwave.report.run.recording import read_recording
+from tautwave.recordings.recording import read_recording
 from tautwave.rig import BusWay, Way
 from tautwave.session.identification import identifying
 from tautwave.session.identification.exciting import Excitation, plan_excitation

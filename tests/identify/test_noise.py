@@ -15,7 +15,8 @@ from tautwave.cli import main
 from tautwave.config import load_rig
 from tautwave.errors import RecordingError
 from tautwave.models.noise_colour import TOLERANCE, least_spectrum
-from tautwave.session.identification.still import identify_noise
+from tautwave.session.identification.recorded_columns import Series
+from tautwave.session.identification.still import _doubts, identify_noise
 from tautwave.streams import normal_noise
 
 ROOT = Path(__file__).parents[2]
@@ -173,7 +174,7 @@ def test_the_lines_are_those_of_a_rig_file(cli: Cli, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_simulated_rig_that_stands_still_shows_its_colour(cli: Cli, tmp_path: Path) -> None:
-    rig = ROOT / "configs/bench-1dof-2khz.yaml"
+    rig = ROOT / "configs/bench-1dof-2khz-noisy.yaml"
     colour = "simulation.axes.slave.lever.position_noise_autocorrelation=[-0.4]"
     words = ("--set", colour, "--noise", "--axis", "slave.lever", "--clock", "fake")
     done = cli("identify", rig, *words, "--duration", "6", "--out", "run")
@@ -221,3 +222,10 @@ def test_the_bench_at_rest_is_all_step_and_no_noise(side: str) -> None:
     assert found.quantum == pytest.approx(2.0 * math.pi / 300_000, rel=3e-3)
     assert found.deviation.value < 0.3 * found.quantum
     assert found.autocorrelation is None
+
+
+@pytest.mark.parametrize("step", [0.0, STEP])
+def test_only_values_without_a_step_are_reported_to_have_none(step: float) -> None:
+    found = fit(drifting(9e-5 * noise_of("white"), step))
+    series = Series("", "", "", True, 0.0, 1e-3, *(np.zeros(1),) * 2, np.ones(1, bool), ())
+    assert any("no step" in note for note in _doubts(series, found)) == (step == 0.0)

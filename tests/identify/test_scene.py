@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from tautwave.cli import main
 from tautwave.config import load_rig, simulation_of
-from tautwave.report.run.recording import read_recording
+from tautwave.recordings.recording import read_recording
 from tautwave.session.identification.identifying import identify_device
 
 CONFIGS = Path(__file__).parents[2] / "configs"

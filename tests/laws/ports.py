@@ -110,7 +110,7 @@ def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
     """
     period = port.period
     account, gap, filtered = port.reserve, 0.0, 0.0
-    x = speed = at = velocity = outside = sample = given = worst = lowest = last = 0.0
+    x = speed = at = velocity = outside = sample = given = worst = lowest = last = wanted = 0.0
     efforts, totals = np.zeros(n + 1), np.zeros(n + 1)
     arrived, cuts = np.zeros(n + 1), np.zeros(n + 1)
     ring = np.zeros(a.line + 1)
@@ -144,8 +144,9 @@ def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
                 given += taken  # a blow, judged by what was measured
             given -= taken
             tracked = moved / span
+            known_sum = total_sum if seen.pole < 0.0 else port_sum
             ahead, velocity, outside = observer.observe(
-                seen, at, velocity, outside, now, total_sum / count, count
+                seen, at, velocity, outside, now, known_sum / count, count
             )
             shift = 0.0
             if stopped:
@@ -175,10 +176,15 @@ def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
         elif known:
             pending = 0.0
             for i in range(1, n + 1):
-                pending += totals[i]
+                pending += totals[i] if seen.pole < 0.0 else efforts[i]
             wall = a.walls[k]
-            pending += 0.5 * wall
-            asked = port_law.port_effort(port, account, velocity, outside, pending, came) + wall
+            if seen.pole < 0.0:
+                pending += 0.5 * wall
+            effort = port_law.port_effort(port, account, velocity, outside, pending, came)
+            if account > 0.0 and a.quantum > 0.0:
+                effort += limit.clamp(wanted - efforts[n], a.quantum)
+            wanted = effort
+            asked = effort + wall
             sent = asked
         if stopped or known:
             sent = limit.clamp(sent, a.most)

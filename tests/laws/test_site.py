@@ -9,6 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tautwave.laws.coupler import coupler_effort, coupler_stored
+from tautwave.laws.site import SiteParams, wall_ahead
 from tautwave.laws.wall import WallParams
 from tests.runtime.parts import WIDE, Axis, site
 
@@ -156,3 +157,13 @@ def test_under_a_limit_wall_and_coupler_share_what_is_sent() -> None:
         )
         assert port == pytest.approx(-1.0)
         assert wall == pytest.approx(total + 1.0)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_wall_ahead_pushes_from_where_a_velocity_will_act(side: float) -> None:
+    wall = WALL._replace(position=side * 0.01, side=side)
+    p = SiteParams(1e-3, 0.0, wall, WIDE, 1.0, 0.0, has_wall=True)
+    assert wall_ahead(p, side * 0.009, 0.0) == (0.0, 0.0, 0.0)
+    push, stiffness, damping = wall_ahead(p, side * 0.009, side * 3.0)  # 3 mm further: 2 mm deep
+    assert push == pytest.approx(side * 1000.0 * 0.002)
+    assert (stiffness, damping) == (1000.0, 2.0)

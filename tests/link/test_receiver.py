@@ -11,7 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.laws.counters import ENERGY_QUANTUM, SPAN, WAVE_QUANTUM
-from tautwave.laws.receiver import ReceiverParams, advance, output_wave, receiver_params, watched
+from tautwave.laws.receiver import (
+    ReceiverParams,
+    advance,
+    output_wave,
+    receiver_params,
+    timely_wave,
+    wanted_wave,
+    watched,
+)
 from tautwave.link.receiver import (
     PLACE,
     Receiver,
@@ -87,8 +95,10 @@ def test_no_pattern_gives_out_more_than_came_in(
 
 
 def test_without_the_limit_energy_the_test_would_see_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    def spendthrift(p: ReceiverParams, funds: int, backlog: int, timely: int) -> int:
-        return output_wave(p, 1 << 50, backlog, timely)
+    def spendthrift(
+        p: ReceiverParams, funds: int, rest: int, timely: int, mean: float, want: float
+    ) -> int:
+        return output_wave(p, 1 << 50, rest, timely, mean, want)
 
     monkeypatch.setattr("tautwave.link.receiver.output_wave", spendthrift)
     way = network_params(0.0, outage_at=0.1, outage=0.1)
@@ -196,14 +206,23 @@ def test_what_a_loss_averages_out_is_not_hoarded() -> None:
     )
 
 
-def test_the_speed_that_a_wave_costs_is_that_of_its_energy() -> None:
-    """The law's bound alone: |out| <= sqrt(funds / K)."""
-    p = equal_rates()
-    funds = round(1e-3 / ENERGY_QUANTUM)
-    wave = output_wave(p, funds, 1 << 50, 1 << 50) * WAVE_QUANTUM / PERIOD
-    assert 0.5 * PERIOD * wave * wave <= 1e-3
-    lasting = output_wave(p, funds, 10**10, 10**10) * WAVE_QUANTUM / PERIOD
-    assert lasting == pytest.approx(2.0 * 1e-3 / (10**10 * WAVE_QUANTUM), rel=1e-6)
+def test_of_what_comes_at_once_as_much_is_in_time_as_its_energy_pays_at_once() -> None:
+    """The newest wave after a gap brings several slots: together they cost their square."""
+    p = equal_rates(newest=1.0)
+    energy = round(p.scale * 1e18)
+    assert timely_wave(p, 3 * 10**9, 3 * energy) == pytest.approx(10**9, rel=1e-6)
+    assert timely_wave(p, 10**9, energy) == 10**9
+    grown = []
+    way = network_params(0.0, loss=0.3, burst=3.0)
+    run_line(
+        p,
+        way,
+        [0.5] * 900,
+        ticks=900,
+        repeated=0,
+        look=lambda run: grown.append(run.receiver.growth),
+    )
+    assert max(grown) * WAVE_QUANTUM / PERIOD == pytest.approx(0.5, rel=1e-6)
 
 
 def test_a_depth_that_follows_finds_what_the_network_needs() -> None:
@@ -343,10 +362,18 @@ def test_credit_pays_for_what_is_owed_and_is_asked_for_again() -> None:
     r, p = placed(backlog=1e-3)
     r.spent = p.reserve  # nothing left: it owes, and can give nothing
     settle(r, p, funds_of(r, p))
-    assert output_wave(p, funds_of(r, p), 10**9, 0) == 0
+    assert output_wave(p, funds_of(r, p), 10**9, 0, 0.0, wanted_wave(p, 10**9, 0)) == 0
     assert r.asked == p.reserve + p.level
     take_credit(r, r.asked, 0)
     assert funds_of(r, p) == p.reserve + p.level
-    assert output_wave(p, funds_of(r, p), 10**9, 0) > 0
+    assert output_wave(p, funds_of(r, p), 10**9, 0, 0.0, wanted_wave(p, 10**9, 0)) > 0
     settle(r, p, funds_of(r, p))
     assert r.asked == r.was_granted
+
+
+def test_the_least_delay_is_looked_for_in_blocks_of_that_many_ticks() -> None:
+    p = receiver_params(PERIOD, sender_period=PERIOD, depth=DEPTH_S)
+    depth, ahead = 5, p.down + 5
+    assert advance(p, depth, ahead, 5, p.block - 2, 0)[2:] == (5, p.block - 1, 0)
+    _, _, best, ticks, owed = advance(p, depth, ahead, 5, p.block - 1, 0)
+    assert (best < 0, ticks, owed) == (True, 0, 0)

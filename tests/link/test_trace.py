@@ -39,7 +39,7 @@ def test_each_packet_gets_what_the_trace_has_at_its_time_and_then_again() -> Non
         (GOOD + "inf,0.1,0\n", "t.csv:5: a delay is 0 to 60 s"),
         (GOOD + "0.6,0.1,2\n", "t.csv:5: a delay is 0 to 60 s, and lost is 0 or 1"),
         (GOOD + "0.503,0.1,0\n", "t.csv:5: times have to rise"),
-        ("time_s,delay_s,lost\n0,0,0\n", "t.csv: a trace has two packets at least"),
+        ("time_s,delay_s,lost\n0,0,0\n", "t.csv: a trace needs at least two packets"),
     ],
 )
 def test_what_is_wrong_is_said_with_its_line(text: str, said: str) -> None:

@@ -42,7 +42,7 @@ def hoarding(s: Any, p: Any, coast: float) -> float:
 
 
 def lying(s: Any, p: Any, displacement: float, count: float, span: float, port: float) -> None:
-    s.end.given += 0.9 * port * displacement
+    s.end.absorbed += 0.9 * port * displacement
 
 
 def remembering(s: Any, p: Any, coast: float) -> float:

@@ -12,6 +12,8 @@ import pytest
 
 from tautwave import registry
 from tautwave.config import EnvironmentPart
+from tautwave.config.keys.coupling import Account
+from tautwave.couplings.account import with_account
 from tautwave.testing import (
     CouplingBench,
     CouplingContract,
@@ -53,6 +55,51 @@ class TestPosition(CouplingContract):
     def bench(self) -> CouplingBench:
         keys = {"stiffness": 20.0, "damping": 0.1}
         return CouplingBench(registry.load_coupling("position"), "position", keys)
+
+
+class TestPositionInAnAccount(CouplingContract):
+    @pytest.fixture
+    def bench(self) -> CouplingBench:
+        keys = {"stiffness": 20.0, "damping": 0.1}
+        plugin = with_account(registry.load_coupling("position"), Account())
+        return CouplingBench(plugin, "position", keys)
+
+
+class TestPdInjectionInAnAccount(CouplingContract):
+    """A law that knows nothing of accounts."""
+
+    @pytest.fixture
+    def bench(self) -> CouplingBench:
+        keys = {"stiffness": 20.0, "damping": 0.1, "injection": 0.05}
+        plugin = with_account(example("pd_injection").plugin, Account(leader="slave"))
+        return CouplingBench(plugin, "pd_injection", keys)
+
+
+class TestPdDamping(CouplingContract):
+    @pytest.fixture
+    def bench(self) -> CouplingBench:
+        keys = {"stiffness": 20.0, "damping": 0.1, "injection": 0.05}
+        return CouplingBench(registry.load_coupling("pd_damping"), "pd_damping", keys)
+
+
+class TestPositionForceInAnAccount(CouplingContract):
+    """Bare, it gives energy."""
+
+    @pytest.fixture
+    def bench(self) -> CouplingBench:
+        keys = {"stiffness": 20.0, "damping": 0.1}
+        plugin = with_account(registry.load_coupling("position_force"), Account())
+        return CouplingBench(plugin, "position_force", keys)
+
+
+class TestFourChannelInAnAccount(CouplingContract):
+    """With rejection it spends what its account claims on a motion that nothing stops: 0.2 J."""
+
+    @pytest.fixture
+    def bench(self) -> CouplingBench:
+        keys = {"stiffness": 20.0, "damping": 0.1, "rejection": 0.0}
+        plugin = with_account(registry.load_coupling("four_channel"), Account())
+        return CouplingBench(plugin, "four_channel", keys)
 
 
 class TestPdInjection(CouplingContract):

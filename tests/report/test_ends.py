@@ -9,11 +9,15 @@ import numpy as np
 import pytest
 import yaml
 
+from tautwave.cli.terminal.show import BAD, GOOD, Cell, plain
+from tautwave.cli.terminal.summary import summary_sections
 from tautwave.config import resolved_yaml
 from tautwave.couplings.wave.claim import claimed_joules
+from tautwave.report.claims import blows_of, exceeds
 from tautwave.report.ends import End, ends_of
 from tautwave.report.run.after_run import recheck_run
 from tautwave.report.run.rundir import Run
+from tautwave.report.run.tables import claim_table
 from tautwave.report.run.verdicts import verdicts
 from tautwave.rig import command_delays
 from tautwave.session.reporting import final_code
@@ -22,7 +26,7 @@ from tests.certificate.rigs import rig
 ROWS = 2000
 CLAIM = 0.02
 KEYS = yaml.safe_load(
-    resolved_yaml(rig("master.axes.lever.velocity_limit=3", name="bench-1dof-2khz"))
+    resolved_yaml(rig("master.axes.lever.velocity_limit=3", name="bench-1dof-2khz-noisy"))
 )
 
 
@@ -82,6 +86,61 @@ def test_a_blow_is_reported_and_is_no_part_of_the_claim() -> None:
     assert only(run(0.05, 3.2 / 2000.0)).blow == 0.0  # its motor may have driven it
 
 
+def reported(given: float, way: float, true: float | None = 0.03) -> Run:
+    """Return a judged run, its claim of true energy as the certificate has it."""
+    found = run(given, way)
+    found.summary["certificate"]["elements"] = {"master.lever port": {"true_j": true}}
+    found.summary["energy_j"] = {"motors_net": given, "gross_flow": 1.0, "residual": 0.0}
+    found.summary = recheck_run(found)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("given", "way", "row", "line", "status"),
+    [
+        (
+            0.019, 1e-4, ("20 mJ", "30 mJ", "19 mJ", "none", "kept"),
+            "master.lever gave out 19 mJ of the 20 mJ that it claims", "ok",
+        ),
+        (
+            0.05, 1e-4, ("20 mJ", "30 mJ", "50 mJ", "none", "not kept"),
+            "master.lever gave out 50 mJ, and claims 20 mJ", "bad",
+        ),
+        (
+            0.05, 6.0 / 2000.0, ("20 mJ", "30 mJ", "50 mJ", "50 mJ", "kept"),
+            "master.lever gave out 0 J of the 20 mJ that it claims; "
+            "master.lever 50 mJ more in a blow from outside", "ok",
+        ),
+    ],
+    ids=["kept", "broken", "hit"],
+)  # fmt: skip
+def test_report_and_terminal_show_claim_and_judgement(
+    given: float, way: float, row: tuple[str, ...], line: str, status: str
+) -> None:
+    found = reported(given, way)
+    [cells] = claim_table(found).rows
+    assert tuple(plain(cell) for cell in cells) == ("master.lever", *row)
+    books = verdicts(found)[0]
+    assert books.status == status
+    assert any(plain(line) in plain(sentence) for sentence in books.sentences)
+    [section] = [
+        one
+        for one in summary_sections("rig", found.summary, Path(), 0)
+        if one.title == "Energy books"
+    ]
+    [shown] = [one for one in section.rows if one[0] == "claims of the ports"]
+    assert shown[1] == (Cell("not kept", BAD) if status == "bad" else Cell("kept", GOOD))
+    assert plain(str(shown[2])) == line
+
+
+def test_a_blow_does_not_count_as_what_the_motors_may_not_deliver() -> None:
+    found = reported(0.05, 6.0 / 2000.0)
+    assert blows_of(found.summary, "lever") == pytest.approx(0.05)
+    motors = {"worst": 0.06, "stated_debt": 0.04}
+    assert exceeds(motors, 0.0)
+    assert not exceeds(motors, 0.0, blows_of(found.summary, "lever"))
+
+
 def test_the_damper_of_a_matched_end_is_part_of_it() -> None:
     found = run(0.05, 1e-4, damper=0.04)
     assert only(found).given == pytest.approx(0.01)
@@ -105,3 +164,14 @@ def test_noise_beyond_the_declared_is_reported(times: float, reported: bool) -> 
     said = [note for note in notes if "times the declared (position_noise 9e-05)" in note]
     assert bool(said) == reported
     assert all(note.startswith("master.lever: its position noise is") for note in said)
+
+
+def test_lost_samples_are_no_noise() -> None:
+    """Across a gap the lever has moved twice as far: 1 mrad more, of 90 urad of noise."""
+    found = run(0.0, 1e-3, deviation=9e-5)
+    assert found.whole is not None
+    columns: Any = found.whole
+    columns["master.lever.valid"][::40] = 0.0
+    columns["master.lever.position"][::40] = np.nan
+    assert not [note for note in recheck_run(found)["certificate"]["after_run"]["notes"]
+                if "times the declared" in note]  # fmt: skip

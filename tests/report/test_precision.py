@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -210,3 +211,23 @@ def test_less_than_an_encoder_step_is_called_that(simulated: tuple[Rig, Path]) -
     assert "20.9" in words
     found["oracle"]["position"] = 1e-3
     assert not list(precision_table.step_notes(run, "lever", found))
+
+
+@pytest.mark.parametrize(
+    ("facts", "why"),
+    [
+        ({}, ""),
+        ({"missed_cycles": 3}, ": in the run cycles were missed"),
+        (
+            {"axes": {"master.lever": {"lost": 0, "late": 2}}, "outcome": {"kind": "interrupted"}},
+            ": in the run samples were lost or late, it was stopped",
+        ),
+        ({"faults": ["arm: overheated"]}, ": in the run devices reported faults"),
+    ],
+    ids=["unknown", "missed", "late and stopped", "faults"],
+)
+def test_a_replay_that_differs_says_what_the_run_had(facts: dict[str, Any], why: str) -> None:
+    summary = {**facts, "precision": {"kind": "simulated", "span_s": 1.0, "replayed_equal": False}}
+    run: Any = SimpleNamespace(summary=summary)
+    *_, last = precision_table.precision_sentences(run)
+    assert last.endswith(f"recorded truth bit for bit{why}.")

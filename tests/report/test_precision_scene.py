@@ -69,7 +69,7 @@ def resonator(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return leave_run(tmp_path_factory.mktemp("runs") / "one", "resonator", 0.12, given)
 
 
-def told_of(directory: Path) -> dict[str, Any]:
+def facts_of(directory: Path) -> dict[str, Any]:
     run = load_run(directory)
     run.summary = measure_precision(run)
     write_summary(run)
@@ -78,7 +78,7 @@ def told_of(directory: Path) -> dict[str, Any]:
 
 
 def test_a_scene_is_replayed_to_the_bit_and_sampling_is_its_error(resonator: Path) -> None:
-    reported = told_of(resonator)
+    reported = facts_of(resonator)
     assert reported["kind"] == "scene"
     assert reported["replayed_equal"] is True
     assert reported["whole"] is True
@@ -98,15 +98,15 @@ def test_rk4_is_held_against_the_moment_that_it_has_come_to(
 ) -> None:
     """It carries the scene on to the sample, the others from it: a period, no error of its own."""
     given = "simulation.hand.stylus.reference.waypoints=[[0.0, 0.0], [0.03, 0.006], [0.06, 0.0]]"
-    reported = told_of(leave_run(tmp_path / "one", "resonator", 0.12, given, "scene.scheme=rk4"))
+    reported = facts_of(leave_run(tmp_path / "one", "resonator", 0.12, given, "scene.scheme=rk4"))
     assert reported["replayed_equal"] is True
-    held = told_of(resonator)["oracle"]["position_rms"]
+    held = facts_of(resonator)["oracle"]["position_rms"]
     for name in ("oracle", "half", "double"):
         assert reported[name]["position_rms"] < 0.05 * held
 
 
 def test_the_report_tells_it(resonator: Path) -> None:
-    told_of(resonator)
+    facts_of(resonator)
     write_report(resonator)
     page = (resonator / "report.html").read_text()
     assert "reproduces the recorded efforts bit for bit" in page
@@ -145,7 +145,7 @@ def test_little_time_is_spent_where_the_scene_is_felt(
     directory = leave_run(tmp_path / "drum", "drum", 0.1, given)
     monkeypatch.setitem(precision_scene.SECONDS, "python", 1.0)
     monkeypatch.setattr(precision_scene, "_base", hasty(precision_scene._base))
-    reported = told_of(directory)
+    reported = facts_of(directory)
     assert reported["whole"] is False
     assert reported["replayed_equal"] is True
     assert reported["begins_s"] > 0.03  # nothing was touched before
@@ -179,7 +179,7 @@ def test_a_string_keeps_its_pitch_at_every_rate() -> None:
 @pytest.mark.slow
 def test_a_string_is_told_its_pitch(tmp_path: Path) -> None:
     directory = leave_run(tmp_path / "string", "string", 0.1)
-    reported = told_of(directory)
+    reported = facts_of(directory)
     assert reported["replayed_equal"] is True
     pitch = reported["strings"]["string"]
     assert pitch["asked_hz"] == 196.0
@@ -202,7 +202,7 @@ def test_samples_before_the_scene_began_are_passed_over(tmp_path: Path) -> None:
 def test_slots_that_were_skipped_are_made_up(tmp_path: Path) -> None:
     faults = "simulation.faults={overrun_probability: 0.05, overrun_slots: 2}"
     directory = leave_run(tmp_path / "late", "resonator", 0.08, faults, "loop.overrun_limit=10")
-    reported = told_of(directory)
+    reported = facts_of(directory)
     assert reported["replayed_equal"] is True
     assert load_run(directory).read("skipped_slots")["skipped_slots"].sum() > 0
     assert reported["span_s"] == pytest.approx(0.08, abs=1e-3)
@@ -211,7 +211,7 @@ def test_slots_that_were_skipped_are_made_up(tmp_path: Path) -> None:
 def test_a_scene_in_space_is_replayed_alike(tmp_path: Path) -> None:
     moved = "simulation.hand.up.reference.waypoints=[[0.0, 0.0], [0.05, -0.03]]"
     directory = leave_run(tmp_path / "net", "net", 0.06, moved)
-    reported = told_of(directory)
+    reported = facts_of(directory)
     assert reported["replayed_equal"] is True
     assert reported["scheme"] == reported["oracle"]["scheme"] == "symplectic"
     assert reported["effort"] > 0.0
@@ -229,7 +229,7 @@ def test_a_thousandth_of_a_decibel_is_nothing() -> None:
 def test_samples_that_were_lost_leave_the_port_where_it_was(tmp_path: Path) -> None:
     faults = "simulation.faults={missing_probability: 0.05}"
     directory = leave_run(tmp_path / "lost", "resonator", 0.08, faults, "loop.missing_limit=10")
-    assert told_of(directory)["replayed_equal"] is True
+    assert facts_of(directory)["replayed_equal"] is True
 
 
 def test_without_positions_it_says_so(resonator: Path) -> None:

@@ -18,7 +18,7 @@ from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 
 from tautwave.errors import ConfigError, RecordingError
-from tautwave.report.run.recording import read_recording
+from tautwave.recordings.recording import read_recording
 from tautwave.runtime.recorder import Recorder
 from tests.report.recordings import COLUMNS, EPOCH_NS, Sample, slots, write
 

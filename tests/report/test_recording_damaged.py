@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from tautwave.errors import RecordingError
-from tautwave.report.run.recording import read_recording
+from tautwave.recordings.recording import read_recording
 from tautwave.runtime.mcap_schema import CDR_HEADER
 from tests.report.recordings import COLUMNS, Sample, slots, write
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tautwave.couplings.wave.claim import Claim
+from tautwave.couplings.claim import Claim
 from tests.rigs.running import Books, Run, Tree, books, pair_of, run_rig
 
 SIDES = ("master", "slave")
@@ -107,6 +107,7 @@ def port_bound(run: Run, side: str, name: str = "a") -> float:
         blind=p.delay + p.late + whole.missing_limit + whole.overrun_limit,
         mass=port.period / (2.0 * max(p.site.half_mobility, 1e-300)),
         deviation=1e-5,
+        peak=1.0,
         quantum=1e-4,
         nonlinearity=0.0,
         stop_damping=0.0,

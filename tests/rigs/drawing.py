@@ -14,6 +14,11 @@ def magnitudes(low: float, high: float) -> st.SearchStrategy[float]:
     return st.floats(math.log(low), math.log(high)).map(lambda x: float(f"{math.exp(x):.6g}"))
 
 
+def parts(high: float) -> st.SearchStrategy[float]:
+    """Numbers between 0 and `high`, in whole millionths of it: zero or of a size that keys take."""
+    return st.integers(0, 10**6).map(lambda n: n * high / 1e6)
+
+
 def maybe(value: st.SearchStrategy[object], otherwise: object = None) -> st.SearchStrategy[object]:
     return st.one_of(st.just(otherwise), value)
 
@@ -24,7 +29,7 @@ def walls(draw: st.DrawFn, inertia: float) -> Tree:
         "position": draw(st.floats(0.005, 0.03)),
         # Up to the edge of stability of a sampled wall on the free mass: K T**2 / m = 0.6
         "stiffness": inertia * draw(magnitudes(1e2, 6e5)),
-        "damping": inertia * draw(st.floats(0.0, 300.0)),
+        "damping": inertia * draw(parts(300.0)),
         "side": "above",
         "passivity_control": draw(st.booleans()),
     }
@@ -109,15 +114,15 @@ def rigs(draw: st.DrawFn, cycles: int = 500) -> Tree:
                     data[side]["axes"][name]["velocity_filter_s"] = filtered
         data["coupling"]["pairs"][name] = pair
         simulation["hand"][name] = {
-            "mass": draw(st.floats(0.0, 0.3)),
-            "damping": draw(st.floats(0.0, 10.0)),
+            "mass": draw(parts(0.3)),
+            "damping": draw(parts(10.0)),
             "stiffness": draw(magnitudes(50.0, 2000.0)),
             "reference": {
                 "type": "multisine",
                 "ramp_s": 0.05,
                 "components": [
-                    [draw(st.floats(0.5, 15.0)), draw(st.floats(-0.05, 0.05)), 0.3],
-                    [draw(st.floats(0.5, 40.0)), draw(st.floats(-0.01, 0.01)), 1.0],
+                    [draw(st.floats(0.5, 15.0)), draw(parts(0.1)) - 0.05, 0.3],
+                    [draw(st.floats(0.5, 40.0)), draw(parts(0.02)) - 0.01, 1.0],
                 ],
             },
         }

@@ -2,6 +2,7 @@
 
     python -m tests.rigs.row_hashes                       compares all, names case and column
     python -m tests.rigs.row_hashes --record "REASON"     writes the file anew, with its reason
+    python -m tests.rigs.row_hashes --record "REASON" RIG ...    runs these rigs, keeps the others
 
 A case is a rig, what is changed in it, an engine (`live`: the loop on the fake clock, with the
 simulators of the rig's own buses; `compiled` and `python`: `simulate`) and a duration. Each has one
@@ -38,8 +39,10 @@ KEPT = Path(__file__).with_name("row_hashes.txt")
 SHIPPED = tuple(
     path.stem
     for path in sorted((ROOT / "configs").glob("*.yaml"))
-    if "\nsimulation:" in path.read_text()
+    if (simulated := path.read_text().partition("\nsimulation:")[2])
+    and "\n  arm:\n" not in simulated
 )
+"""Arms are left out: a cycle of theirs takes milliseconds, and sines decide its last bits."""
 ENGINES = ("live", "compiled", "python")
 SHORT_S = 2.5
 """All of a run is simulated compiled; so much of it in Python."""
@@ -78,6 +81,7 @@ CHANGED: dict[str, tuple[str, ...]] = {
         f"{MISSING}0.4;loop.missing_limit=6",
     ),
     "bench-saturation-loopback": (f"{OVERRUN}0.01;{SLOTS}7;loop.overrun_limit=7",),
+    "network-loopback": (";".join((*FAULTS, "link.play_out=newest")), "buses.arm.divisor=4"),
     "scene-resonator": (";".join(FAULTS),),
 }
 """What else is run: ways to stop, faults, command delays with a remainder, laws left out."""
@@ -222,7 +226,8 @@ def difference(kept: Rows, now: Rows) -> str | None:
 
 def main(arguments: Sequence[str]) -> int:
     """Compare, or record."""
-    record = arguments[1] if arguments[:1] == ["--record"] and len(arguments) == 2 else ""
+    record = arguments[1] if arguments[:1] == ["--record"] and len(arguments) >= 2 else ""
+    only = arguments[2:] or SHIPPED
     if arguments and not record:
         print(__doc__)
         return 2
@@ -232,7 +237,8 @@ def main(arguments: Sequence[str]) -> int:
     found = {}
     others = 0
     for case in cases():
-        found[case] = rows_of(case)
+        kept_as_it_is = case in kept and case.rig not in only
+        found[case] = kept[case] if kept_as_it_is else rows_of(case)
         reported = "new" if case not in kept else difference(kept[case], found[case])
         if reported is not None:
             others += 1

@@ -68,9 +68,8 @@ def test_every_delay_and_impedance_closes(samples: int, b: float) -> None:
 )
 def test_a_minute_at_one_kilohertz_closes(samples: int, b: float) -> None:
     features = ALL if (samples + round(b)) % 2 else (WALLS, FRICTION)
-    run = run_rig(
-        tree(MOTION, CONTACT, *features, line(samples), impedance(b), {"duration_s": 60.0})
-    )
+    more = {"duration_s": 60.0, "loop.missing_limit": 1000}
+    run = run_rig(tree(MOTION, CONTACT, *features, line(samples), impedance(b), more))
     assert_closed(run)
 
 

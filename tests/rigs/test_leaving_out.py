@@ -8,7 +8,15 @@ import pytest
 from tests.rigs.closing import CONTACT, FRICTION, MISHAPS, MOTION, SENSORS, delay, line
 from tests.rigs.running import Run, Tree, run_rig, tree
 
-BUSY = tree(MOTION, CONTACT, FRICTION, SENSORS, MISHAPS, line(7), {"duration_s": 1.0})
+BUSY = tree(
+    MOTION,
+    CONTACT,
+    FRICTION,
+    SENSORS,
+    MISHAPS,
+    line(7),
+    {"duration_s": 1.0, "loop.missing_limit": 20},
+)
 INERT_WALL = {"position": 50.0, "stiffness": 500.0, "damping": 3.0}
 SECOND = {
     f"{side}.axes.c": {

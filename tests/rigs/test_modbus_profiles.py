@@ -152,7 +152,7 @@ def test_generic_explains_every_key() -> None:
     ("cut", "key"),
     [
         (r"# For the reader only.*\n.*\n", "object_address"),
-        (r"# Sentences for whoever.*\n", "caveats"),
+        (r"# Sentences for users.*\n", "caveats"),
         (r"#   lasting .*\n", "register lasting"),
         (r"  # mode_display.*\n", "roles.mode_display"),
         (r"(?s)# TCP: how many.*?outstanding: 1\n", "outstanding"),

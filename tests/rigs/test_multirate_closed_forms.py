@@ -12,9 +12,11 @@ from tautwave.certificate import certify
 from tautwave.certificate.loops import pair_loop
 from tautwave.certificate.rates import slow_costs
 from tautwave.config import load_rig
+from tautwave.laws.port import port_effort
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import verdicts
 from tautwave.rig import Assembly, command_delays, one_way_delay
+from tautwave.rig.controller import end_constants
 from tautwave.session import check
 from tautwave.sweep.predict import pair_mode
 from tests.rigs.closing import assert_passive, impedance, line, slow
@@ -292,6 +294,17 @@ def test_contact_rests_where_the_loop_is_certified(
         assert late > 1e-3
         assert pushed.max() == 0.0
     assert_passive(run)  # even then nothing is invented
+
+
+def test_a_slow_port_looks_ahead_to_the_middle_of_the_period_in_which_it_acts() -> None:
+    """A command of a slow bus waits for the next exchange: 1.5 of its periods, not of the loop."""
+    rig = load_rig(CONFIGS / "bench-multirate-loopback.yaml")
+    delays = command_delays(rig)
+    port = end_constants(rig, "slave.lever", delays["slave.lever"]).port
+    speed, push = 0.3, 7.0
+    effort = port_effort(port, math.inf, speed, push, 0.0, 0.0)
+    own = 1.0 + port.impedance * 0.01 / (2.0 * rig.axes["slave.lever"].inertia.lower)
+    assert effort == pytest.approx(port.impedance * (speed + 1.5 * 0.01 * push) / own)
 
 
 @pytest.mark.slow

@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 
 from tautwave.certificate import certify
 from tautwave.certificate.__main__ import certify_text
-from tautwave.config import Rig, parse_rig, resolved_yaml
+from tautwave.config import Rig, load_rig, parse_rig, resolved_yaml
 from tautwave.config.load import choose_again
 from tautwave.couplings.wave import choice
 from tautwave.couplings.wave.choice import Asked, choose_pair, least_bound, two_digits
 from tautwave.errors import ConfigError
 from tautwave.rig import command_delays, standing_offset
 from tautwave.session import check
-from tautwave.session.certified import certified_rig
+from tautwave.session.certified import certificate_of, certified_rig
 from tautwave.simulation import simulate
 from tautwave.sweep.grid import Choice as Varied
 from tautwave.sweep.grid import Recipe
@@ -301,9 +301,18 @@ def test_what_no_pole_bears_is_refused_with_what_would_pass() -> None:
     assert "raise the rate, lower wave_impedance, or add damping" in " ".join(found.failures)
 
 
-def test_a_lossless_line_has_no_choice_where_there_is_noise() -> None:
+def test_a_lossless_line_has_no_choice_where_there_is_noise(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"needs a wave filter .* set wave_filter_hz to auto"):
         first(f"{PAIR}.wave_filter_hz=null")
+    path = tmp_path / "rig.yaml"
+    text = FIRST.replace("lever: {}", "lever: {wave_filter_hz: null}")
+    path.write_text(text)
+    line = 1 + text[: text.index("wave_filter_hz: null")].count("\n")
+    with pytest.raises(ConfigError, match=rf"^{path}:{line}: {PAIR}\.wave_filter_hz: "):
+        load_rig(path)
+    left = load_rig(path, choose=False)  # as a run reads it, whose certificate chooses
+    with pytest.raises(ConfigError, match=rf"^{path}: {PAIR}\.wave_filter_hz: "):
+        certificate_of(left, {})
 
 
 def test_without_noise_and_step_there_is_no_filter() -> None:

@@ -102,7 +102,7 @@ def site(
         seen = observer_params(period, mass, pole)
     end: Any = WaveEndParams(
         port, seen, admittance_params(period, b, upper, delay), wave, 1e-12,
-        late, delay, period, 0.1, 0.0, math.inf, 1000,
+        0.0, late, delay, round(1.0 / period), 0.1, 0.0, math.inf, 1000,
     )  # fmt: skip
     if spring is not None:
         end = PositionEndParams(*spring)
@@ -197,7 +197,7 @@ class Pair:
             [one, two],
             ["a"],
             [q],
-            at + law.rings * line,
+            [0.0] * (at + law.rings * line),
             law,
         )
         self.q, self.c = q, self.control.states[0]

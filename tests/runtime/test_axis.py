@@ -51,7 +51,7 @@ def test_its_books_are_those_of_an_independent_count(
         flow += abs(energy) + T * (wave * wave + axis.leaving**2)
         wave_in += 0.5 * T * wave * wave
         wave_out += 0.5 * T * axis.leaving**2
-        held = axis.stored + axis.waiting_energy() + axis.wall_stored()
+        held = axis.account - axis.reserve + axis.waiting_energy() + axis.wall_stored()
         spent = axis.damper_dissipated + axis.wall_dissipated + axis.spilled
         flow += axis.damper_dissipated
         # A wall that gives back what it never took books a loss as large as what it holds.

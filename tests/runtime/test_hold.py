@@ -63,7 +63,7 @@ def test_without_damping_the_debt_is_what_was_created(
     made, site = account(0.0, (delay, late))
     created = swing(made, site, delay, late, missing)
     assert created > 1e-4
-    assert made.debt == pytest.approx(created, rel=1e-9)
+    assert made.state.debt == pytest.approx(created, rel=1e-9)
 
 
 def test_a_sampled_spring_owes_nothing_where_colgate_s_condition_holds() -> None:
@@ -71,10 +71,10 @@ def test_a_sampled_spring_owes_nothing_where_colgate_s_condition_holds() -> None
     enough = 0.5 * STIFFNESS * PERIOD
     made, site = account(1.0001 * enough)
     swing(made, site)
-    assert made.debt < 1e-12
+    assert made.state.debt < 1e-12
     made, site = account(0.9 * enough)
     created = swing(made, site)
-    assert made.debt == pytest.approx(0.1 * created, rel=1e-6)
+    assert made.state.debt == pytest.approx(0.1 * created, rel=1e-6)
 
 
 def test_calm_times_earn_no_credit() -> None:
@@ -82,15 +82,15 @@ def test_calm_times_earn_no_credit() -> None:
     for x in np.linspace(0.0, 1.0, 50):  # free, and damped: nothing is owed
         site.position = float(x)
         assert not made.overdrawn([0.0], 1, NOTHING)
-    assert made.debt == 0.0
+    assert made.state.debt == 0.0
     assert made.overdrawn([0.0], 1, NOTHING._replace(port_work=2e-3))
-    assert made.debt == pytest.approx(2e-3)
+    assert made.state.debt == pytest.approx(2e-3)
 
 
 def test_what_the_scene_loses_is_taken_off_and_what_its_scheme_makes_is_put_on() -> None:
     made, _ = account(0.0)
     assert not made.overdrawn([0.0], 1, NOTHING._replace(port_work=3e-3, lost=2.5e-3))
-    assert made.debt == pytest.approx(5e-4)
+    assert made.state.debt == pytest.approx(5e-4)
     assert made.overdrawn([0.0], 1, NOTHING._replace(port_work=3e-3, lost=2.5e-3, numeric=1e-3))
 
 
@@ -106,10 +106,10 @@ def test_what_a_limit_clips_is_owed_once_the_network_no_longer_holds_it() -> Non
     site.position = 1e-3
     inside = NOTHING._replace(port_work=5e-3, stored=5e-3)
     assert not made.overdrawn([5.0], 1, inside)
-    assert made.clipped_debt == pytest.approx(5e-3)
+    assert made.state.clipped_debt == pytest.approx(5e-3)
     site.position, site.end.absorbed = 0.0, -5e-3
     assert made.overdrawn([5.0], 1, NOTHING)
-    assert made.debt == 0.0
+    assert made.state.debt == 0.0
 
 
 def test_a_limit_is_the_rig_s_or_that_of_its_devices_at_a_tenth_of_their_speed() -> None:
@@ -141,7 +141,7 @@ def test_a_run_that_is_forced_stops_at_its_limit() -> None:
     assert not certify(rig).passed
     rows = simulate(rig, engine="python")
     assert isinstance(rows.error, SafetyStop)
-    assert "drew more energy from its scene than it put in, by over 0.01 J" in str(rows.error)
+    assert "drew more energy from its scene than it put in at" in str(rows.error)
     built = build_rig(rig, clock="fake")
     assert built.scene is not None
     assert built.scene.account is not None

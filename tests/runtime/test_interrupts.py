@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Iterator
+from contextlib import suppress
 
 import pytest
 
@@ -71,3 +72,43 @@ def test_a_process_that_ends_can_stay_deaf() -> None:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@interrupts()
+def import_interrupted() -> None:
+    try:
+        os.kill(os.getpid(), signal.SIGTERM)
+    except KeyboardInterrupt:
+        raise ImportError("numpy._core failed to import") from None
+
+
+def test_an_error_that_an_interruption_causes_is_the_interruption() -> None:
+    with pytest.raises(Interrupted, match="SIGTERM") as caught:
+        import_interrupted()
+    assert caught.value.exit_code == 143
+
+
+def test_an_interruption_that_was_dropped_is_raised_before_anything_moves() -> None:
+    with interrupts() as heard:
+        with suppress(Interrupted):  # as in a callback from C
+            os.kill(os.getpid(), signal.SIGTERM)
+        with pytest.raises(Interrupted, match="SIGTERM"), heard.calling(lambda: None):
+            pytest.fail("the loop was begun")
+
+
+@interrupts()
+def fail_after_the_report(*, early: bool) -> None:
+    with interrupts() as heard:
+        if early:
+            with heard.calling(lambda: None):
+                pass
+            os.kill(os.getpid(), signal.SIGTERM)
+        with suppress(Interrupted), heard.raised():
+            os.kill(os.getpid(), signal.SIGTERM)
+        raise ValueError("later")
+
+
+@pytest.mark.parametrize("early", [False, True])
+def test_what_ends_the_report_says_nothing_about_a_later_error(early: bool) -> None:
+    with pytest.raises(ValueError, match="later"):
+        fail_after_the_report(early=early)

@@ -306,7 +306,7 @@ def test_missing_and_late_count_exchanges_of_the_bus() -> None:
     n = 5
     run = Slots(n, 200, slow={"valid": lambda axis, k: k < 3}, missing_limit=4)
     assert isinstance(run.result.error, DriverError)
-    assert "slave.a on bus 'slow': no sample in 4 exchanges running" in str(run.result.error)
+    assert "slave.a on bus 'slow': no sample in 4 exchanges in a row" in str(run.result.error)
     assert run.result.cycles == 7 * n + 5  # exchanges 3 to 6 were missed; then the release ramp
     late = Slots(n, 50, ages=lambda k: n * PERIOD_NS + (1 if k >= 8 else 0))
     assert late.result.late == (0, 2)

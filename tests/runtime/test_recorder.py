@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from tautwave.errors import RecordingError
-from tautwave.report.run.recording import Recording, read_recording
+from tautwave.recordings.recording import Recording, read_recording
 from tautwave.runtime import recorder as recorder_module
 from tautwave.runtime.recorder import Recorder
 from tautwave.runtime.ring import HEAD, TAIL, WRITTEN
@@ -219,6 +219,7 @@ def test_without_a_writer_lossless_does_not_hang(tmp_path: Path) -> None:
     assert recorder.close()[:3] == (1000, 0, 1000)
 
 
+@pytest.mark.usefixtures("no_bytecode")
 def test_a_disk_that_fills_up_is_said_and_keeps_what_is_written(tmp_path: Path) -> None:
     """The limit on the file's size stands in for the disk: the same failing write."""
     path = tmp_path / "r.mcap"

@@ -12,7 +12,7 @@ from tautwave.analysis.ports.resonator_sampled import sampled_law
 from tautwave.analysis.walls.passivity import needed_damping
 from tautwave.analysis.walls.sampled import PulseTransfer
 from tautwave.certificate import certify
-from tautwave.certificate.picture import draw_certificate
+from tautwave.certificate.picture import certificate_figure, draw_certificate
 from tautwave.certificate.scene.maps import (
     leak_over,
     linear_scene,
@@ -173,3 +173,10 @@ def test_the_drawn_curve_is_the_proved_one():
     assert leak_over(scene, everywhere, 1.0).max() <= whole.damping * (1.0 + 1e-9)
     near = 2.0 * np.pi * whole.frequency * 1e-4 * (1.0 + 1e-5 * np.linspace(-1.0, 1.0, 401))
     assert leak_over(scene, near, 1.0).max() == pytest.approx(whole.damping, rel=1e-4)
+
+
+def test_the_drawn_curve_begins_where_nothing_moves_yet():
+    rig = load_rig(CONFIGS / "scene-resonator.yaml")
+    curves = [line.get_xdata() for line in certificate_figure(rig).axes[0].lines]
+    lowest = min(x[0] for x in curves if len(x) > 2)
+    assert lowest == pytest.approx(1e-4 * rig.rate_hz / (2.0 * np.pi))

@@ -266,7 +266,7 @@ def press_on(rig: Any, stiffness: float, rng: np.random.Generator) -> Trial:
     start, gained, stopped, asked = 0.0, 0.0, False, model.advance([x])[0]
     account.overdrawn([asked], 1, model.booked)
     account.begin()
-    account._created = model.booked.port_work + model.booked.numeric - model.booked.lost
+    account.state.created = model.booked.port_work + model.booked.numeric - model.booked.lost
     booked = model.booked
     start = energy() + booked.kinetic + booked.stored
     for _ in range(6000):

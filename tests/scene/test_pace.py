@@ -117,7 +117,7 @@ def test_compiled_steps_change_no_row():
     _, data, _ = run_rig("granular", 0.03)
     rig = load_rig(GRANULAR)
     built = build_rig(rig, clock="fake", duration_s=0.03)
-    use_engine(built, "compiled")
+    built = use_engine(built, "compiled")
     assert type(built.scene.model) is not SceneModel
     sink = Rows(len(built.columns))
     loop = scene_pace.Loop(built.clock, built.buses, built.control, built.sources, sink)

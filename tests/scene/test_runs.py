@@ -15,7 +15,7 @@ from tautwave.certificate import certify
 from tautwave.cli import main
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError
-from tautwave.report.run.recording import read_recording
+from tautwave.recordings.recording import read_recording
 from tautwave.rig import build_rig
 from tautwave.rig.scene.network import scene_forces
 from tautwave.runtime.loop import Loop

@@ -10,7 +10,7 @@ import pytest
 from tautwave import simulate
 from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError, SafetyStop
-from tautwave.report.run.recording import read_recording
+from tautwave.recordings.recording import read_recording
 from tautwave.session import running
 from tautwave.session.running import run
 

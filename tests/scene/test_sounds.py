@@ -101,7 +101,7 @@ def test_no_bytes_raise_anything_but_a_sentence(tmp_path_factory, garbage, cut):
     ("content", "sentence"),
     [
         (b"", "s.wav is empty"),
-        (b"ID3 and so on, no sound", "s.wav is no WAV file"),
+        (b"ID3 and so on, no sound", "s.wav is not a WAV file"),
         (b"RF64" + wav_bytes(VALUES)[4:], "is an RF64 file; save it as plain WAV"),
         (wav_bytes([]), "contains no samples"),
         (wav_bytes(VALUES)[:-4], "truncated: 12 bytes of sound are announced, 8 are there"),

@@ -12,8 +12,8 @@ from PIL import Image
 
 from tautwave.cli import main
 from tautwave.config import load_rig, parse_rig
+from tautwave.recordings.recording import read_recording
 from tautwave.report.run.loading import load_run
-from tautwave.report.run.recording import read_recording
 from tautwave.report.scene3d.view import project, view_scene3d
 from tautwave.rig import build_rig
 from tautwave.rig.scene.network3d import forces3d, pruned_network3d

@@ -16,7 +16,7 @@ import pytest
 
 from tautwave.config import load_rig
 from tautwave.errors import DriverError
-from tautwave.report.run.recording import read_recording
+from tautwave.recordings.recording import read_recording
 from tautwave.session.registration import (
     RUN,
     SIM,
@@ -240,6 +240,7 @@ def kill_a_run(*words: str, cwd: Path) -> None:
         child.kill()
 
 
+@pytest.mark.slow
 def test_a_real_master_leads_a_simulated_slave(run: Any) -> None:
     rig = config("bench-mixed-sim")
     with sim(rig) as (_, (line,)):
@@ -255,6 +256,7 @@ def test_a_real_master_leads_a_simulated_slave(run: Any) -> None:
     assert true == {"slave"}
 
 
+@pytest.mark.slow
 def test_what_names_hardware_is_served_and_attached_to_on_request_only(
     run: Any, tmp_path: Path
 ) -> None:

@@ -37,7 +37,10 @@ def test_a_fault_is_told_with_its_axis(tmp_path: Path, monkeypatch: pytest.Monke
     assert set(reported) <= set(result.summary["faults"])
 
 
-def test_a_bus_that_is_refused_leaves_no_directory(tmp_path: Path) -> None:
+def test_a_bus_that_is_refused_leaves_no_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keep_in_one_process(monkeypatch)
     rig = load_rig(HARDWARE, ["buses.servos.options.port=/dev/no-such-port"])
     (tmp_path / "mine.txt").write_text("precious")
     for out in (tmp_path / "new" / "out", tmp_path):

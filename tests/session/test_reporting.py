@@ -47,7 +47,10 @@ def test_a_report_that_is_not_written_costs_nothing_else(
     real = subprocess.run
 
     def run(command: list[str], *more: Any, **keys: Any) -> Any:
-        return (instead if "tautwave.report" in command else real)(command, *more, **keys)
+        if "tautwave.report" in command:
+            assert keys["start_new_session"]  # Ctrl-C in the terminal is not for it
+            return instead(command, *more, **keys)
+        return real(command, *more, **keys)
 
     monkeypatch.setattr(subprocess, "run", run)
     out = tmp_path / "out"
@@ -58,4 +61,7 @@ def test_a_report_that_is_not_written_costs_nothing_else(
     assert kept["report_error"].startswith(expected)
     assert done.summary["report_error"] == kept["report_error"]
     assert kept["outcome"]["kind"] == "finished"
+    assert load_rig(out / "rig.yaml").duration_s == 0.1  # what replays it takes that
+    port = kept["certificate"]["elements"]["master.lever port"]
+    assert port["true_j"] > kept["pairs"]["lever"]["claim_j"]["master"] > 0.0
     assert (out / "recording.mcap").stat().st_size > 1000

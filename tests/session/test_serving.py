@@ -8,14 +8,18 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError, DriverError
-from tautwave.session.serving import bus_bench, served
+from tautwave.session import serving
+from tautwave.session.serving import Bench, bus_bench, serve, served
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -137,3 +141,21 @@ def test_sim_of_a_rig_prints_one_line_and_ends_on_a_signal() -> None:
     rest, _ = process.communicate(timeout=60)
     assert rest == ""
     assert process.returncode == 0
+
+
+def test_devices_run_below_the_loop_and_leave_memory_unlocked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[tuple[Any, ...]] = []
+
+    @contextmanager
+    def realtime(priority: int, cpu: int | None, lock_memory: bool) -> Iterator[None]:
+        asked.append((priority, cpu, lock_memory))
+        yield
+
+    simulator = SimpleNamespace(serve=lambda *_: None)
+    monkeypatch.setattr(serving, "realtime", realtime)
+    monkeypatch.setattr(serving, "load_simulator", lambda _: simulator)
+    serve("any", Bench(None, None, []), print, 40)
+    serve("any", Bench(None, None, []), print, 0)
+    assert asked == [(39, None, False), (0, None, False)]

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from tautwave.contracts import AxisSpec
 from tautwave.streams import BLOCK, NOISE, colour_taps, normal_noise
 from tautwave_sim.axis import SimulatedAxis
+from tautwave_sim.bench import free_axis
 from tautwave_sim.loopback import LoopbackSimulator
 from tests.sim.truths import PERIOD, truth
 
@@ -181,3 +182,14 @@ def test_rest_begins_a_new_grid() -> None:
     assert counter.slots == 3
     world.advance(91_000_000)
     assert counter.slots == 4
+
+
+def test_an_axis_of_a_bench_reads_where_it_is() -> None:
+    axis = SimulatedAxis("master.a", free_axis(PERIOD, 0.5, 0.0, seed=(1,)))
+    expected = held(0.5, [2.0] * 9)
+    for command, place in zip([2.0] * 9, expected, strict=True):
+        axis.command(command)
+        axis.pass_slot()
+        sample = axis.measure()
+        assert sample.valid
+        assert sample.position == pytest.approx(place, rel=1e-12)

@@ -13,8 +13,8 @@ from tests.rigs.running import Run, run_rig
 
 SHIPPED = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
 # Rigs on a bus have rows of their driver's too; tests/rigs holds them against a loopback's. Scenes
-# run in the live loop only.
-OTHERS = ("driver: canopen", "driver: dynamixel", "driver: modbus", "\nscene:")
+# and arms run in the live loop only.
+OTHERS = ("driver: canopen", "driver: dynamixel", "driver: modbus", "\nscene:", "\n  arm:\n")
 CONFIGS = [path for path in SHIPPED if not any(word in path.read_text() for word in OTHERS)]
 
 Array = npt.NDArray[np.float64]

@@ -12,6 +12,7 @@ import pytest
 
 import tautwave
 from tautwave.config import load_rig
+from tautwave.controller.steps import ALONE
 from tautwave.models.crossing import motion_bounds
 from tautwave.rig import coupling_law
 from tautwave.simulation import simulate
@@ -19,6 +20,7 @@ from tautwave.simulation.kernel import compiled
 from tests.simulation.live import CONFIGS
 
 pytest.importorskip("numba")
+pytestmark = pytest.mark.timeout(600)  # where the kernel has to be compiled first
 
 SOURCE = Path(str(tautwave.__file__)).parent
 RIG = next(path for path in CONFIGS if path.stem == "bench-1dof-loopback")
@@ -52,17 +54,34 @@ def python(code: str, *arguments: str, **environment: str) -> list[str]:
     return done.stdout.split()
 
 
+def kept(monkeypatch: pytest.MonkeyPatch, directory: Path) -> bool:
+    """Return whether what is compiled would be kept in a folder."""
+    monkeypatch.setattr(compiled, "cache_directory", lambda *_: directory)
+    found = compiled._compile(motion_bounds, ALONE, lambda _, __, kept, ___: kept)
+    assert isinstance(found, bool)
+    return found
+
+
+def test_where_nothing_can_be_kept_it_is_compiled_every_time(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "file").touch()
+    assert not kept(monkeypatch, tmp_path / "file" / "cache")
+    assert kept(monkeypatch, tmp_path / "cache")
+
+
 def files(directory: Path) -> set[str]:
     return {path.name for path in directory.rglob("*.nb?")}
 
 
+@pytest.mark.slow
 def test_the_next_process_finds_the_kernel() -> None:
     simulate(load_rig(RIG), duration_s=0.05)
     folder = compiled.cache_directory(coupling_law(load_rig(RIG)))
     before = files(folder)
     assert python(HIT, str(RIG)) == ["1", "0"]
     assert files(folder) == before
-    kernels = [name for name in before if name.startswith("run.run_law") and ".nbc" in name]
+    kernels = [name for name in before if "kernel.run.run_law-" in name and ".nbc" in name]
     assert len(kernels) == 1  # one signature for all
 
 
@@ -86,6 +105,17 @@ def test_one_signature_serves_every_rig_of_a_law() -> None:
         laws[rig.coupling.law] = coupling_law(rig)
     for law in laws.values():
         assert len(compiled.compiled_kernel(law).signatures) == 1  # type: ignore[attr-defined]
+
+
+@pytest.mark.slow
+def test_another_checkout_of_the_same_sources_finds_it(tmp_path: Path) -> None:
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    hits = []
+    for name in ("one", "two"):
+        shutil.copytree(SOURCE, tmp_path / name / "tautwave")
+        found = python(EDITED, PYTHONPATH=str(tmp_path / name), **cache)
+        hits.append(found[1])
+    assert hits == ["0", "1"]
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import FrozenInstanceError
 
 import pytest
 
@@ -23,6 +24,8 @@ def test_columns_by_name() -> None:
     assert simulation.error is None
     with pytest.raises(KeyError, match=r"did you mean 'master\.lever\.position'"):
         simulation["master.lever.positon"]
+    with pytest.raises(FrozenInstanceError):
+        simulation.data = simulation.data[:1]  # type: ignore[misc]
 
 
 def test_errors_say_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -167,7 +167,7 @@ def test_a_site_without_a_certificate_is_refused_on_both_sides(
         *meet(listener, serving(keys / "ours"), lambda at: dial(at, bare, "slave", SHARED, {}))
     )
     assert "it has no certificate" in one
-    assert "it wants a certificate and got none" in two
+    assert "it requires a certificate and got none" in two
 
 
 def test_what_is_no_tls_is_refused(listener: socket.socket, keys: Path) -> None:
@@ -187,15 +187,15 @@ def test_rigs_that_differ_are_refused_key_by_key(listener: socket.socket, keys: 
         *meet(listener, serving(keys / "ours"), dialling(keys / "ours", shared=other))
     )
     assert 'the rigs differ: name: nothing here, "x" there; rate_hz: 1000.0 here, 2000.0' in one
-    assert 'refused: seen from the other site, name: nothing here, "x" there' in two
+    assert 'refused: the rigs differ: name: "x" here, nothing there' in two
 
 
 @pytest.mark.parametrize(
     ("sent", "sentence"),
     [
-        (b"\xff\xfe\n", "sent what is no message"),
-        (b"[1, 2]\n", "sent what is no message"),
-        (b"[" * 30000 + b"\n", "sent what is no message"),
+        (b"\xff\xfe\n", "sent something that is not a message"),
+        (b"[1, 2]\n", "sent something that is not a message"),
+        (b"[" * 30000 + b"\n", "sent something that is not a message"),
         (b"{}\n", "protocol None there, 1 here"),
         (b"x" * 70000, "sent a message of over 65536 bytes"),
     ],
@@ -222,7 +222,7 @@ def test_bad_messages_are_a_sentence(
 def test_nobody_there_is_a_sentence(keys: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = server.getsockname()
-    with pytest.raises(LinkError, match="nobody serves there; start the other site first"):
+    with pytest.raises(LinkError, match="nothing listens there; start the other site first"):
         dialling(keys / "ours")(address)
 
 

@@ -20,6 +20,7 @@ from tautwave.errors import ConfigError, LinkError
 from tautwave.link.clocks import exchange, keep_best
 from tautwave.sites import path, probe
 from tautwave.sites.certificates import make_authority
+from tautwave.sites.datagrams import open_socket
 from tautwave.sites.path import Asked, Found, parse_address, run_test, serve_tests, trace
 from tautwave.sites.probe import Arrival, Heard, quantile, way_of
 
@@ -89,6 +90,7 @@ def test_a_trace_has_a_line_for_each_datagram() -> None:
     [
         ("10.0.0.2", ("10.0.0.2", 7447)),
         ("lab:7000", ("lab", 7000)),
+        ("lab:65535", ("lab", 65535)),
         ("[::1]:7000", ("::1", 7000)),
         ("::1", ("::1", 7447)),
     ],
@@ -97,9 +99,9 @@ def test_addresses(text: str, found: tuple[str, int]) -> None:
     assert parse_address(text) == found
 
 
-@pytest.mark.parametrize("text", ["", ":7000", "lab:seven", "lab:70000", "lab:0"])
+@pytest.mark.parametrize("text", ["", ":7000", "lab:seven", "lab:65536", "lab:0"])
 def test_what_is_no_address_is_refused(text: str) -> None:
-    with pytest.raises(ConfigError, match="is no address: HOST, HOST:PORT"):
+    with pytest.raises(ConfigError, match="is not an address; write HOST, HOST:PORT"):
         parse_address(text)
 
 
@@ -168,3 +170,26 @@ def test_a_taken_port_is_a_sentence(keys: Path) -> None:
         address = taken.getsockname()[:2]
         with pytest.raises(LinkError, match=f"TCP port {address[1]}: Address already in use"):
             next(serve_tests(keys, "slave", "master", address))
+
+
+def test_datagrams_ask_routers_to_be_forwarded_first():
+    with open_socket("127.0.0.1", 0) as sock:
+        assert sock.getsockopt(socket.IPPROTO_IP, socket.IP_TOS) == 0xB8  # RFC 3246: 46 << 2
+
+
+def test_the_table_of_a_path_is_in_milliseconds_and_shares() -> None:
+    way = probe.Way(1000, 5, 20, 3, 0.010, 0.012, 0.015, 0.025, 0.040, 1e-6, 1e-5, 1e-6)
+    lines = [line.split() for line in path.table(Found(way, way, heard({})), "left", "right")]
+    shown = {
+        " ".join(words[:-4]) if words[-1] == "ms" else " ".join(words[:-2]): words
+        for words in lines
+    }
+    assert shown["lost"][-1] == "0.500%"
+    assert shown["reordered"][-1] == "2.000%"
+    assert [shown[name][-2] for name in ("delay least", "median", "p99", "p99.9", "greatest")] == [
+        "10.000",
+        "12.000",
+        "15.000",
+        "25.000",
+        "40.000",
+    ]

@@ -199,6 +199,7 @@ def test_interrupted_sweep_goes_on_where_it_stopped(
     assert third.resumed == 8
 
 
+@pytest.mark.slow
 def test_pool_gives_the_same_table(write: Callable[[str], Path], tmp_path: Path) -> None:
     plan = load_sweep(write(GOOD))
     serial = run_sweep(plan, tmp_path / "serial")

@@ -119,7 +119,7 @@ def assert_alike(path: Path, axes: Sequence[tuple[str, Sequence[Any]]]) -> int:
     return instances
 
 
-@pytest.mark.sparse(4)
+@pytest.mark.sparse(8)
 @pytest.mark.parametrize("path", [*SHIPPED, *BUSES], ids=lambda path: path.stem)
 def test_every_near_key_reaches_what_it_says(path: Path) -> None:
     keys = local_keys_of(path)

@@ -9,6 +9,7 @@ from tautwave_drivers.canopen.budget import budget
 from tautwave_drivers.canopen.driver import CanopenDriver
 from tautwave_drivers.canopen.options import CanopenOptions, facts
 from tautwave_drivers.canopen.scan import ScanOptions, scan
+from tautwave_drivers.canopen.survey import survey
 
 
 def _measure(cycles: int) -> Sequence[CycleCost]:
@@ -38,6 +39,7 @@ plugin = DriverPlugin(
     measure=_measure,
     endpoint=_endpoint,
     files=(("nodes", "*", "eds"),),
+    survey=survey,
 )
 
 __all__ = ["CanopenDriver", "CanopenOptions", "ScanOptions", "plugin"]

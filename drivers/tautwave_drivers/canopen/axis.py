@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from tautwave.contracts import AxisSpec
 from tautwave.types import AxisCommand, Fault, JointState
-from tautwave_drivers.canopen.mapping import RPDO_BASE, TPDO_BASE, mapping_of
+from tautwave_drivers.canopen.mapping import RPDO_1, TPDO_1, mapping_of, sensor_entry
 from tautwave_drivers.canopen.options import CanopenOptions, Node, limit_permille, scale
 from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.machine import Machine
@@ -56,14 +56,14 @@ class Axis:
         self.node = node
         self.label = f"{spec.name} (node {node.id})"
         self.scale = scale(node, spec)
-        self.mapping = mapping_of(spec.causality, node.mapping)
+        self.mapping = mapping_of(spec.causality, node)
         self.servo = spec.causality == "admittance"
         self.mode = Mode.CSV if self.servo else Mode.CST
         self.rate_hz = rate_hz
         self.fault_resets = options.fault_resets
         self.machine = self.new_machine(None)
-        self.rpdo_id = RPDO_BASE[0] + node.id
-        self.tpdo_id = TPDO_BASE[0] + node.id
+        self.rpdo_id = RPDO_1 + node.id
+        self.tpdo_id = TPDO_1 + node.id
         rpdo, tpdo = self.mapping
         self.values = [0] * len(rpdo.entries)
         self.pack: Callable[..., bytes] = rpdo.codec.pack
@@ -72,6 +72,11 @@ class Axis:
         self._mode_at = rpdo.at(o.MODE)
         self._display_at = tpdo.at(o.MODE_DISPLAY)
         self._torque_at = tpdo.at(o.TORQUE)
+        self.reports_motor = self._torque_at >= 0 and not self.servo
+        sensor = node.effort_sensor
+        self._sensor_at = -1 if sensor is None else tpdo.at(sensor_entry(sensor))
+        self._sensor_step = 0.0 if sensor is None else sensor.effort
+        self._sensor_zero = 0 if sensor is None else sensor.zero
         self.polls_mode = self._display_at < 0
         sign = node.direction
         self._position_step = sign * self.scale.encoder_quantum
@@ -82,6 +87,7 @@ class Axis:
         self._most = INT32 if self.servo else min(INT16, limit_permille(node, spec))
         self.response_time = ResponseTime()
         self.errors: list[Fault] = []
+        self.identity: dict[str, str] = {}
         self.reset()
 
     def new_machine(self, quick_stop_option: int | None) -> Machine:
@@ -103,8 +109,10 @@ class Axis:
         self.mode_bits = 0
         self.failed = False
         self.fresh = False
+        self.input_on = False
+        self.input_ns = 0
         self.position = 0.0
-        self.effort = math.nan
+        self.effort = self.motor_effort = math.nan
         self.sampled_ns = 0
         self.arrived_ns = 0
         self.outstanding = 0
@@ -196,8 +204,12 @@ class Axis:
         self.sampled_ns = sampled_ns
         self.arrived_ns = arrival_ns
         self.position = reported[1] * self._position_step
-        if self._torque_at >= 0:
+        if self.reports_motor:
+            self.motor_effort = -reported[self._torque_at] * self._effort_step
+        elif self._torque_at >= 0:
             self.effort = reported[self._torque_at] * self._effort_step
+        if self._sensor_at >= 0:
+            self.effort = (reported[self._sensor_at] - self._sensor_zero) * self._sensor_step
 
     # -- state machine -----------------------------------------------------------------------
 

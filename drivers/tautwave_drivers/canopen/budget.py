@@ -41,7 +41,7 @@ def frame_s(size: int, bitrate: int, data_bitrate: int | None = None) -> float:
 def cycle_sizes(options: CanopenOptions, bus: BusSpec) -> tuple[list[int], list[int]]:
     """Return the lengths [bytes] of all RPDOs and all TPDOs of a cycle, in axis order."""
     maps = [
-        mapping_of(axis.causality, node.mapping)
+        mapping_of(axis.causality, node)
         for axis, node in zip(bus.axes, nodes_of(options, bus), strict=True)
     ]
     return [each.rpdo.size for each in maps], [each.tpdo.size for each in maps]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import socket
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tautwave.contracts import BusSpec, Clock, FramePort, Row
@@ -20,6 +20,7 @@ from tautwave_drivers.canopen.axis import Axis
 from tautwave_drivers.canopen.budget import exchange_s
 from tautwave_drivers.canopen.bus.frames import RawPort
 from tautwave_drivers.canopen.bus.opening import open_port
+from tautwave_drivers.canopen.enable_inputs import enable_inputs
 from tautwave_drivers.canopen.exchange import Exchange
 from tautwave_drivers.canopen.health import Health
 from tautwave_drivers.canopen.options import CanopenOptions, nodes_of
@@ -66,6 +67,7 @@ class CanopenDriver:
             for spec, node in zip(bus.axes, nodes_of(options, bus), strict=True)
         ]
         self._rpdos = [(axis, axis.rpdo_id) for axis in self._axes]
+        self.dead_man = enable_inputs(self._axes, clock.now_ns)
         self._health = Health(options, self._axes, bus.period_ns)
         self._startups = [StartUp(axis, options, bus.period_ns) for axis in self._axes]
         self._sync = options.sync
@@ -73,7 +75,10 @@ class CanopenDriver:
         self._synced = False
         self._enabled = False
         self.notes: list[str] = []
+        self.identities: Mapping[str, Mapping[str, str]] = {}
         self.columns = [f"{axis.spec.name}.answer_us" for axis in self._axes]
+        self._torques = [axis for axis in self._axes if axis.reports_motor]
+        self.columns += [f"{axis.spec.name}.motor_effort" for axis in self._torques]
         if options.sync and options.rpdo == "sync":
             self.command_delay = CommandDelay(1, 0.0)
         else:
@@ -108,6 +113,7 @@ class CanopenDriver:
         except BaseException:
             self._release()
             raise
+        self.identities = {axis.spec.name: axis.identity for axis in self._axes}
         now = self._now()
         for axis in self._axes:
             axis.heard_ns = now
@@ -256,10 +262,13 @@ class CanopenDriver:
         return found
 
     def fill(self, row: Row, at: int) -> None:
-        """Record how long after SYNC each TPDO came [us]; NaN where none did."""
+        """Record how long after SYNC each TPDO came [us], and motors' torques; NaN: none did."""
         begun_ns = 0 if self._exchange is None else self._exchange.sync_ns
         for axis in self._axes:
             row[at] = (axis.arrived_ns - begun_ns) * 1e-3 if axis.fresh else math.nan
+            at += 1
+        for axis in self._torques:
+            row[at] = axis.motor_effort if axis.fresh else math.nan
             at += 1
 
     # -- the end ------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from tautwave.contracts import BusSpec, Clock, FramePort
 from tautwave.errors import DriverError
 from tautwave_drivers.canopen.axis import Axis
+from tautwave_drivers.canopen.enable_inputs import EVERY_S, READ_INPUTS
 from tautwave_drivers.canopen.health import OPERATIONAL, SYNC_ID, Health
 from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.cia402.states import State
@@ -54,6 +55,8 @@ class Exchange:
         self._period_ns = bus.period_ns
         self._beat_id = HEARTBEAT_ID + options.master_id
         self._beat_every = max(1, options.heartbeat_ms * 1_000_000 // bus.period_ns)
+        self._switched = [axis for axis in axes if axis.node.enable_input is not None]
+        self._ask_every = 4 * max(1, round(EVERY_S * bus.rate_hz / 4))
         self._poll_every = max(len(axes), round(MODE_POLL_S * bus.rate_hz) // 4)
         self.cycle = 0
         self.sync_ns = self._now() - bus.period_ns
@@ -113,6 +116,9 @@ class Exchange:
             self.send(self._beat_id, _BEAT)
         if cycle % 4 == 0:
             self._ask_modes(cycle)
+        elif self._switched and cycle % self._ask_every == 2:
+            for axis in self._switched:
+                self.send(0x600 + axis.node.id, READ_INPUTS)
 
     def _stay_quiet(self) -> bool:
         """Leave one SYNC out if it is unclear to which one the TPDOs belong.

@@ -12,6 +12,7 @@ from tautwave.contracts import FramePort
 from tautwave.types import Fault
 from tautwave_drivers.canopen.axis import Axis
 from tautwave_drivers.canopen.bus.frames import ERROR_FRAME, error_text
+from tautwave_drivers.canopen.enable_inputs import take_inputs
 from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.cia402.emergency import decode_emergency
 
@@ -103,6 +104,8 @@ class Health:
             self._emergency(axis, data)
         elif service == 0x580 and len(data) >= 5 and data[1:4] == b"\x61\x60\x00":
             self._mode_display(axis, data)
+        elif service == 0x580:
+            take_inputs(axis, data, arrival_ns)
 
     def _heartbeat(self, axis: Axis, state: int, arrival_ns: int) -> None:
         axis.heard_ns = arrival_ns

@@ -6,14 +6,16 @@ Source: CiA 301 v4.2, 7.2.2 and 7.5.2.36: objects follow each other without gaps
 from __future__ import annotations
 
 import struct
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.entry import FORMATS, Entry
 
-RPDO_BASE = (0x200, 0x300, 0x400, 0x500)
-TPDO_BASE = (0x180, 0x280, 0x380, 0x480)
-"""COB-IDs of PDO 1 to 4 without the node id (CiA 301, pre-defined connection set)."""
+if TYPE_CHECKING:
+    from tautwave_drivers.canopen.options import Node, SensorInput
+
+RPDO_1, RPDO_2, TPDO_1 = 0x200, 0x300, 0x180
+"""COB-IDs of the PDOs in use without the node id (CiA 301, pre-defined connection set)."""
 
 
 class Layout(NamedTuple):
@@ -66,6 +68,18 @@ _MAPPINGS = {
 }
 
 
-def mapping_of(causality: str, name: str) -> Mapping:
-    """Return the cyclic PDOs for a causality and the rig's `mapping`."""
-    return _MAPPINGS[causality, name]
+def sensor_entry(sensor: SensorInput) -> Entry:
+    """Return the object of an effort sensor."""
+    return Entry(
+        "effort sensor", sensor.index, sensor.subindex, "I16", "counts", "measured", "CiA 401"
+    )
+
+
+def mapping_of(causality: str, node: Node) -> Mapping:
+    """Return the cyclic PDOs for a causality, the node's `mapping` and what it is to report."""
+    rpdo, tpdo = _MAPPINGS[causality, node.mapping]
+    if causality == "impedance" and node.report_torque:
+        tpdo = Layout((*tpdo.entries, o.TORQUE))
+    if node.effort_sensor is not None:
+        tpdo = Layout((*tpdo.entries, sensor_entry(node.effort_sensor)))
+    return Mapping(rpdo, tpdo)

@@ -22,7 +22,7 @@ from tautwave_drivers.canopen.bus.frames import RawPort
 from tautwave_drivers.canopen.bus.python_can import polled
 from tautwave_drivers.canopen.driver import CanopenDriver
 from tautwave_drivers.canopen.health import SYNC_ID
-from tautwave_drivers.canopen.mapping import RPDO_BASE, TPDO_BASE
+from tautwave_drivers.canopen.mapping import RPDO_1, TPDO_1
 from tautwave_drivers.canopen.options import CanopenOptions, Node
 from tautwave_drivers.cia402.states import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON
 from tautwave_drivers.cost import Cycle, in_turn
@@ -107,10 +107,10 @@ class StandIns:
                 self._position += 1  # moves, as a drive in use does
                 for node in NODES:
                     response = _TPDO.pack(self._words[node], self._position, 10)
-                    self._end.put(TPDO_BASE[0] + node, response)
-            elif can_id - RPDO_BASE[0] in self._words:
+                    self._end.put(TPDO_1 + node, response)
+            elif can_id - RPDO_1 in self._words:
                 word = int.from_bytes(data[:2], "little")
-                self._words[can_id - RPDO_BASE[0]] = _STATES.get(word & 0x8F, 0x0250)
+                self._words[can_id - RPDO_1] = _STATES.get(word & 0x8F, 0x0250)
 
 
 def driver_cycle(driver: CanopenDriver, clock: Clock, end: End) -> Cycle:
@@ -157,7 +157,7 @@ def bare_cycle(master: End, end: End) -> Cycle:
         for _ in NODES:
             master.take()
         for node in NODES:
-            master.put(RPDO_BASE[0] + node, command)
+            master.put(RPDO_1 + node, command)
         spent += tick() - first
         drives.work()
         return spent

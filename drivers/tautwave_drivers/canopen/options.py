@@ -68,6 +68,19 @@ class Move(Block):
     """[s] After which the move has failed."""
 
 
+class SensorInput(Block):
+    """An object of the drive with what an effort sensor shows, such as an analogue input."""
+
+    index: Annotated[int, Field(ge=0x2000, le=0xFFFF)] = 0x6401
+    """6401h (CiA 401, analogue inputs of 16 bits), or an object of the manufacturer."""
+    subindex: Annotated[int, Field(ge=0, le=254)] = 1
+    """1 is the first input."""
+    effort: float
+    """[N m | N] of one count, as the effort from outside on the axis; may be negative."""
+    zero: Annotated[int, Field(ge=-32768, le=32767)] = 0
+    """Counts without an effort."""
+
+
 class Node(Block):
     """One drive: what cannot be read from the bus, and what has to be checked."""
 
@@ -87,6 +100,13 @@ class Node(Block):
     eds: str | None = None
     """EDS or DCF file; parameter values of a DCF are written first."""
     mapping: Literal["lean", "full"] = "full"
+    enable_input: Annotated[int, Field(ge=0, le=31)] | None = None
+    """Bit of the digital inputs (60FDh) that a dead-man switch sets: an operated rig engages only
+    while it is on."""
+    effort_sensor: SensorInput | None = None
+    """Of an axis with `effort_sensor`; in the TPDO, which needs `mapping: lean`."""
+    report_torque: bool = False
+    """6077h of an axis that takes effort, recorded as `motor_effort`; needs `mapping: lean`."""
     homing: Homing | None = None
     move: Move | None = None
 
@@ -213,6 +233,8 @@ def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
                 f"bus {bus.name}: node {found.id}: homing and move change the mode, "
                 "which needs mapping: full"
             )
+        elif problem := _misread(axis, found):
+            problems.append(f"bus {bus.name}: {problem}")
         elif axis.causality == "impedance" and not 1 <= limit_permille(found, axis) < INT16:
             problems.append(
                 f"bus {bus.name}: {axis.name}: effort_limit {axis.effort_limit:g} is "
@@ -228,6 +250,29 @@ def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
     if problems:
         raise ConfigError(problems)
     return [known[axis.device_id] for axis in bus.axes]
+
+
+def _misread(axis: AxisSpec, node: Node) -> str:
+    """Return what is wrong with what a node is to report of efforts; nothing if all is well."""
+    keys = [key for key in ("effort_sensor", "report_torque") if getattr(node, key)]
+    if axis.effort_sensor and node.effort_sensor is None:
+        return (
+            f"{axis.name} has an effort_sensor, but node {node.id} does not say where; add "
+            "effort_sensor: {index: 0x6401, subindex: 1, effort: N m of one count} to it"
+        )
+    if node.effort_sensor is not None and not axis.effort_sensor:
+        return (
+            f"node {node.id} reads an effort_sensor, but {axis.name} states none; add "
+            "effort_sensor: {} to the axis"
+        )
+    if node.effort_sensor is not None and node.effort_sensor.effort == 0.0:
+        return f"node {node.id}: effort_sensor.effort of one count is not 0"
+    if keys and axis.causality == "admittance":
+        return f"node {node.id}: {axis.name} takes velocity and reports 6077h; remove {keys[0]}"
+    if keys and (node.mapping == "full" or len(keys) == 2):
+        room = "one of both" if node.mapping == "lean" else "it only with mapping: lean"
+        return f"node {node.id}: a TPDO has 8 bytes, room for {room} ({', '.join(keys)})"
+    return ""
 
 
 def limit_permille(node: Node, axis: AxisSpec) -> int:

@@ -20,6 +20,16 @@ from tautwave_drivers.cia402.modes import mode_name
 from tautwave_drivers.cia402.states import decode
 
 _READ_DEVICE_TYPE = bytes.fromhex("4000100000000000")
+MOTOR = {
+    "rated_torque": o.RATED_TORQUE,
+    "increments": o.ENCODER_INCREMENTS,
+    "revolutions": o.ENCODER_REVOLUTIONS,
+    "gear_motor": o.GEAR_MOTOR,
+    "gear_shaft": o.GEAR_SHAFT,
+    "max_speed": o.MAX_MOTOR_SPEED,
+}
+"""What a drive may know of its motor, by column."""
+
 _BURST = 8
 _BURST_NS = 2_000_000
 
@@ -122,6 +132,10 @@ def _row(
     row["vendor"], row["product"] = hexed(c.VENDOR_ID), hexed(c.PRODUCT_CODE)
     row["revision"], row["serial"] = hexed(c.REVISION), hexed(c.SERIAL_NUMBER)
     word, mode = value(o.STATUSWORD), value(o.MODE_DISPLAY)
+    for column, entry in MOTOR.items():
+        found = value(entry)
+        if isinstance(found, int):
+            row[column] = found
     row["state"] = decode(word).value if isinstance(word, int) else None
     row["mode"] = mode_name(mode) if isinstance(mode, int) else None
     code = value(o.ERROR_CODE)

@@ -28,7 +28,7 @@ STORE_ALL = _entry(0x1010, 1, "U32", "store parameters", "", "written 'save': st
 EMCY_COB_ID = _entry(0x1014, 0, "U32", "EMCY COB-ID", "", "80h + node; bit 31: none is sent")
 CONSUMER_COUNT = _entry(0x1016, 0, "U8", "heartbeats watched", "", "entries of 1016h")
 CONSUMER_HEARTBEAT = _entry(
-    0x1016, 1, "U32", "consumer heartbeat", "ms", "node << 16 | time; 0: watches nobody"
+    0x1016, 1, "U32", "consumer heartbeat", "ms", "node << 16 | time; 0: watches nothing"
 )
 PRODUCER_HEARTBEAT = _entry(0x1017, 0, "U16", "producer heartbeat", "ms", "0: sends none")
 IDENTITY_COUNT = _entry(0x1018, 0, "U8", "identity entries", "", "entries of 1018h")

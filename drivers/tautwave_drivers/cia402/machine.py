@@ -4,7 +4,7 @@ Source: CiA 402-2 v3.0 (IEC 61800-7-201), state diagram and objects 6040h, 6041h
 
 Which word is sent in which state is a table, `routes.ROUTES`. A drive is enabled only after 6061h
 has shown the mode asked for, and only by this machine: one found in OPERATION ENABLED is taken out
-of it first, since nobody knows its target. `commanding` is what a driver has to obey: while it is
+of it first, since its target is unknown. `commanding` is what a driver has to obey: while it is
 False every target (and offset) it sends is the safe one.
 """
 
@@ -41,7 +41,7 @@ class Machine:
         Why the goal was given up, else ''. The machine then disables; `enable` starts again.
     mode_wanted : int
         What 6060h has to hold now, 0 for leaving it alone. It follows `enable` only once the drive
-        is without torque: nobody changes the mode of an enabled drive.
+        is without torque: the mode of an enabled drive is never changed.
     state, controlword
         Last state seen, last word returned.
     """

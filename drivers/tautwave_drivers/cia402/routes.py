@@ -58,7 +58,7 @@ ROUTES: dict[Route, dict[State, Step]] = {
         State.SWITCH_ON_DISABLED: _take(2, "transition", pause=s.DISABLE_VOLTAGE),
         State.READY: _take(3, "transition", pause=s.SHUTDOWN),
         State.SWITCHED_ON: _take(4, "transition", pause=s.SWITCH_ON),
-        # found enabled, with a target nobody knows: out first
+        # found enabled, with an unknown target: disable it first
         State.OPERATION_ENABLED: _take(5, "transition", pause=s.SHUTDOWN),
         State.QUICK_STOP_ACTIVE: _take(12, "stop", "transition"),
         State.FAULT_REACTION_ACTIVE: Step(timeouts=("stop",)),

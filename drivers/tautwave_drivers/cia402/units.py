@@ -52,7 +52,7 @@ class AxisScale(NamedTuple):
     def effort_counts(self, effort: float, limit: int = INT16) -> int:
         """Return the per mille of rated torque for `effort` [N m or N], within +-`limit`.
 
-        What is no finite number becomes 0: a motor gets no torque from a NaN.
+        What is not finite becomes 0: a motor gets no torque from a NaN.
         """
         return self.direction * to_counts(effort, self.effort_quantum, min(limit, INT16))
 
@@ -179,22 +179,3 @@ def axis_scale(
         rated_torque / 1000.0 * (math.tau / travel),
         direction,
     )
-
-
-def velocity_of_motor_rpm(transmission: Transmission, rpm_per_count: float = 1.0) -> float:
-    """Return the quantum [rad/s or m/s] of a drive that counts motor revolutions per minute."""
-    return transmission.travel * rpm_per_count / 60.0
-
-
-def velocity_of_shaft_rpm(transmission: Transmission, rpm_per_count: float = 1.0) -> float:
-    """Return the quantum [rad/s or m/s] of a drive that counts rpm behind its gear (6091h)."""
-    return transmission._replace(gear_motor=1, gear_shaft=1).travel * rpm_per_count / 60.0
-
-
-def velocity_of_factor(encoder_quantum: float, numerator: int, divisor: int) -> float:
-    """Return the quantum where velocity * numerator / divisor is in increments per second.
-
-    Source: 6094h of CiA 402 v1.1, as in Elmo's DSP 402 guide (MAN-CAN402IG 1.2, p. 47); a drive
-    whose 6096h means the same is scaled by it too, which its manual has to say.
-    """
-    return encoder_quantum * numerator / divisor

@@ -56,6 +56,7 @@ class Bringup:
         self._changes: list[str] = []
         self._unwatched: set[int] = set()
         self.notes: list[str] = []
+        self.identities: dict[str, dict[str, str]] = {}
 
     def run(self, servos: Sequence[Servo], scales: Sequence[Scale]) -> list[Limits]:
         """Check and set all servos; return the greatest goal of each.
@@ -77,7 +78,7 @@ class Bringup:
             listed = "".join(f"\n  {change}" for change in self._changes)
             raise DriverError(
                 f"bus {self._bus.name}: lasting settings differ:{listed}\n"
-                "run `tautwave run RIG --configure` once to write them into the servos"
+                "--configure, once, writes them into the servos"
             )
         return [self._prepare(*pair) for pair in zip(servos, scales, strict=True)]
 
@@ -115,6 +116,11 @@ class Bringup:
             f"{where}: {servo.model.name}, firmware {firmware}, {volts:.1f} V, {degrees} degC"
             + ("" if watched else ", without a bus watchdog")
         )
+        self.identities[servo.axis.name] = {
+            "model": servo.model.name,
+            "firmware": str(firmware),
+            "homing_offset": str(self._get(servo, reg.HOMING_OFFSET)),
+        }
         if not watched:
             self._unwatched.add(servo.options.id)
             return

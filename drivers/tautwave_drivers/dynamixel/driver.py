@@ -12,9 +12,9 @@ from it on.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from tautwave.contracts import BusSpec, BytePort, Clock
+from tautwave.contracts import BusSpec, BytePort, Clock, Row
 from tautwave.errors import DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.dynamixel.bringup import Bringup, Limits
@@ -81,6 +81,12 @@ class DynamixelDriver:
         self._lost = ""
         self._faults: list[Fault] = []
         self.notes: list[str] = []
+        self._torques = [at for at, servo in enumerate(self._servos) if servo.impedance]
+        self.columns = [f"{bus.axes[at].name}.motor_effort" for at in self._torques]
+        self._motor_steps = [
+            self._scales[at].direction * self._scales[at].effort for at in self._torques
+        ]
+        self.identities: Mapping[str, Mapping[str, str]] = {}
 
     # -- before the loop --------------------------------------------------------------------
 
@@ -101,6 +107,7 @@ class DynamixelDriver:
             bringup = Bringup(slow, self._options, self._bus)
             bringup.notes = self.notes
             self._limits = bringup.run(self._servos, self._scales)
+            self.identities = bringup.identities
             if self._options.status_block:
                 map_status_block(slow, self._servos)
             self._build(port)
@@ -186,7 +193,7 @@ class DynamixelDriver:
                 if not exchange.on_wire:
                     self.notes.append(
                         f"bus {self._bus.name}: responses come faster than {self._options.baud} "
-                        "baud allows, so this is not a real line; late ones cannot be told apart"
+                        "baud allows, so this is not a real line; late ones cannot be distinguished"
                     )
                 return
         silent = [
@@ -301,6 +308,14 @@ class DynamixelDriver:
             return ()
         found, self._faults = self._faults, []
         return found
+
+    def fill(self, row: Row, at: int) -> None:
+        """Record the present current of axes that take effort, as effort; NaN: no sample."""
+        values = self._exchange.values if self._port is not None and not self._lost else ()
+        for place, step in zip(self._torques, self._motor_steps, strict=True):
+            found = values[place] if values else None
+            row[at] = NAN if found is None else found[1] * step
+            at += 1
 
     # -- afterwards -----------------------------------------------------------------------
 

@@ -168,8 +168,7 @@ def _sdk_cycle(path: str, *, fast: bool) -> tuple[Work, Work]:
         goals.txPacket()
         ask()
         for one in IDS:
-            samples.getData(one, reg.PRESENT_CURRENT.address, 2)
-            samples.getData(one, reg.PRESENT_VELOCITY.address, 4)
-            samples.getData(one, reg.PRESENT_POSITION.address, 4)
+            for item in (reg.PRESENT_CURRENT, reg.PRESENT_VELOCITY, reg.PRESENT_POSITION):
+                samples.getData(one, item.address, item.size)
 
     return cycle, port.closePort

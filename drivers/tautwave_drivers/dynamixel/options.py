@@ -145,6 +145,11 @@ def match_servos(options: DynamixelOptions, bus: BusSpec) -> list[Servo]:
         if model is None:
             problems.append(_unknown(bus, one))
             continue
+        if axis.effort_sensor:
+            problems.append(
+                f"bus {bus.name}: {axis.name}: a servo measures its motor's current, recorded as "
+                "motor_effort, and no effort from outside; remove effort_sensor"
+            )
         refusal = _refusal(bus, options, axis, one, model)
         if refusal:
             problems.append(refusal)

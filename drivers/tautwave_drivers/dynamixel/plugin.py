@@ -11,6 +11,7 @@ from tautwave_drivers.dynamixel.options import DynamixelOptions, match_servos
 from tautwave_drivers.dynamixel.protocol.indirect import check_one_family
 from tautwave_drivers.dynamixel.protocol.units import scale_of
 from tautwave_drivers.dynamixel.scan import ScanOptions, scan
+from tautwave_drivers.dynamixel.survey import survey
 
 
 def _facts(options: DynamixelOptions, bus: BusSpec) -> Sequence[AxisFacts]:
@@ -48,4 +49,5 @@ plugin = DriverPlugin(
     scan_options=ScanOptions,
     measure=_measure,
     endpoint=_endpoint,
+    survey=survey,
 )

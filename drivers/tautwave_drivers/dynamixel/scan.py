@@ -16,7 +16,7 @@ from tautwave_drivers.dynamixel.options import STRICT, Protocol
 from tautwave_drivers.dynamixel.protocol import packet, packet1
 from tautwave_drivers.dynamixel.protocol import registers as reg
 from tautwave_drivers.dynamixel.protocol.messages import hardware_text, protocol1_text
-from tautwave_drivers.dynamixel.protocol.models import model_name
+from tautwave_drivers.dynamixel.protocol.models import MODELS, VELOCITY_UNIT, model_name
 from tautwave_drivers.serial_port import SerialPort
 from tautwave_drivers.serial_ports import ports_found
 
@@ -58,6 +58,8 @@ class ScanOptions(BaseModel):
 
 def scan(options: ScanOptions, progress: ScanProgress = no_progress) -> Sequence[dict[str, Any]]:
     """Return every servo found: baud, protocol, id, model, firmware, supply and errors.
+
+    Limits are the servo's own, [A] and [rad/s].
 
     Raises
     ------
@@ -152,6 +154,15 @@ def _row(line: PacketLine, baud: int, device_id: int, number: int, firmware: int
     delay = line.read(device_id, reg.RETURN_DELAY.address, 1)
     if delay is not None and delay.data:
         row["return_delay_us"] = 2 * delay.data[0]
+    model = MODELS.get(str(row["model"]))
+    if model is not None:
+        current = line.read(device_id, reg.CURRENT_LIMIT.address, 2)
+        if model.current_unit and current is not None and len(current.data) == 2:
+            counts = reg.CURRENT_LIMIT.decode(current.data)
+            row["current_limit"] = round(counts * model.current_unit, 3)
+        speed = line.read(device_id, reg.VELOCITY_LIMIT.address, 4)
+        if speed is not None and len(speed.data) == 4:
+            row["velocity_limit"] = round(reg.VELOCITY_LIMIT.decode(speed.data) * VELOCITY_UNIT, 2)
     supply = line.read(device_id, reg.PRESENT_VOLTAGE.address, 3)
     if supply is not None and len(supply.data) == 3:
         row["voltage"] = round(0.1 * reg.PRESENT_VOLTAGE.decode(supply.data), 1)

@@ -53,6 +53,7 @@ class Bringup:
         self._volatile = False
         self._changes: list[str] = []
         self.notes: list[str] = []
+        self.identity: dict[str, str] = {}
 
     def run(self) -> None:
         """Check and set everything; the drive is without torque all the time.
@@ -78,7 +79,7 @@ class Bringup:
             listed = "".join(f"\n  {change}" for change in self._changes)
             raise DriverError(
                 f"{self._where}: lasting settings differ:{listed}\n"
-                "run `tautwave run RIG --configure` once to write them into the drive"
+                "--configure, once, writes them into the drive"
             )
         self._watchdog()
         self._put_zero()
@@ -96,8 +97,10 @@ class Bringup:
                     f"{self._where}: {name} reads {found:#x}, but a {profile.family} drive has "
                     f"{wanted:#x}; correct its profile, or the unit id"
                 )
-        reported = [f"{label} {self._get(name)}" for name, label in profile.reported.items()]
-        self.notes.append(", ".join((f"{self._where}: {profile.family}", *reported)))
+        reported = {label: str(self._get(name)) for name, label in profile.reported.items()}
+        words = (f"{label} {value}" for label, value in reported.items())
+        self.notes.append(", ".join((f"{self._where}: {profile.family}", *words)))
+        self.identity = {"family": profile.family, **reported}
         rated = profile.register_of("rated_torque")
         if rated is not None and device.options.rated_torque is not None:
             drive = self._get(profile.roles["rated_torque"]) * rated.scale
@@ -236,7 +239,7 @@ class Bringup:
             if self._changes:
                 raise DriverError(
                     f"{self._where}: lasting settings differ:\n  {self._changes[0]}\n"
-                    "run `tautwave run RIG --configure` once to write it into the drive"
+                    "--configure, once, writes it into the drive"
                 )
         else:
             self._put(name, units)

@@ -89,10 +89,9 @@ def exchanges_of(device: Device, functions: Sequence[int] | None = None) -> list
     """Return the requests of a cycle to one drive."""
     functions = device.functions if functions is None else functions
     profile = device.profile
-    roles = ["position", "status"] + ([] if device.impedance else ["effort"])
     wanted = [
         (name, profile.registers[name].address, profile.registers[name].words)
-        for name in (profile.roles[role] for role in roles)  # type: ignore[index]
+        for name in device.read_names
     ]
     blocks = blocks_of(wanted, profile.readable, profile.gaps == "readable", BRIDGE)
     position = profile.roles["position"]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import statistics
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tautwave.contracts import READ_SHARE, BusSpec, Clock, Row
@@ -83,7 +83,14 @@ class ModbusDriver:
         self._on = False
         self._faults: list[Fault] = []
         self.notes: list[str] = []
+        self.identities: dict[str, Mapping[str, str]] = {}
         self.columns = [f"{device.axis.name}.answer_us" for device in self._devices]
+        self._torques = [
+            at
+            for at, one in enumerate(self._devices)
+            if one.impedance and one.options.report_torque
+        ]
+        self.columns += [f"{self._devices[at].axis.name}.motor_effort" for at in self._torques]
 
     # -- before the loop --------------------------------------------------------------------
 
@@ -111,6 +118,7 @@ class ModbusDriver:
                     bringup = Bringup(station, client, self._options, self._bus, self._clock)
                     bringup.notes = self.notes
                     bringup.run()
+                    self.identities[station.device.axis.name] = bringup.identity
             links.gather()
             self._try_exchange(links)
             self._enabling = self._new_enabling(links)
@@ -271,7 +279,7 @@ class ModbusDriver:
         return found
 
     def fill(self, row: Row, at: int) -> None:
-        """Record the response time of each drive [us]; NaN where none came."""
+        """Record the response time of each drive [us] and reported torques; NaN: none came."""
         for station in self.stations:
             transaction = station.transaction
             complete = transaction.complete and bool(transaction.sent_ns)
@@ -280,6 +288,10 @@ class ModbusDriver:
                 if complete
                 else float("nan")
             )
+            at += 1
+        for which in self._torques:
+            station = self.stations[which]
+            row[at] = station.motor_effort if station.transaction.complete else float("nan")
             at += 1
 
     # -- afterwards -----------------------------------------------------------------------

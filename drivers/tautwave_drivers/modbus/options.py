@@ -12,6 +12,7 @@ from tautwave.errors import ConfigError
 from tautwave_drivers.cia402.units import INT16, INT32, limit_counts
 from tautwave_drivers.modbus.profile import Profile, Register, load_profile
 from tautwave_drivers.modbus.protocol.registers import bounds
+from tautwave_drivers.modbus.reports import SensorRegister, check_reports
 
 Positive = Annotated[float, Field(gt=0.0)]
 Pause = Annotated[float, Field(gt=0.0, le=60.0)]
@@ -49,6 +50,10 @@ class DeviceOptions(Block):
     """-1: the axis counts against the drive."""
     function_codes: list[Literal[3, 4, 6, 16, 23]] | None = None
     """Those this drive accepts, where they are not the profile's."""
+    effort_sensor: SensorRegister | None = None
+    """Of an axis with `effort_sensor`; read in every cycle."""
+    report_torque: bool = False
+    """The profile's register `effort` of an axis that takes torque, recorded as `motor_effort`."""
 
 
 class ModbusOptions(Block):
@@ -150,6 +155,16 @@ class Device(NamedTuple):
     def unit(self) -> int:
         """Unit id."""
         return self.options.unit
+
+    @property
+    def read_names(self) -> list[str]:
+        """Registers that are read in every cycle, by their names in the profile."""
+        roles = ["position", "status"]
+        if not self.impedance or self.options.report_torque:
+            roles.append("effort")
+        names = [self.profile.roles[role] for role in roles]  # type: ignore[index]
+        sensor = self.options.effort_sensor
+        return names if sensor is None else [*names, sensor.register_name]
 
     @property
     def label(self) -> str:
@@ -298,6 +313,7 @@ def _matched(options: ModbusOptions, axis: AxisSpec, device: DeviceOptions) -> D
     room = min(high, -low - 1) if low < 0 else 0
     if room < 1:
         raise ConfigError(f"profile {profile.family}: its command register is unsigned")
+    check_reports(axis, device.unit, device.effort_sensor, device.report_torque, profile)
     impedance = axis.causality == "impedance"
     quantum = scale.effort_command if impedance else scale.velocity_command
     limit = axis.effort_limit if impedance else axis.velocity_limit

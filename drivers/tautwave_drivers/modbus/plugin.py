@@ -9,6 +9,7 @@ from tautwave.contracts import BusSpec, Clock, CycleCost, Driver, DriverPlugin, 
 from tautwave_drivers.modbus.budget import budget
 from tautwave_drivers.modbus.options import ModbusOptions, facts
 from tautwave_drivers.modbus.scan import ScanOptions, scan
+from tautwave_drivers.modbus.survey import survey
 
 
 def _make(options: ModbusOptions, bus: BusSpec, clock: Clock, transport: Any) -> Driver:
@@ -42,4 +43,5 @@ plugin = DriverPlugin(
     measure=_measure,
     endpoint=_endpoint,
     files=(("devices", "*", "profile"),),
+    survey=survey,
 )

@@ -36,10 +36,8 @@ class Plan:
 
     def __init__(self, device: Device, codec: RegisterCodec) -> None:
         profile = device.profile
-        roles = ["position", "status"] + ([] if device.impedance else ["effort"])
         wanted = []
-        for role in roles:
-            name = profile.roles[role]  # type: ignore[index]  # all three are roles
+        for name in device.read_names:
             register = profile.registers[name]
             wanted.append((name, register.address, register.words))
         blocks = blocks_of(wanted, profile.readable, profile.gaps == "readable", BRIDGE)
@@ -60,13 +58,15 @@ class Plan:
             self.requests = [self.command, *self.reads]
         self.skip = 0 if codec.both else 1
         """Responses before that with the position."""
-        self.position = self._place("position")
-        self.status = self._place("status")
-        self.effort = None if device.impedance else self._place("effort")
+        self.position = self._place(profile.roles["position"])
+        self.status = self._place(profile.roles["status"])
+        reported = not device.impedance or device.options.report_torque
+        self.effort = self._place(profile.roles["effort"]) if reported else None
+        sensor = device.options.effort_sensor
+        self.sensor = None if sensor is None else self._place(sensor.register_name)
 
-    def _place(self, role: str) -> tuple[int, Callable[[bytes], int]]:
-        """Return the block of a role, and a function from that block's response to its value."""
-        name = self._profile.roles[role]  # type: ignore[index]
+    def _place(self, name: str) -> tuple[int, Callable[[bytes], int]]:
+        """Return the block of a register, and what reads its value in that block's response."""
         register = self._profile.registers[name]
         for number, block in enumerate(self.blocks):
             if name in block.names:
@@ -106,6 +106,8 @@ class Station:
         self._position_step = sign * device.scale.position
         # The drive measures its motor; what the world does to the axis is the opposite.
         self._effort_step = -sign * device.scale.effort
+        self._sensor = device.options.effort_sensor
+        self.motor_effort = NAN
         self.machine: Drive402 | None = None
         if device.profile.machine == "cia402":
             mode = device.profile.modes["effort" if device.impedance else "velocity"]
@@ -214,6 +216,11 @@ class Station:
         if plan.effort is not None:
             number, read = plan.effort
             effort = read(responses[skip + number]) * self._effort_step
+            if self._impedance:
+                self.motor_effort, effort = -effort, NAN
+        if plan.sensor is not None and self._sensor is not None:
+            number, read = plan.sensor
+            effort = (read(responses[skip + number]) - self._sensor.zero) * self._sensor.effort
         if self.on:
             number, read = plan.status
             self._watch(read(responses[skip + number]), responses[end:])

@@ -106,6 +106,13 @@ class Device:
 
     def _wire(self, node: NodeKeys) -> None:
         objects = self.objects
+        sensor = node.effort_sensor
+        if sensor is not None:
+            at = sensor.index, sensor.subindex
+            if sensor.subindex:
+                objects.add(sensor.index, 0, Entry("U8", "ro", sensor.subindex))
+            objects.add(*at, Entry("I16", "ro", 0, "t"))
+            objects.readers[at] = lambda: self.drive.motor.sensor_counts(sensor.effort, sensor.zero)
         identity = node.identity
         words = (0, 0, None, None) if identity is None else tuple(identity.model_dump().values())
         known = dict(zip(("vendor", "product", "revision", "serial"), words, strict=True))

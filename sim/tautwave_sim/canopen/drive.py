@@ -58,6 +58,7 @@ class Drive:
         self._next_mode: tuple[int, int] | None = None
         self._homed = self._homing_failed = self._mode_lost = False
         self._acknowledged = False
+        self.inputs = 0
         self._was_on = False
         self._away_ns: int | None = None
         self._now_ns = 0
@@ -76,6 +77,7 @@ class Drive:
         objects.readers[0x6074, 0] = lambda: motor.torque_counts
         objects.readers[0x6062, 0] = self._demand_counts
         objects.readers[0x60F4, 0] = lambda: self._demand_counts() - motor.position_counts
+        objects.readers[0x60FD, 0] = lambda: self.inputs
         objects.readers[0x6502, 0] = lambda: sum(1 << mode - 1 for mode in self.modes)
         objects.writers[0x6040, 0] = self._take_word
         objects.writers[0x6060, 0] = self._take_mode

@@ -78,8 +78,7 @@ class DriveAxis(SimulatedAxis):
                     self.physics.step(self._command, before, rate, (share - begun) * period)
                     begun = share
                 self._command = value
-            self._slot += 1
-            self._hand = self._hand_at(self._slot)
+            self._arrive()
         self._command = self._changes[-1][1]
         self._changes.clear()
 
@@ -124,7 +123,7 @@ class Motor:
         if self._measured is None:
             state = self.axis.measure()
             self._measured, self.valid = state.position, state.valid
-            self._effort = state.effort if self.servo else 0.0
+            self._effort = state.effort if self.servo or self.axis.sensor is not None else 0.0
         return self._measured
 
     @property
@@ -146,6 +145,11 @@ class Motor:
             return self.torque_counts
         self.measure()
         return -self.scale.direction * math.floor(self._effort / self.scale.effort + 0.5)
+
+    def sensor_counts(self, effort: float, zero: int) -> int:
+        """Return what an analogue input shows of the effort sensor: counts of `effort` each."""
+        self.measure()
+        return zero + math.floor(self._effort / effort + 0.5)
 
     def velocity(self) -> float:
         """Return the speed [rad/s or m/s], as a fine encoder would show it."""

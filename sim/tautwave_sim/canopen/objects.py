@@ -109,6 +109,7 @@ DRIVE = (
     (0x60C2, 2, Entry(_I8, "rw", -3, low=-9, high=0)),
     (0x60F4, 0, Entry(_I32, "ro", 0, "t")),
     (0x60FF, 0, Entry(_I32, "rw", 0, "rt")),
+    (0x60FD, 0, Entry(_U32, "ro", 0)),
     (0x6502, 0, Entry(_U32, "ro", 0)),
 )
 

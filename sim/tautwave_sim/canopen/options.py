@@ -56,6 +56,8 @@ class Quirks(_Keys):
     """It drops out of its mode then: 6061h shows 0 and no set-point is followed."""
     emergency_at_s: AtSeconds | None = None
     """It sends an EMCY then, with `fault_code`, but keeps running."""
+    inputs: Annotated[tuple[Annotated[tuple[AtSeconds, int], Listed], ...], Listed] = ()
+    """When its digital inputs (60FDh) change, and what they are then; 0 before."""
     rpdo_timer: Literal["yes", "no_subindex", "no_object"] = "yes"
     """Whether 1400h:05 and its like exist, as deadline timers; without them a drive responds
     06090011h, some 06020000h."""
@@ -98,6 +100,15 @@ class IdentityKeys(_Shared):
     serial: int | None = None
 
 
+class SensorKeys(_Shared):
+    """The object of an effort sensor, and what one count of it is."""
+
+    index: int = 0x6401
+    subindex: int = 1
+    effort: float
+    zero: int = 0
+
+
 class NodeKeys(_Shared):
     """One drive and its motor."""
 
@@ -109,6 +120,7 @@ class NodeKeys(_Shared):
     direction: Literal[1, -1] = 1
     velocity_factor: Positive = 1.0
     identity: IdentityKeys | None = None
+    effort_sensor: SensorKeys | None = None
 
 
 class SimulatedCanopenOptions(_Shared):

@@ -10,6 +10,7 @@ the axes are held. Without SYNC they begin when a drive is enabled.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from tautwave.contracts import BusSpec
 from tautwave.errors import ConfigError
@@ -181,7 +182,7 @@ class DriveBus:
 
     def _begin_slot(self) -> None:
         for device, motor in zip(self.devices, self._motors, strict=True):
-            if device.drive.machine.state is State.ENABLED:
+            if device.drive.machine.state is State.ENABLED or motor.axis.in_hand:
                 motor.free = True
             device.drive.begin_slot(self._slot)
 
@@ -199,7 +200,8 @@ class DriveBus:
             self._pass_to((since + self._period_ns // 2) // self._period_ns)
             return
         working = [device for device in self.devices if device.nmt is Nmt.OPERATIONAL]
-        if working and all(device.drive.told_enabled for device in working):
+        in_hand = any(motor.axis.in_hand for motor in self._motors)
+        if in_hand or (working and all(device.drive.told_enabled for device in working)):
             self._begin(now_ns)
 
     def _act(self, at: int, now_ns: int) -> None:
@@ -254,6 +256,9 @@ def _planned_faults(
     def warn(now_ns: int) -> None:
         device.emergency(quirks.fault_code, 0x01)
 
+    def switch(value: int, now_ns: int) -> None:
+        device.drive.inputs = value
+
     return [
         (quirks.heartbeat_lost_at_s, stop_beating),
         (quirks.silent_at_s, fall_silent),
@@ -262,4 +267,5 @@ def _planned_faults(
         (quirks.fault_at_s, fail),
         (quirks.mode_lost_at_s, lose_mode),
         (quirks.emergency_at_s, warn),
+        *((at_s, partial(switch, value)) for at_s, value in quirks.inputs),
     ]

@@ -10,7 +10,7 @@ goal sent with the exchange of slot k acts from slot k on, and a command that is
 next exchange has a delay of exactly one period.
 
 **Beginning.** An axis is held until the first sync or bulk read (fast or not) whose servos all
-have their torque on; that exchange is slot 0. A plain read (0x02) is no exchange. Once the host has
+have their torque on; that exchange is slot 0. A plain read (0x02) is not one. Once the host has
 switched all torque off the axes are held again, until the next such exchange. `tautwave sim
 dynamixel` has no rig, and its servos move from the beginning on.
 

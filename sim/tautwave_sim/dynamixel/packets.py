@@ -47,7 +47,7 @@ _TABLE = _table()
 
 
 def crc16(data: bytes | bytearray, crc: int = 0) -> int:
-    """Return the checksum (polynomial 0x8005, nothing reflected), going on from `crc`."""
+    """Return the checksum (polynomial 0x8005, nothing reflected), continued from `crc`."""
     for byte in data:
         crc = ((crc << 8) & 0xFFFF) ^ _TABLE[(crc >> 8) ^ byte]
     return crc

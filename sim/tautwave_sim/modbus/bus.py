@@ -55,7 +55,7 @@ class DriveBus:
                 )
             if event.kind in LINK_FAULTS and (event.kind == "unplugged") != (options.link == "rtu"):
                 raise ConfigError(
-                    f"{bus.name}: simulator.faults: {event.kind} is nothing that happens to "
+                    f"{bus.name}: simulator.faults: {event.kind} does not apply to "
                     f"{options.link}; rtu can be unplugged, tcp reset, refused, half_open or gone"
                 )
         self.drives: dict[int, Drive] = {}
@@ -104,7 +104,7 @@ class DriveBus:
                 slot = drive.told_slot + (now_ns - drive.told_ns) // self._period_ns
             self._pass(slot, now_ns)
         drive.settle(now_ns)
-        if drive.origin_ns is None and drive.on and commanding:
+        if drive.origin_ns is None and (drive.motor.axis.in_hand or (drive.on and commanding)):
             drive.origin_ns = drive.told_ns = now_ns
             drive.base = drive.told_slot = self._slot
             drive.motor.free = True

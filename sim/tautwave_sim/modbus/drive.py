@@ -61,6 +61,11 @@ class Drive:
         ):
             if role in self.table.roles:
                 self.bank.readers[self.table.roles[role]] = read
+        sensor = device.effort_sensor
+        if sensor is not None and sensor.register_name in self.bank.values:
+            self.bank.readers[sensor.register_name] = lambda: self.motor.sensor_counts(
+                sensor.effort, sensor.zero
+            )
         self.origin_ns: int | None = None
         """First exchange since it is on; from then on its slots follow time."""
         self.base = 0

@@ -29,6 +29,7 @@ class Motor:
         """The motor's own; of a servo what it holds against hand and environment."""
         self.setpoint = 0
         """Commanded torque, or velocity of a servo [counts]."""
+        self._outside = 0.0
         self._latch(self.axis.physics.x, 0.0, 0.0)
 
     def pass_slot(self) -> None:
@@ -42,6 +43,7 @@ class Motor:
             return
         state = self.axis.measure()
         self.valid = state.valid
+        self._outside = state.effort if self.axis.sensor is not None else 0.0
         self._latch(state.position, self.axis.physics.v, state.effort if self.servo else 0.0)
 
     def _latch(self, position: float, velocity: float, effort: float) -> None:
@@ -52,6 +54,10 @@ class Motor:
             self.torque_counts = -scale.direction * to_counts(effort, scale.effort)
         else:
             self.torque_counts = self.setpoint
+
+    def sensor_counts(self, effort: float, zero: int) -> int:
+        """Return what an analogue input shows of the effort sensor: counts of `effort` each."""
+        return zero + to_counts(self._outside, effort)
 
     def command(self, counts: int) -> None:
         """Follow a torque, or as a servo a velocity [counts]."""

@@ -132,6 +132,14 @@ class SimulatorKeys(_Keys):
     """[s] Latency timer of the serial adapter."""
 
 
+class SensorKeys(_Shared):
+    """The register of an effort sensor, and what one count of it is."""
+
+    register_name: Annotated[str, Field(alias="register")]
+    effort: float
+    zero: int = 0
+
+
 class DeviceKeys(_Shared):
     """One drive and its motor."""
 
@@ -145,6 +153,7 @@ class DeviceKeys(_Shared):
     feed: Positive | None = None
     direction: Literal[1, -1] = 1
     function_codes: Annotated[tuple[int, ...] | None, Field(strict=False)] = None
+    effort_sensor: SensorKeys | None = None
 
 
 class SimulatedModbusOptions(_Shared):

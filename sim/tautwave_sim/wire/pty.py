@@ -140,8 +140,8 @@ def _point(link: Path, path: str) -> None:
     """Make `link` point to a pseudo-terminal; nothing but a link to another one is replaced."""
     target = _target(link)
     if not target.startswith(PTS) and os.path.lexists(link):
-        what = f"is a link to {target}" if target else "is no symbolic link"
-        raise DriverError(f"{link}: is there already and {what}; name a link that may be made")
+        what = f"is a link to {target}" if target else "is not a symbolic link"
+        raise DriverError(f"{link}: is there already and {what}; choose another name")
     fresh = link.with_name(f".{link.name}.{os.getpid()}")
     try:
         fresh.symlink_to(path)

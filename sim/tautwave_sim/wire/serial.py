@@ -7,13 +7,11 @@ that send at once garble both; one that only waits to respond gives up.
 
 from __future__ import annotations
 
-import heapq
-import itertools
-from collections.abc import Callable
 from typing import Protocol
 
 from tautwave.contracts import Clock
 from tautwave.errors import DriverError
+from tautwave_sim.wire.schedule import Schedule
 
 BITS_PER_BYTE = 10
 USB_PACKET = 62
@@ -69,7 +67,7 @@ class Listener(Protocol):
         ...
 
 
-class SerialLine:
+class SerialLine(Schedule):
     """The line and its adapter, run by events.
 
     Parameters
@@ -84,13 +82,12 @@ class SerialLine:
     """
 
     def __init__(self, baud: int, latency_ns: int = 0, bits: int = BITS_PER_BYTE) -> None:
+        super().__init__()
         self.baud = baud
         self.bits = bits
         self.latency_ns = latency_ns
         self.listener: Listener | None = None
         self.plugged = True
-        self._events: list[tuple[int, int, Callable[[], None]]] = []
-        self._count = itertools.count()
         self._inbox = bytearray()
         self._held = bytearray()
         self._tick_base_ns = 0
@@ -98,25 +95,6 @@ class SerialLine:
         self._last_arrival_ns = 0
         self._host: Transmission | None = None
         self._responses: list[Transmission] = []
-        self._now_ns = 0
-
-    # ------------------------------------------------------------------------------- time
-
-    def call_at(self, time_ns: int, action: Callable[[], None]) -> None:
-        """Have `action` called when the line's time reaches `time_ns`."""
-        heapq.heappush(self._events, (time_ns, next(self._count), action))
-
-    def next_event_ns(self) -> int | None:
-        """Return when something happens next by itself [ns]."""
-        return self._events[0][0] if self._events else None
-
-    def advance(self, to_ns: int) -> None:
-        """Let everything happen that happens up to `to_ns`."""
-        while self._events and self._events[0][0] <= to_ns:
-            time_ns, _, action = heapq.heappop(self._events)
-            self._now_ns = max(self._now_ns, time_ns)
-            action()
-        self._now_ns = max(self._now_ns, to_ns)
 
     # ------------------------------------------------------------------------- the host's end
 

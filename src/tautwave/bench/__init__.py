@@ -7,13 +7,17 @@ a calibration kernel; goals are printed as ratios, not enforced: a measurement h
 from __future__ import annotations
 
 from tautwave.bench.buses import buses
+from tautwave.bench.compensation import compensation
+from tautwave.bench.couplings.frontier_suite import frontier_suite
+from tautwave.bench.couplings.suite import couplings
 from tautwave.bench.extremes.suite import extremes
 from tautwave.bench.lines.suite import network
 from tautwave.bench.networks import networks
 from tautwave.bench.plain.lanes import lanes
 from tautwave.bench.port.suite import port
 from tautwave.bench.result import Goal, Suite, Table
-from tautwave.bench.suites import laws, loop, rates
+from tautwave.bench.sites.suite import link
+from tautwave.bench.suites import laws, loop, rates, view
 from tautwave.bench.workprecision.suite import workprecision
 
 __all__ = [
@@ -21,13 +25,18 @@ __all__ = [
     "Suite",
     "Table",
     "buses",
+    "compensation",
+    "couplings",
     "extremes",
+    "frontier_suite",
     "lanes",
     "laws",
+    "link",
     "loop",
     "network",
     "networks",
     "port",
     "rates",
+    "view",
     "workprecision",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tautwave.bench import calls, compiled
+from tautwave.bench import calls, chains, compiled
 from tautwave.bench.chunks import Cost, calling, costs
 from tautwave.bench.live import child, think
 from tautwave.bench.result import Goal, Suite, Table, Value
@@ -37,7 +37,7 @@ def laws(*, rounds: int = 40, compile_laws: bool = True, tell: Tell = silent) ->
         Called with the name of each measurement as it starts.
     """
     tell("think part, live")
-    site_costs = costs(think.works(), rounds)
+    site_costs = think.part_costs(think.cases(), rounds)
     tables = [_think_table(site_costs)]
     with_numba = compile_laws and compiled.has_numba()
     for title, group in (("Laws", calls.LAWS), ("Models of devices", calls.MODELS)):
@@ -48,7 +48,9 @@ def laws(*, rounds: int = 40, compile_laws: bool = True, tell: Tell = silent) ->
             tell(f"{title.lower()}, compiled (numba compiles for some seconds)")
             fast = costs(compiled.kernels(group), rounds)
         tables.append(_law_table(title, live, fast, with_numba))
-    worst = max(cost.median_ns / 1e3 for name, cost in site_costs.items() if name.endswith("/both"))
+    worst = max(cost["both"].median_ns / 1e3 for cost in site_costs.values())
+    tell("serial chains")
+    tables.append(chains.chain_table(rounds, with_numba=with_numba))
     goals = [Goal("think part per axis and cycle, live, slowest kind", 5.0, "us", worst)]
     if compile_laws:
         tell("simulate (numba compiles for half a minute where it has not yet)")
@@ -157,11 +159,19 @@ def rates(*, duration_s: float = 10.0, tell: Tell = silent) -> Suite:
     return rate_suite(child.rates(duration_s / rounds, rounds))
 
 
-def _think_table(site: dict[str, Cost]) -> Table:
+def view(*, duration_s: float = 30.0, tell: Tell = silent) -> Suite:
+    """Measure what an open page costs a run, in turns of a second for `duration_s`."""
+    from tautwave.bench.live.viewed import viewed, viewed_suite
+
+    tell(f"a run with its page open and stopped in turns, {duration_s:g} s")
+    return viewed_suite(viewed(turns=2 * max(1, round(duration_s / 2.0)), turn_s=1.0))
+
+
+def _think_table(site: dict[str, dict[str, Cost]]) -> Table:
     rows: list[list[Value]] = []
-    for case in think.cases():
-        close, decide, both = (site[f"{case.name}/{part}"] for part in think.PARTS)
-        rows.append([case.name, close.median_ns, decide.median_ns, both.median_ns, both.best_ns])
+    for name, cost in site.items():
+        parts = [cost[part].median_ns for part in think.PARTS]
+        rows.append([name, *parts, cost["both"].best_ns])
     return Table(
         "Think part of one axis in one cycle, live plain Python",
         "the controller's steps as the loop calls them: slot and close, receive and think, both; "

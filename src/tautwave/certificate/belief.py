@@ -117,7 +117,7 @@ def _is_assumed(source: str) -> bool:
 
 
 def broken_inertia(rig: Rig, axis_name: str) -> str | None:
-    """Return a sentence if a simulation contradicts `inertia.lower`, else None."""
+    """Return a clause if a simulation contradicts `inertia.lower`, else None."""
     axis = rig.axes[axis_name]
     if rig.simulation is None or axis.inertia is None:
         return None
@@ -125,13 +125,13 @@ def broken_inertia(rig: Rig, axis_name: str) -> str | None:
     if truth >= axis.inertia.lower:
         return None
     return (
-        f"{axis_name}: its simulated inertia {truth:g} is below inertia.lower "
+        f"the device's simulated inertia {truth:g} is below inertia.lower "
         f"{axis.inertia.lower:g}; lower that to {truth:g}"
     )
 
 
 def broken_damping(rig: Rig, axis_name: str) -> str | None:
-    """Return a sentence if a simulation contradicts `damping.lower`, else None."""
+    """Return a clause if a simulation contradicts `damping.lower`, else None."""
     axis = rig.axes[axis_name]
     if rig.simulation is None or axis.causality == "admittance":
         return None
@@ -139,25 +139,25 @@ def broken_damping(rig: Rig, axis_name: str) -> str | None:
     if truth >= axis.damping.lower:
         return None
     return (
-        f"{axis_name}: its simulated damping {truth:g} is below damping.lower "
+        f"the device's simulated damping {truth:g} is below damping.lower "
         f"{axis.damping.lower:g}; lower that to {truth:g}"
     )
 
 
 def broken_coulomb(rig: Rig, axis_name: str) -> str | None:
-    """Return a sentence if a simulation contradicts `coulomb.lower`, else None."""
+    """Return a clause if a simulation contradicts `coulomb.lower`, else None."""
     believed = rig.axes[axis_name].coulomb.lower
     truth = believed if rig.simulation is None else simulation_of(rig, axis_name).coulomb
     if truth >= believed:
         return None
     return (
-        f"{axis_name}: its simulated Coulomb friction {truth:g} is below coulomb.lower "
+        f"the device's simulated Coulomb friction {truth:g} is below coulomb.lower "
         f"{believed:g}; lower that to {truth:g}"
     )
 
 
 def broken_delay(rig: Rig, axis_name: str, delay: CommandDelay) -> str | None:
-    """Return a sentence if a simulation contradicts the declared command delay."""
+    """Return a clause if a simulation contradicts the declared command delay."""
     if rig.simulation is None:
         return None
     truth = true_delay_s(rig, axis_name, delay)
@@ -165,6 +165,6 @@ def broken_delay(rig: Rig, axis_name: str, delay: CommandDelay) -> str | None:
     if abs(truth - declared) <= 1e-6 * rig.period_s:
         return None
     return (
-        f"{axis_name}: its simulated commands act after {truth:g} s, its driver declares "
+        f"the device's simulated commands act after {truth:g} s, and its driver declares "
         f"{declared:g} s"
     )

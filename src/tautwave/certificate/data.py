@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
+from tautwave.files import json_ready
 from tautwave.types import CommandDelay
 
 VERDICTS = ("passive", "passive_quantised", "coupled_stable")
@@ -190,7 +190,7 @@ class Certificate(NamedTuple):
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain data for JSON, None where a number is not finite."""
-        found: dict[str, Any] = _finite(
+        found: dict[str, Any] = json_ready(
             {
                 "passed": self.passed,
                 "state": self.verdicts[self.require].state,
@@ -214,13 +214,3 @@ def join_verdicts(verdicts: Iterable[Verdict], passing: str) -> Verdict:
         return Verdict(False, failing[0] + more)
     conditions = tuple(dict.fromkeys(c for verdict in every for c in verdict.conditions))
     return Verdict(True, passing, conditions)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {key: _finite(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(inner) for inner in value]
-    return value

@@ -41,8 +41,14 @@ from tautwave.types import CommandDelay
 STABLE = 1e-9
 """Rounding tolerance of |z| above 1."""
 
+DRIFT = 1e-9
+"""Share of a leaving wave below which a mode is not in it."""
+
 LONG = 60
 """Delay in samples above which only the small gain of both ends is tested."""
+
+LONGEST = 2000
+"""Delay in samples above which nothing else is: the modes of a line are twice as many."""
 
 Delays = Mapping[str, CommandDelay]
 
@@ -67,6 +73,21 @@ def pair_loop(rig: Rig, name: str, delays: Delays) -> PairLoop:
     if isinstance(met, EnvironmentPart):
         conditions.append(f"part {met.part}, which slave.{name} meets, keeps it stable as well")
     unstable = [case for case in cases if not case.stable]
+    if unstable and rig.link is not None:
+        reason = (
+            f"pair {name}: nothing is claimed, {unstable[0].contact}, with {hand.text}: over a "
+            "network the delay is not known, and its ends do not both reflect less than they "
+            f"receive. {coupling_verdict(rig).remedy(rig, name)}"
+        )
+        return PairLoop(name, Verdict(False, reason), hand.text, cases)
+    if unstable and rig.delay_samples > LONGEST:
+        reason = (
+            f"pair {name}: nothing is claimed, {unstable[0].contact}, with {hand.text}: the line "
+            f"has {rig.delay_samples} samples each way, its modes are looked for up to {LONGEST}, "
+            "and its ends do not both reflect less than they receive. Lower coupling.delay_s, or "
+            "rate_hz"
+        )
+        return PairLoop(name, Verdict(False, reason), hand.text, cases)
     if unstable:
         worst = max(unstable, key=lambda case: case.radius)
         reason = (
@@ -77,14 +98,16 @@ def pair_loop(rig: Rig, name: str, delays: Delays) -> PairLoop:
         return PairLoop(name, Verdict(False, reason, margin=1.0 - worst.radius), hand.text, cases)
     known = [case for case in cases if not math.isnan(case.radius)]
     tail, margin = "both ends reflect less than they receive at every frequency", None
+    if rig.link is not None:
+        tail += ", so whatever the delay is"
     if known:
         worst = max(known, key=lambda case: case.radius)
         margin = 1.0 - worst.radius
         tail = (
-            f"its least damped mode, {worst.contact}, at {worst.frequency:.3g} Hz, "
+            f"its least damped mode, {worst.contact}, is at {worst.frequency:.3g} Hz and "
             f"decays at {-worst.growth:.3g} per second"
         )
-    reason = f"pair {name}: stable with {hand.text}: {tail}."
+    reason = f"pair {name}: stable with {hand.text}; {tail}."
     return PairLoop(name, Verdict(True, reason, tuple(conditions), margin), hand.text, cases)
 
 
@@ -106,7 +129,8 @@ def _cases(rig: Rig, name: str, delays: Delays, hand: StatedHand) -> Iterator[Lo
     slaves += [(walls["slave"], None, "the slave's wall")] if walls["slave"] else []
     if environment and walls["slave"]:
         slaves.append((walls["slave"], environment, f"the slave's wall, {environment.text}"))
-    bounds = [at for at in ("lower", "value") if rig.delay_samples <= LONG or at == "lower"]
+    long = rig.link is not None or rig.delay_samples > LONG
+    bounds = ["lower"] if long else ["lower", "value"]
     for master_wall, one in masters:
         for slave_wall, contact, two in slaves:
             touching = " and ".join(text for text in (one, two) if text)
@@ -129,10 +153,14 @@ def _hold(hand: StatedHand) -> Contact:
 def _mode(
     rig: Rig, name: str, ends: tuple[LinearEnd, LinearEnd], where: str, bound: str
 ) -> LoopCase:
+    if rig.link is not None:
+        return LoopCase(where, bound, _small_gain(ends, drift=True), math.nan, math.nan, math.nan)
     samples = rig.delay_samples
     divisors = [rig.axis_divisor(f"{side}.{name}") for side in SIDES]
     if samples > LONG and coupling_verdict(rig).contracting and _small_gain(ends):
         return LoopCase(where, bound, True, math.nan, math.nan, math.nan)
+    if samples > LONGEST:
+        return LoopCase(where, bound, False, math.nan, math.nan, math.nan)
     if max(divisors) > 1:
         one, two = (RatedEnd(end, n) for end, n in zip(ends, divisors, strict=True))
         mode = least_damped_rated(one, two, samples, rig.period_s)
@@ -143,10 +171,17 @@ def _mode(
     )
 
 
-def _small_gain(ends: tuple[LinearEnd, LinearEnd]) -> bool:
+def _small_gain(ends: tuple[LinearEnd, LinearEnd], *, drift: bool = False) -> bool:
+    """Return whether both ends are stable and reflect less than they receive, at any delay.
+
+    `drift`: a mode at z = 1 that no leaving wave shows is none, as the position of a free device.
+    """
     product = 1.0
     for end in ends:
-        if np.abs(np.linalg.eigvals(end.a)).max() >= 1.0:
+        values, vectors = np.linalg.eig(end.a)
+        seen = np.abs(end.c @ vectors) > DRIFT * np.linalg.norm(end.c)
+        counted = seen | (np.abs(values - 1.0) > STABLE) if drift else np.full(len(seen), True)
+        if np.abs(values[counted]).max(initial=0.0) >= 1.0:
             return False
         product *= scattering_norm(end)
     return product < 1.0

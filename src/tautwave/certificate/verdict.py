@@ -5,9 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from tautwave.certificate.belief import declared_delays
+from tautwave.certificate.buses import bus_elements
+from tautwave.certificate.compensation import (
+    compensation_elements,
+    left_of_friction,
+    spent_coulomb,
+)
 from tautwave.certificate.couplings import coupling_verdict
-from tautwave.certificate.data import Certificate, Element, join_verdicts
+from tautwave.certificate.data import Certificate, Element, Verdict, join_verdicts
 from tautwave.certificate.derate import derate_walls
+from tautwave.certificate.loads import load_element
 from tautwave.certificate.loops import pair_loop
 from tautwave.certificate.walls import wall_element
 from tautwave.config import Rig, local_wall
@@ -20,6 +27,12 @@ PASSES = {
     "passive_quantised": "passive with encoder steps too.",
     "coupled_stable": "every pair is stable with the stated hand, free and in contact.",
 }
+
+UNKNOWN = Verdict(
+    False, "coupled_stable: not claimed of one of two sites, which knows neither the other's device"
+    " nor the network's delay; where both ends return less of a wave than arrives, any delay is"
+    " stable."
+)  # fmt: skip
 
 
 def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certificate:
@@ -52,16 +65,24 @@ def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certific
         )
 
         return scene_certificate(rig, delays, PASSES)
+    compensations = tuple(compensation_elements(rig))
+    rig = left_of_friction(rig)
+    friction = {name: left - spent_coulomb(rig, name) for name, left in friction.items()}
     rig, walls = derate_walls(rig, delays, friction)
     asked = {axis: wall["asked_stiffness"] for axis, wall in walls.items()}
-    elements = tuple(_elements(rig, delays, friction, asked))
-    loops = tuple(pair_loop(rig, name, delays) for name in rig.coupling.pairs)
+    own = tuple(e for e in compensations if e.axis not in rig.axes or e.axis in rig.own_axes)
+    elements = (*_elements(rig, delays, friction, asked), *own, *bus_elements(rig, delays))
+    # Of a half the other end is not known, and neither is the network.
+    whole = rig.coupling.pairs if rig.site is None else ()
+    loops = tuple(pair_loop(rig, name, delays) for name in whole)
     verdicts = {
         "passive": join_verdicts([e.passive for e in elements], PASSES["passive"]),
         "passive_quantised": join_verdicts(
             [e.passive_quantised for e in elements], PASSES["passive_quantised"]
         ),
-        "coupled_stable": join_verdicts([p.verdict for p in loops], PASSES["coupled_stable"]),
+        "coupled_stable": UNKNOWN
+        if rig.site is not None
+        else join_verdicts([p.verdict for p in loops], PASSES["coupled_stable"]),
     }
     return Certificate(rig.name, rig.require, verdicts, elements, loops, walls)
 
@@ -74,13 +95,17 @@ def _elements(
 ) -> Iterator[Element]:
     verdict = coupling_verdict(rig)
     for pair in rig.coupling.pairs:
-        for side in ("master", "slave"):
+        for side in rig.own_sides:
             axis_name = f"{side}.{pair}"
             own = at_axis_rate(rig, axis_name)
             wall = wall_element(own, axis_name, delays, coulomb, asked.get(axis_name, 0.0))
             if wall is not None:
                 yield wall
             damping = _damping_of(rig, axis_name, wall)
+            load = load_element(rig, axis_name, delays, damping)
+            if load is not None:
+                yield load
+                damping += float(load.numbers.get("needed_damping", 0.0))
             yield from verdict.axis_elements(rig, axis_name, delays, damping)
         yield from verdict.pair_elements(rig, pair, delays)
 

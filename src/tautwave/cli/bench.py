@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
-import textwrap
 from pathlib import Path
 from typing import Any
 
 import click
 
-from tautwave.cli.options import echo_json, json_option, out_option, positive
-from tautwave.cli.terminal.show import BAD, GOOD, NOTE, Cell, Section, show
+from tautwave.cli.options import json_option, out_option, positive
+from tautwave.cli.terminal.measured import print_suites
 
 QUICK_REALTIME_S = 5.0
 QUICK_MEMORY_S = 60.0
@@ -58,7 +58,7 @@ def bench(ctx: click.Context, as_json: bool) -> None:
         backend.loop(duration_s=QUICK_REALTIME_S, memory_s=QUICK_MEMORY_S, rounds=3, tell=_tell),
         backend.laws(rounds=20, tell=_tell),
     ]
-    _print(suites, as_json)
+    print_suites(suites, as_json)
 
 
 @bench.command(short_help="Live loop: cycle time, lateness, fake-clock speed, start-up, memory.")
@@ -72,8 +72,7 @@ def bench(ctx: click.Context, as_json: bool) -> None:
     "--rate",
     is_flag=True,
     help="Measure the fastest rate instead: 1, 2 and 6 pairs at 1 to 10 kHz, in Python and "
-    "compiled, "
-    "--duration for each.",
+    "compiled, --duration for each.",
 )
 @json_option
 def loop(duration: float, hour: bool, rate: bool, as_json: bool) -> None:
@@ -87,10 +86,10 @@ def loop(duration: float, hour: bool, rate: bool, as_json: bool) -> None:
     """
     backend = _backend()
     if rate:
-        _print([backend.rates(duration_s=duration, tell=_tell)], as_json)
+        print_suites([backend.rates(duration_s=duration, tell=_tell)], as_json)
         return
     more = {"memory_s": HOUR_S} if hour else {}
-    _print([backend.loop(duration_s=duration, tell=_tell, **more)], as_json)
+    print_suites([backend.loop(duration_s=duration, tell=_tell, **more)], as_json)
 
 
 @bench.command(short_help="Cost per step of each law, live and compiled.")
@@ -102,7 +101,7 @@ def laws(as_json: bool) -> None:
     Example:
         tautwave bench laws --json
     """
-    _print([_backend().laws(tell=_tell)], as_json)
+    print_suites([_backend().laws(tell=_tell)], as_json)
 
 
 @bench.command(short_help="Host CPU cost of one exchange on each bus.")
@@ -115,7 +114,7 @@ def buses(cycles: int, as_json: bool) -> None:
     Example:
         tautwave bench buses --json
     """
-    _print([_backend().buses(cycles=cycles, tell=_tell)], as_json)
+    print_suites([_backend().buses(cycles=cycles, tell=_tell)], as_json)
 
 
 @bench.command(short_help="Error against run time of every integrator, and of its peers.")
@@ -145,7 +144,7 @@ def workprecision(full: bool, out: Path | None, max_error: float, as_json: bool)
         tautwave bench workprecision --full --out wp
     """
     suite = _backend().workprecision(full=full, out=out, max_error=max_error, tell=_tell)
-    _print([suite], as_json)
+    print_suites([suite], as_json)
 
 
 @bench.command(short_help="Models and whole rigs at numerical extremes.")
@@ -168,7 +167,7 @@ def extremes(full: bool, out: Path | None, as_json: bool) -> None:
     suite = _backend().extremes(full=full, tell=_tell)
     if out is not None:
         write_tables(suite, out)
-    _print([suite], as_json)
+    print_suites([suite], as_json)
 
 
 @bench.command(short_help="1,000 parameter sets in SIMD lanes against one at a time.")
@@ -180,7 +179,7 @@ def lanes(as_json: bool) -> None:
     Example:
         tautwave bench lanes
     """
-    _print([_backend().lanes(tell=_tell)], as_json)
+    print_suites([_backend().lanes(tell=_tell)], as_json)
 
 
 @bench.command(short_help="The wave port against the one before it and a laboratory's PD.")
@@ -206,7 +205,7 @@ def port(recordings: Path | None, quick: bool, cost: bool, out: Path | None, as_
         tautwave bench port --recordings teleop-1dof --out pictures
     """
     suite = _backend().port(recordings=recordings, quick=quick, cost=cost, out=out, tell=_tell)
-    _print([suite], as_json)
+    print_suites([suite], as_json)
 
 
 @bench.command(
@@ -220,7 +219,7 @@ def networks(as_json: bool) -> None:
     Example:
         tautwave bench networks
     """
-    _print([_backend().networks(tell=_tell)], as_json)
+    print_suites([_backend().networks(tell=_tell)], as_json)
 
 
 @bench.command(short_help="A pair over random networks: energy, position, force.")
@@ -229,21 +228,141 @@ def networks(as_json: bool) -> None:
     "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first one."
 )
 @click.option("--hour", is_flag=True, help="Move a pair for an hour, too: half a minute more.")
+@click.option(
+    "--jobs", type=click.IntRange(1), help="Processes [default: one for each processor core]."
+)
+@click.option(
+    "--keep",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="File of finished random patterns, from which an interrupted run resumes.",
+)
 @json_option
-def network(patterns: int, first: int, hour: bool, as_json: bool) -> None:
+def network(
+    patterns: int, first: int, hour: bool, jobs: int | None, keep: Path | None, as_json: bool
+) -> None:
     """Run a pair over random networks with our receiver, and with those in common use.
 
     Counts where more energy came out of a receiver than went into the far end: 0 for ours, to the
     bit. Then chosen networks (jitter, loss, bursts, an outage) side by side, and a force held for
-    a minute on two clocks. Two minutes for each 1,000 patterns.
+    two minutes on two clocks. A core does about 5,000 patterns a minute.
 
     \b
     Examples:
         tautwave bench network
-        tautwave bench network --patterns 100000 --json
-        tautwave bench network --patterns 1 --hour
+        tautwave bench network --patterns 100000 --keep patterns.jsonl
     """
-    _print([_backend().network(patterns=patterns, first=first, hour=hour, tell=_tell)], as_json)
+    suite = _backend().network(
+        patterns=patterns,
+        first=first,
+        hour=hour,
+        jobs=jobs or len(os.sched_getaffinity(0)),
+        keep=keep,
+        tell=_tell,
+    )
+    print_suites([suite], as_json)
+
+
+@bench.command(short_help="Two loops over sealed datagrams, against bare ones.")
+@duration_option
+@click.option(
+    "--rate", type=click.FloatRange(50.0, 5000.0), default=1000.0, show_default=True, help="[Hz]"
+)
+@json_option
+def link(duration: float, rate: float, as_json: bool) -> None:
+    """Exchange sealed packets and bare datagrams between two processes: ways, lateness, memory.
+
+    Then run a rig's two sites as `tautwave run --site` does, recorded, for as long again.
+
+    \b
+    Examples:
+        tautwave bench link --duration 300 --json
+    """
+    print_suites([_backend().link(duration_s=duration, rate_hz=rate, tell=_tell)], as_json)
+
+
+@bench.command(short_help="A run whose page is open and stopped in turns: lateness, CPU.")
+@duration_option
+@json_option
+def view(duration: float, as_json: bool) -> None:
+    """Run a rig whose page is open in every second turn, and compare the loop's lateness.
+
+    \b
+    Examples:
+        tautwave bench view --duration 60
+    """
+    print_suites([_backend().view(duration_s=duration, tell=_tell)], as_json)
+
+
+@bench.command(short_help="Every coupling, bare and in an account: tracking, calm, energy made.")
+@click.option("--rigs", type=click.IntRange(0), default=1000, show_default=True)
+@click.option(
+    "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first rig."
+)
+@click.option(
+    "--hand",
+    type=click.Path(dir_okay=False, exists=True, path_type=Path),
+    help="CSV file of a recorded hand with the column hand_reference [rad]; default: a multisine.",
+)
+@click.option(
+    "--recordings",
+    type=click.Path(file_okay=False, exists=True, path_type=Path),
+    help="Folder of recorded hands, <set>_<free_motion|foam|spring|rigid>.csv: also run the "
+    "laboratory's own law on them.",
+)
+@click.option(
+    "--frontier",
+    is_flag=True,
+    help="Error over motor noise instead: settings of each coupling on every recorded hand, a "
+    "figure, and the laboratory's points in it.",
+)
+@click.option("--quick", is_flag=True, help="With --frontier: one hand each, two settings.")
+@out_option("Directory for the figure of --frontier; default: none.")
+@json_option
+def couplings(
+    rigs: int,
+    first: int,
+    hand: Path | None,
+    recordings: Path | None,
+    frontier: bool,
+    quick: bool,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Compare couplings on equal terms, and rigs drawn at random with and without an account.
+
+    The first time numba compiles nine kernels, for some minutes; then half a minute for each 1,000
+    rigs.
+
+    \b
+    Examples:
+        tautwave bench couplings --rigs 200
+        tautwave bench couplings --rigs 10000 --hand hand_reference.csv
+        tautwave bench couplings --frontier --recordings teleop-1dof --out pictures
+    """
+    if frontier:
+        suite = _backend().frontier_suite(recordings=recordings, quick=quick, out=out, tell=_tell)
+        print_suites([suite], as_json)
+        return
+    suite = _backend().couplings(
+        rigs=rigs, first=first, hand=hand, recordings=recordings, tell=_tell
+    )
+    print_suites([suite], as_json)
+
+
+@bench.command(short_help="Friction taken off the hand: how much lighter, and never more.")
+@click.option("--runs", type=click.IntRange(0), default=1000, show_default=True)
+@click.option(
+    "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first run."
+)
+@json_option
+def compensation(runs: int, first: int, as_json: bool) -> None:
+    """Measure free motion by share of friction taken off, and random runs against the friction.
+
+    \b
+    Examples:
+        tautwave bench compensation --runs 10000
+    """
+    print_suites([_backend().compensation(runs=runs, first=first, tell=_tell)], as_json)
 
 
 def _backend() -> Any:
@@ -253,64 +372,3 @@ def _backend() -> Any:
 def _tell(what: str) -> None:
     if sys.stderr.isatty():
         click.echo(f"measuring: {what} ...", err=True)
-
-
-def _print(suites: list[Any], as_json: bool) -> None:
-    results = [suite.as_dict() for suite in suites]
-    if as_json:
-        echo_json(results[0] if len(results) == 1 else {"suites": results})
-        return
-    for number, result in enumerate(results):
-        if number == 0:
-            click.echo(", ".join(f"{key} {value}" for key, value in result["machine"].items()))
-        for table in result["tables"]:
-            click.echo()
-            _print_table(table)
-    click.echo()
-    show([_goal_section([goal for result in results for goal in result["goals"]])])
-
-
-def _print_table(table: dict[str, Any]) -> None:
-    rows = table["rows"]
-    columns = list(rows[0]) if rows else []
-    heads = [name if at == 0 else f">{heading(name)}" for at, name in enumerate(columns)]
-    cells = [[figure(row[name]) for name in columns] for row in rows]
-    show([Section(table["title"], heads, cells)])
-    click.echo(textwrap.indent(textwrap.fill(table["what"], 96), "  "))
-
-
-def _goal_section(goals: list[dict[str, Any]]) -> Section:
-    rows: list[list[str | Cell]] = []
-    for goal in goals:
-        relation = ">=" if goal["at_least"] else "<="
-        verdict = {True: Cell("met", GOOD), False: Cell("not met", BAD)}.get(
-            goal["met"], Cell(goal["why_not"] or "not measured", NOTE)
-        )
-        measured = "measured " + figure(goal["measured"])
-        rows.append(
-            [f"{goal['name']} {relation} {goal['limit']:g} {goal['unit']}:", measured, verdict]
-        )
-    return Section("Goals", ("", "", ""), rows)
-
-
-def heading(column: str) -> str:
-    """Return a column's name with its unit in brackets: `p50_us` is `p50 [us]`."""
-    name, _, unit = column.rpartition("_")
-    per = {"mb_per_h": "MB/h"}
-    for suffix, text in per.items():
-        if column.endswith("_" + suffix):
-            return f"{column.removesuffix('_' + suffix).replace('_', ' ')} [{text}]"
-    if name and unit in ("ns", "us", "s", "mb"):
-        return f"{name.replace('_', ' ')} [{unit.replace('mb', 'MB')}]"
-    return column.replace("_", " ")
-
-
-def figure(value: Any) -> str:
-    """Return a measured number with its significant digits: three, or all before the point."""
-    if value is None:
-        return "-"
-    if not isinstance(value, float):
-        return str(value)
-    if abs(value) >= 100.0:
-        return f"{value:.0f}"
-    return f"{value:.3g}"

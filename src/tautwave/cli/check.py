@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
@@ -12,12 +13,14 @@ from typing import Any
 import click
 
 from tautwave.cli.options import (
+    at_site,
     echo_json,
     json_option,
     out_option,
     rig_argument,
     set_option,
     simulate_option,
+    site_option,
 )
 from tautwave.cli.terminal.show import BAD, FAINT, GOOD, NOTE, Cell, Section, plain_text, show
 from tautwave.files import make_directory, write_text, writing
@@ -48,6 +51,7 @@ def _print_schema(ctx: click.Context, param: click.Parameter, wanted: bool) -> N
     "of the rig (z-width.png, transparency.png, limit-cycle.png) into DIR as well."
 )
 @set_option
+@site_option
 @simulate_option
 @click.option(
     "--verbose",
@@ -62,6 +66,7 @@ def check(
     as_json: bool,
     out: Path | None,
     overrides: tuple[str, ...],
+    site: str | None,
     simulate: bool | tuple[str, ...],
     verbose: bool,
 ) -> None:
@@ -76,17 +81,40 @@ def check(
     """
     from tautwave.config import load_rig
 
-    loaded = load_rig(rig, overrides)
+    loaded = load_rig(rig, at_site(overrides, site))
     from tautwave import session
 
     result = session.check(loaded, simulate=simulate)
     if out is not None:
         _keep(out, loaded, result)
+    halves = {}
+    if loaded.sites is not None and loaded.site is None:
+        for side in ("master", "slave"):
+            half = load_rig(rig, at_site(overrides, side))
+            halves[side] = session.check(half, simulate=own_buses(half, simulate))
     if as_json:
-        echo_json(result.as_dict())
+        sites = {side: half.as_dict() for side, half in halves.items()}
+        echo_json(result.as_dict() | ({"sites": sites} if sites else {}))
     else:
-        show(check_sections(loaded.name, result, verbose))
-    ctx.exit(result.exit_code)
+        sections = check_sections(loaded.name, result, verbose)
+        last = [Section("", ("by --site", ""), list(_halves(halves)))] if halves else []
+        show([*sections[:-1], *last, sections[-1]])
+    ctx.exit(max((result.exit_code, *(half.exit_code for half in halves.values()))))
+
+
+def own_buses(half: Any, simulate: bool | tuple[str, ...]) -> bool | tuple[str, ...]:
+    """Return those of the buses to simulate that one site has."""
+    if isinstance(simulate, bool):
+        return simulate
+    return tuple(name for name in simulate if name in half.own_buses)
+
+
+def _halves(halves: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]]:
+    """Yield whether each site's half may run."""
+    for side, half in halves.items():
+        good = half.exit_code == 0
+        why = "; ".join(half.failures) or "its own half is certified as required"
+        yield side, Cell(f"{'may' if good else 'may not'} run: {why}", GOOD if good else BAD)
 
 
 def check_sections(name: str, result: Any, verbose: bool = False) -> list[Section]:
@@ -99,9 +127,10 @@ def check_sections(name: str, result: Any, verbose: bool = False) -> list[Sectio
             Section(name, (), ()),
             Section("Facts", ("", ""), facts),
             Section("Plan", ("element", "", "because"), list(_plan(result.plan))),
+            Section("Claims", CLAIM_HEADS, list(_claims(result.claims))),
             Section("Bus time", BUS_HEADS, list(_buses(result.budget, arithmetic=True))),
             *certificate_sections(result.certificate),
-            _last(name, result),
+            _last(name, result, verbose),
         ]
     # Pairs and axes have separate tables.
     rows = {f"pair {row[0]}" for row in result.pairs} | {row[0] for row in result.axes}
@@ -110,9 +139,10 @@ def check_sections(name: str, result: Any, verbose: bool = False) -> list[Sectio
         Section(name, ("", ""), brief),
         Section("", PAIR_HEADS, result.pairs),
         Section("", AXIS_HEADS, result.axes),
+        Section("", CLAIM_HEADS, list(_claims(result.claims))),
         Section("", BUS_HEADS, list(_buses(result.budget, arithmetic=False))),
         Section("", ("certificate", ""), list(_verdicts(result.certificate))),
-        _last(name, result),
+        _last(name, result, verbose),
     ]
 
 
@@ -125,6 +155,7 @@ def _folded(facts: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
 
 SCREEN = 80
 """Columns."""
+CLAIM_HEADS = ("port", ">claims at most", ">kinetic at its velocity limit", ">ratio")
 BUS_HEADS = ("bus", ">time needed", ">greatest rate", "")
 
 
@@ -145,11 +176,26 @@ def _verdicts(certificate: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]
         yield f"{str(name).replace('_', ' ')}{required}", says
 
 
-def _last(name: str, result: Any) -> Section:
+def _claims(claims: Sequence[Any]) -> Iterator[tuple[str | Cell, ...]]:
+    """Yield the joules of each port beside the kinetic energy that its device may have anyway."""
+    from tautwave.report.units import quantity
+
+    for claim in claims:
+        joules = "no bound" if claim.claim_j == math.inf else quantity(claim.claim_j, "J", 3)
+        kinetic = "-" if claim.kinetic_j is None else quantity(claim.kinetic_j, "J", 3)
+        ratio = claim.ratio
+        if ratio is None or ratio == math.inf:
+            yield claim.axis, joules, kinetic, "-"
+        else:
+            text = f"{ratio:.2g}" if ratio < 100.0 else f"{ratio:,.0f}"
+            yield claim.axis, joules, kinetic, Cell(text, NOTE) if ratio > 1.0 else text
+
+
+def _last(name: str, result: Any, verbose: bool) -> Section:
     """Return a line for each failure, and whether the rig may run."""
     out = sum(1 for _, state, _ in result.plan if state == "left out")
     more = f"{out} elements are left out; --verbose lists them, with the whole certificate."
-    rows: list[tuple[str | Cell, ...]] = [(Cell(more, FAINT),)]
+    rows: list[tuple[str | Cell, ...]] = [] if verbose else [(Cell(more, FAINT),)]
     rows += [(Cell(why, BAD),) for why in result.failures]
     if result.exit_code == 0:
         rows.append((Cell(f"{name}: may run.", GOOD),))

@@ -21,9 +21,22 @@ from tautwave.errors import TautwaveError, WritingError
 from tautwave.files import create, reason
 
 COMMANDS = (
-    "example", "run", "check", "sim", "scan", "sweep", "identify", "report", "drivers", "bench",
-    "reproduce", "compile", "keys", "link",
+    "example", "new", "calibrate", "accept", "doctor", "run", "trials", "view", "check", "sim",
+    "scan", "sweep", "identify", "report", "export", "drivers", "bench", "reproduce", "compile",
+    "keys", "link",
 )  # fmt: skip
+MODULES = {
+    "keys": "sites",
+    "link": "sites",
+    "new": "rigs.new",
+    "calibrate": "rigs.calibrate",
+    "doctor": "rigs.doctor",
+    "export": "rigs.export",
+    "view": "rigs.view",
+    "trials": "rigs.trials",
+    "accept": "rigs.accept",
+}
+"""Where a command is, if not in a module of its name."""
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 _PARSED = "tautwave.arguments"
 
@@ -59,7 +72,7 @@ class Commands(click.Group):
         """Import the command's module; None if there is no such command."""
         if cmd_name not in self.list_commands(ctx):
             return None
-        where = "sites" if cmd_name in ("keys", "link") else cmd_name
+        where = MODULES.get(cmd_name, cmd_name)
         module = importlib.import_module(f"tautwave.cli.{where}")
         builtin = "_" if cmd_name == "compile" else ""
         return cast("click.Command", getattr(module, cmd_name + builtin))
@@ -97,7 +110,7 @@ class Commands(click.Group):
             with suppress(OSError):  # a terminal that was closed
                 click.echo(message, err=True)
             ctx.exit(getattr(err, "exit_code", 130))
-        except Exception as err:  # noqa: BLE001  the last boundary: nobody wants to read a traceback here
+        except Exception as err:  # noqa: BLE001  the last boundary: a traceback helps no user
             if isinstance(err, OSError) and err.errno == errno.EPIPE:
                 drop(sys.stdout)  # `tautwave bench | head`: as with any other program
                 ctx.exit(128 + signal.SIGPIPE)

@@ -21,14 +21,19 @@ from tautwave.cli.options import (
 from tautwave.errors import ConfigError
 
 RIG_SUFFIXES = (".yaml", ".yml")
-RECORDINGS = (".mcap", ".csv")
+RECORDINGS = (".mcap", ".csv", ".mat")
 MODELS = ("auto", "spring", "contact", "preloaded", "hunt_crossley", "mass")
 _RIG_ONLY = (
+    "load",
     *("share", "reach", "duration", "clock"),
     *("overrides", "allow_uncertified", "simulate", "attach"),
 )
-_RECORDING_ONLY = ("position", "effort", "time", "model", "filter_hz", "begin_s", "end_s")
-_NOT_NOISE = ("share", "reach", "effort", "model", "filter_hz")
+_LEVER = ("position", "effort", "time", "filter_hz", "begin_s", "end_s")
+_RECORDING_ONLY = (*_LEVER, "lever", "outside", "model", "intent")
+_NOT_NOISE = (
+    *("load", "lever", "share", "reach"),
+    *("effort", "outside", "model", "intent", "filter_hz"),
+)
 
 
 @click.command(short_help="Identify a device, an encoder's noise, or an environment.")
@@ -38,6 +43,24 @@ _NOT_NOISE = ("share", "reach", "effort", "model", "filter_hz")
     "--noise",
     is_flag=True,
     help="Measure the encoder of a lever that stands still instead: step, noise, its colour.",
+)
+@click.option(
+    "--load", is_flag=True, help="RIG: move an arm's joints, or one axis, slowly: what they weigh."
+)
+@click.option(
+    "--lever",
+    is_flag=True,
+    help="RECORDING: the device itself instead, from its motion and its motor's effort.",
+)
+@click.option(
+    "--outside",
+    metavar="COLUMN",
+    help="RECORDING, --lever: column of a sensor of what touched it; its scale is found, too.",
+)
+@click.option(
+    "--intent",
+    metavar="COLUMN",
+    help="RECORDING: column of the position that a hand wanted; the result is its grip.",
 )
 @out_option("Output directory, new or empty; default: runs/identify-NAME-DATE-TIME.")
 @json_option
@@ -105,8 +128,8 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
     A RIG (.yaml) is run: the coupling is off, one axis is excited by a few sines within its limits
     and a soft centring spring; nothing may hold it. The result is inertia, viscous and Coulomb
     friction with 95 % intervals, as lines for the rig file. A RECORDING is a run's directory, its
-    .mcap, or a .csv: the result is stiffness, damping, surface and force offset of the environment
-    (or the hand).
+    .mcap, a .csv or .mat: the result is stiffness, damping, surface and force offset of the
+    environment (or the hand); with --lever inertia, friction and encoder of the device.
 
     With --noise the lever stands still, clamped best; of a RIG no axis gets any effort. The result
     is the encoder's step, and standard deviation and autocorrelation of its noise.
@@ -116,12 +139,14 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
         tautwave identify rig.yaml --axis master.wrist
         tautwave identify runs/first --axis slave.wrist
         tautwave identify contact.csv --position x_m --effort force_n
+        tautwave identify bench.csv --lever --position x_s --effort tau_s
         tautwave identify rig.yaml --axis master.wrist --noise
     """
     rig = source.suffix in RIG_SUFFIXES and not source.is_dir()
     if not rig and source.suffix not in RECORDINGS and not source.is_dir():
         raise ConfigError(
-            f"{source}: is neither a rig (.yaml), a run's directory nor a recording (.mcap, .csv)"
+            f"{source}: is neither a rig (.yaml), a run's directory nor a recording "
+            "(.mcap, .csv, .mat)"
         )
     given = {
         p.name: p.opts[0]
@@ -136,8 +161,20 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
     for name in _NOT_NOISE if options["noise"] else ():
         if name in given:
             raise click.UsageError(f"{given[name]} has no meaning with --noise.")
+    for name in ("model", "intent") if options["lever"] else ("outside",):
+        if name in given:
+            with_or = "has no meaning with" if options["lever"] else "requires"
+            raise click.UsageError(f"{given[name]} {with_or} --lever.")
+    if options["load"] and "share" in given:
+        raise click.UsageError("--share has no meaning with --load.")
     if options["noise"]:
         _noise(source, rig, options)
+    elif options["load"]:
+        from tautwave.cli.terminal.identify_load import run_load
+
+        run_load(source, options)
+    elif options["lever"]:
+        _lever(source, options)
     elif rig:
         _device(source, options)
     else:
@@ -188,6 +225,8 @@ def _noise(source: Path, rig: bool, options: Mapping[str, Any]) -> None:
     if options["as_json"]:
         echo_json(result.as_dict() | {"figure": str(picture)})
     else:
+        from tautwave.cli.terminal.identified import noise_sections
+
         show(noise_sections(result, unit, picture))
 
 
@@ -232,7 +271,33 @@ def _device(source: Path, options: Mapping[str, Any]) -> None:
     if options["as_json"]:
         echo_json(result.as_dict() | {"figure": str(picture)})
     else:
+        from tautwave.cli.terminal.identified import device_sections
+
         show(device_sections(result, units, picture))
+
+
+def _lever(source: Path, options: Mapping[str, Any]) -> None:
+    from tautwave.cli.run import fresh_directory
+    from tautwave.cli.terminal.identified import lever_sections
+    from tautwave.cli.terminal.show import show
+    from tautwave.report.figures.identification import device_figure, write_figure
+    from tautwave.report.units import axis_units
+    from tautwave.session.identification.lever import identify_lever
+    from tautwave.session.identification.recorded import save_result
+
+    result = identify_lever(
+        source, **{name: options[name] for name in (*_LEVER, "axis", "outside")}
+    )
+    directory = fresh_directory(options["out"], f"identify-{source.resolve().stem}")
+    save_result(result.as_dict(), directory)
+    rotary = result.series.rotary
+    units = ("", "") if rotary is None else axis_units("rotary" if rotary else "linear")
+    name = f"{result.series.position_name} in {source.name}"
+    picture = write_figure(device_figure(result.fit, name, units), directory)
+    if options["as_json"]:
+        echo_json(result.as_dict() | {"figure": str(picture)})
+    else:
+        show(lever_sections(result, units, picture))
 
 
 def _recording(source: Path, options: Mapping[str, Any]) -> None:
@@ -244,7 +309,7 @@ def _recording(source: Path, options: Mapping[str, Any]) -> None:
 
     result = identify_recording(
         source,
-        **{name: options[name] for name in ("axis", *_RECORDING_ONLY)},
+        **{name: options[name] for name in ("axis", *_LEVER, "model", "intent")},
     )
     directory = fresh_directory(options["out"], f"identify-{source.resolve().stem}")
     save_result(result.as_dict(), directory)
@@ -265,125 +330,6 @@ def _recording(source: Path, options: Mapping[str, Any]) -> None:
     if options["as_json"]:
         echo_json(result.as_dict() | {"figure": str(picture)})
     else:
+        from tautwave.cli.terminal.identified import contact_sections
+
         show(contact_sections(result, units, picture))
-
-
-def _line(name: str, estimate: Any, unit: str) -> tuple[str, str, str, str]:
-    return name, f"{estimate.value:.5g}", f"{estimate.lower:.5g} to {estimate.upper:.5g}", unit
-
-
-def _head(what: str) -> tuple[str, str, str, str]:
-    return what, ">value", ">95 % interval", ""
-
-
-def device_sections(result: Any, units: tuple[str, str], picture: Path) -> list[Any]:
-    """Parameters, lines for the rig file, warnings and files of an identified device."""
-    from tautwave.cli.terminal.show import Section
-
-    place, effort = units
-    fit = result.fit
-    mass = "kg m^2" if place == "rad" else "kg"
-    rows = [
-        _line("inertia", fit.inertia, mass),
-        _line("viscous damping", fit.damping, f"{effort} s/{place}"),
-        _line("Coulomb friction", fit.coulomb, effort),
-        _line("constant effort from outside", fit.bias, effort),
-        (
-            "residual, rms",
-            f"{fit.residual_rms:.3g}",
-            f"{1 - fit.explained:.2%} of variance",
-            effort,
-        ),
-    ]
-    how = f"shaken for {result.duration_s:g} s, up to {fit.peak_velocity:.3g} {place}/s"
-    key = result.axis.replace(".", ".axes.")
-    return [
-        Section(f"{result.axis}: {how}", (), ()),
-        Section("Device", _head("parameter"), rows),
-        Section(f"For {key} in the rig file", ("",), [(t,) for t in _lines_of(result)]),
-        Section("Notes", ("",), [(note,) for note in result.notes]),
-        Section(
-            "Files", ("",), [(str(result.directory / "identification.json"),), (str(picture),)]
-        ),
-    ]
-
-
-def _lines_of(result: Any) -> list[str]:
-    return str(result.as_dict()["snippet"]).splitlines()
-
-
-def noise_sections(result: Any, unit: str, picture: Path) -> list[Any]:
-    """Step, deviation and colour of an encoder's noise, lines for the rig file, files."""
-    from tautwave.cli.terminal.show import Section
-
-    fit, series = result.fit, result.series
-    step = "unknown" if fit.quantum is None else f"{fit.quantum:.5g}"
-    rows = [
-        ("encoder step", step, f"{fit.levels} values", unit),
-        _line("noise, standard deviation", fit.deviation, unit),
-        ("drift, removed", f"{fit.drift:.3g}", "", unit),
-    ]
-    if fit.autocorrelation is not None:
-        rows.insert(2, ("autocorrelation, lag 1", f"{fit.autocorrelation[0]:.3f}",
-                        f"+- {fit.lag_error:.2g} at most", ""))  # fmt: skip
-    rate = 1.0 / series.period
-    head = f"{series.source}: {series.position_name}, {fit.samples} samples at {rate:.6g} Hz"
-    written = picture.with_name("identification.json")
-    lines = str(result.as_dict()["snippet"]).splitlines()
-    return [
-        Section(head, (), ()),
-        Section("Noise", _head("parameter"), rows),
-        Section("For the axis in the rig file", ("",), [(line,) for line in lines]),
-        Section("Notes", ("",), [(note,) for note in result.notes]),
-        Section("Files", ("",), [(str(written),), (str(picture),)]),
-    ]
-
-
-def contact_sections(result: Any, units: tuple[str, str], picture: Path) -> list[Any]:
-    """Parameters of the chosen model, residuals of all, warnings and files."""
-    from tautwave.cli.terminal.show import NOTE, Section
-
-    place, effort = units
-    fit = result.chosen
-    per = f"{effort}/{place}" if place else ""
-    word = {
-        "stiffness": per if fit.name != "hunt_crossley" else f"{effort}/{place}^n" if place else "",
-        "damping": f"{effort} s/{place}" if place else "",
-        "mass": ("kg m^2" if place == "rad" else "kg") if place else "",
-        "surface": place,
-        "offset": effort,
-        "preload": effort,
-        "loss": f"s/{place}" if place else "",
-    }
-    rows = [_line(name, value, word.get(name, "")) for name, value in fit.parameters.items()]
-    if fit.name == "hunt_crossley":
-        rows.insert(0, _line("dF/dy deep in contact", fit.working_stiffness, per))
-    rows.append(
-        ("residual, rms", f"{fit.residual_rms:.3g}", f"{1 - fit.explained:.2%} of variance", effort)
-    )
-    models = [
-        (
-            other.name,
-            f"{other.working_stiffness.value:.4g}",
-            f"{other.residual_rms:.3g}",
-            f"{other.explained:.1%}",
-            "taken" if other is fit else "",
-        )
-        for other in result.fits
-    ]
-    name = fit.name.replace("_", "-")
-    written = picture.with_name("identification.json")
-    said = f"{result.series.source}: {name}, {result.series.effort_name}"
-    side = "" if not fit.side else f", in contact {fit.contact_share:.0%} of the time"
-    block = result.as_dict()["snippet"]
-    return [
-        Section(
-            (said if result.found else f"{result.series.source}: no contact found") + side,
-            (), (), "bold" if result.found else NOTE,
-        ),
-        Section("Fit", _head("parameter"), rows),
-        Section("Models", ("model", ">stiffness", ">residual", ">explained", ""), models),
-        Section("For simulation in a rig file", ("",), [] if block is None else [(block,)]),
-        Section("Notes", ("",), [(note,) for note in result.notes]),
-        Section("Files", ("",), [(str(written),), (str(picture),)]),
-    ]  # fmt: skip

@@ -52,6 +52,19 @@ simulate_option = click.option(
     " channel); may be repeated. Without a name: every bus. Behind RIG.",
 )
 
+site_option = click.option(
+    "--site",
+    type=click.Choice(["master", "slave"]),
+    help="The half of a rig for two machines that is this one's; the other's buses are not looked"
+    " at.",
+)
+
+
+def at_site(overrides: tuple[str, ...], site: str | None) -> tuple[str, ...]:
+    """Return overrides of a rig, of which this machine runs one half."""
+    return overrides if site is None else (*overrides, f"sites.here={site}")
+
+
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 
 

@@ -1,8 +1,10 @@
-"""`tautwave report`: rebuild the page of a run, or compare two runs."""
+"""`tautwave report`: rebuild the page of a run, or compare it with another or with a recording."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -20,6 +22,23 @@ from tautwave.errors import RecordingError
     help="Output directory of a comparison (default: compare-DIR-DIR2 beside DIR2) or of the "
     "figures (default: DIR/figures).",
 )
+@click.option(
+    "--against",
+    type=PATH,
+    metavar="FILE",
+    help="Compare the run with a recording of the same motion: run, MCAP, CSV or MAT file.",
+)
+@click.option(
+    "--map",
+    "mapped",
+    multiple=True,
+    metavar="OURS=THEIRS",
+    help="--against: the file's column for one of the run's; a sign or factor may stand before it "
+    "(slave.lever.commanded=-tau). Default: by name.",
+)
+@click.option("--time", metavar="COLUMN", help="--against: the file's column of the time [s].")
+@click.option("--from", "begin_s", type=float, metavar="S", help="--against: compare from here on.")
+@click.option("--to", "end_s", type=float, metavar="S", help="--against: compare up to here.")
 @click.option(
     "--figures",
     "kind",
@@ -54,8 +73,13 @@ def report(
     width: float | None,
     font_size: float | None,
     font: str | None,
+    against: Path | None,
+    mapped: tuple[str, ...],
+    time: str | None,
+    begin_s: float | None,
+    end_s: float | None,
 ) -> None:
-    """Rebuild the report of the run in DIR, or compare it with the one in DIR2.
+    """Rebuild the report of the run in DIR, or compare it with the one in DIR2 or with a FILE.
 
     Works from the recording, even if the run was killed before it could write its summary.
 
@@ -63,11 +87,22 @@ def report(
     Examples:
         tautwave report runs/first
         tautwave report runs/first runs/second --out runs/first-against-second
+        tautwave report runs/first --against bench.csv
         tautwave report runs/first --figures pdf --width 84 --font 'DejaVu Serif'
     """
     for run in (directory, other):
         if run is not None and not run.is_dir():
             raise RecordingError(f"{run}: there is no such directory; give the --out of a run")
+    only = {"--map": mapped, "--time": time, "--from": begin_s, "--to": end_s}
+    if against is not None:
+        if other is not None or kind is not None:
+            raise click.UsageError("--against compares one run with a file; nothing else with it.")
+        part = {"time": time, "begin_s": begin_s, "end_s": end_s}
+        _against(directory, against, mapped, out, part)
+        return
+    for name, value in only.items():
+        if value not in (None, ()):
+            raise click.UsageError(f"{name} requires --against FILE.")
     if kind is not None:
         if other is not None:
             raise click.UsageError("--figures works on one run; give one directory.")
@@ -87,6 +122,56 @@ def report(
 
     names = f"compare-{directory.resolve().name}-{other.resolve().name}"
     click.echo(compare_reports(directory, other, out or other.resolve().parent / names))
+
+
+def _against(
+    directory: Path, file: Path, mapped: Sequence[str], out: Path | None, part: Mapping[str, Any]
+) -> None:
+    import json
+
+    from tautwave.canvas import png
+    from tautwave.cli.terminal.show import Section, show
+    from tautwave.files import make_directory, write_bytes, write_text
+    from tautwave.recordings.columns import recording_file
+    from tautwave.report.against import compare_recording
+    from tautwave.report.figures.against import against_figure
+    from tautwave.report.run.loading import load_run
+    from tautwave.report.units import quantity, significant
+
+    if not recording_file(file).is_file():
+        raise RecordingError(f"{file}: there is no such recording")
+    run = load_run(directory)
+    found = compare_recording(run, file, mapped, **part)
+    folder = out or directory / f"against-{file.resolve().stem}"
+    make_directory(folder)
+    written = folder / "against.json"
+    listed = {one.name: one.as_dict() for one in found}
+    write_text(written, json.dumps({"file": str(file), "columns": listed}, indent=2) + "\n")
+    picture = folder / "against.png"
+    title = f"{run.name} against {file.resolve().name}"
+    write_bytes(picture, png(against_figure(title, found)))
+    rows = []
+    for one in found:
+        recorded, ours, apart = one.rms
+        rows.append(
+            (
+                one.name,
+                quantity(recorded, one.unit, 3),
+                quantity(ours, one.unit, 3),
+                significant(ours / recorded, 3) if recorded else "-",
+                quantity(apart, one.unit, 3),
+                f"{max(one.explained, 0.0):.0%}",
+            )
+        )
+    heads = ("rms of", ">recorded", ">this run", ">ratio", ">difference", ">explained")
+    first, last = found[0].time_s[0], found[0].time_s[-1]
+    show(
+        [
+            Section(f"{title}, {first:.3g} to {last:.3g} s", (), ()),
+            Section("", heads, rows),
+            Section("Files", ("",), [(str(written),), (str(picture),)]),
+        ]
+    )
 
 
 def _figures(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import cast
@@ -12,7 +12,15 @@ from typing import cast
 import click
 
 from tautwave.cli.group import EXIT_CODES, Commands, command_line
-from tautwave.cli.options import out_option, positive, rig_argument, set_option, simulate_option
+from tautwave.cli.options import (
+    at_site,
+    out_option,
+    positive,
+    rig_argument,
+    set_option,
+    simulate_option,
+    site_option,
+)
 from tautwave.errors import ConfigError
 from tautwave.files import make_directory, writing
 from tautwave.runtime.interrupts import interrupts
@@ -36,6 +44,7 @@ from tautwave.runtime.interrupts import interrupts
     help="real: real time; fake: as fast as possible, reproducible, no devices.",
 )
 @set_option
+@site_option
 @click.option("--allow-uncertified", is_flag=True, help="Run a rig that is not certified.")
 @click.option("--allow-unwatched", is_flag=True, help="Run devices without a watchdog.")
 @click.option("--configure", is_flag=True, help="Write settings into devices if they differ.")
@@ -45,6 +54,17 @@ from tautwave.runtime.interrupts import interrupts
     is_flag=True,
     help="Use simulated devices that `tautwave sim RIG` already serves in another terminal.",
 )
+@click.option(
+    "--commands",
+    metavar="FILE",
+    help="Commands of an operated rig: a file with lines `TIME COMMAND`, or - for lines from stdin"
+    " as they come.",
+)
+@click.option("--quiet", is_flag=True, help="Show nothing while it runs; the summary at the end.")
+@click.option(
+    "--allow-tuning", is_flag=True, help="Let whoever has the page's token change tunable numbers."
+)
+@click.option("--view", is_flag=True, help="Serve its page while it runs, and print the address.")
 @click.option(
     "--play",
     is_flag=True,
@@ -59,11 +79,16 @@ def run(
     out: Path | None,
     clock: str,
     overrides: tuple[str, ...],
+    site: str | None,
     allow_uncertified: bool,
     allow_unwatched: bool,
     configure: bool,
     simulate: bool | tuple[str, ...],
     attach: bool,
+    commands: str | None,
+    quiet: bool,
+    view: bool,
+    allow_tuning: bool,
     play: bool,
 ) -> None:
     """Run RIG: check it, move, record, report.
@@ -75,21 +100,30 @@ def run(
     one stops immediately, and one during the report ends only the report. The run's directory holds
     rig.yaml, summary.json, recording.mcap, report.html and its figures.
 
+    A rig with an `operate` block takes commands. Keys on the terminal: space engages and lets go, c
+    clutches, p holds, r rests, e begins and ends an episode, q stops.
+
     \b
     Examples:
         tautwave run configs/bench-1dof-loopback.yaml
         tautwave run rig.yaml --clock fake --duration 2 --out runs/quick
         tautwave run rig.yaml --simulate arm
+        tautwave run rig.yaml --view
         tautwave run rig.yaml --set coupling.delay_s=0.1 --set rate_hz=500
         tautwave run configs/scene-granular.yaml --play
+        tautwave run rig.yaml --site slave
     """
+    from tautwave.cli.terminal.keys import command_sources, keys_of
     from tautwave.cli.terminal.progress import Progress
+    from tautwave.cli.terminal.serve_page import page_beside
     from tautwave.cli.terminal.show import show
     from tautwave.cli.terminal.streams import unheard
     from tautwave.cli.terminal.summary import last_line, summary_sections
     from tautwave.config import load_rig
 
-    loaded = load_rig(rig, overrides, choose=False)  # its certificate chooses, elsewhere
+    loaded = load_rig(
+        rig, at_site(overrides, site), choose=False
+    )  # its certificate chooses, elsewhere
     if play and loaded.scene is None:
         raise ConfigError("--play: this rig has no scene, so there is no sound to play")
     from tautwave import session
@@ -98,6 +132,7 @@ def run(
     with unheard(sys.stdout):
         for sentence in ways:
             click.echo(sentence)
+    scripts, live = command_sources(commands)
     directory = fresh_directory(out, loaded.name)
     if allow_unwatched:
         click.echo(
@@ -107,7 +142,12 @@ def run(
             err=True,
         )
     try:
-        with Progress(loaded.name) as progress:
+        showing = nullcontext() if quiet else Progress(loaded.name, directory)
+        with (
+            page_beside(directory, view),
+            showing as progress,
+            keys_of(loaded, clock, commands) as keys,
+        ):
             result = session.run(
                 loaded,
                 clock=clock,
@@ -119,6 +159,9 @@ def run(
                 configure=configure,
                 attach=attach,
                 simulate=simulate,
+                allow_tuning=allow_tuning,
+                scripts=scripts,
+                live=[*live, *keys],
                 progress=progress,
             )
     finally:

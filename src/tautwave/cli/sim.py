@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -25,6 +26,11 @@ from tautwave.errors import ConfigError
 @click.argument("what", metavar="RIG|DRIVER", required=False)
 @set_option
 @simulate_option
+@click.option(
+    "--hand",
+    is_flag=True,
+    help="DRIVER: move the devices by lines on stdin, `IDS POSITION [SECONDS]` or `IDS free`.",
+)
 @click.option("-h", "--help", "wants_help", is_flag=True, help="Show this message and exit.")
 @click.pass_context
 def sim(
@@ -32,6 +38,7 @@ def sim(
     what: str | None,
     overrides: tuple[str, ...],
     simulate: bool | tuple[str, ...],
+    hand: bool,
     wants_help: bool,
 ) -> None:
     """Serve the simulated devices of RIG, or of DRIVER without a rig, until interrupted.
@@ -43,7 +50,7 @@ def sim(
     Examples:
         tautwave sim configs/bench-canopen-vcan.yaml
         tautwave sim canopen --nodes 1,2 --interface socketcan --channel vcan0
-        tautwave sim dynamixel --model XM430-W350 --ids 1,2
+        tautwave sim dynamixel --model XM430-W350 --ids 1,2 --hand
         tautwave sim modbus --profile dsy-rs --tcp 127.0.0.1:0
     """
     if what is None:
@@ -53,18 +60,20 @@ def sim(
         if wants_help:
             click.echo(ctx.get_help())
             return
+        if hand:
+            raise ConfigError("sim: --hand is for devices without a rig; a rig has `simulation`")
         if ctx.args:
             raise ConfigError(f"sim: {ctx.args[0]!r} is not for a rig file; change it with --set")
         _serve_rig(Path(what), overrides, simulate)
         return
-    _serve_driver(what, ctx.args, wants_help)
+    _serve_driver(what, ctx.args, wants_help, hand=hand)
 
 
 def _is_rig(what: str) -> bool:
     return Path(what).suffix in (".yaml", ".yml") or "/" in what or Path(what).is_file()
 
 
-def _serve_driver(driver: str, arguments: list[str], wants_help: bool) -> None:
+def _serve_driver(driver: str, arguments: list[str], wants_help: bool, *, hand: bool) -> None:
     from tautwave.cli.terminal.model_options import parse_model, print_help
     from tautwave.registry import driver_names, load_simulator, require_modules
 
@@ -81,7 +90,14 @@ def _serve_driver(driver: str, arguments: list[str], wants_help: bool) -> None:
     from tautwave.config.keys.coupling import Loop
     from tautwave.session.serving import print_line, serve
 
-    serve(driver, bench, print_line, Loop().fifo_priority)
+    look = None
+    if hand:
+        from tautwave.session.guided.hands import TypedHands
+
+        hands = TypedHands(sys.stdin.fileno(), lambda text: click.echo(text, err=True))
+        bench = hands.on(bench)
+        look = hands.look
+    serve(driver, bench, print_line, Loop().fifo_priority, look)
 
 
 def _serve_rig(path: Path, overrides: tuple[str, ...], simulate: bool | tuple[str, ...]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +25,20 @@ INTERRUPTED = 130
     metavar="N",
     help="Worker processes; default: one per CPU core.",
 )
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS|FILE.json",
+    help="Simulate on the workers of this Dask scheduler; needs tautwave[cluster].",
+)
 @json_option
 @click.pass_context
 def sweep(
-    ctx: click.Context, file: Path, out: Path | None, jobs: int | None, as_json: bool
+    ctx: click.Context,
+    file: Path,
+    out: Path | None,
+    jobs: int | None,
+    scheduler: str | None,
+    as_json: bool,
 ) -> None:
     """Simulate every point of the sweep FILE: a rig, what is varied, what is measured.
 
@@ -44,12 +55,16 @@ def sweep(
         tautwave sweep configs/sweeps/wall-kb-plane.yaml
         tautwave sweep configs/sweeps/many-walls.yaml --out runs/walls
         tautwave sweep sweep.yaml --out runs/stiffness --jobs 4
+        tautwave sweep sweep.yaml --scheduler tcp://10.0.0.5:8786
     """
     from tautwave.cli.terminal.progress import Progress
     from tautwave.cli.terminal.show import show
     from tautwave.sweep.file import load_sweep
     from tautwave.sweep.map import is_map
 
+    if scheduler is not None and (jobs is not None or is_map(file)):
+        other = "--jobs" if jobs is not None else "a map, which this machine computes"
+        raise click.UsageError(f"--scheduler does not go with {other}")
     if is_map(file):
         draw_map(file, out, as_json=as_json)
         return
@@ -60,10 +75,15 @@ def sweep(
     from tautwave.report.figures.sweep import write_sweep_figure
     from tautwave.sweep.runs import run_sweep
 
-    with Progress(name) as progress:
-        result = run_sweep(
-            plan, directory, jobs=jobs or len(os.sched_getaffinity(0)), progress=progress
-        )
+    with Progress(name) as progress, ExitStack() as stack:
+        cluster = None
+        if scheduler is not None:
+            from tautwave.sweep.cluster import Cluster
+
+            cluster = stack.enter_context(closing(Cluster(scheduler)))
+            jobs = cluster.jobs
+        jobs = jobs or len(os.sched_getaffinity(0))
+        result = run_sweep(plan, directory, jobs=jobs, executor=cluster, progress=progress)
         if not result.interrupted:
             progress(1.0, "drawing")
         rows = list(result.rows) if plan.sweep.figure is not None else []

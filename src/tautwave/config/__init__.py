@@ -5,13 +5,19 @@ Imports pydantic and PyYAML, and nothing heavier.
 
 from tautwave.config.keys.coupling import Coupling, Loop, Pair, Wall
 from tautwave.config.keys.devices import Axis, Bus, Damping, Inertia, Side
+from tautwave.config.keys.link import Link
+from tautwave.config.keys.load import TrueLoad
 from tautwave.config.keys.rig import (
     AxisTruth,
     Rig,
     bus_spec,
+    calibration_of,
     count_velocity,
-    has_environment_parts,
+    has_loads,
+    has_plain_devices,
+    imposed_motions,
     simulation_of,
+    true_arm,
 )
 from tautwave.config.keys.scene import Scene, SceneLink, ScenePort
 from tautwave.config.keys.scene3d import Link3d, Scene3d, Vector
@@ -26,8 +32,10 @@ from tautwave.config.keys.simulation import (
     HandPart,
     Hold,
     Integrator,
+    Intent,
     MinimumJerk,
     Multisine,
+    Recorded,
     Recording,
     Reference,
     Simulation,
@@ -56,11 +64,14 @@ __all__ = [
     "Hold",
     "Inertia",
     "Integrator",
+    "Intent",
+    "Link",
     "Link3d",
     "Loop",
     "MinimumJerk",
     "Multisine",
     "Pair",
+    "Recorded",
     "Recording",
     "Reference",
     "Rig",
@@ -72,11 +83,15 @@ __all__ = [
     "Simulation",
     "SolidWall",
     "Spring",
+    "TrueLoad",
     "Vector",
     "Wall",
     "bus_spec",
+    "calibration_of",
     "count_velocity",
-    "has_environment_parts",
+    "has_loads",
+    "has_plain_devices",
+    "imposed_motions",
     "load_rig",
     "local_wall",
     "parse_rig",
@@ -85,4 +100,5 @@ __all__ = [
     "resolved_yaml",
     "rig_schema",
     "simulation_of",
+    "true_arm",
 ]

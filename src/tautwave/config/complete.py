@@ -3,16 +3,35 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from tautwave.config.inputs.recordings import find_recording
 from tautwave.config.inputs.sounds import complete_sound
+from tautwave.config.inputs.starts import recorded_starts
+from tautwave.config.keys.arm import Chain
 from tautwave.config.keys.coupling import Pair
-from tautwave.config.keys.rig import Rig, bus_spec, count_velocity, simulation_of
+from tautwave.config.keys.rig import (
+    Rig,
+    bus_spec,
+    count_velocity,
+    imposed_motions,
+    simulation_of,
+    true_arm,
+)
 from tautwave.config.keys.scene import Scene
 from tautwave.config.keys.scene3d import Scene3d
-from tautwave.config.keys.simulation import AxisSimulation, Hand, HandPart, Recording, Simulation
+from tautwave.config.keys.simulation import (
+    AxisSimulation,
+    Hand,
+    HandPart,
+    Intent,
+    Recorded,
+    Recording,
+    Simulation,
+)
+from tautwave.config.pieces import SIDES
 from tautwave.config.text.document import Document, show_path
 from tautwave.config.text.yaml12 import KeyPath
 from tautwave.contracts import AxisFacts, DriverPlugin
@@ -38,9 +57,12 @@ def complete_rig(
     )
     if rig.scene is not None:
         rig = rig.model_copy(update={"scene": _complete_scene(document, rig.scene)})
+    if rig.link is not None and rig.link.trace is not None:
+        found = find_recording(document, ("link", "trace"), rig.link.trace)
+        rig = rig.model_copy(update={"link": rig.link.model_copy(update={"trace": str(found)})})
     rig = _complete_quanta(document, rig, plugins)
     if rig.simulation is not None:
-        simulation = _complete_simulation(document, rig, rig.simulation)
+        simulation = _complete_simulation(document, rig, rig.simulation, plugins)
         rig = rig.model_copy(update={"simulation": simulation})
     _check_counts(document, rig)
     return rig.read_from(path)
@@ -153,14 +175,42 @@ def _complete_pair(pair: Pair) -> Pair:
     return pair.model_copy(update={"force_scale": pair.effective_force_scale})
 
 
-def _complete_simulation(document: Document, rig: Rig, simulation: Simulation) -> Simulation:
-    axes = {name: _complete_axis(rig, name) for name in rig.axes}
+def _complete_simulation(
+    document: Document,
+    rig: Rig,
+    simulation: Simulation,
+    plugins: Mapping[str, DriverPlugin | None],
+) -> Simulation:
     hands = {name: _complete_hand(document, name, hand) for name, hand in simulation.hand.items()}
-    return simulation.model_copy(update={"axes": axes, "hand": hands})
+    environments = {
+        name: _with_file(document, ("simulation", "environment", name), keys)
+        if isinstance(keys, Recorded)
+        else keys
+        for name, keys in simulation.environment.items()
+    }
+    simulation = simulation.model_copy(update={"hand": hands, "environment": environments})
+    motions = imposed_motions(rig, plugins)
+    starts = recorded_starts(rig.coupling.pairs, simulation, motions)
+    axes = {name: _complete_axis(rig, name, starts, name in motions) for name in rig.axes}
+    arms = {side: arm for side in SIDES if (arm := true_arm(rig, side)) is not None}
+    arms = {side: Chain(**_chain_of(arm)) for side, arm in arms.items()}
+    return simulation.model_copy(update={"axes": axes, "arms": arms})
 
 
-def _complete_axis(rig: Rig, name: str) -> AxisSimulation:
+def _chain_of(arm: Chain) -> dict[str, Any]:
+    return {key: getattr(arm, key) for key in Chain.model_fields}
+
+
+def _complete_axis(
+    rig: Rig, name: str, starts: Mapping[str, float], imposed: bool
+) -> AxisSimulation:
     truth = simulation_of(rig, name)._asdict()
+    given = AxisSimulation() if rig.simulation is None else rig.simulation.axes.get(name)
+    if given is None or given.start_position is None:
+        truth["start_position"] = starts.get(name, 0.0)
+    for key in ("encoder_quantum", "position_noise") if imposed else ():
+        if given is None or getattr(given, key) is None:
+            truth[key] = 0.0  # the recording has its own
     if rig.axes[name].causality == "impedance":
         del truth["velocity_time_constant_s"]
     else:
@@ -173,8 +223,12 @@ def _complete_hand(document: Document, name: str, hand: Hand | HandPart) -> Hand
     if isinstance(hand, HandPart):
         return hand
     reference = hand.reference
-    if not isinstance(reference, Recording):
+    if not isinstance(reference, Recording | Intent):
         return hand
-    path = ("simulation", "hand", name, "reference", "file")
-    found = find_recording(document, path, reference.file)
-    return hand.model_copy(update={"reference": reference.model_copy(update={"file": str(found)})})
+    path = ("simulation", "hand", name, "reference")
+    return hand.model_copy(update={"reference": _with_file(document, path, reference)})
+
+
+def _with_file(document: Document, path: KeyPath, keys: Recording | Intent | Recorded) -> Any:
+    found = find_recording(document, (*path, "file"), keys.file)
+    return keys.model_copy(update={"file": str(found)})

@@ -8,11 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from tautwave import formats, registry
+from tautwave.config.calibrated import take_calibration
 from tautwave.config.checks.rig import check_parts
 from tautwave.config.complete import complete_rig
+from tautwave.config.defaults import expand_defaults
+from tautwave.config.halves import leave_other_half
+from tautwave.config.inputs.chains import name_chains
 from tautwave.config.inputs.file_parts import name_file_parts, name_option_files
 from tautwave.config.keys.common import AUTO
-from tautwave.config.keys.rig import Rig
+from tautwave.config.keys.rig import UNTIL_STOPPED_S, Rig
 from tautwave.config.messages import unknown_key, validate
 from tautwave.config.older import take_older
 from tautwave.config.pieces import take_apart
@@ -20,7 +24,7 @@ from tautwave.config.text.document import Document, open_document, read_text
 from tautwave.config.text.overrides import apply_overrides
 from tautwave.config.text.yaml12 import KeyPath
 from tautwave.contracts import DriverPlugin
-from tautwave.errors import ConfigError
+from tautwave.errors import ConfigError, UnchosenKeyError
 from tautwave.types import Choice
 
 
@@ -93,8 +97,14 @@ def finish_rig(
     _check_format(document)
     take_older(document)
     apply_overrides(document, overrides)
+    expand_defaults(document)
+    take_calibration(document)
+    leave_other_half(document)
+    if isinstance(document.get(("operate",)), dict):
+        document.value.setdefault("duration_s", UNTIL_STOPPED_S)
     name_file_parts(document)
     name_option_files(document)
+    name_chains(document)
     rig: Rig | None = validate(document, Rig)
     plugins = _check_drivers(document)
     check_parts(document, take_apart(document, plugins))
@@ -103,7 +113,10 @@ def finish_rig(
     if document.problems or rig is None:
         raise ConfigError(document.sentences())
     rig = complete_rig(document, rig, plugins, path)
-    return choose_keys(rig) if choose else rig
+    try:
+        return choose_keys(rig) if choose else rig
+    except UnchosenKeyError as err:
+        raise ConfigError(f"{document.where(err.path)}: {err}") from err
 
 
 def choose_keys(rig: Rig) -> Rig:
@@ -111,7 +124,7 @@ def choose_keys(rig: Rig) -> Rig:
 
     Raises
     ------
-    ConfigError
+    UnchosenKeyError
         The law cannot choose.
     """
     named = registry.load_coupling(rig.coupling.law).resolve if rig.scene is None else ""

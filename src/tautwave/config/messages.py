@@ -165,7 +165,7 @@ def _sentence(document: Document, place: Place, error: Any) -> tuple[KeyPath, st
         bound = "at most" if kind == "too_long" else "at least"
         items = "item" if wanted == 1 else "items"
         return path, f"Input should have {bound} {wanted} {items} (got {context['actual_length']})"
-    if kind in ("order", "part"):
+    if kind in ("order", "part", "size"):
         return path, error["msg"]
     if kind == "value_error":
         return path, str(context["error"])  # a block's own message

@@ -13,6 +13,7 @@ from tautwave.config.keys.chosen import named_block
 from tautwave.config.keys.common import Block, Positive
 from tautwave.config.keys.coupling import AnyLaw, AnyPair, Coupling, Pair, pair_block
 from tautwave.config.keys.devices import Axis, Bus
+from tautwave.config.keys.link import Link
 from tautwave.config.keys.scene import Scene
 from tautwave.config.keys.scene3d import Scene3d
 from tautwave.config.keys.simulation import (
@@ -22,6 +23,7 @@ from tautwave.config.keys.simulation import (
     Free,
     Hand,
     HandPart,
+    Recorded,
     SolidWall,
     Spring,
 )
@@ -36,6 +38,7 @@ _ENVIRONMENTS: dict[str, type[Block]] = {
     "spring": Spring,
     "wall": SolidWall,
     "foam": Foam,
+    "recorded": Recorded,
 }
 
 
@@ -59,6 +62,7 @@ class Parts(NamedTuple):
     environments: dict[str, Block | None]
     scene: Scene | None = None
     scene3d: Scene3d | None = None
+    link: Link | None = None
 
     def axes(self) -> Iterator[tuple[str, str, Axis]]:
         """Yield side, name and axis of every valid axis."""
@@ -108,6 +112,7 @@ def take_apart(document: Document, plugins: dict[str, DriverPlugin | None]) -> P
         environments=environments,
         scene=salvage(Scene, get(("scene",))),
         scene3d=salvage(Scene3d, get(("scene",))),
+        link=salvage(Link, get(("link",))),
     )
 
 

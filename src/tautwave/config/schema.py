@@ -30,6 +30,10 @@ def rig_schema() -> dict[str, Any]:
     for base in (HandPart, EnvironmentPart):
         _add_parts(definitions, base)
     _close_names(schema)
+    _add_axis_defaults(schema)
+    schema["required"].remove("duration_s")
+    operated = {"required": ["operate"]}
+    schema["allOf"].append({"if": {"not": operated}, "then": {"required": ["duration_s"]}})
     schema["anyOf"] = [
         {
             "required": ["scene"],
@@ -42,6 +46,29 @@ def rig_schema() -> dict[str, Any]:
         **schema,
         "title": "tautwave rig",
     }
+
+
+def _add_axis_defaults(schema: dict[str, Any]) -> None:
+    """Let sides and buses hold keys of their axes, which are then not required in each of them."""
+    definitions = schema["$defs"]
+    axis = definitions["Axis"]
+    required, axis["required"] = axis["required"], ["id"]
+    for owner in ("Side", "Bus"):
+        _partial(definitions[owner]["properties"]["defaults"], axis)
+    none = {"not": {"required": ["defaults"]}}
+    each = {"properties": {"axes": {"additionalProperties": {"required": required}}}}
+    schema["allOf"] = [
+        {
+            "if": {"properties": {side: none, "buses": {"additionalProperties": none}}},
+            "then": {"properties": {side: each}},
+        }
+        for side in ("master", "slave")
+    ]
+
+
+def _partial(defaults: dict[str, Any], block: dict[str, Any]) -> None:
+    """Turn a free mapping into one of some keys of a block."""
+    defaults.update(properties=block["properties"], additionalProperties=False)
 
 
 def _close_names(node: Any) -> None:
@@ -65,6 +92,7 @@ def _add_laws(definitions: dict[str, Any]) -> None:
         for inner, definition in keys.pop("$defs", {}).items():
             definitions[f"{name}.{inner}"] = definition
         definitions[f"{name}.coupling"] = keys
+        _add_pair_defaults(keys, definitions)
         named: dict[str, Any] = {"properties": {"law": {"const": name}}}
         if name != law["default"]:
             named["required"] = ["law"]
@@ -83,6 +111,16 @@ def _add_laws(definitions: dict[str, Any]) -> None:
         "required": ["pairs"],
         "allOf": cases,
     }
+
+
+def _add_pair_defaults(coupling: dict[str, Any], definitions: dict[str, Any]) -> None:
+    pairs = coupling["properties"]["pairs"]
+    (reference,) = pairs.get("patternProperties", {"": pairs.get("additionalProperties")}).values()
+    pair = definitions[reference["$ref"].rpartition("/")[2]]
+    _partial(coupling["properties"]["defaults"], pair)
+    each = {"required": pair.pop("required", [])}
+    coupling["if"] = {"not": {"required": ["defaults"]}}
+    coupling["then"] = {"properties": {"pairs": {"additionalProperties": each}}}
 
 
 def _add_parts(definitions: dict[str, Any], base: type[Block]) -> None:

@@ -12,6 +12,7 @@ from collections.abc import MutableSequence
 
 from tautwave.controller.records import AxisParams, AxisState, Sample
 from tautwave.controller.steps import Steps
+from tautwave.laws.compensation import compensation_effort
 from tautwave.laws.limit import (
     NOT_A_NUMBER,
     UNSEEN,
@@ -52,6 +53,8 @@ def start_axis(s: AxisState, p: AxisParams, position: float, outside: float) -> 
     s.acted_wall = 0.0
     s.spread = 0.0
     s.count = 0
+    s.waited = 1
+    s.ramped = 0
     s.effort_sum = 0.0
     s.port_sum = 0.0
     s.wall_sum = 0.0
@@ -61,6 +64,7 @@ def start_axis(s: AxisState, p: AxisParams, position: float, outside: float) -> 
     s.wall_absorbed = 0.0
     s.wall_dissipated = 0.0
     s.wall_contact_energy = 0.0
+    s.help_absorbed = 0.0
 
 
 def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float], steps: Steps) -> None:
@@ -131,23 +135,25 @@ def close_axis(s: AxisState, p: AxisParams, position: float, outside: float, ste
     position : float
         Measured position [rad or m].
     outside : float
-        Measured external effort [N m or N]; used by admittance axes.
+        Measured external effort [N m or N], NaN where none is measured.
     steps : Steps
         Of the coupling.
     """
     site = p.site
     s.valid = True
-    count = float(s.count)
+    count = 1.0
     displacement = position - s.position
     s.position = position
     effort = s.effort_sum
     port = s.port_sum
     wall = s.wall_sum
-    if count != 1.0:
-        effort = s.effort_sum / count
-        port = s.port_sum / count
-        wall = s.wall_sum / count
-    span = count * site.period
+    span = site.period
+    if s.count != 1:
+        count = float(s.count)
+        effort = effort / count
+        port = port / count
+        wall = wall / count
+        span = count * span
     energy = 0.0
     if p.impedance:
         expected = s.velocity - site.half_mobility * (s.impulse + s.effort_sum)
@@ -166,24 +172,30 @@ def close_axis(s: AxisState, p: AxisParams, position: float, outside: float, ste
         port = mean - wall
         s.port_effort = port
         energy = mean * displacement
-    if site.has_wall:
+    if site.has_wall or site.compensates:
         s.wall_velocity += site.gain * (displacement / span - s.wall_velocity)
-        before = s.depth
-        after = wall_depth(site.wall, position)
-        s.depth = after
-        taken = wall * displacement
-        s.wall_absorbed += taken
-        s.wall_dissipated += wall_loss(site.wall, wall, displacement, before, after)
-        if after > 0.0:
-            s.wall_contact_energy += taken
-        else:
-            s.wall_contact_energy = 0.0
+        if site.compensates:
+            s.help_absorbed += (effort - port - wall) * displacement
+        if site.has_wall:
+            before = s.depth
+            after = wall_depth(site.wall, position)
+            s.depth = after
+            taken = wall * displacement
+            s.wall_absorbed += taken
+            s.wall_dissipated += wall_loss(site.wall, wall, displacement, before, after)
+            if after > 0.0:
+                s.wall_contact_energy += taken
+            else:
+                s.wall_contact_energy = 0.0
     s.port_energy += energy
-    s.gross_flow += math.fabs(energy)
+    if energy < 0.0:
+        energy = -energy
+    s.gross_flow += energy
     steps.close(s, p, displacement, count, span, port)
     s.effort_sum = 0.0
     s.port_sum = 0.0
     s.wall_sum = 0.0
+    s.waited = s.count
     s.count = 0
 
 
@@ -230,13 +242,22 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
     wall = 0.0
     if site.has_wall:
         wall = render_wall(site, s.wall_contact_energy, s.position, s.wall_velocity, coast, ceiling)
-    port = steps.think(s, p, coast - site.half_mobility * wall)
+    known = wall
+    support = 0.0
+    if site.compensates:
+        support = compensation_effort(site.compensation, s.wall_velocity)
+        known = wall + support
+    port = steps.think(s, p, coast - site.half_mobility * known)
     if port - port != 0.0:
         s.alarm = NOT_A_NUMBER
     if s.alarm != 0:
         stop_coupled(s, p, ceiling, steps)
         return s.alarm
+    if site.compensates:
+        port = port + support
     total, port, wall, wanted = limit_site(site, wall, port, s.total, ceiling)
+    if site.compensates:
+        port = port - support
     s.asked = wanted
     s.total = total
     s.port_effort = port
@@ -276,12 +297,28 @@ def stop_coupled(s: AxisState, p: AxisParams, ceiling: float, steps: Steps) -> N
 
 
 def brake_axis(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> None:
-    """Send a resisting effort in place of coupling and wall; an admittance axis stands."""
+    """Send a resisting effort in place of coupling and wall; an admittance axis stands.
+
+    The rate limit counts every slot since the last command: a host that stalls during the ramp
+    holds an effort longer, but the ramp ends when it would have ended.
+    """
     s.stopping = True
     total = 0.0
     s.command = 0.0
     if p.impedance:
-        total = limit_effort(p.site.limit, effort, s.total, ceiling)
+        slots = s.count
+        if s.valid:
+            slots = s.waited
+        last = s.total
+        total = limit_effort(p.site.limit, effort, last, ceiling)
+        slots = slots - s.ramped - 1
+        while slots > 0 and total != last:
+            last = total
+            total = limit_effort(p.site.limit, effort, last, ceiling)
+            slots = slots - 1
+        s.ramped = 0
+        if not s.valid:
+            s.ramped = s.count
         s.command = -total
     s.total = total
     s.port_effort = total

@@ -15,6 +15,7 @@ BROKEN = 4
 MISMATCH = 5
 NOT_ARMED = 6
 FAULT = 7
+LINK = 8
 """Ways in which a run ends: `RunState.kind`."""
 
 
@@ -77,6 +78,8 @@ class AxisParams(NamedTuple):
     `delay` commands wait in the table from `pipe` on, `PIPE` floats each. `divisor`: slots from one
     exchange to the next; `half_slot` is half a slot [s]. `end` are the constants of the coupling's
     end here. `blind`: periods without a sample, skipped slots included, after which it stops.
+    `senses`: an impedance axis whose outside effort is measured: what is shown less `sensor_zero`,
+    times `sensor_gain`.
     """
 
     site: SiteParams
@@ -91,6 +94,9 @@ class AxisParams(NamedTuple):
     half_slot: float
     end: Any
     blind: int = NEVER
+    senses: bool = False
+    sensor_zero: float = 0.0
+    sensor_gain: float = 1.0
 
 
 @dataclass(slots=True)
@@ -99,9 +105,10 @@ class AxisState:
 
     `total`, `port_effort`, `wall_effort` are the resisting efforts of the present command [N m or
     N] (`total` of an admittance axis: its velocity), `tag` a number that the coupling put beside
-    it. What acted since the last sample is summed up: `count` slots and efforts. `end` is the
-    coupling's own state here, and its steps leave the code of a reason to stop in `alarm`, with
-    two numbers for its sentence in `found` and `allowed`.
+    it. What acted since the last sample is summed up: `count` slots and efforts. `waited` are the
+    slots of the interval before, `ramped` those of this one over which a stop's ramp has gone
+    already. `end` is the coupling's own state here, and its steps leave the code of a reason to
+    stop in `alarm`, with two numbers for its sentence in `found` and `allowed`.
     """
 
     position: float = 0.0
@@ -130,7 +137,10 @@ class AxisState:
     wall_absorbed: float = 0.0
     wall_dissipated: float = 0.0
     wall_contact_energy: float = 0.0
+    help_absorbed: float = 0.0
     count: int = 0
+    waited: int = 0
+    ramped: int = 0
     head: int = 0
     missing: int = 0
     guard: int = 0

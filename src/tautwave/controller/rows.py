@@ -22,7 +22,7 @@ def axis_columns(name: str, p: AxisParams, law: Law) -> list[str]:
     names = ["position", "velocity", "commanded", "port_effort", "valid"]
     names += ["port_energy", "gross_flow", "uncertainty"]
     names += law.signals
-    if not p.impedance:
+    if not p.impedance or p.senses:
         names += ["measured_effort"]
     if p.site.has_wall:
         names += ["wall_effort"]
@@ -33,7 +33,8 @@ def element_names(q: PairParams, p1: AxisParams, p2: AxisParams, law: Law) -> li
     """Return the names of a pair's elements in the order of their columns."""
     sides = (("master", p1), ("slave", p2))
     walls = [f"wall_{side}" for side, p in sides if p.site.has_wall]
-    return [*law.elements(q, p1, p2), *walls]
+    helps = [f"compensation_{side}" for side, p in sides if p.site.compensates]
+    return [*law.elements(q, p1, p2), *walls, *helps]
 
 
 def pair_columns(name: str, q: PairParams, p1: AxisParams, p2: AxisParams, law: Law) -> list[str]:
@@ -65,7 +66,7 @@ def fill_axis(out: Row, at: int, s: AxisState, p: AxisParams, weight: float, ste
     out[at + 7] = weight * s.uncertainty
     at = at + 8
     at = steps.fill_signals(out, at, s, p)
-    if not p.impedance:
+    if not p.impedance or p.senses:
         out[at] = s.outside
         at = at + 1
     if p.site.has_wall:
@@ -91,6 +92,14 @@ def fill_wall(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
     return fill_element(out, at, weight * s.wall_absorbed, stored, weight * s.wall_dissipated)
 
 
+def fill_compensation(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write the account of a friction compensation, if there is one: what it gives is negative."""
+    if not p.site.compensates:
+        return at
+    taken = p.weight * s.help_absorbed
+    return fill_element(out, at, taken, 0.0, taken)
+
+
 def fill_pair(
     out: Row,
     at: int,
@@ -110,4 +119,6 @@ def fill_pair(
     out[at + 1] = effort_error(q, one, two)
     at = steps.fill_elements(out, at + 2, c, q, one, two, p1, p2, table)
     at = fill_wall(out, at, one, p1)
-    return fill_wall(out, at, two, p2)
+    at = fill_wall(out, at, two, p2)
+    at = fill_compensation(out, at, one, p1)
+    return fill_compensation(out, at, two, p2)

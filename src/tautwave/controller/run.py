@@ -83,6 +83,13 @@ def begin_stop(
     return True
 
 
+def forget_stop(o: RunState, end: int) -> None:
+    """Take a stop back: what found the reason has ended something else, and the run goes on."""
+    fresh = RunState(end=end, armed_at=o.armed_at)
+    for key in RunState.__slots__:
+        setattr(o, key, getattr(fresh, key))
+
+
 def check_sample(
     r: RunParams,
     o: RunState,
@@ -97,6 +104,10 @@ def check_sample(
     A broken sample, one that is not finite, counts as missing. An impedance axis needs no effort.
     """
     s = axes[which]
+    if p.senses:
+        m.effort = p.sensor_gain * (m.effort - p.sensor_zero)
+        if m.valid and m.effort - m.effort == 0.0:
+            s.outside = m.effort
     total = m.position
     if not p.impedance:
         total = total + m.effort

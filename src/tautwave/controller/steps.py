@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, MutableSequence, Sequence
+from collections.abc import Callable, MutableSequence, Sequence, Set
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,7 +15,7 @@ OWN_GUARDS = 100
 
 @dataclass(slots=True)
 class NoState:
-    """State of a coupling that has none; compiled records want a field."""
+    """State of a coupling that has none; compiled records need a field."""
 
     nothing: int = 0
 
@@ -165,12 +165,13 @@ class Steps(NamedTuple):
 class Guard(NamedTuple):
     """A coupling's reason to stop: a word for programs, and the rest of a sentence.
 
-    Such as `port_overdrawn` and `drew more energy than its port had`. The sentence may name the
-    axis' `found` and `allowed`.
+    Such as `port_overdrawn` and `drew more energy than its port had`, before the time; `detail`
+    comes after it. Both may name the axis' `found` and `allowed`.
     """
 
     word: str
     sentence: str
+    detail: str = ""
 
 
 class Law(NamedTuple):
@@ -178,7 +179,8 @@ class Law(NamedTuple):
 
     `end` and `link` make the state of an axis' end and of a pair: slotted dataclasses of numbers
     with defaults. `guards` are by the code that a step leaves in `alarm`, from `OWN_GUARDS` on.
-    `rings`: places of the delay line in the table per slot of delay.
+    `rings`: places of the delay line in the table per slot of delay. `spring`: of a law that
+    `controller.seen` makes, its stiffness for the books; None for any other.
     """
 
     name: str = ""
@@ -189,6 +191,27 @@ class Law(NamedTuple):
     elements: Callable[[PairParams, AxisParams, AxisParams], Sequence[str]] = no_elements
     guards: dict[int, Guard] = {}  # noqa: RUF012
     rings: int = 4
+    spring: Callable[[PairParams, AxisParams, AxisParams], float] | None = None
+
+
+class SiteLaw(NamedTuple):
+    """A law at one of two sites that a network joins.
+
+    `law` passes waves of the own end only. `patient(constants)` are those of a link that never
+    gives up by itself; `begin(link)`: the next start is that of a new session. `take(end,
+    constants, table, slot, line)`: a line of a packet came; `said(constants of the other end,
+    table)` returns the last slot and its line; `owed(end, constants, table, axis, its constants)`
+    the motion that was not given out, or not sent, yet [rad or m, master]. `debts`: guards that
+    end a session which has known a silence, and not the run.
+    """
+
+    law: Law
+    patient: Callable[..., Any]
+    begin: Callable[..., None]
+    take: Callable[..., None]
+    said: Callable[..., Any]
+    owed: Callable[..., float]
+    debts: Set[int]
 
 
 ALONE = Law()

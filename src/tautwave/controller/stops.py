@@ -13,6 +13,7 @@ from tautwave.controller.records import (
     FAULT,
     FINISHED,
     GUARD,
+    LINK,
     MISMATCH,
     MISSING,
     NOT_ARMED,
@@ -59,6 +60,7 @@ REASONS = {
     MISMATCH: "mismatch",
     NOT_ARMED: "not_engaged",
     FAULT: "device_fault",
+    LINK: "peer_lost",
 }
 GUARDS = {
     1: "position_range",
@@ -115,10 +117,9 @@ def stop_error(
     axis, bus, unit = names[o.which]
     p = params[o.which]
     if o.kind == MISSING:
-        each = "cycles" if p.divisor == 1 else "exchanges"
-        return DriverError(
-            f"{axis} on bus {bus!r}: no sample in {o.code} {each} running; check power and cable"
-        )
+        each = "cycle" if p.divisor == 1 else "exchange"
+        many = f"{o.code} {each}s in a row" if o.code != 1 else f"one {each}"
+        return DriverError(f"{axis} on bus {bus!r}: no sample in {many}; check power and cable")
     if o.kind == BROKEN:
         return SafetyStop(broken_sentence(axis, unit, o.first, o.second))
     limit = p.site.limit
@@ -129,7 +130,10 @@ def stop_error(
 def with_numbers(law: Law, found: float, allowed: float) -> Law:
     """Return a law whose sentences have the numbers of a stop."""
     named = {
-        code: guard._replace(sentence=guard.sentence.format(found=found, allowed=allowed))
+        code: guard._replace(
+            sentence=guard.sentence.format(found=found, allowed=allowed),
+            detail=guard.detail.format(found=found, allowed=allowed),
+        )
         for code, guard in law.guards.items()
     }
     return law._replace(guards=named)
@@ -185,12 +189,16 @@ def guard_sentence(
         RUNAWAY: "received a scene effort over a million times its limit of "
         f"{limit.effort:.6g} {_effort(unit)}",
         NOT_A_NUMBER: f"was asked by its coupling, law {law.name}, for what is not finite",
-        UNSEEN: "had no sample for too many periods, skipped slots included (loop.missing_limit),",
+        UNSEEN: "had no sample for too long",
     } | {own: guard.sentence for own, guard in law.guards.items()}
+    details = {UNSEEN: "skipped slots count, too (loop.missing_limit)"} | {
+        own: guard.detail for own, guard in law.guards.items()
+    }
+    detail = details.get(code, "")
     own = f"was stopped by its coupling, guard {code},"
     return (
-        f"{axis} {passed.get(code, own)} at {time_s:.3f} s: position {position:.6g} {unit}, "
-        f"velocity {velocity:.6g} {unit}/s"
+        f"{axis} {passed.get(code, own)} at {time_s:.3f} s: {detail}{detail and '; '}position "
+        f"{position:.6g} {unit}, velocity {velocity:.6g} {unit}/s"
     )
 
 
@@ -215,8 +223,9 @@ def unarmed_sentence(axes: Iterable[tuple[str, str, LimitParams]]) -> str:
 
 def overrun_sentence(skipped: int, limit: int, period_s: float, time_s: float) -> str:
     """Say that the host missed too many slots in a row."""
+    missed = "slots of {} ms were missed in a row" if skipped != 1 else "slot of {} ms was missed"
     return (
-        f"{skipped} slots of {1e3 * period_s:g} ms were missed in a row at {time_s:.3f} s "
+        f"{skipped} {missed.format(f'{1e3 * period_s:g}')} at {time_s:.3f} s "
         f"(loop.overrun_limit: {limit}); the host is too slow or was stopped"
     )
 

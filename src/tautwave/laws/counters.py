@@ -5,7 +5,7 @@ as well, and never full. Only differences mean anything, and those are right up 
 or J either way.
 
 A wave u over a period T carries T u in the integral and T u**2 / 2 in energy. Where u is rounded to
-n quanta, its energy is n**2 q**2 / (2 T), which is no whole number of quanta: what is credited is
+n quanta, its energy is n**2 q**2 / (2 T), not a whole number of quanta: what is credited is
 rounded down, what is charged up, and both carry the fraction on, so that a sum of a million is as
 exact as one. `MARGIN` covers the rounding of the five operations on the way: credit <= energy <=
 charge holds in exact arithmetic, of every sum.

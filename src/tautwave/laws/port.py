@@ -56,7 +56,7 @@ class PortParams(NamedTuple):
     line; lead: periods from a sample to the middle of the period in which its command acts;
     filter_gain: step of the wave filter, 1 without; kept [J/W]: what the filter still has to send
     per squared wave; repay: share of the unsent wave integral that is sent per period; reserve E0
-    [J]; leak [J per period].
+    [J]; leak [J per period]; half_period [s] and ahead = lead T [s], as they are used.
     """
 
     period: float
@@ -71,6 +71,8 @@ class PortParams(NamedTuple):
     repay: float
     reserve: float
     leak: float
+    half_period: float
+    ahead: float
 
 
 def port_params(
@@ -123,6 +125,8 @@ def port_params(
         period / (period + drift_time),
         reserve,
         leak,
+        0.5 * period,
+        period * (delay + 0.5),
     )
 
 
@@ -172,21 +176,20 @@ def port_effort(
         Observed velocity [rad/s or m/s] and acceleration from outside [rad/s**2 or m/s**2].
     pending : float
         Sum of the resisting efforts [N m or N] that act before this one, each times the periods
-        in which it acts, with half of what else acts in the same period (a local wall).
+        in which it acts; without an observer with half of a local wall's in the same period.
     arriving : float
         Arriving wave [W**0.5].
     """
-    coast = velocity + p.period * p.lead * outside - 2.0 * p.half_mobility * pending
+    coast = velocity + p.ahead * outside - 2.0 * p.half_mobility * pending
     effort = (p.impedance * coast - p.root * arriving) / p.divisor
     ahead = coast - (p.half_mobility + p.slip) * effort
     given = -effort * ahead * p.period
-    if given > 0.0:
+    funds = account + p.half_period * arriving * arriving
+    if not given <= funds and given > 0.0:
         # Absorbing is never taken away; giving is limited to what is there.
-        funds = account + 0.5 * p.period * arriving * arriving
-        if not given <= funds:
-            if funds > 0.0:
-                return effort * (funds / given)
-            return 0.0
+        if funds > 0.0:
+            return effort * (funds / given)
+        return 0.0
     return effort
 
 
@@ -244,15 +247,24 @@ def port_close(
         from outside and dissipated by the series damper [J], energy spilled from a full tank [J].
     """
     period = p.period
-    span = periods * period
-    slipped = p.slip * effort
-    income = effort * (displacement - span * slipped) + wave_energy
-    dissipated = effort * slipped * span
-    account = account + income + periods * p.leak
+    span = period
     arriving = wave_sum
+    leak = p.leak
     if periods != 1.0:
+        span = periods * period
         arriving = wave_sum / periods
-    plain = p.root * (advance / span - slipped) - arriving
+        leak = periods * leak
+    rate = advance / span
+    moved = displacement
+    dissipated = 0.0
+    if p.slip != 0.0:
+        slipped = p.slip * effort
+        rate = rate - slipped
+        moved = displacement - span * slipped
+        dissipated = effort * slipped * span
+    income = effort * moved + wave_energy
+    account = account + income + leak
+    plain = p.root * rate - arriving
     filtered = filtered + p.filter_gain * (plain - filtered)
     leaving = filtered
     if gap != 0.0:
@@ -263,15 +275,16 @@ def port_close(
             leaving = clamp(leaving, math.sqrt(carried))
         else:
             leaving = 0.0
-    sent = 0.5 * period * leaving * leaving
+    sent = p.half_period * leaving * leaving
     if not sent <= account:  # NaN is not
         if account > 0.0:
             leaving = clamp(leaving, math.sqrt(2.0 * account / period))
         else:
             leaving = 0.0
-        sent = 0.5 * period * leaving * leaving
-    # Slots without a sample sent nothing: their share of the integral is kept.
-    gap = gap + period * (filtered - leaving) + (periods - 1.0) * period * plain
+        sent = p.half_period * leaving * leaving
+    if leaving != filtered or periods != 1.0:
+        # Slots without a sample sent nothing: their share of the integral is kept.
+        gap = gap + period * (filtered - leaving) + (periods - 1.0) * period * plain
     account = account - sent
     spilled = 0.0
     full = p.reserve + p.kept * filtered * filtered
@@ -283,8 +296,10 @@ def port_close(
 
 def repayment(p: PortParams, account: float, gap: float, filtered: float) -> float:
     """Return what is added to the leaving wave for waves that were cut before [W**0.5]."""
+    wanted = filtered + p.repay * gap / p.period
+    if wanted == filtered:
+        return 0.0  # what is left of a gap is below rounding
     spare = REPAID_SHARE * (account - 0.5 * p.reserve)
-    if spare <= 0.0 or gap == 0.0:
+    if spare <= 0.0:
         return 0.0
-    bound = math.sqrt(filtered * filtered + 2.0 * spare / p.period)
-    return clamp(filtered + p.repay * gap / p.period, bound) - filtered
+    return clamp(wanted, math.sqrt(filtered * filtered + 2.0 * spare / p.period)) - filtered

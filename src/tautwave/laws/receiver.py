@@ -4,18 +4,25 @@ The sender counts wave integral I and energy E from the start of the session; ea
 its slot and both counters, so that a packet replaces all older ones. The receiver follows I with
 a pointer on its own slot grid and gives out what I grew by, as long as energy lasts:
 
-    B     = I(pointer) - I_out                       backlog
-    want  = timely + repay (B - timely)              timely: growth of this tick, see `advance`
-    funds = E(pointer) + granted - E_out + reserve
-    |out| <= sqrt(funds / K),  and  |out| <= funds / (K |B|)  above half of that
+    timely = growth of this tick, see `advance`
+    rest   = I(pointer) - I_out - timely               what is owed
+    funds  = E(pointer) + granted - E_out + reserve
+    out    = timely + mend,  |out| <= sqrt(funds / K)
+    mend  <= repay |rest|,  and  mend <= (funds - K timely**2) / (K |rest|) - 2 timely
 
-with K of `counters.energy_scale`. E_out + charge <= E_in + reserve is a comparison of integers: no
-pattern of delay, loss, duplication, reordering or clocks can make it false, since E only grows.
+with K of `counters.energy_scale`, signs as seen along the debt. E_out + charge <= E_in + reserve is
+a comparison of integers: no pattern of delay, loss, duplication, reordering or clocks can make it
+false, since E only grows.
 
-- In time and on equal rates nothing is cut: then funds are K growth**2 at least, B is the growth.
-- The second bound makes energy last as long as the backlog: without it the first tick after an
-  outage spends all. Let n be the least number with B**2 <= n av / K: another wave of the sender
-  keeps it with n + 1, and out = B / n brings it to n again. So positions meet.
+- In time and on equal rates nothing is cut: then funds are K timely**2 at least, nothing is owed.
+- Owing costs nothing: what is in time passes, since its energy came with it. Paying a share s of
+  the debt costs K mend (mend + 2 timely) <= s (funds - K timely**2): the energy for each count of
+  the debt never falls, so a debt waits until the waves in time are smaller or run against it, and
+  is payable then. Positions meet as soon as waves have no mean.
+- A debt of a force that was held comes with the work of both slips, and what is paid for it at
+  little force leaves more for the rest: the force comes back as far as that work does. Where energy
+  is short of it, what is in time is cut to its mean: what noise carries pays the debt. It is never
+  cut below, nor by more than what keeps the energy for each count of the debt.
 - Nothing is extrapolated. Between received slots I and E are straight lines, which by Cauchy and
   Schwarz cost no more than what was sent; what is missing is not invented.
 - The pointer stays on the grid: between slots it would average neighbours, a low-pass that takes
@@ -23,7 +30,7 @@ pattern of delay, loss, duplication, reordering or clocks can make it false, sin
 
 Sources: Chopra & Spong, IEEE CDC 2003 (waves over unreliable networks); Secchi, Stramigioli &
 Fantuzzi 2003 (packet loss); Hirche & Buss 2004 (energy-checked reconstruction). The integer
-counters, the two bounds and play-out of an integral are derived here.
+counters, the bounds and play-out of an integral are derived here.
 """
 
 from __future__ import annotations
@@ -37,6 +44,10 @@ LOWEST = -(1 << 52)
 """Less than any lead."""
 OUTAGE_SLOTS = 40
 """Slots of lag beyond the depth at which the pointer jumps instead of slipping."""
+RESERVE = 1e-6
+"""What a receiver starts with, for rounding and slips [J]."""
+SMOOTH_S = 0.005
+"""Time over which the waves' mean is taken [s]: beyond noise, within a hand's motion."""
 BLOCK_S = 0.25
 """Time over which the least delay is looked for [s]: longer than bursts, shorter than drifts."""
 
@@ -48,8 +59,9 @@ class ReceiverParams(NamedTuple):
     down / up slots, one of them 1; depth: distance to the newest slot at its best, to begin with;
     deepest: as far as it may grow by itself; slack: how far off the pointer may be; far: how late
     is an outage; block, watch: ticks over which the best, and the share of dry ticks, are taken;
-    repay: share of the old backlog per tick; fastest: most of it per tick [wave quanta]; scale K;
-    reserve, level [energy quanta]: what it starts with; what it keeps beyond.
+    repay: share of the debt per tick; smooth: of what comes in its mean; fastest: most of the
+    debt per tick [wave quanta]; scale K; reserve, level [energy quanta]: what it starts with; what
+    it keeps beyond.
     """
 
     period: float
@@ -63,6 +75,7 @@ class ReceiverParams(NamedTuple):
     block: int
     watch: int
     repay: float
+    smooth: float
     fastest: float
     scale: float
     reserve: int
@@ -78,7 +91,7 @@ def receiver_params(
     newest: bool = False,
     repay_time: float = 0.02,
     fastest: float = math.inf,
-    reserve: float = 1e-6,
+    reserve: float = RESERVE,
     level: float = 1e-3,
 ) -> ReceiverParams:
     """Return the constants of a receiver.
@@ -113,6 +126,7 @@ def receiver_params(
         max(1, round(BLOCK_S / period)),
         max(1, round(WATCH_S / period)),
         period / (period + repay_time),
+        period / (period + SMOOTH_S),
         min(fastest * period / WAVE_QUANTUM, 2.0**51),
         energy_scale(period),
         math.floor(reserve / ENERGY_QUANTUM),
@@ -231,27 +245,66 @@ def part_of(change: int, steps: int, whole: int) -> int:
     return int(change * (steps / whole))
 
 
-def output_wave(p: ReceiverParams, funds: int, backlog: int, timely: int) -> int:
-    """Return the wave to give out in a tick [wave quanta], paid by the funds [energy quanta]."""
-    if funds <= 1:
-        return 0
-    mend = p.repay * (backlog - timely)
+def timely_wave(p: ReceiverParams, growth: int, came: int) -> int:
+    """Return how much of a tick's growth is in time [wave quanta].
+
+    What the energy that came with it pays at once: all of it, unless several ticks' growth came
+    together. The rest is owed.
+    """
+    cost = p.scale * (1.0 * growth * growth)
+    if cost <= came + 2.0:
+        return growth
+    return int(growth * (came / cost))
+
+
+def wanted_wave(p: ReceiverParams, rest: int, timely: int) -> float:
+    """Return the wave that a tick should give out: what is in time, and a share of the `rest`."""
+    mend = p.repay * rest
     if mend > p.fastest:
         mend = p.fastest
     elif mend < -p.fastest:
         mend = -p.fastest
-    want = timely + mend
+    return timely + mend
+
+
+def output_wave(
+    p: ReceiverParams, funds: int, rest: int, timely: int, mean: float, want: float
+) -> int:
+    """Return as much of a wanted wave as the funds pay [wave quanta, energy quanta].
+
+    A debt is paid as long as the energy beyond what is in time lasts as long as it does. Where it
+    does not, what is in time is cut to its `mean`, never below.
+    """
+    if funds <= 1:
+        return 0
     # One quantum less: what is charged is rounded up.
-    most = math.sqrt((funds - 1) / p.scale) * (1.0 - 1e-12)
-    if math.fabs(want) > 0.5 * most and backlog != 0:
-        lasting = (funds - 1) / (p.scale * math.fabs(backlog))
-        if lasting < most:
-            most = lasting
-    if want > most:
-        want = most
-    elif want < -most:
-        want = -most
-    return int(want)
+    funds = funds - 1
+    most = math.sqrt(funds / p.scale) * (1.0 - 1e-12)
+    sign = 1.0
+    if rest < 0:
+        sign = -1.0
+    wave = sign * timely
+    if wave > most:
+        wave = most
+    elif wave < -most:
+        wave = -most
+    if rest != 0:
+        owed = math.fabs(rest)
+        room = (funds / p.scale - wave * wave) / owed - 2.0 * wave
+        if room < 0.0:
+            least = max(0.0, sign * mean, room + wave)
+            if wave > least:
+                owed = owed + (wave - least)
+                wave = least
+                room = (funds / p.scale - wave * wave) / owed - 2.0 * wave
+        mend = sign * (want - timely)
+        if mend > room:
+            mend = room
+        if mend > 0.0:
+            wave = wave + mend
+            if wave > most:
+                wave = most
+    return int(sign * wave)
 
 
 def surplus(p: ReceiverParams, funds: int, backlog: int) -> int:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from tautwave.laws.receiver import ReceiverParams
 from tautwave.link.receiver import Receiver, Sender, take_credit, take_pair
+from tautwave.link.trace import replayed
 from tautwave.models.network import LOST, NetworkParams, seeded, transit
 
 SENT = 4
@@ -49,6 +50,17 @@ def start_network(
         table[at + SENT * size + i] = NONE
 
 
+def keep_sent(
+    table: MutableSequence[float], at: int, size: int, s: Sender, granted: int, asked: int
+) -> None:
+    """Keep what the packet of the sender's last slot says."""
+    kept = at + SENT * (s.slot % size)
+    table[kept] = s.integral
+    table[kept + 1] = s.energy
+    table[kept + 2] = granted
+    table[kept + 3] = asked
+
+
 def post(
     n: Network,
     p: NetworkParams,
@@ -66,24 +78,40 @@ def post(
 
     `now` is the coming tick of the receiving end, of `period_ns`.
     """
-    kept = at + SENT * (s.slot % size)
-    table[kept] = s.integral
-    table[kept + 1] = s.energy
-    table[kept + 2] = r.granted
-    table[kept + 3] = r.asked
-    n.one, n.two, n.losing, n.last_ns, arrival, copy = transit(
-        p, n.one, n.two, n.losing, n.last_ns, now_ns
-    )
+    keep_sent(table, at, size, s, r.granted, r.asked)
+    forward(n, p, table, at, size, s.slot, now_ns, slot_ns, now, period_ns)
+
+
+def forward(
+    n: Network,
+    p: NetworkParams,
+    table: MutableSequence[float],
+    at: int,
+    size: int,
+    slot: int,
+    now_ns: int,
+    slot_ns: int,
+    now: int,
+    period_ns: int,
+) -> None:
+    """Put the packet of a slot, which was kept, on its way: as `post`."""
+    if p.traced > 0:
+        arrival = replayed(table, p.trace, p.traced, now_ns)
+        copy = LOST
+    else:
+        n.one, n.two, n.losing, n.last_ns, arrival, copy = transit(
+            p, n.one, n.two, n.losing, n.last_ns, now_ns
+        )
     due = -((-arrival) // period_ns)
     # A place of the ring is free again once the slot is so old; the calendar is as long.
     reach_ns = now_ns + (size - 1) * min(slot_ns, period_ns)
     if arrival == LOST or arrival > reach_ns:
         n.lost += 1
         return
-    file_copy(table, at, size, s.slot, 0, max(due, now))
+    file_copy(table, at, size, slot, 0, max(due, now))
     due = -((-copy) // period_ns)
     if copy != LOST and copy <= reach_ns:
-        file_copy(table, at, size, s.slot, 1, max(due, now))
+        file_copy(table, at, size, slot, 1, max(due, now))
 
 
 def file_copy(
@@ -104,6 +132,18 @@ def take_copy(table: MutableSequence[float], at: int, size: int, now: int) -> in
         return -1
     table[day] = table[at + (SENT + 1) * size + 2 * (copy // 2 % size) + copy % 2]
     return copy // 2
+
+
+def newest_of(n: Network, table: MutableSequence[float], at: int, size: int, now: int) -> int:
+    """Take all packets of a tick; return the newest slot among them, -1 where none came."""
+    newest = -1
+    slot = take_copy(table, at, size, now)
+    while slot >= 0:
+        n.arrived += 1
+        if slot > newest:
+            newest = slot
+        slot = take_copy(table, at, size, now)
+    return newest
 
 
 def deliver(

@@ -58,7 +58,7 @@ class Packet(NamedTuple):
 
 
 class Refusal(Enum):
-    """Why a payload is no packet."""
+    """Why a payload is not a packet."""
 
     SHORT = "is too short for a packet"
     VERSION = "speaks another version of the protocol; both sites need the same release"

@@ -6,6 +6,7 @@ of `laws.receiver`; live and compiled call the same functions.
 
 from __future__ import annotations
 
+import math
 from collections.abc import MutableSequence
 from dataclasses import dataclass
 
@@ -26,6 +27,8 @@ from tautwave.laws.receiver import (
     output_wave,
     part_of,
     surplus,
+    timely_wave,
+    wanted_wave,
     watched,
 )
 
@@ -50,11 +53,12 @@ class Receiver:
     """Where a receiver stands.
 
     `pointer` is played up to, with the counters `played` and `paid` there; `newest` is the last
-    slot that came, -1 before. `given` and `spent` are what it gave out. The pointer aims at
-    `depth`, for `since` ticks; `dry` and `thin` are the shares of them for which it was too short,
-    or would have been with a slot less. `granted` is energy that it sent back, `asked` how much in
-    all it would take; `was_granted` and `was_asked` are the other site's. `dropped` [J] is energy
-    that nobody wanted.
+    slot that came, -1 before. `given` and `spent` are what it gave out; `growth` came in time in
+    the last tick, `mean` lately. The pointer aims at `depth`, for `since` ticks; `dry` and `thin`
+    are the shares of them for which it was too short, or would have been with a slot less.
+    `granted` is energy that it sent back, `asked` how much in all it would take; `was_granted`
+    and `was_asked` are the other site's. `dropped` [J] is energy that was not wanted; `short`:
+    the last tick could not pay for all that it wanted.
     """
 
     newest: int = -1
@@ -64,6 +68,7 @@ class Receiver:
     given: int = 0
     spent: int = 0
     growth: int = 0
+    mean: float = 0.0
     best: int = LOWEST
     ticks: int = 0
     owed: int = 0
@@ -78,6 +83,7 @@ class Receiver:
     dry: float = 0.0
     thin: float = 0.0
     begun: bool = False
+    short: bool = False
 
 
 def start_sender(s: Sender) -> None:
@@ -98,6 +104,7 @@ def start_receiver(s: Receiver, table: MutableSequence[float], ring: int, size: 
     s.given = 0
     s.spent = 0
     s.growth = 0
+    s.mean = 0.0
     s.best = LOWEST
     s.ticks = 0
     s.owed = 0
@@ -112,6 +119,7 @@ def start_receiver(s: Receiver, table: MutableSequence[float], ring: int, size: 
     s.dry = 0.0
     s.thin = 0.0
     s.begun = False
+    s.short = False
     for i in range(size):
         table[ring + PLACE * i] = EMPTY
 
@@ -204,14 +212,21 @@ def tick(
     step, timely, s.best, s.ticks, s.owed = advance(p, s.depth, ahead, s.best, s.ticks, s.owed)
     growth = s.growth
     if timely >= 0:
+        paid = s.paid
         play_to(s, p, table, ring, size, s.pointer + timely)
         growth = apart(s.played, before)
+        if timely > p.down:
+            growth = timely_wave(p, growth, apart(s.paid, paid))
         step -= timely
     if step > 0:
         play_to(s, p, table, ring, size, s.pointer + step)
     s.growth = growth
+    s.mean += p.smooth * (growth - s.mean)
     funds = funds_of(s, p)
-    wave = output_wave(p, funds, apart(s.played, s.given), growth)
+    rest = apart(s.played, s.given) - growth
+    want = wanted_wave(p, rest, growth)
+    wave = output_wave(p, funds, rest, growth, s.mean, want)
+    s.short = math.fabs(want - wave) >= 2.0
     cost, s.prepaid = charged(p.scale * (1.0 * wave * wave), s.prepaid)
     s.given = added(s.given, wave)
     s.spent = added(s.spent, cost)

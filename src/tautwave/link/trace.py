@@ -39,7 +39,7 @@ def parse_trace(text: str, name: str) -> list[float]:
             raise ConfigError(f"{name}:{number}: times have to rise")
         found += [round(1e9 * at), LOST if lost else round(1e9 * delay)]
     if len(found) < 4:
-        raise ConfigError(f"{name}: a trace has two packets at least")
+        raise ConfigError(f"{name}: a trace needs at least two packets")
     return found
 
 

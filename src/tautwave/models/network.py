@@ -30,7 +30,8 @@ class NetworkParams(NamedTuple):
     delay_ns: least delay; jitter: kind; jitter_ns: its size; spike_share: of packets, for SPIKES;
     begin, end: chances per packet that a burst of losses begins and ends; duplicates: share of
     packets that come twice; reorders: whether one may overtake another; outage_at_ns, outage_ns,
-    outage_every_ns: first one, its length, and period [0: one only].
+    outage_every_ns: first one, its length, and period [0: one only]. A recorded network takes the
+    place of all that: `traced` pairs of time and delay in a table from `trace` on (`link.trace`).
     """
 
     delay_ns: int
@@ -44,6 +45,8 @@ class NetworkParams(NamedTuple):
     outage_at_ns: int
     outage_ns: int
     outage_every_ns: int
+    trace: int = 0
+    traced: int = 0
 
 
 def network_params(

@@ -32,8 +32,21 @@ def spectrum(autocorrelation: tuple[float, ...], theta: float) -> float:
 
 def least_spectrum(autocorrelation: tuple[float, ...]) -> tuple[float, float]:
     """Return the least S, and the frequency at which it is [rad per sample]."""
+    return min((spectrum(autocorrelation, theta), theta) for theta in _looked_at(autocorrelation))
+
+
+def greatest_spectrum(autocorrelation: tuple[float, ...] | None) -> float:
+    """Return the greatest S; of an unknown colour (None) that of any with `LAGS` lags.
+
+    A cosine sum of degree n that is nowhere negative is at most n + 1 times its mean (Fejer), and
+    falls from its greatest value M to no less than M cos(n d) within d (M. Riesz).
+    """
+    if autocorrelation is None:
+        return LAGS + 1.0
+    found = max(spectrum(autocorrelation, theta) for theta in _looked_at(autocorrelation))
+    return min(found / math.cos(0.5 * math.pi / POINTS), len(autocorrelation) + 1.0)
+
+
+def _looked_at(autocorrelation: tuple[float, ...]) -> list[float]:
     count = POINTS * (len(autocorrelation) + 1)
-    return min(
-        (spectrum(autocorrelation, theta), theta)
-        for theta in (math.pi * at / count for at in range(count + 1))
-    )
+    return [math.pi * at / count for at in range(count + 1)]

@@ -10,6 +10,7 @@ from tautwave.errors import TautwaveError
 
 def main() -> int:
     """Complete `summary.json` and write the report of the directory in argv[1]."""
+    from tautwave.report.arms.files import write_arms
     from tautwave.report.precision.oracle import measure_precision
     from tautwave.report.run.after_run import recheck_run
     from tautwave.report.run.complete import complete_summary, write_summary
@@ -23,6 +24,7 @@ def main() -> int:
             run.summary = step(run)
         write_summary(run)
         write_scene(run)
+        write_arms(run)
         write_page(run)
     except TautwaveError as err:
         sys.stderr.write(f"{err}\n")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from html import escape
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from tautwave.canvas import alone, svg
 from tautwave.files import make_directory, write_text
 from tautwave.report.html import badge, banner, page, picture, table, verdict_rows
+from tautwave.report.joined import joined_page, joined_summary, sites_of
 from tautwave.report.run.loading import load_run
 from tautwave.report.run.rundir import Run, block
 from tautwave.report.run.tables import Table
@@ -25,7 +27,7 @@ _NOT_COMPARED = ("started_utc", "command", "left_out", "realtime")
 
 
 def compare_reports(a: Path, b: Path, out: Path) -> Path:
-    """Write a page that compares the runs in `a` and `b`.
+    """Write a page that compares the runs in `a` and `b`, or joins two sites of one session.
 
     Parameters
     ----------
@@ -41,6 +43,12 @@ def compare_reports(a: Path, b: Path, out: Path) -> Path:
     if target.suffix != ".html":
         target = target / "compare.html"
     make_directory(target.parent)
+    both = sites_of(runs)
+    if both is not None:
+        found = joined_summary(*both)
+        write_text(target.with_suffix(".json"), json.dumps(found, indent=2) + "\n")
+        write_text(target, joined_page(*both, found))
+        return target
     labels = _labels(runs)
     title = f"{labels[0]} against {labels[1]} – tautwave"
     write_text(target, page(title, _body(runs, labels, target.parent)))

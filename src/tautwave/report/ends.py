@@ -2,7 +2,7 @@
 
 Both are as the end's encoder sees it, from the recording. A device that is beyond its velocity
 limit by more than its motor can have made of it was hit from outside: what the motor gave in the
-periods until the guard acted, the effort that acted times the way, is a blow. It is no part of the
+periods until the guard acted, the effort that acted times the way, is a blow. It is not part of the
 claim, and reported.
 """
 
@@ -60,10 +60,9 @@ def ends_of(run: Run) -> Iterator[End]:
         claims = block(own, "claim_j")
         for side in SIDES:
             claim = number(claims.get(side))
-            absorbed = f"{pair}.port_{side}.absorbed"
-            damper = f"{pair}.damper_{side}.absorbed"
-            read = run.read(absorbed, damper)
-            if claim is None or absorbed not in read or not run.rows:
+            ports = [f"{pair}.{what}_{side}.absorbed" for what in ("port", "account", "damper")]
+            read = run.read(*ports)
+            if claim is None or not read or not run.rows:
                 continue
             # A matched end's damper is part of it: what the tank paid for it did not come out.
             taken = sum(read.values())

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.report.figures.envelope import Floats
-from tautwave.report.run.rundir import SIDES, Run, block, served_rows
+from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.units import number
 
 Rows = npt.NDArray[np.bool_]
@@ -40,7 +40,7 @@ def worst_moment(run: Run, given: Floats) -> dict[str, float]:
 
 def motor_energy(run: Run, pair: str) -> dict[str, float]:
     """Return `worst_moment` of a pair and, if its rig states one, `stated_debt` [J]."""
-    given = given_energy(run, [f"{side}.{pair}" for side in SIDES])
+    given = given_energy(run, [f"{side}.{pair}" for side in run.sides])
     if given is None or not np.isfinite(given).all():
         return {}
     worst = worst_moment(run, given)
@@ -51,18 +51,27 @@ def motor_energy(run: Run, pair: str) -> dict[str, float]:
 def stated_debt(run: Run, pair: str) -> float | None:
     """Return the greatest energy [J] that a wave pair may have delivered by its certificate.
 
-    What its ends claim, and energy that walls held at the start, or created and the device's
-    damping dissipated. None where the law claims nothing.
+    What its ends claim, the reserves of receivers, and energy that walls held at the start, or
+    created and the device's damping dissipated. None where the law claims nothing.
     """
     own = block(run.summary, "pairs", pair)
     claims = block(own, "claim_j")
     if not claims:
         return None
     debt = 0.0
-    for side in SIDES:
+    for side in run.sides:
         weight = 1.0 if side == "master" else 1.0 / (number(own.get("power_ratio")) or 1.0)
         debt += weight * (number(claims.get(side)) or 0.0) + _wall(run, pair, side, weight)
+        debt += _compensation(run, pair, side)
+        debt += number(own.get("receiver_j")) or 0.0
     return debt
+
+
+def _compensation(run: Run, pair: str, side: str) -> float:
+    """Return what a friction compensation gave [J]: the device's own friction takes it."""
+    name = f"{pair}.compensation_{side}.absorbed"
+    read = run.read(name)
+    return max(0.0, -float(np.nanmin(read[name]))) if name in read and run.rows else 0.0
 
 
 def motion(run: Run, axis: str) -> tuple[Floats, Floats, Rows]:

@@ -8,10 +8,11 @@ from tautwave.rig.assembly import (
 )
 from tautwave.rig.controller import (
     NO_WALL,
-    PairScale,
     axis_names,
     axis_params,
     bare_site,
+    between,
+    check_ends,
     controlled_axis,
     coupled_axis,
     coupling_law,
@@ -20,14 +21,14 @@ from tautwave.rig.controller import (
     limit_params,
     make_control,
     pair_params,
-    pair_scale,
     run_params,
     site_params,
-    slave_offset,
     velocity_gain,
     wall_params,
 )
+from tautwave.rig.network import LineDelay, line_delay
 from tautwave.rig.rates import at_axis_rate, at_full_rate, one_way_delay, standing_offset
+from tautwave.rig.scales import PairScale, pair_scale, slave_offset
 from tautwave.rig.truth import (
     SEED_WORD,
     axis_integration,
@@ -53,6 +54,7 @@ __all__ = [
     "SEED_WORD",
     "Assembly",
     "BusWay",
+    "LineDelay",
     "PairScale",
     "Simulate",
     "Way",
@@ -64,8 +66,10 @@ __all__ = [
     "axis_names",
     "axis_params",
     "bare_site",
+    "between",
     "build_rig",
     "bus_ways",
+    "check_ends",
     "choose_way",
     "command_delays",
     "controlled_axis",
@@ -75,6 +79,7 @@ __all__ = [
     "end_constants",
     "foam_params",
     "limit_params",
+    "line_delay",
     "make_clock",
     "make_control",
     "one_way_delay",

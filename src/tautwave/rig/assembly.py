@@ -6,13 +6,17 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tautwave.clock import FakeClock, MonotonicClock
-from tautwave.config import Rig, bus_spec
+from tautwave.config import Rig, bus_spec, has_loads
 from tautwave.contracts import BusSpec, Clock, DriverPlugin, RowSource, Simulator
+from tautwave.errors import ConfigError
 from tautwave.registry import load_driver, load_simulator
+from tautwave.rig.arms import side_loads
+from tautwave.rig.calibrated import calibrated
 from tautwave.rig.controller import make_control
 from tautwave.rig.truth import SEED_WORD, axis_model
 from tautwave.rig.ways import BusWay, Way, bus_ways
 from tautwave.runtime.control import Control
+from tautwave.runtime.load import CarryingDriver, SideLoad
 from tautwave.runtime.loop import TIMING_COLUMNS
 from tautwave.runtime.sensing import LoopBus
 from tautwave.streams import OVERRUN, uniform_stream
@@ -82,7 +86,7 @@ def build_rig(
     simulators: list[Simulator] = []
     delays: dict[str, CommandDelay] = {}
     sources: list[RowSource] = []
-    for bus_name, bus in rig.buses.items():
+    for bus_name, bus in rig.own_buses.items():
         plugin = load_driver(bus.driver)
         options = {**bus.options, **ways[bus_name].options}
         spec = bus_spec(rig, bus_name)._replace(
@@ -98,12 +102,16 @@ def build_rig(
             simulators.append(world)
             transport = world.transport
             sources.extend(getattr(world, "axes", ()))
+            sources.extend(getattr(world, "arms", ()))
         driver = plugin.make(plugin.options.model_validate(options), spec, the_clock, transport)
         if isinstance(driver, RowSource):
             sources.append(driver)
         names = [axis.name for axis in spec.axes]
         delays.update(dict.fromkeys(names, driver.command_delay))
-        buses.append(LoopBus(bus_name, driver, names, bus.divisor))
+        buses.append(calibrated(rig, LoopBus(bus_name, driver, names, bus.divisor)))
+    if has_loads(rig):
+        loads, buses = carry_loads(rig, buses)
+        sources.extend(loads)
     scene = None
     control: Control
     if rig.scene is None:
@@ -122,6 +130,20 @@ def build_rig(
     return Assembly(the_clock, buses, control, rows, simulators, columns, scene)
 
 
+def carry_loads(rig: Rig, buses: Sequence[LoopBus]) -> tuple[Sequence[SideLoad], list[LoopBus]]:
+    """Return what carries the loads of a rig, and its buses with drivers that do."""
+    delays = {name: bus.driver.command_delay for bus in buses for name in bus.axes}
+    loads, seats = side_loads(rig, delays)
+    carrying = []
+    for bus in buses:
+        own = [seats.get(name) for name in bus.axes]
+        if any(own):
+            period_ns = rig.period_ns * bus.divisor
+            bus = bus._replace(driver=CarryingDriver(bus.driver, own, period_ns))
+        carrying.append(bus)
+    return loads, carrying
+
+
 def _simulate(
     rig: Rig, spec: BusSpec, driver: str, options: Mapping[str, Any], clock: Clock, cycles: int
 ) -> Simulator:
@@ -131,15 +153,31 @@ def _simulate(
 
 
 def command_delays(rig: Rig) -> dict[str, CommandDelay]:
-    """Return the command delay that each axis' driver declares."""
+    """Return the command delay that each axis' driver declares.
+
+    Raises
+    ------
+    ConfigError
+        One is longer than `LATEST` periods of its axis.
+    """
     clock = FakeClock()
     delays = {}
     for bus_name, bus in rig.buses.items():
         plugin: DriverPlugin = load_driver(bus.driver)
         spec = bus_spec(rig, bus_name)
         driver = plugin.make(plugin.options.model_validate(bus.options), spec, clock, None)
+        if driver.command_delay.periods > LATEST:
+            raise ConfigError(
+                f"bus {bus_name}: its commands act {driver.command_delay.periods} periods late, "
+                f"and more than {LATEST} are not coupled; check its options (command_delay_s?), "
+                "or lower rate_hz"
+            )
         delays.update({axis.name: driver.command_delay for axis in spec.axes})
     return delays
+
+
+LATEST = 20
+"""Periods until a command acts, at most: what was decided before it has to be kept and summed."""
 
 
 def make_clock(rig: Rig, clock: str) -> Clock:

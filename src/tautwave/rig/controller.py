@@ -4,50 +4,51 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from tautwave import registry
 from tautwave.config import Axis, Rig, Wall
-from tautwave.config import Pair as PairKeys
 from tautwave.contracts import CoupledAxis, CouplingPlugin
 from tautwave.controller.records import NEVER, PIPE, AxisParams, PairParams, RunParams
 from tautwave.controller.steps import Law, NoParams
 from tautwave.controller.stops import ARM_SHARE, ARM_TIMEOUT_S, AxisName, position_unit
+from tautwave.errors import ConfigError
+from tautwave.laws.compensation import NO_COMPENSATION, CompensationParams
 from tautwave.laws.limit import LimitParams
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
+from tautwave.rig.arms import LOAD_SHARE, load_reserves
+from tautwave.rig.network import trace_of
+from tautwave.rig.scales import pair_scale, slave_offset
+from tautwave.rig.truth import SEED_WORD
 from tautwave.runtime.control import CoupledControl
+from tautwave.runtime.wire import Wire
 from tautwave.types import CommandDelay
 
 NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
 
 
-class PairScale(NamedTuple):
-    """How slave units map to master units: x_slave = sign * scale * x_master + offset.
+STILL = 1e-3
+"""Least velocity from which on Coulomb friction is compensated in full [rad/s or m/s]."""
 
-    `power` is the energy of the slave device per energy of the pair (force_scale * scale).
-    """
-
-    scale: float
-    force_scale: float
-    sign: float
-    power: float
-
-
-def pair_scale(keys: PairKeys) -> PairScale:
-    """Return the mapping from slave units to the pair's."""
-    force = keys.effective_force_scale
-    return PairScale(keys.position_scale, force, float(keys.sign), force * keys.position_scale)
+ACCOUNT = "tautwave.couplings.account:with_account"
+"""What puts a law in an account; loaded where a rig has one."""
 
 
 def coupling_part(rig: Rig) -> CouplingPlugin:
-    """Return the declaration of a rig's coupling law."""
-    return registry.load_coupling(rig.coupling.law)
+    """Return the declaration of a rig's coupling law, in an account if there is one."""
+    part = registry.load_coupling(rig.coupling.law)
+    if part.variant:
+        part = registry.load_named(part.variant)(part, rig.coupling)
+    if rig.coupling.account is not None:
+        part = registry.load_named(ACCOUNT)(part, rig.coupling.account)
+    return part
 
 
 def coupling_law(rig: Rig) -> Law:
     """Return the steps of a rig's law, its state and its columns."""
-    found: Law = registry.load_named(coupling_part(rig).law)
+    part = coupling_part(rig)
+    found: Law = registry.load_named(part.law if rig.link is None else part.over_link)
     return found
 
 
@@ -66,6 +67,12 @@ def coupled_axis(rig: Rig, axis_name: str, delay: CommandDelay) -> CoupledAxis:
         velocity_limit=math.inf if axis.velocity_limit is None else axis.velocity_limit,
         effort_quantum=axis.effort_quantum,
         noise_lags=axis.position_noise_autocorrelation,
+        effort_limit=axis.effort_limit,
+        fade=axis.effort_limit / (axis.effort_rate_limit or math.inf),
+        mass=None if axis.inertia is None else axis.inertia.value,
+        viscous=axis.damping.value,
+        coulomb=axis.coulomb.value,
+        senses=axis.effort_sensor is not None,
     )
 
 
@@ -76,10 +83,47 @@ def end_constants(rig: Rig, axis_name: str, delay: CommandDelay) -> Any:
     return make(rig.coupling.pairs[name], side, coupled_axis(rig, axis_name, delay))
 
 
-def link_constants(rig: Rig) -> Any:
-    """Return what the coupling makes of its keys for what lies between two ends."""
-    named = coupling_part(rig).link_constants
-    return registry.load_named(named)(rig.coupling, rig.period_s) if named else NoParams()
+def check_ends(rig: Rig, delays: Mapping[str, CommandDelay]) -> None:
+    """Refuse a rig whose coupling cannot run on some of its axes.
+
+    Raises
+    ------
+    ConfigError
+        With a sentence for every such axis.
+    """
+    found = []
+    for name in delays:
+        try:
+            end_constants(rig, name, delays[name])
+        except ConfigError as err:
+            found.append(str(err))
+    if found:
+        raise ConfigError("\n".join(dict.fromkeys(found)))
+
+
+def between(rig: Rig, name: str, at: int) -> tuple[Any, list[float]]:
+    """Return constants of what lies between the ends of a pair, and its floats from `at` on."""
+    part = coupling_part(rig)
+    if rig.link is None:
+        named = part.link_constants
+        link = registry.load_named(named)(rig.coupling, rig.period_s) if named else NoParams()
+        return link, [0.0] * (coupling_law(rig).rings * rig.delay_samples)
+    pair, trace = rig.coupling.pairs[name], trace_of(rig.link)
+    found = registry.load_named(part.linked)(
+        rig.link, pair, rig.period_s, lower_velocity(rig, name), rig.seed % SEED_WORD, at, trace
+    )
+    params, floats = found
+    return params, floats
+
+
+def lower_velocity(rig: Rig, name: str) -> float:
+    """Return the lower velocity limit of a pair's devices [rad/s or m/s, master]."""
+    scale = rig.coupling.pairs[name].position_scale
+    limits = (rig.master.axes[name].velocity_limit, rig.slave.axes[name].velocity_limit)
+    known = [
+        limit / by for limit, by in zip(limits, (1.0, scale), strict=True) if limit is not None
+    ]
+    return min(known, default=math.inf)
 
 
 def velocity_gain(rig: Rig, axis: Axis) -> float:
@@ -126,6 +170,22 @@ def site_params(rig: Rig, axis_name: str) -> SiteParams:
         wall=wall_params(wall),
         velocity_quantum=axis.velocity_quantum if axis.causality == "admittance" else 0.0,
         has_wall=wall is not None,
+        compensation=compensation_params(axis, rig.axis_period_s(axis_name)),
+        compensates=axis.compensation is not None,
+    )
+
+
+def compensation_params(axis: Axis, period: float) -> CompensationParams:
+    """Return what of an axis' friction its motor takes off; Coulomb in full above the noise."""
+    keys = axis.compensation
+    if keys is None:
+        return NO_COMPENSATION
+    noise = (axis.position_noise + axis.encoder_quantum) / period
+    gain = period / (period + axis.velocity_filter_s)
+    return CompensationParams(
+        coulomb=keys.coulomb * axis.coulomb.lower,
+        viscous=keys.viscous * axis.damping.lower,
+        soft=max(2.0 * gain * noise, STILL),
     )
 
 
@@ -133,11 +193,16 @@ def bare_site(rig: Rig, axis_name: str) -> SiteParams:
     """Return the constants of an axis without a wall that takes efforts."""
     axis = rig.axes[axis_name]
     period = rig.axis_period_s(axis_name)
+    limit = limit_params(rig, axis)
+    reserve = load_reserves(rig).get(axis_name)
+    if reserve is not None:
+        step = (1.0 - LOAD_SHARE) * limit.effort_step
+        limit = limit._replace(effort=limit.effort - reserve, effort_step=step)
     return SiteParams(
         period=period,
         half_mobility=0.0 if axis.inertia is None else period / (2.0 * axis.inertia.lower),
         wall=NO_WALL,
-        limit=limit_params(rig, axis),
+        limit=limit,
         gain=velocity_gain(rig, axis),
         velocity_quantum=0.0,
         has_wall=False,
@@ -156,7 +221,7 @@ def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> Axi
         pipe,
         weight=1.0 if side == "master" else 1.0 / scale.power,
         end=end_constants(rig, axis_name, delay),
-        blind=rig.loop.missing_limit,
+        blind=rig.loop.missing_limit if side in rig.own_sides else NEVER,
     )
 
 
@@ -173,6 +238,7 @@ def controlled_axis(
 ) -> AxisParams:
     """Return the constants of one axis around those of its laws; by default an uncoupled axis."""
     impedance = rig.axes[axis_name].causality == "impedance"
+    sensor = rig.axes[axis_name].effort_sensor
     return AxisParams(
         site=site,
         half_period=0.5 * site.period,
@@ -186,6 +252,9 @@ def controlled_axis(
         half_slot=0.5 * rig.period_s,
         end=end,
         blind=blind,
+        senses=sensor is not None,
+        sensor_zero=0.0 if sensor is None else sensor.offset,
+        sensor_gain=1.0 if sensor is None else 1.0 / sensor.scale,
     )
 
 
@@ -194,8 +263,13 @@ def is_rated(rig: Rig, name: str) -> bool:
     return max(rig.axis_divisor(f"{side}.{name}") for side in ("master", "slave")) > 1
 
 
-def pair_params(rig: Rig, name: str, axes: Sequence[str], line: int) -> PairParams:
-    """Return the constants of one pair; `axes` are all axes in their order, see `PairParams`."""
+def pair_params(
+    rig: Rig, name: str, axes: Sequence[str], line: int, link: Any = None
+) -> PairParams:
+    """Return the constants of one pair; `axes` are all axes in their order, see `PairParams`.
+
+    `link` are those `between` its ends, if they are known already.
+    """
     keys = rig.coupling.pairs[name]
     scale = pair_scale(keys)
     offset, tolerance = slave_offset(keys)
@@ -215,7 +289,7 @@ def pair_params(rig: Rig, name: str, axes: Sequence[str], line: int) -> PairPara
         tolerance=tolerance,
         samples=rig.delay_samples,
         line=line,
-        link=link_constants(rig),
+        link=between(rig, name, line)[0] if link is None else link,
     )
 
 
@@ -231,9 +305,10 @@ def run_params(rig: Rig, cycles: int, axes: int) -> RunParams:
         engage_cycles=round(ramps.engage_ramp_s * rate),
         release_cycles=round(ramps.release_ramp_s * rate),
         missing_limit=rig.loop.missing_limit,
-        overrun_limit=rig.loop.overrun_limit,
+        overrun_limit=rig.overrun_limit,
         arm_share=ARM_SHARE,
-        arm_timeout_ns=ARM_TIMEOUT_S * 1e9,
+        # Two sites wait for each other in their own time.
+        arm_timeout_ns=ARM_TIMEOUT_S * 1e9 if rig.site is None else math.inf,
     )
 
 
@@ -243,31 +318,30 @@ def axis_names(rig: Rig, axes: Sequence[str]) -> list[AxisName]:
 
 
 def make_control(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -> CoupledControl:
-    """Return the controller of a run; `delays` by axis, in the order of buses and their axes."""
+    """Return the controller of a run; `delays` by axis, in the order of buses and their axes.
+
+    The axes of another site come last, as stand-ins.
+    """
+    delays = {**delays, **{name: CommandDelay(0, 0.0) for name in rig.axes if name not in delays}}
     axes = tuple(delays)
     law = coupling_law(rig)
     at = 0
     params = []
     for name in axes:
-        params.append(axis_params(rig, name, delays[name], at))
+        try:
+            params.append(axis_params(rig, name, delays[name], at))
+        except ConfigError:
+            check_ends(rig, delays)
+            raise
         at += PIPE * delays[name].periods
     pairs = []
+    table = [0.0] * at
     for name in rig.coupling.pairs:
-        pairs.append(pair_params(rig, name, axes, at))
-        at += law.rings * rig.delay_samples
+        at = len(table)
+        link, floats = between(rig, name, at)
+        pairs.append(pair_params(rig, name, axes, at, link))
+        table += floats
     run = run_params(rig, cycles, len(axes))
     names = axis_names(rig, axes)
-    return CoupledControl(run, names, params, tuple(rig.coupling.pairs), pairs, at, law)
-
-
-def slave_offset(keys: PairKeys) -> tuple[float | None, float]:
-    """Return the slave position for master 0 (None: set at engagement), and the tolerance.
-
-    The rig file gives both in master units; here they are in the slave's.
-    """
-    tolerance = math.inf
-    if keys.engage_tolerance is not None:
-        tolerance = keys.engage_tolerance * keys.position_scale
-    if isinstance(keys.offset, str):
-        return None, tolerance
-    return -keys.sign * keys.position_scale * keys.offset, tolerance
+    wire = None if rig.link is None or rig.site is not None else Wire(pairs)
+    return CoupledControl(run, names, params, tuple(rig.coupling.pairs), pairs, table, law, wire)

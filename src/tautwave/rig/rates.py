@@ -7,6 +7,7 @@ from typing import Any
 
 from tautwave.config import Rig
 from tautwave.registry import coupling_messages
+from tautwave.rig.network import line_delay
 from tautwave.types import CommandDelay
 
 
@@ -51,10 +52,10 @@ def at_full_rate(rig: Rig) -> Rig:
 def one_way_delay(rig: Rig, name: str, delays: Mapping[str, CommandDelay]) -> float:
     """Return the mean one-way delay tau [s] of a pair as it acts, all samples counted.
 
-    A wave describes the previous period, spends `delay_s` on the line and acts one command delay
-    after it arrives. On a bus with divisor n that period is n
-    T, and the sample waits n - 1 periods T for its slot; the command delay is in periods of the
-    bus. The converters themselves delay no integral.
+    A wave describes the previous period, spends `delay_s` on the line, or on a network what is to
+    be expected there, and acts one command delay after it arrives. On a bus with divisor n that
+    period is n T, and the sample waits n - 1 periods T for its slot; the command delay is in
+    periods of the bus. The converters themselves delay no integral.
     """
     period = rig.period_s
     mean = 0.0
@@ -63,7 +64,7 @@ def one_way_delay(rig: Rig, name: str, delays: Mapping[str, CommandDelay]) -> fl
         delay, divisor = delays[axis_name], rig.axis_divisor(axis_name)
         mean += 0.5 * (delay.periods * rig.axis_period_s(axis_name) + delay.remainder_s)
         mean += (divisor - 1) * period
-    return rig.delay_samples * period + period + mean
+    return line_delay(rig).samples * period + period + mean
 
 
 def standing_offset(rig: Rig, name: str, delays: Mapping[str, CommandDelay]) -> float:
@@ -73,3 +74,16 @@ def standing_offset(rig: Rig, name: str, delays: Mapping[str, CommandDelay]) -> 
     """
     messages = coupling_messages(rig.coupling.law)
     return messages.standing(rig, name, delays, one_way_delay(rig, name, delays)).offset
+
+
+def load_offset(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> float:
+    """Return how far a load sets its pair apart where the coupling carries it.
+
+    Per effort of the load [rad per N m or m per N], in the axis' own units.
+    """
+    side, _, pair = axis_name.partition(".")
+    offset = standing_offset(rig, pair, delays)
+    if side == "master":
+        return offset
+    scale = rig.coupling.pairs[pair]
+    return offset * scale.position_scale / scale.effective_force_scale

@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 import zlib
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from tautwave import registry
 from tautwave.config import (
@@ -14,21 +17,27 @@ from tautwave.config import (
     Foam,
     Hand,
     HandPart,
+    Intent,
+    Recorded,
     Rig,
     SolidWall,
     Spring,
+    imposed_motions,
     simulation_of,
+    true_arm,
 )
 from tautwave.errors import ConfigError
 from tautwave.models.foam import FoamParams, foam_substeps
 from tautwave.models.part_contact import PartContact, part_substeps
 from tautwave.models.plant_params import PlantParams
+from tautwave.models.sensors.effort import SensorParams, sensor_keep
 from tautwave.models.servo import ServoParams
-from tautwave.motion import reference_positions
+from tautwave.motion import recorded_efforts, reference_positions
+from tautwave.rig.arms import arm_chain, load_params
 from tautwave.rig.integration import Integrated, integrated
 from tautwave.streams import HAND
-from tautwave.truth import AxisModel
-from tautwave.types import CommandDelay
+from tautwave.truth import ArmModel, AxisModel
+from tautwave.types import CommandDelay, Imposed
 
 LIGHTEST = 1e-30
 """Inertia below which powers of rates and periods leave the range of floats, SI."""
@@ -66,12 +75,25 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
     environment = rig.simulation.environment.get(name) if side == "slave" else None
     mass, grip_stiffness, grip_damping = 0.0, 0.0, 0.0
     reference: Sequence[float] = ()
+    motion = imposed_motion(rig, axis_name)
+    if motion is not None:
+        if hand is not None or environment is not None:
+            key = "hand" if hand is not None else "environment"
+            raise ConfigError(
+                f"simulation.{key}.{name}: nothing else moves {axis_name}, which moves as "
+                "recorded; remove it"
+            )
+        keys = {**motion._asdict(), "type": "recording", "column": motion.position}
+        reference = _at_slots(rig, axis_name, keys, cycles)
     if hand is not None:
         lever = hand.lever_arm if axis.kind == "rotary" and hand.lever_arm is not None else 1.0
         mass = hand.mass * lever * lever
         grip_stiffness = hand.stiffness * lever * lever
         grip_damping = hand.damping * lever * lever
         reference = wanted_positions(rig, axis_name, hand, cycles)
+    push: Sequence[float] = ()
+    if isinstance(environment, Recorded):
+        push = recorded_push(rig, axis_name, environment, cycles)
     spring = environment if isinstance(environment, Spring) else None
     wall = environment if isinstance(environment, SolidWall) else None
     plant = PlantParams(
@@ -100,6 +122,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
     if integrator is not None and axis.causality == "impedance" and not at_part:
         speed = greatest_speed(rig, axis_name, plant.mass)
         foam = integrated(axis_name, integrator, plant, foam, speed, period).foam
+    arm = true_arm(rig, side)
     part = None
     if isinstance(environment, EnvironmentPart):
         part = part_contact(rig, axis_name, environment, plant)
@@ -134,7 +157,67 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         seed=_seed(rig, axis_name),
         part=part,
         colour=truth.position_noise_autocorrelation,
+        load=None if truth.load is None else load_params(truth.load),
+        arm=None if arm is None else ArmModel(side, arm_chain(arm)),
+        imposed=motion is not None,
+        push=push,
+        sensor=sensor_params(rig, axis_name, mass),
     )
+
+
+def sensor_params(rig: Rig, axis_name: str, mass: float) -> SensorParams | None:
+    """Return the true effort sensor of an axis, with a `mass` beyond it; None without one."""
+    keys = simulation_of(rig, axis_name).effort_sensor
+    if keys is None:
+        return None
+    period = rig.axis_period_s(axis_name)
+    return SensorParams(
+        mass=mass,
+        keep=sensor_keep(keys.bandwidth_hz, period),
+        delay=round(keys.delay_s / period),
+        scale=keys.scale,
+        offset=keys.offset,
+        noise=keys.noise,
+        quantum=keys.quantum,
+    )
+
+
+def imposed_motion(rig: Rig, axis_name: str) -> Imposed | None:
+    """Return the recorded motion along which its bus forces an axis, None where it does not."""
+    bus = rig.axes[axis_name].bus
+    plugin = registry.load_driver(rig.buses[bus].driver)
+    if plugin.imposed is None:
+        return None
+    return imposed_motions(rig.model_copy(update={"buses": {bus: rig.buses[bus]}}), {bus: plugin})[
+        axis_name
+    ]
+
+
+def recorded_push(rig: Rig, axis_name: str, keys: Recorded, cycles: int) -> Sequence[float]:
+    """Return the recorded effort on an axis at every slot [N m or N].
+
+    Raises
+    ------
+    ConfigError
+        The recording cannot be read.
+    """
+    period = rig.axis_period_s(axis_name)
+    slots = np.arange(cycles // rig.axis_divisor(axis_name) + 2, dtype=np.float64)
+    efforts = recorded_efforts(
+        Path(keys.file), keys.effort, keys.time_column, slots * period, repeat=keys.repeat
+    )
+    return array("d", (keys.scale * efforts + keys.offset).tobytes())
+
+
+def _at_slots(
+    rig: Rig, axis_name: str, reference: Mapping[str, Any], cycles: int
+) -> Sequence[float]:
+    """Return a reference at every slot of an axis, and one more."""
+    divisor = rig.axis_divisor(axis_name)
+    folder = Path() if rig.source is None else rig.source.parent
+    positions = reference_positions(reference, rig.rate_hz / divisor, cycles // divisor + 1, folder)
+    # Packed: an hour at 1 kHz is 29 MB, a list of floats would be 115 MB.
+    return array("d", positions.tobytes())
 
 
 def wanted_positions(
@@ -147,13 +230,14 @@ def wanted_positions(
     ConfigError
         A recording cannot be read, or a part fails or returns non-finite positions.
     """
+    if isinstance(hand, Hand):
+        keys = hand.reference.model_dump()
+        if isinstance(hand.reference, Intent):
+            square = 1.0 if hand.lever_arm is None else hand.lever_arm**2
+            keys["grip"] = [square * value for value in (hand.mass, hand.damping, hand.stiffness)]
+        return _at_slots(rig, axis_name, keys, cycles)
     divisor = rig.axis_divisor(axis_name)
     rate, last = rig.rate_hz / divisor, cycles // divisor + 1
-    if isinstance(hand, Hand):
-        folder = Path() if rig.source is None else rig.source.parent
-        # Packed: an hour at 1 kHz is 29 MB, a list of floats would be 115 MB.
-        positions = reference_positions(hand.reference.model_dump(), rate, last, folder)
-        return array("d", positions.tobytes())
     place = f"simulation.hand.{axis_name.split('.')[1]}: part {hand.part}"
     motion = registry.load_named(registry.load_part(registry.HANDS, hand.part).motion)
     times = [slot / rate for slot in range(last + 1)]

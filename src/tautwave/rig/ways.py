@@ -135,7 +135,7 @@ def bus_ways(
     _refuse_nonsense(rig, fake, simulate, attach)
     ways = {}
     problems = []
-    for name in rig.buses:
+    for name in rig.own_buses:
         asked = simulate if isinstance(simulate, bool) else name in simulate
         found = _way_of(rig, name, fake, asked, attach)
         if found is None:
@@ -160,10 +160,10 @@ def _refuse_nonsense(rig: Rig, fake: bool, simulate: Simulate, attach: bool) -> 
         )
     if not isinstance(simulate, bool):
         for name in simulate:
-            if name not in rig.buses:
+            if name not in rig.own_buses:
                 raise ConfigError(
                     f"{rig.name}: --simulate {name}: there is no such bus; the rig has "
-                    f"{', '.join(rig.buses)}"
+                    f"{', '.join(rig.own_buses)}"
                 )
     if simulate and rig.simulation is None:
         raise ConfigError(
@@ -258,7 +258,7 @@ def without_truth(rig: Rig, buses: Collection[str]) -> Rig:
     real = {name for name, axis in rig.axes.items() if axis.bus in buses}
     if not real:
         return rig
-    if real == set(rig.axes):
+    if real == set(rig.own_axes):
         return rig.model_copy(update={"simulation": None})
     old = rig.simulation
     left = old.model_copy(

@@ -19,9 +19,11 @@ from tautwave.controller.records import (
 )
 from tautwave.controller.rows import element_names, fill_pair, pair_columns
 from tautwave.controller.run import begin_run, begin_stop, check_sample, end_by, run_cycle
+from tautwave.controller.slotted import all_slotted, slotted
 from tautwave.controller.steps import ALONE, Law
 from tautwave.controller.stops import AxisName, StopPlace, stop_error, stop_place
 from tautwave.errors import TautwaveError
+from tautwave.runtime.wire import Wire
 from tautwave.types import AxisCommand, JointState
 
 
@@ -47,6 +49,10 @@ class Control(ABC):
         State of the run.
     columns : list of str
         What `fill` writes.
+    trim_ns : int
+        By how much the next slot is longer [ns], where the grid follows another clock.
+    wants_reset : bool
+        The loop is to open and enable all devices anew, then to call `devices_are`.
     """
 
     def __init__(
@@ -64,7 +70,29 @@ class Control(ABC):
         self.axes = [AxisState(end=law.end()) for _ in params]
         self.samples = [Sample() for _ in params]
         self.columns: list[str] = []
+        self.trim_ns = 0
+        self.wants_reset = False
         begin_run(run, self.state, params, self.axes)
+
+    @property
+    def params(self) -> Sequence[AxisParams]:
+        """Constants of the axes; `quick` has them with slots, for what runs in each cycle."""
+        return self._params
+
+    @params.setter
+    def params(self, given: Sequence[AxisParams]) -> None:
+        self._params = tuple(given)
+        self.quick = all_slotted(given)
+
+    @property
+    def law(self) -> Law:
+        """The coupling that holds the axes; `steps` has its steps with slots."""
+        return self._law
+
+    @law.setter
+    def law(self, given: Law) -> None:
+        self._law = given
+        self.steps = slotted(given.steps)
 
     @property
     def end(self) -> int:
@@ -80,7 +108,7 @@ class Control(ABC):
         """Take an axis' sample from an exchange; return whether it is usable."""
         m = self.samples[which]
         m.position, _, m.effort, m.valid, _ = measured
-        check_sample(self.run, self.state, self.params[which], self.axes, m, slot, which)
+        check_sample(self.run, self.state, self.quick[which], self.axes, m, slot, which)
         return m.valid
 
     def miss(self, first: int, count: int) -> None:
@@ -99,7 +127,7 @@ class Control(ABC):
     def command(self, which: int) -> AxisCommand:
         """Return the command of an axis for its driver."""
         value = self.axes[which].command
-        return AxisCommand(value, 0.0) if self.params[which].impedance else AxisCommand(0.0, value)
+        return AxisCommand(value, 0.0) if self.quick[which].impedance else AxisCommand(0.0, value)
 
     def stop_after(self, slot: int) -> None:
         """Ramp down from the next slot on, unless the run ends first."""
@@ -111,9 +139,13 @@ class Control(ABC):
         if skipped >= self.run.overrun_limit:
             begin_stop(self.run, self.state, self.axes, slot, OVERRUN, 0, skipped)
 
-    def fault(self, slot: int, which: int) -> bool:
+    def fault(self, slot: int, which: int, sentence: str) -> bool:
         """Stop on the fault of a device (-1: a bus); return whether that is the first reason."""
         return begin_stop(self.run, self.state, self.axes, slot, FAULT, which, 0)
+
+    def devices_are(self, slot: int, refusal: str) -> None:
+        """Take note of devices that were reset: all are enabled again, or why not."""
+        self.wants_reset = False
 
     def error(self) -> TautwaveError | None:
         """Return the controller's reason to end the run early, or None."""
@@ -141,8 +173,10 @@ class CoupledControl(Control):
         Names of the pairs.
     pairs : sequence of PairParams
         Constants of the pairs.
-    size : int
-        Numbers in the table of commands and lines.
+    table : list of float
+        What the table of commands and lines begins with.
+    wire : Wire, optional
+        Carries packets between both sides.
     """
 
     def __init__(
@@ -152,29 +186,53 @@ class CoupledControl(Control):
         params: Sequence[AxisParams],
         pair_names: Sequence[str],
         pairs: Sequence[PairParams],
-        size: int,
+        table: list[float],
         law: Law,
+        wire: Wire | None = None,
     ) -> None:
         super().__init__(run, names, params, law)
+        self.wire = wire
         self.pair_names = pair_names
         self.pairs = pairs
         self.states = [PairState(link=law.link()) for _ in pairs]
-        self.table = [0.0] * size
+        self.table = table
         for name, q in zip(pair_names, pairs, strict=True):
             self.columns += pair_columns(name, q, params[q.master], params[q.slave], law)
 
+    @property
+    def pairs(self) -> Sequence[PairParams]:
+        """Constants of the pairs; `quick_pairs` has them with slots."""
+        return self._pairs
+
+    @pairs.setter
+    def pairs(self, given: Sequence[PairParams]) -> None:
+        self._pairs = tuple(given)
+        self.quick_pairs = all_slotted(given)
+
     def step(self, slot: int, skipped: int) -> bool:
         """Close, exchange and think, or engage; return False if the run must not begin."""
-        return run_cycle(
-            self.run, self.state, self.params, self.axes, self.samples, self.pairs, self.states,
-            self.table, slot, skipped, self.law.steps,
+        begun = run_cycle(
+            self.run, self.state, self.quick, self.axes, self.samples, self.quick_pairs,
+            self.states, self.table, slot, skipped, self.steps,
         )  # fmt: skip
+        if self.wire is not None:
+            self.wire.carry(self.table)
+        return begun
+
+    @property
+    def engaged(self) -> bool:
+        """Whether the coupling holds the axes."""
+        return True
+
+    def retune(self, which: int, p: AxisParams) -> None:
+        """Put other constants in place of an axis'."""
+        self.params = [*self.params[:which], p, *self.params[which + 1 :]]
 
     def fill(self, row: Row, at: int) -> None:
         """Write all columns at index `at`."""
-        axes, params, table = self.axes, self.params, self.table
-        steps = self.law.steps
-        for c, q in zip(self.states, self.pairs, strict=True):
+        axes, params, table = self.axes, self.quick, self.table
+        steps = self.steps
+        for c, q in zip(self.states, self.quick_pairs, strict=True):
             one, two = q.master, q.slave
             p1, p2 = params[one], params[two]
             at = fill_pair(row, at, c, q, axes[one], axes[two], p1, p2, table, steps)

@@ -32,6 +32,8 @@ class Interrupts:
         self.hear: Callable[[int], object] = self._raise
         self.number = int(signal.SIGINT)
         """Number of the last signal."""
+        self.raised_here = False
+        """Whether `Interrupted` was raised where nothing catches it on purpose."""
         self._waiting = False
         self._deaf = False
 
@@ -53,14 +55,19 @@ class Interrupts:
         self._waiting = True
 
     def _raise(self, number: int) -> None:
-        self.hear = (
-            self._remember
-        )  # the clean-up that follows must not be interrupted by a second signal
+        self.hear = self._remember  # a second signal must not interrupt the clean-up
+        self.raised_here = True
         raise Interrupted(number)
 
     @contextmanager
     def calling(self, hear: Callable[[], object]) -> Iterator[None]:
-        """Call `hear` on each signal inside the block; after it they are kept pending."""
+        """Call `hear` on each signal inside the block; after it they are kept pending.
+
+        An `Interrupted` that got lost before is raised again: what is raised inside a callback of a
+        C library, such as a compiler's, is printed and dropped.
+        """
+        if self.raised_here:
+            raise Interrupted(self.number)
         self.hear = lambda _: hear()
         try:
             yield
@@ -75,12 +82,13 @@ class Interrupts:
         ignored.
         """
         self.hear = self._raise
-        if self._waiting:
-            self._raise(self.number)
         try:
+            if self._waiting:
+                self._raise(self.number)
             yield
         finally:
             self.hear = self._remember
+            self.raised_here = False  # it is caught where such a block is opened
 
 
 _outermost: list[Interrupts] = []
@@ -89,6 +97,9 @@ _outermost: list[Interrupts] = []
 @contextmanager
 def interrupts() -> Iterator[Interrupts]:
     """Handle the signals inside the block, at first by raising `Interrupted`.
+
+    An error that this causes is replaced by it: a C module whose import is interrupted, for one,
+    says that it failed to import.
 
     Handlers belong to the whole process, so nested blocks share them, and the handler set in the
     inner block stays in effect after it. Outside the main thread, where Python has no signals, this
@@ -107,6 +118,10 @@ def interrupts() -> Iterator[Interrupts]:
     _outermost.append(heard)
     try:
         yield heard
+    except Exception as err:
+        if heard.raised_here:
+            raise Interrupted(heard.number) from err
+        raise
     finally:
         _outermost.clear()
         heard.restore(before)

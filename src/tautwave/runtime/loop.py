@@ -6,14 +6,14 @@ command, then `disable`, then `close`: the one guarantee of this file.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import NamedTuple, Protocol
 
 from tautwave.contracts import READ_SHARE, Clock, Row, RowSource
 from tautwave.controller.stops import StopPlace
-from tautwave.errors import BusTimeout
+from tautwave.errors import BusTimeout, TautwaveError
 from tautwave.runtime.control import Control
 from tautwave.runtime.sensing import LoopBus, Sensing, bus_commands, first_axes
 from tautwave.runtime.timing import Histogram
@@ -70,6 +70,8 @@ class Loop:
         Destination of the rows.
     progress : callable, optional
         Called now and then with the fraction done and a short text.
+    torque : bool
+        Enable the devices; else they are only read.
     """
 
     def __init__(
@@ -80,6 +82,8 @@ class Loop:
         sources: Sequence[RowSource],
         sink: RowSink,
         progress: Callable[[float, str], None] | None = None,
+        *,
+        torque: bool = True,
     ) -> None:
         self._clock = clock
         self._buses = buses
@@ -91,6 +95,7 @@ class Loop:
             at += len(source.columns)
         self._sink = sink
         self._progress = progress
+        self._torque = torque
         self._sensing = Sensing(buses, control)
         self._firsts = first_axes(buses)
         self._patience_ns = int(READ_SHARE * control.run.period_ns)
@@ -114,15 +119,26 @@ class Loop:
 
     def run(self) -> LoopResult:
         """Open, enable, run all cycles, and leave every axis safe, whatever happens."""
+        steps = self.steps()
+        while True:
+            try:
+                next(steps)
+            except StopIteration as ended:
+                result: LoopResult = ended.value
+                return result
+
+    def steps(self) -> Generator[None, None, LoopResult]:
+        """Run as `run` does, cycle by cycle; one that is closed has left every axis safe."""
         cycles = missed = 0
         opened = False
         error: BaseException | None = None
         try:
             self._open()
             opened = True
-            self._enable()
+            if self._torque:
+                self._enable()
             for cycles, missed in self._cycles():  # noqa: B007  both are read after the loop
-                pass
+                yield
         except (Exception, KeyboardInterrupt) as err:  # noqa: BLE001  reported by the caller
             error = err
         finally:
@@ -201,7 +217,14 @@ class Loop:
                 control.stop_after(slot)
             if self._progress is not None and cycles & 63 == 0:
                 self._progress(slot / control.end, "running")
-            deadline += period
+            if control.wants_reset:
+                self._reset_devices(slot)
+                passed = (clock.now_ns() - deadline) // period
+                self._last_wake_ns += passed * period
+                slot += passed
+                missed += passed
+                deadline += passed * period
+            deadline += period + control.trim_ns
             slot += 1
             clock.sleep_until(deadline)
             # Slots that passed while we were late are skipped and counted, never made up.
@@ -235,6 +258,18 @@ class Loop:
         self.compute.add(spent)
         sink.commit()
         return True
+
+    def _reset_devices(self, slot: int) -> None:
+        """Torque off and close; then open and enable every bus as before the run."""
+        self._leave()
+        refusal = ""
+        try:
+            self._open()
+            self._enable()
+        except TautwaveError as err:
+            refusal = str(err)
+            self._leave()
+        self._control.devices_are(slot, refusal)
 
     def _leave(self) -> None:
         """Safe command on every axis, then disable, then close; no error interrupts this."""

@@ -39,32 +39,14 @@ from numpy.typing import NDArray
 
 from tautwave import formats
 from tautwave.files import create
+from tautwave.recordings.layout import ENDING_NAME, MAGIC, METADATA_NAME, record_type
 from tautwave.runtime.mcap_schema import CDR_HEADER, SCHEMA_NAME, TOPIC, message_layout
 
-MAGIC = b"\x89MCAP0\r\n"
 CHUNK_BYTES = 64 * 1024
-METADATA_NAME = "tautwave"
-ENDING_NAME = "tautwave ending"
 CHANNEL_ID = 1
 SCHEMA_ID = 1
 # Level 1: recorded floats hardly compress (level 3 saves 1-2 % more for 1.5 times the CPU).
 COMPRESSION_LEVEL = 1
-
-
-def record_type(columns: int) -> np.dtype[Any]:
-    """NumPy type of one message record of `columns` floats, from its opcode to its last float."""
-    return np.dtype(
-        [
-            ("opcode", "u1"),
-            ("length", "<u8"),
-            ("channel", "<u2"),
-            ("sequence", "<u4"),
-            ("log_time", "<u8"),
-            ("publish_time", "<u8"),
-            ("cdr", "V4"),
-            ("row", "<f8", (columns,)),
-        ]
-    )
 
 
 class McapFile:

@@ -128,7 +128,7 @@ def main() -> int:
         )
     except OSError as error:
         return _answer(write_error(order.path, error))
-    except Exception as error:  # noqa: BLE001 - there is nobody above to hear it
+    except Exception as error:  # noqa: BLE001 - nothing above would see it
         return _answer(f"the recording's writer failed: {type(error).__name__}: {error}")
     _answer("")
     try:
@@ -140,7 +140,7 @@ def main() -> int:
     except OSError as error:
         ring.error = write_error(order.path, error)
         return 1
-    except Exception as error:  # noqa: BLE001 - there is nobody above to hear it
+    except Exception as error:  # noqa: BLE001 - nothing above would see it
         ring.error = f"the recording's writer failed: {type(error).__name__}: {error}"
         return 1
     return 0

@@ -18,12 +18,15 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from tautwave.errors import RecordingError, WritingError
+from tautwave.files import write_text
 from tautwave.runtime import ring as words
 from tautwave.runtime.mcap_writer import Order
 from tautwave.runtime.ring import Ring
+from tautwave.runtime.tap import LIVE, Live
 
 READY_S = 30.0  # a loaded machine may need seconds to start an interpreter
 STUCK_S = 30.0  # time without progress at close after which the writer is killed
@@ -60,6 +63,8 @@ class Recorder:
         True: `commit` waits while the ring is full (virtual time). False: it drops and counts.
     rate_hz
         Rate of the loop; recorded.
+    live
+        Written into `live.json` beside the file while rows come, for viewers; None: no such file.
     epoch_ns
         Unix time [ns] of `time_s` = 0; now by default.
 
@@ -82,6 +87,7 @@ class Recorder:
         lossless: bool,
         rate_hz: float,
         epoch_ns: int | None = None,
+        live: Mapping[str, Any] | None = None,
     ) -> None:
         self.path = os.fspath(path)
         self.columns = tuple(columns)
@@ -95,6 +101,8 @@ class Recorder:
         self._metadata = {**metadata, "rate_hz": repr(float(rate_hz))}
         self._attachments = dict(attachments)
         self._epoch_ns = epoch_ns
+        self._live = live
+        self._live_path = Path(self.path).with_name(LIVE)
         self._writer: subprocess.Popen[bytes] | None = None
         self._stats: RecorderStats | None = None
         try:
@@ -137,12 +145,17 @@ class Recorder:
             start_new_session=True,  # Ctrl-C at the terminal is for the loop
         )
         error = self._converse(order)
+        self._announce(order)
         self._ring.close_descriptor()
         if error:
             self._stats = RecorderStats(0, 0, 0, 0, error)
             self._end_writer()
             self._ring.close()
             raise WritingError(error)
+
+    def tell(self, text: str) -> None:
+        """Leave news for viewers; they see the last ones only."""
+        self._ring.tell(text)
 
     def problem(self) -> str | None:
         """One sentence once the writer has failed or died, else None. Too slow for every cycle."""
@@ -163,7 +176,19 @@ class Recorder:
             )
             self._end_writer()
             self._ring.close()
+            if self._live is not None:
+                self._live_path.unlink(missing_ok=True)
         return self._stats
+
+    def _announce(self, order: Order) -> None:
+        """Tell viewers where the rows are; a run without viewers needs no file."""
+        if self._live is None or self.writer_pid is None:
+            return
+        rate_hz = float(self._metadata["rate_hz"])
+        facts = {**self._live, "epoch_ns": order.epoch_ns}
+        found = Live(self.writer_pid, order.descriptor, self.columns, order.rows, rate_hz, facts)
+        with contextlib.suppress(WritingError):
+            write_text(self._live_path, found.text())
 
     def _finish(self) -> str | None:
         shared = self._ring.words

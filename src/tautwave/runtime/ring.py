@@ -28,7 +28,9 @@ TAIL = 24  # rows taken out; their slots are free
 WRITTEN = 32  # rows in the file
 FILE_BYTES = 40  # length of the file
 FINISHED = 48  # 1: the file is complete
+NEWS = 56  # of the loop's news for viewers: grows by 2 with each, odd while they are written
 ERROR_AT, ERROR_BYTES = 1024, 1024  # in bytes: the writer's error message, UTF-8, zero padded
+NEWS_AT, NEWS_BYTES = 2048, 2048  # the same for news
 
 
 class Ring:
@@ -56,6 +58,7 @@ class Ring:
         self.words = whole[:PAGE_BYTES].cast("Q")
         self.slots = whole[PAGE_BYTES:].cast("d")
         self._error = whole[ERROR_AT : ERROR_AT + ERROR_BYTES]
+        self._news = whole[NEWS_AT : NEWS_AT + NEWS_BYTES]
         whole.release()
         self._slot = memoryview(bytearray(self.width * 8)).cast("d")
         self.row = self._slot[:columns]
@@ -103,6 +106,15 @@ class Ring:
         encoded = text.encode("utf-8", "replace")[:ERROR_BYTES]
         self._error[:] = encoded.ljust(ERROR_BYTES, b"\0")
 
+    def tell(self, text: str) -> None:
+        """Leave news for viewers, in place of those before."""
+        if self._closed:
+            return
+        count = self.words[NEWS]
+        self.words[NEWS] = count + 1
+        self._news[:] = text.encode("utf-8", "replace")[:NEWS_BYTES].ljust(NEWS_BYTES, b"\0")
+        self.words[NEWS] = count + 2
+
     def close_descriptor(self) -> None:
         """Close the file descriptor; the memory stays mapped."""
         if self.descriptor >= 0:
@@ -116,7 +128,7 @@ class Ring:
         self._closed = True
         self._limit = 0
         self.close_descriptor()
-        for view in (self.words, self.slots, self._error):
+        for view in (self.words, self.slots, self._error, self._news):
             view.release()
         self._memory.close()
 

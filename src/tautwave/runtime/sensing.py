@@ -101,7 +101,7 @@ class Sensing:
                 sentence = fault.text if named else f"{who}: {fault.text}"
                 self.faults.append(fault._replace(text=sentence))
                 which = first + bus.axes.index(fault.axis) if fault.axis in bus.axes else -1
-                if fault.fatal and control.fault(slot, which):
+                if fault.fatal and control.fault(slot, which, sentence):
                     self.fault = DeviceFault(sentence)
 
     def _ask(self, number: int, bus: LoopBus, slot: int) -> None:

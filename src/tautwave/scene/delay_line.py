@@ -60,12 +60,3 @@ class DelayLine:
         for index in range(self._samples):
             self._to_slave[index] = from_master
             self._to_master[index] = from_slave
-
-    def recount(self) -> float:
-        """Return the energy on the line [J], summed over the waves on it."""
-        total = 0.0
-        for wave in self._to_slave:
-            total += wave * wave
-        for wave in self._to_master:
-            total += wave * wave
-        return self._half_period * total

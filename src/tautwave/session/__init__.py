@@ -2,6 +2,7 @@
 
 from tautwave.session.checking import CheckResult, check
 from tautwave.session.devices import describe_ways
+from tautwave.session.operator import Session
 from tautwave.session.running import RunResult, run
 
-__all__ = ["CheckResult", "RunResult", "check", "describe_ways", "run"]
+__all__ = ["CheckResult", "RunResult", "Session", "check", "describe_ways", "run"]

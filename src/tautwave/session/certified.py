@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from tautwave.config import Rig, render_stiffness, resolved_yaml
-from tautwave.errors import NotCertifiedError
+from tautwave.errors import ConfigError, NotCertifiedError, UnchosenKeyError
 from tautwave.rig import BusWay, real_buses
 from tautwave.types import Choice
 
@@ -24,6 +24,11 @@ def certificate_of(rig: Rig, ways: Mapping[str, BusWay]) -> dict[str, Any]:
 
     It is that of the rig as its ways take it, `tautwave.rig.as_taken`. What the law chose for keys
     that are left to it is in `choices`: value and reason by path.
+
+    Raises
+    ------
+    ConfigError
+        The law cannot choose them.
     """
     try:
         child = subprocess.run(
@@ -36,8 +41,11 @@ def certificate_of(rig: Rig, ways: Mapping[str, BusWay]) -> dict[str, Any]:
         )
     except subprocess.TimeoutExpired:
         return _none(rig, f"it took more than {TIMEOUT_S:g} s")
+    why = (child.stderr.strip().splitlines() or ["no reason given"])[-1]
+    if child.returncode == UnchosenKeyError.exit_code:  # all else was checked when it was read
+        raise ConfigError(f"{rig.source or rig.name}: {why}")
     if child.returncode != 0:
-        return _none(rig, (child.stderr.strip().splitlines() or ["no reason given"])[-1])
+        return _none(rig, why)
     found: dict[str, Any] = json.loads(child.stdout)
     return found
 
@@ -87,6 +95,7 @@ def summary_block(certificate: dict[str, Any], allowed: bool) -> dict[str, Any]:
             "passive": element["passive"]["state"],
             "passive_quantised": element["passive_quantised"]["state"],
             "sentences": element["sentences"],
+            "true_j": element["numbers"].get("true_j"),
         }
         for element in certificate["elements"]
     }

@@ -11,13 +11,17 @@ from tautwave.errors import BusBudgetError, NotCertifiedError
 from tautwave.registry import load_driver, require_modules
 from tautwave.rig import BusWay, Simulate, Way, as_taken, bus_ways, command_delays
 from tautwave.session.facts import (
+    PortClaim,
     axis_rows,
+    claims_of,
     count_words,
     coupling_messages,
+    load_facts,
     offset_costs,
     pair_rows,
     pair_sentence,
 )
+from tautwave.session.network import network_facts
 from tautwave.session.plan import PlanItem, left_out, rig_plan
 
 
@@ -25,7 +29,8 @@ class CheckResult(NamedTuple):
     """Result of a check. `certificate` is that of `tautwave.certificate`, as plain data.
 
     `pairs` and `axes` are rows of `tautwave.session.facts.PAIR_HEADS` and `AXIS_HEADS`, the short
-    form of those facts; `failures` holds a sentence for each reason why the rig may not run.
+    form of those facts; `claims` are those of its ports; `failures` holds a sentence for each
+    reason why the rig may not run.
     """
 
     rig: str
@@ -37,6 +42,7 @@ class CheckResult(NamedTuple):
     exit_code: int
     pairs: list[tuple[str, ...]]
     axes: list[tuple[str, ...]]
+    claims: list[PortClaim]
     failures: list[str]
 
     def as_dict(self) -> dict[str, Any]:
@@ -47,6 +53,7 @@ class CheckResult(NamedTuple):
             "left_out": left_out(self.plan),
             "facts": dict(self.facts),
             "buses": {name: way.as_dict() for name, way in self.ways.items()},
+            "claims": {claim.axis: claim.as_dict() for claim in self.claims},
             "certificate": self.certificate,
             "budget": {
                 name: {
@@ -68,7 +75,7 @@ class CheckResult(NamedTuple):
 def bus_budgets(rig: Rig) -> dict[str, Budget]:
     """Return the bus time of every bus, from its plugin's pure arithmetic."""
     budgets = {}
-    for name, bus in rig.buses.items():
+    for name, bus in rig.own_buses.items():
         plugin = load_driver(bus.driver)
         options = plugin.options.model_validate(bus.options)
         budgets[name] = plugin.budget(options, bus_spec(rig, name))
@@ -83,7 +90,7 @@ def require_drivers(rig: Rig) -> None:
     ConfigError
         Its message names the driver, the modules, and what to install.
     """
-    for driver in dict.fromkeys(bus.driver for bus in rig.buses.values()):
+    for driver in dict.fromkeys(bus.driver for bus in rig.own_buses.values()):
         require_modules(driver)
 
 
@@ -124,6 +131,8 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
         ("rate", _rate(rig)),
         ("coupling", _coupling(rig)),
     ]
+    if rig.operate is not None:
+        facts.append(("claims", _engagements(rig)))
     facts += [(f"bus {name}", way.describe()) for name, way in ways.items()]
     if any(way.way in (Way.SERVED, Way.ELSEWHERE) for way in ways.values()):
         facts.append(("--clock fake", "simulates every bus in memory"))
@@ -134,11 +143,14 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
         facts.append(("scene limit", hold_fact(rig)))
     facts.extend((f"pair {name}", pair_sentence(rig, name, delays)) for name in rig.coupling.pairs)
     if rig.scene is None:
+        if rig.link is not None:
+            facts.extend(network_facts(rig, delays))
         facts.extend(_choices(rig))
         facts.extend(offset_costs(rig, delays))
+        facts.extend(load_facts(rig, delays))
         facts.extend(coupling_messages(rig).facts(rig, delays))
         facts.extend(coupling_messages(rig).hints(rig))
-    for axis_name, axis in rig.axes.items():
+    for axis_name, axis in rig.own_axes.items():
         units = "rad, N m, kg m^2" if axis.kind == "rotary" else "m, N, kg"
         text = (
             f"{axis.kind} {axis.causality} axis [{units}] on bus {axis.bus}, id {axis.id}; "
@@ -160,6 +172,7 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
         exit_code,
         pair_rows(rig, delays),
         axis_rows(rig),
+        claims_of(rig, delays),
         [*too_slow, *not_certified(certificate)],
     )
 
@@ -178,10 +191,20 @@ def not_certified(certificate: dict[str, Any]) -> list[str]:
 
 def _rate(rig: Rig) -> str:
     text = f"{rig.rate_hz:g} Hz, {rig.cycles} cycles in {rig.duration_s:g} s"
-    for name, bus in rig.buses.items():
+    if rig.claimed_s != rig.duration_s:
+        text = f"{rig.rate_hz:g} Hz, until it is stopped"
+    for name, bus in rig.own_buses.items():
         if bus.divisor > 1:
             text += f"; bus {name} every {bus.divisor} cycles, {rig.rate_hz / bus.divisor:g} Hz"
     return text
+
+
+def _engagements(rig: Rig) -> str:
+    span = "an hour" if rig.claimed_s != rig.duration_s else f"{rig.duration_s:g} s"
+    return (
+        f"of one engagement and {span}; each further one, after a clutch or a hold, begins with "
+        "a full tank and adds its reserve and what may act unseen"
+    )
 
 
 def _coupling(rig: Rig) -> str:

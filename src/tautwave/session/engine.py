@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib.util import find_spec
 
-from tautwave.config import Rig, has_environment_parts
+from tautwave.config import Rig, has_plain_devices
 from tautwave.errors import ConfigError
 from tautwave.rig import Assembly, coupling_law
 from tautwave.rig.assembly import DeviceMaker
@@ -19,7 +19,8 @@ def compiled_devices(
 ) -> DeviceMaker | None:
     """Return the factory of a compiled run's loopback devices; None without engine.
 
-    `progress` gets a message while the controller is compiled, if it is not in the cache.
+    `progress` gets a message while the controller is compiled, if it is not in the cache. A scene
+    has an engine of its own, by which its devices go: `scene_devices`.
 
     Raises
     ------
@@ -32,15 +33,26 @@ def compiled_devices(
         raise ConfigError(
             f"loop.engine: compiled needs numba: {INSTALL}, or set loop.engine to python"
         )
-    if has_environment_parts(rig):
+    if has_plain_devices(rig):
         return None  # they cannot be compiled: the devices stay in Python, as `check` reports
     from tautwave.simulation.kernel.compiled import cache_directory
     from tautwave.simulation.live.devices import CompiledDevices
 
     if progress is not None and not any(
-        cache_directory(coupling_law(rig)).glob("**/entry._step_control*.nbi")
+        cache_directory(coupling_law(rig)).glob(
+            "*/tautwave.simulation.live.entry._step_control-*.nbi"
+        )
     ):
         progress(0.0, "compiling the controller, once per machine and version")
+
+    return CompiledDevices
+
+
+def scene_devices(rig: Rig, engine: str) -> DeviceMaker | None:
+    """Return the factory of the loopback devices of a scene whose steps are compiled."""
+    if engine != "compiled" or has_plain_devices(rig):
+        return None
+    from tautwave.simulation.live.devices import CompiledDevices
 
     return CompiledDevices
 

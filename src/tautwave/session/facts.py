@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, count_velocity
-from tautwave.registry import coupling_messages as words_of
 from tautwave.registry import load_named
 from tautwave.rig import coupling_part, one_way_delay, pair_scale
+from tautwave.rig.arms import carried_axes, felt_axes, greatest_loads
+from tautwave.rig.rates import load_offset
 from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages
 
@@ -29,8 +31,10 @@ class PairFacts(NamedTuple):
 
 
 def coupling_messages(rig: Rig) -> CouplingMessages:
-    """Return the messages of a rig's coupling law."""
-    return words_of(rig.coupling.law)
+    """Return the messages of a rig's coupling law, in an account if there is one."""
+    named = coupling_part(rig).messages
+    found: CouplingMessages = load_named(named) if named else CouplingMessages()
+    return found
 
 
 def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFacts:
@@ -39,6 +43,40 @@ def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFact
     standing = coupling_messages(rig).standing(rig, name, delays, tau)
     power = pair_scale(rig.coupling.pairs[name]).power
     return PairFacts(tau, standing.offset, power, standing.held_share)
+
+
+class PortClaim(NamedTuple):
+    """What a port may give out in a run, and the kinetic energy at its velocity limit [J].
+
+    The claim is inf where nothing bounds it, the kinetic energy None of an axis without either.
+    """
+
+    axis: str
+    claim_j: float
+    kinetic_j: float | None
+
+    @property
+    def ratio(self) -> float | None:
+        """Claim over kinetic energy."""
+        return self.claim_j / self.kinetic_j if self.kinetic_j else None
+
+    def as_dict(self) -> dict[str, float | None]:
+        """Return the numbers as data for JSON, which has no infinity."""
+        found = {"claim_j": self.claim_j, "kinetic_j": self.kinetic_j, "ratio": self.ratio}
+        return {key: None if value == math.inf else value for key, value in found.items()}
+
+
+def claims_of(rig: Rig, delays: dict[str, CommandDelay]) -> list[PortClaim]:
+    """Return the claim of every port; none for a law that claims nothing beforehand."""
+    found = []
+    for name in rig.coupling.pairs:
+        for side, joules in port_claims(rig, name, delays).get("claim_j", {}).items():
+            axis = rig.axes[f"{side}.{name}"]
+            kinetic = None
+            if axis.inertia is not None and axis.velocity_limit is not None:
+                kinetic = 0.5 * axis.inertia.value * axis.velocity_limit**2
+            found.append(PortClaim(f"{side}.{name}", joules, kinetic))
+    return sorted(found, key=lambda claim: list(rig.axes).index(claim.axis))
 
 
 def port_claims(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> dict[str, Any]:
@@ -50,7 +88,7 @@ def port_claims(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> dict[st
     if not named:
         return {}
     claim = load_named(named)
-    return {"claim_j": {side: claim(rig, f"{side}.{name}", delays) for side in ("master", "slave")}}
+    return {"claim_j": {side: claim(rig, f"{side}.{name}", delays) for side in rig.own_sides}}
 
 
 def pair_sentence(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> str:
@@ -71,7 +109,29 @@ def offset_costs(rig: Rig, delays: dict[str, CommandDelay]) -> Iterator[tuple[st
             yield f"offset of {name}", cost
 
 
-PAIR_HEADS = ("pair", ">one-way delay", ">standing offset", ">share given held still")
+def load_facts(rig: Rig, delays: dict[str, CommandDelay]) -> Iterator[tuple[str, str]]:
+    """Yield of each axis that carries a load how much, and what that costs or would cost."""
+    felt = felt_axes(rig)
+    for side in ("master", "slave"):
+        carried = carried_axes(rig, side)
+        for name, most in greatest_loads(rig, side).items():
+            pair = name.partition(".")[2]
+            rotary = rig.axes[name].kind == "rotary"
+            unit, place = ("N m", "rad") if rotary else ("N", "m")
+            text = f"up to {most:.3g} {unit} in its range, of {rig.axes[name].effort_limit:g}"
+            if name in felt:
+                text += f"; with what {felt[name]} weighs, which the hand feels (reflect_load)"
+            elif pair in rig.coupling.pairs:
+                each = load_offset(rig, name, delays)
+                would = "carried beside the coupling; else it would set" if name in carried else ""
+                text += (
+                    f"; {would or 'carried by the coupling, it sets'} the pair {each:.3g} {place} "
+                    f"apart per {unit}, {each * most:.3g} {place} in all"
+                )
+            yield f"load of {name}", text
+
+
+PAIR_HEADS = ("pair", ">one-way delay", ">standing offset", ">effort passed on")
 AXIS_HEADS = ("axis", "on", "takes", ">up to", ">one count reads as", ">limit")
 
 
@@ -95,7 +155,7 @@ def pair_rows(rig: Rig, delays: dict[str, CommandDelay]) -> list[tuple[str, ...]
 def axis_rows(rig: Rig) -> list[tuple[str, ...]]:
     """Return every axis as a row under `AXIS_HEADS`."""
     rows: list[tuple[str, ...]] = []
-    for name, axis in rig.axes.items():
+    for name, axis in rig.own_axes.items():
         effort, speed = ("N m", "rad/s") if axis.kind == "rotary" else ("N", "m/s")
         impedance = axis.causality == "impedance"
         reads = count_velocity(rig, name, axis.encoder_quantum)

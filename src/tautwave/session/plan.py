@@ -10,6 +10,7 @@ from tautwave.config import Pair as PairKeys
 from tautwave.registry import driver_names
 from tautwave.rig import axis_integration
 from tautwave.session.facts import coupling_messages
+from tautwave.session.network import network_words, receiver_words
 
 if TYPE_CHECKING:
     from tautwave.config.keys.scene import Scene
@@ -31,10 +32,10 @@ def rig_plan(rig: Rig, *, clock: str = "real") -> list[PlanItem]:
     items = list(_coupling(rig) if rig.scene is None else _scene(rig))
     for name, keys in rig.coupling.pairs.items():
         items.extend(_pair(rig, name, keys))
-    for name, axis in rig.axes.items():
+    for name, axis in rig.own_axes.items():
         items.extend(_axis(rig, name, axis))
     items.extend(_simulation(rig, clock))
-    used = {bus.driver for bus in rig.buses.values()}
+    used = {bus.driver for bus in rig.own_buses.values()}
     items.extend(
         _item(f"driver {name}", name in used, "a bus uses it", "no bus uses it")
         for name in driver_names()
@@ -55,6 +56,9 @@ def _coupling(rig: Rig) -> Iterator[PlanItem]:
     keys = rig.coupling
     samples = rig.delay_samples
     yield _item("delay line", samples > 0, f"{samples} samples each way", "no delay")
+    if rig.link is not None:
+        yield _item("network", True, network_words(rig))
+        yield _item("receivers", True, receiver_words(rig))
     yield from (_item(*line) for line in coupling_messages(rig).plan(rig))
     yield _item("engage ramp", keys.engage_ramp_s > 0, f"{keys.engage_ramp_s:g} s", "its time is 0")
     yield _item(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tautwave.errors import NotCertifiedError, WritingError
-from tautwave.files import write_text
+from tautwave.files import json_ready, write_text
 from tautwave.runtime.interrupts import interrupts
 from tautwave.runtime.recorder import RecorderStats
 
@@ -44,7 +43,7 @@ def report_run(
         The summary, and the exit code of the whole run.
     """
     path = directory / "summary.json"
-    summary = _written(summary)
+    summary = json_ready(summary)
     lost = ""
     try:
         write_text(path, _text(summary))
@@ -122,14 +121,3 @@ def _complete(directory: Path) -> tuple[str, bool]:
 
 def _text(summary: Mapping[str, Any]) -> str:
     return json.dumps(summary, indent=2, allow_nan=False) + "\n"
-
-
-def _written(value: Any) -> Any:
-    """Return data for JSON: None for non-finite numbers."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {key: _written(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_written(one) for one in value]
-    return value

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -12,12 +12,13 @@ from typing import Any, NamedTuple
 
 from tautwave.config import Rig, resolved_yaml
 from tautwave.controller.stops import StopPlace
-from tautwave.errors import BusBudgetError, TautwaveError
+from tautwave.errors import BusBudgetError, ConfigError, TautwaveError
 from tautwave.files import write_text
-from tautwave.rig import Assembly, BusWay, Simulate, as_taken, build_rig, bus_ways
+from tautwave.rig import Assembly, BusWay, Simulate, as_taken, build_rig, bus_ways, real_buses
 from tautwave.runtime.interrupts import Interrupted, interrupts
 from tautwave.runtime.loop import Loop, LoopResult
 from tautwave.runtime.machine import quiet_collector, realtime
+from tautwave.runtime.operate.commands import Source
 from tautwave.runtime.recorder import Recorder, RecorderStats
 from tautwave.session.certified import (
     certificate_of,
@@ -27,11 +28,25 @@ from tautwave.session.certified import (
 )
 from tautwave.session.checking import bus_budgets, over_budget, require_drivers
 from tautwave.session.devices import devices
-from tautwave.session.engine import compiled_devices, with_engine
+from tautwave.session.engine import compiled_devices, scene_devices, with_engine
 from tautwave.session.facts import pair_facts, port_claims
 from tautwave.session.keeping import run_directory
+from tautwave.session.network import link_claims
+from tautwave.session.operating import (
+    claimed_span,
+    engagements,
+    greatest,
+    operation_block,
+    refuse_endless,
+    scales_of,
+    times,
+    with_operation,
+)
 from tautwave.session.plan import left_out, rig_plan
 from tautwave.session.reporting import recording_block, report_run
+from tautwave.session.viewing.facts import facts_of, mailbox_of, tell_end, tell_viewers
+from tautwave.session.viewing.tuning import refuse_tuning, tuning_facts, tuning_of, with_tuning
+from tautwave.types import CommandDelay
 
 
 class Moved(NamedTuple):
@@ -65,6 +80,9 @@ def run(
     configure: bool = False,
     attach: bool = False,
     simulate: Simulate = (),
+    allow_tuning: bool = False,
+    scripts: Sequence[Source] = (),
+    live: Sequence[Source] = (),
     progress: Callable[[float, str], None] | None = None,
 ) -> RunResult:
     """Run a rig and leave a run directory behind.
@@ -78,7 +96,7 @@ def run(
     clock : str
         `real`, or `fake` to run as fast as it computes.
     duration_s : float, optional
-        Length [s]; the rig's own if not given.
+        Length [s], in place of the rig's own: that of its claims, and of the rig.yaml that is kept.
     command : str
         The command line of the run; kept in the summary.
     allow_uncertified : bool
@@ -91,6 +109,10 @@ def run(
     simulate : bool or collection of str
         Buses to simulate although the rig names hardware; True: all. Otherwise a named serial port,
         TCP address or physical CAN channel is opened.
+    allow_tuning : bool
+        Let viewers change what the rig's parts declare to be tunable, each change certified.
+    scripts, live : sequence of Source
+        Where the commands of an operated rig come from: looked at in every cycle, and now and then.
     progress : callable, optional
         Called now and then with the fraction done and a short text.
 
@@ -101,7 +123,12 @@ def run(
         are in the result, not raised.
     """
     require_drivers(rig)
+    if allow_tuning:
+        refuse_tuning(rig)
+    if duration_s is not None:
+        rig = rig.model_copy(update={"duration_s": duration_s})
     ways = bus_ways(rig, clock=clock, simulate=simulate, attach=attach)
+    refuse_endless(rig, list(ways.values()))
     problems = over_budget(rig, bus_budgets(rig))
     if problems:
         raise BusBudgetError("\n".join(problems))
@@ -109,6 +136,11 @@ def run(
     if not allow_uncertified:
         refuse_uncertified(rig, certificate)
     rig = certified_rig(as_taken(rig, ways), certificate)
+    for at_scale in scales_of(rig):
+        if allow_tuning:
+            raise ConfigError("--allow-tuning: not with operate.scales; leave one of them")
+        if not allow_uncertified:
+            refuse_uncertified(at_scale, certificate_of(at_scale, ways))
     engine = None
     if rig.scene is not None:
         from tautwave.session.scene_pace import choose_engine, use_engine
@@ -121,22 +153,41 @@ def run(
                 progress(0.0, sentence)
     directory = Path(out)
     started = datetime.now(UTC)
-    with run_directory(directory) as keep, devices(rig, ways) as ways:
+    other = nullcontext() if rig.site is None else _other_site(rig, clock, progress)
+    with (
+        run_directory(directory) as keep,
+        devices(rig, ways) as ways,
+        other as link,
+        mailbox_of(rig, clock) as mailbox,
+    ):
+        facts = facts_of(rig, certificate, mailbox)
         text = _kept_text(rig, directory)
         write_text(directory / "rig.yaml", text)
         assembly = build_rig(
             rig,
             clock=clock,
-            duration_s=duration_s,
             ways=ways,
             allow_unwatched=allow_unwatched,
             configure=configure,
-            devices=compiled_devices(rig, progress),
+            devices=(
+                compiled_devices(rig, progress)
+                if engine is None
+                else scene_devices(rig, engine.name)
+            ),
         )
-        assembly = with_engine(rig, assembly)
+        posted = () if mailbox is None else (mailbox.source,)
+        sources = [*live, *posted]
+        assembly = with_operation(rig, with_engine(rig, assembly), scripts, sources)
+        if link is not None:
+            from tautwave.session.sites.joining import with_site
+
+            assembly = with_site(rig, assembly, link)
         if engine is not None:
-            use_engine(assembly, engine.name)
-        moved = _move(rig, clock, directory, text, assembly, progress, keep)
+            assembly = use_engine(assembly, engine.name)
+        with tuning_of(rig, assembly, allow_tuning) as tuning:
+            assembly = with_tuning(assembly, tuning)
+            facts["tuning"] = tuning_facts(rig, tuning, sorted(real_buses(ways)))
+            moved = _move(rig, clock, directory, text, assembly, progress, keep, facts)
     if progress is not None:
         progress(1.0, "reporting")
     loop, result = moved.loop, moved.result
@@ -148,7 +199,7 @@ def run(
         "started_utc": started.isoformat(timespec="seconds"),
         "command": command,
         "clock": clock,
-        "asked_s": rig.duration_s if duration_s is None else duration_s,
+        "asked_s": rig.duration_s,
         "duration_s": (result.cycles + result.missed_cycles) * rig.period_s,
         "rate_hz": rig.rate_hz,
         "cycles": result.cycles,
@@ -164,15 +215,32 @@ def run(
         "left_out": left_out(rig_plan(rig, clock=clock)),
         "recording": recording_block(moved.stats),
         "buses": _buses(assembly, ways),
-        "pairs": _pairs(_of_length(rig, duration_s), assembly),
+        "pairs": _pairs(rig, assembly, result.cycles + result.missed_cycles),
+        **operation_block(assembly, (result.cycles + result.missed_cycles) * rig.period_s),
     }
+    if tuning is not None:
+        summary["tuning"] = tuning.summary()
     if assembly.scene is not None:
         summary["scene"] = {
             "engine": "python" if engine is None else engine.name,
             "elements": assembly.scene.model.elements(),
         }
+    if link is not None:
+        summary["link"] = link.summary(rig, assembly)
+        claim_sessions(summary)
     summary, exit_code = report_run(directory, summary, exit_code)
     return RunResult(summary, directory, exit_code)
+
+
+def _other_site(
+    rig: Rig, clock: str, progress: Callable[[float, str], None] | None
+) -> AbstractContextManager[Any]:
+    """Return a context in which the other site is joined."""
+    if clock != "real":
+        raise ConfigError(f"{rig.name}: --clock fake runs both sites in one process; leave --site")
+    from tautwave.session.sites.joining import joined  # nothing else needs its sockets
+
+    return joined(rig, lambda text: None if progress is None else progress(0.0, text))
 
 
 def _kept_text(rig: Rig, directory: Path) -> str:
@@ -192,6 +260,7 @@ def _move(
     assembly: Assembly,
     progress: Callable[[float, str], None] | None,
     keep: Callable[[], None],
+    facts: dict[str, Any],
 ) -> Moved:
     """Run the loop of a built rig with its recorder; call `keep` once it has begun.
 
@@ -208,7 +277,9 @@ def _move(
         rows=rig.loop.ring_rows,
         lossless=clock == "fake",
         rate_hz=rig.rate_hz,
+        live=facts,
     )
+    tell_viewers(assembly, recorder)
     loop = Loop(
         assembly.clock,
         assembly.buses,
@@ -222,6 +293,7 @@ def _move(
         began = time.perf_counter()
         with loop_conditions(rig, clock) as sentences, quiet_collector():
             result = loop.run()
+        tell_end(assembly, recorder, result)
         wall_time_s = time.perf_counter() - began
         for simulator in assembly.simulators:
             simulator.close()
@@ -257,7 +329,8 @@ def _outcome(result: LoopResult, assembly: Assembly) -> tuple[dict[str, Any], in
     if error is None:
         if result.interrupted:
             return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
-        return {"kind": "finished", "sentence": f"ran its {seconds:g} s to the end"}, 0
+        ended = getattr(assembly.control, "ended", "")
+        return {"kind": "finished", "sentence": ended or f"ran to its end, {seconds:g} s"}, 0
     if isinstance(error, KeyboardInterrupt):
         return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
     if isinstance(error, TautwaveError):
@@ -299,18 +372,28 @@ def _buses(assembly: Assembly, ways: Mapping[str, BusWay]) -> dict[str, dict[str
     }
 
 
-def _of_length(rig: Rig, duration_s: float | None) -> Rig:
-    """Return the rig of a run of another length [s]: its claims are for that."""
-    return rig if duration_s is None else rig.model_copy(update={"duration_s": duration_s})
+def claim_sessions(summary: dict[str, Any]) -> None:
+    """Count what ports claim once for each session: each begins with its own reserve."""
+    count = sum("engaged_s" in session for session in summary["link"]["sessions"])
+    for pair in summary["pairs"].values():
+        claims = pair.get("claim_j", {})
+        pair["claim_j"] = {side: max(1, count) * claim for side, claim in claims.items()}
 
 
-def _pairs(rig: Rig, assembly: Assembly) -> dict[str, dict[str, Any]]:
-    delays = {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
+def _pairs(rig: Rig, assembly: Assembly, cycles: int) -> dict[str, dict[str, Any]]:
+    delays = dict.fromkeys(rig.axes, CommandDelay(0, 0.0))  # another site's is not known here
+    delays |= {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
+    count = max(1, engagements(assembly))
+    each = rig.model_copy(update={"duration_s": claimed_span(rig, cycles) / count})
     return {
         name: {
             "kind": rig.master.axes[name].kind,
             **pair_facts(rig, name, delays)._asdict(),
-            **port_claims(rig, name, delays),
+            **times(
+                greatest([port_claims(one, name, delays) for one in (each, *scales_of(each))]),
+                count,
+            ),
+            **link_claims(rig, name, delays),
         }
         for name in rig.coupling.pairs
     }

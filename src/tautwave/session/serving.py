@@ -54,8 +54,14 @@ def bus_bench(rig: Rig, bus_name: str) -> Bench:
     return Bench(simulator.options.model_validate(bus.options), spec, models)
 
 
-def serve(driver: str, bench: Bench, announce: Announce, loop_priority: int) -> None:
-    """Serve devices until SIGINT or SIGTERM.
+def serve(
+    driver: str,
+    bench: Bench,
+    announce: Announce,
+    loop_priority: int,
+    look: Callable[[], None] | None = None,
+) -> None:
+    """Serve devices until SIGINT or SIGTERM; `look` is called now and then.
 
     A device responds in its own time, whatever else this machine is doing; the loop has priority.
 
@@ -70,13 +76,19 @@ def serve(driver: str, bench: Bench, announce: Announce, loop_priority: int) -> 
     if simulator.serve is None:
         raise ConfigError(f"{driver}: its simulated devices run inside the run's process only")
     stops: list[int] = []
+
+    def stopped() -> bool:
+        if look is not None:
+            look()
+        return bool(stops)
+
     before = {
         number: signal.signal(number, lambda given, _: stops.append(given))
         for number in (signal.SIGINT, signal.SIGTERM)
     }
     try:
         with realtime(max(0, loop_priority - 1), None, lock_memory=False):
-            simulator.serve(*bench, announce, lambda: bool(stops))
+            simulator.serve(*bench, announce, stopped)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

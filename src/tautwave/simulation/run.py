@@ -9,11 +9,13 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.config import Rig, has_environment_parts
+from tautwave.config import Rig, has_plain_devices
+from tautwave.controller.slotted import slotted
 from tautwave.controller.steps import Law
 from tautwave.controller.stops import never_began
 from tautwave.errors import ConfigError, TautwaveError
 from tautwave.rig import build_rig, coupling_law
+from tautwave.runtime.control import CoupledControl
 from tautwave.simulation.kernel.pack import Job, pack_rig
 from tautwave.simulation.kernel.run import run_rig
 from tautwave.simulation.kernel.tables import Tables, object_tables, record_tables
@@ -53,7 +55,7 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
         from tautwave.simulation.scene.live import simulate_scene
 
         return simulate_scene(rig, duration_s, engine)
-    if has_environment_parts(rig):
+    if has_plain_devices(rig):
         return _simulate_live(rig, duration_s)
     check_engine(engine)
     job = pack_rig(rig, duration_s)
@@ -93,10 +95,15 @@ def why_not_compiled(err: Exception) -> str:
 
 
 def _simulate_live(rig: Rig, duration_s: float | None) -> Simulation:
-    """Return the rows of a rig with an environment part: the live loop in memory."""
+    """Return the rows of a rig whose devices stay in Python: the live loop in memory."""
     from tautwave.simulation.scene.live import run_in_memory
 
     built = build_rig(rig, clock="fake", duration_s=duration_s)
+    if rig.loop.engine == "compiled" and isinstance(built.control, CoupledControl):
+        from tautwave.simulation.live.control import CompiledControl
+
+        built = built._replace(control=CompiledControl(built.control))
+        built = built._replace(sources=[built.control, *built.sources[1:]])
     result, data = run_in_memory(built)
     error = result.error
     if error is not None and (len(data) == 0 or not isinstance(error, TautwaveError)):
@@ -123,7 +130,7 @@ def engine_of(name: str, law: Law) -> tuple[Callable[..., int], Callable[[Job], 
         from tautwave.simulation.kernel.compiled import compiled_kernel
 
         return compiled_kernel(law), record_tables
-    return functools.partial(run_rig, steps=law.steps), object_tables
+    return functools.partial(run_rig, steps=slotted(law.steps)), object_tables
 
 
 def simulation_of_run(job: Job, tables: Tables, rows: int) -> Simulation:

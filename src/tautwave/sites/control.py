@@ -11,7 +11,7 @@ import secrets
 import socket
 import ssl
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -79,6 +79,10 @@ def _context(protocol: int, files: Identity) -> ssl.SSLContext:
     return context
 
 
+class RefusedError(LinkError):
+    """The other site is there and refuses a session, or is another one; trying again is useless."""
+
+
 class _Broken(Exception):
     """Nothing more can come on a connection."""
 
@@ -91,23 +95,42 @@ class Channel:
         self._where = where
         self._waiting = b""
 
+    def fileno(self) -> int:
+        """Return the socket's, to wait for it; -1 once closed."""
+        return self._connection.fileno()
+
     def send(self, message: Mapping[str, Any]) -> None:
         """Send a message; raises `LinkError` where the other site is gone."""
         try:
+            self._connection.settimeout(PATIENCE_S)
             self._connection.sendall(json.dumps(message).encode() + b"\n")
         except OSError as err:
             raise LinkError(f"{self._where}: {_why(err)}") from err
 
     def receive(self, timeout_s: float = PATIENCE_S) -> dict[str, Any]:
-        """Return the next message; raises `LinkError` where none comes or it is no message.
+        """Return the next message; raises `LinkError` where none comes, or what came is not one.
 
         Only the first leaves the connection open.
         """
         try:
             return self._receive(timeout_s)
         except _Broken as err:
-            self.close()
-            raise LinkError(f"{self._where}: {err}") from err
+            raise self._gone(err) from err
+
+    def poll(self) -> dict[str, Any] | None:
+        """Return the next message if it is there; raises `LinkError` where none can come."""
+        try:
+            while b"\n" not in self._waiting:
+                if not self._more(0.0):
+                    return None
+            return self._message()
+        except _Broken as err:
+            raise self._gone(err) from err
+
+    def _gone(self, err: _Broken) -> LinkError:
+        self.close()
+        refused = _is_refusal(err.__cause__)  # TLS 1.3 says so after the handshake
+        return (RefusedError if refused else LinkError)(f"{self._where}: {err}")
 
     def _receive(self, timeout_s: float) -> dict[str, Any]:
         deadline = time.monotonic() + timeout_s
@@ -115,31 +138,39 @@ class Channel:
             left = deadline - time.monotonic()
             if left <= 0.0:
                 raise LinkError(f"{self._where}: no message within {timeout_s:g} s")
-            self._connection.settimeout(left)
-            try:
-                more = self._connection.recv(4096)
-            except TimeoutError:
-                continue
-            except OSError as err:
-                raise _Broken(_why(err)) from err
-            if not more:
-                raise _Broken("closed the connection")
-            self._waiting += more
-            if len(self._waiting) > MOST_BYTES:
-                raise _Broken(f"sent a message of over {MOST_BYTES} bytes")
+            self._more(left)
+        return self._message()
+
+    def _more(self, timeout_s: float) -> bool:
+        """Read what is there; return whether there was anything."""
+        self._connection.settimeout(timeout_s)
+        try:
+            more = self._connection.recv(4096)
+        except (TimeoutError, BlockingIOError, ssl.SSLWantReadError):
+            return False
+        except OSError as err:
+            raise _Broken(_why(err)) from err
+        if not more:
+            raise _Broken("closed the connection")
+        self._waiting += more
+        if len(self._waiting) > MOST_BYTES:
+            raise _Broken(f"sent a message of over {MOST_BYTES} bytes")
+        return True
+
+    def _message(self) -> dict[str, Any]:
         line, _, self._waiting = self._waiting.partition(b"\n")
         try:
             message = parse_json(line.decode())
         except ValueError as err:
-            raise _Broken("sent what is no message") from err
+            raise _Broken("sent something that is not a message") from err
         if not isinstance(message, dict):
-            raise _Broken("sent what is no message")
+            raise _Broken("sent something that is not a message")
         return message
 
-    def refuse(self, why: str) -> None:
-        """Say why nothing comes of it, and close."""
+    def refuse(self, why: str, *, for_now: bool = False) -> None:
+        """Say why nothing comes of it, or not `for_now`, and close."""
         with suppress(LinkError):
-            self.send({"refused": why})
+            self.send({"refused": why, "for_now": for_now})
         self.close()
 
     def close(self) -> None:
@@ -156,6 +187,7 @@ def accept(
     peer: str,
     shared: Mapping[str, Any],
     facts: Mapping[str, Any],
+    busy: Callable[[], str] = str,
 ) -> tuple[Channel, Session]:
     """Agree on a session with a site that dialled.
 
@@ -171,6 +203,8 @@ def accept(
         What must be the same on both sides, JSON.
     facts : mapping
         What the other site has to know of this one, JSON.
+    busy : callable
+        Returns why there can be no session just now, nothing where there can.
 
     Raises
     ------
@@ -195,6 +229,10 @@ def accept(
         raise LinkError(f"{where}: its certificate is that of {found}, not of {peer}")
     hello = _answer(channel, where)
     _compare(channel, where, hello, shared)
+    why = busy()
+    if why:
+        channel.refuse(why, for_now=True)
+        raise LinkError(f"{where}: refused: {why}")
     session = Session(
         secrets.token_bytes(SESSION_BYTES),
         secrets.token_bytes(SECRET_BYTES),
@@ -236,7 +274,7 @@ def dial(
         secured = context.wrap_socket(connection, server_hostname=peer)
     except OSError as err:
         connection.close()
-        raise LinkError(f"{where}: {_why(err)}") from err
+        raise (RefusedError if _is_refusal(err) else LinkError)(f"{where}: {_why(err)}") from err
     channel = Channel(secured, where)
     channel.send({"protocol": PROTOCOL, "shared": shared, "facts": facts})
     answer = _answer(channel, where)
@@ -261,7 +299,8 @@ def _answer(channel: Channel, where: str) -> dict[str, Any]:
     message = channel.receive()
     if "refused" in message:
         channel.close()
-        raise LinkError(f"{where}: refused: {message['refused']}")
+        kind = LinkError if message.get("for_now") is True else RefusedError
+        raise kind(f"{where}: refused: {message['refused']}")
     return message
 
 
@@ -271,12 +310,19 @@ def _compare(
     theirs = message.get("protocol")
     if theirs != PROTOCOL:
         channel.refuse(f"protocol {PROTOCOL} here, {theirs} there; use the same version of both")
-        raise LinkError(f"{where}: protocol {theirs} there, {PROTOCOL} here; use the same version")
-    found = list(differences(shared, _table(message, "shared")))
+        raise RefusedError(
+            f"{where}: protocol {theirs} there, {PROTOCOL} here; use the same version"
+        )
+    theirs = _table(message, "shared")
+    found = _listed(shared, theirs)
     if found:
-        listed = "; ".join(found[:8]) + (" ..." if len(found) > 8 else "")
-        channel.refuse(f"seen from the other site, {listed}")
-        raise LinkError(f"{where}: the rigs differ: {listed}")
+        channel.refuse(f"the rigs differ: {_listed(theirs, shared)}")
+        raise RefusedError(f"{where}: the rigs differ: {found}")
+
+
+def _listed(here: Mapping[str, Any], there: Mapping[str, Any]) -> str:
+    found = list(differences(here, there))
+    return "; ".join(found[:8]) + (" ..." if len(found) > 8 else "")
 
 
 def _table(message: Mapping[str, Any], key: str) -> Mapping[str, Any]:
@@ -289,11 +335,17 @@ def _names(connection: ssl.SSLSocket) -> list[tuple[str, str]]:
     return list(certificate.get("subjectAltName", ()))  # type: ignore[arg-type]
 
 
+def _is_refusal(err: BaseException | None) -> bool:
+    """Return whether an error of TLS says no; a connection that only ends does not."""
+    ended = (ssl.SSLEOFError, ssl.SSLZeroReturnError, ssl.SSLSyscallError)
+    return isinstance(err, ssl.SSLError) and not isinstance(err, ended)
+
+
 ALERTS = {
     "UNKNOWN_CA": "it does not know the authority of our certificate; both need the same "
     "authority.pem",
     "CERTIFICATE_EXPIRED": "it says that our certificate has expired; make new keys",
-    "CERTIFICATE_REQUIRED": "it wants a certificate and got none",
+    "CERTIFICATE_REQUIRED": "it requires a certificate and got none",
     "BAD_CERTIFICATE": "it refused our certificate: another name than it expects",
     "PEER_DID_NOT_RETURN_A_CERTIFICATE": "it has no certificate",
     "WRONG_VERSION_NUMBER": "it does not speak TLS",
@@ -304,12 +356,16 @@ ALERTS = {
 """What the last word of a TLS error means."""
 
 
+HOSTNAME_MISMATCH = 62
+"""OpenSSL's X509_V_ERR_HOSTNAME_MISMATCH."""
+
+
 def _why(err: OSError) -> str:
     """Return what a failed connection means, with the remedy where there is one."""
     if isinstance(err, ssl.SSLCertVerificationError):
         if "expired" in err.verify_message:
             return "its certificate has expired; make new keys"
-        if err.verify_code in (62,) or "ostname mismatch" in str(err):
+        if err.verify_code == HOSTNAME_MISMATCH:
             return "its certificate is that of another site"
         return f"its certificate is not of our authority ({err.verify_message})"
     if isinstance(err, ssl.SSLError):
@@ -319,7 +375,7 @@ def _why(err: OSError) -> str:
                 return sentence
         return f"TLS failed ({word})"
     if isinstance(err, ConnectionRefusedError):
-        return "nobody serves there; start the other site first, and look at address and port"
+        return "nothing listens there; start the other site first, and look at address and port"
     if isinstance(err, TimeoutError):
         return f"no answer within {PATIENCE_S:g} s; look at address, port and firewall"
     return f"connection lost ({err.strerror or err})"

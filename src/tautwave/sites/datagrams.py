@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import socket
 import time
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 
 from tautwave.errors import LinkError
@@ -39,9 +40,15 @@ class DataPort:
     """Sealed datagrams with the other site of a session."""
 
     def __init__(
-        self, sock: socket.socket, session: Session, me: str, peer: tuple[str, int] | None
+        self,
+        sock: socket.socket,
+        session: Session,
+        me: str,
+        peer: tuple[str, int] | None,
+        now_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self._socket = sock
+        self._now_ns = now_ns
         self._peer = peer
         self._sealer = Sealer(session.secret, session.id, me)
         self.opener = Opener(session.secret, session.id, session.peer)
@@ -61,15 +68,17 @@ class DataPort:
             with suppress(OSError):
                 self._socket.sendto(self._sealer.seal(payload), self._peer)
 
-    def receive(self) -> tuple[bytes, int] | None:
-        """Return the next authentic payload and when it was read [ns], None if there is none."""
-        while True:
+    def receive(self, most: int) -> Iterator[tuple[bytes, int]]:
+        """Yield each authentic payload and when it was read [ns], of at most so many datagrams."""
+        for _ in range(most):
             try:
                 datagram, address = self._socket.recvfrom(MOST_BYTES)
-            except (BlockingIOError, ConnectionError):  # "connection refused" of an earlier send
-                return None
-            now = time.monotonic_ns()
+            except BlockingIOError:
+                return
+            except OSError:  # such as "connection refused" of an earlier send
+                continue
+            now = self._now_ns()
             payload = self.opener.open(datagram)
             if payload is not None:
                 self._peer = address
-                return payload, now
+                yield payload, now

@@ -133,7 +133,7 @@ def parse_address(text: str, port: int = 7447) -> tuple[str, int]:
         host, number = text, str(port)
     host = host.removeprefix("[").removesuffix("]")
     if not host or not number.isdigit() or not 0 < int(number) < 65536:
-        raise ConfigError(f"{text!r} is no address: HOST, HOST:PORT or [HOST]:PORT")
+        raise ConfigError(f"{text!r} is not an address; write HOST, HOST:PORT or [HOST]:PORT")
     return host, int(number)
 
 

@@ -20,6 +20,7 @@ from tautwave.sites.datagrams import DataPort
 PAYLOAD = struct.Struct(">QQQQ24x")
 """Number, sender's clock, echo of ours and how long it was held [ns]; padded to a wave's size."""
 
+MOST_AT_ONCE = 256
 SILENCE_S = 3.0
 TAIL_S = 0.5
 """For so long the last datagrams are waited for [s]."""
@@ -94,8 +95,7 @@ def probe(port: DataPort, rate_hz: float, duration_s: float) -> Heard:
         end = start + count * period_ns + round(TAIL_S * 1e9)
         due = start + sent * period_ns if 0 < sent < count else end
         select.select([port], [], [], max(0.0, min(0.1, 1e-9 * (due - time.monotonic_ns()))))
-        while (got := port.receive()) is not None:
-            payload, came = got
+        for payload, came in port.receive(MOST_AT_ONCE):
             heard_ns = came
             if len(payload) != PAYLOAD.size:
                 continue

@@ -36,6 +36,11 @@ Measure = Literal[
     "gross_flow",
     "residual",
     "generated",
+    "hand_effort_rms",
+    "force_error_rms",
+    "rendered_stiffness",
+    "energy_made",
+    "fast_share",
 ]
 MEASURES: tuple[str, ...] = get_args(Measure)
 
@@ -78,6 +83,18 @@ class Figure(Block):
         description="From top to bottom."
     )
     notes: tuple[str, ...] = Field(default=(), description="Lines of text below: assumptions.")
+    across: str | None = Field(
+        default=None, description="Key each of whose values gets a column of panels."
+    )
+    labels: tuple[str, ...] = Field(
+        default=(), description="Headings of those columns; default: the values."
+    )
+    where: dict[str, Any] = Field(
+        default_factory=dict, description="Only points with these values are drawn as lines."
+    )
+    marked: dict[str, Any] = Field(
+        default_factory=dict, description="Points with these values are drawn as lone markers."
+    )
 
 
 class Varied(Block):
@@ -96,6 +113,9 @@ class Case(Varied):
     """One curve: the keys it sets and varies itself, after the common part."""
 
     label: str | None = Field(default=None, description="Label; default: its name.")
+    beside: Name | None = Field(
+        default=None, description="Case whose colour it has; its own line is dashed."
+    )
 
 
 class Sweep(Varied):
@@ -173,6 +193,10 @@ def _check(document: Document, sweep: Sweep) -> None:
                     (*path, "columns", key),
                     f"Input should have as many values as {first}, {lengths[first]} (got {length})",
                 )
+    for name, case in sweep.cases.items():
+        if case.beside is not None and case.beside not in sweep.cases:
+            hint = nearest(case.beside, list(sweep.cases))
+            document.report(("cases", name, "beside"), f"there is no such case{hint}")
     for name, path, case in _scopes(sweep):
         places: dict[str, str] = {}
         count = 1
@@ -187,12 +211,11 @@ def _check(document: Document, sweep: Sweep) -> None:
                     places[key] = show_path((*base, word))
                     count *= len(values) if word == "grid" else 1
         total += count
-        if sweep.figure is not None and sweep.figure.x not in places:
-            whom = f"case {name}" if name else "the sweep"
-            document.report(
-                ("figure", "x"),
-                f"{whom} does not vary {sweep.figure.x!r}{nearest(sweep.figure.x, list(places))}",
-            )
+        for where, key in _figure_keys(sweep):
+            if key not in places:
+                whom = f"case {name}" if name else "the sweep"
+                text = f"{whom} does not vary {key!r}{nearest(key, list(places))}"
+                document.report(("figure", *where), text)
     if total > GREATEST:
         document.report((), f"{total} points are more than {GREATEST}")
     for at, panel in enumerate(sweep.figure.panels if sweep.figure else ()):
@@ -202,6 +225,19 @@ def _check(document: Document, sweep: Sweep) -> None:
                     ("figure", "panels", at, "measures", index),
                     f"{measure!r} is not measured; add it to measures",
                 )
+
+
+def _figure_keys(sweep: Sweep) -> Iterator[tuple[KeyPath, str]]:
+    """Yield the keys by which a figure tells points apart, with their places in it."""
+    figure = sweep.figure
+    if figure is None:
+        return
+    yield ("x",), figure.x
+    if figure.across is not None:
+        yield ("across",), figure.across
+    for word in ("where", "marked"):
+        for key in getattr(figure, word):
+            yield (word, key), key
 
 
 def _check_points(document: Document, sweep: Sweep, points: Points) -> None:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ValidationError
 
-from tautwave.config import Rig
+from tautwave.config import Intent, Rig
 from tautwave.config.text.yaml12 import read_scalar
 
 DEVICE, AXIS, PAIR = "device", "axis", "pair"
@@ -123,6 +123,8 @@ def read_value(rig: Rig, local: LocalKey, value: Any) -> float | int | None:
     block = block_at(rig, local.block)
     if block is None or local.field not in type(block).model_fields:
         return None
+    if isinstance(getattr(block, "reference", None), Intent):
+        return None  # what was wanted depends on the grip
     text = json.dumps({**block.model_dump(mode="json"), local.field: value})
     try:
         found = getattr(type(block).model_validate_json(text, strict=True), local.field)

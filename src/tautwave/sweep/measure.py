@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from tautwave.analysis.felt import FELT, felt_measures
 from tautwave.config import Rig
 from tautwave.rig import pair_scale
 from tautwave.sweep.predict import pair_mode
@@ -37,18 +38,20 @@ FAINTEST = 1e-290
 
 
 class Scales(NamedTuple):
-    """Scales of a pair's columns: period [s], slave per master units."""
+    """Scales of a pair's columns: period [s], slave per master units; `ratio` with its sign."""
 
     pair: str
     period_s: float
     position_scale: float
     power: float
+    ratio: float
 
 
 def scales_of(rig: Rig, pair: str) -> Scales:
     """Return the scales of a pair of a rig."""
     keys = rig.coupling.pairs[pair]
-    return Scales(pair, rig.period_s, keys.position_scale, pair_scale(keys).power)
+    scale = pair_scale(keys)
+    return Scales(pair, rig.period_s, scale.scale, scale.power, scale.sign * scale.scale)
 
 
 def measure_run(
@@ -78,6 +81,12 @@ def measure_run(
             found[f"{kind}_rms"] = float(np.sqrt(np.mean(np.square(values))))
         if f"{kind}_max" in names:
             found[f"{kind}_max"] = farthest(values, 0.0)
+    if names & set(FELT):
+        found.update(
+            felt_measures(
+                scales.pair, columns, scales.period_s, ratio=scales.ratio, power=scales.power
+            )
+        )
     if names & set(BOOKS):
         found.update(controller_books(scales.pair, columns))
     return {name: found[name] for name in wanted if name in found}

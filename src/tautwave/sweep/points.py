@@ -134,6 +134,10 @@ class Points(Sequence[Point]):
         values = {choice.key: choice.value for choice in recipe.choices(own)}
         return PointId(self._texts_of(case).identity_at(recipe.places(own)), recipe.case, values)
 
+    def firsts(self) -> list[int]:
+        """Return the first point of each case."""
+        return list(itertools.accumulate((it.size for it in self._recipes[:-1]), initial=0))
+
     def row(self, number: int) -> dict[str, str]:
         """Return the leading cells of a point's row: id, case and values as text."""
         case, own = self._place(number)

@@ -1,4 +1,4 @@
-"""Executors of a sweep's pieces: this process, a pool of processes, later perhaps a cluster.
+"""Executors of a sweep's pieces: this process, a pool of processes; a cluster is in `cluster`.
 
 An executor is a function. It gets a worker factory, and an iterator of pieces that it consumes as
 needed; it yields the workers' results in any order. That is all a sweep knows about it.

@@ -23,7 +23,7 @@ from tautwave.analysis.ports.sampled_loop import (
 )
 from tautwave.config import Rig, SolidWall
 from tautwave.errors import ConfigError
-from tautwave.rig import axis_model, command_delays, coupling_part, velocity_gain
+from tautwave.rig import axis_model, command_delays, coupling_part, line_delay, velocity_gain
 
 
 def pair_ends(rig: Rig, name: str, *, contact: bool = False) -> tuple[LinearEnd, LinearEnd]:
@@ -101,8 +101,8 @@ def pair_matrix(rig: Rig, name: str, *, contact: bool = False) -> Matrix:
     """
     one, two = rated_ends(rig, name, contact=contact)
     if common_slots(one, two) > 1:
-        return period_matrix(one, two, rig.delay_samples)
-    return close_loop(one.end, two.end, rig.delay_samples)
+        return period_matrix(one, two, line_delay(rig).samples)
+    return close_loop(one.end, two.end, line_delay(rig).samples)
 
 
 def pair_mode(rig: Rig, name: str, *, samples: int | None = None, contact: bool = False) -> Mode:
@@ -111,7 +111,7 @@ def pair_mode(rig: Rig, name: str, *, samples: int | None = None, contact: bool 
     `samples` replaces the rig's own delay (one way, in samples).
     """
     one, two = rated_ends(rig, name, contact=contact)
-    delay = rig.delay_samples if samples is None else samples
+    delay = line_delay(rig).samples if samples is None else samples
     if common_slots(one, two) > 1:
         return least_damped_rated(one, two, delay, rig.period_s)
     return least_damped(one.end, two.end, delay, rig.period_s)

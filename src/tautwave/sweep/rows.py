@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tautwave.analysis.felt import FELT
 from tautwave.config import Rig
 from tautwave.config.keys.rig import bus_spec
 from tautwave.controller.records import FINISHED
@@ -39,7 +40,7 @@ def sweep_engine(steps: int) -> str:
 
 def takes_rows(wanted: tuple[str, ...]) -> bool:
     """Return whether measures need whole rows."""
-    return any(name in BOOKS for name in wanted)
+    return any(name in BOOKS or name in FELT for name in wanted)
 
 
 class Run(NamedTuple):

@@ -97,7 +97,7 @@ def run_sweep(
             name = engine or sweep_engine((total - done) * cycles)
             begin = functools.partial(_Piecework, points, header, plan.sweep.measures, name)
             run = executor or (in_process if here else ProcessPool(min(jobs, len(pieces))))
-            if name == "compiled" and pieces and not here:
+            if name == "compiled" and pieces and executor is None and not here:
                 _compile_once(plan, progress)
             interrupted = False
             left = total - resumed  # resumed points do not count towards the time left
@@ -130,15 +130,16 @@ def _compile_once(plan: SweepPlan, progress: Callable[[float, str], None] | None
     from tautwave.simulation.kernel.compiled import is_cached
     from tautwave.simulation.kernel.run import run_law
 
-    try:
-        rig = plan.points[0].rig
-    except ConfigError:
-        return  # the worker reports it in the point's row
-    if is_cached(run_law, coupling_law(rig)):
-        return
-    if progress is not None:
-        progress(0.0, "compiling for half a minute, once per machine and version")
-    simulate(rig, duration_s=2.0 * rig.period_s)
+    for first in plan.points.firsts():
+        try:
+            rig = plan.points[first].rig
+        except ConfigError:
+            continue  # the worker reports it in the point's row
+        if is_cached(run_law, coupling_law(rig)):
+            continue
+        if progress is not None:
+            progress(0.0, "compiling for half a minute a law, once per machine and version")
+        simulate(rig, duration_s=2.0 * rig.period_s)
 
 
 def _cycles(plan: SweepPlan) -> int:

@@ -23,6 +23,7 @@ from tautwave.simulation.kernel.pack import (
     draw_missing,
     draw_noise,
     draw_overruns,
+    draw_sensor_noise,
     pack_device,
     true_model,
 )
@@ -95,7 +96,14 @@ class Template:
         self._drawn = [
             (model, device)
             for model, device in zip(models, job.devices, strict=True)
-            if device.loses or device.position_noise > 0.0
+            if device.loses or device.position_noise > 0.0 or device.sensor.noise > 0.0
+        ]
+        link = job.rig.link
+        self._seeded = [
+            end.seed
+            for q in job.pairs
+            if link is not None and link.seed is None
+            for end in (q.link.master, q.link.slave)
         ]
         self._form: Form | None = None
         self._written: list[Made | None] = [None] * len(self._reached)
@@ -132,7 +140,7 @@ class Template:
     @property
     def is_drawn(self) -> bool:
         """Whether there is noise or a fault, drawn from each point's own seed."""
-        return self.job.fake.overruns or bool(self._drawn)
+        return self.job.fake.overruns or bool(self._drawn or self._seeded)
 
     def _draw(self, seed: int) -> tuple[Array, Array]:
         """Return floats and flags with the noise and faults of a seed."""
@@ -140,6 +148,7 @@ class Template:
         if not self.is_drawn:
             return job.table, job.flags
         table, flags = job.table.copy(), job.flags.copy()
+        table[self._seeded] = seed % SEED_WORD
         assert job.rig.simulation is not None
         overruns = draw_overruns(seed, job.rig.simulation.faults.overrun_probability, cycles)
         flags[: len(overruns)] = overruns
@@ -147,6 +156,8 @@ class Template:
             own = model._replace(seed=(seed % SEED_WORD, *model.seed[1:]))
             noise, missing = draw_noise(own, cycles), draw_missing(own, cycles)
             table[device.noise : device.noise + len(noise)] = noise
+            loud = draw_sensor_noise(own, cycles)
+            table[device.sensor_noise : device.sensor_noise + len(loud)] = loud
             flags[device.missing : device.missing + len(missing)] = missing
         return table, flags
 
@@ -162,12 +173,13 @@ class Template:
         model = true_model(rig, name, delay, cycles)
         own: DeviceParams = job.devices[number]
         made = pack_device(model, Pieces(np.float64), Pieces(np.bool_), cycles)
-        same = (made.delay, made.last, model.start_position)
-        if same != (own.delay, own.last, job.start[number]):
+        same = (made.delay, made.last, made.pushes, model.start_position)
+        if same != (own.delay, own.last, own.pushes, job.start[number]):
             return None
         return made._replace(
-            pipe=own.pipe, reference=own.reference, noise=own.noise, missing=own.missing
-        )
+            pipe=own.pipe, reference=own.reference, noise=own.noise, missing=own.missing,
+            push=own.push, sensed=own.sensed, sensor_noise=own.sensor_noise,
+        )  # fmt: skip
 
     def filled(self, instance: Instance) -> Job:
         """Return the whole job of a point."""

@@ -20,8 +20,9 @@ from tautwave.runtime.control import Control, CoupledControl
 from tautwave.types import JointState
 
 T = 1e-3
-AXIS = CoupledAxis(T, 1.0, 1e-3, 0.0, 0.0, 0, 0.0, velocity_limit=100.0)
-"""A typical axis: 1 kHz, 1e-3 kg or kg m**2, no filter or command delay, 100 rad/s or m/s."""
+AXIS = CoupledAxis(T, 1.0, 1e-3, 0.0, 0.0, 0, 0.0, velocity_limit=100.0, effort_limit=10.0)
+"""A typical axis: 1 kHz, 1e-3 kg or kg m**2, no filter or command delay, 100 rad/s or m/s,
+10 N m or N."""
 
 NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
 WIDE = LimitParams(1e6, math.inf, 0.0, math.inf, -math.inf, math.inf, 0.0)
@@ -64,8 +65,8 @@ def controller(plugin: CouplingPlugin, coupling: Any, samples: int = 0) -> Coupl
     )
     run = RunParams(round(1e9 * T), 10 * CYCLES, 2, 1, 0, 5, 1000, 1000, 0.1, 5e9)
     names = [AxisName(f"{side}.{name}", side, "rad") for side in ("master", "slave")]
-    size = max(law.rings * samples, 1)
-    return CoupledControl(run, names, params, [name], [q], size, law)
+    table = [0.0] * (law.rings * samples)
+    return CoupledControl(run, names, params, [name], [q], table, law)
 
 
 def at_random(seed: int = 1, cycles: int = CYCLES) -> Iterator[Move]:

@@ -9,7 +9,8 @@ from tautwave.analysis.exact.positive_real import (
     _reason,
     positive_real,
 )
-from tautwave.analysis.exact.rational import Rational, angle_of, bilinear
+from tautwave.analysis.exact.rational import Rational
+from tests.analysis.reference.bilinear import angle_of, bilinear
 
 _DISCRETE = (
     ("in the right half-plane", "outside the unit circle"),

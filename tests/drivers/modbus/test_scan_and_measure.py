@@ -29,7 +29,8 @@ def test_scan_over_tcp_tells_unit_profile_and_state() -> None:
 @pytest.mark.parametrize(("profile", "state"), [("dsy-rs", "off (0x0)"), ("cia402", "SWITCH ON")])
 def test_scan_of_a_serial_line(profile: str, state: str) -> None:
     with served("--rtu", "--units", "2", "--profile", profile) as drives:
-        rows = scan(ScanOptions(endpoint=[drives["endpoint"]], units="1,2", timeout_s=0.3))
+        asked = ScanOptions(endpoint=[drives["endpoint"]], units="1,2", timeout_s=0.3)
+        rows = next((rows for _ in range(5) if (rows := scan(asked))), [])  # a busy machine
     assert [(row["unit"], row["profile"]) for row in rows] == [(2, profile)]
     assert str(rows[0]["state"]).startswith(state)
 

@@ -86,6 +86,19 @@ def test_a_value_written_in_segments(node: Master) -> None:
     assert node.read(1, 0x607A) == 0x12345678
 
 
+def test_segments_alternate_their_toggle(node: Master) -> None:
+    assert node.ask("601#217A600004000000") == ["581#607A600000000000"]
+    assert node.ask("601#0A78560000000000") == ["581#2000000000000000"]
+    assert node.ask("601#1B34120000000000") == ["581#3000000000000000"]
+    assert node.read(1, 0x607A) == 0x12345678
+
+
+def test_fewer_bytes_than_announced_are_refused(node: Master) -> None:
+    assert node.ask("601#217A600008000000") == ["581#607A600000000000"]
+    assert node.ask("601#0778563412000000") == ["581#807A600013000706"]
+    assert node.read(1, 0x607A) == 0
+
+
 def test_the_states_up_and_the_fault_down_again(node: Master) -> None:
     node.map(1)
     node.write(1, 0x6060, 0, 10, 1)

@@ -78,6 +78,9 @@ def test_servos_come_as_the_rig_wants_them() -> None:
     assert host.read(1, "Baud Rate") == 3
     host = Host((1,), causality="admittance", simulator={"factory": False})
     assert host.read(1, "Operating Mode") == 1
+    # without current control there is neither a current limit nor its mode
+    servos = [{"id": 1, "model": "XL430-W250", "current_limit": 1.0}]
+    assert Host((1,), simulator={"factory": False}, servos=servos).read(1, "Operating Mode") == 1
 
 
 def test_or_as_they_leave_the_factory() -> None:

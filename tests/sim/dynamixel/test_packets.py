@@ -53,6 +53,13 @@ def test_a_packet_is_found_behind_anything(codec: object, garbage: bytes, cuts: 
     assert [one.device_id for one, _ in found if one.intact][-1:] == [7]
 
 
+def test_bytes_before_a_header_are_no_part_of_a_packet() -> None:
+    good = p1.frame(7, b"\x02\x24\x02")
+    assert p1.Parser().feed(b"\x00\x00\x13\x05" + good) == [
+        (p1.Packet(7, 2, b"\x24\x02", True), 4 + len(good))
+    ]
+
+
 @pytest.mark.parametrize("missing", [1, 2, 3, 5, 9])
 def test_a_packet_cut_short_is_no_checksum_error(missing: int) -> None:
     """The next header may stand where its checksum should have been."""

@@ -23,7 +23,7 @@ def served(*words: str) -> Iterator[dict[str, Any]]:
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as child:
         try:
             assert child.stdout is not None
-            ready, _, _ = select.select([child.stdout], [], [], 30.0)
+            ready, _, _ = select.select([child.stdout], [], [], 90.0)
             line = child.stdout.readline() if ready else b""
             if not line:
                 child.kill()
@@ -47,6 +47,10 @@ def mbpoll(*words: str) -> tuple[int, str]:
             pytest.fail(reason)
         pytest.skip(reason)
     done = subprocess.run(
-        [path, "-q", "-0", "-1", *words], capture_output=True, text=True, timeout=20, check=False
+        [path, "-q", "-0", "-1", "-o", "10", *words],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
     )
     return done.returncode, done.stdout + done.stderr

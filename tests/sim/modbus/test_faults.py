@@ -223,7 +223,7 @@ def test_an_adapter_is_unplugged_and_plugged_in_again() -> None:
 @pytest.mark.parametrize("kind", LINK_FAULTS)
 def test_a_fault_of_the_other_link_is_a_mistake(kind: str) -> None:
     link = "tcp" if kind == "unplugged" else "rtu"
-    with pytest.raises(ConfigError, match=f"{kind} is nothing that happens to {link}"):
+    with pytest.raises(ConfigError, match=f"{kind} does not apply to {link}"):
         Bench(link, faults={"events": [{"kind": kind}]})
 
 

@@ -52,7 +52,7 @@ class Client:
     """A master that never blocks the server beside it."""
 
     def __init__(self, port: int) -> None:
-        self.sock = socket.create_connection(("127.0.0.1", port), timeout=5.0)
+        self.sock = socket.create_connection(("127.0.0.1", port), timeout=30.0)
         self.sock.setblocking(False)
         self.got = b""
 

@@ -14,7 +14,7 @@ from tautwave.errors import BusTimeout, DeviceFault, DriverError
 from tautwave_drivers.canopen.axis import Axis, ResponseTime
 from tautwave_drivers.canopen.bus.network import AbortError, PolledNetwork, RemoteDrive
 from tautwave_drivers.canopen.health import OPERATIONAL, SYNC_ID, Health, state_text
-from tautwave_drivers.canopen.mapping import RPDO_BASE, Layout
+from tautwave_drivers.canopen.mapping import RPDO_2, Layout
 from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.canopen.setup.pdo import map_pdo, silence_others
 from tautwave_drivers.canopen.setup.settings import (
@@ -157,7 +157,7 @@ def _map(drive: RemoteDrive, axis: Axis, options: CanopenOptions, bus: BusSpec) 
     move = axis.node.move
     if move is not None and (move.mode == "csp" or not axis.servo):
         target = o.TARGET_POSITION if move.mode == "csp" else o.TARGET_VELOCITY
-        can_id = RPDO_BASE[1] + axis.node.id
+        can_id = RPDO_2 + axis.node.id
         notes.append(map_pdo(drive, c.rpdo(2), "RPDO2", can_id, kind, Layout((target,))))
     return notes
 

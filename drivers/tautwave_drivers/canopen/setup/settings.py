@@ -105,6 +105,7 @@ def check_identity(drive: RemoteDrive, axis: Axis) -> list[str]:
                 f"the rig says 0x{value:X}; check the node id, or correct identity in the rig"
             )
     words = ", ".join(f"{name} 0x{value:X}" for name, value in found.items() if value is not None)
+    axis.identity = {name: f"0x{value:X}" for name, value in found.items() if value is not None}
     checked = "not compared: the rig gives no identity" if wanted is None else "as the rig says"
     notes = [f"{drive.name}: {words or 'no 1018h'} ({checked})"]
     modes = drive.find(o.SUPPORTED_MODES)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 from tautwave_drivers.canopen.axis import Axis
-from tautwave_drivers.canopen.mapping import RPDO_BASE
+from tautwave_drivers.canopen.mapping import RPDO_2
 from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.cia402.modes import Homing as HomingSteps
 from tautwave_drivers.cia402.modes import Mode
@@ -26,7 +26,7 @@ class StartUp:
     def __init__(self, axis: Axis, options: CanopenOptions, period_ns: int) -> None:
         self._axis = axis
         self._period_s = period_ns * 1e-9
-        self._can_id = RPDO_BASE[1] + axis.node.id
+        self._can_id = RPDO_2 + axis.node.id
         self.reset()
 
     def reset(self) -> None:

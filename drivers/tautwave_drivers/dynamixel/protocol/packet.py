@@ -54,7 +54,7 @@ _CRC = _table()
 
 
 def crc16(data: Iterable[int], crc: int = 0) -> int:
-    """Return the CRC-16 of `data`, going on from `crc`."""
+    """Return the CRC-16 of `data`, continued from `crc`."""
     table = _CRC
     for byte in data:
         crc = (crc << 8 & 0xFF00) ^ table[crc >> 8 ^ byte]
@@ -147,7 +147,7 @@ def sync_write_packet(address: int, size: int, values: Iterable[tuple[int, bytes
 def take_packet(buffer: bytearray, longest: int = LONGEST) -> Packet | None:
     """Take the first complete packet out of `buffer`, and everything before it.
 
-    Noise, broken packets and lengths above `longest` are skipped by going on to the next header.
+    Noise, broken packets and lengths above `longest` are skipped, up to the next header.
     Returns None when there is no complete packet yet; the beginning of one stays.
     """
     while True:

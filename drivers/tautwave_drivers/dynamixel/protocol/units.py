@@ -3,7 +3,7 @@
 Signs: the axis turns with the servo (`direction` 1) or against it (-1). The effort of a
 `JointState` is what the outside does to the device. An axis in velocity mode measures it as the
 motor's current: at rest the motor holds against the outside, so effort = - current * torque
-constant. It is no force sensor: friction and the gear's inertia are in it.
+constant. It is not a force sensor: friction and the gear's inertia are in it.
 """
 
 from __future__ import annotations

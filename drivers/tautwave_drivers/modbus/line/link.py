@@ -89,7 +89,7 @@ class Link(ABC):
             for transaction in transactions:
                 transaction.give_up()
             return
-        if self._silent:  # drives that were silent last time come last and delay nobody else
+        if self._silent:  # drives that were silent last time come last and delay no other
             transactions = sorted(transactions, key=lambda one: one.unit in self._silent)
         self._begin(transactions)
 

@@ -37,7 +37,7 @@ def rtu_frame(unit: int, pdu: bytes) -> bytes:
 
 
 def open_rtu(frame: bytes | bytearray) -> tuple[int, bytes] | None:
-    """Return address and PDU of what came between two silences; None if it is no frame."""
+    """Return address and PDU of what came between two silences; None if it is not a frame."""
     if not RTU_LEAST <= len(frame) <= RTU_MOST:
         return None
     if crc16(frame[:-2]) != int.from_bytes(frame[-2:], "little"):

@@ -6,10 +6,6 @@ memory and one on a real socket are the same object.
 
 from __future__ import annotations
 
-import heapq
-import itertools
-from collections.abc import Callable
-
 from tautwave.contracts import Clock
 from tautwave.errors import DriverError
 from tautwave_sim.modbus.bus import BROADCAST, DriveBus
@@ -17,6 +13,7 @@ from tautwave_sim.modbus.faults import LinkFailure, Outcome, corrupt
 from tautwave_sim.modbus.registers import NO_ANSWER_BEHIND
 from tautwave_sim.modbus.wire.framing import TcpRequest, TcpStream, tcp_frame
 from tautwave_sim.modbus.wire.protocol import exception
+from tautwave_sim.wire.schedule import Schedule
 
 DIRECT = 255
 """Unit that means the only drive behind an endpoint (TCP guide, 4.4.2.1)."""
@@ -44,7 +41,7 @@ class Session:
         self.deaf = False
 
 
-class TcpSide:
+class TcpSide(Schedule):
     """One endpoint, run by events.
 
     Parameters
@@ -58,33 +55,17 @@ class TcpSide:
     """
 
     def __init__(self, bus: DriveBus, units: tuple[int, ...], wire: bool = True) -> None:
+        super().__init__()
         self._bus = bus
         self._units = units
         self._wire = wire
-        self._events: list[tuple[int, int, Callable[[], None]]] = []
-        self._count = itertools.count()
         self._free_ns = dict.fromkeys(units, 0)
         self.sessions: list[Session] = []
         self._refuses_ns: int | None = None
-        self._now_ns = 0
-
-    # ------------------------------------------------------------------------------ time
-
-    def call_at(self, time_ns: int, action: Callable[[], None]) -> None:
-        """Have `action` called when time reaches `time_ns`."""
-        heapq.heappush(self._events, (time_ns, next(self._count), action))
-
-    def next_event_ns(self) -> int | None:
-        """Return when something happens next by itself [ns]."""
-        return self._events[0][0] if self._events else None
 
     def advance(self, to_ns: int) -> None:
-        """Let everything happen that happens up to `to_ns`."""
-        while self._events and self._events[0][0] <= to_ns:
-            time_ns, _, action = heapq.heappop(self._events)
-            self._now_ns = max(self._now_ns, time_ns)
-            action()
-        self._now_ns = max(self._now_ns, to_ns)
+        """Let everything happen that happens up to `to_ns`, failures of the link last."""
+        super().advance(to_ns)
         for failure in self._bus.plan.link_failures(self._bus.elapsed_ns(self._now_ns)):
             self.fail(failure, self._now_ns)
 

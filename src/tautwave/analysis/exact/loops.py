@@ -6,7 +6,7 @@ They are not needed: L = k (s+1)^2/s^3 is stable for k > 1/2 with |L| > 1 there.
 candidate frequencies, and poles (rational) or the argument principle (delay) decide.
 
 Source: Berdahl et al., the second seed, eqs 5-6, with poles of L on the axis taken care of.
-Frequencies in rad/s; for loops in z: angles in rad through `bilinear`.
+Frequencies in rad/s; for loops in z: angles in rad through the bilinear map.
 """
 
 from __future__ import annotations

@@ -104,14 +104,6 @@ def multiply(p: Poly, q: Poly) -> Poly:
     return tuple(out)
 
 
-def power(p: Poly, n: int) -> Poly:
-    """Return p**n for n >= 0."""
-    out: Poly = (Fraction(1),)
-    for _ in range(n):
-        out = multiply(out, p)
-    return out
-
-
 def divide(p: Poly, q: Poly) -> tuple[Poly, Poly]:
     """Return quotient and remainder of p by q (not zero)."""
     rest = list(p)

@@ -135,21 +135,6 @@ class Rational:
     def __rtruediv__(self, other: Rational | Number) -> Rational:
         return self.inverse() * other
 
-    def substitute(self, num: Sequence[Number], den: Sequence[Number]) -> Rational:
-        """Return f(num/den), for instance f((1 + s)/(1 - s)) with `([1, 1], [-1, 1])`."""
-        top, bottom = polynomial(num), polynomial(den)
-        order = max(len(self.num), len(self.den)) - 1
-
-        def put_in(p: Poly) -> Poly:
-            out: Poly = ()
-            for i, c in enumerate(p):
-                k = len(p) - 1 - i
-                term = poly.multiply(poly.power(top, k), poly.power(bottom, order - k))
-                out = poly.add(out, poly.scale(term, c))
-            return out
-
-        return _reduced(put_in(self.num), put_in(self.den))
-
 
 @dataclass(frozen=True)
 class Delayed:
@@ -251,16 +236,6 @@ def constant(value: Number) -> Rational:
 
 S = Rational((Fraction(1), Fraction(0)), (Fraction(1),))
 """The function s: `S * S + 2 * ...` reads as it is written."""
-
-
-def bilinear(law: Rational) -> Rational:
-    """Return law(z) at z = (1 + s)/(1 - s): the unit circle becomes the axis, w = tan(theta/2)."""
-    return law.substitute([1, 1], [-1, 1])
-
-
-def angle_of(w: float) -> float:
-    """Return the angle theta [rad] on the unit circle that `bilinear` puts at w on the axis."""
-    return 2.0 * float(np.arctan(w))
 
 
 # -- helpers -------------------------------------------------------------------------------------

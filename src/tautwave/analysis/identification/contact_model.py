@@ -170,7 +170,7 @@ def _cost(motion: Motion, model: str, theta: Sequence[float] | Array, side: int)
     """Sum of squares with the best coefficients; infinite where the model makes no sense."""
     rest, coefficients = _rest(motion, model, theta, side)
     if model == "preloaded" and coefficients[1] * coefficients[3] < 0.0:
-        return math.inf  # a force that drops at contact is no preload
+        return math.inf  # a force that drops at contact is not a preload
     return float(rest @ rest)
 
 

@@ -33,7 +33,8 @@ class DeviceFit(NamedTuple):
 
     `bias` is a constant effort from outside, such as a weight. `time_s`, `effort`, `model` are
     the filtered rows that were used and what the model says of them. `sensor_noise` is the
-    standard deviation of the position's white noise [rad or m]; `peak_velocity` [rad/s or m/s].
+    standard deviation of the position's white noise [rad or m]; `peak_velocity` [rad/s or m/s];
+    `outside` the effort on the device for a unit of what a sensor shows, where there was one.
     """
 
     inertia: Estimate
@@ -47,6 +48,7 @@ class DeviceFit(NamedTuple):
     time_s: Array
     effort: Array
     model: Array
+    outside: Estimate | None = None
 
 
 def fit_device(
@@ -57,6 +59,7 @@ def fit_device(
     cutoff_hz: float,
     delay: float = 0.0,
     known: NDArray[np.bool_] | None = None,
+    outside: Array | None = None,
 ) -> DeviceFit:
     """Fit a device that moved freely under a held effort.
 
@@ -79,6 +82,8 @@ def fit_device(
         Periods until a command acts.
     known : array of bool, optional
         Samples that were measured; the others are filled in, and not used.
+    outside : array, (n,), optional
+        What a sensor of the effort from outside shows, whose scale is fitted as well.
 
     Raises
     ------
@@ -106,15 +111,19 @@ def fit_device(
     if known is not None:
         use &= kernel.mass(~known) < 1e-3
     signs = kernel.apply(sign)
-    rows, columns, target, found = _solve_rows(kernel, position, effort, delay, signs, use, noise)
-    stuck = _may_stick(velocity, effort, delay, found, sharp)
+    felt = None if outside is None else kernel.apply(outside)
+    rows, columns, target, found = _solve_rows(
+        kernel, position, effort, delay, signs, use, noise, felt
+    )
+    total = effort if outside is None else effort + found[4] * outside
+    stuck = _may_stick(velocity, total, delay, found[:4], sharp)
     moving = use & (kernel.mass(stuck) < STUCK_SHARE)
     if np.count_nonzero(moving) > 0.3 * np.count_nonzero(use):
         rows, columns, target, found = _solve_rows(
-            kernel, position, effort, delay, signs, moving, noise
+            kernel, position, effort, delay, signs, moving, noise, felt
         )
     residual = target - columns @ found
-    inertia, damping, coulomb, bias = intervals(columns, residual, list(found))
+    inertia, damping, coulomb, bias, *scale = intervals(columns, residual, list(found))
     inertia, damping, coulomb = (_widened(e) for e in (inertia, damping, coulomb))
     return DeviceFit(
         inertia,
@@ -127,6 +136,7 @@ def fit_device(
         np.asarray((rows + kernel.half) * period, dtype=np.float64),
         target,
         columns @ found,
+        scale[0] if scale else None,
     )
 
 
@@ -145,6 +155,7 @@ def _solve_rows(
     signs: Array,
     use: NDArray[np.bool_],
     noise: float,
+    felt: Array | None,
 ) -> tuple[NDArray[np.int64], Array, Array, Array]:
     """Rows, columns, target and coefficients; the rows are those marked, thinned."""
     rows = np.flatnonzero(use)[:: kernel.step]
@@ -153,15 +164,11 @@ def _solve_rows(
             "the device hardly moved: in only "
             f"{len(rows) * kernel.step * kernel.period:.2g} s was it faster than its sensor's noise"
         )
-    columns = np.stack(
-        [
-            kernel.apply(position, 2)[rows],
-            kernel.apply(position, 1)[rows],
-            signs[rows],
-            np.full(len(rows), -1.0),
-        ],
-        axis=1,
-    )
+    parts = [kernel.apply(position, 2)[rows], kernel.apply(position, 1)[rows], signs[rows]]
+    parts.append(np.full(len(rows), -1.0))
+    if felt is not None:
+        parts.append(-felt[rows])
+    columns = np.stack(parts, axis=1)
     target = kernel.apply_held(effort, delay)[rows]
     return rows, columns, target, _without_noise(columns, target, noise, kernel)
 

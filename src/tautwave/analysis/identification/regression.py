@@ -36,16 +36,6 @@ class Estimate(NamedTuple):
         return Estimate(factor * self.value, min(ends), max(ends))
 
 
-class Fit(NamedTuple):
-    """A least-squares fit. `explained` is the share of the target's variance; 1 is all."""
-
-    coefficients: Array
-    estimates: tuple[Estimate, ...]
-    residual: Array
-    residual_rms: float
-    explained: float
-
-
 class Kernel:
     """A Gaussian low-pass and its derivatives, sampled.
 
@@ -166,18 +156,6 @@ def intervals(
     return tuple(
         Estimate(float(value), float(value - h), float(value + h))
         for value, h in zip(values, half, strict=True)
-    )
-
-
-def least_squares(columns: Array, target: Array, blocks: int = BLOCKS) -> Fit:
-    """Linear least squares with intervals that allow for correlated residuals."""
-    coefficients = solve(columns, target)
-    residual = target - columns @ coefficients
-    return Fit(
-        coefficients,
-        intervals(columns, residual, list(coefficients), blocks),
-        residual,
-        *goodness(target, residual),
     )
 
 

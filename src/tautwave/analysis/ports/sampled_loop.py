@@ -262,6 +262,12 @@ class WallState:
         state[:] = [velocity, effort, sent[0], *sent[1:]]
         return acted, effort
 
+    def under_way(self, state: list[float]) -> float:
+        """Return the sum of efforts that act before the next one, each times its periods."""
+        if not self.size:
+            return 0.0
+        return sum(state[3:]) + self._site.late_share * state[2]
+
 
 class _PositionStep:
     """One slot of an end of a position coupling. Extra state: position."""

@@ -80,7 +80,7 @@ def predict_limit_cycle(wall: SampledWall, device: Device, bias: float) -> Limit
     if mode.growth <= 0.0:
         return REST
     if mode.frequency <= 0.0 or mode.frequency * wall.period > 0.25:
-        raise ConfigError("limit cycle: the unstable mode is no slow oscillation of the contact")
+        raise ConfigError("limit cycle: the unstable mode is not a slow oscillation of the contact")
     if device.damping == 0.0:
         return UNBOUNDED
     bounce = _Bounce(wall, device, bias, complex(mode.growth, 2.0 * math.pi * mode.frequency))

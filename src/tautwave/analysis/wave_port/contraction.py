@@ -217,9 +217,10 @@ def touching(r: Reflection, device: Folded, theta: Float) -> Complex:
         return best
     curve, slope, theta = curve[convex], slope[convex], theta[convex]
     y = np.zeros(theta.shape, dtype=complex)
+    folds = _folds(device, theta)
     for _ in range(TOUCHES):
         inclined = slope + curve * np.conj(y)
-        towards = _farthest(device, theta, -np.conj(inclined)) - y
+        towards = _farthest(folds, -np.conj(inclined)) - y
         fall = -(np.conj(inclined) * np.conj(towards)).real
         step = np.clip(fall / (curve * np.abs(towards) ** 2 + 1e-300), 0.0, 1.0)
         y = y + step * towards
@@ -227,20 +228,35 @@ def touching(r: Reflection, device: Folded, theta: Float) -> Complex:
     return best
 
 
-def _farthest(device: Folded, theta: Float, direction: Complex) -> Complex:
-    """Return the sampled admittance of the class that reaches farthest in a direction."""
-    n = 2.0 * math.pi * np.arange(-FOLDS, FOLDS + 1)[None, :]
-    at = theta[:, None] + n
+class _Folds(NamedTuple):
+    """What `_farthest` needs of the class at each theta and fold; arrays (n, folds)."""
+
+    weight: Float
+    mirrored: npt.NDArray[np.bool_]
+    damping: float
+    reactance: Float
+    corner: Complex
+
+
+def _folds(device: Folded, theta: Float) -> _Folds:
+    at = theta[:, None] + 2.0 * math.pi * np.arange(-FOLDS, FOLDS + 1)[None, :]
     weight = (np.sin(0.5 * at) / (0.5 * at)) ** 2
     mirrored = at < 0.0
-    u = np.where(mirrored, np.conj(direction[:, None]), direction[:, None])
-    u = u / np.maximum(np.abs(u), 1e-300)
     at = np.abs(at)
-    d, reactance = device.damping, device.mass * at - device.stiffness / at
-    found = np.zeros(at.shape, dtype=complex)
-    reach = np.zeros(at.shape)
+    reactance = device.mass * at - device.stiffness / at
     with np.errstate(divide="ignore", invalid="ignore"):
-        corner = 1.0 / (d + 1j * reactance)
+        corner = np.asarray(1.0 / (device.damping + 1j * reactance), np.complex128)
+    return _Folds(weight, mirrored, device.damping, reactance, corner)
+
+
+def _farthest(folds: _Folds, direction: Complex) -> Complex:
+    """Return the sampled admittance of the class that reaches farthest in a direction."""
+    weight, mirrored, d, reactance, corner = folds
+    u = (direction / np.maximum(np.abs(direction), 1e-300))[:, None]
+    u = np.where(mirrored, np.conj(u), u)
+    found = np.zeros(u.shape, dtype=complex)
+    reach = np.zeros(u.shape)
+    with np.errstate(divide="ignore", invalid="ignore"):
         round_d = 0.5 / d * (1.0 + u)
         round_x = 0.5 / reactance * (u - 1j)
         allowed_d = (1.0 / round_d).imag >= reactance

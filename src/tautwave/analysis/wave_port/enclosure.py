@@ -13,6 +13,8 @@ Sources: Taylor models of first order (Makino & Berz); the padding is for IEEE d
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import numpy.typing as npt
 
@@ -31,15 +33,20 @@ class Enclosed:
     def __init__(self, half: Float, value: Float, slope: Float, rest: Float) -> None:
         self.half, self.value, self.slope, self.rest = half, value, slope, rest
 
-    @property
+    @cached_property
+    def reach(self) -> Float:
+        """Return how far the slope alone leads over half a cell."""
+        return np.abs(self.slope) * self.half
+
+    @cached_property
     def size(self) -> Float:
         """Return a bound of |u| over each cell."""
         return self.spread + np.abs(self.value)
 
-    @property
+    @cached_property
     def spread(self) -> Float:
         """Return a bound of |u - value| over each cell."""
-        return (np.abs(self.slope) * self.half + self.rest) * (1.0 + PAD)
+        return (self.reach + self.rest) * (1.0 + PAD)
 
     @property
     def least(self) -> Float:
@@ -52,9 +59,11 @@ class Enclosed:
         return self.value + self.spread + PAD * self.size
 
     def __add__(self, other: Enclosed | Float | float) -> Enclosed:
-        b = self._like(other)
-        rest = self.rest + b.rest + PAD * (self.size + b.size)
-        return Enclosed(self.half, self.value + b.value, self.slope + b.slope, rest)
+        if not isinstance(other, Enclosed):
+            rest = self.rest + PAD * (self.size + np.abs(other))
+            return Enclosed(self.half, self.value + other, self.slope, rest)
+        rest = self.rest + other.rest + PAD * (self.size + other.size)
+        return Enclosed(self.half, self.value + other.value, self.slope + other.slope, rest)
 
     __radd__ = __add__
 
@@ -62,11 +71,13 @@ class Enclosed:
         return Enclosed(self.half, -self.value, -self.slope, self.rest)
 
     def __sub__(self, other: Enclosed | Float | float) -> Enclosed:
-        return self + -self._like(other)
+        return self + -other
 
     def __mul__(self, other: Enclosed | Float | float) -> Enclosed:
-        b = self._like(other)
-        reach, far = np.abs(self.slope) * self.half, np.abs(b.slope) * b.half
+        if not isinstance(other, Enclosed):
+            rest = np.abs(other) * (self.rest + PAD * self.size)
+            return Enclosed(self.half, self.value * other, self.slope * other, rest)
+        b, reach, far = other, self.reach, other.reach
         rest = (np.abs(self.value) + reach) * b.rest + (np.abs(b.value) + far) * self.rest
         rest = rest + self.rest * b.rest + reach * far + PAD * self.size * b.size
         slope = self.value * b.slope + self.slope * b.value
@@ -82,15 +93,8 @@ class Enclosed:
         value = 1.0 / np.where(known, self.value, 1.0)
         square = value * value
         rest = square * (self.rest + self.spread * self.spread / nearest) * (1.0 + 8.0 * PAD)
-        rest = rest + PAD * (np.abs(value) + square * np.abs(self.slope) * self.half)
+        rest = rest + PAD * (np.abs(value) + square * self.reach)
         return Enclosed(self.half, value, -square * self.slope, np.where(known, rest, np.inf))
-
-    def _like(self, other: Enclosed | Float | float) -> Enclosed:
-        if isinstance(other, Enclosed):
-            return other
-        value = np.broadcast_to(np.asarray(other, dtype=float), self.half.shape)
-        zero = np.zeros_like(self.half)
-        return Enclosed(self.half, value, zero, zero)
 
 
 def angle(centre: Float, half: Float) -> Enclosed:

@@ -68,15 +68,15 @@ class _WaveStep:
         moved, _ = slot.move(state, x)
         part = state[self._walls :]
         acted, wall = self._wall.step(part, x + moved, moved)
-        ahead, velocity, push = observe(
-            self._observer, at, velocity, push, x + moved, state[2], 1.0
-        )
+        effort, pending = state[2] - acted, slot.under_way(state) - self._wall.under_way(part)
+        if self._observer.pole < 0.0:  # a plain port has to know the wall
+            effort, pending = state[2], slot.under_way(state) + 0.5 * wall
+        ahead, velocity, push = observe(self._observer, at, velocity, push, x + moved, effort, 1.0)
         leaving, _, _, filtered, _, _, _ = port_close(
             port, FULL, 0.0, filtered, moved, ahead - at, 1.0, state[2] - acted, waves[0], 0.0,
             False,
         )  # fmt: skip
         wave = self._wave_gain * arriving
-        pending = slot.under_way(state) + 0.5 * wall
         effort = port_effort(port, FULL, velocity, push, pending, wave)
         state[1] = wall + effort
         state[slot.size : slot.size + 5] = [x + moved, ahead, velocity, push, filtered]

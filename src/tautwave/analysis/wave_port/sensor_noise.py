@@ -1,7 +1,7 @@
 """What sensor noise takes from a port's tank, and what it can feign, in watts known beforehand.
 
 A sample that is off by n enters the effort of the port and the next displacement: the tank books
-F (n[k+1] - n[k]), which is no work, and the port sends waves that answer to nothing. With the
+F (n[k+1] - n[k]), which is not work, and the port sends waves that answer to nothing. With the
 spectrum S of the noise (mean: its variance) the tank changes per period by the mean over theta of
 
     S Q_tot,   Q_tot = Q + T/2 (|A|**2 - |U|**2),   Q = Re(conj(G) (e^(j theta) - 1)),
@@ -25,6 +25,7 @@ Sources: derived here.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -148,6 +149,7 @@ def worst_changes(
     return lost, feigned
 
 
+@functools.lru_cache(maxsize=256)
 def noise_bounds(
     p: PortParams,
     observer: ObserverParams,

@@ -28,6 +28,8 @@ Array = npt.NDArray[np.float64]
 DAYS = 1024
 """Ticks and slots that a network reaches ahead."""
 REFERENCE_NS = 500_000
+RESTED = 11.0
+"""End of a pattern that is free [s]: a line of 0.1 s rings for seconds by itself."""
 LIMIT = 0.5  # N m
 NOISE, QUANTUM = 9e-5, 2.094e-5
 """Of the encoders [rad]: white noise and step."""
@@ -235,7 +237,7 @@ def draw_pattern(seed: int) -> Pattern:
     """Draw a pattern of the range that `tautwave bench network` states."""
     rng = np.random.default_rng((seed, 0))
     noisy = bool(rng.integers(0, 4))
-    return Pattern(
+    drawn = Pattern(
         periods=RATES[int(rng.integers(0, 3))],
         offset=float(rng.uniform(-200e-6, 200e-6) * rng.integers(0, 2)),
         ways=(draw_way(rng), draw_way(rng)),
@@ -254,3 +256,25 @@ def draw_pattern(seed: int) -> Pattern:
         end=3.0,
         seed=seed,
     )
+    return drawn._replace(end=RESTED) if is_free(drawn) else drawn
+
+
+def is_free(x: Pattern) -> bool:
+    """Return whether nothing keeps both devices apart in the end: no wall, no dry friction."""
+    return x.wall == 0.0 and x.coulomb == 0.0
+
+
+def clean_of(x: Pattern) -> Pattern:
+    """Return a pattern on lines that only delay, as much as its networks on average."""
+    mean = {network.UNIFORM: 0.5, network.EXPONENTIAL: 1.0, network.SPIKES: 0.02}
+    one, two = (
+        way._replace(
+            delay_ns=way.delay_ns + round(mean[way.jitter] * way.jitter_ns),
+            jitter_ns=0,
+            begin=0.0,
+            duplicates=0.0,
+            outage_ns=0,
+        )
+        for way in x.ways
+    )
+    return x._replace(ways=(one, two), offset=0.0)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
+from tautwave.bench.lines.many import CLEAN, OURS, Tally, run_many
 from tautwave.bench.lines.patterns import (
     NOISE,
     QUANTUM,
     RECEIVERS,
     Outcome,
     Pattern,
-    draw_pattern,
     run_pattern,
 )
 from tautwave.bench.result import Goal, Suite, Table, Value
@@ -30,8 +31,17 @@ WAYS = {
     "spikes of 20 ms, 2 %": network_params(DELAY, jitter=0.02, kind=SPIKES),
     "outage 0.5 s": network_params(DELAY, outage_at=1.2, outage=0.5),
 }
-MADE = 1e-9
-"""Energy [J] from which on a receiver counts as having made some."""
+HELD = {
+    "30 %, jitter, 5 % twice": WAYS["30 %, jitter, 5 % twice"],
+    "outage 0.5 s": network_params(DELAY, outage_at=5.0, outage=0.5),
+}
+"""Networks on which a force is held, beside a clean one."""
+FEWEST_FREE = 50
+"""Patterns that are free, for a median of their errors."""
+AT_REST = 5e-5
+"""Error [rad] to which both devices shall agree at rest, with noise."""
+MAKERS = {"hold-last": 0.5, "null packets": 0.02, "fixed buffer": 0.02}
+"""Least share of patterns in which another receiver makes energy: so the test can fail."""
 
 
 def silent(_: str) -> None:
@@ -41,7 +51,7 @@ def silent(_: str) -> None:
 def chosen_pattern(way: NetworkParams, *, hold: bool = False, offset: float = 0.0) -> Pattern:
     """Return the bench's device with a hand on it for 3 s and still for 3 s.
 
-    With `hold` the hand pushes against a stiff wall instead, for a minute.
+    With `hold` the hand pushes against a stiff wall instead, for two minutes.
     """
     return Pattern(
         periods=(0.5e-3, 0.5e-3),
@@ -59,94 +69,126 @@ def chosen_pattern(way: NetworkParams, *, hold: bool = False, offset: float = 0.
         quantum=QUANTUM,
         push=0.1 if hold else 0.0,
         rest=3.0,
-        end=60.0 if hold else 6.0,
+        end=120.0 if hold else 6.0,
         seed=1,
     )
 
 
 def network(
-    *, patterns: int = 1000, first: int = 0, hour: bool = False, tell: Tell = silent
+    *,
+    patterns: int = 1000,
+    first: int = 0,
+    hour: bool = False,
+    jobs: int = 1,
+    keep: Path | None = None,
+    tell: Tell = silent,
 ) -> Suite:
     """Run pairs over random networks and over chosen ones.
 
     Parameters
     ----------
     patterns : int
-        Random patterns for each receiver.
+        Random patterns for each receiver of ours; of the others `many.MOST` will do.
     first : int
         Seed of the first one.
     hour : bool
         Move a pair for an hour, too.
+    jobs : int
+        Processes for the random patterns.
+    keep : Path, optional
+        File of what is done of them.
     tell : callable
         Called with the name of each measurement as it starts.
+
+    Raises
+    ------
+    ConfigError
+        `keep` is another file, or cannot be written.
     """
-    found: dict[str, list[Outcome]] = {}
-    drawn = [draw_pattern(seed) for seed in range(first, first + patterns)]
-    for name in RECEIVERS:
-        tell(f"{patterns} random patterns: {name}")
-        found[name] = [run_pattern(x, name)[0] for x in drawn]
+    found = run_many(first, patterns, jobs=jobs, keep=keep, tell=tell)
     tell("chosen patterns")
     chosen = {
         name: {title: run_pattern(chosen_pattern(way), name)[0] for title, way in WAYS.items()}
         for name in RECEIVERS
     }
-    tell("a force held for a minute")
-    held = [_held_row(offset) for offset in (0.0, 100e-6, -100e-6)]
+    tell("a force held for two minutes")
+    held = [_held_row("clean", offset) for offset in (0.0, 100e-6, -100e-6)]
+    held += [_held_row(title) for title in HELD]
     after: list[list[Value]] = []
     if hour:
         tell("an hour")
-        after = [_hour_row(noisy) for noisy in (False, True)]
+        after = [_hour_row(*of) for of in ((False, 0.0), (True, 0.0), (True, 1e-3))]
     lossy, clean = (chosen["play-out"][title] for title in ("30 %, jitter, 5 % twice", "clean"))
-    roughness, makers = lossy.chatter / clean.chatter, _makers(found["hold-last"])
+    roughness = lossy.chatter / clean.chatter
     worst = max(o.rest for o in chosen["play-out"].values())
     return Suite(
         "network",
         [
-            _random_table(found, drawn),
+            _random_table(found),
             *(
                 _chosen_table(title, {name: chosen[name][title] for name in RECEIVERS})
                 for title in WAYS
             ),
             Table(
-                "A force held for a minute",
-                "play-out, clean line of 10 ms, the slave's clock slower by the offset; effort at "
-                "the master in the last 0.2 s of the 3rd and of the 60th second",
-                ("offset_ppm", "force_3_s", "force_60_s", "violations"),
+                "A force held for two minutes",
+                "play-out, 10 ms and what is named, the slave's clock slower by the offset; effort "
+                "at the master in the last 0.2 s of the 3rd and of the 120th second. Silence lets "
+                "both devices go, and what they lose on the way nobody gives back: both ends owe "
+                "motion until the hand gives way",
+                ("network", "offset_ppm", "force_3_s", "force_120_s", "violations"),
                 held,
             ),
             *([_hour_table(after)] if hour else []),
         ],
         [
-            Goal("ticks on which more came out than in", 0.0, "", _violations(found["play-out"])),
+            Goal(
+                "ticks on which more came out than in",
+                0.0,
+                "",
+                float(sum(found[name].violations for name in OURS)),
+            ),
             Goal("chatter at 30 % loss and jitter over clean", 1.15, "", roughness),
-            Goal("error 3 s after the hand rests, worst", 0.05, "mrad", 1e3 * worst),
-            Goal("hold-last makes energy, share", 0.5, "", makers, at_least=True),
+            Goal("error 3 s after the hand rests, worst", 1e3 * AT_REST, "mrad", 1e3 * worst),
+            *(
+                Goal(f"{name} makes energy, share", least, "", _makers(found[name]), at_least=True)
+                for name, least in MAKERS.items()
+            ),
+            Goal(
+                "error at rest over that of clean lines, median",
+                1.0,
+                "",
+                _settled(found),
+                why_not=f"fewer than {FEWEST_FREE} patterns are free: take 1,000",
+            ),
         ],
     )
 
 
-def _violations(found: list[Outcome]) -> float:
-    return float(sum(o.violations for o in found))
+def _makers(found: Tally) -> float:
+    return found.makers / found.patterns
 
 
-def _makers(found: list[Outcome]) -> float:
-    return float(np.mean([o.excess > MADE for o in found]))
+def _settled(found: dict[str, Tally]) -> float | None:
+    own, clean = found["play-out"].rest, found[CLEAN].rest
+    if len(clean) < FEWEST_FREE:
+        return None
+    return float(np.median(own[: len(clean)]) / np.median(clean))
 
 
-def _random_table(found: dict[str, list[Outcome]], drawn: list[Pattern]) -> Table:
-    free = [x.wall == 0.0 and x.coulomb == 0.0 for x in drawn]
+def _random_table(found: dict[str, Tally]) -> Table:
     rows: list[list[Value]] = []
-    for name, outcomes in found.items():
-        rest = [1e3 * o.rest for o, counts in zip(outcomes, free, strict=True) if counts] or [0.0]
+    for name, tally in found.items():
+        if not tally.patterns:
+            continue
+        rest = (1e3 * float(error) for error in np.quantile(tally.rest or (0.0,), (0.5, 0.99)))
+        ours = name != CLEAN
         rows.append(
             [
                 name,
-                len(outcomes),
-                int(_violations(outcomes)),
-                _makers(outcomes),
-                max(o.excess for o in outcomes),
-                max(o.made for o in outcomes),
-                *(float(value) for value in np.quantile(rest, (0.5, 0.99))),
+                tally.patterns,
+                *((tally.violations, _makers(tally)) if ours else (None, None)),
+                *((tally.excess, tally.made) if ours else (None, None)),
+                *rest,
             ]
         )
     return Table(
@@ -156,7 +198,8 @@ def _random_table(found: dict[str, list[Outcome]], drawn: list[Pattern]) -> Tabl
         "0.1, free, wall or spring, with noise and without, depth to 50 ms, to 7 slots repeated. "
         "excess_j: most that came out of a receiver beyond what was sent and its reserve; made_j: "
         "most that both ports gave the devices, out of reserves of up to 0.1 J; rest: "
-        "error 2 s after the hand rests, free and without Coulomb friction",
+        "error 10 s after the hand rests, free and without Coulomb friction; clean lines have the "
+        "mean delay of each such network, and nothing else of it",
         ("receiver", "patterns", "violations", "makers", "excess_j", "made_j", "rest_mrad_p50",
          "rest_mrad_p99"),
         rows,
@@ -177,26 +220,38 @@ def _chosen_table(title: str, outcomes: dict[str, Outcome]) -> Table:
     )
 
 
-def _hour_row(noisy: bool) -> list[Value]:
-    way = network_params(DELAY, jitter=0.02, loss=0.05)
+def _hour_row(noisy: bool, coulomb: float) -> list[Value]:
+    way, depth = network_params(DELAY, jitter=0.02, loss=0.05), 0.025
     x = chosen_pattern(way, offset=50e-6)._replace(
-        depth=0.025, noise=NOISE * noisy, quantum=QUANTUM * noisy, rest=3590.0, end=3600.0
+        depth=depth,
+        noise=NOISE * noisy,
+        quantum=QUANTUM * noisy,
+        coulomb=coulomb,
+        rest=3590.0,
+        end=3600.0,
     )
     result, _ = run_pattern(x)
-    return [1e6 * x.noise, 1e3 * result.rms, 1e3 * result.rest, result.violations]
+    # Friction c holds an effort up to c, which stands on a line of delay tau by c tau / b.
+    allowed = QUANTUM + coulomb * (DELAY + depth + x.periods[0]) / x.impedance
+    if noisy and not coulomb:
+        allowed = AT_REST
+    found = 1e3 * result.rms, 1e3 * result.rest, 1e3 * allowed, result.violations
+    return [1e6 * x.noise, 1e3 * coulomb, *found]
 
 
 def _hour_table(rows: list[list[Value]]) -> Table:
     return Table(
         "An hour of motion",
         "play-out with a depth of 25 ms, 5 % loss, 20 ms of jitter, clocks 50 ppm apart; error "
-        "while the hand moves, and at the end of 10 s of rest",
-        ("noise_urad", "rms_mrad", "rest_mrad", "violations"),
+        "while the hand moves, and at the end of 10 s of rest; allowed is an encoder step, with "
+        "noise 0.05 mrad, and c tau / b more with dry friction c",
+        ("noise_urad", "coulomb_mNm", "rms_mrad", "rest_mrad", "allowed_mrad", "violations"),
         rows,
     )
 
 
-def _held_row(offset: float) -> list[Value]:
-    result, rows = run_pattern(chosen_pattern(WAYS["clean"], hold=True, offset=offset))
+def _held_row(title: str, offset: float = 0.0) -> list[Value]:
+    way = HELD.get(title, WAYS["clean"])
+    result, rows = run_pattern(chosen_pattern(way, hold=True, offset=offset))
     early = rows[(rows_at := round(2.8 / 0.5e-3)) : rows_at + 400, 2]
-    return [1e6 * offset, float(np.mean(early)), result.force, result.violations]
+    return [title, 1e6 * offset, float(np.mean(early)), result.force, result.violations]

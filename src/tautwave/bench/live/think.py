@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from tautwave.bench.calls import GUARDED, SERVO_SITE, SITE, WALLED, B, T
-from tautwave.bench.chunks import Work
+from tautwave.bench.chunks import Cost, Work, costs
 from tautwave.contracts import CoupledAxis
 from tautwave.controller.axis import close_axis, pass_slot, start_axis, think_axis
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.slotted import slotted
 from tautwave.controller.steps import Law, NoParams, Steps
 from tautwave.laws.site import SiteParams
 from tautwave.models.encoder import quantise
@@ -56,7 +57,10 @@ def _end(law: str, keys: dict[str, float], axis: CoupledAxis) -> Any:
 
 
 PARTS = ("close", "think", "both")
+"""What a cycle costs: slot and close, receive and think, both in turn."""
 
+LANES = 20
+"""Axes that are measured at a time; the clock is read once for all."""
 
 TABLE = [0.0] * 8
 """No command is under way, no line between: what is exchanged stays in the states."""
@@ -73,17 +77,15 @@ class Bench(NamedTuple):
     steps: Steps
 
 
-def works() -> dict[str, Work]:
-    """Return the work of closing, of thinking, and of both, for every kind of axis."""
-    return works_of(cases())
+def part_costs(kinds: Sequence[SiteCase], rounds: int) -> dict[str, dict[str, Cost]]:
+    """Return the cost of `PARTS` of kinds of axes, by their names."""
+    works = {f"{case.name}/{part}": _work(case, part) for case in kinds for part in PARTS}
+    taken = costs(works, rounds)
+    return {case.name: {part: taken[f"{case.name}/{part}"] for part in PARTS} for case in kinds}
 
 
-def works_of(kinds: Iterable[SiteCase]) -> dict[str, Work]:
-    """Return the same for given kinds."""
-    return {f"{case.name}/{part}": _work(_axis(case), part) for case in kinds for part in PARTS}
-
-
-def _axis(case: SiteCase) -> Bench:
+def standing_axis(case: SiteCase) -> Bench:
+    """Return an axis that has begun where the motion begins."""
     site, law = case.params, case.law
     p = AxisParams(
         site=site,
@@ -105,44 +107,64 @@ def _axis(case: SiteCase) -> Bench:
     one, two = AxisState(end=law.end()), AxisState(end=law.end())
     start_axis(one, p, POSITIONS[0], 0.0)
     start_axis(two, p, POSITIONS[0], 0.0)
-    return Bench(PairState(link=law.link()), q, one, two, p, law.steps)
+    pair = PairState(link=law.link())
+    law.steps.start(pair, q, one, two, p, p, 0.0, TABLE)
+    return Bench(pair, slotted(q), one, two, slotted(p), slotted(law.steps))
 
 
-def _close(b: Bench, position: float) -> None:
-    pass_slot(b.one, b.params, TABLE, b.steps)
-    close_axis(b.one, b.params, position, 0.01, b.steps)
+def closing(b: Bench) -> Callable[[float], None]:
+    """Return what closes a slot at a position."""
+    _, _, one, _, p, steps = b
+
+    def close(position: float) -> None:
+        pass_slot(one, p, TABLE, steps)
+        close_axis(one, p, position, 0.01, steps)
+
+    return close
 
 
-def _think(b: Bench, position: float) -> None:
-    think_axis(b.one, b.params, TABLE, b.params.ceiling, b.steps)
+def thinking(b: Bench) -> Callable[[], None]:
+    """Return what receives and thinks."""
+    pair, link, one, two, p, steps = b
+    ceiling = p.ceiling
+
+    def think() -> None:
+        steps.exchange(pair, link, one, two, p, p, TABLE, True, True, True)
+        think_axis(one, p, TABLE, ceiling, steps)
+
+    return think
 
 
-def _both(b: Bench, position: float) -> None:
-    pass_slot(b.one, b.params, TABLE, b.steps)
-    close_axis(b.one, b.params, position, 0.01, b.steps)
-    b.steps.exchange(b.pair, b.link, b.one, b.two, b.params, b.params, TABLE, True, True, True)
-    think_axis(b.one, b.params, TABLE, b.params.ceiling, b.steps)
+def _work(case: SiteCase, part: str) -> Work:
+    """Return the work of a part of `LANES` axes in turn, so that each closes what it thought."""
+    lanes = [(closing(b), thinking(b)) for b in (standing_axis(case) for _ in range(LANES))]
+    closes, thinks = zip(*lanes, strict=True)
 
+    def step(position: float) -> int:
+        began = time.thread_time_ns()
+        if part == "both":
+            for close, think in lanes:
+                close(position)
+                think()
+            return time.thread_time_ns() - began
+        for close in closes:
+            close(position)
+        closed = time.thread_time_ns()
+        for think in thinks:
+            think()
+        return closed - began if part == "close" else time.thread_time_ns() - closed
 
-def _work(b: Bench, part: str) -> Work:
-    step: Callable[[Bench, float], None] = {
-        "close": _close,
-        "think": _think,
-        "both": _both,
-    }[part]
-    for position in POSITIONS:  # a full swing, so that every branch has been taken
-        _both(b, position)
-    at = 0
+    at = 50
+    for position in POSITIONS[:at]:  # until Python has settled on what it runs
+        step(position)
 
     def work(n: int) -> float:
         nonlocal at
-        if at + n > len(POSITIONS):
-            at = 0
-        chosen = (POSITIONS * (n // len(POSITIONS) + 1))[at : at + n]
-        at += n
-        began = time.thread_time_ns()
-        for position in chosen:
-            step(b, position)
-        return (time.thread_time_ns() - began) * 1e-9
+        steps = math.ceil(n / LANES)
+        spent = 0
+        for _ in range(steps):
+            spent += step(POSITIONS[at])
+            at = (at + 1) % len(POSITIONS)
+        return spent * 1e-9 * n / (steps * LANES)
 
     return work

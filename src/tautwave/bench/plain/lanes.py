@@ -11,7 +11,7 @@ located events takes some 105 ns where this scene's takes 7, for a pair has 3.4 
 plain one 1 kB, line included), 55 kB in 16 lanes: more than a first cache of 32 kB holds. Its text
 has some 450 branches, most on what the set itself does; in lanes every set would compute both
 sides of each, and whatever locates an event would be done one set at a time. The plain scene has
-one such branch and gains a factor of three; that is no promise for the other.
+one such branch and gains a factor of three; which says nothing about the other.
 """
 
 from __future__ import annotations

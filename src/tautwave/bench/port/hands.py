@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.errors import ConfigError
-from tautwave.motion import read_recording, recorded_positions
+from tautwave.motion import recorded_positions
+from tautwave.recordings.columns import read_column
 
 Float = npt.NDArray[np.float64]
 
@@ -75,9 +76,7 @@ def recorded_hands(folder: Path, seconds: float = math.inf) -> list[Hand]:
         master, slave = "master_position_rad", "slave_position_rad"
         if name.removesuffix(f"_{ending[0]}") in SWAPPED:
             master, slave = slave, master
-        (times, moved), (_, far) = (
-            read_recording(path, each, "time_s") for each in (master, slave)
-        )
+        (times, moved), (_, far) = (read_column(path, each, "time_s") for each in (master, slave))
         new = np.arange(0.0, min(float(times[-1] - times[0]), seconds) + 0.5 * PERIOD, PERIOD)
         moved, far = (recorded_positions(times, each, new, False) for each in (moved, far))
         found.append(Hand(name, FILES[ending[0]], moved, moved - far))

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.bench.port.hands import PERIOD
-from tautwave.bench.port.rigs import IMPEDANCE, bench_rig
+from tautwave.bench.port.rigs import IMPEDANCE, bench_rig, fastest
 from tautwave.bench.port.tracking import chatter, rms
 from tautwave.rig import command_delays, end_constants
 from tautwave.simulation import simulate
@@ -60,7 +60,7 @@ def hold(port: str, noise: float, seconds: float, *, resting: bool = False) -> H
         coulomb=0.0,
         viscous=2.0e-3,
     )
-    run = simulate(rig, engine="python")
+    run = simulate(rig, engine=fastest(rig))
     efforts, errors = run["slave.lever.port_effort"], run["lever.position_error"]
     end = len(efforts) - round(0.3 / PERIOD)
     sixth = max((end - round(2.0 / PERIOD)) // 6, 1)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tautwave.config import Rig
 from tautwave.config.load import parse_rig
+from tautwave.simulation.run import is_compiled
 
 HERE = Path(__file__).parent / "laws"
 WAVE = "wave"
@@ -75,7 +76,7 @@ def bench_rig(
     Parameters
     ----------
     law, reference, contact : str
-        Name of the law; hand's reference and slave's environment, as in a rig file.
+        Name of the law, or its block; hand's reference and slave's environment, as in a rig file.
     noise : float
         Standard deviation of the position noise [rad].
     seconds : float
@@ -88,10 +89,15 @@ def bench_rig(
     text = BENCH.format(
         seconds=seconds,
         axis=f"{AXIS}, position_noise: {noise!r}",
-        law=LAWS[law],
+        law=LAWS.get(law, law),
         device=f"{{inertia: 1.584e-3, damping: {viscous!r}, coulomb: {coulomb!r}}}",
         grip=grip,
         reference=reference,
         contact=contact,
     )
     return parse_rig(text, Path("port-bench.yaml"))
+
+
+def fastest(rig: Rig) -> str:
+    """Return the engine of least time; rows are the same to the bit, and nothing is compiled."""
+    return "compiled" if is_compiled(rig) else "python"

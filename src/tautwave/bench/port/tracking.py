@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from tautwave.bench.port.hands import CONTACTS, LEAD_S, PERIOD, Hand
 from tautwave.bench.port.rigs import CONTACTS as MET
-from tautwave.bench.port.rigs import GRIP, IMPOSED, LAWS, bench_rig
+from tautwave.bench.port.rigs import GRIP, IMPOSED, LAWS, bench_rig, fastest
 from tautwave.errors import SafetyStop
 from tautwave.simulation import simulate
 
@@ -59,7 +59,7 @@ def score(hand: Hand, port: str, noise: float, folder: Path, grip: str = GRIP) -
     rig = bench_rig(
         port, reference, MET[hand.contact], noise=noise, seconds=hand.seconds, grip=grip
     )
-    run = simulate(rig, engine="python")
+    run = simulate(rig, engine=fastest(rig))
     if run.error is not None:
         raise SafetyStop(f"{hand.name}, {port}: {run.error}")
     count = len(hand.positions) - round((SETTLED_S + RELEASED_S) / PERIOD)

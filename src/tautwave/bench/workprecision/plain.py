@@ -3,7 +3,7 @@
 MuJoCo is timed on what it does: both devices in one model, at rest and out of contact, nothing
 recorded, the law for free. tautwave is timed three ways: the plain scene with law, line and
 three columns; a shipped rig with everything `simulate` does; that rig's two devices alone, where
-works and losses, which nobody asks for, fall away in the compiler. MuJoCo's error stops falling
+works and losses, which are not requested, fall away in the compiler. MuJoCo's error stops falling
 where its least `solimp` makes the wall a ten-thousandth stiffer than asked.
 """
 

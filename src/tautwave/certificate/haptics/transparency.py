@@ -43,7 +43,7 @@ from tautwave.certificate.belief import (
 from tautwave.certificate.couplings import is_silent
 from tautwave.certificate.loops import STABLE, believed_end, believed_parts
 from tautwave.config import Rig
-from tautwave.rig import coupling_part
+from tautwave.rig import coupling_part, line_delay
 from tautwave.types import CommandDelay
 
 Complexes = NDArray[np.complex128]
@@ -253,7 +253,8 @@ def _is_unstable(rig: Rig, pair: str, delays: Delays, ends: Ends) -> bool:
             mass=device.mass + mass, damping=device.damping + damping, stiffness=stiffness
         )
         loop.append(law(keys, side, held, site))
-    return least_damped(loop[0], loop[1], rig.delay_samples, rig.period_s).radius > 1.0 + STABLE
+    mode = least_damped(loop[0], loop[1], line_delay(rig).samples, rig.period_s)
+    return mode.radius > 1.0 + STABLE
 
 
 def _response(rig: Rig, pair: str, delays: Delays, bound: str) -> Response:
@@ -266,7 +267,7 @@ def _response(rig: Rig, pair: str, delays: Delays, bound: str) -> Response:
         mass = 0.0 if axis.inertia is None else getattr(axis.inertia, bound)
         bodies.append(Body(mass, damping, drive_lag(rig, name) or 0.0, late))
     return sampled_response(
-        (ends[0], ends[1]), (bodies[0], bodies[1]), rig.delay_samples, rig.period_s
+        (ends[0], ends[1]), (bodies[0], bodies[1]), line_delay(rig).samples, rig.period_s
     )
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -65,6 +66,9 @@ from tautwave.scene.network import ACTIVE, LINEAR, Link, Network
 from tautwave.scene.schemes.exact import linear_matrices
 from tautwave.types import CommandDelay
 
+if TYPE_CHECKING:
+    from tautwave.scene3d.network import Network3d
+
 STABLE_PORTS = "every port is stable with the stated hand, its contacts open and closed."
 SMALL = 6
 """Masses up to which the impedance at a port is computed in fractions."""
@@ -113,7 +117,7 @@ def _closed(rig: Rig, delays: Mapping[str, CommandDelay]) -> ClosedScene:
     def close(regime: Regime) -> PortMap:
         return scene_map(closed_part(network, regime), scheme, rig.period_s, scales)
 
-    refusal = _active(network) is not None or len(network.masses) > LARGE
+    refusal = active_links(network) is not None or len(network.masses) > LARGE
     found = [] if refusal else regimes(curved_links(network.links), press, kind)
     delayed = [delays[axis] for axis in axes]
     return ClosedScene(rig, axes, delayed, close_all(found, close), close, curved)
@@ -135,8 +139,9 @@ def _curved(network: Network, limit: float) -> tuple[str, ...]:
     return (unproved(names, limit),) if names else ()
 
 
-def _active(network: Network) -> Verdict | None:
-    names = _named(network, ACTIVE)
+def active_links(network: Network | Network3d) -> Verdict | None:
+    """Return the refusal of elements that feed energy."""
+    names = [link.name for link in network.links if link.kind in ACTIVE]
     if not names:
         return None
     return Verdict(
@@ -148,7 +153,7 @@ def _active(network: Network) -> Verdict | None:
 
 def _network(network: Network, curved: tuple[str, ...]) -> Element:
     """Return the element for the network without sampling."""
-    bad = _active(network)
+    bad = active_links(network)
     masses = len(network.masses)
     numbers: dict[str, float] = {"masses": masses, "links": len(network.links)}
     if bad is None:
@@ -214,7 +219,7 @@ def _port(
     axis_name = f"master.{name}"
     axis = rig.axes[axis_name]
     unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
-    bad = _active(network)
+    bad = active_links(network)
     numbers: dict[str, float] = {}
     broken = [
         sentence
@@ -269,7 +274,7 @@ def _loop(
     axis_name = f"master.{name}"
     axis = rig.axes[axis_name]
     hand = stated_hand(rig, name)
-    bad = _active(network)
+    bad = active_links(network)
     if bad is not None:
         return PairLoop(name, Verdict(False, f"port {name}: {bad.reason}"), hand.text, ())
     if len(network.masses) > LARGE:
@@ -328,6 +333,13 @@ def scene_certificate(
     ports = ", ".join(pruned_network(rig).network.ports)
     elements = (*scene_elements(rig, delays), *closed_element(closed))
     loops = (*scene_loops(rig, delays), *closed_loop(closed, ports))
+    return joined(rig, elements, loops, passes)
+
+
+def joined(
+    rig: Rig, elements: tuple[Element, ...], loops: tuple[PairLoop, ...], passes: Mapping[str, str]
+) -> Certificate:
+    """Return the certificate of a scene's elements and loops."""
     verdicts = {
         "passive": join_verdicts([e.passive for e in elements], passes["passive"]),
         "passive_quantised": join_verdicts(

@@ -25,7 +25,6 @@ from tautwave.certificate.data import (
     LoopCase,
     PairLoop,
     Verdict,
-    join_verdicts,
 )
 from tautwave.certificate.scene.closed import (
     SPLIT,
@@ -46,7 +45,7 @@ from tautwave.certificate.scene.joint import (
     radius_of,
     seen,
 )
-from tautwave.certificate.scene.verdict import STABLE_PORTS
+from tautwave.certificate.scene.verdict import active_links, joined
 from tautwave.certificate.scene3d.contacts import regimes3d
 from tautwave.certificate.scene3d.maps import network3d_map
 from tautwave.config import Rig
@@ -106,7 +105,7 @@ class _Scene:
             for name, scale in zip(self.network.axes, scales.tolist(), strict=True)
         }
         found = []
-        if self.law is not None and self.active() is None:
+        if self.law is not None and active_links(self.network) is None:
             energy = press_energy(rig, self.network.axes)
             found = regimes3d(self.network, tangent(self.arrays), efforts, energy)
         laws = close_all(found, close)
@@ -138,17 +137,6 @@ class _Scene:
             )
         return tuple(conditions)
 
-    def active(self) -> Verdict | None:
-        """Return the refusal of elements that feed energy."""
-        names = [link.name for link in self.network.links if link.kind in ACTIVE]
-        if not names:
-            return None
-        return Verdict(
-            False,
-            f"{', '.join(names)}: a negative damper or an energy source supplies energy, so "
-            f"nothing is certified; remove it, or run with --allow-uncertified",
-        )
-
 
 def _rate_for(s: Arrays3d, rate: float) -> float:
     """Return the lowest tried rate [Hz] at which the symplectic scheme is stable in any posture."""
@@ -173,14 +161,7 @@ def scene3d_certificate(
     ports = ", ".join(port.name for port in scene.network.ports)
     elements = (_network(scene), *_ports(scene), *closed_element(closed))
     loops = (_loop(scene), *closed_loop(closed, ports))
-    verdicts = {
-        "passive": join_verdicts([e.passive for e in elements], passes["passive"]),
-        "passive_quantised": join_verdicts(
-            [e.passive_quantised for e in elements], passes["passive_quantised"]
-        ),
-        "coupled_stable": join_verdicts([p.verdict for p in loops], STABLE_PORTS),
-    }
-    return Certificate(rig.name, rig.require, verdicts, elements, loops, {})
+    return joined(rig, elements, loops, passes)
 
 
 def _network(scene: _Scene) -> Element:
@@ -192,7 +173,7 @@ def _network(scene: _Scene) -> Element:
         "least_stiffness_per_mass": scene.least,
         "symplectic_share": symplectic_share(scene.arrays, scene.rig.period_s),
     }
-    verdict = scene.active()
+    verdict = active_links(scene.network)
     if verdict is None:
         verdict = Verdict(
             True,
@@ -223,7 +204,7 @@ def _ports(scene: _Scene) -> Iterator[Element]:
             f"{need.share:.1%} of the damping believed (Colgate and Schenkel for all axes "
             f"together, searched on a grid; at {need.frequency:.4g} Hz)"
         )
-        verdict = scene.active() or Verdict(
+        verdict = active_links(scene.network) or Verdict(
             need.share <= 1.0,
             reason + ("." if need.share <= 1.0 else "; raise the rate or the devices' damping."),
             scene.conditions() if need.share <= 1.0 else (),
@@ -246,7 +227,7 @@ def _axis(scene: _Scene, at: int, name: str, need: JointNeed | None, why: str) -
         broken_delay(rig, name, scene.delays[at]),
     )
     broken = [sentence for sentence in checks if sentence]
-    bad = scene.active()
+    bad = active_links(scene.network)
     if bad is not None:
         passive = Verdict(False, f"{title}: {bad.reason}")
     elif broken:
@@ -295,7 +276,7 @@ def _loop(scene: _Scene) -> PairLoop:
     ports = ", ".join(port.name for port in scene.network.ports)
     hands = [stated_hand(rig, name) for name in names]
     text = "; ".join(dict.fromkeys(hand.text for hand in hands))
-    bad = scene.active()
+    bad = active_links(scene.network)
     if bad is not None:
         return PairLoop(ports, Verdict(False, f"port {ports}: {bad.reason}"), text, ())
     if scene.law is None:

@@ -2,7 +2,8 @@
 
 The loop must not wait for a terminal: a stopped one (Ctrl-S) or a full pipe would block it with
 motors on. So the loop writes a short line into a non-blocking pipe, drops it if the pipe is full,
-and `progress_bar.py` at the other end draws: a bar on a terminal, else a line every 10 %.
+and `progress_bar.py` at the other end draws: on a terminal a bar, or the pairs of the run in
+`directory` while it moves (through the recording's shared memory); elsewhere a line every 10 %.
 """
 
 from __future__ import annotations
@@ -20,12 +21,13 @@ _CHILD = Path(__file__).with_name("progress_bar.py")
 class Progress:
     """Callable that takes the fraction done (0 to 1) and the current activity in a word or two."""
 
-    def __init__(self, title: str) -> None:
+    def __init__(self, title: str, directory: Path | None = None) -> None:
         self._fraction = -1.0
         self._text = ""
         # -P: the directory of the script holds modules named `run` and `check`.
         self._child = subprocess.Popen(
-            [sys.executable, "-P", str(_CHILD), title], stdin=subprocess.PIPE
+            [sys.executable, "-P", str(_CHILD), title, *([str(directory)] if directory else [])],
+            stdin=subprocess.PIPE,
         )
         assert self._child.stdin is not None
         self._pipe = self._child.stdin

@@ -7,10 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from tautwave.cli.terminal.show import BAD, GOOD, NOTE, Cell, Section
-from tautwave.report.claims import exceeds
+from tautwave.report.calm import UNCALM, worst_share
+from tautwave.report.claims import blows_of, claims_sentence, exceeds, kept_claims
 from tautwave.report.units import axis_units, count, microseconds, number, quantity, ratio
 
 FILES = ("report.html", "summary.json", "recording.mcap", "rig.yaml", "output.wav", "scene.gif")
+
+
+LINK_HEADS = ("", ">lost", ">delay p50", ">p99", ">owed at most", ">energy short", ">held")
 
 
 def summary_sections(
@@ -20,9 +24,10 @@ def summary_sections(
     motion = [
         Section(
             "Tracking",
-            ("", ">position rms", ">max", ">effort rms", ">max"),
+            ("", ">position rms", ">max", ">effort rms", ">max", ">above 8 Hz"),
             list(_tracking(summary)),
         ),
+        Section("Link", LINK_HEADS, list(_link(summary))),
         Section("Energy books", ("", ">", ""), list(_books(summary))),
         Section("Timing", ("", ">p50", ">p99", ">p99.9", ">max"), list(_timing(summary))),
     ]
@@ -90,7 +95,31 @@ def _tracking(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
                 for key in ("rms", "max")
             ),
             *(quantity(_dig(figures, "effort_error", key), effort, 3) for key in ("rms", "max")),
+            _calm(figures),
         )
+
+
+def _calm(figures: Mapping[str, Any]) -> str | Cell:
+    """Return the share of motion power above 8 Hz, marked where it buzzes."""
+    found = worst_share(figures.get("fast_share"))
+    if found is None:
+        return "-"
+    text = f"{100.0 * found[1]:.0f} %"
+    return Cell(text, BAD) if found[1] > UNCALM else text
+
+
+def _link(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
+    for pair, figures in _items(summary, "pairs"):
+        position, _ = axis_units(str(figures.get("kind", "rotary")))
+        for side, found in _items(figures, "link"):
+            yield (
+                f"{side}.{pair}",
+                f"{ratio(100.0 * float(found['loss']))} %",
+                *(quantity(found.get(f"delay_{key}_s"), "s", 3) for key in ("p50", "p99")),
+                quantity(found["backlog"], position, 3),
+                f"{ratio(100.0 * float(found['cut']))} %",
+                quantity(found["held_s"], "s", 3),
+            )
 
 
 def _books(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
@@ -122,11 +151,11 @@ def _books(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
 def _motors(
     summary: Mapping[str, Any], energy: Mapping[str, Any]
 ) -> Iterator[Sequence[str | Cell]]:
-    """Energy of the motors, net and at each pair's worst moment, beside the allowed debt."""
+    """Energy of the motors, net and at each pair's worst moment, and the claims of the ports."""
     net = number(energy.get("motors_net"))
     if net is None:
         return
-    yield "motors gave, net", quantity(net, "J", 3), "" if net > 0.0 else "they took energy out"
+    yield "motors gave, net", quantity(net, "J", 3), "they took energy out" if net < 0.0 else ""
     several = len(summary.get("pairs") or ()) > 1
     for pair, figures in _items(summary, "pairs"):
         motors = figures.get("motors")
@@ -138,10 +167,16 @@ def _motors(
         if debt is not None:
             note += f"; the ports claim at most {quantity(debt, 'J', 3)}"
         worst = quantity(motors.get("worst"), "J", 3)
-        if exceeds(motors, number(energy.get("gross_flow")) or 0.0):
+        flow = number(energy.get("gross_flow")) or 0.0
+        if exceeds(motors, flow, blows_of(summary, pair)):
             yield label, Cell(worst, BAD), Cell(f"{note}: exceeded", BAD)
         else:
             yield label, worst, note
+    ends = list(kept_claims(summary))
+    if ends:
+        broken = any(end.passed is False for end in ends)
+        says = Cell("not kept", BAD) if broken else Cell("kept", GOOD)
+        yield "claims of the ports", says, claims_sentence(ends)
 
 
 def _certificate_notes(summary: Mapping[str, Any]) -> Iterator[str]:
@@ -151,7 +186,7 @@ def _certificate_notes(summary: Mapping[str, Any]) -> Iterator[str]:
         if asked != rendered:
             yield f"wall of {axis}: K = {asked:.6g} asked, {rendered:.6g} rendered"
     if _dig(summary, "certificate", "allowed_uncertified"):
-        yield "not certified: run with --allow-uncertified"
+        yield "not certified; --allow-uncertified ran it anyway"
     if _dig(summary, "certificate", "after_run", "invalidated"):
         yield "what this run measured invalidates its certificate:"
         yield from _dig(summary, "certificate", "after_run", "sentences") or ()

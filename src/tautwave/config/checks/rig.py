@@ -6,9 +6,13 @@ import math
 from typing import Any
 
 from tautwave import registry
+from tautwave.config.checks.arms import check_arms
+from tautwave.config.checks.link import check_link
+from tautwave.config.checks.operate import check_operate
 from tautwave.config.checks.scene import check_presence, check_scene
 from tautwave.config.checks.scene3d import check_dimension, check_scene3d
 from tautwave.config.checks.simulation import check_simulation
+from tautwave.config.checks.sites import check_sites
 from tautwave.config.keys.coupling import Pair, Wall
 from tautwave.config.keys.devices import Axis
 from tautwave.config.pieces import SIDES, Parts
@@ -31,11 +35,15 @@ def check_parts(document: Document, parts: Parts) -> None:
         if parts.scene3d is not None:
             check_scene3d(document, parts, parts.scene3d)
     _check_coupling(document, parts)
+    check_link(document, parts, _law(parts))
     _check_names(document, parts)
     for name, pair in (parts.pairs or {}).items():
         if pair is not None:
             _check_pair(document, parts, name, pair)
+    check_arms(document, parts)
+    check_operate(document, parts)
     check_simulation(document, parts)
+    check_sites(document, parts, _law(parts))
 
 
 def _check_timing(document: Document, parts: Parts) -> None:
@@ -136,6 +144,7 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
             "is the colour of a noise that is 0; give position_noise, or remove it",
         )
     if axis.causality == "impedance":
+        _check_effort_step(document, parts, path, axis)
         if axis.inertia is None:
             document.report((*path, "inertia"), "required key is missing (impedance axis)")
         if axis.environment_stiffness_upper is not None:
@@ -145,6 +154,12 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
     else:
         if axis.inertia is not None:
             document.report((*path, "inertia"), "not used by an admittance axis; remove it")
+        if axis.compensation is not None:
+            document.report((*path, "compensation"), "only for impedance axes; remove it")
+        if axis.effort_sensor is not None:
+            document.report(
+                (*path, "effort_sensor"), "an axis that takes velocity measures effort; remove it"
+            )
         for key in ("damping", "coulomb"):
             if getattr(axis, key).value > 0.0:
                 document.report((*path, key), "not used by an admittance axis; remove it")
@@ -160,6 +175,24 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
                     f"required key is missing (bus {axis.bus!r} moves motors, so every limit "
                     "has to be given)",
                 )
+
+
+def _check_effort_step(document: Document, parts: Parts, path: tuple[str, ...], axis: Axis) -> None:
+    """Refuse steps of the effort that no command could ever take."""
+    step, limit, bus = axis.effort_quantum, axis.effort_limit, parts.buses.get(axis.bus)
+    if step >= limit:
+        document.report(
+            (*path, "effort_quantum"),
+            f"is not below effort_limit {limit:g}: every effort would be 0 (got {step:g})",
+        )
+    elif axis.effort_rate_limit is not None and bus is not None and parts.rate_hz is not None:
+        rate = parts.rate_hz / bus.divisor
+        if axis.effort_rate_limit < step * rate:
+            document.report(
+                (*path, "effort_rate_limit"),
+                f"allows less than one effort_quantum {step:g} a period, so the effort would stay "
+                f"0; give {step * rate:.4g} or more (got {axis.effort_rate_limit:g})",
+            )
 
 
 def _check_filter(document: Document, parts: Parts, side: str, name: str, axis: Axis) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tautwave.config.inputs.sounds import check_sound
 from tautwave.config.keys.rig import Rig
 from tautwave.config.keys.scene import Scene, ScenePort
+from tautwave.config.keys.scene3d import Scene3d
 from tautwave.config.pieces import Parts
 from tautwave.config.text.document import Document, nearest
 from tautwave.config.text.yaml12 import KeyPath
@@ -47,7 +48,7 @@ def check_scene(document: Document, parts: Parts) -> None:
     known = [*scene.masses, *scene.strings, *scene.ports, *fixed]
     _check_twice(document, scene, known)
     touched: set[str] = set()
-    for path, name in _ends(scene):
+    for path, name in named_ends(scene):
         touched.add(name)
         if name not in known:
             hint = nearest(name, known) or "."
@@ -79,7 +80,7 @@ def check_scene(document: Document, parts: Parts) -> None:
     _check_simulation(document, parts, scene)
 
 
-def _ends(scene: Scene) -> Iterator[tuple[KeyPath, str]]:
+def named_ends(scene: Scene | Scene3d) -> Iterator[tuple[KeyPath, str]]:
     """Yield every node that a link or a port's coupling spring names, with its place."""
     for name, link in scene.links.items():
         for at, end in enumerate(link.between):

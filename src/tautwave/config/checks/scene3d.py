@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from tautwave.config.checks.scene import check_between
+from tautwave.config.checks.scene import check_between, named_ends
 from tautwave.config.inputs.sounds import check_sound
 from tautwave.config.keys.scene3d import Scene3d
 from tautwave.config.pieces import Parts
@@ -53,7 +53,7 @@ def check_scene3d(document: Document, parts: Parts, scene: Scene3d) -> None:
     known = [*scene.masses, *scene.ports, GROUND, *scene.grounds]
     _check_names(document, scene)
     touched: set[str] = set()
-    for path, name in _ends(scene):
+    for path, name in named_ends(scene):
         touched.add(scene.group_of(name))
         if scene.group_of(name) not in known:
             hint = nearest(name, known) or "."
@@ -68,17 +68,6 @@ def check_scene3d(document: Document, parts: Parts, scene: Scene3d) -> None:
     for bus, keys in parts.buses.items():
         if keys is not None and keys.divisor > 1:
             document.report(("buses", bus, "divisor"), "a scene runs at a single rate; remove it")
-
-
-def _ends(scene: Scene3d) -> Iterator[tuple[KeyPath, str]]:
-    for name, link in scene.links.items():
-        for at, end in enumerate(link.between):
-            yield ("scene", "links", name, "between", at), end
-    for name, port in scene.ports.items():
-        if port.to is not None:
-            yield ("scene", "ports", name, "to"), port.to
-            if port.stiffness is not None:
-                yield ("scene", "ports", name), name
 
 
 def _check_names(document: Document, scene: Scene3d) -> None:

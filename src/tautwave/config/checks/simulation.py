@@ -10,8 +10,10 @@ from tautwave.config.keys.simulation import (
     AxisSimulation,
     Hand,
     HandPart,
+    Intent,
     MinimumJerk,
     Multisine,
+    Recorded,
     Recording,
     Reference,
 )
@@ -35,10 +37,14 @@ def check_simulation(document: Document, parts: Parts) -> None:
     for side, name, axis in parts.axes():
         truth = parts.truths.get(f"{side}.{name}", AxisSimulation())
         if truth is not None:
-            _check_truth(document, f"{side}.{name}", axis, truth)
+            _check_truth(document, f"{side}.{name}", axis, truth, recorded=_recorded(parts, name))
     for name, hand in parts.hands.items():
         if hand is not None:
             _check_hand(document, parts, name, hand)
+    for name, environment in parts.environments.items():
+        if isinstance(environment, Recorded):
+            path = ("simulation", "environment", name)
+            check_recording(document, path, environment, ("effort", "position", "time_column"))
 
 
 def _check_needed(document: Document, parts: Parts) -> None:
@@ -75,8 +81,24 @@ def _check_pair_names(document: Document, key: str, names: Iterable[str], known:
             )
 
 
-def _check_truth(document: Document, name: str, axis: Axis, truth: AxisSimulation) -> None:
+def _recorded(parts: Parts, name: str) -> bool:
+    """Return whether a recording may say where the axes of a pair begin."""
+    axes = [parts.axis(side, name) for side in SIDES]
+    plugins = [parts.plugins.get(axis.bus) for axis in axes if axis is not None]
+    hand = parts.hands.get(name)
+    return (
+        any(plugin is not None and plugin.imposed is not None for plugin in plugins)
+        or isinstance(getattr(hand, "reference", None), Recording | Intent)
+        or isinstance(parts.environments.get(name), Recorded)
+    )
+
+
+def _check_truth(
+    document: Document, name: str, axis: Axis, truth: AxisSimulation, *, recorded: bool
+) -> None:
     path = ("simulation", "axes", name)
+    if truth.effort_sensor is not None and axis.effort_sensor is None:
+        document.report((*path, "effort_sensor"), "the axis has none; remove it, or state it there")
     if axis.causality == "admittance":
         for key in _IMPEDANCE_ONLY:
             if getattr(truth, key) is not None:
@@ -87,11 +109,14 @@ def _check_truth(document: Document, name: str, axis: Axis, truth: AxisSimulatio
         )
     if axis.position_range is not None:
         lowest, highest = axis.position_range
-        if not lowest <= truth.start_position <= highest:
+        start = truth.start_position
+        if start is None and not recorded:
+            start = 0.0
+        if start is not None and not lowest <= start <= highest:
             document.report(
                 (*path, "start_position"),
                 f"should be inside position_range [{lowest:g}, {highest:g}] of {name} "
-                f"(got {truth.start_position:g})",
+                f"(got {start:g})",
             )
 
 
@@ -130,4 +155,6 @@ def _check_reference(document: Document, parts: Parts, path: KeyPath, reference:
                     f"should be below half the rate, {rate / 2.0:g} Hz (got {frequency:g})",
                 )
     elif isinstance(reference, Recording):
-        check_recording(document, path, reference)
+        check_recording(document, path, reference, ("column", "time_column"))
+    elif isinstance(reference, Intent):
+        check_recording(document, path, reference, ("position", "effort", "time_column"))

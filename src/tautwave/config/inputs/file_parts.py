@@ -61,8 +61,8 @@ def _name_file(document: Document, path: KeyPath, key: str = "part") -> None:
 def name_option_files(document: Document) -> None:
     """Replace file paths in the options of buses (`DriverPlugin.files`) by absolute ones.
 
-    They are relative to the same folder as those of recordings; a name without suffix comes with
-    the driver.
+    They are relative to the same folder as those of recordings; a name without suffix is a run's
+    directory, or comes with the driver.
     """
     buses = document.get(("buses",))
     for bus in buses if isinstance(buses, dict) else ():
@@ -70,8 +70,12 @@ def name_option_files(document: Document) -> None:
         for pattern in _files_of(document.get(("buses", bus, "driver"))):
             for at in _matching(document.get(path), pattern, path):
                 block, name = document.get(at[:-1]), document.get(at)
-                if isinstance(name, str) and Path(name).suffix:
-                    found = find_recording(document, at, name) or (document.folder / name).resolve()
+                if not isinstance(name, str):
+                    continue
+                found = find_recording(document, at, name)
+                if Path(name).suffix:
+                    block[at[-1]] = str(found or (document.folder / name).resolve())
+                elif found is not None and found.is_dir():
                     block[at[-1]] = str(found)
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import csv
+from collections.abc import Sequence
 from pathlib import Path
 
-from tautwave.config.keys.simulation import Recording
+from tautwave.config.keys.common import Block
 from tautwave.config.text.document import Document, nearest, show_path
 from tautwave.config.text.yaml12 import KeyPath
+from tautwave.errors import ConfigError, RecordingError
+from tautwave.recordings import RUN
 
 
 def find_recording(document: Document, path: KeyPath, file: str) -> Path | None:
@@ -18,32 +20,42 @@ def find_recording(document: Document, path: KeyPath, file: str) -> Path | None:
     """
     for candidate in _candidates(document, path, file):
         try:
-            if candidate.is_file():
+            if candidate.is_file() or (candidate / RUN).is_file():
                 return candidate.resolve()
         except (OSError, ValueError):
             continue
     return None
 
 
-def check_recording(document: Document, path: KeyPath, recording: Recording) -> None:
-    """Note a recording that does not exist or lacks a column; `path` is the reference's."""
-    at = (*path, "file")
-    found = find_recording(document, at, recording.file)
+def require_file(document: Document, at: KeyPath, file: str) -> Path | None:
+    """Return what `find_recording` does, and note a file that is not there."""
+    found = find_recording(document, at, file)
     if found is None:
-        tried = " and ".join(str(c.absolute()) for c in _candidates(document, at, recording.file))
+        tried = " and ".join(str(c.absolute()) for c in _candidates(document, at, file))
         document.report(
             at, f"no such file (tried {tried}); give another with --set {show_path(at)}=PATH"
         )
+    return found
+
+
+def check_recording(
+    document: Document, path: KeyPath, recording: Block, keys: Sequence[str]
+) -> None:
+    """Note a recording, the `file` of a block, that does not exist or lacks a column of `keys`."""
+    at = (*path, "file")
+    found = require_file(document, at, recording.file)  # type: ignore[attr-defined]
+    if found is None:
         return
+    from tautwave.recordings.columns import column_names  # not to import NumPy for every rig
+
     try:
-        with found.open(encoding="utf-8-sig", newline="") as stream:
-            heading = next(csv.reader([stream.readline(1 << 16)]), [])
-    except (OSError, ValueError, csv.Error) as err:
-        document.report(at, f"cannot be read as CSV text: {err}")
+        columns = column_names(found)
+    except (ConfigError, RecordingError) as err:
+        document.report(at, str(err).removeprefix(f"{found}: "))
         return
-    columns = [column.strip() for column in heading]
-    for key, wanted in (("column", recording.column), ("time_column", recording.time_column)):
-        if wanted not in columns:
+    for key in keys:
+        wanted = getattr(recording, key)
+        if wanted is not None and wanted not in columns:
             document.report(
                 (*path, key) if document.get((*path, key)) is not None else at,
                 f"{found.name} has no column {wanted!r}{nearest(wanted, columns) or '.'} "

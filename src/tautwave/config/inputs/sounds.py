@@ -68,7 +68,7 @@ def read_sound(path: Path) -> Sound:
     if count > MOST_SAMPLES:
         raise ConfigError(
             f"is too long: over {count / layout.channels / layout.rate_hz:.0f} s in "
-            f"{layout.channels} channels, and {MOST_SAMPLES} samples are the most; cut it"
+            f"{layout.channels} channels, and {MOST_SAMPLES} samples are the limit; cut it"
         )
     data = data[: count * width]
     if layout.kind == _FLOAT:
@@ -145,7 +145,7 @@ def _chunks(raw: bytes) -> tuple[_Layout, bytes]:
     if raw[:4] in (b"RF64", b"RIFX"):
         raise ConfigError(f"is an {raw[:4].decode()} file; save it as plain WAV")
     if raw[:4] != b"RIFF" or raw[8:12] != b"WAVE":
-        raise ConfigError("is no WAV file")
+        raise ConfigError("is not a WAV file")
     layout: _Layout | None = None
     at = 12
     while at + 8 <= len(raw):
@@ -177,7 +177,9 @@ def _layout(body: bytes) -> _Layout:
         )
     if bits not in ((8, 16, 24, 32) if kind == _PCM else (32, 64)):
         word = "bits" if kind == _PCM else "bits of float"
-        raise ConfigError(f"has {bits} {word}; 8, 16, 24 and 32 of PCM and 32, 64 of float go")
+        raise ConfigError(
+            f"has {bits} {word}; supported are PCM of 8, 16, 24 or 32 bits and float of 32 or 64"
+        )
     if channels == 0 or rate_hz == 0:
         raise ConfigError(f"is corrupt: {channels} channels, {rate_hz} samples per second")
     return _Layout(kind, channels, rate_hz, bits)

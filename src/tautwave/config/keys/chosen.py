@@ -35,7 +35,7 @@ def part_keys(base: type[Block], name: str) -> type[Block]:
     """
     found = registry.load_named(registry.load_part(base.part_group, name).keys)
     if not (isinstance(found, type) and issubclass(found, base)):
-        raise ConfigError(f"{name}: its keys are no tautwave.config.{base.__name__}")
+        raise ConfigError(f"{name}: its keys are not a tautwave.config.{base.__name__}")
     found.part_word = f"part {name}"
     return found
 

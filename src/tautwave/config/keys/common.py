@@ -6,12 +6,15 @@ Units: [rad | m] reads "rad for a rotary axis, m for a linear one".
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
 from pydantic_core import PydanticCustomError
 
 from tautwave.models.noise_colour import TOLERANCE, least_spectrum
+
+LEAST, GREATEST = 1e-100, 1e15
+"""Sizes of numbers in a rig file: no unit of SI needs more."""
 
 
 class Block(BaseModel):
@@ -25,6 +28,18 @@ class Block(BaseModel):
     part_word: ClassVar[str] = ""
     """Name in messages of the part that adds keys to a block, such as `law wave`."""
 
+    @field_validator("*", mode="after")
+    @classmethod
+    def _check_size(cls, value: Any) -> Any:
+        """Refuse numbers of which squares and quotients are no numbers any more."""
+        numbers = value if isinstance(value, tuple | list) else (value,)
+        for number in numbers:
+            if isinstance(number, float) and number and not LEAST <= math.fabs(number) <= GREATEST:
+                text = "Input should be 0, or between {least} and {greatest} in size (got {number})"
+                known = {"least": LEAST, "greatest": GREATEST, "number": number}
+                raise PydanticCustomError("size", text, {k: f"{v:g}" for k, v in known.items()})
+        return value
+
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -35,6 +50,14 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_-]*$")]
 
 AxisName = Annotated[str, Field(pattern=r"^(master|slave)\.[A-Za-z_][A-Za-z0-9_-]*$")]
 """Full name of an axis, such as `master.wrist`."""
+
+When = Literal["engaged", "disengaged", "between runs"]
+
+
+def tuned(when: When) -> dict[str, Any]:
+    """Declare when a key may be changed by tuning; one that declares nothing never is."""
+    return {"tuning": when}
+
 
 AUTO: Literal["auto"] = "auto"
 """In place of a value: the part that the key belongs to chooses it."""

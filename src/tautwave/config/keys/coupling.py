@@ -21,7 +21,7 @@ from pydantic_core import PydanticCustomError
 
 from tautwave import registry
 from tautwave.config.keys.chosen import PART_HASH, PartHash
-from tautwave.config.keys.common import Block, Name, NonNegative, Positive
+from tautwave.config.keys.common import Block, Name, NonNegative, Positive, tuned
 from tautwave.errors import ConfigError
 from tautwave.registry import unknown_word
 
@@ -29,13 +29,17 @@ from tautwave.registry import unknown_word
 class Wall(Block):
     """A local virtual wall: a unilateral spring and damper, on this side's own measurement."""
 
-    position: float = Field(description="[rad | m] Where the wall begins.")
+    position: float = Field(
+        description="[rad | m] Where the wall begins.", json_schema_extra=tuned("disengaged")
+    )
     stiffness: Positive = Field(
+        json_schema_extra=tuned("engaged"),
         description="[N m/rad | N/m] Passive while the device damping b > stiffness T / 2 + "
-        "damping."
+        "damping.",
     )
     damping: NonNegative = Field(
         default=0.0,
+        json_schema_extra=tuned("engaged"),
         description="[N m s/rad | N s/m] Steadies the wall at the cost of passivity margin.",
     )
     side: Literal["above", "below"] = Field(
@@ -64,11 +68,15 @@ class Pair(Block):
 
     position_scale: Positive = Field(
         default=1.0,
+        ge=1e-9,
+        le=1e9,
+        json_schema_extra=tuned("between runs"),
         description="Slave motion per master motion; has a unit (m/rad) and is required if the "
         "kinds differ.",
     )
     force_scale: Positive | None = Field(
         default=None,
+        json_schema_extra=tuned("between runs"),
         description="Slave effort per master effort; default 1/position_scale, which keeps power.",
     )
     sign: Literal[1, -1] = Field(default=1, description="-1: the slave moves the other way.")
@@ -101,6 +109,31 @@ class Pair(Block):
         return value * self.effective_force_scale / self.position_scale
 
 
+class Account(Block):
+    """An energy account around the law: what it gives at one end was taken at the other."""
+
+    leader: Literal["master", "slave"] = Field(
+        default="master",
+        description="The side that fills the other's tank by resisting its own motion.",
+    )
+    reserve: Positive | None = Field(
+        default=None,
+        description="[J] Held at the start by each end, which may give up to twice as much; "
+        "default: (effort_limit T (1 + command delay in periods))^2 / inertia.lower.",
+    )
+    tank: Positive | None = Field(
+        default=None,
+        description="[J] What a full tank holds, at least four reserves: energy that was taken and "
+        "may be given later, at this end or the other, beside the claim; default: a fifth of the "
+        "device's kinetic energy at its velocity limit.",
+    )
+    level_damping: NonNegative | None = Field(
+        default=None,
+        description="[N m s/rad | N s/m] Of the leader, while the other's tank is empty; default: "
+        "inertia.lower / (50 T).",
+    )
+
+
 class Coupling(Block):
     """How master and slave are coupled; the law adds keys to these."""
 
@@ -113,11 +146,22 @@ class Coupling(Block):
     delay_s: Annotated[float, Field(ge=0, le=60)] = Field(
         default=0.0, description="[s] One-way delay of the line; a whole number of samples."
     )
+    account: Account | None = Field(
+        default=None,
+        description="Makes any law that has no account of its own passive, by an energy account; "
+        "`{}` takes the defaults.",
+    )
     engage_ramp_s: NonNegative = Field(default=0.2, description="[s] Fade-in time of the coupling.")
     release_ramp_s: NonNegative = Field(
         default=0.2, description="[s] Fade-out time of the coupling."
     )
     pairs: Mapping[Name, Pair] = Field(description="The pairs by name: one per axis of each side.")
+    defaults: dict[str, Any] = Field(
+        default_factory=dict,
+        exclude=True,
+        description="Keys of a pair, for every pair that does not have its own; merged into them "
+        "when the file is read.",
+    )
 
     @classmethod
     def model_for(cls, value: Any) -> type[Coupling]:
@@ -252,13 +296,16 @@ class Loop(Block):
         "or machine code (numba), compiled before anything is enabled.",
     )
 
-    missing_limit: Annotated[int, Field(ge=1)] = Field(
-        default=20,
+    missing_limit: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
+        default=5,
         description="Periods in a row without a sample of an axis that trigger a safety stop; "
-        "between missing samples, skipped slots count too.",
+        "between missing samples, skipped slots count too. A wave port claims what a motor may do "
+        "meanwhile.",
     )
-    overrun_limit: Annotated[int, Field(ge=1)] = Field(
-        default=200, description="Consecutive skipped slots that trigger a safety stop."
+    overrun_limit: Annotated[int, Field(ge=1, le=1_000_000)] | None = Field(
+        default=None,
+        description="Consecutive skipped slots that trigger a safety stop; null: those of 20 ms, "
+        "at least 2. A wave port claims what a motor may do meanwhile.",
     )
     fifo_priority: Annotated[int, Field(ge=0, le=99)] = Field(
         default=50, description="Real-time priority to request; 0: none."

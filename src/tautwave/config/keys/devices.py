@@ -7,7 +7,16 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from tautwave.config.keys.common import Autocorrelation, Block, Name, NonNegative, Positive
+from tautwave.config.keys.arm import Arm
+from tautwave.config.keys.common import (
+    Autocorrelation,
+    Block,
+    Name,
+    NonNegative,
+    Positive,
+    tuned,
+)
+from tautwave.config.keys.load import Load
 from tautwave.models.noise_colour import LAGS
 
 
@@ -22,6 +31,12 @@ class Bus(Block):
         default=1,
         description="The bus is served every n-th cycle, 1 to 50; its axes are controlled at that "
         "slower rate, and waves are converted between the two.",
+    )
+    defaults: dict[str, Any] = Field(
+        default_factory=dict,
+        exclude=True,
+        description="Keys of an axis, for every axis on this bus that does not have its own; "
+        "merged into them when the file is read.",
     )
 
 
@@ -79,6 +94,35 @@ class Coulomb(Belief):
     )
 
 
+class Compensation(Block):
+    """Friction that the motor takes off the hand, as shares of what the device surely has."""
+
+    coulomb: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=0.0, description="Share of `coulomb.lower`; no wall may count on it any more."
+    )
+    viscous: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=0.0,
+        description="Share of `damping.lower`; no wall, port or coupling may count on it any more.",
+    )
+
+
+class EffortSensor(Block):
+    """A sensor of the effort between an impedance axis and what is outside it."""
+
+    quantum: NonNegative = Field(default=0.0, description="[N m | N] Its step.")
+    noise: NonNegative = Field(default=0.0, description="[N m | N] Standard deviation.")
+    bandwidth_hz: Positive | None = Field(
+        default=None, description="[Hz] Cut-off of its own first-order filter; default: none."
+    )
+    delay_s: NonNegative = Field(default=0.0, description="[s] Its delay, in whole periods.")
+    offset: float = Field(
+        default=0.0, description="[N m | N] What it shows without an effort; it is taken off."
+    )
+    scale: Positive = Field(
+        default=1.0, description="What it shows for a unit of effort; it is divided by that."
+    )
+
+
 def _expand_number(value: Any) -> Any:
     """`damping: 0.001` is short for value and lower bound alike."""
     if isinstance(value, int | float) and not isinstance(value, bool):
@@ -99,10 +143,10 @@ def _check_range(ends: tuple[float, float]) -> tuple[float, float]:
 class Axis(Block):
     """One axis of a device: its bus, causality, believed parameters and limits."""
 
-    bus: str = Field(description="Name of the bus in `buses`.")
+    bus: str = Field(description="Name of the bus in `buses`; here or in `defaults`.")
     id: Annotated[int, Field(ge=0)] = Field(description="The device's number on that bus.")
     kind: Literal["rotary", "linear"] = Field(
-        description="Decides the units: rad, N m, kg m^2 or m, N, kg."
+        description="Decides the units: rad, N m, kg m^2 or m, N, kg; here or in `defaults`."
     )
     causality: Literal["impedance", "admittance"] = Field(
         default="impedance",
@@ -122,8 +166,19 @@ class Axis(Block):
         description="[N m | N] Coulomb friction: a number, or value, lower and source. Required "
         "for a wall to pass `passive_quantised` with an encoder.",
     )
+    compensation: Compensation | None = Field(
+        default=None,
+        description="Friction of an impedance axis that its motor takes off the hand.",
+    )
+    effort_sensor: EffortSensor | None = Field(
+        default=None,
+        description="A sensor of the outside effort on an impedance axis; it is recorded, and the "
+        "coupling may use it.",
+    )
     effort_limit: Positive = Field(
-        description="[N m | N] Greatest effort ever commanded (or, admittance, expected)."
+        json_schema_extra=tuned("engaged"),
+        description="[N m | N] Greatest effort ever commanded (or, admittance, expected); here or "
+        "in `defaults`.",
     )
     effort_rate_limit: Positive | None = Field(
         default=None, description="[N m/s | N/s] Greatest change of effort. Hardware: required."
@@ -163,6 +218,10 @@ class Axis(Block):
     velocity_filter_s: NonNegative = Field(
         default=0.0, description="[s] Time constant of the velocity estimate's low-pass; 0: none."
     )
+    load: Load | None = Field(
+        default=None,
+        description="What weighs on an impedance axis that is not a joint of an `arm`.",
+    )
     environment_stiffness_upper: NonNegative | None = Field(
         default=None,
         description="[N m/rad | N/m] Stiffest environment an admittance axis will touch; bounds "
@@ -180,4 +239,14 @@ class Side(Block):
 
     axes: Annotated[dict[Name, Axis], Field(min_length=1)] = Field(
         description="The axes of this side by name."
+    )
+    defaults: dict[str, Any] = Field(
+        default_factory=dict,
+        exclude=True,
+        description="Keys of an axis, for every axis of this side that does not have its own; "
+        "merged into them when the file is read.",
+    )
+    arm: Arm | None = Field(
+        default=None,
+        description="The axes are the joints of a serial chain, in their order from base to tip.",
     )

@@ -10,16 +10,32 @@ from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
 from pydantic import Discriminator, Field, PrivateAttr, Tag
 
 from tautwave import formats
+from tautwave.config.keys.arm import Chain
+from tautwave.config.keys.calibration import AxisCalibration, Calibration
 from tautwave.config.keys.common import Block, Name, Positive
 from tautwave.config.keys.coupling import AnyCoupling, Coupling, Loop
-from tautwave.config.keys.devices import Axis, Bus, Side
+from tautwave.config.keys.devices import Axis, Bus, EffortSensor, Side
+from tautwave.config.keys.link import Link
+from tautwave.config.keys.load import TrueLoad
+from tautwave.config.keys.operate import Operate
 from tautwave.config.keys.scene import Scene
 from tautwave.config.keys.scene3d import Scene3d, scene_kind
 from tautwave.config.keys.simulation import AxisSimulation, EnvironmentPart, Simulation
-from tautwave.contracts import AxisSpec, BusSpec
-from tautwave.types import Choice
+from tautwave.config.keys.sites import SideName, Sites
+from tautwave.contracts import AxisSpec, BusSpec, DriverPlugin
+from tautwave.registry import load_driver
+from tautwave.types import Choice, Imposed
 
 T = TypeVar("T")
+STALL_S = 0.02
+"""[s] For so long a host may stall where the rig states no `overrun_limit`."""
+
+UNTIL_STOPPED_S = 86_400.0
+"""[s] Duration of a rig that does not say."""
+
+CLAIMED_S = 3600.0
+"""[s] Time for which the claims of such a rig are stated."""
+
 VELOCITY_TIME_CONSTANT_S = 0.002
 """[s] Default velocity loop time constant of a simulated admittance axis."""
 
@@ -50,7 +66,10 @@ class Rig(Block):
     )
     name: Annotated[str, Field(min_length=1)] = Field(description="Title of the report.")
     rate_hz: Annotated[float, Field(gt=0, le=1e6)] = Field(description="[Hz] Cycles per second.")
-    duration_s: Positive = Field(description="[s] How long a run lasts.")
+    duration_s: Positive = Field(
+        description="[s] How long a run lasts. Required, but for a rig that people operate: "
+        "without it that runs until it is stopped, a day at most.",
+    )
     require: Literal["passive", "passive_quantised", "coupled_stable"] = Field(
         default="passive",
         description="What must be certified before the rig may run: passive for any operator and "
@@ -67,10 +86,25 @@ class Rig(Block):
         default_factory=_no_coupling,
         description="The coupling between them; required without a scene.",
     )
+    link: Link | None = Field(
+        default=None,
+        description="A network between both sides, in place of the line of constant delay.",
+    )
     scene: AnyScene | None = Field(
         default=None, description="A network of masses and links to touch, instead of a slave."
     )
+    operate: Operate | None = Field(
+        default=None,
+        description="A rig that people operate: commands engage, clutch, hold and stop it.",
+    )
+    calibration: Calibration | None = Field(
+        default=None,
+        description="What was found on the devices: written by `tautwave calibrate`.",
+    )
     loop: Loop = Field(default_factory=Loop, description="Settings of the control loop.")
+    sites: Sites | None = Field(
+        default=None, description="Master and slave on two machines; omit where one runs both."
+    )
     simulation: Simulation | None = Field(
         default=None, description="The simulated plant that replaces hardware; omit on a real rig."
     )
@@ -137,14 +171,52 @@ class Rig(Block):
         return self.period_s * self.axis_divisor(axis_name)
 
     @property
+    def claimed_s(self) -> float:
+        """[s] Time for which claims are stated: a run's, or an hour of one that has no end."""
+        return CLAIMED_S if self.duration_s == UNTIL_STOPPED_S else self.duration_s
+
+    @property
     def cycles(self) -> int:
         """Cycles of a whole run."""
         return round(self.duration_s * self.rate_hz)
 
     @property
+    def overrun_limit(self) -> int:
+        """Consecutive skipped slots that end a run."""
+        given = self.loop.overrun_limit
+        return max(2, round(STALL_S * self.rate_hz)) if given is None else given
+
+    @property
     def delay_samples(self) -> int:
         """One-way delay of the line in cycles."""
         return round(self.coupling.delay_s * self.rate_hz)
+
+    @property
+    def site(self) -> SideName | None:
+        """The half that runs here, None where one machine runs both."""
+        return None if self.sites is None else self.sites.here
+
+    @property
+    def own_sides(self) -> tuple[SideName, ...]:
+        """The sides that run here."""
+        return ("master", "slave") if self.site is None else (self.site,)
+
+    @property
+    def own_axes(self) -> dict[str, Axis]:
+        """The axes that run here by full name, the master's first."""
+        return {
+            name: axis
+            for name, axis in self.axes.items()
+            if name.partition(".")[0] in self.own_sides
+        }
+
+    @property
+    def own_buses(self) -> dict[str, Bus]:
+        """The buses that run here."""
+        if self.site is None:
+            return self.buses
+        used = {axis.bus for axis in self.own_axes.values()}
+        return {name: bus for name, bus in self.buses.items() if name in used}
 
     @property
     def axes(self) -> dict[str, Axis]:
@@ -171,6 +243,8 @@ class AxisTruth(NamedTuple):
     command_delay_s: float
     start_position: float
     velocity_time_constant_s: float
+    load: TrueLoad | None = None
+    effort_sensor: EffortSensor | None = None
 
 
 def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
@@ -193,8 +267,13 @@ def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
     if rig.simulation is not None:
         given = rig.simulation.axes.get(axis_name, given)
     declared: Any = rig.buses[axis.bus].options.get("command_delay_s", 0.0)
+    believed = 0.0
+    if axis.inertia is not None:
+        arm = true_arm(rig, axis_name.partition(".")[0])
+        believed = axis.inertia.value if arm is None else axis.inertia.lower
+    load = axis.load and TrueLoad(**axis.load.model_dump(exclude={"compensate", "reflect_load"}))
     return AxisTruth(
-        inertia=_first(given.inertia, 0.0 if axis.inertia is None else axis.inertia.value),
+        inertia=_first(given.inertia, believed),
         damping=_first(given.damping, axis.damping.value),
         coulomb=_first(given.coulomb, axis.coulomb.value),
         encoder_quantum=_first(given.encoder_quantum, axis.encoder_quantum),
@@ -206,9 +285,21 @@ def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
         velocity_quantum=_first(given.velocity_quantum, axis.velocity_quantum),
         effort_limit=_first(given.effort_limit, axis.effort_limit),
         command_delay_s=_first(given.command_delay_s, float(declared)),
-        start_position=given.start_position,
+        start_position=_first(given.start_position, 0.0),
         velocity_time_constant_s=_first(given.velocity_time_constant_s, VELOCITY_TIME_CONSTANT_S),
+        load=_first(given.load, load),
+        effort_sensor=_first(given.effort_sensor, axis.effort_sensor),
     )
+
+
+def true_arm(rig: Rig, side: str) -> Chain | None:
+    """Return the chain that a side's simulated axes are joints of, None without one."""
+    if rig.simulation is None:
+        return None
+    given = rig.simulation.arms
+    if side == "master":
+        return given.get("master", rig.master.arm)
+    return given.get("slave", rig.slave.arm)
 
 
 def count_velocity(rig: Rig, axis_name: str, quantum: float) -> float:
@@ -222,20 +313,67 @@ def count_velocity(rig: Rig, axis_name: str, quantum: float) -> float:
     return quantum / (rig.axis_period_s(axis_name) + filtered)
 
 
-def has_environment_parts(rig: Rig) -> bool:
-    """Return whether a slave touches an external environment part, which cannot be compiled."""
-    environments = {} if rig.simulation is None else rig.simulation.environment
-    return any(isinstance(keys, EnvironmentPart) for keys in environments.values())
+def has_plain_devices(rig: Rig) -> bool:
+    """Return whether simulated devices stay in Python: at a part, with loads, or as an arm."""
+    if rig.simulation is None:
+        return False
+    if any(load_driver(bus.driver).plain for bus in rig.buses.values()):
+        return True
+    environments = rig.simulation.environment.values()
+    parts = any(isinstance(keys, EnvironmentPart) for keys in environments)
+    return parts or has_loads(rig)
+
+
+def imposed_motions(rig: Rig, plugins: Mapping[str, DriverPlugin | None]) -> dict[str, Imposed]:
+    """Return the recorded motion of each axis whose bus forces it along one, by full name.
+
+    Raises
+    ------
+    ConfigError
+        The options of a bus name none for an axis of it.
+    """
+    found = {}
+    for name, bus in rig.buses.items():
+        plugin = plugins[name]
+        if plugin is None or plugin.imposed is None:
+            continue
+        spec = bus_spec(rig, name)
+        motions = plugin.imposed(plugin.options.model_validate(bus.options), spec)
+        found.update({axis.name: one for axis, one in zip(spec.axes, motions, strict=True)})
+    return found
+
+
+def has_loads(rig: Rig) -> bool:
+    """Return whether an axis carries a load, believed or simulated, which is not compiled."""
+    sides = ("master", "slave")
+    believed = any(getattr(rig, side).arm is not None for side in sides)
+    believed = believed or any(axis.load is not None for axis in rig.axes.values())
+    if believed or rig.simulation is None:
+        return believed
+    simulated = rig.simulation.axes.values()
+    return bool(rig.simulation.arms) or any(axis.load is not None for axis in simulated)
 
 
 def bus_spec(rig: Rig, bus_name: str) -> BusSpec:
     """Return what the driver of a bus has to know about it; the master's axes come first."""
-    axes = tuple(_axis_spec(name, axis) for name, axis in rig.axes.items() if axis.bus == bus_name)
+    axes = tuple(
+        _axis_spec(name, axis, calibration_of(rig, name))
+        for name, axis in rig.axes.items()
+        if axis.bus == bus_name
+    )
     divisor = rig.buses[bus_name].divisor
     return BusSpec(bus_name, axes, rig.rate_hz / divisor, divisor=divisor)
 
 
-def _axis_spec(name: str, axis: Axis) -> AxisSpec:
+def calibration_of(rig: Rig, axis_name: str) -> AxisCalibration:
+    """Return what was found on the device of an axis; as it comes if nothing was."""
+    found = {} if rig.calibration is None else rig.calibration.axes
+    return found.get(axis_name, AxisCalibration())
+
+
+def _axis_spec(name: str, axis: Axis, found: AxisCalibration) -> AxisSpec:
+    low, high = (-math.inf, math.inf) if axis.position_range is None else axis.position_range
+    ends = (found.zero + found.direction * low, found.zero + found.direction * high)
     return AxisSpec(
         name,
         axis.id,
@@ -243,7 +381,8 @@ def _axis_spec(name: str, axis: Axis) -> AxisSpec:
         axis.causality,
         axis.effort_limit,
         math.inf if axis.velocity_limit is None else axis.velocity_limit,
-        (-math.inf, math.inf) if axis.position_range is None else axis.position_range,
+        (min(ends), max(ends)),
+        axis.effort_sensor is not None,
     )
 
 

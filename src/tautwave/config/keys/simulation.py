@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, SerializeAsAny, WrapValidator
 
+from tautwave.config.keys.arm import Chain
 from tautwave.config.keys.chosen import PART_HASH, PartHash, PartName, chosen_part
 from tautwave.config.keys.common import (
     Autocorrelation,
@@ -16,13 +17,19 @@ from tautwave.config.keys.common import (
     Positive,
     Probability,
 )
+from tautwave.config.keys.devices import EffortSensor
+from tautwave.config.keys.load import TrueLoad
 from tautwave.registry import ENVIRONMENTS, HANDS
 
 
 class AxisSimulation(Block):
     """The truth about one axis; by default what the rig believes."""
 
-    inertia: Positive | None = Field(default=None, description="[kg m^2 | kg] Impedance axes.")
+    inertia: Positive | None = Field(
+        default=None,
+        description="[kg m^2 | kg] Impedance axes; of an arm's joint the motor's alone, beside the "
+        "chain, by default the lower bound.",
+    )
     damping: NonNegative | None = Field(
         default=None, description="[N m s/rad | N s/m] Impedance axes."
     )
@@ -48,9 +55,21 @@ class AxisSimulation(Block):
         default=None,
         description="[s] Delay until a command acts; default: as declared by the driver.",
     )
-    start_position: float = Field(default=0.0, description="[rad | m]")
+    start_position: float | None = Field(
+        default=None,
+        description="[rad | m] Default: where a recording that moves or pushes it begins, and the "
+        "pair's other axis with it; else 0.",
+    )
     velocity_time_constant_s: Positive | None = Field(
         default=None, description="[s] Velocity loop of an admittance axis; default 0.002."
+    )
+    effort_sensor: EffortSensor | None = Field(
+        default=None, description="Of an axis that has one; default: as believed."
+    )
+    load: TrueLoad | None = Field(
+        default=None,
+        description="What weighs on an impedance axis that is not a joint of an arm; default: as "
+        "believed.",
     )
 
 
@@ -81,14 +100,17 @@ class Hold(Block):
     position: float = Field(description="[rad | m]")
 
 
+FILE = (
+    "Run, MCAP, CSV or MAT file; a relative path starts at the rig file's folder, with `--set` at "
+    "the current folder."
+)
+
+
 class Recording(Block):
-    """A column of a CSV file, resampled from its own rate."""
+    """A column of a recording, resampled from its own rate."""
 
     type: Literal["recording"] = Field(description="Kind of reference.")
-    file: Annotated[str, Field(min_length=1)] = Field(
-        description="CSV file; a relative path starts at the rig file's folder, with `--set` at "
-        "the current folder."
-    )
+    file: Annotated[str, Field(min_length=1)] = Field(description=FILE)
     column: str = Field(description="Heading of the column with the position.")
     time_column: str = Field(default="time_s", description="Heading of the column with the time.")
     scale: float = Field(default=1.0, description="[rad | m per unit of the file]")
@@ -96,7 +118,27 @@ class Recording(Block):
     repeat: bool = Field(default=True, description="Repeat it; otherwise hold its last value.")
 
 
-Reference = Annotated[MinimumJerk | Multisine | Hold | Recording, Field(discriminator="type")]
+class Intent(Block):
+    """What a recorded hand wanted: from its motion, its effort, and the hand's own grip."""
+
+    type: Literal["intent"] = Field(description="Kind of reference.")
+    file: Annotated[str, Field(min_length=1)] = Field(description=FILE)
+    position: str = Field(description="Heading of the column with the position [rad | m].")
+    effort: str = Field(
+        description="Heading of the column with the effort of the hand on the device [N m | N]."
+    )
+    time_column: str = Field(default="time_s", description="Heading of the column with the time.")
+    effort_scale: float = Field(default=1.0, description="Scale of the sensor; -1 turns its sign.")
+    effort_offset: float = Field(default=0.0, description="[N m | N] Added after scaling.")
+    filter_hz: Positive = Field(
+        default=20.0, description="[Hz] Smoothing of position and effort alike, without delay."
+    )
+    repeat: bool = Field(default=True, description="Repeat it; otherwise hold its last value.")
+
+
+Reference = Annotated[
+    MinimumJerk | Multisine | Hold | Recording | Intent, Field(discriminator="type")
+]
 
 
 class Grip(Block):
@@ -178,9 +220,26 @@ class Foam(Block):
     )
 
 
-Environment = Annotated[Free | Spring | SolidWall | Foam, Field(discriminator="type")]
+class Recorded(Block):
+    """An environment that pushes as it was recorded, wherever the device is."""
+
+    type: Literal["recorded"] = Field(description="Kind of environment.")
+    file: Annotated[str, Field(min_length=1)] = Field(description=FILE)
+    effort: str = Field(
+        description="Heading of the column with the effort on the device [N m | N]."
+    )
+    position: str | None = Field(
+        default=None, description="Heading of the device's position: where it starts."
+    )
+    time_column: str = Field(default="time_s", description="Heading of the column with the time.")
+    scale: float = Field(default=1.0, description="Scale of the sensor; -1 turns its sign.")
+    offset: float = Field(default=0.0, description="[N m | N] Added after scaling.")
+    repeat: bool = Field(default=True, description="Repeat it; otherwise it then pushes no more.")
+
+
+Environment = Annotated[Free | Spring | SolidWall | Foam | Recorded, Field(discriminator="type")]
 AnyEnvironment = Annotated[
-    SerializeAsAny[Free | Spring | SolidWall | Foam | EnvironmentPart],
+    SerializeAsAny[Free | Spring | SolidWall | Foam | Recorded | EnvironmentPart],
     WrapValidator(chosen_part(EnvironmentPart, Environment)),
 ]
 AnyHand = Annotated[
@@ -237,6 +296,9 @@ class Simulation(Block):
     )
     environment: dict[Name, AnyEnvironment] = Field(
         default_factory=dict, description="Environment of the slave, by pair; default: free."
+    )
+    arms: dict[Literal["master", "slave"], Chain] = Field(
+        default_factory=dict, description="Arms by side; default: as believed."
     )
     integrator: Integrator | None = Field(
         default=None,

@@ -33,7 +33,7 @@ class Document:
     """The parsed file before validation.
 
     `marks` has a place per path, `spoiled` the paths whose value was already refused, `problems`
-    the mistakes so far.
+    the mistakes so far, `origins` the path of the default that a value was taken from.
     """
 
     name: str
@@ -42,6 +42,7 @@ class Document:
     marks: dict[KeyPath, Mark] = field(default_factory=dict)
     spoiled: set[KeyPath] = field(default_factory=set)
     problems: list[Problem] = field(default_factory=list)
+    origins: dict[KeyPath, KeyPath] = field(default_factory=dict)
 
     def mark(self, path: KeyPath) -> Mark:
         """Return where `path` or the nearest mapping around it was written."""
@@ -70,10 +71,45 @@ class Document:
                 return None
         return value
 
+    def take_from(self, source: KeyPath, path: KeyPath) -> None:
+        """Note that the value at `path` is a copy of the default at `source`."""
+        self.origins[path] = source
+        size = len(source)
+        below = {key: mark for key, mark in self.marks.items() if key[:size] == source}
+        self.marks.update({path + key[size:]: mark for key, mark in below.items()})
+        self.spoiled |= {path + key[size:] for key in self.spoiled if key[:size] == source}
+
     def sentences(self) -> list[str]:
-        """Return all problems in the order of the file, each once, `--set` last."""
-        ordered = sorted(self.problems, key=lambda p: (p.mark.argument is not None, p.mark.line))
-        return list(dict.fromkeys(self._sentence(problem) for problem in ordered))
+        """Return all problems in the order of the file, each once, `--set` last.
+
+        A mistake in a default is stated where the default is; if only some of the blocks that took
+        it have the mistake, they are named.
+        """
+        found: dict[Problem, list[KeyPath]] = {}
+        for problem in self.problems:
+            source, rest = self._origin(problem.path)
+            takers = found.setdefault(problem._replace(path=source + rest), [])
+            if source:
+                takers.append(problem.path[: len(problem.path) - len(rest)])
+        ordered = sorted(found, key=lambda p: (p.mark.argument is not None, p.mark.line))
+        return list(dict.fromkeys(self._sentence(p) + self._only(found[p]) for p in ordered))
+
+    def _origin(self, path: KeyPath) -> tuple[KeyPath, KeyPath]:
+        """Return the default that `path` was taken from, () if none, and the path below it."""
+        for length in range(len(path), 0, -1):
+            if path[:length] in self.origins:
+                return self.origins[path[:length]], path[length:]
+        return (), path
+
+    def _only(self, takers: list[KeyPath]) -> str:
+        """Return which blocks a mistake in a default concerns, '' if it is all that took it."""
+        if not takers:
+            return ""
+        source = self.origins[takers[0]]
+        everywhere = {path for path, taken in self.origins.items() if taken == source}
+        if everywhere == set(takers):
+            return ""
+        return f" (in {', '.join(dict.fromkeys(show_path(path[:3]) for path in takers))})"
 
     def _sentence(self, problem: Problem) -> str:
         mark, path, text = problem

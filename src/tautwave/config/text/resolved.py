@@ -22,6 +22,9 @@ def resolved_yaml(rig: Rig) -> str:
     values = rig.model_dump(mode="json")
     for key in ("scene",) if rig.scene is None else ("slave", "coupling"):
         del values[key]
+    for key in ("link", "operate", "sites", "calibration"):
+        if values[key] is None:
+            del values[key]
     if values.get("coupling", {}).get("part_sha256", "") is None:
         del values["coupling"]["part_sha256"]  # of an installed law
     return "\n".join(["# Resolved rig: every default is explicit.", *_lines(values, 0)]) + "\n"
@@ -34,18 +37,19 @@ def _lines(block: dict[str, Any], depth: int) -> Iterator[str]:
             yield start
             yield from _lines(value, depth + 1)
         else:
-            yield f"{start} {_flow(value)}"
+            yield f"{start} {flow_yaml(value)}"
 
 
-def _flow(value: Any) -> str:
+def flow_yaml(value: Any) -> str:
+    """Return a value as YAML 1.2 on one line."""
     if value is None:
         return "null"
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{_text(k)}: {_flow(v)}" for k, v in value.items()) + "}"
+        return "{" + ", ".join(f"{_text(k)}: {flow_yaml(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list):
-        return "[" + ", ".join(_flow(item) for item in value) + "]"
+        return "[" + ", ".join(flow_yaml(item) for item in value) + "]"
     return _text(value) if isinstance(value, str) else repr(value)
 
 

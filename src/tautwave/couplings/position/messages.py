@@ -11,7 +11,8 @@ from tautwave.wording import CouplingMessages
 
 
 def _coupling(rig: Rig) -> str:
-    return f"positions, {rig.coupling.delay_s:g} s each way (not passive: for comparison)"
+    text = f"positions, {rig.coupling.delay_s:g} s each way"
+    return text if rig.coupling.account else f"{text} (not passive: for comparison)"
 
 
 def _pair(

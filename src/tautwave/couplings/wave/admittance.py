@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from tautwave.certificate.belief import drive_lag, stated_contact
 from tautwave.certificate.data import Element, Verdict
 from tautwave.config import Rig
-from tautwave.couplings.wave.claim import Claim, claim_of, claimed_sentence
+from tautwave.couplings.claim import Claim
+from tautwave.couplings.wave.claim import claim_of, claimed_sentence
 from tautwave.couplings.wave.from_keys import port_impedance
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.rig import at_axis_rate
@@ -39,7 +40,7 @@ def admittance_element(rig: Rig, axis_name: str, delays: Delays, broken: str | N
         "drive_lag_s": drive_lag(rig, axis_name),
         "command_delay_periods": delays[axis_name].periods,
         **claim._asdict(),
-        "seen_j": claim.seen(rig.duration_s),
+        "seen_j": claim.seen(rig.claimed_s),
     }
     passive = _passive(at_axis_rate(rig, axis_name), axis_name, delays[axis_name], upper, broken)
     quantised = passive
@@ -50,7 +51,7 @@ def admittance_element(rig: Rig, axis_name: str, delays: Delays, broken: str | N
             f"{1e3 * claim.leak:.3g} mW for them, which may be released.",
             margin=-claim.leak,
         )
-    sentences = (passive.reason, claimed_sentence(axis_name, claim, rig.duration_s))
+    sentences = (passive.reason, claimed_sentence(axis_name, claim, rig.claimed_s))
     return Element(name, "admittance port", axis_name, passive, quantised, numbers, sentences)
 
 
@@ -81,8 +82,9 @@ def _passive(
     if delay.remainder_s > 0.0:
         return Verdict(
             False,
-            f"{name}: its commands act a fraction of a period late, and the proof covers whole "
-            "periods only",
+            f"{name}: its commands act {delay.remainder_s * 1e3:.3g} ms later than a whole "
+            "number of periods, and the proof covers whole ones; choose a rate_hz whose period "
+            "divides the delay that the driver declares",
         )
     if lag is not None and REACHED * lag > rig.period_s:
         return Verdict(

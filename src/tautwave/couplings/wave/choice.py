@@ -8,7 +8,7 @@ certificate refuses the rig and says what would pass.
 
 wave_impedance: a stiffer line holds the devices closer together. It is the greatest at which
 
-- the noise of both encoders makes no effort beyond `NOISE_SHARE` of a limit (`chatter`), for it is
+- the noise of both encoders makes no effort beyond `NOISE_SHARE` of a limit (`chatter`): it is
   always felt;
 - a held contact that rattles within an encoder step makes none beyond `STEP_SHARE`;
 - the line is no heavier than the two devices: one of delay tau feels like an inertia b tau;
@@ -38,7 +38,7 @@ from tautwave.couplings.wave.device_port import SOFTER, port_of
 from tautwave.couplings.wave.from_keys import bare_port, observer_of
 from tautwave.couplings.wave.keys import PLAIN, POLES, WavePair
 from tautwave.couplings.wave.standing import line_time, moved_inertia
-from tautwave.errors import ConfigError
+from tautwave.errors import UnchosenKeyError
 from tautwave.laws.port import port_reserve
 from tautwave.rig import at_axis_rate, command_delays, one_way_delay
 from tautwave.types import Choice, CommandDelay
@@ -86,6 +86,9 @@ def choose_pair(rig: Rig, name: str) -> dict[str, Choice]:
     pair = rig.coupling.pairs[name]
     assert isinstance(pair, WavePair)
     delays = command_delays(rig)
+    if rig.require != "coupled_stable":  # there a wall's limit needs the whole pair
+        friction = {axis_name: axis.coulomb.lower for axis_name, axis in rig.axes.items()}
+        rig, _ = derate_walls(rig, delays, friction)
     asked = Asked(rig, name, delays, _damping_left(rig, name, delays))
     chosen: dict[str, Choice] = {}
     if pair.wave_filter_hz == AUTO:
@@ -93,9 +96,9 @@ def choose_pair(rig: Rig, name: str) -> dict[str, Choice]:
         pair = _with(pair, wave_filter_hz=chosen["wave_filter_hz"].value)
     if pair.wave_impedance == AUTO:
         if not asked.left:
-            raise ConfigError(
-                f"{rig.name}: coupling.pairs.{name}: wave_impedance auto needs an axis that takes "
-                "effort; give a number"
+            raise UnchosenKeyError(
+                ("coupling", "pairs", name, "wave_impedance"),
+                "auto needs an axis that takes effort; give a number",
             )
         chosen["wave_impedance"] = _impedance(asked, pair)
         pair = _with(pair, wave_impedance=chosen["wave_impedance"].value)
@@ -117,9 +120,6 @@ def _with(pair: WavePair, **values: object) -> WavePair:
 
 
 def _damping_left(rig: Rig, name: str, delays: Delays) -> dict[str, float]:
-    if rig.require != "coupled_stable":  # there a wall's limit needs the whole pair
-        friction = {axis_name: axis.coulomb.lower for axis_name, axis in rig.axes.items()}
-        rig, _ = derate_walls(rig, delays, friction)
     left = {}
     for side in SIDES:
         axis_name = f"{side}.{name}"
@@ -148,7 +148,7 @@ def _pole(asked: Asked, pair: WavePair, side: str, poles: Sequence[float | str] 
     if side not in asked.left:
         return Choice(PLAIN, "plain, for the axis takes velocity")
     if asked.left[side] <= 0.0:
-        return Choice(POLES[0], f"{POLES[0]}, for there is no damping to certify it with")
+        return Choice(POLES[0], f"{POLES[0]}, since no damping is left to certify it with")
     for at, pole in enumerate(poles):
         if asked.takes(_with(pair, **{f"pole_{side}": pole}), side):
             refused = f"{poles[0]} to {poles[at - 1]}" if at > 1 else "".join(map(str, poles[:at]))
@@ -227,9 +227,10 @@ def _bounds(asked: Asked, pair: WavePair) -> Iterator[Bound]:
             yield Bound(STEP_SHARE * limit / rattle, cause)
         effort = chatter(end, next((ends[other] for other in ends if other != side), end))
         if math.isinf(effort):
-            raise ConfigError(
-                f"{rig.name}: coupling.pairs.{name}: wave_impedance auto needs a wave filter where "
-                "noise is stated; set wave_filter_hz to auto"
+            raise UnchosenKeyError(
+                ("coupling", "pairs", name, "wave_filter_hz"),
+                "wave_impedance auto needs a wave filter where noise is stated; set wave_filter_hz "
+                "to auto, or give wave_impedance",
             )
         if effort > 0.0:
             cause = f"chatter of {axis_name} at {NOISE_SHARE:.0%} of its effort limit"

@@ -14,9 +14,10 @@ from tautwave.analysis.wave_port.device_class import (
     contracting,
     stiffest_spring,
     suggested_spring,
+    wall_spring,
 )
 from tautwave.certificate.belief import stated_contact
-from tautwave.config import Rig
+from tautwave.config import Rig, local_wall
 from tautwave.couplings.wave.from_keys import bare_port, observer_of
 from tautwave.couplings.wave.keys import PLAIN, POLES, WavePair
 from tautwave.laws.observer import ObserverParams
@@ -54,12 +55,13 @@ class DevicePort(NamedTuple):
 
     def suggested(self, from_: float = 0.0, to: float = math.inf) -> float:
         """Return the stiffest spring that frequencies of a grid allow; no proof."""
-        return suggested_spring(*self, from_, to)
+        return _suggested(*self, from_, to)
 
 
 _gain = functools.lru_cache(maxsize=512)(class_gain)
 _contracting = functools.lru_cache(maxsize=512)(contracting)
 _stiffest = functools.lru_cache(maxsize=512)(stiffest_spring)
+_suggested = functools.lru_cache(maxsize=512)(suggested_spring)
 
 
 def pair_of(rig: Rig, axis_name: str) -> WavePair:
@@ -86,7 +88,8 @@ def port_of(
     rig, axis_name, delays : Rig, str, Mapping
         The axis and its command delay.
     damping : float
-        What its wall leaves of the device's [N m s/rad or N s/m].
+        What its wall leaves of the device's [N m s/rad or N s/m]. To an observer, which does
+        not know it, the wall is a part of the contact.
     keys : WavePair, optional
         Instead of the rig's.
     sooner, heavier : int, float
@@ -98,10 +101,12 @@ def port_of(
     pair = pair_of(rig, axis_name) if keys is None else keys
     period, delay = rig.axis_period_s(axis_name), delays[axis_name].periods - sooner
     mass = heavier * axis.inertia.lower
-    contact = stated_contact(rig, axis_name)
+    contact, wall = stated_contact(rig, axis_name), local_wall(rig, axis_name)
     stiffness = max(
         axis.environment_stiffness_upper or 0.0, 0.0 if contact is None else contact.stiffness
     )
+    if wall is not None and pair.pole(side) is not None:
+        stiffness += wall_spring(wall.stiffness, wall.damping, period)
     return DevicePort(
         bare_port(pair, side, period, mass, delay, reserve=1.0),
         observer_of(pair, side, period, mass),
@@ -121,8 +126,8 @@ def binding(rig: Rig, axis_name: str, delays: Delays, damping: float) -> str:
     if before <= 0.0:
         return ""
     better = {
-        "a tenth more least mass": port_of(rig, axis_name, delays, damping, heavier=TENTH),
-        "a tenth more least damping": port_of(rig, axis_name, delays, TENTH * damping),
+        "a tenth more inertia.lower": port_of(rig, axis_name, delays, damping, heavier=TENTH),
+        "a tenth more damping.lower": port_of(rig, axis_name, delays, TENTH * damping),
     }
     if isinstance(keys.wave_filter_hz, float):
         softer = keys.model_copy(update={"wave_filter_hz": keys.wave_filter_hz / TENTH})
@@ -136,7 +141,7 @@ def binding(rig: Rig, axis_name: str, delays: Delays, damping: float) -> str:
     _, share, what = max(found)
     if share < 0.005:
         return ""
-    return f"{what} would raise that by {100.0 * math.expm1(share):.0f} %"
+    return f"{what} raises that by {100.0 * math.expm1(share):.0f} %"
 
 
 def _share(port: DevicePort, before: float) -> float:

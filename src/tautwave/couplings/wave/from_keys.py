@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 
-from tautwave.analysis.wave_port.sensor_noise import NoisePower, noise_power
+from tautwave.analysis.wave_port.effort_step import COARSEST, step_power
+from tautwave.analysis.wave_port.lag import lag_power
+from tautwave.analysis.wave_port.sensor_noise import NoisePower, noise_bounds, noise_power
 from tautwave.contracts import CoupledAxis
 from tautwave.couplings.wave.keys import WavePair
+from tautwave.couplings.wave.port import WHITE
 from tautwave.couplings.wave.records import WaveEndParams
 from tautwave.errors import ConfigError
 from tautwave.laws.admittance import admittance_params, effort_leak, rigid_port
@@ -14,12 +17,16 @@ from tautwave.laws.observer import ObserverParams, observer_params, plain_observ
 from tautwave.laws.port import PortParams, port_params, port_reserve
 
 WATCHED_S = 1.0
-"""Time over which the share of periods with an empty tank is taken [s]."""
+"""Time over which the share of cut waves is taken [s]."""
 
-LIMP_SHARE = 0.1
+LIMP_SHARE = 1e-3
+"""Of the waves' energy: between levers that stand, a loss of that share is the force in seconds."""
 
 EMPTY_SHARE = 1e-9
 """Share of the reserve below which a tank is empty."""
+
+NOISIER = 1.15
+"""Over the deviation that the leak is made for: from there on noise is named as the cause."""
 
 PATIENCE_S = 10.0
 """For so long a port may owe more than a period's way at the velocity limit [s]."""
@@ -70,6 +77,29 @@ def declared_noise(pair: WavePair, side: str, axis: CoupledAxis) -> NoisePower:
     )
 
 
+def swing_lag(pair: WavePair, side: str, axis: CoupledAxis) -> float:
+    """Return what the observer's lag can take from a tank [W] while a lever is moved hard."""
+    assert axis.inertia is not None
+    return lag_power(
+        bare_port(pair, side, axis.period, axis.inertia, axis.delay + axis.late),
+        observer_of(pair, side, axis.period, axis.inertia),
+        axis.delay + (1 if axis.late > 0.0 else 0),
+        axis.effort_limit,
+        axis.velocity_limit,
+    )
+
+
+def effort_steps(axis: CoupledAxis) -> float:
+    """Return what the step of the drive's effort can take from a tank [W]."""
+    assert axis.inertia is not None
+    return step_power(axis.period, axis.inertia, axis.effort_quantum)
+
+
+def tank_leak(pair: WavePair, side: str, axis: CoupledAxis) -> float:
+    """Return the power of a tank's leak [W]: what noise, steps and lag may take from it."""
+    return declared_noise(pair, side, axis).lost + swing_lag(pair, side, axis) + effort_steps(axis)
+
+
 def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams:
     """Return the constants of one end.
 
@@ -95,7 +125,7 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
         port = servo_port(pair, side, axis)
         observer = plain_observer(axis.period, 1.0)
     else:
-        leak = declared_noise(pair, side, axis).lost * axis.period
+        leak = tank_leak(pair, side, axis) * axis.period
         delay = axis.delay + axis.late
         observer = observer_of(pair, side, axis.period, axis.inertia)
         reserve = port_reserve(
@@ -112,14 +142,34 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
         admittance=admittance_params(axis.period, impedance, axis.outside_stiffness, axis.delay),
         wave=pair.wave_gain(side),
         quantum=1.001 * axis.effort_quantum + 1e-12,
+        step=axis.effort_quantum if axis.inertia is not None else 0.0,
         late=axis.late,
         delay=axis.delay,
-        watch=axis.period / WATCHED_S,
+        window=round(WATCHED_S / axis.period),
         limp=LIMP_SHARE,
         empty=EMPTY_SHARE * port.reserve,
         astray=port.root * axis.velocity_limit * axis.period,
         patience=round(PATIENCE_S / axis.period),
+        coarse=math.inf if axis.inertia is None else coarsest_step(pair, side, axis),
+        noisy=math.inf if axis.inertia is None else _noisy(pair, side, axis),
     )
+
+
+def coarsest_step(pair: WavePair, side: str, axis: CoupledAxis) -> float:
+    """Return the greatest effort step that a port works with, `COARSEST` [N m or N]."""
+    return COARSEST * port_impedance(pair, side) * axis.velocity_limit
+
+
+def _noisy(pair: WavePair, side: str, axis: CoupledAxis) -> float:
+    """Return the mean square of third differences of noise that takes clearly too much."""
+    assert axis.inertia is not None
+    port = bare_port(pair, side, axis.period, axis.inertia, axis.delay + axis.late)
+    observer = observer_of(pair, side, axis.period, axis.inertia)
+    whole = axis.delay + (1 if axis.late > 0.0 else 0)
+    drain = noise_bounds(port, observer, whole).drain
+    variance = tank_leak(pair, side, axis) * axis.period / drain if drain > 0.0 else math.inf
+    pulses = axis.effort_quantum * axis.period**2 / axis.inertia
+    return NOISIER * NOISIER * WHITE * variance + 4.0 * pulses * pulses
 
 
 def servo_port(pair: WavePair, side: str, axis: CoupledAxis) -> PortParams:

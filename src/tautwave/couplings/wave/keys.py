@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
-from tautwave.config.keys.common import AUTO, Name, Positive
+from tautwave.config.keys.common import AUTO, Name, NonNegative, Positive, tuned
 from tautwave.config.keys.coupling import Coupling, Pair
 from tautwave.errors import ConfigError
 from tautwave.laws.wave_filter import filter_gain
@@ -17,6 +17,9 @@ from tautwave.laws.wave_filter import filter_gain
 PLAIN: Literal["plain"] = "plain"
 POLES: tuple[float | str, ...] = (0.5, 0.3, 0.2, 0.1, 0.0, PLAIN)
 """Poles that are tried where none is given, the least noisy first."""
+
+LOWEST_CORNER_HZ = 1e-3
+"""Below it a filter lets nothing pass that a hand does."""
 
 
 def _check_pole(value: Any) -> Any:
@@ -34,6 +37,12 @@ def _check_positive(value: Any) -> Any:
     raise PydanticCustomError("auto", "Input should be 'auto' or a number greater than 0")
 
 
+def _check_corner(value: Any) -> Any:
+    if _is_number(value) and 0.0 < value < LOWEST_CORNER_HZ:
+        raise PydanticCustomError("auto", f"Input should be at least {LOWEST_CORNER_HZ:g}")
+    return _check_positive(value)
+
+
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
@@ -41,12 +50,12 @@ def _is_number(value: Any) -> bool:
 Auto = Literal["auto"]
 Pole = Annotated[Auto | Literal["plain"] | float, BeforeValidator(_check_pole)]
 Impedance = Annotated[Auto | Positive, BeforeValidator(_check_positive)]
-Corner = Annotated[Auto | Positive | None, BeforeValidator(_check_positive)]
+Corner = Annotated[Auto | Positive | None, BeforeValidator(_check_corner)]
 
 
 def _chosen(key: str, value: str | float) -> float:
     if isinstance(value, str):
-        raise ConfigError(f"{key} is still auto, for nothing has chosen it; give a value")
+        raise ConfigError(f"{key} is still auto, because nothing chose it; give a value")
     return value
 
 
@@ -55,6 +64,7 @@ class WavePair(Pair):
 
     wave_impedance: Impedance = Field(
         default=AUTO,
+        json_schema_extra=tuned("between runs"),
         description="[N m s/rad | N s/m] Characteristic impedance of the line, in the master's "
         "units. Small: light and soft; large: heavy and crisp. auto: the greatest whose chatter, "
         "weight and reserve are small and that the certificate takes; `check` says what bounds it.",
@@ -63,6 +73,7 @@ class WavePair(Pair):
     matched_slave: bool = Field(default=False, description="Matching damper at the slave's end.")
     wave_filter_hz: Corner = Field(
         default=AUTO,
+        json_schema_extra=tuned("engaged"),
         description="[Hz] Corner of the low-pass inside both ports, at the rate of each axis; "
         "null: none. auto: a tenth of the slower axis' rate, none where neither axis has noise or "
         "an encoder step.",
@@ -74,6 +85,18 @@ class WavePair(Pair):
         "0.3, 0.2, 0.1, 0 and plain that the certificate takes for the stated contact.",
     )
     pole_slave: Pole = Field(default=AUTO, description="Pole of the slave's observer.")
+
+    force_gain: NonNegative = Field(
+        default=0.0,
+        description="Force augmentation: of what acts on the slave from outside beyond its motor's "
+        "effort, the share that its leaving wave says on top, as far as its tank pays for it. "
+        "Axes that take effort.",
+    )
+    observer_hz: Positive = Field(
+        default=30.0,
+        description="[Hz] Bandwidth of the observer of that effort, if `force_gain` is not 0; "
+        "friction as identified (`value`) is taken off what it finds.",
+    )
 
     @property
     def impedance(self) -> float:

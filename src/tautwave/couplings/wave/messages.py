@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from tautwave.analysis.wave_port.chatter import step_effort
 from tautwave.config import Rig
-from tautwave.couplings.wave.claim import Claim, claim_of
+from tautwave.couplings.claim import Claim, short, watts
+from tautwave.couplings.wave.claim import claim_of
 from tautwave.couplings.wave.from_keys import bare_port, observer_of, port_impedance
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.standing import standing
@@ -22,7 +24,13 @@ GREATEST_LEAK = 0.01
 """Of effort limit times velocity limit."""
 
 
+LEAST = 2
+"""Periods without a sample, or skipped slots: with fewer every single one ends a run."""
+
+
 def _coupling(rig: Any) -> str:
+    if rig.link is not None:
+        return "waves over a network"
     return f"wave line, {rig.coupling.delay_s:g} s each way ({rig.delay_samples} samples)"
 
 
@@ -72,6 +80,59 @@ def _facts(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, 
             )
         yield f"admittance port of {axis_name}", text
     yield from noise_hints(rig, delays)
+    yield from claim_hints(rig, delays)
+
+
+def claim_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:
+    """Yield hints on ports that claim more than their devices have at the velocity limit."""
+    causes: dict[str, dict[str, Claim]] = {}
+    for axis_name in rig.axes:
+        claim = claim_of(rig, axis_name, delays)
+        if isinstance(claim, Claim) and claim.kinetic > 0.0 and ratio(rig, claim) > 1.0:
+            causes.setdefault(main_cause(rig, axis_name, claim), {})[axis_name] = claim
+    limits = {"overrun_limit": rig.overrun_limit, "missing_limit": rig.loop.missing_limit}
+    for key, claims in causes.items():
+        who = "" if len(causes) == 1 else f"{', '.join(claims)}: "
+        now = max(ratio(rig, claim) for claim in claims.values())
+        much = f"{who}{short(now)} times the kinetic energy at the velocity limit"
+        if key not in limits:
+            yield "hint on claims", f"{much}; {key}"
+            continue
+        for value in range(limits[key] - 1, LEAST - 1, -1):
+            less = [shorter(rig, name, claim, key, value) for name, claim in claims.items()]
+            left = max(ratio(rig, claim) for claim in less)
+            if left <= 1.0:
+                break
+        text = f"{much}, most of it by loop.{key} {limits[key]}: {value} leaves {short(left)} times"
+        yield "hint on claims", text
+
+
+def ratio(rig: Rig, claim: Claim) -> float:
+    """Return a claim over the kinetic energy at the velocity limit."""
+    return claim.seen(rig.claimed_s) / claim.kinetic
+
+
+def main_cause(rig: Rig, axis_name: str, claim: Claim) -> str:
+    """Return the key that most lowers a claim, with its verb if it is none of the loop's."""
+    less = {
+        "lower wave_impedance": claim._replace(reserve=0.0, leak=0.0),
+        "lower effort_limit": claim._replace(effort=0.5 * claim.effort),
+        "raise effort_rate_limit": claim._replace(rate=math.inf),
+    }
+    if rig.overrun_limit > LEAST:
+        less["overrun_limit"] = shorter(rig, axis_name, claim, "overrun_limit", LEAST)
+    if rig.loop.missing_limit > LEAST:
+        less["missing_limit"] = shorter(rig, axis_name, claim, "missing_limit", LEAST)
+    return min(less, key=lambda key: less[key].seen(rig.claimed_s))
+
+
+def shorter(rig: Rig, axis_name: str, claim: Claim, key: str, value: int) -> Claim:
+    """Return a claim with another limit of the loop."""
+    if key == "missing_limit":
+        return claim._replace(blind=claim.blind - rig.loop.missing_limit + value)
+    divisor = rig.axis_divisor(axis_name)
+    fewer = math.ceil(rig.overrun_limit / divisor) - math.ceil(value / divisor)
+    return claim._replace(blind=claim.blind - fewer)
 
 
 def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:
@@ -95,18 +156,26 @@ def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[
                 f"force chatters by about as much; wave_impedance up to {softer:.2g} keeps it "
                 f"below {GREATEST_STEP:.0%}",
             )
+        share = axis.effort_quantum / axis.effort_limit
+        if share > GREATEST_STEP:
+            yield (
+                f"hint on {axis_name}",
+                f"one step of its drive is {share:.0%} of effort_limit, and its effort jumps by as "
+                "much all the time; use a drive or mode with finer steps",
+            )
         claim = claim_of(rig, axis_name, delays)
         if not isinstance(claim, Claim):
             continue
-        if claim.leak > GREATEST_LEAK * claim.effort * claim.velocity:
+        noise = claim.leak - claim.lag - claim.steps
+        if noise > GREATEST_LEAK * claim.effort * claim.velocity:
             colour = ""
             loud = axis.position_noise > 0.5 * axis.encoder_quantum
             if loud and axis.position_noise_autocorrelation is None:
                 colour = ", or declare the noise's colour, which identify --noise measures"
             yield (
                 f"hint on {axis_name}",
-                f"step and noise of its encoder take {1e3 * claim.leak:.3g} mW from the port, "
-                f"{claim.leak / (claim.effort * claim.velocity):.1%} of what the motor can give, "
+                f"step and noise of its encoder take {watts(noise)} from the port, "
+                f"{noise / (claim.effort * claim.velocity):.1%} of what the motor can give, "
                 f"and its claim grows by that; lower wave_impedance{colour}",
             )
 

@@ -7,18 +7,29 @@ from collections.abc import MutableSequence
 
 from tautwave.controller.records import PIPE, AxisParams, AxisState
 from tautwave.controller.steps import OWN_GUARDS
-from tautwave.couplings.wave.records import WaveEndParams
+from tautwave.couplings.wave.records import WaveEnd, WaveEndParams
 from tautwave.laws.admittance import admittance_velocity
+from tautwave.laws.limit import clamp
 from tautwave.laws.observer import observe
 from tautwave.laws.port import port_brake, port_close, port_effort
+from tautwave.laws.wave_filter import filter_gain
 
 PORT_OVERDRAWN = OWN_GUARDS
 LIMP = OWN_GUARDS + 1
 ASTRAY = OWN_GUARDS + 2
+LIMP_NOISY = OWN_GUARDS + 3
+LIMP_COARSE = OWN_GUARDS + 4
+LIMP_PLAIN = OWN_GUARDS + 5
 """Codes of the reasons to stop."""
 
-FORGOTTEN = 1e-4
-"""Share of cut waves that is none."""
+WHITE = 20.0
+"""Mean square of the third differences of white noise over its variance [1]."""
+
+DECOUPLED = 0.1
+"""Share of the waves' energy without which nothing follows, whichever way it is owed."""
+
+OWED_PERIODS = 2.0
+"""A gap of the waves of so many periods is felt: on a short line that is all of a held force."""
 
 SHRUNK = 0.99
 """A gap below this share of what it was is being repaid."""
@@ -31,11 +42,22 @@ def start_end(s: AxisState, p: AxisParams, gap: float) -> None:
     e.velocity = 0.0
     e.push = 0.0
     e.account = p.end.port.reserve
-    e.stored = 0.0
+    e.reserve = e.account
     e.gap = gap * p.end.port.root
     e.filtered = 0.0
     e.wanted = 0.0
-    e.cut_share = 0.0
+    e.under_way = 0.0
+    e.wanted_sum = 0.0
+    e.cut_sum = 0.0
+    e.gap_sum = 0.0
+    e.gap_before = 0.0
+    e.cut_before = False
+    e.watch_left = 0
+    e.moved = 0.0
+    e.moved_before = 0.0
+    e.third_sum = 0.0
+    e.third_count = 0
+    e.steady = 0
     e.least_gap = 0.0
     e.owing = 0
     e.leaving = 0.0
@@ -79,48 +101,59 @@ def close(
     """Correct the observer, close the tank, and form the leaving wave."""
     e = s.end
     k = p.end
+    q = k.port
+    asked = s.port_effort
     advance = displacement
     if p.impedance:
-        if math.fabs(s.port_effort - e.wanted) > k.quantum:
+        over = asked - e.wanted
+        if over != 0.0 and (over > k.quantum or over < -k.quantum):
             e.cut_left = k.delay + 2
             e.watched = True
+        effort = port
+        if k.observer.pole < 0.0:
+            effort = s.effort_sum / count
+        if asked != port:
+            e.under_way += count * (asked - port)
+        last = e.at
         at, velocity, push = observe(
-            k.observer, e.at, e.velocity, e.push, s.position, s.effort_sum / count, count
+            k.observer, last, e.velocity, e.push, s.position, effort, count
         )
-        advance = at - e.at
+        advance = at - last
         e.at = at
         e.velocity = velocity
         e.push = push
-    slipped = 0.0
     if s.stopping:
         # A stop's damping acts on the device itself, not through the series damper.
-        slipped = k.port.slip * port * span
+        slipped = q.slip * port * span
+        displacement += slipped
+        advance += slipped
     leaving, account, gap, filtered, absorbed, burnt, spilled = port_close(
-        k.port,
+        q,
         e.account,
         e.gap,
         e.filtered,
-        displacement + slipped,
-        advance + slipped,
+        displacement,
+        advance,
         count,
         port,
         e.wave_sum,
         e.wave_energy,
         e.cut_left > 0,
     )
-    if s.stopping:
-        burnt = 0.0
-    if e.watched or not account >= k.empty or not -k.astray < gap < k.astray:
-        watch_port(s, k, account, gap)
+    if e.watched or not account >= k.empty or (gap != 0.0 and not -k.astray < gap < k.astray):
+        if e.watch_left == 0:
+            e.watch_left = k.window
+            e.steady = 0
+        listen_to(s, displacement, count)
+        watch_port(s, k, account, gap, filtered, leaving)
     e.account = account
-    e.stored = account - k.port.reserve
     e.gap = gap
     e.filtered = filtered
     e.leaving = leaving
     if k.wave != 1.0:
         e.leaving = leaving / k.wave
     e.port_absorbed += absorbed
-    e.leaked += count * k.port.leak
+    e.leaked += count * q.leak
     e.spilled += spilled
     if burnt != 0.0 and not s.stopping:
         e.damper_dissipated += burnt
@@ -128,25 +161,48 @@ def close(
     e.wave_energy = 0.0
 
 
-def watch_port(s: AxisState, k: WaveEndParams, account: float, gap: float) -> None:
-    """Look whether the port can still pay and follow; leave reasons to stop, with their numbers."""
+def listen_to(s: AxisState, displacement: float, count: float) -> None:
+    """Add up the third differences of the samples: motion has next to none, noise has many."""
+    e = s.end
+    if count != 1.0:
+        e.steady = 0
+        return
+    if e.steady > 1:
+        third = displacement - 2.0 * e.moved + e.moved_before
+        e.third_sum += third * third
+        e.third_count += 1
+    e.moved_before = e.moved
+    e.moved = displacement
+    e.steady += 1
+
+
+def watch_port(
+    s: AxisState, k: WaveEndParams, account: float, gap: float, wanted: float, leaving: float
+) -> None:
+    """Look whether the port can still pay and follow; leave reasons to stop, with their numbers.
+
+    `wanted` is the wave before the tank and what it owes, `leaving` the one that was sent.
+    """
     e = s.end
     if e.cut_left > 0:
         e.cut_left -= 1
         e.owing = 0
-    elif not account >= k.empty:
-        e.cut_share += k.watch
-    e.cut_share -= k.watch * e.cut_share
+    else:
+        whole = wanted * wanted
+        kept = leaving * leaving
+        e.wanted_sum += whole
+        if kept < whole and not account >= k.empty:  # what repays may be smaller as well
+            e.cut_sum += whole - kept
+    e.gap_sum += gap
+    e.watch_left -= 1
     if not account >= -k.port.reserve:  # NaN is overdrawn
         s.alarm = PORT_OVERDRAWN
         s.found = -account
         s.allowed = k.port.reserve
-    elif e.cut_share > k.limp:
-        s.alarm = LIMP
-        s.found = 100.0 * e.cut_share
-        s.allowed = 100.0 * k.limp
+    elif e.watch_left <= 0:
+        judge_port(s, k)
     owed = math.fabs(gap)
-    e.watched = e.cut_left > 0 or e.cut_share > FORGOTTEN or owed >= k.astray
+    e.watched = e.cut_left > 0 or e.watch_left > 0 or owed >= k.astray
     if owed < k.astray:
         e.owing = 0
         return
@@ -158,6 +214,48 @@ def watch_port(s: AxisState, k: WaveEndParams, account: float, gap: float) -> No
         s.alarm = ASTRAY
         s.found = owed / k.port.root
         s.allowed = k.astray / k.port.root
+
+
+def judge_port(s: AxisState, k: WaveEndParams) -> None:
+    """Judge the second that was watched: how much of the waves' energy the tank has cut.
+
+    A port is limp where that lasts for another second and is nearly all, or does not come back:
+    what it owes is more than the waves of a few periods, and as much as before, on average.
+    """
+    e = s.end
+    cut = e.cut_sum > k.limp * e.wanted_sum
+    if cut and e.cut_before:
+        few = OWED_PERIODS * k.port.period
+        owes = e.gap_sum * e.gap_sum > few * few * k.window * e.wanted_sum
+        lasts = e.gap_sum * e.gap_before >= SHRUNK * e.gap_before * e.gap_before
+        if (owes and lasts) or e.cut_sum > DECOUPLED * e.wanted_sum:
+            s.found = 100.0 * e.cut_sum / e.wanted_sum
+            name_cause(s, k)
+    e.cut_before = cut
+    e.gap_before = e.gap_sum
+    e.wanted_sum = 0.0
+    e.cut_sum = 0.0
+    e.gap_sum = 0.0
+    e.third_sum = 0.0
+    e.third_count = 0
+    e.watch_left = 0
+    if cut:
+        e.watch_left = k.window
+
+
+def name_cause(s: AxisState, k: WaveEndParams) -> None:
+    """Leave what most likely emptied the tank, from what is declared and from the last second."""
+    e = s.end
+    s.alarm = LIMP
+    s.allowed = 100.0 * k.limp
+    if k.step > k.coarse:
+        s.alarm = LIMP_COARSE
+        s.allowed = k.coarse
+    elif e.third_count > 0 and e.third_sum > k.noisy * e.third_count:
+        s.alarm = LIMP_NOISY
+        s.allowed = math.sqrt(e.third_sum / (WHITE * e.third_count))
+    elif k.observer.pole < 0.0 and k.port.half_mobility > 0.0:
+        s.alarm = LIMP_PLAIN
 
 
 def brake(s: AxisState, p: AxisParams, effort: float) -> float:
@@ -176,13 +274,22 @@ def think(s: AxisState, p: AxisParams, coast: float) -> float:
     """Return the resisting effort of the port [N m or N]."""
     e = s.end
     k = p.end
-    # Of the controller's prediction only what is known of efforts is used: those under way and
-    # the wall's. A command that acts late leaves a share of the one before in front of it.
-    under_way = s.velocity - p.site.half_mobility * s.impulse - coast
-    pending = under_way / (2.0 * k.port.half_mobility)
-    if k.late > 0.0:
-        pending += k.late * s.acted_total
+    # A local wall is a push from outside to an observer, as an environment is: given its effort,
+    # it would take the share that a heavier device does not follow for a push the other way.
+    pending = e.under_way
+    if k.observer.pole < 0.0:
+        # A plain port believes in nothing outside, so it has to know the wall. Of the controller's
+        # prediction only what is known of efforts is used: those under way and the wall's. A
+        # command that acts late leaves a share of the one before in front of it.
+        under_way = s.velocity - p.site.half_mobility * s.impulse - coast
+        pending = under_way / (2.0 * k.port.half_mobility)
+        if k.late > 0.0:
+            pending += k.late * s.acted_total
     effort = port_effort(k.port, e.account, e.velocity, e.push, pending, e.wave_in)
+    if k.step > 0.0 and e.account > 0.0:
+        # What the drive's step took from the last effort goes on top: the mean is exact, and a
+        # port that absorbs is not paid less than it has to send.
+        effort += clamp(e.wanted - s.port_effort, k.step)
     e.wanted = effort
     return effort
 
@@ -217,3 +324,24 @@ def waiting_energy(s: AxisState, p: AxisParams, table: MutableSequence[float]) -
         wave = table[p.pipe + PIPE * at + 3]
         total += p.half_period * wave * wave
     return total
+
+
+def tune(k: WaveEndParams, e: WaveEnd, key: str, value: float, period: float) -> WaveEndParams:
+    """Return an end with its filter's corner at `value` [Hz]; nothing else of it is tuned.
+
+    The tank is charged with what goes on the line, after the filter, so no change of the filter
+    makes a port give out more than it claims: reserve and leak stay those of the start. What the
+    filter still has to send, T y (1 - a) / a of the wave integral, changes with its step a: the
+    difference is owed as the gap, or the slave would stay where that much of the wave left it.
+
+    Raises
+    ------
+    KeyError
+        Another key.
+    """
+    if key != "wave_filter_hz":
+        raise KeyError(key)
+    old, new = k.port.filter_gain, filter_gain(value, period)
+    e.gap += period * e.filtered * ((1.0 - old) / old - (1.0 - new) / new)
+    kept = 0.5 * period * (1.0 - new) / new
+    return k._replace(port=k.port._replace(filter_gain=new, kept=kept))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,11 +15,13 @@ class WaveEndParams(NamedTuple):
     """Constants of one end.
 
     `admittance` is the law of an axis that takes velocity, which has no observer; `wave` is device
-    wave per line wave: sign * sqrt(power ratio); `quantum` the effort's step [N m or N], by which a
-    command may be off without counting as cut; `late` the share of a period for which the command
-    before still acts; `watch` the weight of a period in the share of cut waves [1], `limp` the
-    share at which the run ends; below `empty` [J] a tank could not pay for its wave; `astray` the
-    gap [W**0.5 s] that may be owed for `patience` periods without shrinking.
+    wave per line wave: sign * sqrt(power ratio); `quantum` by which a command may be off without
+    counting as cut, and `step` of the effort [N m or N]; `late` the share of a period for which the
+    command before still acts; `window` the periods of a second, `limp` the share of its waves'
+    energy that may be cut [1]; below `empty` [J] a tank could not pay for its wave; `astray` the
+    gap [W**0.5 s] that may be owed for `patience` periods without shrinking. `coarse`: the greatest
+    step of the effort that the port works with; `noisy`: third differences of the samples, squared,
+    beyond which noise takes more than the leak gives [rad**2 or m**2].
     """
 
     port: PortParams
@@ -26,13 +29,16 @@ class WaveEndParams(NamedTuple):
     admittance: AdmittanceParams
     wave: float
     quantum: float
+    step: float
     late: float
     delay: int
-    watch: float
+    window: int
     limp: float
     empty: float
     astray: float
     patience: int
+    coarse: float = math.inf
+    noisy: float = math.inf
 
 
 @dataclass(slots=True)
@@ -40,23 +46,31 @@ class WaveEnd:
     """State of one end: observer, tank, waves, and its books [J].
 
     `at`, `velocity`, `push` are observed: position [rad or m], velocity, acceleration from outside.
-    `stored` is what the tank holds beyond its reserve, 0 before it was filled. `wanted` is the
-    last requested effort [N m or N]; `cut_left` the periods for which an effort that limits cut
-    may still act, `cut_share` the share of the last periods in which the tank could not pay for
-    the whole wave; `owing` the periods for which a large gap was not below `least_gap`; `watched`
-    whether any of these is at work. `wave_sum` and `wave_energy` are of the waves whose commands
-    acted since the last sample. The `rate_` fields are the rate converter of a slow axis.
+    `account` is what the tank holds, `reserve` what it was filled with, 0 before. `wanted` is the
+    last requested effort and `under_way` the sum of the port's efforts that are still to act [N m
+    or N]; `cut_left` the periods for which an effort that limits cut may still act, `wanted_sum`,
+    `cut_sum`, `gap_sum` of the second that is watched, of which `watch_left` periods are left:
+    squares of the waves and what of them was not paid, and the gap; `cut_before`, `gap_before` of
+    the second before; `owing` the periods for which a large gap was not below `least_gap`;
+    `watched` whether any of these is at work, and `third_sum`, `third_count` the third differences
+    of the samples meanwhile, from the last displacements `moved`, `moved_before`. `wave_sum` and
+    `wave_energy` are of the waves whose commands acted since the last sample. The `rate_` fields
+    are the rate converter of a slow axis.
     """
 
     at: float = 0.0
     velocity: float = 0.0
     push: float = 0.0
     account: float = 0.0
-    stored: float = 0.0
+    reserve: float = 0.0
     gap: float = 0.0
     filtered: float = 0.0
     wanted: float = 0.0
-    cut_share: float = 0.0
+    under_way: float = 0.0
+    wanted_sum: float = 0.0
+    cut_sum: float = 0.0
+    gap_sum: float = 0.0
+    gap_before: float = 0.0
     leaving: float = 0.0
     wave_in: float = 0.0
     arrived: float = 0.0
@@ -73,8 +87,15 @@ class WaveEnd:
     rate_left: int = 0
     rate_count: int = 0
     cut_left: int = 0
+    moved: float = 0.0
+    moved_before: float = 0.0
+    third_sum: float = 0.0
+    third_count: int = 0
+    steady: int = 0
     least_gap: float = 0.0
     owing: int = 0
+    watch_left: int = 0
+    cut_before: bool = False
     watched: bool = False
 
 

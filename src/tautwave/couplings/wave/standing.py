@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from tautwave.config import Rig
 from tautwave.couplings.wave.keys import WavePair
+from tautwave.rig import line_delay
 from tautwave.types import CommandDelay
 from tautwave.wording import Standing
 
@@ -55,7 +56,7 @@ def held_share(rig: Rig, name: str, side: str, delays: Mapping[str, CommandDelay
 def _cost(rig: Rig, name: str, pair: WavePair, tau: float, time: float) -> str:
     rotary = rig.master.axes[name].kind == "rotary"
     unit, mass = ("rad per N m", "kg m^2") if rotary else ("m per N", "kg")
-    b, line = pair.impedance, rig.delay_samples * rig.period_s
+    b, line = pair.impedance, line_delay(rig).samples * rig.period_s
     inertia = moved_inertia(rig, name, pair)
     return (
         f"F tau / b: {line / b:.3g} {unit} of the line's delay, {(tau - line) / b:.3g} of sampling "

@@ -11,6 +11,9 @@ from tautwave.controller.steps import Guard, Law, Steps
 from tautwave.couplings.wave.port import (
     ASTRAY,
     LIMP,
+    LIMP_COARSE,
+    LIMP_NOISY,
+    LIMP_PLAIN,
     PORT_OVERDRAWN,
     act,
     brake,
@@ -119,7 +122,7 @@ def fill_tank(out: Row, at: int, s: AxisState, p: AxisParams, table: MutableSequ
         out,
         at,
         weight * (e.port_absorbed + waiting),
-        weight * (e.stored + waiting),
+        weight * (e.account - e.reserve + waiting),
         weight * (e.spilled - e.leaked),
     )
     if has_damper(p):
@@ -157,6 +160,12 @@ def fill_elements(
     return at
 
 
+def _limp(why: str) -> Guard:
+    """Return a lost coupling, and what most likely took the energy."""
+    lost = "its port could not pay for {found:.3g} % of the energy of the last second's waves"
+    return Guard("limp", "lost its coupling", f"{lost}, {why}")
+
+
 law = Law(
     name="wave",
     steps=Steps(
@@ -179,19 +188,31 @@ law = Law(
     guards={
         PORT_OVERDRAWN: Guard(
             "port_overdrawn",
-            "drew more energy than its port had in reserve: its tank is {found:.3g} J in debt, "
-            "{allowed:.3g} J are allowed,",
+            "drew more energy than its port had",
+            "the tank is {found:.3g} J in debt (limit {allowed:.3g} J)",
         ),
-        LIMP: Guard(
-            "limp",
-            "has lost its coupling: its port could not pay for {found:.3g} % of the waves of the "
-            "last second, {allowed:.3g} % are allowed (probably noise beyond position_noise, steps "
-            "of the effort, or hard motion of a port that is plain or declares almost no noise),",
+        LIMP: _limp(
+            "though its encoder is no noisier than declared: it is moved harder than its leak is "
+            "made for, or its motor does not do what it is asked for; look at the limits, the "
+            "effort_quantum and the inertia that the rig states"
+        ),
+        LIMP_NOISY: _limp(
+            "for its positions jump more than the leak is for, in the last second as noise of "
+            "{allowed:.2g} (SI) would: its encoder is noisier than position_noise, or of another "
+            "colour (tautwave identify --noise measures it), or it shakes against something "
+            "stiffer than the rig states"
+        ),
+        LIMP_COARSE: _limp(
+            "for its effort_quantum is above {allowed:.3g}, the coarsest that works here"
+        ),
+        LIMP_PLAIN: _limp(
+            "for work in one direction empties the tank of a plain port; give it a pole"
         ),
         ASTRAY: Guard(
             "astray",
-            "has lost its coupling: its port owes the other end a displacement of {found:.3g} that "
-            "does not shrink, {allowed:.3g} are allowed for so long,",
+            "lost its coupling",
+            "its port owes the other end a displacement of {found:.3g} that does not shrink (limit "
+            "{allowed:.3g})",
         ),
     },
     rings=2,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
+from tautwave.analysis.wave_port.device_class import LATEST
 from tautwave.certificate.belief import (
     assumed,
     broken_damping,
@@ -19,16 +20,21 @@ from tautwave.certificate.belief import (
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.certificate.rates import converter_element
 from tautwave.config import Rig
+from tautwave.couplings.claim import Claim, joules, short, watts
 from tautwave.couplings.wave.admittance import admittance_element
-from tautwave.couplings.wave.claim import Claim, claim_of, claimed_sentence, joules
+from tautwave.couplings.wave.claim import claim_of, claimed_sentence
 from tautwave.couplings.wave.device_port import binding, pair_of, port_of, remedy_of
-from tautwave.couplings.wave.from_keys import port_impedance
+from tautwave.couplings.wave.from_keys import coarsest_step, port_impedance
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.laws.port import plain_drain
-from tautwave.rig import at_axis_rate, pair_scale
+from tautwave.laws.receiver import RESERVE
+from tautwave.rig import at_axis_rate, coupled_axis, pair_scale
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
+
+EMPTY_CLAIM = 1e9
+"""Kinetic energies above which a claim says nothing."""
 
 
 def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterator[Element]:
@@ -57,7 +63,7 @@ def _impedance_port(rig: Rig, axis_name: str, delays: Delays, damping: float) ->
     }
     quantised = passive
     if isinstance(claim, Claim):
-        seconds = rig.duration_s
+        seconds = rig.claimed_s
         numbers |= {**claim._asdict(), "seen_j": claim.seen(seconds), "true_j": claim.true(seconds)}
         sentences.append(claimed_sentence(axis_name, claim, seconds))
         if claim.nonlinearity > 0.0:
@@ -66,12 +72,13 @@ def _impedance_port(rig: Rig, axis_name: str, delays: Delays, damping: float) ->
                 f"{name}: its encoder's nonlinearity hides {100.0 * claim.hidden(1.0):.3g} % of "
                 f"the energy that passes, at most {hidden} in {seconds:g} s; no run can see it."
             )
-        if passive.passed and claim.leak > 0.0:
+        noise = claim.leak - claim.lag
+        if passive.passed and noise > 0.0:
             quantised = Verdict(
                 False,
-                f"{name}: encoder step and noise look like losses; its tank is given "
-                f"{1e3 * claim.leak:.3g} mW for them, which may be released.",
-                margin=-claim.leak,
+                f"{name}: steps and noise drain its tank; the {watts(noise)} that make up for it "
+                "may come out.",
+                margin=-noise,
             )
     if left > 0.0:
         port = port_of(rig, axis_name, delays, left)
@@ -82,12 +89,14 @@ def _impedance_port(rig: Rig, axis_name: str, delays: Delays, damping: float) ->
                 f"{name}: without an observer its tank pays {100.0 * share:.3g} % of the work that "
                 f"passes; {joules(claim.reserve / share)} in one direction empty it."
             )
-        if passive.passed:
+        if passive.passed and not _is_augmented(rig, axis_name):
             unit = "N m/rad" if axis.kind == "rotary" else "N/m"
             stiffest = numbers["stiffest"] = port.stiffest()
+            walled = damping > 0.0 and port.observer.pole >= 0.0
             binds = binding(rig, axis_name, delays, left)
             sentences.append(
                 f"{name}: it tolerates springs up to {stiffest:.4g} {unit}"
+                f"{', its own wall counted' if walled else ''}"
                 f"{'; ' if binds else ''}{binds}."
             )
     return Element(name, "port", axis_name, passive, quantised, numbers, tuple(sentences))
@@ -130,14 +139,19 @@ def _passive(
     assert axis.inertia is not None
     name = f"{axis_name} port"
     if isinstance(claim, str):
-        return Verdict(
-            False, f"{name}: without {claim} nothing bounds what it may give out; give it"
-        )
+        return Verdict(False, f"{name}: nothing bounds what it may give out; give {claim}")
     if delay.remainder_s > 0.0:
         return Verdict(
             False,
-            f"{name}: its commands act a fraction of a period late, and the proof covers whole "
-            "periods only",
+            f"{name}: its commands act {delay.remainder_s * 1e3:.3g} ms later than a whole "
+            "number of periods, and the proof covers whole ones; choose a rate_hz whose period "
+            "divides the delay that the driver declares",
+        )
+    if delay.periods > LATEST:
+        return Verdict(
+            False,
+            f"{name}: its commands act {delay.periods} periods late, and the proof covers up to "
+            f"{LATEST}; lower rate_hz, or raise the divisor of its bus",
         )
     broken = (
         _unfiltered(rig, axis_name) or _unreachable(rig, axis_name),
@@ -161,48 +175,80 @@ def _passive(
             f"motor can give; check position_noise, encoder_quantum and the limits, or lower "
             "wave_impedance",
         )
+    step = axis.effort_quantum
+    coarsest = coarsest_step(
+        pair_of(rig, axis_name), axis_name.split(".")[0], coupled_axis(rig, axis_name, delay)
+    )
+    if step > coarsest:
+        effort = "N m" if axis.kind == "rotary" else "N"
+        stiffer = pair_of(rig, axis_name).impedance * step / coarsest
+        return Verdict(
+            False,
+            f"{name}: its drive's effort goes by steps of {step:g} {effort} (effort_quantum), and "
+            f"{coarsest:.3g} is the most that works: half of what the port resists with at the "
+            "velocity limit. Use a drive or mode with finer steps, or raise wave_impedance to "
+            f"{stiffer:.3g}",
+        )
     if left <= 0.0:
         return Verdict(
             False,
             f"{name}: its wall takes {taken:.4g} {unit} of the {axis.damping.lower:.4g} that the "
             "device surely has, and a port needs some; soften the wall",
         )
+    conditions = tuple(assumed(axis, axis_name, inertia=True, damping=True))
+    if _is_augmented(rig, axis_name):
+        return Verdict(
+            True,
+            f"{name}: passive by account: its tank pays for the force that is added to its wave, "
+            "and it claims no more than without; nothing is said of how calm it is.",
+            conditions,
+        )
     port = port_of(rig, axis_name, delays, left)
     d = port.devices
     spring, weight = ("N m/rad", "kg m^2") if axis.kind == "rotary" else ("N/m", "kg")
     whom = (
-        f"on any device of at least {d.mass:g} {weight} and {d.damping:.4g} {unit}, held by any "
-        f"passive hand or environment that is nowhere stiffer than a spring of {d.stiffness:.4g} "
-        f"{spring}"
+        f"device of at least {d.mass:g} {weight} and {d.damping:.4g} {unit}, held by a passive "
+        f"hand or environment that is nowhere stiffer than a spring of {d.stiffness:.4g} {spring}"
     )
     if not port.contracting:
         gain = port.gain.greatest
         return Verdict(
             False,
-            f"{name}: {whom}, {_excess(gain)}; {remedy_of(rig, axis_name, delays, left)}",
+            f"{name}: with a {whom}, {_excess(gain)}; {remedy_of(rig, axis_name, delays, left)}",
             margin=1.0 - gain if math.isfinite(gain) else None,
         )
-    conditions = assumed(axis, axis_name, inertia=True, damping=True)
+    times = claim.seen(0.0) / claim.kinetic
+    if times > EMPTY_CLAIM:
+        return Verdict(
+            False,
+            f"{name}: its limits bound nothing: it may give out {short(times)} times the kinetic "
+            f"energy of its device at the velocity limit, most of it unseen and at effort_limit "
+            f"{claim.effort:g}; give the limits that device and motor really have",
+        )
     return Verdict(
-        True,
-        f"{name}: returns no more of a wave than arrives {whom}.",
-        tuple(conditions),
-        0.0,
+        True, f"{name}: returns no more of a wave than arrives, with any {whom}.", conditions, 0.0
     )
+
+
+def _is_augmented(rig: Rig, axis_name: str) -> bool:
+    """Return whether a port sends more than its own motor's effort."""
+    return axis_name.startswith("slave.") and pair_of(rig, axis_name).force_gain > 0.0
 
 
 def _excess(gain: float) -> str:
     if gain > 100.0:
-        return "it is unstable"
+        return "it may be unstable"
     if gain == 1.0:
         return "it may return more of a wave than arrives: nothing is proved so near to the limit"
     much = f"{gain:.4g}" if gain > 1.001 else f"1 + {gain - 1.0:.2g}"
-    return f"it returns up to {much} of a wave"
+    return f"it may return {much} times the wave that arrives"
 
 
 def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
     """Yield the line, the filters of its ports and its scaling."""
     coupling = rig.coupling
+    if rig.link is not None:
+        yield from _network(pair)
     if rig.delay_samples:
         yield _fine(
             f"line of {pair}",
@@ -233,9 +279,23 @@ def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
         yield _fine(f"scaling of {pair}", "scaling", pair, "keeps power")
 
 
-def _fine(name: str, kind: str, pair: str, why: str) -> Element:
+def _network(pair: str) -> Iterator[Element]:
+    """Yield the receivers of a pair; what is between them only loses, delays and repeats."""
+    for side in ("master", "slave"):
+        yield _fine(
+            f"receiver of {side}.{pair}",
+            "receiver",
+            pair,
+            "gives out no more than was sent to it and "
+            f"{joules(RESERVE)}, compared in whole quanta at every tick, whatever the network "
+            "loses, delays or repeats",
+            reserve_j=RESERVE,
+        )
+
+
+def _fine(name: str, kind: str, pair: str, why: str, **numbers: object) -> Element:
     result = Verdict(True, f"{name}: {why}.")
-    return Element(name, kind, pair, result, result, {}, (result.reason,))
+    return Element(name, kind, pair, result, result, numbers, (result.reason,))
 
 
 def _remedy(rig: Rig, pair: str) -> str:

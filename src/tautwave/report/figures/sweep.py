@@ -29,6 +29,7 @@ from tautwave.canvas import (
     text_panel,
 )
 from tautwave.files import write_bytes
+from tautwave.report.figures.across import write_across_figure
 from tautwave.report.units import significant
 
 if TYPE_CHECKING:
@@ -67,6 +68,8 @@ def write_sweep_figure(sweep: Sweep, rows: Sequence[Row], out: Path) -> Path | N
     """Draw `rows` into `out`/sweep.png; None without a figure or with too few points."""
     if sweep.figure is None:
         return None
+    if sweep.figure.across is not None:
+        return write_across_figure(sweep, sweep.figure, rows, out) if rows else None
     curves = curves_of(sweep, sweep.figure, rows)
     if not curves:
         return None

@@ -13,6 +13,7 @@ from tautwave.report.run.tables import Table
 from tautwave.report.units import axis_units, number, quantity
 
 _HEAD = ("", "position, greatest", "of the travel", "effort, greatest", "of the greatest")
+STOPPED = ("interrupted", "safety_stop", "fault")
 _NAMES = {
     "oracle": "devices moved by the oracle",
     "half": "at half the rate",
@@ -56,9 +57,22 @@ def precision_sentences(run: Run) -> Iterator[str]:
         yield "At its own rate the replay reproduces the recorded truth bit for bit."
     elif equal is False:
         yield (
-            "At its own rate the replay does not reproduce the recorded truth "
-            "bit for bit: the run had faults."
+            "At its own rate the replay does not reproduce the recorded truth bit for bit"
+            f"{_why_not(run.summary)}."
         )
+
+
+def _why_not(summary: dict[str, Any]) -> str:
+    """Return what a run had that its replay does not draw again; empty if nothing is known."""
+    counts = block(summary, "axes").values()
+    reasons = {
+        "cycles were missed": number(summary.get("missed_cycles")),
+        "samples were lost or late": any(one.get("lost") or one.get("late") for one in counts),
+        "devices reported faults": summary.get("faults"),
+        "it was stopped": block(summary, "outcome").get("kind") in STOPPED,
+    }
+    why = [reason for reason, found in reasons.items() if found]
+    return f": in the run {', '.join(why)}" if why else ""
 
 
 def precision_tables(run: Run) -> Iterator[Table]:

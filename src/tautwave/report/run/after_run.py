@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from tautwave.certificate.after import Measured, recheck
-from tautwave.config import Rig
+from tautwave.config import Rig, local_wall, replace_wall
 from tautwave.errors import TautwaveError
 from tautwave.registry import load_driver
 from tautwave.report.ends import ends_of
+from tautwave.report.link import kept_of
 from tautwave.report.noise import noise_sentences
 from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.units import number
@@ -24,30 +25,70 @@ def recheck_run(run: Run) -> dict[str, Any]:
     """Return a run's summary with `certificate.after_run`.
 
     `invalidated` is true if the certificate held before the run and its measurements break it, or
-    if an end gave out more than it claimed, whatever the certificate said. If it cannot be
-    computed, `error` says why. `ends` are `report.ends` by axis; `notes` are sentences on those
-    that were hit and kept their claim, and on noise beyond the declared.
+    if an end gave out more than it claimed, or a receiver more than it got, whatever the
+    certificate said. If it cannot be computed, `error` says why. `ends` are `report.ends` by axis,
+    `receivers` what those held at the least; `notes` are sentences on ends that were hit and kept
+    their claim, and on noise beyond the declared.
     """
     summary = dict(run.summary)
     certificate = dict(block(summary, "certificate"))
     try:
-        after = recheck(run.checked_rig, measured_of(run, run.checked_rig))
+        rig, tuned = worst_rig(run)
+        after = recheck(rig, measured_of(run, rig))
     except TautwaveError as err:
-        after = {"passed": None, "error": str(err)}
+        after, tuned = {"passed": None, "error": str(err)}, []
     after["invalidated"] = certificate.get("passed") is True and after["passed"] is False
     ends = list(ends_of(run))
     after["ends"] = {
-        end.axis: {"given_j": end.given, "blow_j": end.blow, "claim_j": end.claim} for end in ends
+        end.axis: {
+            "given_j": end.given,
+            "blow_j": end.blow,
+            "claim_j": end.claim,
+            "true_j": block(certificate, "elements", f"{end.axis} port").get("true_j"),
+            "passed": end.passed,
+        }
+        for end in ends
     }
     hit = [end.sentence for end in ends if end.passed and end.sentence]
-    after["notes"] = [*hit, *noise_sentences(run)]
+    after["notes"] = [*hit, *noise_sentences(run), *tuned]
+    kept = list(kept_of(run))
+    if kept:
+        after["receivers"] = {one.element: {"least_j": one.least} for one in kept}
     broken = [end.sentence for end in ends if not end.passed]
+    broken += [one.sentence for one in kept if not one.passed]
     if broken:
         after |= {"passed": False, "invalidated": True}
         after["sentences"] = [*broken, *after.get("sentences", ())]
     certificate["after_run"] = after
     summary["certificate"] = certificate
     return summary
+
+
+def worst_rig(run: Run) -> tuple[Rig, list[str]]:
+    """Return a run's rig with the worst of what acted while it was tuned, and a sentence on it.
+
+    Of a wall that is the stiffness and damping, of one row, whose K T / 2 + B is greatest. The
+    filter of a wave line takes no part in what is looked at after a run.
+    """
+    rig, found = run.checked_rig, []
+    for axis in rig.axes:
+        wall = local_wall(rig, axis)
+        names = [f"tuning.{axis}.wall_{key}" for key in ("stiffness", "damping")]
+        columns = run.read(*names)
+        if wall is None or len(columns) < len(names):
+            continue
+        stiffness, damping = (columns[name] for name in names)
+        half = 0.5 * rig.axis_period_s(axis)
+        at = int(np.argmax(half * stiffness + damping))
+        worst = {"stiffness": float(stiffness[at]), "damping": float(damping[at])}
+        if np.ptp(stiffness) or np.ptp(damping):
+            unit = "N m/rad" if rig.axes[axis].kind == "rotary" else "N/m"
+            found.append(
+                f"{axis}: its wall was tuned; the certificate looks at the worst that acted, "
+                f"K = {worst['stiffness']:.4g} {unit}, B = {worst['damping']:.4g}"
+            )
+        rig = replace_wall(rig, axis, wall.model_copy(update=worst))
+    return rig, found
 
 
 def measured_of(run: Run, rig: Rig) -> Measured:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from tautwave.files import write_text
+from tautwave.report.fast_motion import fast_shares
 from tautwave.report.run.rebuild import rebuild_summary
 from tautwave.report.run.rundir import Run, served_rows
 
@@ -28,10 +29,17 @@ def complete_summary(run: Run) -> dict[str, Any]:
     pairs = {name: dict(block) for name, block in summary.get("pairs", {}).items()}
     for name, block in rebuilt.get("pairs", {}).items():
         pairs.setdefault(name, {}).update(block)
+    for name in run.pairs:
+        shares = fast_shares(run, name)
+        if shares:
+            pairs.setdefault(name, {})["fast_share"] = shares
     summary["pairs"] = pairs
     if "recording" in summary:
         read = {"rows_read": run.rows, "truncated": run.truncated}
         summary["recording"] = {**summary["recording"], **read}
+    loads = {side: found for side in ("master", "slave") if (found := load_energy(run, side))}
+    if loads:
+        summary["loads"] = loads
     energy = dict(rebuilt.get("energy_j", {}))
     energy.update(plant_energy(run, {name: power_ratio(block) for name, block in pairs.items()}))
     summary["energy_j"] = energy
@@ -49,6 +57,20 @@ def write_summary(run: Run) -> None:
     text = json.dumps(run.summary, indent=2, allow_nan=False) + "\n"
     write_text(run.directory / "summary.json", text)
     run.summary = json.loads(text)
+
+
+def load_energy(run: Run, side: str) -> dict[str, float]:
+    """Return what carrying a side's loads did [J]; empty where none are carried.
+
+    `potential` is what the loads hold more than at the start, `leak` what was taken out of the
+    devices beyond that (below 0: given to them), `given` the most that was given at any time.
+    """
+    found = {}
+    for what in ("potential", "leak", "given"):
+        values = run.read(f"load.{side}.{what}").get(f"load.{side}.{what}")
+        if values is not None and len(values):
+            found[f"{what}_j"] = float(values[-1])
+    return found
 
 
 def power_ratio(pair: dict[str, Any]) -> float:
@@ -90,6 +112,9 @@ def plant_energy(run: Run, ratios: dict[str, float]) -> dict[str, float]:
         sent = sent[served] if len(sent[served]) else sent
         motor = motor[served] if len(motor[served]) else motor
         believed = float(sent[-1] - sent[0])
+        carried = run.read(f"load.{axis}.energy").get(f"load.{axis}.energy")
+        if carried is not None and len(carried):
+            believed += weight * float(carried[-1] - carried[0])
         gap[axis] = believed + weight * float(motor[-1] - motor[0])
     figures = {"uncertainty": uncertainty}
     if found:

@@ -72,7 +72,7 @@ def load_run(directory: Path) -> Run:
 
 
 def _attach(run: Run, path: Path) -> None:
-    from tautwave.report.run.recording import read_recording  # mcap only where there is a recording
+    from tautwave.recordings.recording import read_recording  # mcap only where there is a recording
 
     if not path.is_file():
         raise RecordingError(f"{path.name} is missing")

@@ -90,11 +90,20 @@ def _body(run: Run) -> Iterator[Part]:
 def _motion(run: Run) -> Iterator[Part]:
     """The content for a run with at least one cycle."""
     yield from pair_parts(run)
+    yield from _arms(run)
     if run.ports:
         yield from scene_parts(run)
+    yield from _link(run)
     yield from _books(run)
     yield from _precision(run)
     yield from _timing(run)
+
+
+def _arms(run: Run) -> Iterator[Part]:
+    from tautwave.report.arms.files import arm_parts, has_arms
+
+    if has_arms(run):
+        yield from arm_parts(run)
 
 
 def _head(run: Run) -> Iterator[str]:
@@ -106,7 +115,7 @@ def _head(run: Run) -> Iterator[str]:
     else:
         yield "".join(f"<p>{escape(sentence)}</p>" for sentence in ended.sentences)
     if uncertified(run):
-        title = "This rig was run without certificate (--allow-uncertified)"
+        title = "This rig ran without a certificate (--allow-uncertified)"
         yield banner(title, uncertified(run), "bad")
     if invalidated(run):
         title = "What this run measured invalidates its certificate"
@@ -145,8 +154,17 @@ def _subtitle(run: Run) -> str:
     return " · ".join(parts)
 
 
+def _link(run: Run) -> Iterator[str]:
+    if run.site is not None:
+        from tautwave.report.joined import session_table
+
+        yield '<h2 id="link">Other site</h2>'
+        yield table(session_table(run), "text")
+
+
 def _books(run: Run) -> Iterator[str]:
     yield '<h2 id="books">Energy books</h2>'
+    yield table(tables.claim_table(run))
     yield table(tables.books_table(run))
     yield table(tables.element_table(run))
     yield table(tables.plant_table(run))

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from tautwave.report.figures.envelope import Floats
+from tautwave.report.link import link_figures
 from tautwave.report.motors import given_energy, motor_energy, worst_moment
 from tautwave.report.run.rundir import (
-    SIDES,
     Run,
     block,
     delay_of,
@@ -18,6 +18,7 @@ from tautwave.report.run.rundir import (
     offset_per_effort,
     served_rows,
 )
+from tautwave.report.units import number
 
 _PERCENTILES = {"p50": 50.0, "p99": 99.0, "p999": 99.9}
 
@@ -68,7 +69,7 @@ def rebuild_summary(run: Run) -> dict[str, Any]:
 
 def _motors(run: Run, pairs: dict[str, Any]) -> dict[str, float]:
     """Return the energy all motors delivered, net and at worst, and their allowed debt [J]."""
-    axes = [f"{side}.{pair}" for pair in pairs for side in SIDES]
+    axes = [f"{side}.{pair}" for pair in pairs for side in run.sides]
     axes += [f"master.{port}" for port in run.ports]
     given = given_energy(run, axes) if axes else None
     if given is None or not np.isfinite(given).all():
@@ -156,12 +157,12 @@ class Balance:
     def __init__(self, run: Run, pair: str) -> None:
         self.total = np.zeros(run.rows)
         self.gross_flow = 0.0
-        ports = [f"{side}.{pair}.port_energy" for side in SIDES]
+        ports = [f"{side}.{pair}.port_energy" for side in run.sides]
         self.by_ports = all(port in run.columns for port in ports)
         if self.by_ports:
             for _, entered in run.each(ports):
                 self.total += entered - entered[0]
-            for _, flow in run.each(f"{side}.{pair}.gross_flow" for side in SIDES):
+            for _, flow in run.each(f"{side}.{pair}.gross_flow" for side in run.sides):
                 self.gross_flow += float(flow[-1])
         self._by_flow = self.gross_flow > 0.0
 
@@ -180,11 +181,10 @@ def _pair(run: Run, pair: str) -> dict[str, Any]:
     for key in ("position_error", "effort_error"):
         values = run.read(f"{pair}.{key}").get(f"{pair}.{key}")
         if values is not None and np.isfinite(values).any():
-            known = values[np.isfinite(values)]
-            summary[key] = {
-                "rms": math.sqrt(float(np.dot(known, known)) / len(known)),
-                "max": float(max(known.max(), -known.min())),
-            }
+            summary[key] = _size(values)
+    late = _delayed_error(run, pair)
+    if late is not None:
+        summary["delayed_error"] = _size(late)
     offset = _expected_offset(run, pair)
     if offset is not None:
         summary["expected_offset"] = offset
@@ -193,11 +193,37 @@ def _pair(run: Run, pair: str) -> dict[str, Any]:
         account = _element(run, pair, element, balance)
         if account:
             summary["elements"][element] = account
+    link = link_figures(run, pair)
+    if link:
+        summary["link"] = link
     motors = motor_energy(run, pair)
     if motors:
         summary["motors"] = motors
     summary["_books"] = (balance.gross_flow, float(np.max(np.abs(balance.total))))
     return summary
+
+
+def _size(values: Floats) -> dict[str, float]:
+    known = values[np.isfinite(values)]
+    return {
+        "rms": math.sqrt(float(np.dot(known, known)) / len(known)),
+        "max": float(max(known.max(), -known.min())),
+    }
+
+
+def _delayed_error(run: Run, pair: str) -> Floats | None:
+    """Return the error against where the master was a line's delay ago [master units].
+
+    What the line itself causes is left out of it. None without a delay.
+    """
+    delay = number(block(run.rig, "coupling").get("delay_s")) or 0.0
+    late = round(delay * run.rate_hz) if np.isfinite(run.rate_hz) else 0
+    read = run.read(f"{pair}.position_error", f"master.{pair}.position")
+    if len(read) < 2 or not 0 < late < run.rows:
+        return None
+    error, master = read.values()
+    found = error[late:] - master[late:] + master[:-late]
+    return found if np.isfinite(found).any() else None
 
 
 def _expected_offset(run: Run, pair: str) -> float | None:

@@ -21,7 +21,7 @@ from tautwave.report.units import number
 from tautwave.wording import CouplingMessages
 
 if TYPE_CHECKING:
-    from tautwave.report.run.recording import Recording
+    from tautwave.recordings.recording import Recording
 
 WHOLE_CELLS = (
     12_000_000  # up to about 100 MB a recording is held in memory, above it is read by columns
@@ -62,7 +62,7 @@ class Run:
             return {"time_s": self.time[rows]}
         if self.scratch is not None:
             return {name: self.scratch.read(name, rows) for name in present}
-        from tautwave.report.run.recording import read_recording
+        from tautwave.recordings.recording import read_recording
 
         part = read_recording(self.directory / "recording.mcap", present, rows=rows)
         return {name: part[name] for name in present}
@@ -120,6 +120,17 @@ class Run:
             return declared
         ends = {c.split(".")[1] for c in self.columns if c.startswith("master.")}
         return sorted(ends)
+
+    @property
+    def site(self) -> str | None:
+        """Which of two sites recorded this, None where one machine ran both sides."""
+        here = block(self.rig, "sites").get("here")
+        return str(here) if here in SIDES else None
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """The sides that were recorded."""
+        return SIDES if self.site is None else (self.site,)
 
     @property
     def ports(self) -> list[str]:

@@ -55,7 +55,7 @@ def spread_columns(path: Path, columns: tuple[str, ...], rows: int) -> Scratch |
     RecordingError
         The recording cannot be read.
     """
-    from tautwave.report.run.recording import read_recording
+    from tautwave.recordings.recording import read_recording
 
     needed = 8 * rows * len(columns)
     folder = next((f for f in (path.parent, Path(tempfile.gettempdir())) if _fits(f, needed)), None)

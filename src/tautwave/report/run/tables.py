@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from tautwave.report.claims import kept_claims
 from tautwave.report.run.rundir import Run, block
 from tautwave.report.run.verdicts import units_of
 from tautwave.report.run.views import PairView
@@ -29,6 +30,7 @@ ELEMENT = {
     "converter": "between the line's rate and a slower bus'",
     "wall": "local virtual wall",
     "damper": "matched termination",
+    "operate": "both motors while not engaged",
     "coupler": "spring and damper between the devices",
 }
 _PLANT = {
@@ -115,6 +117,39 @@ def books_table(run: Run) -> Table:
     return Table("Both books", ("account", "energy"), tuple(rows))
 
 
+def claim_table(run: Run) -> Table:
+    """What each port gave out, against what it claimed before the run."""
+    rows = tuple(
+        (
+            end.axis,
+            quantity(end.claim, "J", 3),
+            "–" if end.true is None else quantity(end.true, "J", 3),
+            quantity(end.given, "J", 3),
+            "none" if end.blow == 0.0 else quantity(end.blow, "J", 3),
+            end.verdict,
+        )
+        for end in kept_claims(run.summary)
+    )
+    return Table(
+        "Ports, against their claims",
+        (
+            "port",
+            "claim, as seen",
+            "claim, in fact",
+            "gave out",
+            "blow from outside",
+            "verdict",
+        ),
+        rows,
+        "As seen is what the encoder shows, for any hand, noise and device of at least "
+        "inertia.lower; in fact adds what noise can hide if it is as declared. Gave out is the "
+        "most by which what came out exceeded what went in, at any moment, as the encoder saw it. "
+        "A blow is what the motor gave of that while its device was faster than the velocity "
+        "limit and than the motor can have made it with that inertia: it is not part of the "
+        "claim.",
+    )
+
+
 def plant_table(run: Run) -> Table:
     """True energies of hand, devices and environment, from the recording's last row."""
     axes: dict[str, dict[str, float]] = {}
@@ -179,14 +214,17 @@ def contact_table(view: PairView) -> list[Table]:
 def tracking_table(run: Run) -> Table:
     """Errors of every pair, as in the summary."""
     rows = []
+    late = any("delayed_error" in block(run.summary, "pairs", pair) for pair in run.pairs)
     for pair in run.pairs:
         figures = block(run.summary, "pairs", pair)
         position, effort = units_of(run, pair)
+        behind = block(figures, "delayed_error").get("rms")
         rows.append(
             (
                 pair,
                 quantity(block(figures, "position_error").get("rms"), position),
                 quantity(block(figures, "position_error").get("max"), position),
+                *([quantity(behind, position)] if late else []),
                 quantity(block(figures, "effort_error").get("rms"), effort),
                 quantity(block(figures, "effort_error").get("max"), effort),
                 "–"
@@ -194,8 +232,16 @@ def tracking_table(run: Run) -> Table:
                 else quantity(figures["expected_offset"], position),
             )
         )
-    head = ("pair", "position rms", "position max", "effort rms", "effort max", "standing offset")
-    return Table("Errors between master and slave, in the master's units", head, tuple(rows))
+    head = ["pair", "position rms", "position max"]
+    head += ["rms behind the line"] if late else []
+    head += ["effort rms", "effort max", "standing offset"]
+    note = "Behind the line: the slave against where the master was a line's delay ago."
+    return Table(
+        "Errors between master and slave, in the master's units",
+        tuple(head),
+        tuple(rows),
+        note if late else "",
+    )
 
 
 def timing_table(run: Run) -> Table:

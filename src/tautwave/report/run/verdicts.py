@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from tautwave.report.claims import exceeds
+from tautwave.report.calm import unrest
+from tautwave.report.claims import blows_of, claims_sentence, exceeds, kept_claims
+from tautwave.report.link import link_sentences
 from tautwave.report.run.rundir import (
     Run,
     axis_kind,
@@ -37,6 +39,7 @@ class Verdict(NamedTuple):
     sentences: tuple[str, ...]
 
 
+_STATES: dict[str, str] = {"failed": "not passed"}
 _OUTCOMES = {
     "finished": ("ok", "finished"),
     "interrupted": ("note", "interrupted by the user"),
@@ -54,10 +57,12 @@ def outcome(run: Run) -> Verdict:
 
 
 def verdicts(run: Run) -> list[Verdict]:
-    """Books, tracking, timing and certificate, in this order; the last alone without a cycle."""
+    """Books, tracking, link, timing and certificate; the last alone without a cycle."""
     if not run.began:
         return [_certificate(run)]
-    return [_books(run), _tracking(run), _timing(run), _certificate(run)]
+    said, felt = link_sentences(run)
+    link = [Verdict("Link", "note" if felt else "ok", tuple(said))] if said else []
+    return [_books(run), _tracking(run), *link, _timing(run), _certificate(run)]
 
 
 def _books(run: Run) -> Verdict:
@@ -91,7 +96,7 @@ def _books(run: Run) -> Verdict:
 
 
 def _given(run: Run, energy: dict[str, Any]) -> tuple[list[str], bool]:
-    """The energy the motors delivered, and whether it exceeds the ports' allowed debt."""
+    """What motors and ports gave, and whether it exceeds what was claimed before the run."""
     net, gross = number(energy.get("motors_net")), number(energy.get("gross_flow")) or 0.0
     if net is None:
         return [], False
@@ -105,11 +110,17 @@ def _given(run: Run, energy: dict[str, Any]) -> tuple[list[str], bool]:
             f"{quantity(motors.get('worst_at_s'), 's')}"
         )
         if motors.get("stated_debt") is not None:
-            over = exceeds(motors, gross)
+            over = exceeds(motors, gross, blows_of(run.summary, pair))
             bad = bad or over
             text += f", {'more than' if over else 'of'} the {quantity(motors['stated_debt'], 'J')} "
             text += "that the ports claimed before the run"
         sentences.append(f"{text}.")
+    ends = list(kept_claims(run.summary))
+    if ends:
+        broken = any(end.passed is False for end in ends)
+        bad = bad or broken
+        how = "did not keep" if broken else "kept"
+        sentences.append(f"The ports {how} their claims: {claims_sentence(ends)}.")
     return sentences, bad
 
 
@@ -131,6 +142,7 @@ def expected_offset(run: Run, pair: str) -> float | None:
 
 def _tracking(run: Run) -> Verdict:
     sentences = []
+    status = "info"
     cause_text = law_wording(run).offset_cause
     for pair in run.pairs:
         figures = block(run.summary, "pairs", pair)
@@ -155,7 +167,11 @@ def _tracking(run: Run) -> Verdict:
                 f"{quantity(force.get('max'), effort)} at most"
             )
         sentences.append(text + ".")
-    return Verdict("Tracking", "info", tuple(sentences) or ("This run has no pair.",))
+        buzz = unrest(figures.get("fast_share"), pair)
+        if buzz:
+            status = "bad"
+            sentences.append(buzz)
+    return Verdict("Tracking", status, tuple(sentences) or ("This run has no pair.",))
 
 
 def _timing(run: Run) -> Verdict:
@@ -252,13 +268,17 @@ def _lines(verdicts: Any) -> list[str]:
         found = [_ifs(value) for value in verdicts.values() if isinstance(value, dict)]
         given = [ifs for ifs in found if ifs]
         if len(given) < 2 or any(ifs != given[0] for ifs in given):
-            return [f"{name}: {_say(value)}" for name, value in verdicts.items()]
+            return [f"{_named(name)}: {_say(value)}" for name, value in verdicts.items()]
         # Conditions that several verdicts share are stated once.
-        lines = [f"{name}: {_say(value, ifs=False)}" for name, value in verdicts.items()]
+        lines = [f"{_named(name)}: {_say(value, ifs=False)}" for name, value in verdicts.items()]
         return [*lines, f"Conditional verdicts hold {'; '.join(given[0])}."]
     if isinstance(verdicts, list):
         return [_say(value) for value in verdicts]
     return [str(verdicts)] if verdicts else []
+
+
+def _named(verdict: str) -> str:
+    return verdict.replace("_", " ")
 
 
 def _say(value: Any, *, ifs: bool = True) -> str:
@@ -267,8 +287,13 @@ def _say(value: Any, *, ifs: bool = True) -> str:
     if isinstance(value, bool):
         return "passed" if value else "not passed"
     if isinstance(value, dict) and {"state", "reason"} <= value.keys():
+        state = str(value["state"])
         return "; ".join(
-            [str(value["state"]), str(value["reason"]).rstrip("."), *(_ifs(value) if ifs else ())]
+            [
+                _STATES.get(state, state),
+                str(value["reason"]).rstrip("."),
+                *(_ifs(value) if ifs else ()),
+            ]
         )
     if isinstance(value, dict):
         return ", ".join(f"{name} {_say(inner)}" for name, inner in value.items())

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import zlib
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tautwave.config import Axis, Rig, Scene, SceneLink
+from tautwave.config import Axis, Rig, Scene, Scene3d, SceneLink
 from tautwave.config.inputs.sounds import read_sound
 from tautwave.config.keys.scene import SoundForce
 from tautwave.controller.records import PIPE
@@ -80,6 +80,22 @@ def top_speed(axis: Axis) -> float:
     return 0.1 * (axis.effort_limit or math.inf) / axis.inertia.lower
 
 
+def coupling_springs(scene: Scene | Scene3d) -> Iterator[Link]:
+    """Yield the springs between ports and what they are coupled to, with every group expanded."""
+    for name, port in scene.ports.items():
+        if port.to is not None and port.stiffness is not None:
+            ends = scene.nodes_of(port.to)
+            for end in ends:
+                yield Link(
+                    f"{COUPLING} of {name}" if len(ends) == 1 else f"{COUPLING} of {name} to {end}",
+                    "spring",
+                    name,
+                    end,
+                    stiffness=port.stiffness,
+                    damping=port.damping,
+                )
+
+
 def whole_network(rig: Rig) -> Network:
     """Return a rig's network with every group expanded, nothing left out."""
     scene = _given(rig)
@@ -89,20 +105,7 @@ def whole_network(rig: Rig) -> Network:
         for at, node in enumerate(scene.nodes_of(name))
     ]
     links = [link for name, keys in scene.links.items() for link in _links(scene, name, keys)]
-    for name, port in scene.ports.items():
-        if port.to is not None and port.stiffness is not None:
-            ends = scene.nodes_of(port.to)
-            links += [
-                Link(
-                    f"{COUPLING} of {name}" if len(ends) == 1 else f"{COUPLING} of {name} to {end}",
-                    "spring",
-                    name,
-                    end,
-                    stiffness=port.stiffness,
-                    damping=port.damping,
-                )
-                for end in ends
-            ]
+    links += coupling_springs(scene)
     forced = dict.fromkeys(
         node for force in scene.forces.values() for node in scene.nodes_of(force.on)
     )

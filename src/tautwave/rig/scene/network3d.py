@@ -8,7 +8,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tautwave.config import Link3d, Rig, Scene3d, Vector
-from tautwave.rig.scene.network import COUPLING, hold_account, scene_control, scene_run, sound_force
+from tautwave.rig.scene.network import (
+    coupling_springs,
+    hold_account,
+    scene_control,
+    scene_run,
+    sound_force,
+)
 from tautwave.rig.truth import SEED_WORD
 from tautwave.runtime.scene.axes import MOST_NODES, SceneControl
 from tautwave.scene.network import GROUND, Link
@@ -48,20 +54,7 @@ def whole_network3d(rig: Rig) -> Network3d:
             else:
                 masses.append(Mass3d(node, keys.mass, place, keys.velocity, keys.damping))
     links = [link for name, keys in scene.links.items() for link in _links(scene, name, keys)]
-    for name, port in scene.ports.items():
-        if port.to is not None and port.stiffness is not None:
-            ends = scene.nodes_of(port.to)
-            links += [
-                Link(
-                    f"{COUPLING} of {name}" if len(ends) == 1 else f"{COUPLING} of {name} to {end}",
-                    "spring",
-                    name,
-                    end,
-                    stiffness=port.stiffness,
-                    damping=port.damping,
-                )
-                for end in ends
-            ]
+    links += coupling_springs(scene)
     moving = {mass.name for mass in masses}
     forced = dict.fromkeys(
         (node, unit(force.direction))

@@ -8,8 +8,10 @@ ramp and limits clip, and what a held effort creates.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from tautwave.contracts import Row
@@ -24,11 +26,12 @@ from tautwave.controller.axis import (
 from tautwave.controller.records import FINISHED, AxisParams, AxisState, RunParams
 from tautwave.controller.rows import axis_columns, fill_axis
 from tautwave.controller.run import arm, ramp_share, stop_on_guard
+from tautwave.controller.slotted import all_slotted
 from tautwave.controller.steps import Guard, Law, Steps
 from tautwave.controller.stops import AxisName
 from tautwave.laws.limit import OVERDRAWN, RUNAWAY, RUNAWAY_TIMES
 from tautwave.runtime.control import Control
-from tautwave.runtime.scene.hold import HoldAccount
+from tautwave.runtime.scene.hold import HoldAccount, absorbed
 from tautwave.scene.ledger import Ledger
 from tautwave.scene.live import SceneModel
 
@@ -59,12 +62,12 @@ SCENE = Law("scene", Steps(close=book_work), SceneEnd)
 
 def guarded(limit: float) -> Law:
     """Return the scene's law with the sentence of its stop; `limit` [J] is that of its account."""
-    sentence = (
-        f"drew more energy from its scene than it put in, by over {limit:.3g} J "
-        "(scene.hold_limit_j), because efforts are held for a period (raise rate_hz, or lower the "
-        "stiffness it meets),"
+    sentence = "drew more energy from its scene than it put in"
+    detail = (
+        f"by over {limit:.3g} J (scene.hold_limit_j), because efforts are held for a period; raise "
+        "rate_hz, or lower the stiffness it meets"
     )
-    return SCENE._replace(guards={OVERDRAWN: Guard("overdrawn", sentence)})
+    return SCENE._replace(guards={OVERDRAWN: Guard("overdrawn", sentence, detail)})
 
 
 class SceneRun:
@@ -97,42 +100,46 @@ class SceneRun:
         self.model = model
         self.account = account
         self.axes = axes
-        self.params = params
-        self._scales = scales
-        self._offsets = offsets
-        self._forces = forces
-        self._slots = min(map(len, forces), default=0)
+        self.params = all_slotted(params)
+        self.scales = scales
+        self.offsets = offsets
+        count = self.forced = len(forces)
+        rows = array("d", chain.from_iterable(zip(*forces, strict=False)))
+        self.pushed = len(rows)
+        rows.extend([0.0] * count)  # what pushes after the end
+        self.forces = memoryview(rows)  # a cycle's are handed over at once
         self.slot = 0
         self.positions = [0.0] * len(axes)
         self.efforts = [0.0] * len(axes)
-        self._most = [RUNAWAY_TIMES * p.site.limit.effort for p in params]
-        self._ended = 0
+        self.most = [RUNAWAY_TIMES * p.site.limit.effort for p in params]
+        self._asked = [0.0] * len(axes)
+        self.ended = 0
 
     def place(self, port: int) -> None:
         """Take the measured position of an axis."""
-        self.positions[port] = self._scales[port] * self.axes[port].position + self._offsets[port]
+        self.positions[port] = self.scales[port] * self.axes[port].position + self.offsets[port]
 
     def begin(self) -> None:
         """Start the scene with the ports at their present positions."""
         self.model.reset(self.positions)
         self.slot = 0
-        self._ended = 0
+        self.ended = 0
         if self.account is not None:
             self.account.begin()
 
     def is_calm(self, port: int, share: float) -> bool:
         """Return True if the scene at rest commands at most `share` of an axis' limit."""
-        resting = self._scales[port] * self.model.resting_efforts()[port]
+        resting = self.scales[port] * self.model.resting_efforts()[port]
         return abs(resting) <= share * self.params[port].site.limit.effort
 
     def think(self, skipped: int, ramp: float) -> None:
         """Advance over the elapsed slots and this one; set the scene's efforts."""
-        if not self._ended:
-            self._ended = self._advance(skipped)
+        if not self.ended:
+            self.ended = self._advance(skipped)
         for s, p, effort in zip(self.axes, self.params, self.efforts, strict=True):
             ceiling = ramp * p.ceiling
-            if self._ended and not s.stopping:
-                s.guard = self._ended
+            if self.ended and not s.stopping:
+                s.guard = self.ended
                 stop_axis(s, p, ceiling)
             elif s.valid:
                 s.guard = render_axis(s, p, effort, ceiling)
@@ -145,37 +152,28 @@ class SceneRun:
         RUNAWAY: its state is not finite or grows without bound (unstable). OVERDRAWN: holding its
         efforts has created more energy than allowed.
         """
+        count = self.forced
         try:
             for _ in range(skipped + 1):
-                at = self.slot
-                self.slot = at + 1
-                pushes = (
-                    [force[at] for force in self._forces] if at < self._slots else self._silence
-                )
-                pulls = self.model.advance(self.positions, pushes)
+                at = min(count * self.slot, self.pushed)
+                self.slot += 1
+                pulls = self.model.advance(self.positions, self.forces[at : at + count])
         except ArithmeticError:  # powers of floats raise where products are infinite
             return RUNAWAY
-        asked = [scale * pull for scale, pull in zip(self._scales, pulls, strict=True)]
-        if not all(-most <= one <= most for most, one in zip(self._most, asked, strict=True)):
-            return RUNAWAY  # NaN as well
+        asked, most = self._asked, self.most
+        for axis, pull in enumerate(pulls):
+            asked[axis] = effort = self.scales[axis] * pull
+            if not -most[axis] <= effort <= most[axis]:
+                return RUNAWAY  # NaN as well
         account = self.account
         if account is not None and account.overdrawn(self.efforts, skipped + 1, self.model.booked):
             return OVERDRAWN
         self.efforts[:] = asked
         return 0
 
-    @property
-    def _silence(self) -> list[float]:
-        return [0.0] * len(self._forces)
-
     def absorbed(self) -> float:
         """Return the energy that the devices gave [J]."""
-        total: float = sum(s.end.absorbed for s in self.axes)
-        return total
-
-    def ledger(self) -> Ledger:
-        """Return the energies of the scene at the last sample."""
-        return self.model.booked
+        return absorbed(self.axes, range(len(self.axes)))
 
 
 class SceneControl(Control):
@@ -227,10 +225,10 @@ class SceneControl(Control):
         if o.armed_at < 0:
             return self._engage(slot)
         for port, at in enumerate(self.ports):
-            s, p = self.axes[at], self.params[at]
+            s, p = self.axes[at], self.quick[at]
             for _ in range(skipped + 1):
-                pass_slot(s, p, self._table, SCENE.steps)
-            take_sample(s, p, self.samples[at], SCENE.steps)
+                pass_slot(s, p, self._table, self.steps)
+            take_sample(s, p, self.samples[at], self.steps)
             if s.valid:
                 self.scene.place(port)
         self.scene.think(skipped, ramp_share(r, o, slot))
@@ -265,8 +263,8 @@ class SceneControl(Control):
         """Write all columns of the scene at index `at`: axes, energies, where its nodes are."""
         run = self.scene
         for which in self.ports:
-            at = fill_axis(row, at, self.axes[which], self.params[which], 1.0, SCENE.steps)
-        ledger = run.ledger()
+            at = fill_axis(row, at, self.axes[which], self.quick[which], 1.0, self.steps)
+        ledger = run.model.booked
         start = run.model.start
         for value in ledger:
             row[at] = value

@@ -16,8 +16,8 @@ network still holds.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Sequence
+from collections.abc import MutableSequence, Sequence
+from dataclasses import dataclass
 
 from tautwave.controller.records import AxisState
 from tautwave.scene.ledger import Ledger
@@ -26,40 +26,109 @@ STORED_SHARE = 0.25
 """Share of the scene's energy by which `numeric` may oscillate without growth for w T < 1."""
 
 
-class _Held:
-    """One axis: the scene's efforts that acted since its last sample."""
+@dataclass(slots=True)
+class Held:
+    """One axis: the scene's efforts that acted since its last sample.
 
-    __slots__ = ("count", "late", "pipe", "position", "recent", "total")
+    `rate` is the device's least damping over the period; a command waits `periods` in the pipe,
+    from `first` on, and then `late` of one.
+    """
 
-    def __init__(self, delay_periods: int, late: float) -> None:
-        self.pipe = deque([0.0] * delay_periods)
-        self.late = late
-        self.recent = 0.0
-        self.total = 0.0
-        self.count = 0
-        self.position = 0.0
+    rate: float = 0.0
+    late: float = 0.0
+    recent: float = 0.0
+    total: float = 0.0
+    position: float = 0.0
+    count: int = 0
+    periods: int = 0
+    first: int = 0
+    head: int = 0
 
-    def pass_slot(self, asked: float) -> None:
-        """Book one slot: the effort that acted in it, one command delay after it was computed."""
-        self.pipe.append(asked)
-        acting = self.pipe.popleft()
-        self.total += self.late * self.recent + (1.0 - self.late) * acting
-        self.recent = acting
-        self.count += 1
 
-    def close(self, position: float) -> tuple[float, float]:
-        """Return the energy from the device [J] and dx**2 / slots, since the last sample."""
-        moved = position - self.position
-        self.position = position
-        given = moved * self.total / self.count
-        dissipated = moved * moved / self.count
-        self.total = 0.0
-        self.count = 0
-        return given, dissipated
+@dataclass(slots=True)
+class Debt:
+    """Both debts [J], the sums of the last cycle, and what is allowed."""
+
+    debt: float = 0.0
+    clipped_debt: float = 0.0
+    given: float = 0.0
+    created: float = 0.0
+    allowance: float = 0.0
+    share: float = 0.0
+
+
+def absorbed(axes: Sequence[AxisState], ports: Sequence[int]) -> float:
+    """Return what the devices gave, with the efforts that acted [J]."""
+    total = 0.0
+    for port in range(len(ports)):
+        total += axes[ports[port]].end.absorbed
+    return total
+
+
+def pass_held(h: Held, pipe: MutableSequence[float], asked: float) -> None:
+    """Book one slot: the effort that acted in it, one command delay after it was computed."""
+    acting = asked
+    if h.periods > 0:
+        at = h.first + h.head
+        acting = pipe[at]
+        pipe[at] = asked
+        h.head += 1
+        if h.head == h.periods:
+            h.head = 0
+    h.total += h.late * h.recent + (1.0 - h.late) * acting
+    h.recent = acting
+    h.count += 1
+
+
+def book_hold(
+    a: Debt,
+    helds: Sequence[Held],
+    pipe: MutableSequence[float],
+    axes: Sequence[AxisState],
+    ports: Sequence[int],
+    asked: Sequence[float],
+    slots: int,
+    ledger: Sequence[float],
+) -> bool:
+    """Book a cycle; return whether the scene has created more energy than allowed.
+
+    `ports` are the axes of the ports, `asked` the scene's resisting efforts [N m or N] until now,
+    `slots` those that have passed; `ledger` is the scene's, its ports at the present positions.
+    """
+    given = 0.0
+    dissipated = 0.0
+    for port in range(len(ports)):
+        s = axes[ports[port]]
+        h = helds[port]
+        for _ in range(slots):
+            pass_held(h, pipe, asked[port])
+        if s.valid and h.count > 0:
+            moved = s.position - h.position
+            h.position = s.position
+            given += moved * h.total / h.count
+            dissipated += h.rate * (moved * moved / h.count)
+            h.total = 0.0
+            h.count = 0
+    # Sums since the start on one side, those of this cycle on the other.
+    created = ledger[6] + ledger[5] - ledger[3]  # work of the ports, numeric, lost
+    gained = created - a.created - dissipated
+    a.created = created
+    a.debt = a.debt + gained - given
+    if a.debt < 0.0:
+        a.debt = 0.0
+    acted = absorbed(axes, ports)
+    a.clipped_debt = a.clipped_debt + gained - (acted - a.given)
+    if a.clipped_debt < 0.0:
+        a.clipped_debt = 0.0
+    a.given = acted
+    inside = ledger[0] + ledger[1]
+    if a.clipped_debt - inside > a.allowance:
+        return True
+    return a.debt > a.allowance + a.share * inside
 
 
 class HoldAccount:
-    """The debt of a scene [J].
+    """The debt of a scene.
 
     Parameters
     ----------
@@ -88,6 +157,7 @@ class HoldAccount:
         holds_forces: bool = False,
     ) -> None:
         self._axes = axes
+        self._ports = range(len(axes))
         self._delays = delays
         self._rates = [damping / period for damping in dampings]
         self.allowance = allowance
@@ -96,51 +166,17 @@ class HoldAccount:
 
     def begin(self) -> None:
         """Start with no debt, the axes at their present positions."""
-        self.debt = 0.0
-        self.clipped_debt = 0.0
-        self._given = self._absorbed()
-        self._held = [_Held(periods, late) for periods, late in self._delays]
-        for held, axis in zip(self._held, self._axes, strict=True):
-            held.position = axis.position
-        self._created = 0.0
-
-    def _absorbed(self) -> float:
-        """Return what the devices gave, with the efforts that acted [J]."""
-        total: float = sum(axis.end.absorbed for axis in self._axes)
-        return total
+        self.state = Debt(allowance=self.allowance, share=self._share)
+        self.state.given = absorbed(self._axes, self._ports)
+        self.helds, first = [], 0
+        for (periods, late), axis, rate in zip(self._delays, self._axes, self._rates, strict=True):
+            held = Held(rate, late, position=axis.position, periods=periods, first=first)
+            self.helds.append(held)
+            first += periods
+        self.pipe = [0.0] * first
 
     def overdrawn(self, asked: Sequence[float], slots: int, ledger: Ledger) -> bool:
-        """Book a cycle; return whether the scene has created more energy than allowed.
-
-        Parameters
-        ----------
-        asked : sequence of float
-            Resisting efforts [N m or N] of the scene until now.
-        slots : int
-            Elapsed slots.
-        ledger : Ledger
-            Ledger of the scene, its ports at the present positions.
-        """
-        given = 0.0
-        dissipated = 0.0
-        for axis, held, effort, rate in zip(
-            self._axes, self._held, asked, self._rates, strict=True
-        ):
-            for _ in range(slots):
-                held.pass_slot(effort)
-            if axis.valid and held.count:
-                energy, square = held.close(axis.position)
-                given += energy
-                dissipated += rate * square
-        # Sums since the start on one side, those of this cycle on the other.
-        created = ledger.port_work + ledger.numeric - ledger.lost
-        gained = created - self._created - dissipated
-        self._created = created
-        self.debt = max(self.debt + gained - given, 0.0)
-        acted = self._absorbed()
-        self.clipped_debt = max(self.clipped_debt + gained - (acted - self._given), 0.0)
-        self._given = acted
-        inside = ledger.kinetic + ledger.stored
-        if self.clipped_debt - inside > self.allowance:
-            return True
-        return self.debt > self.allowance + self._share * inside
+        """Book a cycle; see `book_hold`."""
+        return book_hold(
+            self.state, self.helds, self.pipe, self._axes, self._ports, asked, slots, ledger
+        )

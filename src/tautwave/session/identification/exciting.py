@@ -1,6 +1,6 @@
-"""Excitation of one axis, all others without effort: the controller of `identify`.
+"""Excitation of axes, all others without effort: the controller of `identify`.
 
-The axis' own laws, guards and limits stay: the multisine is the far end of a weak position
+An axis' own laws, guards and limits stay: the multisine is the far end of a weak position
 coupling, so that effort = excitation - K (x - centre) - B v, limited last before the motor. There
 is no coupling between master and slave. SI units; rotary axes read N m and rad.
 """
@@ -8,9 +8,9 @@ is no coupling between master and slave. SI units; rotary axes read N m and rad.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -65,6 +65,24 @@ def pull_back(s: AxisState, p: AxisParams, coast: float) -> float:
 
 
 SHAKEN = Law("excitation", Steps(think=pull_back), ShakenEnd)
+
+
+class Mover(Protocol):
+    """Moves one axis: the far end of its spring."""
+
+    spring: ShakenParams
+
+    def start(self, position: float) -> None:
+        """Begin at the device's position [rad or m]."""
+        ...
+
+    def pass_slots(self, count: int) -> None:
+        """Skip slots."""
+        ...
+
+    def far(self, position: float, velocity: float) -> float:
+        """Return where the far end is in this slot [rad or m]."""
+        ...
 
 
 class Plan(NamedTuple):
@@ -137,11 +155,6 @@ def plan_excitation(
     )
 
 
-def no_excitation(rig: Rig) -> Plan:
-    """Return the plan that gives no axis any effort."""
-    return Plan("", (), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, rig.period_s, 0.0, 0.0)
-
-
 class Excitation:
     """The multisine with a gain that grows until the device moves enough, and halves beyond."""
 
@@ -155,6 +168,11 @@ class Excitation:
         self._reach = plan.reach
         self.gain = 0.0
         self.centre = 0.0
+        self.spring = ShakenParams(plan.stiffness, plan.damping)
+
+    def far(self, position: float, velocity: float) -> float:
+        """Return where the far end of the spring is for this slot's effort [rad or m]."""
+        return self.centre + self.effort(position, velocity) / self._plan.stiffness
 
     def start(self, position: float) -> None:
         """Begin around the device's position, within the available room.
@@ -205,7 +223,7 @@ class Excitation:
 
 
 class ExcitedControl(Control):
-    """No coupling and no scene: at most one axis is excited, the others get no effort.
+    """No coupling and no scene: some axes are excited, the others get no effort.
 
     Parameters
     ----------
@@ -213,8 +231,8 @@ class ExcitedControl(Control):
         See `Control`.
     axes : sequence of int
         Axes of the pairs in their order, master and slave; the only axis of a scene's port.
-    plan : Plan
-        Excitation of the axis.
+    movers : mapping
+        What moves axes, by their full name.
     table : list of float
         Commands on their way.
     """
@@ -225,14 +243,13 @@ class ExcitedControl(Control):
         names: Sequence[AxisName],
         params: Sequence[AxisParams],
         axes: Sequence[int],
-        plan: Plan,
+        movers: Mapping[str, Mover],
         table: list[float],
     ) -> None:
         super().__init__(run, names, params, SHAKEN)
         self._order = axes
         self._table = table
-        self._stiffness = plan.stiffness
-        self._shaken = {at: Excitation(plan) for at in axes if names[at].name == plan.axis}
+        self._shaken = {at: movers[names[at].name] for at in axes if names[at].name in movers}
         for at in axes:
             self.columns += axis_columns(names[at].name, params[at], SHAKEN)
 
@@ -252,8 +269,7 @@ class ExcitedControl(Control):
             if shaken is not None:
                 shaken.pass_slots(1 + skipped)
                 if m.valid:
-                    effort = shaken.effort(s.position, s.velocity)
-                    s.end.far_position = shaken.centre + effort / self._stiffness
+                    s.end.far_position = shaken.far(s.position, s.velocity)
                 s.guard = decide_axis(s, p, self._table, m.valid, ramp, SHAKEN.steps)
             elif m.valid:
                 s.guard = guard_axis(p.site.limit, s.position, s.velocity)
@@ -285,16 +301,15 @@ class ExcitedControl(Control):
             at = fill_axis(row, at, self.axes[which], self.params[which], 1.0, SHAKEN.steps)
 
 
-def excite(rig: Rig, assembly: Assembly, plan: Plan) -> Assembly:
+def excite(rig: Rig, assembly: Assembly, movers: Mapping[str, Mover]) -> Assembly:
     """Return the assembly with an `ExcitedControl` in place of every coupling, or of its scene."""
     delays = {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
     axes = tuple(delays)
     params = []
     at = 0
     for name in axes:
-        shaken = name == plan.axis
         site = bare_site(rig, name) if rig.scene is not None else site_params(rig, name)
-        spring = ShakenParams(*((plan.stiffness, plan.damping) if shaken else (0.0, 0.0)))
+        spring = movers[name].spring if name in movers else ShakenParams(0.0, 0.0)
         site = site._replace(has_wall=False)
         params.append(controlled_axis(rig, name, delays[name], site, at, end=spring))
         at += PIPE * delays[name].periods
@@ -307,7 +322,7 @@ def excite(rig: Rig, assembly: Assembly, plan: Plan) -> Assembly:
         assert isinstance(assembly.control, SceneControl)
         order = list(assembly.control.ports)
     names = axis_names(rig, axes)
-    control = ExcitedControl(assembly.control.run, names, params, order, plan, [0.0] * at)
+    control = ExcitedControl(assembly.control.run, names, params, order, movers, [0.0] * at)
     before = sum(len(source.columns) for source in assembly.sources)
     timing = assembly.columns[: len(assembly.columns) - before]
     sources = [control, *assembly.sources[1:]]  # the first is the controller's

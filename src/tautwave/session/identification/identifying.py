@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -30,7 +30,14 @@ from tautwave.runtime.recorder import Recorder
 from tautwave.session.certified import certificate_of, refuse_uncertified
 from tautwave.session.checking import bus_budgets, over_budget, require_drivers
 from tautwave.session.devices import devices
-from tautwave.session.identification.exciting import Plan, excite, plan_excitation
+from tautwave.session.identification.exciting import (
+    Excitation,
+    Mover,
+    Plan,
+    excite,
+    plan_excitation,
+)
+from tautwave.session.identification.slots import axis_slots
 from tautwave.session.running import loop_conditions
 from tautwave.types import CommandDelay
 
@@ -202,7 +209,7 @@ def identify_device(
     run = record_excitation(
         rig,
         name,
-        plan,
+        {name: Excitation(plan)},
         out=out,
         clock=clock,
         duration_s=duration_s,
@@ -238,7 +245,7 @@ class ExcitedRun(NamedTuple):
 def record_excitation(
     rig: Rig,
     name: str,
-    plan: Plan,
+    movers: Mapping[str, Mover],
     *,
     out: Path,
     clock: str,
@@ -248,7 +255,7 @@ def record_excitation(
     attach: bool,
     progress: Callable[[float, str], None] | None,
 ) -> ExcitedRun:
-    """Run a rig without its coupling, as the plan says, and record it; see `identify_device`.
+    """Run a rig without its coupling, moved as given, and record it; see `identify_device`.
 
     Raises
     ------
@@ -284,7 +291,9 @@ def record_excitation(
     if attach:
         notes.append("Doubtful: devices served by another process keep their hand and environment.")
     with devices(rig, ways) as ways:
-        assembly = excite(rig, build_rig(rig, clock=clock, duration_s=duration_s, ways=ways), plan)
+        assembly = excite(
+            rig, build_rig(rig, clock=clock, duration_s=duration_s, ways=ways), movers
+        )
         delays = {key: bus.driver.command_delay for bus in assembly.buses for key in bus.axes}
         text = resolved_yaml(rig)
         make_directory(out)
@@ -338,34 +347,20 @@ def fit_recorded(
 ) -> DeviceFit:
     """Fit the device of one axis to the recording of its excitation."""
     from tautwave.analysis.identification.device_model import fit_device
-    from tautwave.report.run.recording import read_recording
 
-    leaves = ("position", "commanded", "valid")
-    recording = read_recording(path, ["time_s", *(f"{name}.{leaf}" for leaf in leaves)])
-    slots = np.rint(recording.time_s * rig.rate_hz).astype(np.int64)
-    slots -= slots[0]
-    valid = recording[f"{name}.valid"] > 0.5
-    every = np.arange(slots[-1] + 1)
-    known = np.zeros(len(every), dtype=bool)
-    known[slots[valid]] = True
-    if np.count_nonzero(valid) < 2:
-        raise RecordingError(f"{path}: {name} has almost no valid samples")
-    position = np.interp(every, slots[valid], recording[f"{name}.position"][valid])
-    # A command stays until the next one, over slots that were skipped too.
-    held = np.searchsorted(slots, every, side="right") - 1
-    effort = recording[f"{name}.commanded"][held]
+    seen = axis_slots(path, name, rig)
     try:
         return fit_device(
-            position,
-            effort,
+            seen.position,
+            seen.effort,
             rig.period_s,
             cutoff_hz=2.0 * highest_hz,
             delay=delay.periods + delay.remainder_s / rig.period_s,
-            known=known,
+            known=seen.known,
         )
     except ValueError as err:
         raise RecordingError(
-            f"{path}: {name} was excited with up to {np.max(np.abs(effort)):.3g} "
+            f"{path}: {name} was excited with up to {np.max(np.abs(seen.effort)):.3g} "
             f"{'N m' if rig.axes[name].kind == 'rotary' else 'N'} and cannot be identified: "
             f"{err}; free it, or raise --share"
         ) from err

@@ -16,7 +16,9 @@ from tautwave.analysis.identification.contact_model import (
     fit_contact,
 )
 from tautwave.analysis.identification.contact_motion import motion_of
+from tautwave.analysis.identification.hand_model import fit_hand
 from tautwave.analysis.identification.regression import Array, RecursiveLeastSquares
+from tautwave.analysis.identification.sensor_lag import Recorded, fit_lagged
 from tautwave.errors import RecordingError
 from tautwave.files import make_directory, write_text
 from tautwave.session.identification.recorded_columns import Series, read_series
@@ -92,6 +94,7 @@ def identify_recording(
     filter_hz: float | None = None,
     begin_s: float | None = None,
     end_s: float | None = None,
+    intent: str | None = None,
 ) -> ContactResult:
     """Fit the environment to a run directory, an MCAP recording of tautwave or a CSV file.
 
@@ -106,6 +109,8 @@ def identify_recording(
         Cut-off of the filter on force and motion [Hz]; default 40, at most rate / 25.
     begin_s, end_s : float, optional
         Part of the recording [s on its own clock].
+    intent : str, optional
+        Column with the position that the hand wanted: the fit is then that of its grip.
 
     Raises
     ------
@@ -124,10 +129,22 @@ def identify_recording(
         still = series.position_name if not np.ptp(series.position) > 0.0 else series.effort_name
         raise RecordingError(f"{source}: {still} never changes, so nothing can be identified")
     names = AUTOMATIC if model == "auto" else (model,)
-    fits = [fit for name in names if (fit := fit_contact(motion, name)) is not None]
+    if intent is not None:
+        part = (begin_s, end_s)
+        wanted = read_series(source, intent, series.effort_name, time, axis, part).position
+        fits = [fit_hand(motion, wanted)]
+    else:
+        fits = [fit for name in names if (fit := fit_contact(motion, name)) is not None]
     if not fits:
         raise RecordingError(f"{source}: the position never changes, so no contact can be fitted")
     chosen = choose(fits)
+    damping = chosen.parameters.get("damping")
+    if intent is None and damping is not None and damping.upper < 0.0:
+        seen = Recorded(series.position, series.effort, series.period, cutoff, series.known)
+        lagged = fit_lagged(seen, chosen)
+        if lagged is not None:
+            fits = [*fits, lagged]
+            chosen = lagged
     found = chosen.elastic_share >= LEAST_ELASTIC and chosen.working_stiffness.lower > 0.0
     track_s, track = _track(chosen)
     notes = [*series.notes, *_doubts(chosen, found)]
@@ -170,6 +187,12 @@ def _doubts(fit: ContactFit, found: bool) -> list[str]:
         )
     damping = fit.parameters.get("damping") or fit.parameters.get("loss")
     stiffness = fit.parameters["stiffness"].value
+    lag = fit.parameters.get("lag")
+    if lag is not None:
+        notes.append(
+            f"The force lags the motion by {1e3 * lag.value:.2g} ms (a filter in the sensor, or "
+            "bending in front of it); stiffness and damping are those behind that lag."
+        )
     if damping is not None and damping.upper < 0.0 and "damping" in fit.parameters and found:
         notes.append(
             f"The damping comes out negative: the force lags the motion by"
@@ -202,7 +225,7 @@ def contact_snippet(fit: ContactFit) -> str | None:
             f"exponent: {value['exponent']:.4g}, loss: {max(value['loss'], 0.0):.4g}, "
             f"position: {value['surface']:.4g}, side: {side}}}"
         )
-    if fit.name == "mass":
+    if fit.name in ("mass", "hand"):
         return (
             f"{{mass: {max(value['mass'], 0.0):.4g}, damping: {damping:.4g}, "
             f"stiffness: {value['stiffness']:.4g}, lever_arm: 1}}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from tautwave.analysis.identification.regression import Array
 from tautwave.errors import ConfigError, RecordingError
+from tautwave.recordings.columns import column_names, read_columns, recording_file
 
 MOST_SAMPLES = 100_000
 """Most samples used of a recording; more would take minutes without improving the fit."""
@@ -91,11 +91,11 @@ def read_positions(
 
 def _only_position(source: Path, axis: str | None) -> str:
     """Return the column of the given axis' position, or of the only one."""
-    if source.suffix == ".csv":
-        header = csv_header(source)
+    if source.suffix != ".mcap":
+        header = column_names(source)
         places = [name for name in header if "position" in name.lower() or "angle" in name.lower()]
         return _one(source, "position", "--position", places, header)
-    from tautwave.report.run.recording import read_recording
+    from tautwave.recordings.recording import read_recording
 
     names = read_recording(source, rows=slice(0, 1)).axes()
     if axis is None and len(names) > 1:
@@ -113,20 +113,21 @@ def _read(
         source = source / "recording.mcap"
     if not source.is_file():
         raise RecordingError(f"{source}: there is no such recording")
-    if source.suffix == ".csv":
-        from tautwave.motion import read_recording as read_column
-
+    if source.suffix != ".mcap":
         if axis is not None:
-            raise ConfigError(f"{source}: a CSV file has no axes; use --position and --effort")
-        header = csv_header(source)
+            raise ConfigError(
+                f"{source}: a {source.suffix[1:].upper()} file has no axes; "
+                "use --position and --effort"
+            )
+        header = column_names(source)
         clock = time or _one(source, "time", "--time", [n for n in header if n in _TIMES], header)
         position, effort = csv_columns(source, header, position, effort)
-        times, places = read_column(source, position, clock)
-        _, efforts = read_column(source, effort, clock)
+        read = read_columns(source, [position, effort], clock)
+        times, places, efforts = read[clock], read[position], read[effort]
         valid = np.ones(len(times), dtype=bool)
         rotary = _rotary(position, effort)
     else:
-        from tautwave.report.run.recording import read_recording
+        from tautwave.recordings.recording import read_recording
 
         clock = time or "time_s"
         names = read_recording(source, rows=slice(0, 1))
@@ -188,13 +189,21 @@ def _even(series: Series, times: Array, part: tuple[float | None, float | None])
     )
 
 
-def csv_header(path: Path) -> list[str]:
-    """Column names from the first line of a CSV file."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            return [name.strip() for name in next(csv.reader(file), [])]
-    except (OSError, UnicodeDecodeError, csv.Error) as err:
-        raise RecordingError(f"{path}: the recording cannot be read: {err}") from err
+def motor_column(source: Path, axis: str | None, effort: str | None) -> str | None:
+    """Return the column of a motor's effort: the given one, else found by its name."""
+    if effort is not None:
+        return effort
+    file = recording_file(source)
+    if not file.is_file():
+        return None  # reported where it is read
+    names = column_names(file)
+    if file.suffix == ".mcap":
+        able = [name for name in names if name.rpartition(".")[2] == "motor_effort"]
+        able = able or [name for name in names if name.rpartition(".")[2] == "commanded"]
+        able = [name for name in able if axis is None or name.rpartition(".")[0] == axis]
+    else:
+        able = [name for name in names if "command" in name.lower() or "motor" in name.lower()]
+    return _one(file, "motor's effort", "--effort", able, names, None, ("slave",))
 
 
 def csv_columns(

@@ -13,7 +13,7 @@ from tautwave.analysis.identification.encoder_noise import (
 )
 from tautwave.config import Rig
 from tautwave.errors import ConfigError, RecordingError
-from tautwave.session.identification.exciting import no_excitation
+from tautwave.rig.arms import without_carrying
 from tautwave.session.identification.identifying import record_excitation
 from tautwave.session.identification.recorded_columns import Series, read_positions
 
@@ -109,7 +109,7 @@ def identify_still(
     if name not in rig.axes:
         raise ConfigError(f"{rig.name}: there is no axis {name!r}; there are {', '.join(rig.axes)}")
     run = record_excitation(
-        rig, name, no_excitation(rig), out=out, duration_s=duration_s, progress=progress, **ways
+        without_carrying(rig), name, {}, out=out, duration_s=duration_s, progress=progress, **ways
     )
     with run.heard.raised():
         found = identify_noise(out / "recording.mcap", axis=name)
@@ -125,8 +125,8 @@ def _doubts(series: Series, fit: NoiseFit) -> list[str]:
     notes = []
     if fit.autocorrelation is None:
         notes.append(
-            "The noise is below half a step and cannot be told from it; its colour stays unknown, "
-            "so that the worst one counts."
+            "The noise is below half a step and cannot be distinguished from it; its colour stays "
+            "unknown, so that the worst one counts."
         )
     else:
         notes.append(

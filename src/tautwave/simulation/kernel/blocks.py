@@ -40,3 +40,12 @@ def lay_out(given: Mapping[str, Sequence[float]], whole: Collection[str]) -> Blo
         block[part] = values
         views[name] = memoryview(block)[part]
     return Blocks(floats, counts, np.array(at, np.int64), views)
+
+
+def put(view: Any, values: Sequence[float]) -> None:
+    """Write numbers to the front of a view; a memoryview is copied as a whole."""
+    if isinstance(values, memoryview):
+        view[:] = values
+        return
+    for at, value in enumerate(values):
+        view[at] = value

@@ -1,8 +1,9 @@
 """The kernel compiled by numba, and a cache that no edit can leave stale.
 
-numba's own cache looks at the text of the compiled function only: after an edit in a function
-that it calls, the old machine code is used on. So the cache lies in a folder named by a hash of
-every source the kernel is made of, and of numba's and NumPy's versions.
+numba's own cache looks at the path and text of the compiled function only: after an edit in a
+function that it calls, the old machine code is used on, and a second checkout of the same sources
+compiles everything again. So the cache lies in a folder named by a hash of every source the kernel
+is made of, and of numba's and NumPy's versions, and what is compiled says that it lies there too.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ from tautwave.errors import ConfigError
 from tautwave.laws import limit, observer, port, site
 from tautwave.link import network as link_network
 from tautwave.link import receiver as link_receiver
+from tautwave.link import trace as link_trace
 from tautwave.models import plant
+from tautwave.runtime.scene import hold
 from tautwave.scene import batch, ledger
 from tautwave.scene.schemes import gradient, islands, kutta, stepping
 from tautwave.scene.schemes import tension as pulling
@@ -39,18 +42,19 @@ from tautwave.scene3d import stepping as stepping3d
 from tautwave.scene3d import tension as tension3d
 from tautwave.simulation.kernel import device, records, rows
 from tautwave.simulation.kernel import run as kernel
+from tautwave.simulation.live import scene as live_scene
 from tautwave.simulation.live import steps as live_steps
 from tautwave.simulation.scene import steps as network_steps
 from tautwave.simulation.scene import tick as network_tick
 from tautwave.simulation.scene import tick3d
 
 CONTROLLER_MODULES = (controller_records, steps, axis, pair, controller_rows, run)
-LINK_MODULES = (link_receiver, link_network)
+LINK_MODULES = (link_receiver, link_network, link_trace)
 KERNEL_MODULES = (*CONTROLLER_MODULES, *LINK_MODULES, records, device, rows, kernel, live_steps)
 MODULES_3D = (stepping3d, tension3d, solving3d, ledger3d, tick3d)
 SCENE_MODULES = (
     *(stepping, pulling, islands, gradient, kutta, ledger, batch),
-    *(network_steps, network_tick),
+    *(network_steps, network_tick, hold, live_scene),
 )
 
 INLINED = {
@@ -129,8 +133,8 @@ def cache_directory(law: Law = ALONE, more: Modules = ()) -> Path:
 
 def is_cached(entry: Callable[..., Any], law: Law = ALONE) -> bool:
     """Return whether `cached(entry)` was compiled before, here and of the present sources."""
-    name = f"{Path(inspect.getfile(entry)).stem}.{entry.__qualname__}"  # as numba names its files
-    return any(cache_directory(law).glob(f"**/{name}-*.nbi"))
+    name = f"{entry.__module__}.{entry.__qualname__}"  # as numba names its files
+    return any(cache_directory(law).glob(f"*/{name}-*.nbi"))
 
 
 def functions_of(module: ModuleType) -> Iterator[Callable[..., Any]]:
@@ -226,6 +230,16 @@ def compiled_steps(law: Law) -> ModuleType:
     return made
 
 
+def _copy_of(entry: Callable[..., Any], directory: Path) -> Path:
+    """Put a copy of a function's source file into a folder unless it is there; return its path."""
+    copy = directory / f"{entry.__module__}.py"
+    if not copy.exists():
+        draft = directory / f"{copy.stem}-{os.getpid()}.py"  # a second process puts the same there
+        draft.write_bytes(Path(inspect.getfile(entry)).read_bytes())
+        draft.replace(copy)
+    return copy
+
+
 def _compile(
     entry: Callable[..., Any],
     law: Law,
@@ -235,18 +249,19 @@ def _compile(
     numba = load_numba()
     for module in (*source_modules(), *more):
         register(entry, functions_of(module))
-    function = entry
-    if "STEPS" in entry.__code__.co_names:
+    known, code = entry.__globals__, entry.__code__
+    if "STEPS" in code.co_names:
         register(entry, behind(law.steps))
-        known = {**entry.__globals__, "STEPS": compiled_steps(law)}
-        function = FunctionType(entry.__code__, known, entry.__name__)
-        function.__qualname__ = entry.__qualname__
+        known = {**known, "STEPS": compiled_steps(law)}
     directory = cache_directory(law, more)
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        kept = os.access(directory, os.W_OK)
+        code = code.replace(co_filename=str(_copy_of(entry, directory)))
+        kept = True
     except OSError:
         kept = False  # a read-only home: compile every time
+    function = FunctionType(code, known, entry.__name__, entry.__defaults__)
+    function.__qualname__ = entry.__qualname__
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(directory)
     try:

@@ -8,27 +8,37 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.config import EnvironmentPart, Rig
+from tautwave.config import EnvironmentPart, Rig, has_plain_devices
 from tautwave.controller.records import PIPE, AxisParams, PairParams, RunParams
 from tautwave.controller.steps import Law
 from tautwave.controller.stops import AxisName
 from tautwave.errors import ConfigError
 from tautwave.models.foam import FoamParams
 from tautwave.models.plant_params import plant_cache
+from tautwave.models.sensors.effort import NO_SENSOR
 from tautwave.models.servo import ServoParams
 from tautwave.rig import (
     SEED_WORD,
     axis_model,
     axis_names,
     axis_params,
+    between,
     build_rig,
+    check_ends,
     coupling_law,
     pair_params,
     run_params,
     true_delay_s,
 )
-from tautwave.simulation.kernel.records import FOAM, PLANT, SERVO, DeviceParams, FakeParams
-from tautwave.streams import MISSING, NOISE, OVERRUN, normal_noise
+from tautwave.simulation.kernel.records import (
+    FOAM,
+    HELD,
+    PLANT,
+    SERVO,
+    DeviceParams,
+    FakeParams,
+)
+from tautwave.streams import MISSING, NOISE, OVERRUN, SENSOR, normal_noise
 from tautwave.truth import AxisModel
 from tautwave.types import CommandDelay
 
@@ -40,7 +50,7 @@ NO_SERVO = ServoParams(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 class Job(NamedTuple):
     """A rig as tables. `axes` and `names` are those of the axes in the order of the tables.
 
-    `start` is where the devices stand [rad or m]; `table` holds every float that is no record
+    `start` is where the devices stand [rad or m]; `table` holds every float that is not a record
     (references, noise, commands and waves on their way), `flags` overruns and missing samples.
     """
 
@@ -105,12 +115,20 @@ def pack_rig(rig: Rig, duration_s: float | None = None, facts: RigFacts | None =
         raise ConfigError(
             f"{rig.name}: a scene is simulated by the live loop only; tautwave run --clock fake"
         )
+    if rig.site is not None:
+        raise ConfigError(
+            f"{rig.name}: this is one site's half, which is not simulated alone; leave --site"
+        )
     for name, keys in rig.simulation.environment.items():
         if isinstance(keys, EnvironmentPart):
             raise ConfigError(
                 f"simulation.environment.{name}: part {keys.part} is not compiled; a sweep takes "
                 "the environments of tautwave itself"
             )
+    if has_plain_devices(rig):
+        raise ConfigError(
+            f"{rig.name}: arms and loads are not compiled; tautwave run --clock fake simulates them"
+        )
     cycles = max(round((rig.duration_s if duration_s is None else duration_s) * rig.rate_hz), 1)
     facts = rig_facts(rig) if facts is None else facts
     delays = facts.delays
@@ -127,12 +145,17 @@ def pack_rig(rig: Rig, duration_s: float | None = None, facts: RigFacts | None =
     devices = []
     for name, model in zip(axes, models, strict=True):
         at = floats.add(np.zeros(PIPE * delays[name].periods))
-        controlled.append(axis_params(rig, name, delays[name], at))
+        try:
+            controlled.append(axis_params(rig, name, delays[name], at))
+        except ConfigError:
+            check_ends(rig, delays)
+            raise
         devices.append(pack_device(model, floats, flags, cycles))
     pairs = []
     for name in rig.coupling.pairs:
-        at = floats.add(np.zeros(law.rings * rig.delay_samples))
-        pairs.append(pair_params(rig, name, axes, at))
+        link, content = between(rig, name, floats.size)
+        at = floats.add(np.array(content))
+        pairs.append(pair_params(rig, name, axes, at, link))
     return Job(
         rig=rig,
         columns=facts.columns,
@@ -163,13 +186,13 @@ class Pieces:
     def __init__(self, kind: type[Any]) -> None:
         self._kind = kind
         self._pieces: list[Array] = []
-        self._size = 0
+        self.size = 0
 
     def add(self, piece: Array) -> int:
         """Add a piece and return the index of its first number."""
-        at = self._size
+        at = self.size
         self._pieces.append(piece)
-        self._size += len(piece)
+        self.size += len(piece)
         return at
 
     def join(self) -> Array:
@@ -190,7 +213,9 @@ def pack_device(model: AxisModel, floats: Pieces, flags: Pieces, cycles: int) ->
     whole = math.floor(model.command_delay + 1e-9)
     share = model.command_delay - whole
     kind = PLANT
-    if model.servo is not None:
+    if model.imposed:
+        kind = HELD
+    elif model.servo is not None:
         kind = SERVO
     elif model.foam is not None:
         kind = FOAM
@@ -214,6 +239,12 @@ def pack_device(model: AxisModel, floats: Pieces, flags: Pieces, cycles: int) ->
         noise=floats.add(draw_noise(model, cycles)),
         missing=flags.add(draw_missing(model, cycles)),
         loses=model.missing_probability > 0.0,
+        push=floats.add(np.asarray(model.push, dtype=np.float64)),
+        pushes=len(model.push),
+        senses=model.sensor is not None,
+        sensor=NO_SENSOR if model.sensor is None else model.sensor,
+        sensed=floats.add(np.zeros(0 if model.sensor is None else model.sensor.delay)),
+        sensor_noise=floats.add(draw_sensor_noise(model, cycles)),
     )
 
 
@@ -222,6 +253,13 @@ def draw_noise(model: AxisModel, cycles: int) -> Array:
     if model.position_noise == 0.0:
         return np.zeros(0)
     return normal_noise((*model.seed, NOISE), cycles, model.colour)
+
+
+def draw_sensor_noise(model: AxisModel, cycles: int) -> Array:
+    """Return the effort sensor's noise of every cycle, of standard deviation 1."""
+    if model.sensor is None or model.sensor.noise == 0.0:
+        return np.zeros(0)
+    return normal_noise((*model.seed, SENSOR), cycles, ())
 
 
 def draw_missing(model: AxisModel, cycles: int) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 
 from tautwave.models.foam import FoamParams
 from tautwave.models.plant_params import PlantCache, PlantParams
+from tautwave.models.sensors.effort import SensorParams
 from tautwave.models.servo import ServoParams
 
 PLANT = 0
@@ -40,7 +41,9 @@ class DeviceParams(NamedTuple):
     """The truth of one axis; see `truth.AxisModel`.
 
     `reference` and `last` are the first index in the table of references and the number of the
-    last one (-1: no hand); `noise` and `missing` are the first indices of the drawn ones.
+    last one (-1: no hand); `push` and `pushes` the first index of recorded efforts and how many;
+    `sensed` the first index of what the effort sensor will show, `sensor_noise` of its noise;
+    `noise` and `missing` are the first indices of the drawn ones.
     """
 
     plant: PlantParams
@@ -62,13 +65,21 @@ class DeviceParams(NamedTuple):
     noise: int
     missing: int
     loses: bool
+    push: int
+    pushes: int
+    senses: bool
+    sensor: SensorParams
+    sensed: int
+    sensor_noise: int
 
 
 @dataclass(slots=True)
 class DeviceState:
     """State of one simulated device.
 
-    `reads`: samples so far; `asked`: the pending exchange of a slow bus, -1 for none.
+    `push` is the recorded effort on it at this slot, `pushed` the work it did. The effort sensor
+    has filtered `felt` and shows `shown`; `speed` is that of the slot before. `reads`: samples so
+    far; `asked`: the pending exchange of a slow bus, -1 for none.
     """
 
     x: float = 0.0
@@ -79,6 +90,12 @@ class DeviceState:
     viscous_loss: float = 0.0
     coulomb_loss: float = 0.0
     environment_loss: float = 0.0
+    pushed: float = 0.0
+    push: float = 0.0
+    felt: float = 0.0
+    shown: float = 0.0
+    speed: float = 0.0
+    shown_at: int = 0
     command: float = 0.0
     acting: float = 0.0
     held: float = 0.0

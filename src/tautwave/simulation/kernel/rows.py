@@ -23,14 +23,14 @@ def fill_device(out: MutableSequence[float], at: int, b: DeviceState, d: DeviceP
         at = at + 2
     out[at] = environment
     out[at + 1] = b.hand_work
-    out[at + 2] = b.motor_work
+    out[at + 2] = b.motor_work - b.pushed
     out[at + 3] = kinetic
     out[at + 4] = grip
     out[at + 5] = surroundings
     out[at + 6] = b.grip_loss
     out[at + 7] = b.viscous_loss
     out[at + 8] = b.coulomb_loss
-    out[at + 9] = b.environment_loss
+    out[at + 9] = b.environment_loss - b.pushed
     return at + 10
 
 

@@ -23,7 +23,13 @@ from tautwave.controller.records import (
 from tautwave.controller.rows import fill_pair
 from tautwave.controller.run import begin_run, begin_stop, check_sample, run_cycle
 from tautwave.controller.steps import Steps
-from tautwave.simulation.kernel.device import aim_hand, command_device, measure_device, pass_device
+from tautwave.simulation.kernel.device import (
+    aim_hand,
+    begin_sensor,
+    command_device,
+    measure_device,
+    pass_device,
+)
 from tautwave.simulation.kernel.records import DeviceParams, DeviceState, FakeParams
 from tautwave.simulation.kernel.rows import fill_device, fill_measured
 
@@ -74,6 +80,7 @@ def run_rig(
     begin_run(r, o, params, axes)
     for i in range(r.axes):
         aim_hand(bodies[i], devices[i], table)
+        begin_sensor(bodies[i], devices[i], table)
         asking = bodies[i]
         asking.asked = -1
     at = 0
@@ -94,7 +101,10 @@ def run_rig(
             noise = 0.0
             if d.position_noise > 0.0:
                 noise = table[d.noise + b.reads]
-            measure_device(m, b, d, noise, d.loses and flags[d.missing + b.reads])
+            loud = 0.0
+            if d.senses and d.sensor.noise > 0.0:
+                loud = table[d.sensor_noise + b.reads]
+            measure_device(m, b, d, noise, d.loses and flags[d.missing + b.reads], loud)
             b.reads += 1
             check_sample(r, o, params[i], axes, m, slot, i)
         # close, exchange and think

@@ -17,6 +17,7 @@ from tautwave.controller.records import (
     RunState,
     Sample,
 )
+from tautwave.controller.slotted import all_slotted
 from tautwave.simulation.kernel.pack import Array, Job
 from tautwave.simulation.kernel.records import (
     DeviceParams,
@@ -124,12 +125,12 @@ def object_tables(job: Job) -> Tables:
         runs=[job.run],
         fakes=[job.fake],
         outcomes=[RunState()],
-        params=job.params,
+        params=all_slotted(job.params),
         axes=[AxisState(end=job.law.end()) for _ in job.axes],
         samples=[Sample() for _ in job.axes],
-        devices=job.devices,
+        devices=all_slotted(job.devices),
         bodies=bodies,
-        pairs=job.pairs,
+        pairs=all_slotted(job.pairs),
         states=[PairState(link=job.law.link()) for _ in job.pairs],
         table=job.table.tolist(),
         flags=job.flags.tolist(),
@@ -154,7 +155,7 @@ def view_of(values: Any) -> memoryview[float]:
 
 
 def _plain(value: Any) -> Any:
-    """Return nested NamedTuples and states as nested plain tuples, which NumPy takes as records."""
+    """Return a state as nested tuples, which NumPy takes as records; NamedTuples are some."""
     if is_dataclass(value):
         return tuple(_plain(getattr(value, field.name)) for field in fields(value))
-    return tuple(_plain(part) for part in value) if isinstance(value, tuple) else value
+    return value

@@ -67,7 +67,7 @@ class CompiledControl(Control):
             blank_records(Sample, count),
             records_of(PairParams, given.pairs),
             blank_records(PairState, len(given.pairs), link=given.law.link),
-            np.zeros(max(len(given.table), 1)),
+            np.array(given.table or [0.0]),
             self._inputs,
             self._outputs,
             self._row,
@@ -83,6 +83,8 @@ class CompiledControl(Control):
         self._told = view_of(self._outputs)
         self._filled = view_of(self._row)
         self._impedance = [p.impedance for p in given.params]
+        self._wire = given.wire
+        self._floats: Any = view_of(tables[7])
         self._fault = self._faulty = -1
         self._last = 0
 
@@ -118,6 +120,8 @@ class CompiledControl(Control):
         """Close, exchange and think, or engage; return False if the run must not begin."""
         self._step(slot, skipped, self._fault)
         self._fault = -1
+        if self._wire is not None:
+            self._wire.carry(self._floats)
         return self._told[self._begun] != 0.0
 
     def fill(self, row: Row, at: int) -> None:
@@ -144,7 +148,7 @@ class CompiledControl(Control):
         if skipped >= self.run.overrun_limit:
             self._stop(slot, skipped)
 
-    def fault(self, slot: int, which: int) -> bool:
+    def fault(self, slot: int, which: int, sentence: str) -> bool:
         """Stop in this cycle since a device said so; return whether no reason is known yet."""
         if self._told[self._kind] != FINISHED or self._fault >= 0:
             return False

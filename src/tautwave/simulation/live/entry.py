@@ -21,8 +21,10 @@ from tautwave.controller.records import (
     Sample,
 )
 from tautwave.controller.steps import ALONE, Law, NoParams, Steps
+from tautwave.runtime.scene.hold import Debt, Held
 from tautwave.simulation.kernel import compiled
 from tautwave.simulation.kernel.records import DeviceParams, DeviceState, record_type
+from tautwave.simulation.live.scene import ScenePort, SceneState, step_scene
 from tautwave.simulation.live.steps import end_control, step_control, step_devices
 
 numba: Any = importlib.import_module("numba")
@@ -88,12 +90,57 @@ def _step_devices(
     step_devices(d, b, m, carray(table, 1), lost, given, carray(row, 1), count, slot, command != 0)
 
 
+def _step_scene(
+    runs: Any, outcomes: Any, params: Any, axes: Any, samples: Any, scenes: Any, ends: Any,
+    helds: Any, debts: Any, table: Any, pipe: Any, floats: Any, wholes: Any, places: Any,
+    ports: Any, forces: Any, efforts: Any, start: Any, inputs: Any, outputs: Any, row: Any,
+    count: int, size: int, whole: int, fields: int, slot: int, skipped: int,
+) -> None:  # fmt: skip
+    r: Any = carray(runs, 1)
+    n: Any = r[0].axes
+    step_scene(
+        r,
+        carray(outcomes, 1),
+        carray(params, n),
+        carray(axes, n),
+        carray(samples, n),
+        carray(scenes, 1),
+        carray(ends, count),
+        carray(helds, count),
+        carray(debts, 1),
+        carray(table, 1),
+        carray(pipe, 1),
+        carray(floats, size),
+        carray(wholes, whole),
+        carray(places, fields),
+        carray(ports, count),
+        carray(forces, 1),
+        carray(efforts, 1),
+        carray(start, 1),
+        carray(inputs, 1),
+        carray(outputs, 1),
+        carray(row, 1),
+        slot,
+        skipped,
+        STEPS,
+    )
+
+
 _FLOATS = (float,) * 4
+_SCENE = (SceneState, ScenePort, Held, Debt)
 _ENTRIES: dict[str, tuple[Callable[..., None], tuple[type[Any], ...], int]] = {
     "step_control": (
         _step_control,
         (RunParams, RunState, AxisParams, AxisState, Sample, PairParams, PairState, *_FLOATS),
         3,
+    ),
+    "step_scene": (
+        _step_scene,
+        (
+            *(RunParams, RunState, AxisParams, AxisState, Sample, *_SCENE),
+            *(float, float, float, int, int, int, *(float,) * 6),
+        ),
+        6,
     ),
     "end_control": (_end_control, (RunParams, RunState, AxisState, float), 2),
     "step_devices": (
@@ -107,7 +154,7 @@ _ENTRIES: dict[str, tuple[Callable[..., None], tuple[type[Any], ...], int]] = {
 
 def _type_of(kind: type[Any], parts: dict[type[Any], dict[str, Any]]) -> Any:
     """Return numba's type of what an array holds."""
-    numbers = {float: types.float64, bool: types.boolean}
+    numbers = {float: types.float64, int: types.int64, bool: types.boolean}
     if kind in numbers:
         return numbers[kind]
     return numba.from_dtype(record_type(kind, **parts.get(kind, {})))

@@ -22,7 +22,13 @@ from tautwave.controller.records import (
 from tautwave.controller.rows import fill_pair
 from tautwave.controller.run import begin_stop, check_sample, end_by, run_cycle
 from tautwave.controller.steps import Steps
-from tautwave.simulation.kernel.device import aim_hand, command_device, measure_device, pass_device
+from tautwave.simulation.kernel.device import (
+    aim_hand,
+    begin_sensor,
+    command_device,
+    measure_device,
+    pass_device,
+)
 from tautwave.simulation.kernel.records import DeviceParams, DeviceState
 from tautwave.simulation.kernel.rows import fill_device
 
@@ -138,12 +144,17 @@ def step_devices(
         m = samples[i]
         if b.slot == 0:
             aim_hand(b, d, table)
+            if b.reads == 0:
+                begin_sensor(b, d, table)
         while b.slot < slot:
             pass_device(b, d, table)
         noise = 0.0
         if d.position_noise > 0.0:
             noise = table[d.noise + b.reads]
-        measure_device(m, b, d, noise, d.loses and flags[d.missing + b.reads])
+        loud = 0.0
+        if d.senses and d.sensor.noise > 0.0:
+            loud = table[d.sensor_noise + b.reads]
+        measure_device(m, b, d, noise, d.loses and flags[d.missing + b.reads], loud)
         b.reads += 1
         values[3 * i] = m.position
         values[3 * i + 1] = m.effort

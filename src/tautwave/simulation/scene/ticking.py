@@ -12,7 +12,7 @@ from tautwave.scene.ledger import Ledger
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Network
 from tautwave.simulation.kernel import compiled
-from tautwave.simulation.kernel.blocks import lay_out
+from tautwave.simulation.kernel.blocks import lay_out, put
 from tautwave.simulation.scene import tick as network_tick
 from tautwave.simulation.scene.playing import SCHEMES, flows_of
 
@@ -45,7 +45,7 @@ class CompiledScene(SceneModel):
         self._tick = compiled_tick()
         super().__init__(network, scheme, period, keep_books=True)
         before = [list(values) for values in self.arrays]
-        self._tick(*self._given)  # loads the machine code, or compiles it
+        self._tick(*self.given)  # loads the machine code, or compiles it
         for values, was in zip(self.arrays, before, strict=True):
             for at, value in enumerate(was):
                 values[at] = value
@@ -68,27 +68,23 @@ class CompiledScene(SceneModel):
         views = blocks.views
         self.arrays = Arrays(*(views[name] for name in Arrays._fields))
         self._ports_in, self._pushes = views["ports"], views["pushes"]
-        self._efforts, self._ledger = views["efforts"], views["ledger"]
+        self._efforts, self.figures = views["efforts"], views["ledger"]
         number = SCHEMES[self.scheme]
-        self._given = (blocks.floats, blocks.whole, blocks.at, number, self.period)
+        self.given = (blocks.floats, blocks.whole, blocks.at, number, self.period)
 
     def advance(self, positions: Sequence[float], pushes: Sequence[float] = ()) -> list[float]:
         """Take port positions and external forces; step; return efforts."""
-        given = self._ports_in
-        for port, position in enumerate(positions):
-            given[port] = position
-        given = self._pushes
-        for at, push in enumerate(pushes):
-            given[at] = push
+        put(self._ports_in, positions)
+        put(self._pushes, pushes)
         if not self.strings:
-            self._tick(*self._given)
-            self.booked = Ledger(*self._ledger)
+            self._tick(*self.given)
+            self.booked = Ledger(*self.figures)
             return list(self._efforts)
         s = self.arrays
         for string in self.strings:
             string.push(s)
-        self._tick(*self._given)
+        self._tick(*self.given)
         for string in self.strings:
             string.carry_on(s)
-        self.booked = self.with_strings(Ledger(*self._ledger))
+        self.booked = self.with_strings(Ledger(*self.figures))
         return list(self._efforts)

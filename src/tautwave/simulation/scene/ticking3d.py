@@ -11,7 +11,7 @@ from tautwave.scene3d.arrays import INDEX_FIELDS, Arrays3d
 from tautwave.scene3d.live import Model3d
 from tautwave.scene3d.network import Network3d
 from tautwave.simulation.kernel import compiled
-from tautwave.simulation.kernel.blocks import lay_out
+from tautwave.simulation.kernel.blocks import lay_out, put
 from tautwave.simulation.scene import tick3d
 
 SCHEMES = {"symplectic": tick3d.SYMPLECTIC, "discrete_gradient": tick3d.GRADIENT}
@@ -70,12 +70,8 @@ class CompiledModel3d(Model3d):
 
     def advance(self, positions: Sequence[float], pushes: Sequence[float] = ()) -> list[float]:
         """Take axis positions and external forces; step; return the efforts."""
-        given = self._axes_in
-        for axis, position in enumerate(positions):
-            given[axis] = position
-        given = self._pushes
-        for at, push in enumerate(pushes):
-            given[at] = push
+        put(self._axes_in, positions)
+        put(self._pushes, pushes)
         self._tick(*self._given)
         self.booked = Ledger(*self._ledger)
         return list(self._efforts)

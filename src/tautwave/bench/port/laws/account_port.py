@@ -17,8 +17,10 @@ from pydantic import Field
 from tautwave.config import Coupling, Pair
 from tautwave.contracts import CoupledAxis, CouplingPlugin, Row
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.rows import fill_element
 from tautwave.controller.steps import Law, Steps
 from tautwave.laws.limit import clamp
+from tautwave.laws.wave_filter import filter_step
 
 DRIFT_S = 0.05
 """Time constant in which unsent wave integral was repaid [s]."""
@@ -54,7 +56,7 @@ class AccountParams(NamedTuple):
 
 @dataclass(slots=True)
 class AccountEnd:
-    """State of one end: account [J], gap [W**0.5 s], waves [W**0.5], tracked velocity."""
+    """State of one end: account, books [J], gap [W**0.5 s], waves [W**0.5], tracked velocity."""
 
     account: float = 0.0
     gap: float = 0.0
@@ -67,6 +69,9 @@ class AccountEnd:
     wave_energy: float = 0.0
     fastest: float = 0.0
     cut: float = 0.0
+    absorbed: float = 0.0
+    stored: float = 0.0
+    lost: float = 0.0
 
 
 def end_constants(pair: AccountPair, side: str, axis: CoupledAxis) -> AccountParams:
@@ -118,6 +123,9 @@ def forget(s: AxisState, gap: float) -> None:
     e.wave_energy = 0.0
     e.fastest = 0.0
     e.cut = 0.0
+    e.absorbed = 0.0
+    e.stored = 0.0
+    e.lost = 0.0
 
 
 def act(s: AxisState, p: AxisParams, tag: float) -> None:
@@ -138,7 +146,8 @@ def close(
     e.impulse = s.effort_sum
     if math.fabs(mean) > e.fastest:
         e.fastest = math.fabs(mean)
-    e.account += port * displacement + e.wave_energy
+    income = port * displacement + e.wave_energy
+    e.account += income
     arriving = e.wave_sum / count
     plain = k.root * e.velocity - arriving
     e.gap += k.root * displacement - k.period * e.wave_sum
@@ -152,9 +161,14 @@ def close(
     e.account -= 0.5 * k.period * leaving * leaving
     e.gap -= k.period * leaving
     if e.account < 0.0:
-        e.account = min(e.account + count * k.allowance, 0.0)
-    e.filtered += k.filter_gain * (leaving - e.filtered)
+        granted = min(count * k.allowance, -e.account)
+        e.account += granted
+        e.lost -= granted
+    e.filtered, stored, lost = filter_step(k.filter_gain, k.period, e.filtered, leaving)
     e.leaving = e.filtered
+    e.absorbed += income - 0.5 * k.period * e.leaving * e.leaving
+    e.stored = e.account + stored
+    e.lost += lost
     e.wave_sum = 0.0
     e.wave_energy = 0.0
 
@@ -205,6 +219,30 @@ def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
     return at + 3
 
 
+def element_names(q: PairParams, p1: AxisParams, p2: AxisParams) -> list[str]:
+    """Return the names of a pair's elements in the order of their columns."""
+    return ["port_master", "port_slave"]
+
+
+def fill_elements(
+    out: Row,
+    at: int,
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+) -> int:
+    """Write the accounts of both ports; a wave that arrived waits for its command to act."""
+    for s, p in ((one, p1), (two, p2)):
+        e = s.end
+        waiting = e.wave_energy + p.half_period * s.tag * s.tag
+        at = fill_element(out, at, e.absorbed + waiting, e.stored + waiting, e.lost)
+    return at
+
+
 law = Law(
     name="account_port",
     steps=Steps(
@@ -214,8 +252,10 @@ law = Law(
         exchange=exchange,
         think=think,
         fill_signals=fill_signals,
+        fill_elements=fill_elements,
     ),
     end=AccountEnd,
     signals=("wave_in", "wave_out", "cut_waves"),
+    elements=element_names,
 )
 plugin = CouplingPlugin("wave ports with accounts", AccountCoupling, law, end_constants)

@@ -5,7 +5,7 @@ Position-position with a derivative filter, as the recordings of the bench were 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, MutableSequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,8 +13,8 @@ from pydantic import Field
 
 from tautwave.config import Coupling, Pair
 from tautwave.contracts import CoupledAxis, CouplingPlugin
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
-from tautwave.controller.steps import Law, Steps
+from tautwave.controller.records import AxisParams, AxisState
+from tautwave.controller.seen import SeenEnd, seen_law
 
 
 class DerivativePair(Pair):
@@ -40,12 +40,10 @@ class DerivativeParams(NamedTuple):
 
 
 @dataclass(slots=True)
-class DerivativeEnd:
-    """Filtered velocity here, and position and velocity there."""
+class DerivativeEnd(SeenEnd):
+    """What one side sees of the other, and its own filtered velocity [rad/s or m/s]."""
 
     velocity: float = 0.0
-    far: float = 0.0
-    far_velocity: float = 0.0
 
 
 def end_constants(pair: DerivativePair, side: str, axis: CoupledAxis) -> DerivativeParams:
@@ -56,43 +54,26 @@ def end_constants(pair: DerivativePair, side: str, axis: CoupledAxis) -> Derivat
     )
 
 
-def close(
+def begin(s: AxisState) -> None:
+    """Begin at rest."""
+    s.end.velocity = 0.0
+
+
+def keep(
     s: AxisState, p: AxisParams, displacement: float, count: float, span: float, port: float
 ) -> None:
-    """Filter the velocity."""
-    s.end.velocity += p.end.gain * (displacement / span - s.end.velocity)
+    """Filter the velocity; show the effort of a damper to ground, for the far one takes its own."""
+    e = s.end
+    e.velocity += p.end.gain * (displacement / span - e.velocity)
+    e.effort = p.end.damping * e.velocity
 
 
-def exchange(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
-    """Let both see where the other is."""
-    one.end.far = q.to_master * (two.position - c.offset)
-    one.end.far_velocity = q.to_master * two.end.velocity
-    two.end.far = q.ratio * one.position + c.offset
-    two.end.far_velocity = q.ratio * one.end.velocity
-
-
-def think(s: AxisState, p: AxisParams, coast: float) -> float:
+def effort(s: AxisState, p: AxisParams, coast: float) -> float:
     """Return the resisting effort of spring and damper."""
-    k = p.end
-    push: float = k.stiffness * (s.position - s.end.far)
-    push += k.damping * (s.end.velocity - s.end.far_velocity)
+    e = s.end
+    push: float = p.end.stiffness * (s.position - e.far_position) + e.effort - e.far_effort
     return push
 
 
-law = Law(
-    name="derivative",
-    steps=Steps(close=close, exchange=exchange, think=think),
-    end=DerivativeEnd,
-)
+law = seen_law("derivative", effort, end=DerivativeEnd, begin=begin, keep=keep)
 plugin = CouplingPlugin("spring and filtered damper", DerivativeCoupling, law, end_constants)

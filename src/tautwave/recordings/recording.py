@@ -19,11 +19,9 @@ from numpy.typing import NDArray
 
 from tautwave import formats
 from tautwave.errors import ConfigError, RecordingError
-from tautwave.report.run.mcap_chunks import chunk_records, walk_records
-from tautwave.runtime.mcap_file import ENDING_NAME, MAGIC, METADATA_NAME, record_type
-
-FILE = "recording.mcap"
-"""Name of the recording in the directory of a run."""
+from tautwave.recordings import RUN
+from tautwave.recordings.layout import ENDING_NAME, MAGIC, METADATA_NAME, record_type
+from tautwave.recordings.mcap_chunks import chunk_records, walk_records
 
 
 @dataclass(frozen=True)
@@ -164,10 +162,10 @@ def read_recording(
         No file, not MCAP, not written by tautwave, no rows, or an unknown column.
     """
     if os.path.isdir(path):
-        found = os.path.join(path, FILE)
+        found = os.path.join(path, RUN)
         if not os.path.exists(found):
             raise RecordingError(
-                f"{os.fspath(path)} holds no {FILE}; give a recording, or the directory of a run"
+                f"{os.fspath(path)} holds no {RUN}; give a recording, or the directory of a run"
             )
         path = found
     name = os.fspath(path)

@@ -19,7 +19,7 @@ from mcap.records import Attachment, Metadata
 from numpy.typing import NDArray
 
 from tautwave.errors import RecordingError
-from tautwave.runtime.mcap_file import MAGIC
+from tautwave.recordings.layout import MAGIC
 
 _RECORD = struct.Struct("<BQ")  # opcode, length of what follows
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, its CRC, length of compression

@@ -1,0 +1,122 @@
+"""The states of an operated rig, drawn from their table: `python docs/_tools/states.py`."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+
+from tautwave.runtime.operate.states import (
+    ALIGNING,
+    CLUTCHED,
+    ENGAGED,
+    FAULT,
+    HOLDING,
+    IDLE,
+    SCALE,
+    STATES,
+    STOP,
+    STOPPING,
+    TRANSITIONS,
+)
+
+PICTURE = Path(__file__).parents[1] / "_static" / "states.svg"
+
+PLACES = {
+    IDLE: (110, 70),
+    ALIGNING: (380, 70),
+    ENGAGED: (650, 70),
+    HOLDING: (380, 270),
+    CLUTCHED: (650, 270),
+    STOPPING: (110, 270),
+}
+WIDE, HIGH = 130, 44
+BESIDE = {
+    (IDLE, ALIGNING): 9.0,
+    (ALIGNING, IDLE): 9.0,
+    (ALIGNING, ENGAGED): 0.0,
+    (ALIGNING, HOLDING): 30.0,
+    (HOLDING, ALIGNING): 30.0,
+    (ENGAGED, CLUTCHED): 0.0,
+    (CLUTCHED, ALIGNING): 0.0,
+    (ENGAGED, HOLDING): 0.0,
+    (CLUTCHED, HOLDING): 0.0,
+    (IDLE, HOLDING): 9.0,
+    (HOLDING, IDLE): 9.0,
+}
+"""How far an arrow is to the right of the line between two states, seen along it."""
+
+SHARES = {
+    (IDLE, HOLDING): 0.55,
+    (HOLDING, IDLE): 0.3,
+    (ALIGNING, HOLDING): 0.2,
+    (ENGAGED, HOLDING): 0.25,
+    (CLUTCHED, ALIGNING): 0.25,
+}
+"""Where along an arrow its label is; else in the middle."""
+
+
+def drawing() -> str:
+    """Return the picture as SVG."""
+    words: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for (state, word), after in TRANSITIONS.items():
+        if word not in (STOP, FAULT, SCALE) and (state, after) != (CLUTCHED, IDLE):
+            words[state, after].append(word)
+    parts = [
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 760 360" font-family="sans-serif"'
+        ' font-size="13" role="img" aria-label="States of an operated rig">',
+        '<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="8"'
+        ' markerHeight="8" orient="auto"><path d="M0 0L8 4L0 8z" fill="#555"/></marker></defs>',
+        '<rect width="760" height="360" fill="#fff"/>',
+    ]
+    for (one, two), named in words.items():
+        parts.append(_arrow(one, two, ", ".join(named)))
+    for state in STATES:
+        x, y = PLACES[state]
+        fill = "#e7f0fb" if state != ENGAGED else "#d8f0dd"
+        parts.append(
+            f'<rect x="{x - WIDE / 2:g}" y="{y - HIGH / 2:g}" width="{WIDE}" height="{HIGH}"'
+            f' rx="8" fill="{fill}" stroke="#345"/>'
+            f'<text x="{x}" y="{y + 5}" text-anchor="middle" fill="#111">{state}</text>'
+        )
+    parts.append(
+        '<text x="45" y="312" fill="#333">stop: from every state to stopping</text>'
+        '<text x="315" y="312" fill="#333">fault: from every state but stopping to holding</text>'
+        '<text x="315" y="330" fill="#333">rest: from clutched to idle, too</text>'
+        '<text x="315" y="346" fill="#333">scale: from engaged to aligning</text></svg>'
+    )
+    return "\n".join(parts) + "\n"
+
+
+def _arrow(one: str, two: str, label: str) -> str:
+    (ax, ay), (bx, by) = PLACES[one], PLACES[two]
+    length = ((bx - ax) ** 2 + (by - ay) ** 2) ** 0.5
+    ux, uy = (bx - ax) / length, (by - ay) / length
+    nx, ny = -uy * BESIDE[one, two], ux * BESIDE[one, two]
+    steps = [k for k in range(int(length)) if not _inside(one, ax + nx + k * ux, ay + ny + k * uy)]
+    steps = [k for k in steps if not _inside(two, ax + nx + k * ux, ay + ny + k * uy)]
+    x1, y1, x2, y2 = (
+        base + side + k * way
+        for k in (steps[0], steps[-1])
+        for base, side, way in ((ax, nx, ux), (ay, ny, uy))
+    )
+    share = SHARES.get((one, two), 0.5)
+    tx, ty = x1 + share * (x2 - x1), y1 + share * (y2 - y1)
+    level = uy == 0.0
+    anchor = "middle" if level else "start" if nx > 0.0 or (nx == 0.0 and ux >= 0.0) else "end"
+    tx += 0.0 if level else 7.0 if anchor == "start" else -7.0
+    ty += (-6.0 if ux < 0.0 or ny == 0.0 else 16.0) if level else 4.0
+    return (
+        f'<path d="M{x1:.1f} {y1:.1f}L{x2:.1f} {y2:.1f}" stroke="#555" fill="none"'
+        f' marker-end="url(#tip)"/><text x="{tx:.1f}" y="{ty:.1f}" text-anchor="{anchor}"'
+        f' fill="#333" stroke="#fff" stroke-width="4" paint-order="stroke">{label}</text>'
+    )
+
+
+def _inside(state: str, x: float, y: float) -> bool:
+    """Return whether a point is in the box of a state."""
+    cx, cy = PLACES[state]
+    return abs(x - cx) <= WIDE / 2 and abs(y - cy) <= HIGH / 2
+
+
+if __name__ == "__main__":
+    PICTURE.write_text(drawing(), encoding="utf-8")

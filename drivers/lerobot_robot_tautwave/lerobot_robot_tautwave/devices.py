@@ -1,0 +1,134 @@
+"""The two devices that LeRobot knows: they read rows, and command nothing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lerobot.robots import Robot
+from lerobot.teleoperators import Teleoperator
+
+from lerobot_robot_tautwave.config_tautwave import TautwaveMasterConfig, TautwaveSlaveConfig
+from lerobot_robot_tautwave.site import Site
+
+
+class TautwaveSlave(Robot):
+    """The slave: observations are position, velocity and effort of its axes, SI units.
+
+    It moves as the operator leads it, by the rig's own controller. An action that did not come from
+    the rig's master is refused.
+    """
+
+    config_class = TautwaveSlaveConfig
+    name = "tautwave_slave"
+
+    def __init__(self, config: TautwaveSlaveConfig) -> None:
+        super().__init__(config)
+        self.config = config
+        self.cameras: dict[str, Any] = {}  # `lerobot-record` looks for it
+        self._site = Site.of(config.rig)
+        self._state = self._site.signals().state
+
+    @property
+    def observation_features(self) -> dict[str, type]:
+        """Names of the observation."""
+        return dict.fromkeys(self._state.values(), float)
+
+    @property
+    def action_features(self) -> dict[str, type]:
+        """Names of an action: what the master gives."""
+        return dict.fromkeys(self._site.signals().action.values(), float)
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether it looks at a run."""
+        return self._site.joined(self.name)
+
+    @property
+    def is_calibrated(self) -> bool:
+        """The rig file says where zero is."""
+        return True
+
+    def connect(self, calibrate: bool = True) -> None:
+        """Begin the run, unless the master has."""
+        del calibrate
+        self._site.join(self.name, self.config.out, self.config.engage)
+
+    def calibrate(self) -> None:
+        """Nothing: see `tautwave check`."""
+
+    def configure(self) -> None:
+        """Nothing: drives are set up by the run."""
+
+    def get_observation(self) -> dict[str, float]:
+        """Return what the slave measured in one cycle, the same as the next action's."""
+        row = self._site.row(self.name)
+        return {name: row[column] for column, name in self._state.items()}
+
+    def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
+        """Command nothing; refuse what the master did not give."""
+        self._site.check(action)
+        return action
+
+    def disconnect(self) -> None:
+        """Let go of the run."""
+        self._site.leave(self.name)
+
+
+class TautwaveMaster(Teleoperator):
+    """The master: an action is where the operator holds it, SI units.
+
+    Force comes back by the rig's own controller. `feedback_features` is empty on purpose: LeRobot
+    would take others for positions to which it may drive the master.
+    """
+
+    config_class = TautwaveMasterConfig
+    name = "tautwave_master"
+
+    def __init__(self, config: TautwaveMasterConfig) -> None:
+        super().__init__(config)
+        self.config = config
+        self._site = Site.of(config.rig)
+        self._action = self._site.signals().action
+
+    @property
+    def action_features(self) -> dict[str, type]:
+        """Names of an action."""
+        return dict.fromkeys(self._action.values(), float)
+
+    @property
+    def feedback_features(self) -> dict[str, type]:
+        """Nothing."""
+        return {}
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether it looks at a run."""
+        return self._site.joined(self.name)
+
+    @property
+    def is_calibrated(self) -> bool:
+        """The rig file says where zero is."""
+        return True
+
+    def connect(self, calibrate: bool = True) -> None:
+        """Begin the run, unless the slave has."""
+        del calibrate
+        self._site.join(self.name, self.config.out, self.config.engage)
+
+    def calibrate(self) -> None:
+        """Nothing: see `tautwave check`."""
+
+    def configure(self) -> None:
+        """Nothing: drives are set up by the run."""
+
+    def get_action(self) -> dict[str, float]:
+        """Return where the master was, in the cycle of the last observation."""
+        row = self._site.row(self.name)
+        return self._site.lead({name: row[column] for column, name in self._action.items()})
+
+    def send_feedback(self, feedback: dict[str, Any]) -> None:
+        """Nothing: forces do not pass through LeRobot."""
+
+    def disconnect(self) -> None:
+        """Let go of the run."""
+        self._site.leave(self.name)

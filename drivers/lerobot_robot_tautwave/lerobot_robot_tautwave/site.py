@@ -1,0 +1,149 @@
+"""One run of a rig, looked at by the robot and the teleoperator of one LeRobot process."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+from lerobot.utils.errors import DeviceNotConnectedError
+
+from tautwave import ConfigError, Session, TautwaveError, load_rig
+from tautwave.report.export.lerobot import Signals, signals
+
+STALE_S = 0.05
+"""[s] A newest row that is older, or older than three slots, is no measurement any more."""
+ENGAGE_S = 60.0
+"""[s] How long alignment may take."""
+FLOAT32 = 1e-6
+"""Actions pass through float32 in LeRobot."""
+
+
+class Site:
+    """A run. It begins with the first who joins and ends with the last who leaves.
+
+    Parameters
+    ----------
+    path : Path
+        Rig file.
+    """
+
+    _sites: ClassVar[dict[Path, Site]] = {}
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        rig = load_rig(path)
+        self.rig = load_rig(path, ["operate={}"]) if rig.operate is None else rig
+        self._users: set[str] = set()
+        self._session: Session | None = None
+        self._row: dict[str, float] = {}
+        self._seen: set[str] = set()
+        self._came = -math.inf
+        self._last: dict[str, float] = {}
+
+    @classmethod
+    def of(cls, path: str) -> Site:
+        """Return the site of a rig file, the same one for both devices."""
+        where = Path(path).resolve()
+        if where not in cls._sites:
+            cls._sites[where] = cls(where)
+        return cls._sites[where]
+
+    def signals(self) -> Signals:
+        """Return what is action and what observation, and the names of both."""
+        axes: dict[str, Mapping[str, Any]] = {
+            f"{side}.{name}": axis.model_dump(include={"kind", "causality"})
+            for side in ("master", "slave")
+            for name, axis in getattr(self.rig, side).axes.items()
+        }
+        return signals(self.rig.name, axes, velocities=False)
+
+    def joined(self, who: str) -> bool:
+        """Return whether a device has joined."""
+        return who in self._users
+
+    def join(self, who: str, out: str, engage: bool) -> None:
+        """Begin the run, or look at the one that has begun."""
+        if self._session is None:
+            folder = Path(out) / time.strftime("%Y%m%d-%H%M%S")
+            session = Session(self.rig, out=folder)
+            session.__enter__()
+            self._session, self._row, self._came = session, {}, time.monotonic()
+            if engage:
+                session.engage()
+                if not session.wait_for("engaged", ENGAGE_S):
+                    state = session.state
+                    self._end()
+                    raise DeviceNotConnectedError(
+                        f"{self.path}: not engaged after {ENGAGE_S:g} s, but {state}; "
+                        f"{folder}/report.html says why"
+                    )
+        self._users.add(who)
+
+    def leave(self, who: str) -> None:
+        """Let go of the run; the last to do so has it ramp down and waits for its report."""
+        self._users.discard(who)
+        if not self._users:
+            self._end()
+
+    def _end(self) -> None:
+        session, self._session = self._session, None
+        if session is not None:
+            session.__exit__(None, None, None)
+        self._sites.pop(self.path, None)
+
+    def row(self, who: str) -> dict[str, float]:
+        """Return the row both devices look at: a new one once a device has seen this one.
+
+        Raises
+        ------
+        DeviceNotConnectedError
+            The device has not joined, or no row has come for too long.
+        """
+        session = self._session
+        if session is None or not self.joined(who):
+            raise DeviceNotConnectedError(f"{who} of {self.path} is not connected")
+        if not self._row or who in self._seen:
+            self._row, self._seen = self._newest(session), set()
+        self._seen.add(who)
+        return self._row
+
+    def _newest(self, session: Session) -> dict[str, float]:
+        try:
+            row = session.row()
+        except TautwaveError as err:
+            raise DeviceNotConnectedError(str(err)) from err
+        now = time.monotonic()
+        if row["time_s"] != self._row.get("time_s"):
+            self._came = now
+        elif now - self._came > max(STALE_S, 3.0 / self.rig.rate_hz):
+            raise DeviceNotConnectedError(
+                f"{self.path}: no new row for {now - self._came:.3f} s: the run has ended, or its "
+                f"machine is held up; see {session.directory}"
+            )
+        return row
+
+    def lead(self, action: dict[str, float]) -> dict[str, float]:
+        """Remember an action that the master gave."""
+        self._last = action
+        return action
+
+    def check(self, action: Mapping[str, Any]) -> None:
+        """Refuse an action that the master did not give.
+
+        Raises
+        ------
+        ConfigError
+            It differs from the last one: a policy, or a replay, at a rig that a person leads.
+        """
+        for name, value in action.items():
+            led = self._last.get(name)
+            if led is None or not abs(float(value) - led) <= FLOAT32 * max(1.0, abs(led)):
+                gave = "none" if led is None else format(led, ".6g")
+                raise ConfigError(
+                    f"action {name} = {float(value):.6g} did not come from the master of "
+                    f"{self.path}, which gave {gave}: this rig is led by a hand, and takes no "
+                    "action of a policy or a replay"
+                )

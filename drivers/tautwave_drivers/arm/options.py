@@ -1,0 +1,203 @@
+"""Options of the `arm` driver: joints, their bus and chain, and what holds and walls the tip."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Annotated, Any, Self
+
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from tautwave.config.inputs.chains import chain_constants, chain_links
+from tautwave.config.keys.arm import Chain, Point
+from tautwave.config.keys.common import Block, Name, NonNegative, Positive
+from tautwave.contracts import AxisSpec, BusSpec
+from tautwave.errors import ConfigError
+from tautwave.models.chain.build import roll_pitch_yaw
+from tautwave.models.chain.params import ChainParams
+from tautwave.models.chain.task import COORDINATES, TaskParams, at_home
+from tautwave_drivers.arm.walls import ArmWall
+
+NAMES = ("x", "y", "z", "rx", "ry", "rz")
+"""The coordinates that the ids 1 to 6 stand for."""
+
+
+class JointBus(Block):
+    """The bus that the joints are on."""
+
+    driver: str = Field(default="loopback", description="Its driver.")
+    options: dict[str, Any] = Field(default_factory=dict, description="The driver's options.")
+
+
+class ArmJoint(Block):
+    """One joint: where it is, and what is believed of it."""
+
+    id: Annotated[int, Field(ge=0)] = Field(description="The device's number on the joints' bus.")
+    effort_limit: Positive = Field(description="[N m | N] Greatest effort, weight included.")
+    velocity_limit: Positive = Field(description="[rad/s | m/s] Above it the run stops.")
+    position_range: tuple[float, float] = Field(
+        description="[rad | m] Outside of it the run stops."
+    )
+    inertia_lower: Positive = Field(
+        description="[kg m^2 | kg] Lower bound of what the motor itself has, beside the links."
+    )
+    damping_lower: NonNegative = Field(
+        default=0.0, description="[N m s/rad | N s/m] Lower bound of the joint's damping."
+    )
+    encoder_quantum: NonNegative = Field(default=0.0, description="[rad | m] Encoder step.")
+    position_noise: NonNegative = Field(
+        default=0.0, description="[rad | m] Standard deviation of the position's noise, white."
+    )
+
+
+class JointTruth(Block):
+    """What a simulated joint really has; by default what is believed."""
+
+    inertia: Positive | None = Field(default=None, description="[kg m^2 | kg] Of its motor.")
+    damping: NonNegative | None = Field(default=None, description="[N m s/rad | N s/m]")
+    coulomb: NonNegative = Field(default=0.0, description="[N m | N]")
+    start_position: float | None = Field(default=None, description="[rad | m] Default: home.")
+
+
+class ArmTruth(Block):
+    """The simulated arm."""
+
+    joints: dict[Name, JointTruth] = Field(default_factory=dict, description="By name.")
+    chain: Chain | None = Field(default=None, description="Default: as believed.")
+
+
+class ArmOptions(Block):
+    """An arm, whose tip's coordinates are the axes of its bus.
+
+    Axis ids: 1 to 3 are x, y, z of the tip from home, 4 to 6 its rotation vector from there.
+    """
+
+    bus: JointBus = Field(default_factory=JointBus, description="The bus of the joints.")
+    joints: dict[Name, ArmJoint] = Field(description="The joints by name, from base to tip.")
+    chain: Chain = Field(description="The chain: `dh` rows or a `urdf`, payload, gravity.")
+    frame: Point = Field(
+        default=(0.0, 0.0, 0.0),
+        description="[rad] Roll, pitch, yaw of the coordinates' axes in the base.",
+    )
+    home: tuple[float, ...] | None = Field(
+        default=None,
+        description="[rad | m] Joint positions at which all coordinates are 0; default 0.",
+    )
+    carry: bool = Field(default=True, description="Carry the arm's weight by the joints' efforts.")
+    posture: NonNegative = Field(
+        default=0.0,
+        description="[N m/rad | N/m] Spring of every joint towards home, for what no coordinate "
+        "holds.",
+    )
+    walls: dict[Name, ArmWall] = Field(
+        default_factory=dict,
+        description="Walls in space, for the tip; along the frame's axes, from the base's origin.",
+    )
+    truth: ArmTruth = Field(default_factory=ArmTruth, description="What is simulated.")
+
+    @model_validator(mode="after")
+    def _check_chain(self) -> Self:
+        try:
+            links, _ = chain_links(self.chain)
+        except ConfigError as err:
+            raise PydanticCustomError("chain", "{text}", {"text": str(err)}) from err
+        moving = [link for link in links if link.kind != "fixed"]
+        if len(moving) != len(self.joints):
+            raise PydanticCustomError(
+                "chain",
+                "the chain has {rows} joints, `joints` names {names}",
+                {"rows": len(moving), "names": len(self.joints)},
+            )
+        if self.home is not None and len(self.home) != len(self.joints):
+            raise PydanticCustomError("chain", "home needs a position for each joint")
+        unknown = [name for name in self.truth.joints if name not in self.joints]
+        if unknown:
+            raise PydanticCustomError(
+                "chain", "truth names no joint of the arm: {names}", {"names": ", ".join(unknown)}
+            )
+        for (name, joint), at in zip(self.joints.items(), self.at_home, strict=True):
+            low, high = joint.position_range
+            if not low < high or not low <= at <= high:
+                raise PydanticCustomError(
+                    "chain", "joint {name}: home is not in its position_range", {"name": name}
+                )
+        return self
+
+    @classmethod
+    def model_validate(cls, obj: Any, **more: Any) -> Self:
+        """Read options as they are in a rig, which has lists for tuples."""
+        return obj if isinstance(obj, cls) else cls.model_validate_json(json.dumps(obj), **more)
+
+    @property
+    def at_home(self) -> tuple[float, ...]:
+        """Joint positions at home."""
+        return (0.0,) * len(self.joints) if self.home is None else self.home
+
+    def kinds(self) -> list[str]:
+        """Return `rotary` or `linear` of each joint."""
+        links, _ = chain_links(self.chain)
+        return ["rotary" if a.kind == "turns" else "linear" for a in links if a.kind != "fixed"]
+
+    def task(self) -> TaskParams:
+        """Return the constants of the tip's coordinates as believed."""
+        turn = roll_pitch_yaw(*self.frame)
+        axes = tuple(row[column] for column in range(3) for row in turn)
+        return at_home(self.believed(), axes, self.at_home)
+
+    def believed(self) -> ChainParams:
+        """Return the believed chain."""
+        return chain_constants(self.chain)
+
+
+def joint_bus(options: ArmOptions, bus: BusSpec) -> BusSpec:
+    """Return the bus of the joints, whose names are `SIDE.JOINT`."""
+    side = bus.axes[0].name.partition(".")[0] if bus.axes else "arm"
+    axes = tuple(
+        AxisSpec(
+            f"{side}.{name}", joint.id, kind, "impedance", joint.effort_limit,
+            joint.velocity_limit, joint.position_range,
+        )
+        for (name, joint), kind in zip(options.joints.items(), options.kinds(), strict=True)
+    )  # fmt: skip
+    return bus._replace(axes=axes)
+
+
+def coordinates(bus: BusSpec) -> list[int]:
+    """Return which of the six coordinates each axis of the bus is, from 0.
+
+    Raises
+    ------
+    ConfigError
+        An axis is none.
+    """
+    for axis in bus.axes:
+        side, _, name = axis.name.partition(".")
+        place = f"{side}.axes.{name}"
+        if not 1 <= axis.device_id <= COORDINATES:
+            raise ConfigError(
+                f"{place}.id: an axis of an arm is 1, 2, 3 (x, y, z of its tip) or 4, 5, 6 (its "
+                f"rotation vector), got {axis.device_id}"
+            )
+        kind = "linear" if axis.device_id <= 3 else "rotary"
+        if axis.kind != kind:
+            raise ConfigError(
+                f"{place}.kind: coordinate {NAMES[axis.device_id - 1]} of an arm is {kind}, got "
+                f"{axis.kind}"
+            )
+        if axis.causality != "impedance":
+            raise ConfigError(f"{place}.causality: an arm takes effort: impedance")
+    if len({axis.name.partition(".")[0] for axis in bus.axes}) > 1:
+        raise ConfigError(f"bus {bus.name}: an arm is on one side; give the other a bus of its own")
+    turns = [a.position_range for a in bus.axes if a.device_id > 3]
+    reach = math.sqrt(sum(max(abs(low), abs(high)) ** 2 for low, high in turns))
+    if turns and reach > TURN:
+        raise ConfigError(
+            f"bus {bus.name}: position_range of its rotations allows turns of {reach:.3g} rad from "
+            f"home, beyond {TURN:g} a rotation vector is close to its end; narrow them"
+        )
+    return [axis.device_id - 1 for axis in bus.axes]
+
+
+TURN = 2.5
+"""[rad] Greatest turn from home that is accepted."""

@@ -1,0 +1,180 @@
+"""Simulated axes that weigh: a load on one, or several that are the joints of one arm.
+
+Works and losses are running totals [J]; SI.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from tautwave.contracts import Row
+from tautwave.models.chain.motion import Flows, chain_step, kinetic_energy, place_chain
+from tautwave.models.load import LoadParams, load_effort, load_energy
+from tautwave.models.plant_params import PlantParams
+from tautwave.truth import ArmModel
+from tautwave_sim.physics import Physics
+
+
+class LoadedPhysics:
+    """A device with a load beside its motor, held over a step as it is half-way.
+
+    What that is wrong by is booked: as a loss of the environment, of either sign.
+    """
+
+    def __init__(self, bare: Physics, load: LoadParams) -> None:
+        self._bare = bare
+        self._load = load
+        self._work = 0.0
+        self._defect = 0.0
+        self._height = load_energy(load, bare.x)
+        self._show()
+
+    def step(self, command: float, reference: float, rate: float, h: float) -> None:
+        """Move by `h` under a held effort and the load."""
+        before = self.x
+        effort = load_effort(self._load, before + 0.5 * h * self.v)
+        self._bare.step(command + effort, reference, rate, h)
+        work = effort * (self._bare.x - before)
+        height = load_energy(self._load, self._bare.x)
+        self._work += work
+        self._defect += work + height - self._height
+        self._height = height
+        self._show()
+
+    def _show(self) -> None:
+        bare = self._bare
+        self.x = bare.x
+        self.v = bare.v
+        self.hand_work = bare.hand_work
+        self.motor_work = bare.motor_work - self._work
+        self.grip_loss = bare.grip_loss
+        self.viscous_loss = bare.viscous_loss
+        self.coulomb_loss = bare.coulomb_loss
+        self.environment_loss = bare.environment_loss - self._defect
+
+    def stored(self, reference: float) -> tuple[float, float, float]:
+        """Return kinetic, grip and environment energy, with the load's potential."""
+        kinetic, grip, environment = self._bare.stored(reference)
+        return kinetic, grip, environment + self._height
+
+    def forces(self, reference: float, rate: float) -> tuple[float, float]:
+        """Return the efforts of hand and environment, without the load."""
+        return self._bare.forces(reference, rate)
+
+
+class JointPhysics:
+    """One joint of an arm, as a simulated axis sees it; `kinetic` is what it gave to the arm."""
+
+    def __init__(self, plant: PlantParams, x: float) -> None:
+        self.plant = plant
+        self.asked: list[tuple[float, float, float, float]] = []
+        self.arm: ArmPhysics | None = None
+        self.x = x
+        self.v = 0.0
+        self.given = 0.0
+        self.hand_work = self.motor_work = 0.0
+        self.grip_loss = self.viscous_loss = self.coulomb_loss = self.environment_loss = 0.0
+
+    def step(self, command: float, reference: float, rate: float, h: float) -> None:
+        """Ask for a step of `h`; the arm makes it once all of its joints have asked."""
+        self.asked.append((command, reference, rate, h))
+        if self.arm is not None:
+            self.arm.step()
+
+    def take(self, x: float, v: float, flows: Flows) -> None:
+        """Take where the arm's step has led."""
+        self.x = x
+        self.v = v
+        self.hand_work += flows.hand_work
+        self.motor_work += flows.motor_work
+        self.grip_loss += flows.grip_loss
+        self.viscous_loss += flows.viscous_loss
+        self.coulomb_loss += flows.coulomb_loss
+        self.environment_loss += flows.environment_loss
+        self.given += flows.given
+
+    def stored(self, reference: float) -> tuple[float, float, float]:
+        """Return what the arm has got through this joint, grip and environment energy."""
+        p = self.plant
+        ahead = reference - self.x
+        stretch = self.x - p.spring_position
+        depth = max(p.wall_side * (self.x - p.wall_position), 0.0)
+        environment = 0.5 * p.spring_stiffness * stretch * stretch
+        environment += 0.5 * p.wall_stiffness * depth * depth
+        return self.given, 0.5 * p.grip_stiffness * ahead * ahead, environment
+
+    def forces(self, reference: float, rate: float) -> tuple[float, float]:
+        """Return the efforts of hand and environment on the joint."""
+        p = self.plant
+        hand = p.grip_stiffness * (reference - self.x) + p.grip_damping * (rate - self.v)
+        environment = -p.spring_stiffness * (self.x - p.spring_position)
+        depth = p.wall_side * (self.x - p.wall_position)
+        if depth > 0.0:
+            push = p.wall_stiffness * depth + p.wall_damping * p.wall_side * self.v
+            environment -= p.wall_side * max(push, 0.0)
+        return hand, environment
+
+
+class Outside(Protocol):
+    """What acts on the tip of an arm."""
+
+    def efforts(self, x: Sequence[float], v: Sequence[float], h: float) -> list[float]:
+        """Return the joints' efforts over a step of `h` [s]."""
+        ...
+
+    def show(self, x: Sequence[float], v: Sequence[float]) -> None:
+        """Look at the arm without moving it."""
+        ...
+
+
+class ArmPhysics:
+    """An arm: the chain that couples its joints. A row source of its kinetic energy and height.
+
+    `work` is what all joints gave; less kinetic energy and potential it is what the steps are
+    wrong by.
+    """
+
+    def __init__(self, model: ArmModel, joints: Sequence[JointPhysics]) -> None:
+        self._chain = model.chain
+        self._joints = joints
+        self._plants = tuple(joint.plant for joint in joints)
+        self._x = [joint.x for joint in joints]
+        self._v = [0.0] * len(joints)
+        self._before = list(self._v)
+        self._place = place_chain(self._chain, self._plants, self._x)
+        self._bottom = self._place.potential
+        self.outside: Outside | None = None
+        names = ("kinetic", "potential", "work")
+        self.columns = [f"arm.{model.name}.{name}" for name in names]
+
+    def step(self) -> None:
+        """Move all joints on, if all have asked."""
+        if not all(joint.asked for joint in self._joints):
+            return
+        asked = [joint.asked.pop(0) for joint in self._joints]
+        efforts, references, rates, spans = (list(part) for part in zip(*asked, strict=True))
+        if self.outside is not None:
+            pushed = self.outside.efforts(self._x, self._v, spans[0])
+            efforts = [a + b for a, b in zip(efforts, pushed, strict=True)]
+        guess = [2.0 * v - old for v, old in zip(self._v, self._before, strict=True)]
+        x, v, flows = chain_step(
+            self._chain, self._plants, self._place, self._x, self._v, guess,
+            efforts, references, rates, spans[0],
+        )  # fmt: skip
+        self._before, self._x, self._v = self._v, x, v
+        self._place = place_chain(self._chain, self._plants, x)
+        for joint, at, speed, flow in zip(self._joints, x, v, flows, strict=True):
+            joint.take(at, speed, flow)
+        self.show()
+
+    def show(self) -> None:
+        """Show what acts on the tip where the arm is."""
+        if self.outside is not None:
+            self.outside.show(self._x, self._v)
+
+    def fill(self, row: Row, at: int) -> None:
+        """Write kinetic energy, height and the joints' work [J] from index `at` on."""
+        row[at] = kinetic_energy(self._place.matrix, self._v)
+        row[at + 1] = self._place.potential - self._bottom
+        row[at + 2] = sum(joint.given for joint in self._joints)

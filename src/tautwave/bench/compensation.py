@@ -1,0 +1,177 @@
+"""Friction off the hand: how much lighter it gets, and whether it ever gives more than is taken."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from tautwave.bench.port.rigs import IMPOSED, bench_rig
+from tautwave.bench.result import Goal, Suite, Table, Value
+from tautwave.laws.compensation import CompensationParams, compensation_effort
+from tautwave.models.plant import plant_step
+from tautwave.models.plant_params import PlantParams, plant_cache
+from tautwave.simulation import simulate
+
+Tell = Callable[[str], None]
+
+LAW = "{law: position, pairs: {lever: {stiffness: 25.4, damping: 0.121}}}"
+HAND = "{type: multisine, ramp_s: 0.1, components: [[0.7, 0.3, 0.0]]}"
+SHARES = (0.0, 0.4, 0.8, 1.0)
+CERTAIN, TRUE = 0.02, 0.025
+"""Coulomb friction that the levers surely have, and what they have [N m]."""
+
+SECONDS, BEGUN_S = 6.0, 1.0
+PERIOD, STEPS = 1e-3, 200
+KINDS = ("law", "law, late", "helping", "late", "random sign")
+ROUNDING = 1e-12
+"""[J] Energies of some millijoules are summed to that."""
+
+
+class Free(NamedTuple):
+    """Free motion: effort on the hand over its way [N m], error over it [rad], what was given."""
+
+    drag: float
+    error: float
+    given: float
+
+
+def free_motion(share: float, seconds: float = SECONDS, engine: str = "compiled") -> Free:
+    """Move the bench freely with `share` of the certain Coulomb friction taken off."""
+    rig = bench_rig(
+        LAW, HAND, "{type: free}", noise=1.5e-5, seconds=seconds, grip=IMPOSED, coulomb=TRUE
+    )
+    belief = rig.axes["master.lever"].coulomb.model_copy(update={"value": TRUE, "lower": CERTAIN})
+    sides = {}
+    for side in ("master", "slave"):
+        whole = getattr(rig, side)
+        axis = whole.axes["lever"]
+        keys = type(axis).model_validate(
+            {**axis.model_dump(), "coulomb": belief.model_dump(),
+             "compensation": {"coulomb": share} if share else None}
+        )  # fmt: skip
+        sides[side] = whole.model_copy(update={"axes": {"lever": keys}})
+    run = simulate(rig.model_copy(update=sides), engine=engine)
+    moving = run["time_s"] > BEGUN_S
+    steps = np.diff(run["true.master.lever.position"][moving])
+    way = float(np.sum(np.abs(steps)))
+    drag = float(np.sum(run["true.master.lever.hand_effort"][moving][:-1] * steps)) / way
+    error = float(np.sum(run["lever.position_error"][moving][:-1] * steps)) / way
+    given = sum(
+        -float(run[f"lever.compensation_{side}.absorbed"][-1]) if share else 0.0
+        for side in ("master", "slave")
+    )
+    return Free(drag, error, given)
+
+
+def surplus(seed: int, gain: float) -> float:
+    """Return the most that a held effort gave beyond what friction took [J], in a random run.
+
+    The lever has exactly the friction that is certain. Outside pushes at random; the effort is
+    `gain` times what may be, of the law or of somebody who knows the true velocity.
+    """
+    draw = np.random.default_rng((seed, 15))
+    coulomb, viscous = float(draw.uniform(0.005, 0.05)), float(draw.uniform(0.0, 0.02))
+    inertia = float(np.exp(draw.uniform(np.log(3e-4), np.log(1e-2))))
+    grip = float(draw.choice((0.0, 3.0)))
+    p = PlantParams(
+        inertia, viscous, coulomb, grip, 0.02 * grip, 0.0, 0.0,
+        float(draw.choice((0.0, 50.0))), 0.0, 0.05, 1.0,
+    )  # fmt: skip
+    cache = plant_cache(p, PERIOD)
+    kind = KINDS[int(draw.integers(len(KINDS)))]
+    late = 0 if kind in ("law", "helping") else int(draw.integers(1, 6))
+    noise = float(draw.choice((0.0, 1.0)) * draw.uniform(0.0, 0.3))
+    # A viscous effort on noise is no function of the motion: what it takes or gives is the noise's.
+    law = CompensationParams(
+        coulomb, viscous if noise == 0.0 else 0.0, float(draw.uniform(1e-3, 0.3))
+    )
+    filtered = float(draw.uniform(0.05, 1.0))
+    pushes = np.repeat(draw.normal(0.0, 6.0 * coulomb, STEPS // 10 + 1), 10).tolist()
+    noises = draw.standard_normal(STEPS).tolist()
+    signs = draw.choice((-1.0, 1.0), STEPS).tolist()
+    x, v, mode, read = 0.0, 0.0, 0, 0.0
+    queue = [0.0] * (late + 1)
+    given = taken = most = 0.0
+    for k in range(STEPS):
+        read += filtered * (v + noise * noises[k] - read)
+        effort = -coulomb if v > 0.0 else coulomb
+        if kind == "random sign":
+            effort = coulomb * signs[k]
+        elif kind.startswith("law"):
+            effort = compensation_effort(law, read)
+        queue = [*queue[1:], gain * effort]
+        before = x
+        x, v, mode, _, _, lost, rubbed, _ = plant_step(
+            p, cache, x, v, mode, pushes[k] - queue[0], 0.0, 0.0, PERIOD
+        )
+        given -= queue[0] * (x - before)
+        taken += lost + rubbed
+        most = max(most, given - taken)
+    return most
+
+
+def compensation(*, runs: int, first: int, tell: Tell) -> Suite:
+    """Measure friction compensation: free motion by share, and random runs against the friction.
+
+    Parameters
+    ----------
+    runs, first : int
+        How many random runs, and the seed of the first.
+    tell : callable
+        Called with the name of each measurement as it starts.
+    """
+    tell("free motion")
+    found = {share: free_motion(share) for share in SHARES}
+    bare = found[0.0]
+    rows: list[list[Value]] = []
+    for share, one in found.items():
+        stated = 2.0 * share * CERTAIN
+        rows.append(
+            [share, 1e3 * one.drag, 1e3 * stated, 1e3 * (bare.drag - one.drag),
+             1e3 * one.error, 1e3 * 0.5 * stated / 25.4, 1e3 * (bare.error - one.error),
+             1e3 * one.given]
+        )  # fmt: skip
+    tell(f"{runs} random runs")
+    seeds = range(first, first + runs)
+    held = [surplus(seed, 1.0) for seed in seeds]
+    over = [surplus(seed, 1.2) for seed in seeds]
+    beyond = [sum(each > ROUNDING for each in made) for made in (held, over)]
+    random: list[list[Value]] = [
+        [name, runs, count, 1e6 * max(made, default=0.0)]
+        for name, count, made in zip(
+            ("all of c.lower", "1.2 times c.lower"), beyond, (held, over), strict=True
+        )
+    ]
+    stated = 2.0 * 0.8 * CERTAIN
+    fallen = (bare.drag - found[0.8].drag) / stated
+    closer = (bare.error - found[0.8].error) / (0.5 * stated / 25.4)
+    return Suite(
+        "compensation",
+        [
+            Table(
+                "Free motion by share",
+                "The 1-DoF bench with 25 mN m of Coulomb friction on each side, of which 20 are "
+                "certain, law position, the master moved at 0.7 Hz. Effort on the hand and error "
+                "over the way, how much less is stated, and how much less there is.",
+                ("share", "drag_mNm", "less, stated", "less", "error_mrad", "less, stated_mrad",
+                 "less_mrad", "given_mJ"),
+                rows,
+            ),
+            Table(
+                "Random runs",
+                "A lever with exactly the friction that is certain, pushed at random, in a grip or "
+                "at a wall. The effort is the law's on a filtered, late velocity (with noise: "
+                "Coulomb only), or of one who knows the true one: helping, late, random signs.",
+                ("effort", "runs", "with a surplus", "greatest_uJ"),
+                random,
+            ),
+        ],
+        [
+            Goal("runs with a surplus", 0.0, "", float(beyond[0])),
+            Goal("runs with a surplus at 1.2 times", 1.0, "", float(beyond[1]), at_least=True),
+            Goal("drag: less over stated, off 1, at 0.8", 0.1, "", abs(fallen - 1.0)),
+            Goal("error: less over stated, off 1, at 0.8", 0.1, "", abs(closer - 1.0)),
+        ],
+    )  # fmt: skip

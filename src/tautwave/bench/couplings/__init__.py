@@ -1,0 +1,1 @@
+"""`tautwave bench couplings`: every coupling, bare and in an account, on equal terms."""

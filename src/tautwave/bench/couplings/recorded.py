@@ -1,0 +1,71 @@
+"""Law `position` with a laboratory's gains on its recorded hands: how credible the bench is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+
+from tautwave.bench.port.hands import LEAD_S, PERIOD, Hand, recorded_hands
+from tautwave.bench.port.rigs import CONTACTS, IMPOSED, bench_rig
+from tautwave.bench.port.tracking import RELEASED_S, SETTLED_S, rms
+from tautwave.simulation import simulate
+
+LAW = "{law: position, pairs: {lever: {stiffness: 8.1, damping: 0.091}}}"
+"""Slave's law of the laboratory's controllers a and d, by regression of its logged commands."""
+
+CONTROLLERS = ("_a", "_d")
+COULOMB, VISCOUS = 0.03, 0.015
+"""Friction of the levers in the recordings, by torque balance [N m, N m s/rad]."""
+
+MET = {**CONTACTS, "spring": "{type: spring, stiffness: 4.5, position: -0.09}"}
+"""What the slave meets; the spring as torque balance finds it, always attached."""
+
+
+class Likeness(NamedTuple):
+    """rms of master minus slave [rad]: of the recording, and of our simulation of it."""
+
+    name: str
+    recorded: float
+    ours: float
+
+    @property
+    def ratio(self) -> float:
+        """Ours over the recorded."""
+        return self.ours / self.recorded
+
+
+def likeness(hand: Hand, folder: Path) -> Likeness:
+    """Impose a recorded motion on the simulated bench, without noise."""
+    assert hand.recorded is not None
+    reference = f"{{type: recording, file: {hand.write(folder)}, column: hand, repeat: false}}"
+    rig = bench_rig(
+        LAW,
+        reference,
+        MET[hand.contact],
+        noise=0.0,
+        seconds=hand.seconds,
+        grip=IMPOSED,
+        coulomb=COULOMB,
+        viscous=VISCOUS,
+    )
+    run = simulate(rig)
+    first, last = (round(it / PERIOD) for it in (SETTLED_S, RELEASED_S))
+    lead, count = round(LEAD_S / PERIOD), len(hand.positions)
+    ours = rms(run["lever.position_error"][lead + first : lead + count - last])
+    return Likeness(hand.name, rms(hand.recorded[first : count - last]), ours)
+
+
+def likenesses(recordings: Path) -> list[Likeness]:
+    """Return every recording of a folder that was made with controller a or d."""
+    hands = recorded_hands(recordings)
+    hands = [hand for hand in hands if any(f"{it}_" in hand.name for it in CONTROLLERS)]
+    with TemporaryDirectory() as folder:
+        return [likeness(hand, Path(folder)) for hand in hands]
+
+
+def median_ratio(found: list[Likeness]) -> float:
+    """Return the median of ours over the recorded [1]."""
+    return float(np.median([each.ratio for each in found]))

@@ -1,0 +1,156 @@
+"""`tautwave bench couplings`: a table of laws, bare and in an account, and rigs drawn at random."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from tautwave.bench.couplings.measure import Outcome, run_coupling, stated_bound
+from tautwave.bench.couplings.recorded import likenesses, median_ratio
+from tautwave.bench.couplings.rigs import (
+    CONTACTS,
+    HAND,
+    LAWS,
+    bench_rig,
+    drawn_rig,
+    without_account,
+)
+from tautwave.bench.result import Goal, Suite, Table, Value
+
+Tell = Callable[[str], None]
+
+DELAYS = (0.0, 0.01, 0.05)
+SECONDS = 5.0
+OWN_ACCOUNT = ("wave", "wave_augmented")
+"""Have accounts of their own, and stand in the table once."""
+
+
+def silent(_: str) -> None:
+    """Say nothing about progress."""
+
+
+def couplings(
+    *,
+    rigs: int = 1000,
+    first: int = 0,
+    hand: Path | None = None,
+    recordings: Path | None = None,
+    tell: Tell = silent,
+) -> Suite:
+    """Run every law on the laboratory's bench, and laws, rigs and delays drawn at random.
+
+    Parameters
+    ----------
+    rigs : int
+        How many are drawn, each bare and in an account.
+    first : int
+        Seed of the first one.
+    hand : Path, optional
+        CSV file with the column hand_reference [rad]; default: a multisine.
+    recordings : Path, optional
+        Folder of recorded hands, as for `tautwave bench port`: adds how credible the bench is.
+    tell : callable
+        Called with the name of each measurement as it starts.
+    """
+    reference = HAND
+    if hand is not None:
+        reference = f"{{type: recording, file: {hand.resolve()}, column: hand_reference}}"
+    rows: list[list[Value]] = []
+    kept = 0.0
+    for name in LAWS:
+        for account in (False,) if name in OWN_ACCOUNT else (False, True):
+            tell(f"{name}{', account' if account else ''}")
+            for delay in DELAYS:
+                for contact in CONTACTS:
+                    found = run_coupling(
+                        bench_rig(
+                            name,
+                            delay,
+                            account=account,
+                            contact=contact,
+                            reference=reference,
+                            seconds=SECONDS,
+                        )
+                    )
+                    kept = max(kept, found.made) if account else kept
+                    rows.append(
+                        [name, "account" if account else "bare", *_cells(delay, contact, found)]
+                    )
+    tell(f"{rigs} rigs drawn at random")
+    drawn = _drawn_rows(range(first, first + rigs))
+    more, goals = _credible(recordings, tell)
+    return Suite(
+        "couplings",
+        [
+            Table(
+                "Couplings on the bench",
+                "The 1-DoF bench at 2 kHz with noise of 9e-5 rad, a hand for 5 s. Tracking rms, "
+                "standard deviation of the master's effort, share of motion power above 8 Hz "
+                "(worse side), and the most energy that both motors had given, in truth.",
+                ("law", "as", "delay_ms", "contact", "error_mrad", "effort_mNm", "above 8 Hz",
+                 "made_mJ", "ended"),
+                rows,
+            ),
+            Table(
+                "Rigs drawn at random",
+                "Laws, gains, devices, limits, delays to 100 ms, command delays, noise, lost "
+                "samples, skipped slots, hands and contacts; half a second each. The bound is what "
+                "the certificate of the rig with an account states.",
+                ("as", "rigs", "beyond the bound", "made_mJ", "share of the bound", "ended early"),
+                drawn,
+            ),
+            *more,
+        ],
+        [
+            Goal("rigs in an account beyond their bound", 0.0, "", float(drawn[0][2] or 0)),
+            Goal("bare rigs beyond it", 1.0, "", float(drawn[1][2] or 0), at_least=True),
+            Goal("energy made in an account, bench", 1.0, "mJ", 1e3 * kept),
+            *goals,
+        ],
+    )  # fmt: skip
+
+
+def _credible(recordings: Path | None, tell: Tell) -> tuple[list[Table], list[Goal]]:
+    """Return the table of the laboratory's law on its own hands, and its goal."""
+    if recordings is None:
+        return [], []
+    tell("the laboratory's law on its recorded hands")
+    found = likenesses(recordings)
+    table = Table(
+        "The laboratory's law, recorded and simulated",
+        "Its gains of controllers a and d in our law position, the master's motion imposed, no "
+        "noise, friction and spring as torque balance finds them in the recordings.",
+        ("recording", "recorded_mrad", "ours_mrad", "ratio"),
+        [[it.name, 1e3 * it.recorded, 1e3 * it.ours, it.ratio] for it in found],
+    )
+    off = abs(median_ratio(found) - 1.0)
+    return [table], [Goal("median error off the recorded one", 0.15, "", off)]
+
+
+def _cells(delay: float, contact: str, found: Outcome) -> list[Value]:
+    return [
+        1e3 * delay,
+        contact,
+        1e3 * found.error,
+        1e3 * found.effort,
+        f"{found.fast:.0%}",
+        1e3 * found.made,
+        "early" if found.stopped else "",
+    ]
+
+
+def _drawn_rows(seeds: range) -> list[list[Value]]:
+    beyond, most, share, early = [0, 0], [0.0, 0.0], [0.0, 0.0], [0, 0]
+    for seed in seeds:
+        rig = drawn_rig(seed, account=True)
+        bound = stated_bound(rig)
+        for bare, drawn in enumerate((rig, without_account(rig))):
+            found = run_coupling(drawn, bound=bound)
+            beyond[bare] += found.excess > 0.0
+            most[bare] = max(most[bare], found.made)
+            share[bare] = max(share[bare], found.made / bound)
+            early[bare] += found.stopped
+    names = ("in an account", "bare")
+    return [
+        [names[it], len(seeds), beyond[it], 1e3 * most[it], share[it], early[it]] for it in (0, 1)
+    ]

@@ -1,0 +1,184 @@
+"""What a page costs the run that it shows: lateness with it open and without, in turns in one run.
+
+The run is `tautwave run` on loopback devices, the page `tautwave view --page` with one client that
+takes every row; both are stopped (SIGSTOP) and continued in turns, and killed at the end, so that
+the recording also shows what stopped and killed viewers cost it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tautwave.bench.result import Goal, Suite, Table, Value
+from tautwave.bench.rigs import ONE_PAIR
+from tautwave.clock import MonotonicClock
+from tautwave.config import resolved_yaml
+from tautwave.config.guard import parse_json
+from tautwave.errors import RecordingError
+from tautwave.recordings.recording import read_recording
+from tautwave.runtime.tap import LIVE, Live, Tap
+
+CLI = (sys.executable, "-c", "from tautwave.cli import main; main()")
+CLIENT = """
+import sys
+from urllib.parse import urlsplit
+from websockets.sync.client import connect
+page = urlsplit(sys.argv[1])
+with connect(f"ws://{page.netloc}/live", origin=f"http://{page.netloc}", compression=None,
+             max_size=None) as socket:
+    print("open", flush=True)
+    for _ in socket:
+        pass
+"""
+SETTLE_S = 0.3
+"""After a turn begins: what was waiting is sent in it."""
+
+BEGIN_S = 60.0
+
+
+class Viewed(NamedTuple):
+    """A finished run: lateness [us] by turn, processor time of the server per time, its memory."""
+
+    open_us: np.ndarray[Any, np.dtype[np.float64]]
+    closed_us: np.ndarray[Any, np.dtype[np.float64]]
+    share: float
+    resident_mb: float
+    columns: int
+    recording: dict[str, Any]
+
+
+def viewed(*, turns: int, turn_s: float) -> Viewed:
+    """Run a rig with its page open in every second of `turns` turns of `turn_s` [s]."""
+    clock = MonotonicClock()
+    with tempfile.TemporaryDirectory(prefix="tautwave-bench-") as folder:
+        out = Path(folder) / "run"
+        rig = Path(folder) / "rig.yaml"
+        rig.write_text(resolved_yaml(ONE_PAIR.load()), encoding="utf-8")
+        loose = ("--set", "loop.overrun_limit=20000")
+        words = ("run", str(rig), *loose, "--duration", "3600", "--out", str(out), "--quiet")
+        run = subprocess.Popen([*CLI, *words], stdout=subprocess.DEVNULL)
+        try:
+            live = _begun(run, out, clock)
+            tap = Tap.of_run(live)
+            marks, busy = [], []
+            with _page(out) as viewers:
+                for turn in range(turns):
+                    is_open = turn % 2 == 0
+                    _signal(viewers, signal.SIGCONT if is_open else signal.SIGSTOP)
+                    before = _cpu_s(viewers[0])
+                    marks.append(_now_s(tap, live))
+                    clock.sleep_until(clock.now_ns() + round(1e9 * turn_s))
+                    if is_open:
+                        busy.append((_cpu_s(viewers[0]) - before) / turn_s)
+                resident = _resident_mb(viewers[0])
+                marks.append(_now_s(tap, live))
+                _signal(viewers, signal.SIGKILL)
+            clock.sleep_until(clock.now_ns() + 1_000_000_000)
+            tap.close()
+        finally:
+            run.send_signal(signal.SIGINT)
+            while run.poll() is None and not (out / "summary.json").exists():
+                clock.sleep_until(clock.now_ns() + 50_000_000)
+            run.send_signal(signal.SIGINT)  # its report is not needed
+            run.wait()
+        found = read_recording(out, ["time_s", "lateness_us"])
+        summary = parse_json((out / "summary.json").read_text(encoding="utf-8"))
+    open_us, closed_us = _by_turn(found["time_s"], found["lateness_us"], marks)
+    share = float(np.mean(busy))
+    recording = dict(summary["recording"])
+    return Viewed(open_us, closed_us, share, resident, len(live.columns), recording)
+
+
+def _by_turn(time_s: Any, late_us: Any, marks: Sequence[float]) -> tuple[Any, Any]:
+    """Return the lateness of open and of closed turns."""
+    parts: tuple[list[Any], list[Any]] = ([], [])
+    for turn, (begin, end) in enumerate(pairwise(marks)):
+        inside = (time_s >= begin + SETTLE_S) & (time_s < end)
+        parts[turn % 2].append(late_us[inside])
+    return np.concatenate(parts[0]), np.concatenate(parts[1])
+
+
+def _begun(run: subprocess.Popen[bytes], out: Path, clock: MonotonicClock) -> Live:
+    until = clock.now_ns() + round(1e9 * BEGIN_S)
+    while clock.now_ns() < until and run.poll() is None:
+        if (out / LIVE).exists():
+            return Live(**parse_json((out / LIVE).read_text(encoding="utf-8")))
+        clock.sleep_until(clock.now_ns() + 50_000_000)
+    raise RecordingError("the run whose page is measured did not begin")
+
+
+@contextmanager
+def _page(out: Path) -> Iterator[Sequence[int]]:
+    """Give the processes of a page: its server, and a client that takes all rows."""
+    server = subprocess.Popen([*CLI, "view", str(out), "--page"], stdout=subprocess.PIPE)
+    assert server.stdout is not None
+    url = server.stdout.readline().decode().split()[-1]
+    client = subprocess.Popen([sys.executable, "-c", CLIENT, url], stdout=subprocess.PIPE)
+    assert client.stdout is not None
+    client.stdout.readline()
+    try:
+        yield (server.pid, client.pid)
+    finally:
+        for child in (server, client):
+            child.kill()
+            child.communicate()
+
+
+def _signal(processes: Sequence[int], number: int) -> None:
+    for process in processes:
+        os.kill(process, number)
+
+
+def _cpu_s(process: int) -> float:
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _resident_mb(process: int) -> float:
+    pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def _now_s(tap: Tap, live: Live) -> float:
+    """Return the time of the newest row [s]."""
+    rows = tap.take()
+    while not rows:
+        rows = tap.take()
+    return rows[-1][list(live.columns).index("time_s")]
+
+
+def viewed_suite(found: Viewed) -> Suite:
+    """Return what was measured as a table and its goals."""
+    figures = ("p50", "p99", "p999", "max")
+    shares = (50.0, 99.0, 99.9, 100.0)
+    rows: list[Sequence[Value]] = [
+        (name, len(late), *(round(float(np.percentile(late, share)), 1) for share in shares))
+        for name, late in (("open", found.open_us), ("stopped", found.closed_us))
+    ]
+    table = Table(
+        "Lateness of the loop [us], page open and stopped in turns of one run",
+        f"{found.columns} columns, every row to one client; the page's server and client are "
+        f"stopped in every second turn and killed at the end. {json.dumps(found.recording)}",
+        ("page", "rows", *figures),
+        rows,
+    )
+    ratio = float(np.percentile(found.open_us, 99) / np.percentile(found.closed_us, 99))
+    goals = [
+        Goal("lateness with the page open against stopped, p99", 1.1, "", ratio),
+        Goal("processor time of the page's server", 5.0, "%", 100.0 * found.share),
+        Goal("rows dropped from the recording", 0.0, "", float(found.recording["rows_dropped"])),
+        Goal("resident memory of the page's server", 80.0, "MB", found.resident_mb),
+    ]
+    return Suite("view", [table], goals)

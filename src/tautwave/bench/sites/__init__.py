@@ -1,0 +1,1 @@
+"""Two processes on this machine that exchange what two sites do."""

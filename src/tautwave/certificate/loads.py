@@ -1,0 +1,111 @@
+"""Verdicts on loads: what carrying one takes of a device's damping, what not carrying it costs.
+
+An effort that holds a load with slope h half-way through a period of length T, predicted over the
+command delay of d periods from the last stride, is wrong by at most h (|q'| / 2 + the strides that
+it predicts and those that it predicts them from). Over a run that gives out at most
+h (1 + 2 d) sum q'^2, by a b <= (a^2 + b^2) / 2 term by term, and the device's damping b takes
+b / T sum q'^2 (its mean speed in a period is q'/T). For several joints h is a row sum of the
+potential's second derivatives. A load that is believed wrongly has a potential of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tautwave.certificate.data import Element, Verdict
+from tautwave.config import Rig
+from tautwave.rig.arms import felt_axes, greatest_loads, load_reserves, load_stiffnesses
+from tautwave.rig.rates import load_offset
+from tautwave.types import CommandDelay
+
+
+def load_element(
+    rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], taken: float
+) -> Element | None:
+    """Return the verdict on an axis' load, None without one.
+
+    Parameters
+    ----------
+    rig : Rig
+        A checked rig.
+    axis_name : str
+        Full name.
+    delays : mapping
+        Command delay by axis.
+    taken : float
+        What the axis' local wall takes of its damping [N m s/rad or N s/m].
+    """
+    side = axis_name.partition(".")[0]
+    if axis_name in load_reserves(rig):
+        return _carried(rig, axis_name, delays, taken)
+    most = greatest_loads(rig, side).get(axis_name)
+    return None if most is None else _borne(rig, axis_name, delays, most)
+
+
+def _carried(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], taken: float) -> Element:
+    axis, delay = rig.axes[axis_name], delays[axis_name]
+    rotary = axis.kind == "rotary"
+    unit, stiff = ("N m s/rad", "N m/rad") if rotary else ("N s/m", "N/m")
+    effort = "N m" if rotary else "N"
+    slope = load_stiffnesses(rig, axis_name.partition(".")[0])[axis_name]
+    late = delay.periods + delay.remainder_s / rig.period_s
+    needed = slope * rig.period_s * (1.0 + 2.0 * late)
+    left = max(axis.damping.lower - taken, 0.0)
+    friction = slope * axis.encoder_quantum * (1.0 + late)
+    numbers = {
+        "load_stiffness": slope,
+        "needed_damping": needed,
+        "damping_margin": left - needed,
+        "needed_coulomb": friction,
+    }
+    felt = felt_axes(rig).get(axis_name)
+    what = f", with what {felt} weighs to be felt," if felt else ""
+    said = (
+        f"The load of {axis_name}{what} is carried half-way through each period; it changes by at "
+        f"most "
+        f"{slope:.3g} {stiff}, and takes {needed:.3g} {unit} of the device's damping."
+    )
+    passive = Verdict(True, said, margin=left - needed)
+    if needed > left:
+        wall = f", of which a wall takes {taken:.3g}" if taken > 0.0 else ""
+        passive = Verdict(
+            False,
+            f"the load of {axis_name}: carrying it takes {needed:.3g} {unit} of damping, "
+            f"damping.lower is {axis.damping.lower:.3g}{wall}; raise rate_hz to "
+            f"{rig.rate_hz * needed / left:.4g}"
+            if left > 0.0
+            else f"the load of {axis_name}: carrying it takes {needed:.3g} {unit} of damping, and "
+            f"none is left; state the device's damping.lower",
+            margin=left - needed,
+        )
+    quantised = passive
+    if passive.passed and friction > axis.coulomb.lower:
+        quantised = Verdict(
+            False,
+            f"the load of {axis_name}: with encoder steps carrying it takes {friction:.3g} "
+            f"{effort} of Coulomb friction, coulomb.lower is {axis.coulomb.lower:.3g}",
+        )
+    return Element(f"load of {axis_name}", "load", axis_name, passive, quantised, numbers, (said,))
+
+
+def _borne(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], most: float) -> Element:
+    """Return the verdict on a load that the coupling carries."""
+    axis = rig.axes[axis_name]
+    rotary = axis.kind == "rotary"
+    unit, place = ("N m", "rad") if rotary else ("N", "m")
+    each = load_offset(rig, axis_name, delays)
+    low, high = axis.position_range or (float("-inf"), float("inf"))
+    said = (
+        f"The load of {axis_name}, up to {most:.3g} {unit}, is carried by the coupling: it sets "
+        f"the pair up to {each * most:.3g} {place} apart."
+    )
+    verdict = Verdict(True, said)
+    if each * most > high - low:
+        verdict = Verdict(
+            False,
+            f"the load of {axis_name}, up to {most:.3g} {unit}, sets its pair up to "
+            f"{each * most:.3g} {place} apart, more than its range of {high - low:.3g}; let it be "
+            "carried (compensate: true)",
+        )
+    numbers = {"greatest_load": most, "offset_per_effort": each, "offset": each * most}
+    return Element(f"load of {axis_name}", "load", axis_name, verdict, verdict, numbers, (said,))

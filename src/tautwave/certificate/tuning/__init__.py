@@ -1,0 +1,1 @@
+"""Laws of positions that are passive by their tuning: the sampled two-port, and the verdict."""

@@ -1,0 +1,1 @@
+"""Commands around a rig: before the first run, and after the last."""

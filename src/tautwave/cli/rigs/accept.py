@@ -1,0 +1,114 @@
+"""`tautwave accept`: the first day with real drives, led, measured, recorded and signed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import click
+
+from tautwave.cli.options import PATH, out_option, positive, simulate_option
+from tautwave.errors import ConfigError
+
+STAGES = ("identity", "hand", "limits", "noise", "watchdog", "delay", "effort", "gentle", "full")
+
+
+@click.command(short_help="Lead through the first day with real drives; measure, record, sign.")
+@click.argument("rig", type=PATH)
+@click.option("--by", metavar="NAME", help="Who signs.")
+@click.option("--axis", "axes", multiple=True, metavar="NAME", help="Only this one; repeatable.")
+@click.option(
+    "--stages",
+    default=",".join(STAGES),
+    show_default=True,
+    metavar="A,B",
+    help="In this order, which is one of rising risk.",
+)
+@click.option(
+    "--run-s",
+    type=float,
+    default=5.0,
+    show_default=True,
+    callback=positive,
+    metavar="S",
+    help="Length of the coupled runs [s].",
+)
+@click.option("--script", metavar="FILE", help="Answers, as for calibrate.")
+@click.option("--verify", is_flag=True, help="RIG is an acceptance.json: compare with what it has.")
+@out_option("Directory, new or empty; default: runs/accept-NAME-DATE-TIME.")
+@click.option(
+    "--clock",
+    type=click.Choice(["real", "fake"]),
+    default="real",
+    show_default=True,
+    help="As for run.",
+)
+@simulate_option
+@click.option("--attach", is_flag=True, help="As for run.")
+@click.option("--allow-unwatched", is_flag=True, help="As for run.")
+@click.option("--configure", is_flag=True, help="As for run.")
+@click.pass_context
+def accept(
+    ctx: click.Context,
+    rig: Path,
+    by: str | None,
+    axes: Sequence[str],
+    stages: str,
+    run_s: float,
+    script: str | None,
+    verify: bool,
+    out: Path | None,
+    clock: str,
+    simulate: bool | tuple[str, ...],
+    attach: bool,
+    allow_unwatched: bool,
+    configure: bool,
+) -> None:
+    """Accept the devices of RIG, stage by stage in rising risk; Enter goes on.
+
+    Without torque: identity, sign and scale by hand, limits. With torque and no effort: noise at
+    rest, the watchdog by pulling the cable. With effort: delay by a step, effort by a spring scale,
+    then the coupled rig at a tenth and at all of its effort. A stage that is not good ends it, with
+    exit code 6. acceptance.json has every number, and the SHA-256 of every recording and of itself.
+
+    \b
+    Examples:
+        tautwave accept drives.yaml --by 'A. Person'
+        tautwave accept drives.yaml --by me --stages identity,hand
+        tautwave accept runs/accept-drives/acceptance.json --verify
+    """
+    from tautwave.session.acceptance import document
+
+    if verify:
+        wrong = document.verify(rig)
+        for sentence in wrong:
+            click.echo(sentence, err=True)
+        if not wrong:
+            click.echo(f"{rig}: as it was signed")
+        ctx.exit(2 if wrong else 0)
+    if by is None:
+        raise click.UsageError("--by NAME: who signs?")
+    from tautwave.cli.rigs.calibrate import conversation
+    from tautwave.cli.run import fresh_directory
+    from tautwave.config import load_rig
+    from tautwave.session.acceptance.accepting import Acceptance
+    from tautwave.session.acceptance.accepting import accept as lead
+    from tautwave.session.guided.running import Ways
+
+    wanted = [stage.strip() for stage in stages.split(",")]
+    wrong = [stage for stage in wanted if stage not in STAGES]
+    if wrong:
+        raise ConfigError(f"accept: --stages: {wrong[0]!r} is none of {', '.join(STAGES)}")
+    loaded = load_rig(rig, choose=False)
+    asked = Acceptance(rig, axes or tuple(loaded.axes), wanted, run_s, by)
+    directory = fresh_directory(out, f"accept-{loaded.name}")
+    ways = Ways(clock, simulate, attach, allow_unwatched, configure)
+    try:
+        path, checks = lead(asked, conversation(script), out=directory, ways=ways)
+    finally:
+        with suppress(OSError):
+            directory.rmdir()  # removes it only if nothing came of it
+    good = sum(check.good for check in checks)
+    click.echo(f"{path}: {good} of {len(checks)} good, signed by {by}")
+    ctx.exit(0 if good == len(checks) else 6)

@@ -1,0 +1,162 @@
+"""`tautwave calibrate`: show a rig its zero, directions and ranges by hand."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tautwave.cli.options import out_option, positive, rig_argument, simulate_option
+from tautwave.errors import ConfigError
+
+if TYPE_CHECKING:
+    from tautwave.session.guided.running import Conversation
+
+STEPS = ("zero", "direction", "range", "identify")
+LARGEST = 1 << 16
+
+
+@click.command(short_help="Show a rig its zero, directions and ranges by hand.")
+@rig_argument
+@click.option("--axis", "axes", multiple=True, metavar="NAME", help="Only this one; repeatable.")
+@click.option(
+    "--steps",
+    default="zero,direction,range",
+    show_default=True,
+    metavar="A,B",
+    help="Of zero, direction, range (by hand, without torque) and identify (inertia and friction).",
+)
+@click.option(
+    "--stop",
+    "stops",
+    multiple=True,
+    metavar="AXIS=POSITION",
+    help="Zero by a mechanical stop that is at this position [rad or m]: the axis goes there, with"
+    " a fifth of its effort limit and 0.2 rad/s or m/s at most. Repeatable.",
+)
+@click.option(
+    "--identify-s",
+    type=float,
+    default=8.0,
+    show_default=True,
+    callback=positive,
+    metavar="S",
+    help="How long identify shakes each axis [s].",
+)
+@click.option(
+    "--script",
+    metavar="FILE",
+    help="Answers from a file with lines `SECONDS [ANSWER]`, the seconds after each question.",
+)
+@out_option("Directory of the recordings; default: runs/calibrate-NAME-DATE-TIME.")
+@click.option(
+    "--clock",
+    type=click.Choice(["real", "fake"]),
+    default="real",
+    show_default=True,
+    help="As for run.",
+)
+@simulate_option
+@click.option("--attach", is_flag=True, help="As for run.")
+@click.option("--allow-unwatched", is_flag=True, help="As for run.")
+@click.option("--configure", is_flag=True, help="As for run.")
+def calibrate(
+    rig: Path,
+    axes: Sequence[str],
+    steps: str,
+    stops: Sequence[str],
+    identify_s: float,
+    script: str | None,
+    out: Path | None,
+    clock: str,
+    simulate: bool | tuple[str, ...],
+    attach: bool,
+    allow_unwatched: bool,
+    configure: bool,
+) -> None:
+    """Calibrate the devices of RIG, led step by step; Enter goes on.
+
+    Zero is a pose that you hold, direction and range what you move by hand; no device has torque
+    meanwhile. --stop takes an axis to its mechanical stop instead, and identify shakes each axis.
+    The result is RIG's name with .calibration.yaml, named in RIG by its SHA-256. A run refuses a
+    device that says something else of itself than it did here.
+
+    \b
+    Examples:
+        tautwave calibrate arms.yaml
+        tautwave calibrate arms.yaml --steps range,identify --axis master.j1
+        tautwave calibrate arms.yaml --stop slave.j6=-1.57
+    """
+    from tautwave.cli.run import fresh_directory
+    from tautwave.cli.terminal.progress import Progress
+    from tautwave.config import load_rig
+    from tautwave.session.calibration.calibrating import Asked
+    from tautwave.session.calibration.calibrating import calibrate as run
+    from tautwave.session.guided.running import Ways
+
+    wanted = [step.strip() for step in steps.split(",")]
+    wrong = [step for step in wanted if step not in STEPS]
+    if wrong:
+        raise ConfigError(f"calibrate: --steps: {wrong[0]!r} is none of {', '.join(STEPS)}")
+    loaded = load_rig(rig, choose=False)
+    asked = Asked(axes or tuple(loaded.axes), wanted, _stops(stops), identify_s)
+    directory = fresh_directory(out, f"calibrate-{loaded.name}")
+    ways = Ways(clock, simulate, attach, allow_unwatched, configure)
+    try:
+        with Progress("calibrate") as progress:
+            file, found = run(
+                rig, asked, conversation(script), out=directory, ways=ways, progress=progress
+            )
+    finally:
+        with suppress(OSError):
+            directory.rmdir()  # removes it only if nothing came of it
+    for name, one in found.items():
+        low, high = one.get("position_range", ("?", "?"))
+        span = f", range {low:.3f} to {high:.3f}" if "position_range" in one else ""
+        click.echo(f"{name}: zero {one['zero']:+.4f}, direction {one['direction']:+d}{span}")
+    click.echo(f"{file}: {len(found)} axes, named in {rig}")
+
+
+def conversation(script: str | None) -> Conversation:
+    """Return how the person is asked: on this terminal, with answers from a file if there is one.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, or is wrong.
+    """
+    from tautwave.config.guard import read_guarded
+    from tautwave.session.guided.answers import Answers, Typed, read_answers
+    from tautwave.session.guided.running import Conversation
+
+    answers: Answers
+    if script is None:
+        answers = Typed(sys.stdin.fileno())
+    else:
+        answers = read_answers(read_guarded(Path(script), "script", LARGEST), script)
+    live = sys.stdout.isatty()
+
+    def say(text: str) -> None:
+        click.echo(f"\r\x1b[K{text}" if live else text)
+        sys.stdout.flush()
+
+    def show(text: str) -> None:
+        if live:
+            click.echo(f"\r\x1b[K{text[:78]}", nl=False)
+
+    return Conversation(answers, say, show)
+
+
+def _stops(given: Sequence[str]) -> dict[str, float]:
+    found = {}
+    for text in given:
+        name, _, at = text.partition("=")
+        try:
+            found[name] = float(at)
+        except ValueError as err:
+            raise ConfigError(f"calibrate: --stop {text!r}: write AXIS=POSITION") from err
+    return found

@@ -1,0 +1,47 @@
+"""`tautwave doctor`: what of this machine costs a run time, and the command that mends it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tautwave.cli.options import PATH, echo_json, json_option
+
+
+@click.command(short_help="Examine this machine: what costs a run time, and what mends it.")
+@click.argument("rig", type=PATH, required=False)
+@json_option
+@click.pass_context
+def doctor(ctx: click.Context, rig: Path | None, as_json: bool) -> None:
+    """Examine this machine: kernel, limits, governor, clock, serial ports, CAN interfaces.
+
+    With RIG: the ports and interfaces of its buses, against what it asks for. Each finding that
+    costs something says what, and the command that mends it. Nothing is changed. Exits with 5 if
+    something bars a run, such as a port that may not be opened.
+
+    \b
+    Examples:
+        tautwave doctor
+        tautwave doctor arms.yaml --json
+    """
+    from tautwave.config import load_rig
+    from tautwave.errors import DriverError
+    from tautwave.session.doctor.examining import examine
+    from tautwave.session.doctor.finding import BARS, GOOD
+
+    found = examine(None if rig is None else load_rig(rig, choose=False))
+    if as_json:
+        echo_json([finding._asdict() for finding in found])
+    else:
+        wide = max(len(finding.what) for finding in found)
+        for finding in found:
+            click.echo(f"{finding.state:<7}  {finding.what:<{wide}}  {finding.found}")
+            if finding.cost:
+                click.echo(f"         {finding.cost}")
+            if finding.command:
+                click.echo(f"         mend: {finding.command}")
+        costing = sum(finding.state != GOOD for finding in found)
+        click.echo(f"{len(found)} looked at, {costing} to mend" if costing else "nothing to mend")
+    if any(finding.state == BARS for finding in found):
+        ctx.exit(DriverError.exit_code)

@@ -1,0 +1,77 @@
+"""`tautwave export`: runs for other programs, by episode."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tautwave.cli.options import PATH, out_option
+
+
+@click.command(short_help="Write runs as CSV, Parquet, npz, MAT or a LeRobot dataset.")
+@click.argument("directories", type=PATH, nargs=-1, required=True, metavar="DIR...")
+@click.option(
+    "--to",
+    type=click.Choice(["csv", "parquet", "npz", "mat", "lerobot"]),
+    default="csv",
+    show_default=True,
+    help="Parquet and LeRobot need pyarrow (tautwave[parquet]), MAT SciPy (tautwave[analysis]).",
+)
+@click.option("--columns", metavar="A,B", help="Tables: only these columns; default: all.")
+@click.option("--fps", type=click.IntRange(1), help="LeRobot: frames a second; default: 30.")
+@click.option("--task", metavar="TEXT", help="LeRobot: what was done, where no episode says.")
+@click.option("--velocities", is_flag=True, help="LeRobot: the action has velocities, too.")
+@click.option(
+    "--missing",
+    type=click.Choice(["refuse", "cut"]),
+    help="LeRobot: frames that miss a sample; default: refuse.",
+)
+@out_option("Output directory; default: DIR/export. A dataset's must not exist.")
+def export(
+    directories: tuple[Path, ...],
+    to: str,
+    columns: str | None,
+    fps: int | None,
+    task: str | None,
+    velocities: bool,
+    missing: str | None,
+    out: Path | None,
+) -> None:
+    """Write the rows of runs, one file an episode, and episodes.csv, which lists them.
+
+    A run without episodes is one file. Units are SI, as recorded. Several runs go to a folder of
+    their own each; as a LeRobot dataset (v3.0) they are its episodes.
+
+    \b
+    Examples:
+        tautwave export runs/shift --to parquet
+        tautwave export runs/shift --columns time_s,master.lever.position --out table
+        tautwave export runs/shift runs/next --to lerobot --fps 30 --task "insert the peg" --out peg
+    """
+    only = {"--fps": fps, "--task": task, "--velocities": velocities, "--missing": missing}
+    given = [name for name, value in only.items() if value]
+    if to == "lerobot":
+        if columns is not None:
+            raise click.UsageError("--columns is for tables; a dataset has its own choice")
+        if out is None and len(directories) > 1:
+            raise click.UsageError("several runs make one dataset: say where with --out DIR")
+        from tautwave.report.export.lerobot import export_dataset
+
+        where = directories[0] / "export" if out is None else out
+        cut = missing == "cut"
+        click.echo(
+            export_dataset(directories, where, fps or 30, task, velocities=velocities, cut=cut)
+        )
+        return
+    if given:
+        raise click.UsageError(f"{given[0]} is for --to lerobot")
+    from tautwave.report.export.tables import export_tables
+
+    chosen = None if columns is None else [name.strip() for name in columns.split(",")]
+    for directory in directories:
+        folder = directory / "export" if out is None else out
+        if out is not None and len(directories) > 1:
+            folder = out / directory.resolve().name
+        for path in export_tables(directory, to, folder, chosen):
+            click.echo(str(path))

@@ -1,0 +1,187 @@
+"""`tautwave new`: a first rig file, from the devices on the bench."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tautwave.cli.options import PATH
+from tautwave.errors import ConfigError
+
+if TYPE_CHECKING:
+    from tautwave.session.new.choosing import Chosen
+    from tautwave.session.new.surveying import Place
+    from tautwave.types import FoundBus
+
+
+@click.command(short_help="Write a first rig file from the devices on the bench.")
+@click.argument("rig", type=PATH)
+@click.option(
+    "--bus",
+    "buses",
+    multiple=True,
+    metavar="'[NAME=]DRIVER [OPTIONS]'",
+    help="Scan this bus, with the options of `tautwave scan DRIVER`; may be repeated. Without:"
+    " every USB serial port and every CAN interface of this machine.",
+)
+@click.option("--eds", type=PATH, metavar="FILE", help="CiA 402 drives from their EDS; no scan.")
+@click.option("--profile", type=PATH, metavar="FILE", help="Modbus drives from a profile; no scan.")
+@click.option("--from", "example", metavar="EXAMPLE", help="Copy a shipped rig instead.")
+@click.option("--master", metavar="DEVICES", help="In the hand: BUS:IDS, BUS or IDS, such as 1-6.")
+@click.option("--slave", metavar="DEVICES", help="At the task, as many, in the same order.")
+@click.option(
+    "--joints", metavar="NAMES", help="Names of the pairs, with commas; default j1, j2 ..."
+)
+def new(
+    rig: Path,
+    buses: Sequence[str],
+    eds: Path | None,
+    profile: Path | None,
+    example: str | None,
+    master: str | None,
+    slave: str | None,
+    joints: str | None,
+) -> None:
+    """Write the rig file RIG: what the devices tell, and TODO where only you know.
+
+    Asks which devices are in the hand and which at the task, unless --master and --slave say so.
+    Nothing is enabled and nothing is written into a device. An existing file is never replaced.
+
+    \b
+    Examples:
+        tautwave new arms.yaml
+        tautwave new arms.yaml --bus 'dynamixel --port /dev/ttyUSB0 --baud 1000000' \\
+            --master 1-6 --slave 11-16
+        tautwave new drives.yaml --eds drive.eds --master 1 --slave 2
+        tautwave new bench.yaml --from bench-1dof-loopback
+    """
+    if sum(bool(one) for one in (buses, eds, profile, example)) > 1:
+        raise click.UsageError("--bus, --eds, --profile and --from exclude each other.")
+    if rig.suffix not in (".yaml", ".yml"):
+        raise ConfigError(f"new: {rig}: the name of a rig file ends in .yaml")
+    if rig.exists():
+        raise ConfigError(f"new: {rig} is there already, and is not replaced; name another file")
+    if example is not None:
+        _write(rig, _copied(example, rig.stem))
+        return
+    from tautwave.session.new.choosing import halves, numbers, select
+    from tautwave.session.new.draft import Draft
+    from tautwave.session.new.fitting import fitted_text
+    from tautwave.session.new.surveying import described
+
+    if eds or profile:
+        ids = [*numbers(master or "1", "--master"), *numbers(slave or "2", "--slave")]
+        kind, file = ("eds", eds) if eds else ("profile", profile)
+        assert file is not None
+        found = [described(kind, file.resolve(), ids)]
+        master, slave = master or "1", slave or "2"
+    else:
+        found = _surveyed(buses)
+        _show(found)
+    guesses = halves(found)
+    hand = select(_asked(master, "--master", "in the hand (master)", guesses[0]), found, "--master")
+    task = select(_asked(slave, "--slave", "at the task (slave)", guesses[1]), found, "--slave")
+    names = _names(joints, hand, task)
+    text = fitted_text(Draft(rig.stem, hand, task, names, 0.0), rig)
+    _write(rig, text)
+
+
+def _surveyed(given: Sequence[str]) -> list[FoundBus]:
+    from tautwave.cli.terminal.progress import Progress
+    from tautwave.session.new.surveying import places, survey
+
+    to_scan = [_place(text) for text in given] if given else places()
+    if not to_scan:
+        raise ConfigError(
+            "new: this machine has no USB serial port and no CAN interface; plug the adapter in, or"
+            " name a bus: --bus 'modbus --endpoint tcp://192.168.1.20:502'"
+        )
+    with Progress("new") as progress:
+        found, without = survey(to_scan, progress)
+    for sentence in without:
+        click.echo(sentence, err=True)
+    if not found:
+        raise ConfigError(
+            "new: nothing was found that a rig can drive; are the devices supplied with power?"
+            " `tautwave scan DRIVER --help` lists the options of a scan"
+        )
+    return found
+
+
+def _place(text: str) -> Place:
+    """Read `arm=dynamixel --port /dev/ttyUSB0`."""
+    from tautwave.cli.terminal.model_options import parse_model
+    from tautwave.registry import load_driver, require_modules
+    from tautwave.session.new.surveying import Place, surveyor
+
+    try:
+        first, *arguments = shlex.split(text)
+    except ValueError as err:
+        raise ConfigError(f"new: --bus {text!r}: write DRIVER [OPTIONS]") from err
+    name, equals, driver = first.partition("=")
+    name, driver = (name, driver) if equals else ("", name)
+    plugin = load_driver(driver)
+    surveyor(driver, plugin)
+    require_modules(driver)
+    assert plugin.scan_options is not None
+    return Place(driver, parse_model(plugin.scan_options, arguments, f"new: --bus {driver}"), name)
+
+
+def _show(found: Sequence[FoundBus]) -> None:
+    from tautwave.cli.terminal.show import Section, show
+
+    rows = [(bus.name, str(device.id), device.name) for bus in found for device in bus.devices]
+    show([Section("Devices found", ("bus", "id", "device"), rows)])
+
+
+def _asked(given: str | None, option: str, question: str, guess: str) -> str:
+    if given is not None:
+        return given
+    if not sys.stdin.isatty():
+        hint = f", such as {option} {guess}" if guess else ""
+        raise ConfigError(f"new: which devices are {question}? Say so with {option}{hint}")
+    answer: str = click.prompt(f"Devices {question}", default=guess or None)
+    return answer
+
+
+def _names(joints: str | None, hand: Sequence[Chosen], task: Sequence[Chosen]) -> list[str]:
+    if len(hand) != len(task):
+        raise ConfigError(
+            f"new: {len(hand)} in the hand and {len(task)} at the task; a pair has one of each"
+        )
+    both = [one for one in hand if one in task]
+    if both:
+        raise ConfigError(f"new: {both[0].bus.name}:{both[0].device.id} is on both sides")
+    if joints is None:
+        return [f"j{number + 1}" for number in range(len(hand))]
+    names = [name.strip() for name in joints.split(",")]
+    if len(names) != len(hand) or len(set(names)) != len(names):
+        raise ConfigError(f"new: --joints: {len(hand)} different names are needed (got {joints!r})")
+    return names
+
+
+def _copied(example: str, name: str) -> str:
+    """Return a shipped rig under another name."""
+    import re
+
+    from tautwave.config.shipped import find_example
+    from tautwave.config.text.resolved import flow_yaml
+
+    text = find_example(example).path.read_text(encoding="utf-8")
+    return re.sub(r"^name: .*$", lambda _: f"name: {flow_yaml(name)}", text, count=1, flags=re.M)
+
+
+def _write(rig: Path, text: str) -> None:
+    from tautwave.files import make_directory, write_text
+
+    make_directory(rig.parent)
+    write_text(rig, text)
+    left = text.count("TODO") - text.count("marked TODO")
+    marks = f", {left} marked TODO" if left else ""
+    click.echo(f"{rig}: {len(text.splitlines())} lines{marks}")
+    click.echo(f"next: tautwave calibrate {shlex.quote(str(rig))}")

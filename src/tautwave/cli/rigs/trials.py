@@ -1,0 +1,94 @@
+"""`tautwave trials`: run a user study, trial by trial."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tautwave.cli.options import PATH, out_option, simulate_option
+from tautwave.errors import ConfigError
+
+if TYPE_CHECKING:
+    from tautwave.session.trials.protocol import Trial
+
+
+@click.command(short_help="Run a user study by its protocol, and write its table.")
+@click.argument("protocol", type=PATH)
+@click.option("--participant", required=True, metavar="NAME", help="Who takes part, one word.")
+@out_option("Directory of runs and table; default: runs/NAME-OF-THE-PROTOCOL.")
+@click.option("--list", "only_list", is_flag=True, help="Show the participant's order, and end.")
+@click.option("--yes", is_flag=True, help="Begin each trial at once, and ask nothing.")
+@click.option(
+    "--clock",
+    type=click.Choice(["real", "fake"]),
+    default="real",
+    show_default=True,
+    help="As for run.",
+)
+@simulate_option
+@click.option("--attach", is_flag=True, help="As for run.")
+@click.option("--allow-unwatched", is_flag=True, help="As for run.")
+def trials(
+    protocol: Path,
+    participant: str,
+    out: Path | None,
+    only_list: bool,
+    yes: bool,
+    clock: str,
+    simulate: bool | tuple[str, ...],
+    attach: bool,
+    allow_unwatched: bool,
+) -> None:
+    """Run the trials of PROTOCOL for one participant, each a run of its own, and write trials.csv.
+
+    The order follows from the protocol's seed and the participant. Before each trial it waits for
+    Enter; the rig engages, the trial is an episode, and ends after its time or with `e`. Started
+    again, the study goes on after the last trial in the table.
+
+    \b
+    Examples:
+        tautwave trials delay-study.yaml --participant P01
+        tautwave trials delay-study.yaml --participant P01 --list
+    """
+    from tautwave.cli.terminal.keys import keys_of
+    from tautwave.clock import MonotonicClock
+    from tautwave.session.trials.protocol import read_protocol, trials_of
+    from tautwave.session.trials.running import Study, run_study
+
+    if not re.fullmatch(r"[\w.-]+", participant):
+        raise ConfigError(f"trials: --participant {participant!r}: write one word, such as P01")
+    found = read_protocol(protocol)
+    order = trials_of(found, participant)
+    if only_list:
+        for trial in order:
+            click.echo(f"{trial.number:4d}  {trial.condition}  {trial.repetition}")
+        return
+
+    def ready(trial: Trial, rested: bool) -> None:
+        if yes:
+            return
+        if rested and found.break_s:
+            click.echo(f"break of {found.break_s:g} s")
+            now = MonotonicClock()
+            now.sleep_until(now.now_ns() + round(1e9 * found.break_s))
+        click.prompt(
+            f"trial {trial.number} of {len(order)}; Enter begins it",
+            default="", show_default=False, prompt_suffix=" ",
+        )  # fmt: skip
+
+    def judge(trial: Trial) -> bool | None:
+        return None if yes else click.confirm("a success?")
+
+    ways = {"clock": clock, "simulate": simulate, "attach": attach}
+    study = Study(
+        found,
+        participant,
+        protocol.parent,
+        Path("runs") / protocol.stem if out is None else out,
+        {**ways, "allow_unwatched": allow_unwatched},
+    )
+    table = run_study(study, ready, judge, lambda rig: keys_of(rig, clock, None))
+    click.echo(f"{table}: {len(order)} trials of {participant}")

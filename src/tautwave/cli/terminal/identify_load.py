@@ -1,0 +1,79 @@
+"""`tautwave identify RIG --load`: what weighs on an arm's joints, or on one axis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tautwave.cli.options import echo_json
+
+
+def run_load(source: Path, options: Mapping[str, Any]) -> None:
+    """Identify and show the loads of a rig's side or axis."""
+    from tautwave.cli.run import fresh_directory
+    from tautwave.cli.terminal.progress import Progress
+    from tautwave.cli.terminal.show import show
+    from tautwave.config import load_rig
+    from tautwave.session import describe_ways
+    from tautwave.session.identification.weighing import identify_load
+
+    loaded = load_rig(source, options["overrides"])
+    ways = {name: options[name] for name in ("clock", "simulate", "attach")}
+    for sentence in describe_ways(loaded, **ways):
+        click.echo(sentence, err=options["as_json"])
+    directory = fresh_directory(options["out"], f"identify-{loaded.name}")
+    try:
+        with Progress("moving slowly") as progress:
+            result = identify_load(
+                loaded,
+                axis=options["axis"],
+                out=directory,
+                duration_s=options["duration"],
+                reach=options["reach"],
+                allow_uncertified=options["allow_uncertified"],
+                progress=progress,
+                **ways,
+            )
+    finally:
+        with suppress(OSError):
+            directory.rmdir()
+    if options["as_json"]:
+        echo_json(result.as_dict())
+    else:
+        show(load_sections(result))
+
+
+def load_sections(result: Any) -> list[Any]:
+    """What was found, what it leaves of the efforts, lines for the rig file, files."""
+    from tautwave.cli.terminal.show import Section
+
+    rows = []
+    for weight in result.weights:
+        found = weight.estimate
+        ends = (f"{found.value:.5g}", f"{found.lower:.5g} to {found.upper:.5g}")
+        rows.append((weight.joint, weight.name, *ends, f"{weight.believed:.5g}"))
+    left = [
+        (name, f"{after:.3g}", f"{before:.3g}", f"{coulomb.value:.3g}", f"{damping.value:.3g}")
+        for name, after, before, coulomb, damping in zip(
+            result.axes,
+            result.fit.after,
+            result.fit.before,
+            result.fit.coulomb,
+            result.fit.damping,
+            strict=True,
+        )
+    ]
+    heads = ("joint", ">effort left, rms", ">with what was believed", ">Coulomb", ">viscous")
+    lines = [(line,) for line in result.snippet.splitlines()]
+    return [
+        Section(f"Moved slowly for {result.duration_s:g} s", (), ()),
+        Section("Load", ("joint", "", ">value", ">95 % interval", ">believed"), rows),
+        Section("Joints", heads, left),
+        Section("For the rig file", ("",), lines),
+        Section("Notes", ("",), [(note,) for note in result.notes]),
+        Section("Files", ("",), [(str(result.directory / "identification.json"),)]),
+    ]

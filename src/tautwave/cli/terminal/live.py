@@ -1,0 +1,74 @@
+"""A live run as lines of text: one per pair, and the loop's health. 80 columns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from tautwave.runtime.operate.states import STATES
+from tautwave.runtime.tap import Live
+
+HEAD = f"{'pair':<14}{'master':>11}{'slave':>11}{'error':>11}{'effort':>13}  state"
+NAME = 14
+
+
+class Health(NamedTuple):
+    """Of the rows since the last look: greatest lateness [us], skipped slots so far."""
+
+    late_us: float = 0.0
+    skipped: int = 0
+
+
+def watch_health(rows: Sequence[Sequence[float]], live: Live, before: Health) -> Health:
+    """Return the loop's health after some more rows."""
+    late, skipped = (live.columns.index(name) for name in ("lateness_us", "skipped_slots"))
+    return Health(
+        max((row[late] for row in rows), default=before.late_us),
+        before.skipped + sum(round(row[skipped]) for row in rows),
+    )
+
+
+def live_lines(row: Sequence[float], live: Live, health: Health, missed: int) -> list[str]:
+    """Return what is shown of a row: a headline, a line a pair, the loop.
+
+    Positions in the pair's own units, effort as commanded to the master [N m or N].
+    """
+    values = dict(zip(live.columns, row, strict=True))
+    units: Mapping[str, Any] = live.facts.get("units", {})
+    state = values.get("operation.state")
+    word = "engaged" if state is None else STATES[int(state)]
+    lines = [HEAD]
+    for name, unit in units.items():
+        ends = [f"{side}.{name}" for side in ("master", "slave")]
+        lost = [end for end in ends if not values.get(f"{end}.valid", 1.0)]
+        places = [_number(values.get(f"{end}.position")) for end in ends]
+        error = _number(values.get(f"{name}.position_error"))
+        effort = _number(values.get(f"{ends[0]}.commanded"))
+        force = "N m" if unit == "rad" else "N"
+        shown = word if not lost else f"no sample of {lost[0].partition('.')[0]}"
+        lines.append(
+            f"{_short(name):<{NAME}}{places[0]:>7} {unit:<3}{places[1]:>7} {unit:<3}"
+            f"{error:>7} {unit:<3}{effort:>9} {force:<3}  {shown}"
+        )
+    episode = int(values.get("operation.episode", 0.0))
+    parts = [
+        f"{values['time_s']:.1f} s",
+        f"{live.rate_hz:g} Hz",
+        f"late up to {1e-3 * health.late_us:.2f} ms",
+        f"{health.skipped} slots skipped",
+    ]
+    parts += [f"episode {episode}"] if episode else []
+    parts += [f"{missed} rows not seen"] if missed else []
+    lines.append("loop  " + ", ".join(parts))
+    return [line[:80].rstrip() for line in lines]
+
+
+def _number(value: float | None) -> str:
+    if value is None or not math.isfinite(value):
+        return "-"
+    return f"{value:+.3f}" if abs(value) < 100.0 else f"{value:+.3g}"
+
+
+def _short(name: str) -> str:
+    return name if len(name) < NAME else f"{name[: NAME - 2]}~"

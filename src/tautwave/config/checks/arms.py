@@ -1,0 +1,170 @@
+"""Cross-checks between the keys of a rig file: arms and their axes."""
+
+from __future__ import annotations
+
+from tautwave.config.inputs.chains import chain_links
+from tautwave.config.keys.arm import Arm, Chain
+from tautwave.config.keys.devices import Axis
+from tautwave.config.keys.load import TrueLoad
+from tautwave.config.keys.simulation import Free, SolidWall, Spring
+from tautwave.config.messages import salvage
+from tautwave.config.pieces import SIDES, Parts
+from tautwave.config.text.document import Document
+from tautwave.config.text.yaml12 import KeyPath
+from tautwave.errors import ConfigError
+from tautwave.models.chain.build import is_inertia
+
+KINDS = {"turns": "rotary", "slides": "linear"}
+
+
+def check_arms(document: Document, parts: Parts) -> None:
+    """Note arms whose chain cannot be read, or does not fit the axes."""
+    for side in SIDES:
+        _check_arm(document, parts, side, (side, "arm"), Arm)
+        _check_arm(document, parts, side, ("simulation", "arms", side), Chain)
+        if parts.simulated:
+            _check_simulated(document, parts, side)
+    _check_reflected(document, parts)
+    for side, name, axis in parts.axes():
+        if axis.load is not None:
+            _check_load(document, parts, side, axis, axis.load, (side, "axes", name, "load"))
+        truth = parts.truths.get(f"{side}.{name}")
+        if truth is not None and truth.load is not None:
+            path = ("simulation", "axes", f"{side}.{name}", "load")
+            _check_load(document, parts, side, axis, truth.load, path)
+
+
+def _check_reflected(document: Document, parts: Parts) -> None:
+    """Note loads that the hand cannot feel."""
+    felt: dict[tuple[str, str], KeyPath] = {}
+    for side in SIDES:
+        arm: Arm | None = salvage(Arm, document.get((side, "arm")))
+        if arm is not None and arm.reflect_load:
+            felt.update({(side, name): (side, "arm") for name in parts.sides.get(side) or {}})
+        for name, axis in (parts.sides.get(side) or {}).items():
+            if axis is not None and axis.load is not None and axis.load.reflect_load:
+                felt[side, name] = (side, "axes", name, "load")
+    powers = set()
+    for (side, name), path in felt.items():
+        pair, axis = (parts.pairs or {}).get(name), parts.axis("master", name)
+        if side == "master":
+            document.report((*path, "reflect_load"), "the hand feels its own device; remove it")
+            return
+        if document.get((*path, "compensate")) is False:
+            document.report(
+                (*path, "reflect_load"),
+                "where the coupling carries the load the hand feels it anyway; remove it",
+            )
+            return
+        if pair is not None and pair.offset == "at_engage":
+            document.report(
+                ("coupling", "pairs", name, "offset"),
+                f"the hand feels what {side}.{name} weighs (reflect_load) at the place that the "
+                "master's stands for; give the offset as a number",
+            )
+        if axis is not None and (axis.causality != "impedance" or divided(parts, axis)):
+            document.report(
+                (*path, "reflect_load"),
+                f"master.{name} has to take effort in every cycle for the hand to feel a load",
+            )
+        if pair is not None:
+            powers.add(pair.effective_force_scale * pair.position_scale)
+    if powers and max(powers) - min(powers) > 1e-9 * max(powers):
+        document.report(
+            next(iter(felt.values())),
+            "the pairs scale power differently, so what the hand felt would have no potential; "
+            "give them one force_scale times position_scale",
+        )
+
+
+def _check_simulated(document: Document, parts: Parts, side: str) -> None:
+    """Note what the simulation of a side's arm cannot do."""
+    paths: tuple[KeyPath, ...] = (("simulation", "arms", side), (side, "arm"))
+    path = next((path for path in paths if document.get(path) is not None), None)
+    if path is None:
+        return
+    axes = [axis for axis in (parts.sides.get(side) or {}).values() if axis is not None]
+    drivers = {document.get(("buses", axis.bus, "driver")) for axis in axes}
+    if len({axis.bus for axis in axes}) > 1 or not drivers <= {"loopback"}:
+        document.report(
+            path, "an arm is simulated on one loopback bus with all of its axes; remove the "
+            "simulation block to run hardware"
+        )  # fmt: skip
+    if document.get(("simulation", "integrator")) is not None:
+        document.report(("simulation", "integrator"), "an arm has its own; remove it")
+    for name, keys in parts.environments.items():
+        if side == "slave" and not isinstance(keys, Free | Spring | SolidWall | None):
+            document.report(
+                ("simulation", "environment", name),
+                "the joints of an arm touch free, spring or wall environments only",
+            )
+
+
+def divided(parts: Parts, axis: Axis) -> bool:
+    """Return whether an axis is on a slow bus."""
+    bus = parts.buses.get(axis.bus)
+    return bus is not None and bus.divisor > 1
+
+
+def _check_load(
+    document: Document, parts: Parts, side: str, axis: Axis, load: TrueLoad, path: KeyPath
+) -> None:
+    """Note a load where a chain has it already, or nothing can carry it."""
+    arms = (document.get((side, "arm")), document.get(("simulation", "arms", side)))
+    if any(arm is not None for arm in arms):
+        document.report(path, f"the chain of the {side}'s arm says what it weighs; remove it")
+    elif axis.causality != "impedance":
+        document.report(path, "the drive of an admittance axis carries its load itself; remove it")
+    elif divided(parts, axis):
+        document.report(path, "a load is carried in every cycle; leave out the divisor of its bus")
+    elif document.get(("scene",)) is not None:
+        document.report(path, "loads are carried beside a coupling; a scene has none")
+    elif axis.kind == "linear" and (load.cosine or load.sine):
+        document.report(path, "cosine and sine are for rotary axes; a linear one takes constant")
+
+
+def _check_arm(
+    document: Document, parts: Parts, side: str, path: KeyPath, model: type[Chain]
+) -> None:
+    keys: Chain | None = salvage(model, document.get(path))
+    if keys is None:
+        return
+    for number, row in enumerate(keys.dh or ()):
+        if not is_inertia(*row.inertia):
+            document.report((*path, "dh", number, "inertia"), "no body has this inertia")
+    at = (*path, "urdf" if keys.urdf is not None else "dh")
+    try:
+        links, _ = chain_links(keys)
+    except ConfigError as err:
+        document.report(at, str(err))
+        return
+    joints = [link for link in links if link.kind != "fixed"]
+    axes = parts.sides.get(side)
+    if axes is None:
+        return
+    if len(joints) != len(axes):
+        document.report(
+            at,
+            f"{len(joints)} joints ({', '.join(link.name for link in joints)}) for {len(axes)} "
+            f"axes ({', '.join(axes)}); each axis of the side is a joint, in order from base to "
+            "tip",
+        )
+        return
+    for link, (name, axis) in zip(joints, axes.items(), strict=True):
+        if axis is None:
+            continue
+        if axis.kind != KINDS[link.kind]:
+            document.report(
+                (side, "axes", name, "kind"),
+                f"joint {link.name!r} of the arm {link.kind}, so this should be "
+                f"{KINDS[link.kind]} (got {axis.kind})",
+            )
+        if divided(parts, axis):
+            document.report(
+                ("buses", axis.bus, "divisor"), "an arm is served in every cycle; remove it"
+            )
+        if axis.causality != "impedance":
+            document.report(
+                (side, "axes", name, "causality"),
+                "the axes of an arm take effort: impedance (got admittance)",
+            )

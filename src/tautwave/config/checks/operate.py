@@ -1,0 +1,34 @@
+"""Cross-checks between a rig's `operate` and its other keys."""
+
+from __future__ import annotations
+
+from tautwave.config.pieces import Parts
+from tautwave.config.text.document import Document
+
+
+def check_operate(document: Document, parts: Parts) -> None:
+    """Note what an operated rig cannot have."""
+    if document.get(("operate",)) is None:
+        return
+    if document.get(("scene",)) is not None:
+        document.report(("operate",), "engages pairs, and a scene has none; remove it")
+    if document.get(("link",)) is not None:
+        document.report(("operate",), "does not work over a network yet; remove it or the link")
+    if document.get(("sites",)) is not None:
+        document.report(("operate",), "works on one machine, not on two sites; remove it")
+    if document.get(("loop", "engine")) == "compiled":
+        document.report(("loop", "engine"), "an operated rig runs in plain Python: remove it")
+    for name, bus in parts.buses.items():
+        if bus is not None and bus.divisor > 1:
+            text = f"an operated rig reads every axis in every cycle (got {bus.divisor})"
+            document.report(("buses", name, "divisor"), text)
+    for name, pair in (parts.pairs or {}).items():
+        slave = parts.axis("slave", name)
+        if pair is None or slave is None or isinstance(pair.offset, str):
+            continue
+        if slave.causality == "admittance":
+            document.report(
+                ("coupling", "pairs", name, "offset"),
+                "a slave that takes velocity is not aligned: write at_engage "
+                f"(got {pair.offset:g})",
+            )

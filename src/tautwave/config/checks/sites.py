@@ -1,0 +1,60 @@
+"""Cross-checks of a rig for two machines."""
+
+from __future__ import annotations
+
+from tautwave.config.halves import SIDES, buses_of
+from tautwave.config.keys.sites import Sites
+from tautwave.config.messages import salvage
+from tautwave.config.pieces import Parts
+from tautwave.config.text.document import Document
+from tautwave.contracts import CouplingPlugin
+
+FOR_BOTH = ("wave_impedance", "wave_filter_hz")
+"""Keys of a pair that both sites have to take alike, where `auto` looks at both devices."""
+
+
+def check_sites(document: Document, parts: Parts, law: CouplingPlugin | None) -> None:
+    """Note what two machines cannot share, or would not agree on."""
+    sites: Sites | None = salvage(Sites, document.get(("sites",)))
+    if sites is None:
+        return
+    if set(document.get(("sites",))) == {"here"}:
+        document.report(
+            ("sites", "here"), "the rig file has no sites block: who serves, and at which address"
+        )
+        return
+    if document.get(("scene",)) is not None:
+        document.report(("sites",), "a scene has one site only; remove it")
+        return
+    if getattr(sites, sites.serves).address is None:
+        document.report(
+            ("sites", sites.serves),
+            f"address: required key is missing, for {sites.serves} serves: the other site dials it",
+        )
+    shared = buses_of(document, "master") & buses_of(document, "slave")
+    for bus in sorted(shared):
+        document.report(
+            ("buses", bus), "has axes of both sides, which two machines cannot share; use two buses"
+        )
+    coupling = parts.coupling
+    if coupling is None:
+        return
+    if law is not None and (not law.at_sites or coupling.account is not None):
+        document.report(
+            ("sites",), f"law {coupling.law} works in one process only; use law wave, or remove it"
+        )
+    for name, pair in (parts.pairs or {}).items():
+        for key in FOR_BOTH:
+            if getattr(pair, key, None) == "auto":
+                document.report(
+                    ("coupling", "pairs", name),
+                    f"{key}: two sites need a value, for auto looks at both devices",
+                )
+    if document.get(("loop", "engine")) == "compiled" and document.get(("sites", "here")) in SIDES:
+        document.report(("loop", "engine"), "one of two sites runs in Python only; remove it")
+    if document.get(("operate",)) is not None and document.get(("sites", "here")) in SIDES:
+        document.report(("operate",), "one of two sites engages with the other; remove it")
+    if document.get(("require",)) == "coupled_stable":
+        document.report(
+            ("require",), "a site knows neither the other's device nor the network; use passive"
+        )

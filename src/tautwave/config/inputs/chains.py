@@ -1,0 +1,83 @@
+"""From the keys of a chain, and the URDF file that they may name, to its links and constants."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tautwave.config.inputs.recordings import find_recording
+from tautwave.config.inputs.urdf import JointLimits, read_urdf
+from tautwave.config.keys.arm import Chain, DhRow
+from tautwave.config.text.document import Document
+from tautwave.config.text.yaml12 import KeyPath
+from tautwave.models.chain.build import (
+    Body,
+    Link,
+    Matrix,
+    about_z,
+    build_chain,
+    roll_pitch_yaw,
+)
+from tautwave.models.chain.params import ChainParams
+
+PLACES: tuple[KeyPath, ...] = (
+    ("master", "arm", "urdf"),
+    ("slave", "arm", "urdf"),
+    ("simulation", "arms", "master", "urdf"),
+    ("simulation", "arms", "slave", "urdf"),
+)
+
+
+def chain_links(keys: Chain) -> tuple[tuple[Link, ...], tuple[JointLimits, ...]]:
+    """Return the links of a chain and the limits of its moving joints.
+
+    Raises
+    ------
+    ConfigError
+        Its URDF file cannot be read, or holds no serial chain.
+    """
+    if keys.urdf is not None:
+        found = read_urdf(Path(keys.urdf), keys.tip)
+        return found.links, found.limits
+    links: list[Link] = []
+    for number, row in enumerate(keys.dh or ()):
+        links += _row_links(f"row {number + 1}", row)
+    return tuple(links), tuple(JointLimits(link.name) for link in links if link.kind != "fixed")
+
+
+def _row_links(name: str, row: DhRow) -> tuple[Link, Link]:
+    """Return the joint, without a body, and the link behind it, which is fixed to it."""
+    kind = "turns" if row.kind == "revolute" else "slides"
+    xx, yy, zz, xy, xz, yz = row.inertia
+    inertia: Matrix = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+    behind = roll_pitch_yaw(row.alpha, 0.0, 0.0)
+    return (
+        Link(name, kind, turn=about_z(row.theta)),
+        Link("", "fixed", (row.a, 0.0, row.d), behind, body=Body(row.mass, row.centre, inertia)),
+    )
+
+
+def chain_constants(keys: Chain) -> ChainParams:
+    """Return the constants of a chain with its payload.
+
+    Raises
+    ------
+    ConfigError
+        As for `chain_links`.
+    """
+    links, _ = chain_links(keys)
+    return build_chain(links, keys.gravity, held_at_tip(keys))
+
+
+def held_at_tip(keys: Chain) -> Body:
+    """Return the payload of a chain, a body without mass where there is none."""
+    load = keys.payload
+    return Body() if load is None else Body(load.mass, load.centre)
+
+
+def name_chains(document: Document) -> None:
+    """Replace the paths of URDF files by absolute ones; relative ones start at the rig file."""
+    for path in PLACES:
+        name = document.get(path)
+        if isinstance(name, str):
+            found = find_recording(document, path, name)
+            document.get(path[:-1])["urdf"] = str(found or (document.folder / name).resolve())

@@ -1,0 +1,87 @@
+"""`arm` of a side: its axes as the joints of a serial chain, from base to tip, and what it weighs.
+
+The simulated truth of an arm has the same keys.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from tautwave.config.keys.common import Block, NonNegative
+from tautwave.config.keys.load import REFLECTED
+
+Point = tuple[float, float, float]
+NOWHERE: Point = (0.0, 0.0, 0.0)
+
+
+class DhRow(Block):
+    """One joint and its link by Denavit and Hartenberg's classic parameters.
+
+    A turn about z by `theta` and the joint's position, a shift along z by `d`, one along x by `a`,
+    a turn about x by `alpha`. Masses are given in the frame that these lead to.
+    """
+
+    kind: Literal["revolute", "prismatic"] = Field(
+        default="revolute", description="prismatic: the joint's position adds to `d`."
+    )
+    theta: float = Field(default=0.0, description="[rad] Turn about z at position 0.")
+    d: float = Field(default=0.0, description="[m] Shift along z.")
+    a: float = Field(default=0.0, description="[m] Shift along x.")
+    alpha: float = Field(default=0.0, description="[rad] Turn about x.")
+    mass: NonNegative = Field(default=0.0, description="[kg] Of the link.")
+    centre: Point = Field(default=NOWHERE, description="[m] Centre of mass.")
+    inertia: tuple[float, float, float, float, float, float] = Field(
+        default=(0.0,) * 6,
+        description="[kg m^2] About the centre of mass: xx, yy, zz, xy, xz, yz.",
+    )
+
+
+class Payload(Block):
+    """A load held at the tip."""
+
+    mass: NonNegative = Field(description="[kg]")
+    centre: Point = Field(default=NOWHERE, description="[m] In the tip's frame.")
+
+
+class Chain(Block):
+    """A serial chain, whose joints are a side's axes in their order, from base to tip."""
+
+    urdf: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None,
+        description="URDF file with the chain; a relative path starts at the rig file's folder. "
+        "Either this or `dh`.",
+    )
+    tip: str | None = Field(
+        default=None, description="URDF link at the end; default: behind the last moving joint."
+    )
+    dh: tuple[DhRow, ...] | None = Field(
+        default=None, description="The chain as rows of classic Denavit-Hartenberg parameters."
+    )
+    gravity: Point = Field(
+        default=(0.0, 0.0, -9.80665), description="[m/s^2] In the axes of the chain's base."
+    )
+    payload: Payload | None = Field(
+        default=None, description="What the tip holds; default: nothing."
+    )
+
+    @model_validator(mode="after")
+    def _check_source(self) -> Self:
+        if (self.urdf is None) == (not self.dh):
+            raise PydanticCustomError("order", "give either urdf or dh, with a row for each axis")
+        if self.tip is not None and self.urdf is None:
+            raise PydanticCustomError("order", "tip is the name of a URDF link; remove it")
+        return self
+
+
+class Arm(Chain):
+    """A side's axes as the joints of an arm, and what is believed of its weight."""
+
+    compensate: bool = Field(
+        default=True,
+        description="Carry the arm's weight by efforts beside the coupling's; false: the coupling "
+        "carries it.",
+    )
+    reflect_load: bool = Field(default=False, description=REFLECTED)

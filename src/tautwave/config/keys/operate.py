@@ -1,0 +1,84 @@
+"""`operate`: how a rig is brought from one state to the next by the people around it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
+
+from tautwave.config.keys.common import Block, Positive
+from tautwave.config.keys.key_codes import CODES
+
+
+def _check_key(name: Any) -> Any:
+    if isinstance(name, str) and name not in CODES:
+        raise PydanticCustomError(
+            "key", "there is no key {name}; keys are KEY_A, KEY_SPACE, BTN_LEFT ...", {"name": name}
+        )
+    return name
+
+
+KeyName = Annotated[str, BeforeValidator(_check_key)]
+Word = Literal["toggle", "engage", "clutch", "hold", "rest", "stop", "episode"]
+
+
+class KeyDevice(Block):
+    """A HID device whose keys give commands: a keyboard, a foot pedal, a button."""
+
+    device: Annotated[str, Field(min_length=1)] = Field(
+        description="Its file, such as `/dev/input/by-id/usb-...-event-kbd`; nobody else gets its "
+        "keys meanwhile."
+    )
+    keys: dict[KeyName, Word] = Field(
+        default_factory=dict,
+        description="Commands by key, such as `KEY_A: toggle`, in the names of Linux.",
+    )
+    dead_man: KeyName | None = Field(
+        default=None,
+        description="The rig engages only while this key is held; released, or the device gone, it "
+        "holds.",
+    )
+
+
+class Trigger(Block):
+    """Lines of a serial port beside the rig."""
+
+    port: Annotated[str, Field(min_length=1)] = Field(
+        description="Serial port: its RTS and DTR are on while an episode runs. A pipe gets the "
+        "bytes 1 and 0."
+    )
+    command: Word | None = Field(default=None, description="Given when its CTS comes on.")
+
+
+class Operate(Block):
+    """A rig that people operate, by keys, a script or a program."""
+
+    start: Literal["idle", "engaged"] = Field(
+        default="idle",
+        description="State after enabling: idle waits for `engage`; engaged gives that command.",
+    )
+    align_speed: Positive = Field(
+        default=0.3,
+        description="[rad/s | m/s] Greatest speed at which a slave goes to where its master wants "
+        "it, where `offset` is a number.",
+    )
+    align_acceleration: Positive = Field(
+        default=1.0, description="[rad/s^2 | m/s^2] Greatest acceleration of that motion."
+    )
+    align_effort_share: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=0.2,
+        description="Greatest effort of that motion, as a share of the slave's effort limit.",
+    )
+    scales: Annotated[tuple[Positive, ...], Field(strict=False)] = Field(
+        default=(),
+        description="Factors on every pair's `position_scale` that the command `scale` chooses "
+        "from, beside 1; the rig is certified with each.",
+    )
+    key_devices: Annotated[tuple[KeyDevice, ...], Field(strict=False)] = Field(
+        default=(),
+        description="HID devices that give commands, one of whose keys may be a dead-man.",
+    )
+    trigger: Trigger | None = Field(
+        default=None, description="Lines of a serial port that show episodes, or give a command."
+    )

@@ -1,0 +1,63 @@
+"""`sites`: two machines, one half of the rig on each."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from tautwave.config.keys.common import Block, NonNegative, Positive
+
+SideName = Literal["master", "slave"]
+PORT = 7447
+Port = Annotated[int, Field(ge=1, le=65535)]
+
+
+class Site(Block):
+    """One machine: where the other reaches it, and who it is."""
+
+    address: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None,
+        description="Name or address at which the other site reaches this one; required of the "
+        "site that serves.",
+    )
+    bind: str = Field(
+        default="", description="Own address to serve at; empty: all of this machine's."
+    )
+    keys: Annotated[str, Field(min_length=1)] = Field(
+        default="keys",
+        description="Directory, relative to this file, with the site's .pem and .key and "
+        "authority.pem; see `tautwave keys init`.",
+    )
+
+
+def _nowhere() -> Site:
+    return Site()
+
+
+class Sites(Block):
+    """Master and slave on two machines, joined over a network; see `tautwave run --site`."""
+
+    serves: SideName = Field(
+        default="slave",
+        description="The site that waits for the other one, which dials: the one that can be "
+        "reached, by an open or forwarded port.",
+    )
+    port: Port = Field(
+        default=PORT, description="TCP and UDP port of the site that serves, the same number."
+    )
+    master: Site = Field(default_factory=_nowhere, description="The operator's machine.")
+    slave: Site = Field(default_factory=_nowhere, description="The machine at the task.")
+    wait_s: NonNegative = Field(
+        default=60.0, description="[s] For so long the other site is waited for before a run."
+    )
+    greatest_backlog: Positive = Field(
+        default=0.1,
+        description="[rad | m, master] Motion that may have been missed for a session to go on "
+        "after a silence; beyond, a new one begins where both then are.",
+    )
+    here: SideName | None = Field(
+        default=None,
+        description="The half that this machine runs, as `--site` sets it; the other's buses are "
+        "not looked at.",
+    )

@@ -1,0 +1,55 @@
+"""`coupling.account`: any law that joins axes that take effort, made passive by an energy account.
+
+The law is not touched. Its efforts pass a gate, what they did is booked, and what one end takes the
+other may give: see `tautwave.laws.account`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tautwave.config.keys.coupling import Account
+from tautwave.contracts import CoupledAxis, CouplingPlugin
+from tautwave.controller.wrapping import params_with
+from tautwave.couplings.account.from_keys import account_params
+from tautwave.couplings.account.law import NO_LINK, law_with_account, sample_gain
+from tautwave.couplings.account.messages import messages_with_account
+from tautwave.couplings.over_link import LINKED
+from tautwave.couplings.over_link.steps import linked_law
+from tautwave.registry import load_named
+from tautwave.wording import CouplingMessages
+
+
+def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
+    """Return a law's declaration with an account around it.
+
+    Raises
+    ------
+    ConfigError
+        The law keeps accounts of its own.
+    """
+    bare = load_named(plugin.law)
+    make = load_named(plugin.end_constants)
+    whole = law_with_account(bare)
+    seen = bare.spring is not None
+    over_link = law_with_account(linked_law(bare), over_link=True) if seen else ""
+
+    def end_constants(pair: Any, side: str, axis: CoupledAxis) -> Any:
+        """Return the constants of one end: the law's, and `account`."""
+        given = make(pair, side, axis)
+        assert axis.inertia is not None
+        gain = sample_gain(bare, given, NO_LINK, axis.period, axis.gain, axis.inertia)
+        return params_with(given, "account", account_params(keys, side, axis, gain))
+
+    return plugin._replace(
+        law=whole,
+        over_link=over_link,
+        linked=LINKED,
+        at_sites="",
+        end_constants=end_constants,
+        causalities=("impedance",),
+        divisors=False,
+        verdict="tautwave.couplings.account.verdict:verdict",
+        claim="tautwave.couplings.account.claim:claimed_joules",
+        messages=messages_with_account(load_named(plugin.messages or CouplingMessages())),
+    )

@@ -1,0 +1,55 @@
+"""What an end of a pair with an account may give out, in joules known before the run.
+
+The bound is that of a wave port, `couplings.claim`, with E0 + D for its 2 E0. The
+effort that acts is held, limited and faded by the same controller, so W is the same sum.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from tautwave.config import Rig, local_wall
+from tautwave.couplings.account.from_keys import greatest_income
+from tautwave.couplings.claim import Claim
+from tautwave.models.noise_colour import greatest_spectrum
+from tautwave.rig import coupled_axis, end_constants
+from tautwave.types import CommandDelay
+
+Delays = Mapping[str, CommandDelay]
+
+
+def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
+    """Return what the end at an axis may give out, or the key without which nothing bounds it."""
+    axis = rig.axes[axis_name]
+    assert axis.inertia is not None
+    for key in ("velocity_limit", "effort_rate_limit"):
+        if getattr(axis, key) is None:
+            return key
+    known = coupled_axis(rig, axis_name, delays[axis_name])
+    account = end_constants(rig, axis_name, delays[axis_name]).account
+    return Claim(
+        reserve=0.5 * (account.reserve + account.debt),
+        leak=greatest_income(account) / known.period,
+        feigned=0.0,
+        effort=axis.effort_limit,
+        rate=axis.effort_rate_limit or 0.0,
+        velocity=known.velocity_limit,
+        wall=0.0 if local_wall(rig, axis_name) is None else axis.effort_limit,
+        period=known.period,
+        blind=known.delay + known.late + rig.loop.missing_limit + rig.overrun_limit,
+        mass=axis.inertia.lower,
+        deviation=axis.position_noise,
+        peak=greatest_spectrum(axis.position_noise_autocorrelation),
+        quantum=axis.encoder_quantum,
+        nonlinearity=axis.encoder_nonlinearity,
+        stop_damping=axis.damping.lower,
+        release=rig.coupling.release_ramp_s,
+        kinetic=0.5 * axis.inertia.value * known.velocity_limit**2,
+    )
+
+
+def claimed_joules(rig: Rig, axis_name: str, delays: Delays) -> float:
+    """Return what an end may give out in a run, as its encoder sees it [J]; inf: no claim."""
+    claim = claim_of(rig, axis_name, delays)
+    return claim.seen(rig.claimed_s) if isinstance(claim, Claim) else math.inf

@@ -1,0 +1,96 @@
+"""From the keys of an account, and beliefs about an axis, to the constants of one end; SI."""
+
+from __future__ import annotations
+
+import math
+
+from tautwave.config.keys.coupling import Account
+from tautwave.contracts import CoupledAxis
+from tautwave.errors import ConfigError
+from tautwave.laws.account import FULL, LEADER_SHARE, TANK_SHARE, AccountParams
+
+SLOW = 50.0
+"""Periods in which the leader's level damping would bring the device alone to rest."""
+
+COMMANDS_UNDER_WAY = 3.0
+"""Each command under way may plan to give this share's inverse, over their number, of the funds:
+each sees an account that the others have not yet drawn on. Below e, the account could go negative.
+"""
+
+
+def late_periods(axis: CoupledAxis) -> int:
+    """Return the whole periods until a command acts, a fraction rounded up."""
+    return axis.delay + (1 if axis.late > 0.0 else 0)
+
+
+def account_reserve(keys: Account, axis: CoupledAxis) -> float:
+    """Return E0 [J]: as given, or by how much predictions can err in one reversal.
+
+    (F_max (1 + n) T)**2 / m: the work of the greatest effort on the way that the device makes under
+    an equal one from outside, until a command that takes it into account acts.
+    """
+    if keys.reserve is not None:
+        return keys.reserve
+    assert axis.inertia is not None
+    impulse = axis.effort_limit * (1 + late_periods(axis)) * axis.period
+    return impulse * impulse / axis.inertia
+
+
+def noise_taken(axis: CoupledAxis) -> float:
+    """Return what noise takes in a period per gain of an effort [rad**2 or m**2].
+
+    A sample that is off by n enters the effort as G n and the displacement of the period in which
+    it acts as -n, if it acts at once: G s**2 (1 - rho_1). An effort that acts later is as likely to
+    meet the one as the other.
+    """
+    if late_periods(axis) > 0:
+        return 0.0
+    follows = axis.noise_lags[0] if axis.noise_lags else 0.0
+    return axis.position_noise**2 * (1.0 - follows)
+
+
+def account_params(keys: Account, side: str, axis: CoupledAxis, gain: float) -> AccountParams:
+    """Return the constants of one end, in its device's own units.
+
+    Raises
+    ------
+    ConfigError
+        The axis has no velocity limit, so that nothing bounds what its commands may give.
+    """
+    if math.isinf(axis.velocity_limit):
+        raise ConfigError(
+            f"coupling.account: the {side}'s axis has no velocity_limit, and without one nothing "
+            "bounds what its law may give out; give its greatest safe velocity"
+        )
+    assert axis.inertia is not None
+    reserve = account_reserve(keys, axis)
+    kinetic = 0.5 * axis.inertia * axis.velocity_limit**2
+    full = max(FULL * reserve, TANK_SHARE * kinetic if keys.tank is None else keys.tank)
+    leads = side == keys.leader
+    slow = axis.inertia / (SLOW * axis.period)
+    level = 0.0
+    if leads:
+        level = slow if keys.level_damping is None else keys.level_damping
+    late = late_periods(axis)
+    edge = min(max(abs(gain) * axis.period, slow), axis.inertia / axis.period)
+    taken = noise_taken(axis)
+    return AccountParams(
+        reserve=reserve,
+        debt=reserve + 0.5 * axis.effort_limit * axis.velocity_limit * axis.fade,
+        least=reserve if leads else full,
+        mark=LEADER_SHARE * full if leads else full,
+        full=full,
+        capacity=full + kinetic,
+        income=gain * taken,
+        level_income=level / axis.period * taken,
+        edge_income=edge / axis.period * taken,
+        share=1.0 if late == 0 else 1.0 / (COMMANDS_UNDER_WAY * (1 + late)),
+        level_damping=level,
+        edge=edge,
+        quantum=1.001 * axis.effort_quantum + 1e-12,
+    )
+
+
+def greatest_income(p: AccountParams) -> float:
+    """Return the most that noise may be given per period [J]."""
+    return max(0.0, p.income + p.level_income, p.income, p.edge_income)

@@ -1,0 +1,117 @@
+"""Any law in an account: its steps inside those of the account, its state beside the account's."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.steps import Guard, Law, NoParams, Steps, no_act
+from tautwave.controller.wrapping import bound, record_with
+from tautwave.couplings.account import steps as own
+from tautwave.couplings.account.records import AccountEnd, AccountLink
+from tautwave.errors import ConfigError
+from tautwave.laws.limit import LimitParams
+from tautwave.laws.site import SiteParams
+from tautwave.laws.velocity import track_velocity
+from tautwave.laws.wall import WallParams
+
+GUARDS = {
+    own.ACCOUNT_OVERDRAWN: Guard(
+        "account_overdrawn",
+        "gave out more energy than its account may owe",
+        "it is {found:.3g} J in debt (limit {allowed:.3g} J); check position_noise, "
+        "inertia.lower, and whether effort_rate_limit holds an effort too long",
+    )
+}
+
+INF = math.inf
+NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
+NO_LINK = NoParams()
+FREE = LimitParams(INF, INF, 0.0, INF, -INF, INF, 0.0)
+
+
+def law_with_account(law: Law, *, over_link: bool = False) -> Law:
+    """Return a law in an account; `over_link`: it is one of `couplings.over_link`.
+
+    Raises
+    ------
+    ConfigError
+        It books by the slot, as a law with an account of its own does.
+    """
+    if law.steps.act is not no_act:
+        raise ConfigError(
+            f"coupling.account: law {law.name} keeps accounts of its own; remove the block"
+        )
+    return Law(
+        name=f"{law.name} with account",
+        steps=_steps(law.steps, law.rings, over_link=over_link),
+        end=record_with(law.end, "account", AccountEnd),
+        link=record_with(law.link, "account", AccountLink),
+        signals=law.signals,
+        elements=own.element_names_over_link if over_link else own.element_names,
+        guards={**law.guards, **GUARDS},
+        rings=0 if over_link else law.rings + own.RINGS,
+    )
+
+
+@lru_cache(maxsize=64)
+def _steps(inner: Steps, rings: int, *, over_link: bool) -> Steps:
+    """Return the account's steps around a law's; the same ones for the same law."""
+    passing = inner.exchange
+    if over_link:
+        said = {"law_credit": own.credit, "law_level": own.level, "law_hear": own.hear}
+        passing = bound(inner.exchange, said)
+    law = {
+        "law_start": inner.start,
+        "law_engage": inner.engage,
+        "law_close": inner.close,
+        "law_exchange": passing,
+        "law_think": inner.think,
+        "law_brake": inner.brake,
+        "law_rings": rings,
+    }
+
+    return inner._replace(
+        start=bound(own.start, law),
+        engage=bound(own.engage, law),
+        close=bound(own.close, law),
+        exchange=bound(own.exchange_over_link if over_link else own.exchange, law),
+        think=bound(own.think, law),
+        brake=bound(own.brake, law),
+        fill_elements=own.fill_elements_over_link if over_link else own.fill_elements,
+    )
+
+
+def sample_gain(law: Law, end: Any, link: Any, period: float, gain: float, mass: float) -> float:
+    """Return by how much a law's effort changes with its newest sample [N m/rad or N/m].
+
+    Parameters
+    ----------
+    law : Law
+        The bare law; a pair of it is asked twice, once with the master's sample off.
+    end, link : NamedTuple
+        Constants of its ends, and between them.
+    period, gain, mass : float
+        Period [s], gain of the velocity tracker, lower bound of the inertia [kg m**2 or kg].
+    """
+    off = 1e-6
+    site = SiteParams(period, 0.5 * period / mass, NO_WALL, FREE, gain, 0.0, has_wall=False)
+    half = 0.5 * period
+    p = AxisParams(site, half, 0.0, INF, 1.0, 0, 0, True, 1, half, end)
+    q = PairParams(0, 1, False, True, 1.0, 1.0, 1.0, 1.0, 1.0, period, half, 0.0, INF, 0, 0, link)
+    efforts = []
+    for sample in (0.0, off):
+        one, two = AxisState(end=law.end()), AxisState(end=law.end())
+        c = PairState(link=law.link())
+        law.steps.start(c, q, one, two, p, p, 0.0, [])
+        law.steps.engage(c, q, one, two, p, p, [])
+        one.position = sample
+        one.velocity = track_velocity(gain, 0.0, sample, period)
+        one.count = two.count = 1
+        law.steps.close(one, p, sample, 1.0, period, 0.0)
+        law.steps.close(two, p, 0.0, 1.0, period, 0.0)
+        law.steps.exchange(c, q, one, two, p, p, [], True, True, True)
+        efforts.append(law.steps.think(one, p, one.velocity))
+    return (efforts[1] - efforts[0]) / off

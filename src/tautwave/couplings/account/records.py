@@ -1,0 +1,34 @@
+"""State of an account at each end of a pair and between them, beside that of the law in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class AccountEnd:
+    """One end's tank and books [J, own units].
+
+    `funds` in the tank; `far_level` of the other end as reported, a share of full; `sent` all
+    credit ever sent, `counter` the far one's as last received [J, pair's]; `taken` what came of it;
+    `work` what the law took from the device; `spilled` from a full tank, `granted` for noise.
+    `passed` is the last effort let through [N m or N], `due` what noise takes from it [J].
+    """
+
+    funds: float = 0.0
+    far_level: float = 0.0
+    sent: float = 0.0
+    counter: float = 0.0
+    taken: float = 0.0
+    work: float = 0.0
+    spilled: float = 0.0
+    granted: float = 0.0
+    due: float = 0.0
+    passed: float = 0.0
+
+
+@dataclass(slots=True)
+class AccountLink:
+    """Where the line of credits stands."""
+
+    at: int = 0

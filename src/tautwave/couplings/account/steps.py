@@ -1,0 +1,323 @@
+"""The steps of a law in an account. `LAW_...` are those of the law: bound when it is put in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import MutableSequence
+
+from tautwave.contracts import Row
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.rows import fill_element
+from tautwave.controller.steps import (
+    OWN_GUARDS,
+    no_brake,
+    no_close,
+    no_effort,
+    no_engage,
+    no_exchange,
+    no_start,
+)
+from tautwave.laws.account import (
+    brake_effort,
+    close_account,
+    credit_due,
+    credit_received,
+    gate_bounds,
+    level_missing,
+)
+
+ACCOUNT_OVERDRAWN = OWN_GUARDS + 50
+"""Guard: more was given than the account may owe."""
+
+RINGS = 4
+"""Places of the line of credits per slot of delay: a counter and a level each way."""
+
+law_start = no_start
+law_engage = no_engage
+law_close = no_close
+law_exchange = no_exchange
+law_think = no_effort
+law_brake = no_brake
+law_rings = 0
+
+
+def start_account(s: AxisState, p: AxisParams) -> None:
+    """Begin with the reserve, nothing sent."""
+    e = s.end.account
+    k = p.end.account
+    e.funds = k.reserve
+    e.far_level = k.reserve / k.full
+    e.sent = 0.0
+    e.counter = 0.0
+    e.taken = 0.0
+    e.work = 0.0
+    e.due = 0.0
+    e.passed = 0.0
+    e.spilled = 0.0
+    e.granted = 0.0
+
+
+def start(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    gap: float,
+    table: MutableSequence[float],
+) -> None:
+    """Start the law, with a reserve at both ends and no credit on its way."""
+    law_start(c, q, one, two, p1, p2, gap, table)
+    start_account(one, p1)
+    start_account(two, p2)
+    c.link.account.at = 0
+    at = q.line + law_rings * q.samples
+    for i in range(q.samples):
+        table[at + i] = 0.0
+        table[at + q.samples + i] = 0.0
+        table[at + 2 * q.samples + i] = p1.end.account.reserve / p1.end.account.full
+        table[at + 3 * q.samples + i] = p2.end.account.reserve / p2.end.account.full
+
+
+def engage(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+) -> None:
+    """Engage the law."""
+    law_engage(c, q, one, two, p1, p2, table)
+
+
+def close(
+    s: AxisState, p: AxisParams, displacement: float, count: float, span: float, port: float
+) -> None:
+    """Book what the effort that acted took; stop beyond the reserve."""
+    law_close(s, p, displacement, count, span, port)
+    e = s.end.account
+    k = p.end.account
+    work = port * displacement
+    grant = 0.0
+    if math.fabs(s.port_effort - e.passed) <= k.quantum and not s.stopping:
+        grant = e.due
+    funds, spilled = close_account(k, e.funds, work + grant)
+    e.funds = funds
+    e.work += work
+    e.spilled += spilled
+    e.granted += grant
+    if not funds >= -k.debt:  # NaN is overdrawn
+        s.alarm = ACCOUNT_OVERDRAWN
+        s.found = -funds
+        s.allowed = k.debt
+
+
+def send_credit(s: AxisState, p: AxisParams) -> None:
+    """Take what is spare from the tank and add it to the counter."""
+    e = s.end.account
+    due = credit_due(p.end.account, e.funds, e.far_level)
+    e.funds -= due
+    e.sent += due
+
+
+def take_credit(s: AxisState, p: AxisParams, counter: float, level: float) -> None:
+    """Put what the far counter [J, pair's] adds into the tank; keep the far level."""
+    e = s.end.account
+    new = credit_received(counter, e.counter)
+    if new > 0.0:
+        credit = new / p.weight
+        e.counter = counter
+        e.funds += credit
+        e.taken += credit
+    e.far_level = level
+
+
+def exchange_credits(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+    first: int,
+) -> None:
+    """Pass counters and levels one slot on, their line beginning at `first` in the table."""
+    ahead = p1.weight * one.end.account.sent
+    back = p2.weight * two.end.account.sent
+    ahead_level = one.end.account.funds / p1.end.account.full
+    back_level = two.end.account.funds / p2.end.account.full
+    if q.samples > 0:
+        w = c.link.account
+        at = first + w.at
+        ahead, table[at] = table[at], ahead
+        at = at + q.samples
+        back, table[at] = table[at], back
+        at = at + q.samples
+        ahead_level, table[at] = table[at], ahead_level
+        at = at + q.samples
+        back_level, table[at] = table[at], back_level
+        w.at += 1
+        if w.at == q.samples:
+            w.at = 0
+    take_credit(one, p1, back, back_level)
+    take_credit(two, p2, ahead, ahead_level)
+
+
+def exchange(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+    here: bool,
+    due_one: bool,
+    due_two: bool,
+) -> None:
+    """Pass what the law passes, and credits beside it."""
+    law_exchange(c, q, one, two, p1, p2, table, here, due_one, due_two)
+    if here:
+        send_credit(one, p1)
+        send_credit(two, p2)
+    exchange_credits(c, q, one, two, p1, p2, table, q.line + law_rings * q.samples)
+
+
+def exchange_over_link(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+    here: bool,
+    due_one: bool,
+    due_two: bool,
+) -> None:
+    """Pass what the law says over a network: credits are in the same packets."""
+    if here:
+        send_credit(one, p1)
+        send_credit(two, p2)
+    law_exchange(c, q, one, two, p1, p2, table, here, due_one, due_two)
+
+
+def credit(s: AxisState, p: AxisParams) -> float:
+    """Return all credit that an end ever sent [J, pair's]."""
+    sent: float = p.weight * s.end.account.sent
+    return sent
+
+
+def level(s: AxisState, p: AxisParams) -> float:
+    """Return how full a tank is [1]."""
+    share: float = s.end.account.funds / p.end.account.full
+    return share
+
+
+def hear(s: AxisState, p: AxisParams, new: float, level: float) -> None:
+    """Take the credit [J, pair's] that a word of the far side adds, and its level."""
+    e = s.end.account
+    take_credit(s, p, e.counter + new, level)
+
+
+def think(s: AxisState, p: AxisParams, coast: float) -> float:
+    """Return what the account lets through of the law's effort [N m or N]."""
+    e = s.end.account
+    k = p.end.account
+    wanted = law_think(s, p, coast)
+    missing = level_missing(e.far_level)
+    wanted += missing * k.level_damping * coast
+    due = k.income + missing * k.level_income
+    low, high = gate_bounds(k, k.share * e.funds, coast, p.site.half_mobility, p.site.period)
+    if wanted < low:
+        wanted = low
+        due = 0.0
+        if coast < 0.0:
+            due = k.edge_income
+    elif wanted > high:
+        wanted = high
+        due = 0.0
+        if coast > 0.0:
+            due = k.edge_income
+    e.due = due
+    e.passed = wanted
+    return wanted
+
+
+def brake(s: AxisState, p: AxisParams, effort: float) -> float:
+    """Return what may act of a stop's effort: none unseen, none of an overdrawn account."""
+    if not s.valid:
+        return 0.0
+    return brake_effort(p.end.account, s.end.account.funds, law_brake(s, p, effort))
+
+
+def element_names(q: PairParams, p1: AxisParams, p2: AxisParams) -> list[str]:
+    """Return the names of the elements: they take the place of the law's own books."""
+    names = ["account_master", "account_slave"]
+    if q.samples > 0:
+        names.append("credits")
+    return names
+
+
+def element_names_over_link(q: PairParams, p1: AxisParams, p2: AxisParams) -> list[str]:
+    """Return the names over a network, which always holds some credit."""
+    return ["account_master", "account_slave", "credits"]
+
+
+def fill_account(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write the books of one account."""
+    e = s.end.account
+    w = p.weight
+    absorbed = e.work + e.taken - e.sent
+    stored = e.funds - p.end.account.reserve
+    return fill_element(out, at, w * absorbed, w * stored, w * (e.spilled - e.granted))
+
+
+def fill_elements(
+    out: Row,
+    at: int,
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+) -> int:
+    """Write the books of both accounts, and the credit on its way."""
+    at = fill_account(out, at, one, p1)
+    at = fill_account(out, at, two, p2)
+    if q.samples > 0:
+        at = fill_credits(out, at, one, two, p1, p2)
+    return at
+
+
+def fill_credits(
+    out: Row, at: int, one: AxisState, two: AxisState, p1: AxisParams, p2: AxisParams
+) -> int:
+    """Write the credit on its way."""
+    here = one.end.account
+    there = two.end.account
+    under_way = p1.weight * (here.sent - here.taken) + p2.weight * (there.sent - there.taken)
+    return fill_element(out, at, under_way, under_way, 0.0)
+
+
+def fill_elements_over_link(
+    out: Row,
+    at: int,
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+) -> int:
+    """Write the books of both accounts, and the credit in packets."""
+    at = fill_account(out, at, one, p1)
+    at = fill_account(out, at, two, p2)
+    return fill_credits(out, at, one, two, p1, p2)

@@ -1,0 +1,4 @@
+"""Laws of what each side sees of the other, over a network: the newest word of the far side."""
+
+LINKED = "tautwave.couplings.over_link.constants:linked"
+"""What makes their constants and table."""

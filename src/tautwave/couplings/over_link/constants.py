@@ -1,0 +1,53 @@
+"""From the keys of a link to the constants of what is said over it, and its part of the table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from tautwave.config.keys.link import Link
+from tautwave.couplings.over_link.records import NewsEndParams, NewsParams
+from tautwave.couplings.over_link.way import FEWEST_DAYS, reach, way_of
+from tautwave.link.network import network_places
+from tautwave.link.receiver import EMPTY
+
+
+def linked(
+    link: Link,
+    pair: Any,
+    period: float,
+    velocity: float,
+    seed: int,
+    at: int,
+    trace: Sequence[float] = (),
+) -> tuple[NewsParams, list[float]]:
+    """Return a pair's link: as `couplings.wave.link.constants.linked`, without a receiver."""
+    days = max(FEWEST_DAYS, math.ceil(reach(link, trace) / period) + 4)
+    table: list[float] = []
+    ends = []
+    for direction in (0, 1):
+        post = at + len(table)
+        table += [EMPTY] * network_places(days)
+        last = at + len(table)
+        table += [EMPTY]
+        own = at + len(table)
+        table += [float(seed if link.seed is None else link.seed)]
+        ends.append(
+            NewsEndParams(
+                network=way_of(link, 0, 0),
+                seed=own,
+                direction=direction,
+                post=post,
+                days=days,
+                last=last,
+                repeated=0,
+                silence=round(link.silence_s / period),
+                lost=round(link.lost_s / period),
+            )
+        )
+    if trace:
+        way = way_of(link, at + len(table), len(trace) // 2)
+        ends = [end._replace(network=way) for end in ends]
+        table += trace
+    return NewsParams(round(period * 1e9), ends[0], ends[1]), table

@@ -1,0 +1,230 @@
+"""A law of what each side sees of the other, over a network.
+
+In every slot each end says where it stands, how fast it is, the effort that it shows, and of an
+account the credit ever sent and its level. The newest word supersedes all older ones, so loss,
+order and repetition change nothing but the time. Without a word for `silence` slots the far side
+counts as standing where it was.
+
+`law_...` are functions of the law inside and of what surrounds it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import MutableSequence
+
+from tautwave.contracts import Row
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.seen import book_spring, no_spring
+from tautwave.controller.steps import OWN_GUARDS, Guard, Law, fill_no_signals, no_start
+from tautwave.controller.wrapping import bound, record_with
+from tautwave.couplings.over_link.records import Heard, News, NewsEnd, NewsEndParams
+from tautwave.laws.counters import ENERGY_QUANTUM, apart
+from tautwave.link.network import SENT, forward, newest_of, start_network
+from tautwave.link.news import (
+    credit_said,
+    effort_heard,
+    effort_said,
+    level_heard,
+    motion_heard,
+    motion_said,
+)
+
+PEER_LOST = OWN_GUARDS + 11
+"""Code of the reason to stop."""
+
+SIGNALS = ("link_delay", "link_silence", "link_lost")
+
+
+def no_credit(s: AxisState, p: AxisParams) -> float:
+    """Have sent no credit [J, pair's]."""
+    return 0.0
+
+
+def no_level(s: AxisState, p: AxisParams) -> float:
+    """Have no tank."""
+    return 1.0
+
+
+def no_hearing(s: AxisState, p: AxisParams, credit: float, level: float) -> None:
+    """Have no use for credit."""
+
+
+law_start = no_start
+law_spring = no_spring
+law_fill_signals = fill_no_signals
+law_credit = no_credit
+law_level = no_level
+law_hear = no_hearing
+
+
+def start_news(e: NewsEnd, k: NewsEndParams, table: MutableSequence[float]) -> None:
+    """Begin with nothing under way."""
+    e.slot = 0
+    e.silent = 0
+    e.heard = -1
+    e.credit = 0
+    start_network(e.network, table, k.post, k.days, int(table[k.seed]), k.direction)
+
+
+def start(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    gap: float,
+    table: MutableSequence[float],
+) -> None:
+    """Start the law inside; what was under way belongs to a session before."""
+    law_start(c, q, one, two, p1, p2, gap, table)
+    w = c.link.news
+    if not w.cleared:
+        start_news(w.master, q.link.master, table)
+        start_news(w.slave, q.link.slave, table)
+        w.cleared = True
+
+
+def say(
+    far: NewsEnd,
+    k: NewsEndParams,
+    slot: int,
+    period_ns: int,
+    s: AxisState,
+    credit: float,
+    level: float,
+    table: MutableSequence[float],
+    here: bool,
+) -> None:
+    """Send what an end has to say to the `far` one, whose constants are `k`."""
+    kept = k.post + SENT * (slot % k.days)
+    table[kept] = motion_said(s.position)
+    table[kept + 1] = motion_said(s.velocity)
+    table[kept + 2] = credit_said(credit)
+    table[kept + 3] = effort_said(s.end.effort, level)
+    table[k.last] = slot
+    if here:
+        forward(
+            far.network, k.network, table, k.post, k.days,
+            slot, slot * period_ns, period_ns, far.slot, period_ns,
+        )  # fmt: skip
+
+
+def listen(e: NewsEnd, k: NewsEndParams, table: MutableSequence[float]) -> int:
+    """Take the packets of this slot; return where the newest word stands, -1 without a newer."""
+    slot = newest_of(e.network, table, k.post, k.days, e.slot)
+    if slot <= e.heard:
+        return -1
+    e.heard = slot
+    e.silent = 0
+    return k.post + SENT * (slot % k.days)
+
+
+def credit_heard(e: NewsEnd, counter: int) -> float:
+    """Return what a counter adds to the credit that was heard of [J]; an older one nothing."""
+    new = apart(counter, e.credit)
+    if new <= 0:
+        return 0.0
+    e.credit = counter
+    return new * ENERGY_QUANTUM
+
+
+def pass_time(e: NewsEnd, k: NewsEndParams, s: AxisState, period: float) -> None:
+    """Count a slot; let a far side that is silent stand, and stop for one that stays away."""
+    h = s.end.heard
+    h.delay = 0.0
+    if e.heard >= 0:
+        h.delay = period * (e.slot - e.heard)
+    h.silence = period * e.silent
+    h.lost = float(e.network.lost)
+    if e.silent > k.silence:
+        s.end.far_velocity = 0.0
+        s.end.far_effort = 0.0
+    if e.silent > k.lost and s.alarm == 0:
+        s.alarm = PEER_LOST
+        s.found = e.silent * period
+        s.allowed = k.lost * period
+    e.slot += 1
+    e.silent += 1
+
+
+def exchange(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+    here: bool,
+    due_one: bool,
+    due_two: bool,
+) -> None:
+    """Hear and say at both ends; what leaves now arrives in the next slot at the earliest."""
+    k = q.link
+    w = c.link.news
+    w.cleared = False
+    if here:
+        book_spring(c, q, one, two, law_spring(q, p1, p2))
+    at = listen(w.master, k.master, table)
+    if at >= 0:
+        one.end.far_position = q.to_master * (motion_heard(int(table[at])) - c.offset)
+        one.end.far_velocity = q.to_master * motion_heard(int(table[at + 1]))
+        word = int(table[at + 3])
+        one.end.far_effort = q.sign * effort_heard(word) / q.force_scale
+        law_hear(one, p1, credit_heard(w.master, int(table[at + 2])), level_heard(word))
+    at = listen(w.slave, k.slave, table)
+    if at >= 0:
+        two.end.far_position = q.ratio * motion_heard(int(table[at])) + c.offset
+        two.end.far_velocity = q.ratio * motion_heard(int(table[at + 1]))
+        word = int(table[at + 3])
+        two.end.far_effort = q.sign * q.force_scale * effort_heard(word)
+        law_hear(two, p2, credit_heard(w.slave, int(table[at + 2])), level_heard(word))
+    slot = w.master.slot
+    pass_time(w.master, k.master, one, q.period)
+    pass_time(w.slave, k.slave, two, q.period)
+    credit = law_credit(one, p1)
+    level = law_level(one, p1)
+    say(w.slave, k.slave, slot, k.period_ns, one, credit, level, table, here)
+    credit = law_credit(two, p2)
+    level = law_level(two, p2)
+    say(w.master, k.master, slot, k.period_ns, two, credit, level, table, here)
+
+
+def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write the columns of the law inside, and how the network stands."""
+    at = law_fill_signals(out, at, s, p)
+    h = s.end.heard
+    out[at] = h.delay
+    out[at + 1] = h.silence
+    out[at + 2] = h.lost
+    return at + 3
+
+
+def linked_law(law: Law) -> Law:
+    """Return a law made by `controller.seen` as it is over a network."""
+    own = {
+        "law_start": law.steps.start,
+        "law_spring": law.spring,
+        "law_fill_signals": law.steps.fill_signals,
+    }
+    return law._replace(
+        name=f"{law.name} over a network",
+        steps=law.steps._replace(
+            start=bound(start, own),
+            exchange=bound(exchange, own),
+            fill_signals=bound(fill_signals, own),
+        ),
+        end=record_with(law.end, "heard", Heard),
+        link=record_with(law.link, "news", News),
+        signals=(*law.signals, *SIGNALS),
+        guards={
+            **law.guards,
+            PEER_LOST: Guard(
+                "peer_lost",
+                "lost the other side",
+                "nothing was heard of it for {found:.3g} s (link.lost_s: {allowed:.3g})",
+            ),
+        },
+        rings=0,
+    )

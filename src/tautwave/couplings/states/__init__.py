@@ -1,0 +1,43 @@
+"""Laws of positions, velocities and efforts: position-force, PD with damping, four channels.
+
+One set of steps serves all three (`steps`); they differ in their keys and in which gains those
+make. None is passive under delay without an account (`coupling.account`).
+"""
+
+from __future__ import annotations
+
+from tautwave.contracts import CouplingPlugin
+from tautwave.couplings.over_link import LINKED
+
+_ROOM = "tautwave.couplings.states"
+
+
+def _plugin(name: str, keys: str, summary: str) -> CouplingPlugin:
+    return CouplingPlugin(
+        summary=summary,
+        keys=f"{_ROOM}.keys:{keys}",
+        law=f"{_ROOM}.steps:{name}",
+        over_link=f"{_ROOM}.linked:{name}",
+        linked=LINKED,
+        end_constants=f"{_ROOM}.from_keys:end_constants",
+        verdict=f"{_ROOM}.verdict:verdict",
+        messages=f"{_ROOM}.messages:{name}",
+        resolve=f"{_ROOM}.automatic:resolve",
+    )
+
+
+position_force = _plugin(
+    "position_force",
+    "PositionForceCoupling",
+    "the slave follows positions, the master is fed the slave's effort",
+)
+pd_damping = _plugin(
+    "pd_damping",
+    "PdDampingCoupling",
+    "spring and damper between delayed positions, dampers to ground (Nuno)",
+)
+four_channel = _plugin(
+    "four_channel",
+    "FourChannelCoupling",
+    "positions and outside efforts both ways, efforts observed (Lawrence)",
+)

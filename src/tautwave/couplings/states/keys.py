@@ -1,0 +1,144 @@
+"""Keys of the laws of states. [rad | m] reads "rad for a rotary axis, m for a linear one"."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
+
+from tautwave.config.keys.common import AUTO, Name, NonNegative, Positive
+from tautwave.config.keys.coupling import Coupling, Pair
+from tautwave.errors import ConfigError
+
+
+def _check_gain(value: Any) -> Any:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if value == AUTO or (number and 0.0 <= value < float("inf")):
+        return value if isinstance(value, str) else float(value)
+    raise PydanticCustomError("auto", "Input should be 'auto' or a number of at least 0")
+
+
+Gain = Annotated[Literal["auto"] | float, BeforeValidator(_check_gain)]
+
+
+class ServoPair(Pair):
+    """A master axis and the slave axis of the same name, with a spring and a damper."""
+
+    stiffness: Gain = Field(
+        default=AUTO,
+        description="[N m/rad | N/m] Of the spring, in master units. auto: the lighter device on "
+        "it swings at 16 Hz, at a hundredth of the rate, or 0.1 over the delay there and back, "
+        "whichever is slowest.",
+    )
+    damping: Gain = Field(
+        default=AUTO,
+        description="[N m s/rad | N s/m] Of the damper, in master units. auto: 0.7 of critical.",
+    )
+
+    @property
+    def injection_of(self) -> Mapping[str, float]:
+        """Dampers to ground by side [N m s/rad or N s/m, master units]."""
+        return {"master": 0.0, "slave": 0.0}
+
+    def gain(self, key: str) -> float:
+        """Return a key that may have been left to the law."""
+        value = getattr(self, key)
+        if isinstance(value, str):
+            raise ConfigError(f"{key} is still auto, because nothing chose it; give a value")
+        return float(value)
+
+
+class ObservedPair(ServoPair):
+    """A pair that has to know what acts on a device from outside."""
+
+    observer_hz: Positive = Field(
+        default=30.0,
+        description="[Hz] Bandwidth of the observer of outside efforts; friction as identified "
+        "(`value`) is taken off what it finds.",
+    )
+
+
+class PositionForcePair(ObservedPair):
+    """The slave follows the master's position; the master feels the slave's effort."""
+
+    force_gain: NonNegative = Field(
+        default=1.0, description="Of the slave's effort, what the master is fed."
+    )
+    effort: Literal["commanded", "observed", "measured"] = Field(
+        default="observed",
+        description="Which effort of the slave: what its motor was commanded, or what acts on the "
+        "device from outside, observed from position and command or measured by its "
+        "`effort_sensor`.",
+    )
+    master_damping: NonNegative = Field(
+        default=0.0, description="[N m s/rad | N s/m] Damper to ground at the master."
+    )
+
+    @property
+    def injection_of(self) -> Mapping[str, float]:
+        """Dampers to ground by side [N m s/rad or N s/m, master units]."""
+        return {"master": self.master_damping, "slave": 0.0}
+
+
+class FourChannelPair(ObservedPair):
+    """Both sides follow each other's position and yield to the sum of both outside efforts.
+
+    With `rejection` it is the acceleration-based bilateral control of the motion-control school
+    (Ohnishi): a disturbance observer makes each device a bare inertia, which a spring, a damper and
+    both outside efforts move.
+    """
+
+    force_gain: NonNegative = Field(
+        default=0.5,
+        description="Of the sum of both outside efforts, what drives each device.",
+    )
+    rejection: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=1.0,
+        description="Of all that moves a device and is not its motor, friction included, the share "
+        "that its motor cancels (disturbance observer); 0: none, and both feel lighter by "
+        "1 + 2 `force_gain`.",
+    )
+
+
+class PdDampingPair(ServoPair):
+    """A spring and a damper between the sides, and a damper to ground at each."""
+
+    injection: Gain = Field(
+        default=AUTO,
+        description="[N m s/rad | N s/m] Damper to ground, each side, in master units. auto: what "
+        "4 B_m B_s > (T_m + T_s)^2 K^2 asks for, and a tenth more.",
+    )
+
+    @property
+    def injection_of(self) -> Mapping[str, float]:
+        """Dampers to ground by side [N m s/rad or N s/m, master units]."""
+        return dict.fromkeys(("master", "slave"), self.gain("injection"))
+
+
+class PositionForceCoupling(Coupling):
+    """Positions to the slave, efforts to the master."""
+
+    law: Literal["position_force"] = Field(description="Position to the slave, effort back.")
+    pairs: Mapping[Name, PositionForcePair] = Field(
+        description="The pairs by name: one per axis of each side."
+    )
+
+
+class FourChannelCoupling(Coupling):
+    """Positions and outside efforts both ways."""
+
+    law: Literal["four_channel"] = Field(description="Positions and outside efforts both ways.")
+    pairs: Mapping[Name, FourChannelPair] = Field(
+        description="The pairs by name: one per axis of each side."
+    )
+
+
+class PdDampingCoupling(Coupling):
+    """PD with damping injection."""
+
+    law: Literal["pd_damping"] = Field(description="Spring and damper, and dampers to ground.")
+    pairs: Mapping[Name, PdDampingPair] = Field(
+        description="The pairs by name: one per axis of each side."
+    )

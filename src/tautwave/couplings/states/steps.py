@@ -1,0 +1,115 @@
+"""The steps of the laws of states: what is observed, and one effort for all of them.
+
+    R = K (x - x_far) + B (v - v_far) + D v + r d - f F - g F_far
+
+with d all that moves the device and is not its motor (observed), F what acts on it from outside, d
+less friction, or (position-force) its motor's command.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from tautwave.contracts import Row
+from tautwave.controller.records import AxisParams, AxisState, PairParams
+from tautwave.controller.seen import SeenEnd, seen_law
+from tautwave.controller.steps import Law
+from tautwave.laws.observer import ReactionParams, observe, reaction
+
+
+class StatesEndParams(NamedTuple):
+    """Constants of one end, in its device's own units.
+
+    stiffness, damping, injection [N m/rad, N m s/rad or N/m, N s/m]; rejection, own_force,
+    far_force [1]; observes, measures: outside efforts are observed, or measured; else F is the
+    motor's effort.
+    """
+
+    stiffness: float
+    damping: float
+    injection: float
+    rejection: float
+    own_force: float
+    far_force: float
+    outside: ReactionParams
+    observes: bool
+    measures: bool
+
+
+@dataclass(slots=True)
+class StatesEnd(SeenEnd):
+    """What one side sees of the other, and its observer: position, velocity, acceleration."""
+
+    at: float = 0.0
+    velocity: float = 0.0
+    push: float = 0.0
+
+
+def begin(s: AxisState) -> None:
+    """Begin at rest, with nothing acting from outside."""
+    e = s.end
+    e.at = s.position
+    e.velocity = 0.0
+    e.push = 0.0
+
+
+def spring(q: PairParams, p1: AxisParams, p2: AxisParams) -> float:
+    """Return the slave's spring, for a master may have none, in master units [N m/rad or N/m]."""
+    stiffness: float = q.weight * q.ratio * q.ratio * p2.end.stiffness
+    return stiffness
+
+
+def keep(
+    s: AxisState, p: AxisParams, displacement: float, count: float, span: float, port: float
+) -> None:
+    """Observe what acts on the device, or take what its motor was commanded."""
+    e = s.end
+    k = p.end
+    e.effort = port
+    if k.measures:
+        e.effort = s.outside
+    if k.observes:
+        at, velocity, push = observe(
+            k.outside.observer, e.at, e.velocity, e.push, s.position, s.effort_sum / count, count
+        )
+        e.at = at
+        e.velocity = velocity
+        e.push = push
+        e.effort = reaction(k.outside, velocity, push)
+
+
+def effort(s: AxisState, p: AxisParams, coast: float) -> float:
+    """Return the resisting effort [N m or N]."""
+    e = s.end
+    k = p.end
+    asked: float = k.stiffness * (s.position - e.far_position) + k.injection * s.velocity
+    asked += k.damping * (s.velocity - e.far_velocity)
+    if k.rejection > 0.0:
+        asked += k.rejection * k.outside.mass * e.push
+    asked -= k.own_force * e.effort + k.far_force * e.far_effort
+    return asked
+
+
+def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write the effort that the law believes in."""
+    out[at] = s.end.effort
+    return at + 1
+
+
+def _law(name: str) -> Law:
+    return seen_law(
+        name,
+        effort,
+        end=StatesEnd,
+        begin=begin,
+        keep=keep,
+        spring=spring,
+        signals=("believed_effort",),
+        fill_signals=fill_signals,
+    )
+
+
+position_force = _law("position_force")
+pd_damping = _law("pd_damping")
+four_channel = _law("four_channel")

@@ -1,0 +1,1 @@
+"""Law wave over a network: counters, packets and receivers in place of the line."""

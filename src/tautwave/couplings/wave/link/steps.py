@@ -1,0 +1,308 @@
+"""The steps of a wave pair whose ends are joined by a network.
+
+In every slot each end takes what came, counts the wave that leaves, and plays out the wave that
+arrives; what leaves now arrives in the next slot at the earliest, as between two loops. With no
+packet for `silence` slots an end holds: no wave comes out, and its port is a damper of the line's
+impedance. Backlog waits, and is repaid later at a bounded speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import MutableSequence
+
+from tautwave.contracts import Row
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.rows import fill_element
+from tautwave.controller.steps import OWN_GUARDS, Guard
+from tautwave.couplings.wave.link.records import (
+    LinkedEnd,
+    LinkEnd,
+    LinkEndParams,
+    LinkPair,
+)
+from tautwave.couplings.wave.port import receive_wave
+from tautwave.couplings.wave.rates import arrive_rated, leave_rated
+from tautwave.couplings.wave.steps import element_names as line_names
+from tautwave.couplings.wave.steps import fill_converter, fill_tank
+from tautwave.couplings.wave.steps import fill_signals as fill_waves
+from tautwave.couplings.wave.steps import law as line_law
+from tautwave.couplings.wave.steps import start as line_start
+from tautwave.laws.counters import ENERGY_QUANTUM, added, apart
+from tautwave.link.network import deliver, keep_sent, post, start_network
+from tautwave.link.receiver import (
+    PLACE,
+    send,
+    start_receiver,
+    start_sender,
+    tick,
+)
+
+RECEIVER_OVERDRAWN = OWN_GUARDS + 10
+PEER_LOST = OWN_GUARDS + 11
+"""Codes of the reasons to stop."""
+
+
+def start_link_end(e: LinkEnd, k: LinkEndParams, table: MutableSequence[float]) -> None:
+    """Begin a session at one end: nothing is stored, nothing under way."""
+    e.slot = 0
+    e.silent = 0
+    e.heard = 0
+    e.credited = 0
+    e.afloat = 0
+    e.cut = 0
+    e.left = 0.0
+    e.returned = 0.0
+    e.taken = 0.0
+    e.given = 0.0
+    start_sender(e.sender)
+    start_receiver(e.receiver, table, k.ring, k.places)
+    start_network(e.network, table, k.post, k.days, int(table[k.seed]), k.direction)
+
+
+def start(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    gap: float,
+    table: MutableSequence[float],
+) -> None:
+    """Begin a session; the slave's port mends the `gap` [rad or m]."""
+    w = c.link
+    line_start(c, q, one, two, p1, p2, gap, table)
+    if not w.used:
+        start_link_end(w.master, q.link.master, table)
+        start_link_end(w.slave, q.link.slave, table)
+        w.used = True
+
+
+def pass_end(
+    e: LinkEnd,
+    k: LinkEndParams,
+    s: AxisState,
+    p: AxisParams,
+    period: float,
+    rated: bool,
+    here: bool,
+    due: bool,
+    table: MutableSequence[float],
+) -> None:
+    """Pass one slot of `period` [s] at one end, after the packets that came have been taken.
+
+    The other end, its axis and its constants are not looked at.
+    """
+    half = 0.5 * period
+    wave = 0.0
+    if rated:
+        wave = leave_rated(s, p, due, here)
+    elif here:
+        wave = s.end.leaving
+    before = e.sender.energy
+    send(e.sender, period, wave)
+    e.left += half * wave * wave
+    r = e.receiver
+    granted = r.granted
+    arriving = 0.0
+    r.short = False
+    if e.silent <= k.silence:
+        arriving = tick(r, k.receiver, table, k.ring, k.places)
+        e.given += half * arriving * arriving
+    if r.short:
+        e.cut += 1
+    returned = apart(r.granted, granted)
+    e.afloat += apart(e.sender.energy, before) + returned
+    e.returned += returned * ENERGY_QUANTUM
+    e.slot += 1
+    e.silent += 1
+    tell(e, k, s, period)
+    guard(e, k, s, period)
+    if rated:
+        arrive_rated(s, p, arriving, due)
+    else:
+        receive_wave(s, p, arriving)
+
+
+def tell(e: LinkEnd, k: LinkEndParams, s: AxisState, period: float) -> None:
+    """Put down how a receiver stands."""
+    r = e.receiver
+    t = s.end
+    t.delay = 0.0
+    t.depth = 0.0
+    if r.begun:
+        t.delay = period * (e.slot - 1 - r.pointer)
+        t.depth = period * (r.newest - r.pointer)
+    t.backlog = k.position * apart(r.played, r.given)
+    t.silence = period * (e.silent - 1)
+    t.lost = float(e.network.lost)
+    t.cut = float(e.cut)
+
+
+def guard(e: LinkEnd, k: LinkEndParams, s: AxisState, period: float) -> None:
+    """Compare in whole quanta what went into the port with what came; look whether any does."""
+    r = e.receiver
+    short = apart(added(e.heard, r.was_granted), r.spent) + k.receiver.reserve
+    if short < 0:
+        s.alarm = RECEIVER_OVERDRAWN
+        s.found = (k.receiver.reserve - short) * ENERGY_QUANTUM
+        s.allowed = k.receiver.reserve * ENERGY_QUANTUM
+    elif e.silent > k.lost and s.alarm == 0:
+        s.alarm = PEER_LOST
+        s.found = e.silent * period
+        s.allowed = k.lost * period
+
+
+def take_note(e: LinkEnd, k: LinkEndParams, before: int, table: MutableSequence[float]) -> None:
+    """Book what the packets of this slot brought; `before`: the newest slot until then."""
+    r = e.receiver
+    came = apart(r.was_granted, e.credited)
+    e.credited = r.was_granted
+    if r.newest > before:
+        e.silent = 0
+        newest = int(table[k.ring + PLACE * (r.newest % k.places) + 2])
+        came += apart(newest, e.heard)
+        e.heard = newest
+    e.taken += came * ENERGY_QUANTUM
+    e.afloat -= came
+
+
+def collect(e: LinkEnd, k: LinkEndParams, table: MutableSequence[float]) -> None:
+    """Take the packets of the simulated network that arrive in this slot."""
+    before = e.receiver.newest
+    deliver(
+        e.network, table, k.post, k.days, e.slot, e.receiver, k.receiver, table, k.ring, k.places,
+        k.repeated,
+    )  # fmt: skip
+    take_note(e, k, before, table)
+
+
+def dispatch(
+    e: LinkEnd,
+    far: LinkEnd,
+    k: LinkEndParams,
+    period_ns: int,
+    here: bool,
+    table: MutableSequence[float],
+) -> None:
+    """Send what this end has to say to the `far` one, whose constants are `k`.
+
+    A slot that the loop did not see sends nothing; the next packet speaks for it.
+    """
+    table[k.last] = e.sender.slot
+    if here:
+        post(
+            far.network, k.network, table, k.post, k.days, e.sender, e.receiver,
+            e.sender.slot * period_ns, period_ns, far.slot, period_ns,
+        )  # fmt: skip
+    else:
+        keep_sent(table, k.post, k.days, e.sender, e.receiver.granted, e.receiver.asked)
+
+
+def exchange(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+    here: bool,
+    due_one: bool,
+    due_two: bool,
+) -> None:
+    """Pass one slot at both ends."""
+    k = q.link
+    master = c.link.master
+    slave = c.link.slave
+    collect(master, k.master, table)
+    collect(slave, k.slave, table)
+    pass_end(master, k.master, one, p1, q.period, q.rated, here, due_one, table)
+    pass_end(slave, k.slave, two, p2, q.period, q.rated, here, due_two, table)
+    dispatch(master, slave, k.slave, k.period_ns, here, table)
+    dispatch(slave, master, k.master, k.period_ns, here, table)
+    if master.afloat + slave.afloat < 0:
+        one.alarm = RECEIVER_OVERDRAWN
+        one.found = -(master.afloat + slave.afloat) * ENERGY_QUANTUM
+        one.allowed = 0.0
+
+
+def element_names(q: PairParams, p1: AxisParams, p2: AxisParams) -> list[str]:
+    """Return the names of a pair's elements in the order of their columns."""
+    return [*line_names(q, p1, p2), "receiver_master", "receiver_slave", "network"]
+
+
+def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write the waves on the line, and how the receiver stands."""
+    at = fill_waves(out, at, s, p)
+    e = s.end
+    out[at] = e.delay
+    out[at + 1] = e.depth
+    out[at + 2] = e.backlog
+    out[at + 3] = e.silence
+    out[at + 4] = e.lost
+    out[at + 5] = e.cut
+    return at + 6
+
+
+def fill_receiver(out: Row, at: int, e: LinkEnd) -> int:
+    """Write the account of a receiver: what it holds is a difference of counters."""
+    r = e.receiver
+    stored = ENERGY_QUANTUM * apart(added(e.heard, r.was_granted), r.spent)
+    return fill_element(out, at, e.taken - e.given - e.returned, stored, r.dropped)
+
+
+def fill_elements(
+    out: Row,
+    at: int,
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+) -> int:
+    """Write the accounts of ports, converters, receivers and network."""
+    w = c.link
+    at = fill_tank(out, at, one, p1, table)
+    at = fill_tank(out, at, two, p2, table)
+    at = fill_converter(out, at, one, p1)
+    at = fill_converter(out, at, two, p2)
+    at = fill_receiver(out, at, w.master)
+    at = fill_receiver(out, at, w.slave)
+    entered = w.master.left + w.master.returned + w.slave.left + w.slave.returned
+    entered = entered - w.master.taken - w.slave.taken
+    afloat = ENERGY_QUANTUM * (w.master.afloat + w.slave.afloat)
+    return fill_element(out, at, entered, afloat, 0.0)
+
+
+law = line_law._replace(
+    steps=line_law.steps._replace(
+        start=start,
+        exchange=exchange,
+        fill_signals=fill_signals,
+        fill_elements=fill_elements,
+    ),
+    end=LinkedEnd,
+    link=LinkPair,
+    signals=(
+        *line_law.signals,
+        *("link_delay", "link_depth", "link_backlog", "link_silence", "link_lost", "link_cut"),
+    ),
+    elements=element_names,
+    guards={
+        **line_law.guards,
+        RECEIVER_OVERDRAWN: Guard(
+            "receiver_overdrawn",
+            "got more energy from its receiver than was sent to it",
+            "{found:.3g} J more (limit {allowed:.3g} J)",
+        ),
+        PEER_LOST: Guard(
+            "peer_lost",
+            "lost the other side",
+            "nothing was heard of it for {found:.3g} s (link.lost_s: {allowed:.3g})",
+        ),
+    },
+    rings=0,
+)

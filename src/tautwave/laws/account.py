@@ -1,0 +1,155 @@
+"""An exact energy account around any law: what it may give is planned, what it gave is known.
+
+Any function of own and far samples asks for a resisting effort R. Held over a period it gives
+
+    -R dx,  dx = T (v - M R),  v the mean velocity without it, M = T / (2 m), m the mass bound:
+
+a parabola in R. `gate_bounds` are the efforts that plan to give no more than the funds; 0 is always
+between them, and without funds what is left is what takes. `close_account` then books R dx itself,
+which is exact for a held effort whatever the prediction was worth.
+
+The account is net. In and out are never summed apart: noise would count as income in every period
+in which it has the right sign, while the net sum telescopes.
+
+Energy that one end takes and the other needs goes over as credit: a counter of all that was ever
+sent, so that a message that is lost, late or doubled changes nothing but the time. An end sends a
+share of what stands above its mark. The leader's rises from its reserve to half a tank as the
+follower's tank fills, for a follower with friction needs its first energy at once. The follower's
+is its full tank: were both the same, a tank could never be filled, and a law that gives at the
+follower (a reflected force) would stand still. While the follower's tank is not full the leader
+resists its own motion: who moves pays.
+
+How large a tank is has nothing to do with the bound below, for what is in it was taken before. A
+law with a delay takes and gives back far more than a prediction errs: a tank of a few reserves cuts
+it in every swing.
+
+What is true of the energy g that an end gave, credits included, for any law, delay and hand:
+
+    A = E0 + sum(R dx) + credit + P t - spilled,  so  g = E0 - A + P t - spilled,
+
+and an end whose A is below -D stops: g <= E0 + D + W + P t, W what commands under way can give.
+D, the debt, is E0 and what a rate limit makes of an effort that should be gone at once. P t
+is what noise takes without being work: the newest sample enters the effort with a gain G, and the
+next displacement with -1: -G s**2 a period, G that of what was sent (for a normal noise the mean of
+the slope is all that counts, Stein 1981). Credits taken are never more than credits sent.
+
+Source: the account is that of passivity observers (Hannaford & Ryu 2002) and of energy tanks with
+level control (Franken and others 2011); gate, marks and bound are derived here.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+FULL = 4.0
+"""Reserves that a full tank has at least."""
+
+TANK_SHARE = 0.2
+"""Of the device's kinetic energy at its velocity limit, what a full tank holds."""
+
+LEADER_SHARE = 0.5
+"""Of a full tank, what a leader keeps; the rest it sends."""
+
+SENT_SHARE = 0.2
+"""Of what stands above its mark, the share that an end sends per period."""
+
+
+class AccountParams(NamedTuple):
+    """Constants of one end's account, in its device's own units.
+
+    reserve E0, debt D, least, mark, full, capacity [J]: held at the start, allowed below 0, sent
+    above while the far tank is empty, and once it is full, reported as 1, spilled above; income,
+    level_income, edge_income [J per period]: what noise takes while the law's effort passes, the
+    level control's in full, or a bound of the gate; share of the funds that a command may plan to
+    give, less than 1 where others are on their way; level_damping, 0 at a follower, and edge
+    [N m s/rad or N s/m]; quantum [N m or N] of the drive.
+    """
+
+    reserve: float
+    debt: float
+    least: float
+    mark: float
+    full: float
+    capacity: float
+    income: float
+    level_income: float
+    edge_income: float
+    share: float
+    level_damping: float
+    edge: float
+    quantum: float
+
+
+def gate_bounds(
+    p: AccountParams, funds: float, coast: float, half_mobility: float, period: float
+) -> tuple[float, float]:
+    """Return between which efforts the law may choose [N m or N].
+
+    The funds allow +-g in all directions, g the root of the parabola that gives them away. Against
+    the motion it may take more than that, as a damper `edge` would: what takes needs no funds, but
+    far beyond the law's own gain it would only be fed by noise.
+
+    Parameters
+    ----------
+    p : AccountParams
+        Constants; `edge` is at most 1 / M.
+    funds : float
+        What may be given [J]; less than 0 counts as 0.
+    coast : float
+        Mean velocity of the coming period without it [rad/s or m/s].
+    half_mobility : float
+        M = T / (2 m) > 0.
+    period : float
+        T [s].
+    """
+    given = 0.0
+    if funds > 0.0:
+        root = math.sqrt(coast * coast + 4.0 * half_mobility * funds / period)
+        given = (root - math.fabs(coast)) / (2.0 * half_mobility)
+    taken = p.edge * coast
+    if coast > 0.0:
+        return -given, given + taken
+    return taken - given, given
+
+
+def level_missing(far_level: float) -> float:
+    """Return the share of the far tank that is empty, 0 to 1."""
+    missing = 1.0 - far_level
+    if missing <= 0.0:
+        return 0.0
+    if missing > 1.0:
+        return 1.0
+    return missing
+
+
+def close_account(p: AccountParams, funds: float, income: float) -> tuple[float, float]:
+    """Book an income [J]; return funds and what is spilled from a full account [J]."""
+    funds = funds + income
+    spilled = 0.0
+    if funds > p.capacity:
+        spilled = funds - p.capacity
+        funds = p.capacity
+    return funds, spilled
+
+
+def credit_due(p: AccountParams, funds: float, far_level: float) -> float:
+    """Return the credit [J] that an end sends now, to a tank of that level [1]."""
+    spare = funds - p.mark + (p.mark - p.least) * level_missing(far_level)
+    if spare > 0.0:
+        return SENT_SHARE * spare
+    return 0.0
+
+
+def credit_received(counter: float, known: float) -> float:
+    """Return what a counter [J] adds to what is known of it: nothing if it is an older one."""
+    if counter > known:
+        return counter - known
+    return 0.0
+
+
+def brake_effort(p: AccountParams, funds: float, effort: float) -> float:
+    """Return what may act of a stop's damping [N m or N]: nothing of an overdrawn account."""
+    if funds >= -p.debt:
+        return effort
+    return 0.0

@@ -1,0 +1,157 @@
+"""Alignment: bring a device to where its coupling may engage, with a budget of energy.
+
+An active motion: a reference runs to the target with limited speed and acceleration, and a spring
+and damper pull the device along. The reference never runs further ahead than the greatest effort
+stretches the spring, so a blocked device is pushed with that effort and no more, and nothing winds
+up. What the motor has put into the device is counted; at the end of the budget it may only brake.
+SI units; rotary axes read N m for N and rad for m.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from tautwave.laws.limit import clamp
+
+
+class AlignParams(NamedTuple):
+    """Constants of an alignment.
+
+    stiffness [N/m] and damping [N s/m] of the pull; effort [N], speed [m/s] and acceleration
+    [m/s2] never exceeded; period [s]; reserve [J] is what one command may still put in after it was
+    decided; brake [N s/m] and friction [N], a lower bound, of the limit of speed.
+    """
+
+    stiffness: float
+    damping: float
+    effort: float
+    speed: float
+    acceleration: float
+    period: float
+    reserve: float
+    brake: float
+    friction: float
+
+
+STIFF = 0.1
+"""Natural frequency of the pull, in units of one over the time until a command acts."""
+
+DAMPED = 0.7
+"""Its damping ratio."""
+
+
+def align_law(
+    mass: float,
+    friction: float,
+    effort: float,
+    speed: float,
+    acceleration: float,
+    period: float,
+    delay: float,
+    lag: float,
+) -> AlignParams:
+    """Return the constants for a device of at least `mass` [kg] and `friction` [N].
+
+    A command acts `delay` [s] after its sample and for a period; `lag` [s] is from a motion until
+    the effort that answers it acts, the filter of the velocity included. A brake of a third of mass
+    over lag approaches the speed without passing it, and no effort is above what it allows a device
+    at rest. The last command before the budget's end acts for its delay and a period more.
+    """
+    frequency = STIFF / (period + delay)
+    brake = mass / (3.0 * lag)
+    effort = min(effort, friction + brake * speed)
+    reserve = effort * speed * (2.0 * period + delay)
+    return AlignParams(
+        stiffness=mass * frequency * frequency,
+        damping=2.0 * DAMPED * mass * frequency,
+        effort=effort,
+        speed=speed,
+        acceleration=acceleration,
+        period=period,
+        reserve=reserve,
+        brake=brake,
+        friction=friction,
+    )
+
+
+def align_budget(
+    p: AlignParams, gap: float, coulomb: float, viscous: float, inertia: float
+) -> float:
+    """Return the energy [J] that a motion over `gap` [m] may take.
+
+    Twice what friction (coulomb [N], viscous [N s/m]) and the kinetic energy at full speed need.
+    """
+    friction = (coulomb + viscous * p.speed) * math.fabs(gap)
+    return 2.0 * (friction + 0.5 * inertia * p.speed * p.speed) + p.reserve
+
+
+def move_reference(
+    p: AlignParams, reference: float, rate: float, target: float
+) -> tuple[float, float]:
+    """Return position [m] and rate [m/s] of the reference one period on.
+
+    The rate is what can still be braked with the acceleration before the target, and changes by no
+    more than the acceleration allows; the last step ends at the target.
+    """
+    gap = target - reference
+    step = p.acceleration * p.period
+    away = math.fabs(gap)
+    if away <= step * p.period and math.fabs(rate) <= step:
+        return target, 0.0
+    # Speed from which `away` suffices to stop in steps of one period.
+    wanted = math.sqrt(0.25 * step * step + 2.0 * p.acceleration * away) - 0.5 * step
+    if wanted > p.speed:
+        wanted = p.speed
+    if gap < 0.0:
+        wanted = -wanted
+    rate = rate + clamp(wanted - rate, step)
+    return reference + clamp(rate * p.period, away), rate
+
+
+def lead_reference(
+    p: AlignParams, reference: float, rate: float, position: float
+) -> tuple[float, float]:
+    """Keep the reference so near the device that the spring alone never asks for more effort."""
+    ahead = p.effort / p.stiffness
+    lead = reference - position
+    if lead > ahead:
+        return position + ahead, clamp(rate, 0.0)
+    if lead < -ahead:
+        return position - ahead, clamp(rate, 0.0)
+    return reference, rate
+
+
+def align_effort(
+    p: AlignParams, reference: float, rate: float, position: float, velocity: float
+) -> float:
+    """Return the effort on the device [N], positive along its position."""
+    pull = p.stiffness * (reference - position) + p.damping * (rate - velocity)
+    return limit_speed(p, clamp(pull, p.effort), velocity)
+
+
+def limit_speed(p: AlignParams, effort: float, velocity: float) -> float:
+    """Return as much of an effort [N] as takes a device towards its greatest speed, not beyond.
+
+    It falls with the velocity [m/s] to what friction surely takes, and brakes a device that is
+    faster: one that an obstacle has let go of, too.
+    """
+    most = p.friction + p.brake * (p.speed - velocity)
+    least = -p.friction - p.brake * (p.speed + velocity)
+    if effort > most:
+        effort = most
+    if effort < least:
+        effort = least
+    return clamp(effort, p.effort)
+
+
+def gate_effort(
+    p: AlignParams, effort: float, velocity: float, spent: float, budget: float
+) -> float:
+    """Return the effort [N] that may be sent when `spent` of the `budget` [J] has gone in.
+
+    At its end only braking is left, against the velocity [m/s].
+    """
+    if spent + p.reserve <= budget or effort * velocity < 0.0:
+        return effort
+    return 0.0

@@ -1,0 +1,1 @@
+"""Walls in space: surfaces and their proxies, forces, and the energy that they may give."""

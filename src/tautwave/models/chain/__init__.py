@@ -1,0 +1,1 @@
+"""Serial chains as pure functions over floats: kinematics, gravity, inertia; SI units."""

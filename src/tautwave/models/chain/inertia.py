@@ -1,0 +1,191 @@
+"""Inertia of a serial chain in motion, in coordinates of its base; SI units.
+
+A joint's screw is its angular velocity and the velocity of the body point in the base's origin per
+unit speed, so that momentum and force of all bodies add up without being moved (Featherstone,
+Rigid Body Dynamics Algorithms, 2008, chapters 5 and 6, in world coordinates).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tautwave.models.chain.params import ChainParams
+
+
+def chain_bodies(c: ChainParams, frames: Any) -> Any:
+    """Return of every body, in base axes: mass, first moment, inertia about the base's origin.
+
+    Ten floats each [kg, kg m, kg m^2]: m, x, y, z, then xx, yy, zz, xy, xz, yz.
+    """
+    bodies = []
+    i = 0
+    for frame in frames:
+        xx, xy, xz, yx, yy, yz, zx, zy, zz, px, py, pz, _ = frame
+        m, cx, cy, cz, ia, ib, ic, iab, iac, ibc = c.joints[i][7:]
+        rx = px + xx * cx + yx * cy + zx * cz
+        ry = py + xy * cx + yy * cy + zy * cz
+        rz = pz + xz * cx + yz * cy + zz * cz
+        ax = ia * xx + iab * yx + iac * zx
+        ay = ia * xy + iab * yy + iac * zy
+        az = ia * xz + iab * yz + iac * zz
+        bx = iab * xx + ib * yx + ibc * zx
+        by = iab * xy + ib * yy + ibc * zy
+        bz = iab * xz + ib * yz + ibc * zz
+        dx = iac * xx + ibc * yx + ic * zx
+        dy = iac * xy + ibc * yy + ic * zy
+        dz = iac * xz + ibc * yz + ic * zz
+        sx = m * rx
+        sy = m * ry
+        sz = m * rz
+        square = sx * rx
+        other = sy * ry
+        third = sz * rz
+        bodies.append(
+            (
+                m,
+                sx,
+                sy,
+                sz,
+                ax * xx + bx * yx + dx * zx + other + third,
+                ay * xy + by * yy + dy * zy + square + third,
+                az * xz + bz * yz + dz * zz + square + other,
+                ax * xy + bx * yy + dx * zy - sx * ry,
+                ax * xz + bx * yz + dx * zz - sx * rz,
+                ay * xz + by * yz + dy * zz - sy * rz,
+            )
+        )
+        i = i + 1
+    return bodies
+
+
+def chain_screws(frames: Any) -> Any:
+    """Return every joint's angular velocity and velocity in the base's origin, six floats."""
+    screws = []
+    for frame in frames:
+        zx, zy, zz, px, py, pz, turns = frame[6:]
+        if turns:
+            screws.append((zx, zy, zz, py * zz - pz * zy, pz * zx - px * zz, px * zy - py * zx))
+        else:
+            screws.append((0.0, 0.0, 0.0, zx, zy, zz))
+    return screws
+
+
+def mass_matrix(bodies: Any, screws: Any, out: Any) -> None:
+    """Fill `out` with the mass matrix, row by row [kg m^2, kg and between].
+
+    Row i is the momentum along every joint when joint i alone moves at unit speed.
+    """
+    count = len(screws)
+    m = 0.0
+    sx = 0.0
+    sy = 0.0
+    sz = 0.0
+    xx = 0.0
+    yy = 0.0
+    zz = 0.0
+    xy = 0.0
+    xz = 0.0
+    yz = 0.0
+    i = count
+    while i > 0:
+        i = i - 1
+        bm, bx, by, bz, bxx, byy, bzz, bxy, bxz, byz = bodies[i]
+        m = m + bm
+        sx = sx + bx
+        sy = sy + by
+        sz = sz + bz
+        xx = xx + bxx
+        yy = yy + byy
+        zz = zz + bzz
+        xy = xy + bxy
+        xz = xz + bxz
+        yz = yz + byz
+        wx, wy, wz, vx, vy, vz = screws[i]
+        lx = m * vx + wy * sz - wz * sy
+        ly = m * vy + wz * sx - wx * sz
+        lz = m * vz + wx * sy - wy * sx
+        hx = xx * wx + xy * wy + xz * wz + sy * vz - sz * vy
+        hy = xy * wx + yy * wy + yz * wz + sz * vx - sx * vz
+        hz = xz * wx + yz * wy + zz * wz + sx * vy - sy * vx
+        j = i
+        while j >= 0:
+            wx, wy, wz, vx, vy, vz = screws[j]
+            entry = wx * hx + wy * hy + wz * hz + vx * lx + vy * ly + vz * lz
+            out[i * count + j] = entry
+            out[j * count + i] = entry
+            j = j - 1
+
+
+def chain_coriolis(bodies: Any, screws: Any, v: Any, out: Any) -> None:
+    """Fill `out` with the joint efforts that the speeds `v` alone ask for [N m or N].
+
+    Centrifugal and Coriolis: the efforts under which no joint accelerates, without gravity.
+    """
+    wx = 0.0
+    wy = 0.0
+    wz = 0.0
+    vx = 0.0
+    vy = 0.0
+    vz = 0.0
+    ax = 0.0
+    ay = 0.0
+    az = 0.0
+    bx = 0.0
+    by = 0.0
+    bz = 0.0
+    forces = []
+    i = 0
+    for screw in screws:
+        sx, sy, sz, tx, ty, tz = screw
+        u = v[i]
+        # Rate of the screw times its speed: the body before carries it along.
+        ax = ax + u * (wy * sz - wz * sy)
+        ay = ay + u * (wz * sx - wx * sz)
+        az = az + u * (wx * sy - wy * sx)
+        bx = bx + u * (wy * tz - wz * ty + vy * sz - vz * sy)
+        by = by + u * (wz * tx - wx * tz + vz * sx - vx * sz)
+        bz = bz + u * (wx * ty - wy * tx + vx * sy - vy * sx)
+        wx = wx + u * sx
+        wy = wy + u * sy
+        wz = wz + u * sz
+        vx = vx + u * tx
+        vy = vy + u * ty
+        vz = vz + u * tz
+        m, mx, my, mz, xx, yy, zz, xy, xz, yz = bodies[i]
+        lx = m * vx + wy * mz - wz * my
+        ly = m * vy + wz * mx - wx * mz
+        lz = m * vz + wx * my - wy * mx
+        hx = xx * wx + xy * wy + xz * wz + my * vz - mz * vy
+        hy = xy * wx + yy * wy + yz * wz + mz * vx - mx * vz
+        hz = xz * wx + yz * wy + zz * wz + mx * vy - my * vx
+        forces.append(
+            (
+                xx * ax + xy * ay + xz * az + my * bz - mz * by
+                + wy * hz - wz * hy + vy * lz - vz * ly,
+                xy * ax + yy * ay + yz * az + mz * bx - mx * bz
+                + wz * hx - wx * hz + vz * lx - vx * lz,
+                xz * ax + yz * ay + zz * az + mx * by - my * bx
+                + wx * hy - wy * hx + vx * ly - vy * lx,
+                m * bx + ay * mz - az * my + wy * lz - wz * ly,
+                m * by + az * mx - ax * mz + wz * lx - wx * lz,
+                m * bz + ax * my - ay * mx + wx * ly - wy * lx,
+            )
+        )  # fmt: skip
+        i = i + 1
+    hx = 0.0
+    hy = 0.0
+    hz = 0.0
+    lx = 0.0
+    ly = 0.0
+    lz = 0.0
+    while i > 0:
+        i = i - 1
+        f0, f1, f2, f3, f4, f5 = forces[i]
+        hx = hx + f0
+        hy = hy + f1
+        hz = hz + f2
+        lx = lx + f3
+        ly = ly + f4
+        lz = lz + f5
+        wx, wy, wz, vx, vy, vz = screws[i]
+        out[i] = wx * hx + wy * hy + wz * hz + vx * lx + vy * ly + vz * lz

@@ -1,0 +1,308 @@
+"""A serial chain in motion: joints with motors, friction, hands and contacts; SI units.
+
+One implicit step that keeps the energy: with mean speeds w = (v + v')/2 over the step h,
+
+    M (v' - v) + h (C(w) w + g) + s M w = h f(w)
+
+where M is the mean of the mass matrices at both ends, C and g are taken half-way, and the factor s,
+of third order, makes kinetic and potential energy change by exactly the work of f (a discrete
+gradient of Gonzalez' kind). Springs act by their mean over the step; Coulomb friction is
+set-valued: a joint is stuck where it can be.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from tautwave.models.chain.gravity import chain_gravity
+from tautwave.models.chain.inertia import chain_bodies, chain_coriolis, chain_screws, mass_matrix
+from tautwave.models.chain.kinematics import chain_frames
+from tautwave.models.chain.params import ChainParams
+from tautwave.models.plant_params import PlantParams
+
+ITERATIONS = 30
+CONVERGED = 1e-12
+"""Change of the speeds [rad/s or m/s] from one iteration to the next, per the greatest speed."""
+
+
+LEAST = 1e-6
+"""Kinetic energy [J] below which the correction, of third order, is lost in rounding."""
+
+
+class Placed(NamedTuple):
+    """Mass matrix row by row, motors' inertia included, and potential energy [J] at a posture."""
+
+    matrix: list[float]
+    potential: float
+
+
+class Flows(NamedTuple):
+    """Energy of one joint over a step [J], and what its hand and contact lose."""
+
+    hand_work: float
+    motor_work: float
+    grip_loss: float
+    viscous_loss: float
+    coulomb_loss: float
+    environment_loss: float
+    given: float
+    """Into the chain's kinetic and potential energy."""
+
+
+def place_chain(c: ChainParams, plants: Any, x: Any) -> Placed:
+    """Return mass matrix and potential at the positions `x` [rad or m]."""
+    count = len(x)
+    frames = chain_frames(c, x)
+    matrix = [0.0] * (count * count)
+    weight = [0.0] * count
+    mass_matrix(chain_bodies(c, frames), chain_screws(frames), matrix)
+    for i in range(count):
+        matrix[i * count + i] += plants[i].mass
+    return Placed(matrix, chain_gravity(c, frames, weight))
+
+
+def kinetic_energy(matrix: Any, v: Any) -> float:
+    """Return the kinetic energy [J] at the speeds `v` [rad/s or m/s]."""
+    count = len(v)
+    total = 0.0
+    for i in range(count):
+        row = 0.0
+        for j in range(count):
+            row += matrix[i * count + j] * v[j]
+        total += v[i] * row
+    return 0.5 * total
+
+
+def chain_step(
+    c: ChainParams,
+    plants: tuple[PlantParams, ...],
+    here: Placed,
+    x: list[float],
+    v: list[float],
+    guess: list[float],
+    efforts: list[float],
+    references: list[float],
+    rates: list[float],
+    h: float,
+) -> tuple[list[float], list[float], list[Flows]]:
+    """Move a chain on by `h` [s] under constant efforts.
+
+    Parameters
+    ----------
+    c : ChainParams
+        The chain.
+    plants : tuple of PlantParams
+        Per joint the motor's inertia with the hand's, friction, grip and contact.
+    here : Placed
+        At the positions `x`.
+    x, v : list of float
+        Positions [rad or m] and speeds.
+    guess : list of float
+        Speeds to begin the iteration with.
+    efforts : list of float
+        Of the motors [N m or N].
+    references, rates : list of float
+        The hands' reference positions at the start, and their speeds over the step.
+
+    Returns
+    -------
+    tuple
+        Positions, speeds, and the energy of each joint.
+    """
+    count = len(x)
+    mean = [0.5 * (a + b) for a, b in zip(v, guess, strict=True)]
+    signs = [math.copysign(1.0, w) if w != 0.0 else 0.0 for w in mean]
+    weight = [0.0] * count
+    swung = [0.0] * count
+    for _ in range(ITERATIONS):
+        end = [a + h * w for a, w in zip(x, mean, strict=True)]
+        there = place_chain(c, plants, end)
+        frames = chain_frames(c, [0.5 * (a + b) for a, b in zip(x, end, strict=True)])
+        chain_gravity(c, frames, weight)
+        chain_coriolis(chain_bodies(c, frames), chain_screws(frames), mean, swung)
+        half = [0.5 * (a + b) for a, b in zip(here.matrix, there.matrix, strict=True)]
+        share = _correction(here, there, half, v, mean, weight, swung, h)
+        matrix = [(2.0 + share) * m for m in half]
+        right = [0.0] * count
+        for i in range(count):
+            held, slope = _external(plants[i], x[i], end[i], efforts[i], references[i], rates[i], h)
+            row = 0.0
+            for j in range(count):
+                row += half[i * count + j] * v[j]
+            right[i] = 2.0 * row + h * (held - weight[i] - swung[i])
+            matrix[i * count + i] += h * slope
+        found = _friction(matrix, right, [h * p.coulomb for p in plants], signs)
+        change = max(abs(a - b) for a, b in zip(found, mean, strict=True))
+        mean = found
+        if change <= CONVERGED * max(1.0, max(abs(w) for w in mean)):
+            break
+    end = [a + h * w for a, w in zip(x, mean, strict=True)]
+    speeds = [2.0 * w - a for w, a in zip(mean, v, strict=True)]
+    flows = [
+        _flows(plants[i], x[i], end[i], mean[i], efforts[i], references[i], rates[i], h)
+        for i in range(count)
+    ]
+    return end, speeds, flows
+
+
+def _correction(
+    here: Placed,
+    there: Placed,
+    half: list[float],
+    v: list[float],
+    mean: list[float],
+    weight: list[float],
+    swung: list[float],
+    h: float,
+) -> float:
+    """Return the factor s by which the energy is kept exactly."""
+    count = len(v)
+    after = [2.0 * w - a for w, a in zip(mean, v, strict=True)]
+    turned = 0.0
+    energy = 0.0
+    for i in range(count):
+        for j in range(count):
+            k = i * count + j
+            grown = there.matrix[k] - here.matrix[k]
+            turned += grown * (after[i] * after[j] + v[i] * v[j])
+            energy += half[k] * mean[i] * mean[j]
+    lacking = 0.25 * turned + there.potential - here.potential
+    for i in range(count):
+        lacking -= h * mean[i] * (weight[i] + swung[i])
+    return lacking / energy if energy > LEAST else 0.0
+
+
+def _wall(p: PlantParams, x: float, end: float) -> float:
+    """Return the mean push of the wall's spring over the step [N m or N], along its normal."""
+    first = p.wall_side * (x - p.wall_position)
+    last = p.wall_side * (end - p.wall_position)
+    if first <= 0.0 and last <= 0.0:
+        return 0.0
+    if (first > 0.0 and last > 0.0) or last == first:
+        return 0.5 * p.wall_stiffness * (first + last)
+    deep = max(last, 0.0)
+    before = max(first, 0.0)
+    return 0.5 * p.wall_stiffness * (deep * deep - before * before) / (last - first)
+
+
+def _external(
+    p: PlantParams,
+    x: float,
+    end: float,
+    effort: float,
+    reference: float,
+    rate: float,
+    h: float,
+) -> tuple[float, float]:
+    """Return a joint's mean effort without motion, and how it falls with the mean speed."""
+    held = effort + p.grip_stiffness * (reference + 0.5 * h * rate - x) + p.grip_damping * rate
+    slope = 0.5 * h * (p.grip_stiffness + p.spring_stiffness) + p.grip_damping + p.viscous
+    if p.spring_stiffness > 0.0:
+        held -= p.spring_stiffness * (x - p.spring_position)
+    if p.wall_stiffness > 0.0 or p.wall_damping > 0.0:
+        first = p.wall_side * (x - p.wall_position)
+        last = p.wall_side * (end - p.wall_position)
+        if first > 0.0 and last > 0.0 and _push(p, x, end, h) > 0.0:
+            held -= p.wall_side * p.wall_stiffness * first
+            slope += 0.5 * h * p.wall_stiffness + p.wall_damping
+        else:
+            held -= p.wall_side * _push(p, x, end, h)
+    return held, slope
+
+
+def _push(p: PlantParams, x: float, end: float, h: float) -> float:
+    """Return the mean push of the wall, spring and damper: it never pulls [N m or N]."""
+    push = _wall(p, x, end)
+    if push > 0.0:
+        push += p.wall_damping * p.wall_side * (end - x) / h
+    return max(push, 0.0)
+
+
+def _flows(
+    p: PlantParams,
+    x: float,
+    end: float,
+    mean: float,
+    effort: float,
+    reference: float,
+    rate: float,
+    h: float,
+) -> Flows:
+    moved = end - x
+    ahead = reference + 0.5 * h * rate - 0.5 * (x + end)
+    slip = rate - mean
+    grip = p.grip_stiffness * ahead + p.grip_damping * slip
+    spring = p.spring_stiffness * (0.5 * (x + end) - p.spring_position)
+    push = 0.0
+    wall = 0.0
+    if p.wall_stiffness > 0.0 or p.wall_damping > 0.0:
+        push = _push(p, x, end, h)
+        wall = _wall(p, x, end)
+    rubbed = p.coulomb * abs(moved)
+    viscous = p.viscous * mean * moved
+    work = effort * moved
+    given = work + (grip - spring - p.wall_side * push) * moved - viscous - rubbed
+    return Flows(
+        rate * h * grip,
+        work,
+        p.grip_damping * slip * slip * h,
+        viscous,
+        rubbed,
+        (push - wall) * p.wall_side * moved,
+        given,
+    )
+
+
+def _friction(
+    matrix: list[float], right: list[float], coulomb: list[float], signs: list[float]
+) -> list[float]:
+    """Return the speeds w of matrix w = right - coulomb sign(w); `signs` begins and ends as theirs.
+
+    A joint that would reverse within the step is stuck, one that is stuck starts where the others
+    push it beyond its friction. Should that go in circles, the last state stands.
+    """
+    count = len(right)
+    for _ in range(4 * count):
+        moving = [i for i in range(count) if coulomb[i] == 0.0 or signs[i] != 0.0]
+        found = _solve(matrix, [right[i] - coulomb[i] * signs[i] for i in range(count)], moving)
+        again = False
+        for i in range(count):
+            if coulomb[i] == 0.0:
+                continue
+            if signs[i] != 0.0:
+                if found[i] * signs[i] < 0.0:
+                    signs[i] = 0.0
+                    again = True
+            else:
+                pull = right[i]
+                for j in moving:
+                    pull -= matrix[i * count + j] * found[j]
+                if abs(pull) > coulomb[i]:
+                    signs[i] = math.copysign(1.0, pull)
+                    again = True
+        if not again:
+            break
+    return found
+
+
+def _solve(matrix: list[float], right: list[float], moving: list[int]) -> list[float]:
+    """Return the solution of a definite system in the joints that move, 0 for all others."""
+    count = len(right)
+    rows = [[matrix[i * count + j] for j in moving] + [right[i]] for i in moving]
+    size = len(moving)
+    for k in range(size):
+        top = rows[k]
+        for i in range(k + 1, size):
+            row = rows[i]
+            factor = row[k] / top[k]
+            for j in range(k + 1, size + 1):
+                row[j] -= factor * top[j]
+    found = [0.0] * count
+    for k in range(size - 1, -1, -1):
+        row = rows[k]
+        value = row[size]
+        for j in range(k + 1, size):
+            value -= row[j] * found[moving[j]]
+        found[moving[k]] = value / row[k]
+    return found

@@ -1,0 +1,153 @@
+"""Arms as the report sees them: where their joints were, what was at their tips; SI units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tautwave.config import Rig
+from tautwave.config.inputs.chains import chain_constants
+from tautwave.errors import TautwaveError
+from tautwave.models.chain.kinematics import chain_frames, tip_pose
+from tautwave.registry import load_driver
+from tautwave.report.arms.solids import Wire, wires_of
+from tautwave.report.figures.envelope import Floats
+from tautwave.report.run.rundir import Run
+
+FRAMES = 90
+"""Rows of a run at which arms are drawn."""
+
+AZIMUTH, ELEVATION = math.radians(-55.0), math.radians(22.0)
+
+
+class ArmView(NamedTuple):
+    """One arm over the drawn rows.
+
+    Attributes
+    ----------
+    name : str
+        `master`, `slave`, or the bus of a tip.
+    side : str
+        `master` or `slave`.
+    joints : (rows, joints + 2, 3)
+        Base, origins of the joints' frames, tip [m].
+    forces : dict of str to (rows, 3)
+        On the tip by what exerts it [N], in base axes: `coupling` and walls in space.
+    walls : dict of str to Wire
+        Outlines of walls in space, in base axes [m].
+    """
+
+    name: str
+    side: str
+    joints: Floats
+    forces: dict[str, Floats]
+    walls: dict[str, Wire]
+
+    @property
+    def flat(self) -> bool:
+        """Whether it moves in a horizontal plane, and is seen from above."""
+        high = np.ptp(self.joints[:, :, 2])
+        return bool(high < 1e-6 * max(float(np.ptp(self.joints[:, :, :2])), 1e-12))
+
+    def seen(self, places: Floats) -> Floats:
+        """Return (..., 3) as right, up, nearness [m]: from above, or obliquely."""
+        x, y, z = places[..., 0], places[..., 1], places[..., 2]
+        if self.flat:
+            return np.stack([x, y, z], axis=-1)
+        across = math.cos(AZIMUTH) * y - math.sin(AZIMUTH) * x
+        near = math.cos(AZIMUTH) * x + math.sin(AZIMUTH) * y
+        high = math.cos(ELEVATION) * z - math.sin(ELEVATION) * near
+        depth = math.cos(ELEVATION) * near + math.sin(ELEVATION) * z
+        return np.stack([across, high, depth], axis=-1)
+
+
+class ArmsView(NamedTuple):
+    """All arms of a run at the drawn rows: `time` [s], `liveliest` is where most force was."""
+
+    time: Floats
+    arms: Sequence[ArmView]
+    liveliest: int
+
+
+def view_arms(run: Run) -> ArmsView | None:
+    """Return the arms of a run, None if it has none or they were not recorded."""
+    if run.rows < 2 or "scene" in run.rig:
+        return None
+    try:
+        rig = run.checked_rig
+        rows = np.unique(np.linspace(0, run.rows - 1, FRAMES).astype(int))
+        arms = [*_of_sides(run, rig, rows), *_of_tips(run, rig, rows)]
+    except TautwaveError:
+        return None
+    if not arms:
+        return None
+    size = np.zeros(len(rows))
+    for arm in arms:
+        for force in arm.forces.values():
+            size += np.nan_to_num(np.linalg.norm(force, axis=1))
+    spent = size if size.any() else np.linalg.norm(arms[0].joints[:, -1], axis=1)
+    return ArmsView(run.read("time_s")["time_s"][rows], arms, int(np.argmax(spent)))
+
+
+def _of_sides(run: Run, rig: Rig, rows: Any) -> Iterator[ArmView]:
+    """Yield the arms whose joints are the axes of a side."""
+    for side in ("master", "slave"):
+        keys = getattr(rig, side).arm
+        if keys is None:
+            continue
+        q = _columns(run, [f"{side}.{name}.position" for name in getattr(rig, side).axes], rows)
+        if q is not None:
+            yield ArmView(side, side, _places(chain_constants(keys), q), {}, {})
+
+
+def _of_tips(run: Run, rig: Rig, rows: Any) -> Iterator[ArmView]:
+    """Yield the arms behind tips."""
+    for name, bus in rig.buses.items():
+        if bus.driver != "arm":
+            continue
+        options: Any = load_driver("arm").options.model_validate(bus.options)
+        axes = {full: axis for full, axis in rig.axes.items() if axis.bus == name}
+        side = next(iter(axes)).partition(".")[0]
+        q = _columns(run, [f"joints.{side}.{joint}.position" for joint in options.joints], rows)
+        if q is None:
+            continue
+        frame = np.array(options.task().frame).reshape(3, 3)  # rows are the axes
+        forces = {}
+        coupling = np.zeros((len(rows), 3))
+        for full, axis in axes.items():
+            if axis.id <= 3:
+                effort = _columns(run, [f"{full}.port_effort"], rows)
+                if effort is not None:
+                    coupling[:, axis.id - 1] = -effort[:, 0]  # the port's is what resists
+        forces["coupling"] = coupling @ frame
+        for wall in options.walls:
+            found = _columns(run, [f"space.{name}.{wall}.f{c}" for c in "xyz"], rows)
+            if found is not None:
+                forces[wall] = found @ frame
+        joints = _places(options.believed(), q)
+        reach = float(np.abs(joints - joints[:, :1]).max())
+        near = joints[:, -1].mean(axis=0)
+        walls = {key: wires_of(wall, frame, reach, near) for key, wall in options.walls.items()}
+        yield ArmView(name, side, joints, forces, walls)
+
+
+def _columns(run: Run, names: Sequence[str], rows: Any) -> Floats | None:
+    found = [run.read(name).get(name) for name in names]
+    known = [values[rows] for values in found if values is not None]
+    return np.stack(known, axis=1) if known and len(known) == len(names) else None
+
+
+def _places(chain: Any, q: Floats) -> Floats:
+    """Return base, joints and tip at every row; a row without a sample repeats the one before."""
+    found = np.zeros((len(q), q.shape[1] + 2, 3))
+    for row, posture in enumerate(q.tolist()):
+        if not all(math.isfinite(at) for at in posture):
+            found[row] = found[row - 1]
+            continue
+        frames = chain_frames(chain, posture)
+        found[row, 1:-1] = [frame[9:12] for frame in frames]
+        found[row, -1] = tip_pose(chain, frames)[:3]
+    return found

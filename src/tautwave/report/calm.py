@@ -1,0 +1,30 @@
+"""Passive is not calm: what to say of a pair that buzzes; reads summaries, without NumPy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tautwave.report.units import number
+from tautwave.types import VOLUNTARY_HZ
+
+UNCALM = 0.2
+"""Share of motion power above 8 Hz from which on a pair buzzes."""
+
+
+def worst_share(shares: Any) -> tuple[str, float] | None:
+    """Return the side with the greater `fast_share` of a summary, and that; None without any."""
+    if not isinstance(shares, dict) or not shares:
+        return None
+    side = max(shares, key=lambda it: number(shares[it]) or 0.0)
+    return side, number(shares[side]) or 0.0
+
+
+def unrest(shares: Any, pair: str) -> str:
+    """Return a sentence on a pair that buzzes, "" where it is calm."""
+    found = worst_share(shares)
+    if found is None or found[1] <= UNCALM:
+        return ""
+    return (
+        f"{pair}: not calm: {100.0 * found[1]:.0f} % of the {found[0]}'s motion power is above "
+        f"{VOLUNTARY_HZ:g} Hz, where no hand moves by will."
+    )

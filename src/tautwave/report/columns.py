@@ -1,0 +1,273 @@
+"""What each column of a recording is: unit and meaning; a test holds it to every shipped rig."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+
+class Column(NamedTuple):
+    """A kind of column: SIDE is master or slave, AXIS, PAIR and others are names of the rig."""
+
+    name: str
+    unit: str
+    meaning: str
+
+    def matches(self, column: str) -> bool:
+        """Return whether a recorded column is of this kind."""
+        pattern = re.escape(self.name).replace("SIDE", "(?:master|slave)")
+        return (
+            re.fullmatch(
+                re.sub(
+                    "AXIS|PAIR|PORT|NODE|JOINT|BUS|WALL|ARM", "[A-Za-z_][A-Za-z0-9_.-]*", pattern
+                ),
+                column,
+            )
+            is not None
+        )
+
+
+SECTIONS = {
+    "The cycle": (
+        Column("time_s", "s", "start of the slot, since the first one"),
+        Column("lateness_us", "µs", "how much later than its slot the cycle began"),
+        Column("compute_us", "µs", "from there to the end of the cycle; waiting for buses counts"),
+        Column("skipped_slots", "", "slots passed over before this one, because the loop was late"),
+    ),
+    "An axis": (
+        Column("SIDE.AXIS.position", "rad, m", "as measured"),
+        Column("SIDE.AXIS.velocity", "rad/s, m/s", "as the controller takes it, after its filter"),
+        Column(
+            "SIDE.AXIS.commanded",
+            "N m, N; rad/s, m/s",
+            "what was written to the device: effort, or velocity on an admittance axis",
+        ),
+        Column(
+            "SIDE.AXIS.port_effort",
+            "N m, N",
+            "what the coupling takes at this port, opposite to the motor's push",
+        ),
+        Column("SIDE.AXIS.valid", "0, 1", "whether this cycle has a sample of the axis"),
+        Column(
+            "SIDE.AXIS.port_energy",
+            "J",
+            "what the motor took out of the device so far: effort that acted times displacement",
+        ),
+        Column("SIDE.AXIS.gross_flow", "J", "the same, all increments counted positive"),
+        Column(
+            "SIDE.AXIS.uncertainty",
+            "J",
+            "how far `port_energy` may be off where an effort did not act for whole periods, or was"
+            " only sampled",
+        ),
+        Column("SIDE.AXIS.wave_in", "W^½", "the wave that arrived (law `wave`)"),
+        Column("SIDE.AXIS.wave_out", "W^½", "the wave that left (law `wave`)"),
+        Column(
+            "SIDE.AXIS.believed_effort",
+            "N m, N",
+            "what acts on the device by the law's observer (`four_channel`, `position_force`)",
+        ),
+        Column("SIDE.AXIS.link_delay", "s", "over a network: age of the wave that was played out"),
+        Column("SIDE.AXIS.link_depth", "s", "over a network: how much of that it waited here"),
+        Column(
+            "SIDE.AXIS.link_backlog",
+            "rad, m",
+            "over a network: motion of the other side that is still to come, in the master's units",
+        ),
+        Column("SIDE.AXIS.link_silence", "s", "over a network: since the last packet came"),
+        Column("SIDE.AXIS.link_lost", "", "over a network: packets lost on the way here, so far"),
+        Column(
+            "SIDE.AXIS.link_cut",
+            "",
+            "over a network: cycles so far in which the energy received did not pay for the wave",
+        ),
+        Column(
+            "SIDE.AXIS.measured_effort",
+            "N m, N",
+            "admittance axes, and those with an effort_sensor: the effort from outside, measured",
+        ),
+        Column(
+            "SIDE.AXIS.motor_effort",
+            "N m, N",
+            "what the motor gave, by its own current, where the drive reports it; NaN: no sample",
+        ),
+        Column("SIDE.AXIS.wall_effort", "N m, N", "what the local wall adds"),
+        Column(
+            "SIDE.AXIS.answer_us",
+            "µs",
+            "CANopen, Modbus: from SYNC or request to the answer; NaN where none came",
+        ),
+    ),
+    "One of two sites": (
+        Column("link.session", "", "number of the session, from 1 on"),
+        Column("link.slot", "", "own slot of the session, from 0 on; -1: not engaged"),
+        Column("link.silence_s", "s", "since a packet of the other site came"),
+        Column("link.holding", "0, 1", "whether it holds, for lack of the other site"),
+        Column("link.delay_s", "s", "one way of the newest packet, to half the least round trip"),
+    ),
+    "A pair": (
+        Column("PAIR.position_error", "rad, m", "master less slave, in the master's units"),
+        Column(
+            "PAIR.effort_error",
+            "N m, N",
+            "sum of both ports' efforts in the master's units; 0 in equilibrium",
+        ),
+    ),
+    "An operated rig": (
+        Column(
+            "operation.state",
+            "",
+            "0 idle, 1 aligning, 2 engaged, 3 clutched, 4 holding, 5 stopping",
+        ),
+        Column(
+            "operation.command",
+            "",
+            "command taken in this cycle: 1 engage, 2 clutch, 3 hold, 4 rest, 5 stop, 6 episode",
+        ),
+        Column("operation.engagement", "", "how often the pairs have engaged so far"),
+        Column("operation.episode", "", "number of the episode that runs, 0 for none"),
+        Column("operation.scale", "", "factor on every pair's position_scale, 1 at first"),
+        Column(
+            "PAIR.operate.absorbed",
+            "J",
+            "what both motors took out of the devices while not engaged; negative: an alignment"
+            " gave",
+        ),
+    ),
+    "A rig that is tuned": (
+        Column("tuning.generation", "", "how many sets of values have been taken so far"),
+        Column("tuning.SIDE.AXIS.wall_stiffness", "N m/rad, N/m", "of the local wall, as it acts"),
+        Column("tuning.SIDE.AXIS.wall_damping", "N m s/rad, N s/m", "of the local wall"),
+        Column("tuning.SIDE.AXIS.wall_position", "rad, m", "of the local wall"),
+        Column("tuning.SIDE.AXIS.effort_ceiling", "N m, N", "greatest effort of wall and coupling"),
+        Column("tuning.PAIR.wave_filter_hz", "Hz", "corner of the filter in both ports"),
+    ),
+    "Books of a coupling": (
+        Column(
+            "PAIR.port_SIDE.absorbed",
+            "J",
+            "each element has the three of these. Absorbed: what went into it since the start",
+        ),
+        Column("PAIR.port_SIDE.stored", "J", "what it holds now"),
+        Column(
+            "PAIR.port_SIDE.dissipated", "J", "what it turned into heat; negative: what it created"
+        ),
+        Column(
+            "PAIR.damper_SIDE.absorbed",
+            "J",
+            "the matching damper; with `.stored` and `.dissipated`, as all below",
+        ),
+        Column(
+            "PAIR.converter_SIDE.absorbed",
+            "J",
+            "conversion between the line's rate and that of a slow bus",
+        ),
+        Column("PAIR.line.absorbed", "J", "the delay line: the waves under way"),
+        Column(
+            "PAIR.receiver_SIDE.absorbed",
+            "J",
+            "over a network: what was sent to a side and is not given out yet, in counts of"
+            " 2^-40 J",
+        ),
+        Column("PAIR.network.absorbed", "J", "over a network: what is under way"),
+        Column("PAIR.coupler.absorbed", "J", "a law of positions, by its spring and what is left"),
+        Column(
+            "PAIR.account_SIDE.absorbed", "J", "an account: work of its law, credit got less sent"
+        ),
+        Column("PAIR.credits.absorbed", "J", "credit under way between accounts"),
+        Column("PAIR.compensation_SIDE.absorbed", "J", "friction compensation; negative: it gave"),
+        Column("PAIR.wall_SIDE.absorbed", "J", "a local wall"),
+    ),
+    "What carries a load": (
+        Column("load.SIDE.AXIS.effort", "N m, N", "sent beside the coupling's, along the position"),
+        Column("load.SIDE.AXIS.energy", "J", "taken out of the device by it; below 0: given"),
+        Column("load.SIDE.potential", "J", "what the side's loads hold more than at the start"),
+        Column("load.SIDE.leak", "J", "all of that energy with the potential's change"),
+        Column("load.SIDE.given", "J", "most that was given at any time beyond the potential"),
+    ),
+    "A simulated arm": (
+        Column("joints.SIDE.JOINT.position", "rad, m", "driver `arm`: a joint behind the tip"),
+        Column("joints.SIDE.JOINT.effort", "N m, N", "sent to it, weight and walls included"),
+        Column("tip.BUS.mapped", "J", "given to the joints beyond the books of the tip"),
+        Column("tip.BUS.mapped_given", "J", "the most of that at any time"),
+        Column("tip.BUS.potential", "J", "what weight and posture hold more than at the start"),
+        Column("tip.BUS.leak", "J", "taken out by what holds them, with the potential's change"),
+        Column("tip.BUS.given", "J", "most that was given at any time beyond the potential"),
+        Column("space.BUS.WALL.fx", "N", "force of a wall in space on the tip, along the frame"),
+        Column("space.BUS.WALL.fy", "N", ""),
+        Column("space.BUS.WALL.fz", "N", ""),
+        Column("space.BUS.WALL.depth", "m", "of the tip below its proxy"),
+        Column("space.BUS.WALL.account", "J", "what the wall may give back"),
+        Column("space.BUS.WALL.absorbed", "J", "taken out of the joints by it"),
+        Column("space.BUS.WALL.noise", "J", "put back for the encoders' noise"),
+        Column("arm.ARM.kinetic", "J", "now in its moving links and motors"),
+        Column("arm.ARM.potential", "J", "its height, from that at the start"),
+        Column("arm.ARM.work", "J", "given to it by all joints: `plant.SIDE.AXIS.kinetic`, added"),
+    ),
+    "The truth of a simulated axis": (
+        Column("true.SIDE.AXIS.position", "rad, m", "where it really is"),
+        Column("true.SIDE.AXIS.velocity", "rad/s, m/s", ""),
+        Column("true.SIDE.AXIS.reference", "rad, m", "where the hand wants to be"),
+        Column("true.SIDE.AXIS.hand_effort", "N m, N", "what the hand does to the device"),
+        Column("true.SIDE.AXIS.environment_effort", "N m, N", "what it touches does to it"),
+        Column("plant.SIDE.AXIS.hand_work", "J", "work of the hand's intent"),
+        Column("plant.SIDE.AXIS.motor_work", "J", "work of the motor"),
+        Column(
+            "plant.SIDE.AXIS.kinetic", "J", "now in the moving mass; an arm's joint: given to it"
+        ),
+        Column("plant.SIDE.AXIS.grip_stored", "J", "now in the spring of the grip"),
+        Column("plant.SIDE.AXIS.environment_stored", "J", "now in what it touches"),
+        Column("plant.SIDE.AXIS.grip_loss", "J", "dissipated in the grip"),
+        Column("plant.SIDE.AXIS.viscous_loss", "J", "dissipated in the device's damping"),
+        Column("plant.SIDE.AXIS.coulomb_loss", "J", "dissipated in its Coulomb friction"),
+        Column("plant.SIDE.AXIS.environment_loss", "J", "dissipated in what it touches"),
+    ),
+    "A scene": (
+        Column("scene.kinetic", "J", "now in the masses"),
+        Column("scene.stored", "J", "now in the links"),
+        Column("scene.lifted", "J", "now held against gravity"),
+        Column("scene.lost", "J", "dissipated by dampers, friction, plastic links and contacts"),
+        Column("scene.made", "J", "created by negative dampers and energy sources"),
+        Column("scene.numeric", "J", "created by a scheme that holds forces over a step"),
+        Column("scene.port_work", "J", "done by the ports"),
+        Column("scene.pumped", "J", "done by external forces"),
+        Column("scene.residual", "J", "what the account of the network misses: rounding"),
+        Column(
+            "scene.hold",
+            "J",
+            "what the devices gave less than the network got, since efforts are held",
+        ),
+        Column(
+            "scene.asked.PORT", "N m, N", "effort that the network asks of a port, before limits"
+        ),
+        Column(
+            "scene.at.NODE",
+            "m",
+            "where a node is; in three dimensions one column for each coordinate",
+        ),
+    ),
+}
+
+
+def unit_of(column: str, kind: str = "rotary", causality: str = "impedance") -> str:
+    """Return the SI unit of a recorded column, "" for counts, states and what is not listed.
+
+    Parameters
+    ----------
+    column : str
+        Its name.
+    kind : str
+        `rotary` or `linear`: of the axis or pair that it is about.
+    causality : str
+        `impedance` or `admittance`: of the axis that it is about.
+    """
+    if column.endswith((".absorbed", ".stored", ".dissipated")):
+        return "J"
+    for columns in SECTIONS.values():
+        for one in columns:
+            if one.matches(column):
+                parts = one.unit.split("; ")
+                units = parts[-1 if causality == "admittance" else 0].split(", ")
+                unit = units[-1 if kind == "linear" else 0]
+                return "" if unit in ("0", "1") else unit
+    return ""

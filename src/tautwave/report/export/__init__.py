@@ -1,0 +1,1 @@
+"""Runs for other programs: tables by episode, MATLAB files, LeRobot datasets."""

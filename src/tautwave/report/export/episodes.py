@@ -1,0 +1,106 @@
+"""Which rows of a run are an episode, and what each column of them is."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tautwave.config.guard import parse_json
+from tautwave.config.text.document import open_document
+from tautwave.errors import ConfigError, RecordingError
+from tautwave.recordings.recording import read_recording
+from tautwave.report.columns import unit_of
+from tautwave.report.run.rundir import SIDES, block
+
+EPISODE = "operation.episode"
+
+
+class Episode(NamedTuple):
+    """Rows of a run that belong together; `success` is None where it was not said."""
+
+    number: int
+    name: str
+    task: str
+    success: bool | None
+    rows: slice
+
+    @property
+    def stem(self) -> str:
+        """Name of its file, without an ending."""
+        name = re.sub(r"[^\w-]+", "-", self.name).strip("-")[:60] or "episode"
+        return name if not self.number else f"{self.number:03d}-{name}"
+
+
+def episodes(directory: Path) -> list[Episode]:
+    """Return the episodes of a run, or all of it where there are none.
+
+    The rows say where an episode is, also in a run that was killed; names and tasks are those of
+    its summary.
+
+    Raises
+    ------
+    RecordingError
+        There is no recording.
+    """
+    try:
+        marks = read_recording(directory, [EPISODE])[EPISODE]
+    except RecordingError:
+        read_recording(directory, ["time_s"])  # no recording at all: let it say so
+        marks = np.zeros(0)
+    stated = _summary(directory / "summary.json")
+    edges = np.flatnonzero(np.diff(marks, prepend=0.0, append=0.0))
+    found = []
+    for begin, end in itertools.pairwise(edges):
+        number = int(marks[begin])
+        if number:
+            one = stated.get(number, {})
+            name = str(one.get("name") or f"episode-{number}")
+            task, success = str(one.get("task") or ""), one.get("success")
+            found.append(Episode(number, name, task, success, slice(int(begin), int(end))))
+    return found or [Episode(0, "run", "", None, slice(None))]
+
+
+def _summary(path: Path) -> dict[int, dict[str, Any]]:
+    """Return what the summary states of each episode, {} without any."""
+    try:
+        found = parse_json(path.read_text(encoding="utf-8"))["operation"]["episodes"]
+        return {int(one["number"]): dict(one) for one in found}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
+def axis_blocks(attachments: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
+    """Return the rig's block of each axis by its full name, such as `master.lever`.
+
+    Empty without a readable rig in the recording.
+    """
+    try:
+        text = attachments.get("rig.yaml", b"").decode("utf-8")
+        rig = open_document(text, "rig.yaml", Path()).value if text else {}
+    except (UnicodeDecodeError, ConfigError):
+        return {}
+    return {
+        f"{side}.{name}": axis
+        for side in SIDES
+        for name in block(rig, side, "axes")
+        if (axis := block(rig, side, "axes", name))
+    }
+
+
+def units(columns: Iterable[str], attachments: Mapping[str, bytes]) -> dict[str, str]:
+    """Return the unit of each column that has one, by the axes of the run's own rig."""
+    axes = axis_blocks(attachments)
+    found = {}
+    for column in columns:
+        about = next((axis for axis in axes if f"{axis}." in column), None)
+        # A pair is in its master's units.
+        axis = axes.get(about or f"master.{column.partition('.')[0]}", {})
+        kind, causality = axis.get("kind", "rotary"), axis.get("causality", "impedance")
+        if unit := unit_of(column, str(kind), str(causality)):
+            found[column] = unit
+    return found

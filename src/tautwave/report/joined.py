@@ -1,0 +1,286 @@
+"""Both sites of a session on one page: their recordings joined by slot, the books of the pair.
+
+Slots of the two sites differ by a constant, `slots_ahead` of their summaries, known to half the
+least round trip; energies do not depend on it but for what is under way in between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from html import escape
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tautwave.report.figures.envelope import Floats
+from tautwave.report.html import page, table
+from tautwave.report.run.rebuild import element_books
+from tautwave.report.run.rundir import Run, block, kind_of, pair_settings
+from tautwave.report.run.tables import Table
+from tautwave.report.units import axis_units, number, quantity, ratio
+
+SIDES = ("master", "slave")
+TRIED = (0.0, 0.1, -0.1, 0.25, -0.25, 0.5, -0.5, 1.0, -1.0)
+"""Shares of what is unknown of two clocks at which energy between the sites is looked at."""
+
+
+class Common(NamedTuple):
+    """One session that both sites recorded, of master and slave.
+
+    `rows` slot by slot; `all_rows`, and when the cycles of these began and ended, in slots of the
+    slave; `offset`: the slave's position [rad or m] for master 0, by pair; `doubt`: slots by which
+    the clocks may be off.
+    """
+
+    session: str
+    rows: tuple[Any, Any]
+    offset: dict[str, float]
+    begins: tuple[Floats, Floats]
+    ends: tuple[Floats, Floats]
+    all_rows: tuple[Any, Any]
+    doubt: float
+
+
+def sites_of(runs: tuple[Run, Run]) -> tuple[Run, Run] | None:
+    """Return the master's and the slave's run if they share a session, else None."""
+    by_side = {run.site: run for run in runs}
+    if set(by_side) != set(SIDES):
+        return None
+    ids = [{s.get("id") for s in _sessions(run)} for run in runs]
+    return (by_side["master"], by_side["slave"]) if ids[0] & ids[1] else None
+
+
+def _sessions(run: Run) -> list[dict[str, Any]]:
+    found = block(run.summary, "link").get("sessions")
+    return [s for s in found if isinstance(s, dict)] if isinstance(found, list) else []
+
+
+def common_sessions(master: Run, slave: Run) -> Iterator[Common]:
+    """Yield what both sites recorded of each session that both engaged in."""
+    theirs = {s.get("id"): (at, s) for at, s in enumerate(_sessions(slave), 1)}
+    for at, mine in enumerate(_sessions(master), 1):
+        other_at, other = theirs.get(mine.get("id"), (0, {}))
+        if "engaged_s" not in mine or "engaged_s" not in other:
+            continue
+        # Each side sees the other's packets a little late: the mean of both is right.
+        seen = (number(mine.get("slots_ahead")), number(other.get("slots_ahead")))
+        known = [sign * one for sign, one in zip((1.0, -1.0), seen, strict=True) if one is not None]
+        ahead = sum(known) / len(known) if known else 0.0
+        doubt = 1.0 + max((abs(one - ahead) for one in known), default=0.0)
+        if len(known) < 2:  # only the way of one side's packets is known, and not for how long
+            doubt = 1.0 + 2.0 * max(_unknown(run) * run.rate_hz for run in (master, slave))
+        slots, places, begins, ends = [], [], [], []
+        for run, count, less in ((master, at, ahead), (slave, other_at, 0.0)):
+            read = run.read("link.session", "link.slot", "lateness_us", "compute_us")
+            rows = np.flatnonzero((read["link.session"] == count) & (read["link.slot"] >= 0))
+            slots.append(read["link.slot"][rows] - round(less))
+            late = 1e-6 * read["lateness_us"][rows] * run.rate_hz
+            begins.append(read["link.slot"][rows] - less + late)
+            ends.append(begins[-1] + 1e-6 * read["compute_us"][rows] * run.rate_hz)
+            places.append(rows)
+        _, one, two = np.intersect1d(slots[0], slots[1], return_indices=True)
+        began = [block(s, "began_at") for s in (mine, other)]
+        offset = {
+            pair: float(began[1].get(pair, 0.0)) - _ratio(master, pair) * float(begin)
+            for pair, begin in began[0].items()
+        }
+        paired = (places[0][one], places[1][two])
+        yield Common(
+            str(mine.get("id")),
+            paired,
+            offset,
+            (begins[0], begins[1]),
+            (ends[0], ends[1]),
+            (places[0], places[1]),
+            doubt,
+        )
+
+
+def _unknown(run: Run) -> float:
+    """Return by how much a site's idea of the other's clock may be off [s]."""
+    return number(block(block(run.summary, "link"), "clocks").get("unknown_s")) or 0.0
+
+
+def _ratio(run: Run, pair: str) -> float:
+    """Return slave motion per master motion."""
+    keys = pair_settings(run, pair)
+    sign = number(keys.get("sign"))
+    return (1.0 if sign is None else sign) * (number(keys.get("position_scale")) or 1.0)
+
+
+def joined_summary(master: Run, slave: Run) -> dict[str, Any]:
+    """Return tracking and closed books of every pair over all common sessions, as plain data.
+
+    `residual` is what entered at both devices less what both sites stored and dissipated, the
+    network's share included [J]; `under_way_least`: the least that was between the sites, not
+    below the reserves of both receivers if neither got what the other did not send. It is that of
+    the best among the offsets of both clocks that what they saw of each other allows.
+    """
+    sessions = list(common_sessions(master, slave))
+    pairs = {}
+    for pair in master.pairs:
+        errors = [_position_error(master, slave, pair, one) for one in sessions]
+        errors = [one for one in errors if one.size]
+        error = np.concatenate(errors) if errors else np.zeros(0)
+        books = [_books(run, side, pair) for run, side in zip((master, slave), SIDES, strict=True)]
+        flow = sum(one["gross_flow"] for one in books)
+        away = [_under_way(master, slave, pair, one) for one in sessions]
+        least = min((one for one in away if one is not None), default=None)
+        pairs[pair] = {
+            "kind": kind_of(master, pair),
+            "position_error": None if not error.size else {
+                "rms": float(np.sqrt(np.mean(error**2))), "max": float(np.max(np.abs(error))),
+            },
+            "entered": sum(one["entered"] for one in books),
+            "stored": sum(one["stored"] for one in books),
+            "dissipated": sum(one["dissipated"] for one in books),
+            "residual": sum(one["residual"] for one in books),
+            "gross_flow": flow,
+            "under_way_least": least,
+        }  # fmt: skip
+    return {
+        "sessions": [one.session for one in sessions],
+        "slots": sum(len(one.rows[0]) for one in sessions),
+        "same_rig": block(master.summary, "link").get("shared")
+        == block(slave.summary, "link").get("shared"),
+        "pairs": pairs,
+    }
+
+
+def _position_error(master: Run, slave: Run, pair: str, common: Common) -> Floats:
+    one = master.read(f"master.{pair}.position").get(f"master.{pair}.position")
+    two = slave.read(f"slave.{pair}.position").get(f"slave.{pair}.position")
+    if one is None or two is None:
+        return np.zeros(0)
+    keys = pair_settings(master, pair)
+    ratio_of, given = _ratio(master, pair), keys.get("offset")
+    offset = common.offset.get(pair, 0.0)
+    if isinstance(given, int | float):
+        offset = -ratio_of * float(given)
+    found: Floats = one[common.rows[0]] - (two[common.rows[1]] - offset) / ratio_of
+    return found
+
+
+def _books(run: Run, side: str, pair: str) -> dict[str, float]:
+    """Return the sums of one site's books [J]."""
+    names = (f"{side}.{pair}.port_energy", f"{side}.{pair}.gross_flow")
+    read = run.read(*names)
+    entered = read[names[0]] - read[names[0]][0]
+    stored, lost = np.zeros(run.rows), np.zeros(run.rows)
+    for element in run.elements(pair):
+        books = element_books(run, pair, element)
+        if books is not None:
+            stored += books[1] - books[1][0]
+            lost += books[2] - books[2][0]
+    return {
+        "entered": float(entered[-1]),
+        "stored": float(stored[-1]),
+        "dissipated": float(lost[-1]),
+        "residual": float(np.max(np.abs(entered - stored - lost))),
+        "gross_flow": float(read[names[1]][-1]),
+    }
+
+
+def _under_way(master: Run, slave: Run, pair: str, common: Common) -> float | None:
+    """Return the least energy between the sites [J], by the best of the clocks that may be."""
+    name = f"{pair}.network.stored"
+    halves = [run.read(name).get(name) for run in (master, slave)]
+    if any(half is None or not len(half) for half in halves):
+        return None
+    found = [_least_away(halves, common, common.doubt * share) for share in TRIED]
+    return max((one for one in found if one is not None), default=None)
+
+
+def _least_away(halves: Sequence[Any], common: Common, later: float) -> float | None:
+    """Return it with the master's clock so many slots later."""
+    begins = common.begins[0] + later, common.begins[1]
+    ends = common.ends[0] + later, common.ends[1]
+    # Moments at which neither side is in a cycle: each then has what it had after its last one.
+    moments = np.concatenate(ends)
+    total, known = np.zeros(len(moments)), np.ones(len(moments), bool)
+    for half, rows, began, ended in zip(halves, common.all_rows, begins, ends, strict=True):
+        at = np.searchsorted(began, moments, "right") - 1
+        known &= (at >= 0) & (at < len(began) - 1)
+        known[known] &= ended[at[known]] <= moments[known]
+        total += half[rows][np.clip(at, 0, None)]
+    return float(np.min(total[known])) if known.any() else None
+
+
+def joined_page(master: Run, slave: Run, found: dict[str, Any]) -> str:
+    """Return the page of both sites."""
+    title = f"{master.name}: both sites – tautwave"
+    return page(title, _body(master, slave, found))
+
+
+def _body(master: Run, slave: Run, found: dict[str, Any]) -> Iterator[str]:
+    yield f"<h1>{escape(master.name)}: both sites</h1>"
+    names = " and ".join(str(run.directory.resolve().name) for run in (master, slave))
+    yield (
+        f'<p class="soft">{escape(names)}, joined by slot: {found["slots"]} slots of '
+        f"{len(found['sessions'])} common sessions ({escape(', '.join(found['sessions']))}).</p>"
+    )
+    if not found["same_rig"]:
+        yield '<p class="note">The keys that both need alike are not equal in both summaries.</p>'
+    rows = []
+    for pair, books in found["pairs"].items():
+        unit, _ = axis_units(books["kind"])
+        error = books["position_error"] or {}
+        rows.append(
+            (
+                pair, quantity(error.get("rms"), unit), quantity(error.get("max"), unit),
+                quantity(books["entered"], "J"), quantity(books["stored"], "J"),
+                quantity(books["dissipated"], "J"), quantity(books["residual"], "J"),
+                ratio(books["residual"] / books["gross_flow"]) if books["gross_flow"] else "",
+                quantity(books["under_way_least"], "J"),
+            )
+        )  # fmt: skip
+    yield table(
+        Table(
+            "Pairs",
+            (
+                "pair",
+                "position error, rms",
+                "max",
+                "entered",
+                "stored",
+                "dissipated",
+                "residual",
+                "of gross flow",
+                "least under way",
+            ),
+            tuple(rows),
+            "Entered: through both devices. The residual is the greatest that both books together "
+            "did not account for. Under way: sent by one site and not yet received by the other.",
+        )
+    )
+    for run, side in zip((master, slave), SIDES, strict=True):
+        yield f"<h2>{side}</h2>"
+        yield table(session_table(run), "text")
+
+
+def session_table(run: Run) -> Table:
+    """Return what became of the sessions of one site."""
+    rows = []
+    for at, session in enumerate(_sessions(run), 1):
+        holds = session.get("silences") or ()
+        held = "; ".join(
+            f"{quantity(one.get('at_s'), 's')}: {one.get('why')}"
+            + (f", back after {quantity(one['for_s'], 's')}" if "for_s" in one else "")
+            for one in holds
+        )
+        begun = quantity(session.get("engaged_s"), "s") if "engaged_s" in session else "not engaged"
+        rows.append((str(at), str(session.get("id")), begun, held))
+    link = block(run.summary, "link")
+    notes = [str(link[key]) for key in ("ended", "lost") if link.get(key)]
+    clocks = block(link, "clocks")
+    if clocks:
+        notes.append(
+            f"clock of the other site: {1e6 * float(clocks['rate']):+.1f} ppm, delays of one way "
+            f"known to +-{quantity(clocks['unknown_s'], 's')} (half the least round trip)"
+        )
+    refused = {why: n for why, n in block(link, "refused").items() if n}
+    if refused:
+        notes.append("refused datagrams: " + ", ".join(f"{n} {why}" for why, n in refused.items()))
+    return Table(
+        "Sessions", ("", "session", "engaged at", "held"), tuple(rows), "; ".join(notes)
+    )  # fmt: skip

@@ -1,0 +1,305 @@
+"""Arms of a rig: the chain of a side, what it weighs in the range of its axes; SI units."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+
+from tautwave.config import Rig, TrueLoad
+from tautwave.config.inputs.chains import chain_constants, chain_links
+from tautwave.config.keys.arm import Chain
+from tautwave.errors import ConfigError
+from tautwave.models.chain.gravity import chain_gravity, gravity_stiffness
+from tautwave.models.chain.kinematics import chain_frames
+from tautwave.models.chain.params import ChainParams
+from tautwave.models.load import LoadParams, load_effort, load_energy, load_stiffness
+from tautwave.rig.scales import pair_scale, slave_offset
+from tautwave.runtime.load import CarriedAxis, SideLoad, Weighing
+from tautwave.types import CommandDelay
+
+GREATEST_SHARE = 0.8
+"""Of an axis' effort limit that its load may take."""
+
+MARGIN = 1.1
+"""What is kept for a load, per greatest one of the sampled postures: it is clipped there."""
+
+LOAD_SHARE = 0.5
+"""Of an axis' effort rate that its load may take; the rest is the coupling's."""
+
+SAMPLES = 2000
+CORNERS = 512
+
+
+def arm_axes(rig: Rig, side: str) -> list[str]:
+    """Return the full names of a side's axes, from base to tip."""
+    return [name for name in rig.axes if name.startswith(f"{side}.")]
+
+
+@lru_cache(maxsize=8)
+def arm_chain(keys: Chain) -> ChainParams:
+    """Return the constants of a chain with its payload; its file is read once.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read any more.
+    """
+    return chain_constants(keys)
+
+
+def joint_ranges(rig: Rig, side: str, keys: Chain) -> list[tuple[float, float]]:
+    """Return where each joint may be [rad or m]: its axis' range, else the file's, else a turn."""
+    _, limits = chain_links(keys)
+    ranges = []
+    for name, limit in zip(arm_axes(rig, side), limits, strict=True):
+        given = rig.axes[name].position_range
+        if given is None:
+            turn = math.pi if rig.axes[name].kind == "rotary" else 0.0
+            given = (
+                limit.lower if math.isfinite(limit.lower) else -turn,
+                limit.upper if math.isfinite(limit.upper) else turn,
+            )
+        ranges.append(given)
+    return ranges
+
+
+def postures(ranges: Sequence[tuple[float, float]]) -> Iterator[tuple[float, ...]]:
+    """Yield postures within ranges: corners, then a fixed random sample."""
+    yield from itertools.islice(itertools.product(*ranges), CORNERS)
+    rng = random.Random(0)
+    for _ in range(SAMPLES):
+        yield tuple(rng.uniform(low, high) for low, high in ranges)
+
+
+def greatest_loads(rig: Rig, side: str) -> dict[str, float]:
+    """Return the greatest effort of a side's loads on each axis [N m or N], sampled.
+
+    What the master feels of the slave's loads counts as its own.
+    """
+    keys = getattr(rig, side).arm
+    found = {}
+    if keys is not None:
+        most = greatest_weights(keys, tuple(joint_ranges(rig, side, keys)))
+        found = dict(zip(arm_axes(rig, side), most, strict=True))
+    else:
+        for name in arm_axes(rig, side):
+            load = rig.axes[name].load
+            if load is not None:
+                found[name] = greatest_load(load_params(load), rig.axes[name].position_range)
+    if side == "master" and felt_axes(rig):
+        theirs = greatest_loads(rig, "slave")
+        for name, slave in felt_axes(rig).items():
+            found[name] = found.get(name, 0.0) + theirs[slave] / _force_scale(rig, name)
+    return found
+
+
+def felt_axes(rig: Rig) -> dict[str, str]:
+    """Return the master's axes on which the hand feels a load of the slave, with the slave's."""
+    arm = rig.slave.arm
+    names = _own_carried(rig, "slave")
+    if arm is None:
+        loads = {name: rig.axes[name].load for name in names}
+        names = [name for name, load in loads.items() if load is not None and load.reflect_load]
+    elif not arm.reflect_load:
+        names = []
+    return {name.replace("slave", "master", 1): name for name in names}
+
+
+def _force_scale(rig: Rig, master: str) -> float:
+    return rig.coupling.pairs[master.partition(".")[2]].effective_force_scale
+
+
+@lru_cache(maxsize=8)
+def greatest_weights(keys: Chain, ranges: tuple[tuple[float, float], ...]) -> tuple[float, ...]:
+    """Return the greatest effort of a chain's weight on each joint [N m or N], sampled."""
+    chain = arm_chain(keys)
+    most = [0.0] * len(ranges)
+    weight = [0.0] * len(ranges)
+    for q in postures(ranges):
+        chain_gravity(chain, chain_frames(chain, q), weight)
+        most = [max(a, abs(b)) for a, b in zip(most, weight, strict=True)]
+    rounding = 1e-9 * max(most)
+    return tuple(value if value > rounding else 0.0 for value in most)
+
+
+def load_params(keys: TrueLoad) -> LoadParams:
+    """Return the constants of one axis' load."""
+    return LoadParams(keys.constant, keys.cosine, keys.sine)
+
+
+def carried_axes(rig: Rig, side: str) -> list[str]:
+    """Return the axes of a side whose loads are carried, or felt, from base to tip."""
+    own = _own_carried(rig, side)
+    felt = felt_axes(rig) if side == "master" else {}
+    return [name for name in arm_axes(rig, side) if name in own or name in felt]
+
+
+def _own_carried(rig: Rig, side: str) -> list[str]:
+    arm = getattr(rig, side).arm
+    names = arm_axes(rig, side)
+    if arm is not None:
+        return names if arm.compensate else []
+    loads = {name: rig.axes[name].load for name in names}
+    return [name for name, load in loads.items() if load is not None and load.compensate]
+
+
+def without_carrying(rig: Rig) -> Rig:
+    """Return a rig whose axes get no effort for their loads."""
+    sides = {}
+    for name in ("master", "slave"):
+        side = getattr(rig, name)
+        axes = {
+            key: axis
+            if axis.load is None
+            else axis.model_copy(
+                update={"load": axis.load.model_copy(update={"compensate": False})}
+            )
+            for key, axis in side.axes.items()
+        }
+        arm = side.arm and side.arm.model_copy(update={"compensate": False})
+        sides[name] = side.model_copy(update={"axes": axes, "arm": arm})
+    return rig.model_copy(update=sides)
+
+
+def load_reserves(rig: Rig) -> dict[str, float]:
+    """Return of each axis whose load is carried the effort that is kept for it [N m or N].
+
+    Raises
+    ------
+    ConfigError
+        It leaves the coupling too little of an axis' limit.
+    """
+    found = {}
+    for side in ("master", "slave"):
+        carried = carried_axes(rig, side)
+        most = greatest_loads(rig, side) if carried else {}
+        for name in carried:
+            limit = rig.axes[name].effort_limit
+            if most[name] > GREATEST_SHARE * limit:
+                place = name.replace(".", ".axes.")
+                raise ConfigError(
+                    f"{place}.effort_limit: its load takes up to {most[name]:.3g} of {limit:g}, "
+                    f"which leaves too little for the coupling; narrow its position_range, or use "
+                    f"a stronger motor ({most[name] / GREATEST_SHARE:.3g} or more)"
+                )
+            found[name] = min(MARGIN * most[name], limit)
+    return found
+
+
+def load_stiffnesses(rig: Rig, side: str) -> dict[str, float]:
+    """Return how fast each carried load changes at most [N m/rad]: bounds, in any posture."""
+    names = _own_carried(rig, side)
+    arm = getattr(rig, side).arm
+    found = {}
+    if names and arm is None:
+        loads = {name: rig.axes[name].load for name in names}
+        found = {name: load_stiffness(load_params(load)) for name, load in loads.items() if load}
+    elif names:
+        bounds = [0.0] * len(names)
+        slides = [max(abs(low), abs(high)) for low, high in joint_ranges(rig, side, arm)]
+        gravity_stiffness(arm_chain(arm), slides, bounds)
+        found = dict(zip(names, bounds, strict=True))
+    if side == "master" and felt_axes(rig):
+        theirs = load_stiffnesses(rig, "slave")
+        pairs = rig.coupling.pairs
+        widest = max(pairs[name.partition(".")[2]].position_scale for name in felt_axes(rig))
+        for name, slave in felt_axes(rig).items():
+            slope = theirs[slave] * widest / _force_scale(rig, name)
+            found[name] = found.get(name, 0.0) + slope
+    return found
+
+
+def side_loads(
+    rig: Rig, delays: Mapping[str, CommandDelay]
+) -> tuple[list[SideLoad], dict[str, tuple[SideLoad, int]]]:
+    """Return what carries the loads of each side, and the seat of each axis in it."""
+    sides: list[SideLoad] = []
+    seats: dict[str, tuple[SideLoad, int]] = {}
+    reserves = load_reserves(rig)
+    for side in ("master", "slave"):
+        names = carried_axes(rig, side)
+        if not names or names[0] not in delays:  # of two sites each carries its own
+            continue
+        axes = []
+        for name in names:
+            keys, delay = rig.axes[name], delays[name]
+            step = math.inf
+            if keys.effort_rate_limit is not None:
+                step = LOAD_SHARE * keys.effort_rate_limit * rig.period_s
+            late = delay.remainder_s / rig.period_s
+            axes.append(
+                CarriedAxis(name, reserves[name], step, keys.effort_quantum, delay.periods, late)
+            )
+        sides.append(SideLoad(side, axes, _weighing(rig, side)))
+        seats.update({name: (sides[-1], which) for which, name in enumerate(names)})
+    return sides, seats
+
+
+def _weighing(rig: Rig, side: str) -> Weighing:
+    """Return what weighs the carried axes of a side, what the hand feels included."""
+    names = carried_axes(rig, side)
+    own = _own_weighing(rig, side)
+    ours = [names.index(name) for name in _own_carried(rig, side)]
+    felt = felt_axes(rig) if side == "master" else {}
+    if not felt:
+        return own
+    theirs = _own_weighing(rig, "slave")
+    places = []  # in the order in which the slave's are weighed
+    for slave in _own_carried(rig, "slave"):
+        master = slave.replace("slave", "master", 1)
+        pair = rig.coupling.pairs[slave.partition(".")[2]]
+        scale = pair_scale(pair)
+        offset, _ = slave_offset(pair)
+        reflects = master in felt
+        at = names.index(master) if reflects else -1
+        places.append((at, scale.sign * scale.scale, offset or 0.0, scale.power))
+    power = next(power for at, _, _, power in places if at >= 0)
+
+    def weigh(x: Sequence[float]) -> tuple[list[float], float]:
+        held, potential = [0.0] * len(names), 0.0
+        if ours:
+            efforts, potential = own([x[at] for at in ours])
+            for at, effort in zip(ours, efforts, strict=True):
+                held[at] = effort
+        there = [ratio * x[at] + offset if at >= 0 else 0.0 for at, ratio, offset, _ in places]
+        efforts, height = theirs(there)
+        for (at, ratio, _, _), effort in zip(places, efforts, strict=True):
+            if at >= 0:
+                held[at] -= ratio / power * effort
+        return held, potential - height / power
+
+    return weigh
+
+
+def _own_weighing(rig: Rig, side: str) -> Weighing:
+    """Return what weighs a side's own loads."""
+    names = _own_carried(rig, side)
+    arm = getattr(rig, side).arm
+    if arm is None:
+        keys = [rig.axes[name].load for name in names]
+        loads = [load_params(load) for load in keys if load is not None]
+        return lambda x: (
+            [-load_effort(p, at) for p, at in zip(loads, x, strict=True)],
+            sum(load_energy(p, at) for p, at in zip(loads, x, strict=True)),
+        )
+    chain = arm_chain(arm)
+
+    def weigh(x: Sequence[float]) -> tuple[list[float], float]:
+        held = [0.0] * len(x)
+        return held, chain_gravity(chain, chain_frames(chain, x), held)
+
+    return weigh
+
+
+def greatest_load(p: LoadParams, ends: tuple[float, float] | None) -> float:
+    """Return the greatest effort of one axis' load in its range [N m or N]."""
+    low, high = (-math.pi, math.pi) if ends is None else ends
+    places = [low, high]
+    # The sine's own extrema lie half a turn apart.
+    top = math.atan2(p.sine, p.cosine)
+    first = math.ceil((low - top) / math.pi)
+    places += [top + math.pi * n for n in range(first, first + 3) if top + math.pi * n <= high]
+    return max(abs(load_effort(p, x)) for x in places)

@@ -1,0 +1,107 @@
+"""A driver behind a calibration: positions from the axis' zero, positive its way, known devices."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from tautwave.config import Rig, calibration_of
+from tautwave.config.keys.calibration import AxisCalibration
+from tautwave.contracts import Driver
+from tautwave.errors import DriverError
+from tautwave.runtime.sensing import LoopBus
+from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
+
+
+class CalibratedDriver:
+    """A driver whose axes count from their zero and in their direction; in all else the driver.
+
+    Parameters
+    ----------
+    driver : Driver
+        The driver.
+    names : sequence of str
+        Full names of its axes.
+    found : sequence of AxisCalibration
+        What was found on each device.
+    """
+
+    def __init__(
+        self, driver: Driver, names: Sequence[str], found: Sequence[AxisCalibration]
+    ) -> None:
+        self._driver = driver
+        self._names, self._found = names, found
+        self._zeros = [(one.zero, float(one.direction)) for one in found]
+        self._turned = any(one.direction < 0 for one in found)
+        self.command_delay: CommandDelay = driver.command_delay
+        self.enable_step = driver.enable_step
+        self.request = driver.request
+        self.disable = driver.disable
+        self.close = driver.close
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what else a driver may have: `poll`, `notes`, `columns`."""
+        return getattr(self._driver, name)
+
+    def open(self) -> None:
+        """Open the driver, and refuse a device that is not the one that was calibrated.
+
+        Raises
+        ------
+        DriverError
+            A device says something else of itself than when it was calibrated.
+        """
+        self._driver.open()
+        said = identities(self._driver)
+        changes = [
+            f"{name}: {key} was {then}, now {said.get(name, {}).get(key, 'not given')}"
+            for name, one in zip(self._names, self._found, strict=True)
+            for key, then in one.device.items()
+            if said.get(name, {}).get(key) != then
+        ]
+        if changes:
+            self._driver.close()
+            raise DriverError(
+                f"not as it was calibrated: {'; '.join(changes)}; put the device back, or run "
+                "tautwave calibrate again"
+            )
+
+    def read(self, deadline_ns: int) -> Sequence[JointState]:
+        """Return the driver's samples, from the axes' zeros and in their direction."""
+        return [
+            JointState(
+                way * (state.position - zero),
+                way * state.velocity,
+                way * state.effort,
+                state.valid,
+                state.age_ns,
+            )
+            for state, (zero, way) in zip(self._driver.read(deadline_ns), self._zeros, strict=True)
+        ]
+
+    def write(self, commands: Sequence[AxisCommand]) -> None:
+        """Send commands in the devices' directions."""
+        if self._turned:
+            commands = [
+                AxisCommand(way * command.effort, way * command.velocity)
+                for command, (_, way) in zip(commands, self._zeros, strict=True)
+            ]
+        self._driver.write(commands)
+
+    def faults(self) -> Sequence[Fault]:
+        """Return the faults reported since the last call."""
+        return self._driver.faults()
+
+
+def identities(driver: Driver) -> Mapping[str, Mapping[str, str]]:
+    """Return what the devices of an open driver said of themselves, by axis."""
+    said: Mapping[str, Mapping[str, str]] = getattr(driver, "identities", {})
+    return said
+
+
+def calibrated(rig: Rig, bus: LoopBus) -> LoopBus:
+    """Return a bus with its rig's calibration, if it has one for an axis there."""
+    if rig.calibration is None or not any(name in rig.calibration.axes for name in bus.axes):
+        return bus
+    found = [calibration_of(rig, name) for name in bus.axes]
+    return bus._replace(driver=CalibratedDriver(bus.driver, bus.axes, found))

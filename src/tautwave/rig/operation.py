@@ -1,0 +1,82 @@
+"""From a rig's `operate` block to the constants of its operation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tautwave.config import Rig
+from tautwave.controller.records import AxisParams, PairParams
+from tautwave.laws.alignment import align_law
+from tautwave.rig.controller import make_control
+from tautwave.runtime.control import CoupledControl
+from tautwave.runtime.operate.constants import Operation
+from tautwave.runtime.operate.resting import PullParams
+from tautwave.types import CommandDelay
+
+LOOK_HZ = 50.0
+"""How often terminal and pipe are looked at."""
+
+UNKNOWN_FRICTION = 0.5
+"""Coulomb friction in the budget where the rig has none, as a share of the pull's effort."""
+
+REACH = 0.5
+"""Share of `engage_tolerance` to which a slave is brought."""
+
+
+def scaled(rig: Rig, factor: float) -> Rig:
+    """Return a rig whose pairs have a factor on their `position_scale`."""
+    pairs = {
+        name: pair.model_copy(update={"position_scale": factor * pair.position_scale})
+        for name, pair in rig.coupling.pairs.items()
+    }
+    coupling = rig.coupling.model_copy(update={"pairs": pairs})
+    return rig.model_copy(update={"coupling": coupling})
+
+
+def operation_of(rig: Rig, plain: CoupledControl, delays: Mapping[str, CommandDelay]) -> Operation:
+    """Return the constants of an operated rig [SI]; `plain` is its controller while engaged.
+
+    Raises
+    ------
+    ValueError
+        The rig has no `operate` block.
+    """
+    if rig.operate is None:
+        raise ValueError("the rig has no operate block")
+    pulls = {
+        k: _pull(rig, name, q, plain.params[q.slave])
+        for k, (name, q) in enumerate(zip(plain.pair_names, plain.pairs, strict=True))
+        if not q.at_engage
+    }
+    quanta = [_quantum(rig, name.name) for name in plain.names]
+    look = max(1, round(rig.rate_hz / LOOK_HZ))
+    scales = {1.0: (plain.params, plain.pairs)}
+    for factor in rig.operate.scales:
+        other = make_control(scaled(rig, factor), delays, plain.run.cycles)
+        scales[factor] = (other.params, other.pairs)
+    return Operation(pulls, quanta, rig.operate.start == "engaged", look, scales)
+
+
+def _pull(rig: Rig, name: str, q: PairParams, p: AxisParams) -> PullParams:
+    keys, axis = rig.operate, rig.slave.axes[name]
+    assert keys is not None
+    assert axis.inertia is not None
+    period = p.site.period
+    law = align_law(
+        axis.inertia.lower,
+        axis.coulomb.lower,
+        keys.align_effort_share * p.site.limit.effort,
+        min(keys.align_speed, p.site.limit.velocity),
+        keys.align_acceleration,
+        period,
+        period * (p.delay + p.late),
+        period * (1.0 / p.site.gain + p.delay + p.late),
+    )
+    reach = REACH * q.tolerance
+    friction = axis.coulomb.value or UNKNOWN_FRICTION * law.effort
+    return PullParams(law, friction, axis.damping.value, axis.inertia.value, reach)
+
+
+def _quantum(rig: Rig, axis_name: str) -> float:
+    axis = rig.axes[axis_name]
+    return max(axis.encoder_quantum, 4.0 * axis.position_noise)

@@ -1,0 +1,209 @@
+"""What carries the loads of a side: efforts beside the controller's, and their books.
+
+A driver is wrapped, so that the controller sees devices that weigh nothing: what it commands is
+added to the effort that holds the load half-way through the period in which it will act. Every
+period's energy is taken from the displacement measured and the effort that acted; beside it stands
+the change of the load's potential, and `leak` is what is between them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from tautwave.contracts import Driver, Row
+from tautwave.laws.limit import clamp, truncate
+from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, Fault, JointState
+
+Weighing = Callable[[Sequence[float]], tuple[list[float], float]]
+"""Takes a side's positions; returns the efforts that hold its loads there, and their potential."""
+
+
+class CarriedAxis(NamedTuple):
+    """One axis whose load is carried.
+
+    `reserve` is the greatest effort for it [N m or N], `step` its greatest change per period,
+    `quantum` the drive's step; `delay` the command's, in whole periods, and `late` the remainder
+    as a share of one.
+    """
+
+    name: str
+    reserve: float
+    step: float
+    quantum: float
+    delay: int
+    late: float
+
+
+class SideLoad:
+    """The loads of one side; a row source.
+
+    Parameters
+    ----------
+    name : str
+        `master` or `slave`.
+    axes : sequence of CarriedAxis
+        From base to tip if there is a chain.
+    weigh : Weighing
+        What they weigh, the gradient of its potential.
+    """
+
+    def __init__(self, name: str, axes: Sequence[CarriedAxis], weigh: Weighing) -> None:
+        self.axes = axes
+        self._loads = weigh
+        count = len(axes)
+        self._known = [False] * count
+        self._x = [0.0] * count
+        self._stride = [0.0] * count  # per period
+        self._effort = [0.0] * count
+        self._waiting = [deque([0.0] * axis.delay) for axis in axes]
+        self._acted = [0.0] * count
+        self._sum = [0.0] * count
+        self._slots = [0] * count
+        self._energy = [0.0] * count
+        self._start: float | None = None
+        self._potential = 0.0
+        self._least = 0.0
+        self._stale = True
+        self.columns = [
+            f"load.{axis.name}.{what}" for axis in axes for what in ("effort", "energy")
+        ]
+        self.columns += [f"load.{name}.{what}" for what in ("potential", "leak", "given")]
+
+    def pass_slots(self, which: int, slots: int) -> None:
+        """File the effort that acted in each of the slots that went by."""
+        axis = self.axes[which]
+        for _ in range(slots):
+            effort = self._effort[which]
+            waiting = self._waiting[which]
+            if axis.delay:
+                waiting.append(effort)
+                effort = waiting.popleft()
+            before = self._acted[which]
+            self._acted[which] = effort
+            self._sum[which] += axis.late * before + (1.0 - axis.late) * effort
+            self._slots[which] += 1
+        self._stale = True
+
+    def take(self, which: int, position: float) -> None:
+        """Close all periods since the last sample of an axis with a new one [rad or m]."""
+        slots = self._slots[which]
+        if self._known[which] and slots:
+            moved = position - self._x[which]
+            self._energy[which] -= self._sum[which] / slots * moved
+            self._stride[which] = moved / slots
+        self._known[which] = True
+        self._x[which] = position
+        self._sum[which] = 0.0
+        self._slots[which] = 0
+
+    def effort(self, which: int) -> float:
+        """Return the effort that carries an axis' load in the period to come [N m or N]."""
+        if self._stale:
+            self._stale = False
+            if all(self._known):
+                self._update()
+        return self._effort[which]
+
+    def rest(self, which: int) -> None:
+        """Nothing is sent to an axis: it gets its safe command."""
+        self._effort[which] = 0.0
+
+    def _update(self) -> None:
+        axes = self.axes
+        wanted, _ = self._loads(
+            [
+                x + stride * (0.5 + axis.delay + axis.late)
+                for x, stride, axis in zip(self._x, self._stride, axes, strict=True)
+            ]
+        )
+        for which, axis in enumerate(axes):
+            last = self._effort[which]
+            change = clamp(clamp(wanted[which], axis.reserve) - last, axis.step)
+            self._effort[which] = truncate(last + change, axis.quantum)
+        _, potential = self._loads(self._x)
+        if self._start is None:
+            self._start = potential
+        self._potential = potential - self._start
+        self._least = min(self._least, self.leak)
+
+    @property
+    def leak(self) -> float:
+        """Energy taken out of the devices beyond the loads' potential [J]; below 0: given."""
+        return sum(self._energy) + self._potential
+
+    def fill(self, row: Row, at: int) -> None:
+        """Write efforts, energies, potential, leak and the most that was given."""
+        for effort, energy in zip(self._effort, self._energy, strict=True):
+            row[at] = effort
+            row[at + 1] = energy
+            at += 2
+        row[at] = self._potential
+        row[at + 1] = self.leak
+        row[at + 2] = -self._least
+
+
+class CarryingDriver:
+    """A driver whose axes carry their loads; in all else the driver itself.
+
+    Parameters
+    ----------
+    driver : Driver
+        The driver.
+    seats : sequence
+        Per axis of the driver its side's loads and its number there, None without a load.
+    period_ns : int
+        Of the bus.
+    """
+
+    def __init__(
+        self, driver: Driver, seats: Sequence[tuple[SideLoad, int] | None], period_ns: int
+    ) -> None:
+        self._driver = driver
+        self._seats = seats
+        self._period_ns = period_ns
+        self._deadline_ns: int | None = None
+        self.command_delay: CommandDelay = driver.command_delay
+        self.open = driver.open
+        self.enable_step = driver.enable_step
+        self.request = driver.request
+        self.disable = driver.disable
+        self.close = driver.close
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what else a driver may have: `poll`, `notes`."""
+        return getattr(self._driver, name)
+
+    def faults(self) -> Sequence[Fault]:
+        """Return the faults reported since the last call."""
+        return self._driver.faults()
+
+    def read(self, deadline_ns: int) -> Sequence[JointState]:
+        """Return the driver's samples, and close the loads' books with them."""
+        states = self._driver.read(deadline_ns)
+        slots = 0
+        if self._deadline_ns is not None:
+            slots = max(round((deadline_ns - self._deadline_ns) / self._period_ns), 0)
+        self._deadline_ns = deadline_ns
+        for state, seat in zip(states, self._seats, strict=False):
+            if seat is not None:
+                side, which = seat
+                side.pass_slots(which, slots)
+                if state.valid and math.isfinite(state.position):
+                    side.take(which, state.position)
+        return states
+
+    def write(self, commands: Sequence[AxisCommand]) -> None:
+        """Add the loads to the commands; a safe command stays what it is."""
+        sent = []
+        for command, seat in zip(commands, self._seats, strict=True):
+            if seat is None:
+                sent.append(command)
+            elif command is SAFE_COMMAND:
+                seat[0].rest(seat[1])
+                sent.append(command)
+            else:
+                sent.append(AxisCommand(command.effort + seat[0].effort(seat[1]), command.velocity))
+        self._driver.write(sent)

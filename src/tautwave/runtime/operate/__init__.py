@@ -1,0 +1,1 @@
+"""A rig that people operate: states, commands, and what the axes do when not coupled."""

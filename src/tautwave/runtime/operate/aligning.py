@@ -1,0 +1,127 @@
+"""The way into an engagement: slaves are brought into place, then everything lets go and stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from tautwave.controller.records import AxisState, PairParams
+from tautwave.laws.alignment import align_budget
+from tautwave.runtime.operate.resting import Pull, PullParams, is_still
+
+REST_SPEED = 0.05
+"""[rad/s or m/s] Slower than that an axis stands, and the pairs may engage."""
+
+REST_S = 0.1
+PATIENCE_S = 5.0
+"""Beyond the time that the way takes, after which an alignment is blocked."""
+
+
+class Alignment:
+    """One way into an engagement after another.
+
+    Parameters
+    ----------
+    axes : sequence of AxisState
+        The axes, as the controller has them.
+    pairs : sequence of PairParams
+        Constants of the pairs.
+    params : mapping
+        By pair, of those with an offset of their own.
+    quanta : sequence of float
+        Encoder steps of the axes [rad or m].
+    period_ns : int
+        One slot.
+    """
+
+    def __init__(
+        self,
+        axes: Sequence[AxisState],
+        pairs: Sequence[PairParams],
+        params: Mapping[int, PullParams],
+        quanta: Sequence[float],
+        period_ns: int,
+    ) -> None:
+        self._axes, self.pairs, self._params, self._quanta = axes, pairs, params, quanta
+        self._period_s = period_ns * 1e-9
+        self._span = max(1, round(REST_S / self._period_s))
+        self._since = [0.0] * len(axes)
+        self._still_from = self._began = self._limit = 0
+        self.pulls: dict[int, Pull] = {}
+        self.keep_offset = self._moving = False
+        self.let_go = 0
+        self.granted = 0.0
+        """[J] What all alignments so far might give out together."""
+
+    def begin(self, slot: int, *, keep_offset: bool, moving: bool = False) -> None:
+        """Begin in this slot; with `keep_offset` nothing has to be brought into place.
+
+        `moving`: nor does anything have to stand; an engagement is only interrupted.
+        """
+        self.clear()
+        self._moving = moving
+        self.keep_offset = keep_offset
+        self._began = slot
+        self._limit = 0
+
+    def clear(self) -> None:
+        """Pull no more."""
+        self.pulls = {}
+        self.let_go = 0
+
+    def start(self, slot: int) -> None:
+        """Once all axes are measured, begin the pulls that are needed."""
+        if self._limit:
+            return
+        slots = 0.0
+        for k, params in self._params.items():
+            q = self.pairs[k]
+            master, slave = self._axes[q.master], self._axes[q.slave]
+            target = q.ratio * master.position + q.offset
+            gap = target - slave.position
+            if self.keep_offset or abs(gap) <= params.reach:
+                continue
+            law = params.law
+            budget = align_budget(law, gap, params.coulomb, params.viscous, params.inertia)
+            self.pulls[k] = Pull(params, slave.position, target, budget)
+            self.granted += budget
+            way_s = abs(gap) / law.speed + law.speed / law.acceleration
+            slots = max(slots, way_s / self._period_s)
+        self._limit = slot + round(2.0 * slots + PATIENCE_S / self._period_s)
+
+    def is_late(self, slot: int) -> bool:
+        """Return whether it has taken too long."""
+        return slot > self._limit
+
+    def arrived(self, slot: int) -> bool:
+        """Return whether all slaves are in place, and all axes stand."""
+        if self._moving:
+            return True
+        return all(self._there(k) for k in self.pulls) and self._is_still(slot)
+
+    def hindrance(self, names: Sequence[str]) -> str:
+        """Say why the pairs `names` cannot engage."""
+        far = [k for k in self.pulls if not self._there(k)]
+        if not far:
+            return "an axis moves, or is in its wall; keep the devices still to engage"
+        spent = any(self.pulls[k].spent(self._slave(k)) for k in far)
+        why = "its energy budget is used up" if spent else "something is in its way"
+        return f"{', '.join(names[k] for k in far)} not aligned: {why}"
+
+    def _slave(self, k: int) -> AxisState:
+        return self._axes[self.pairs[k].slave]
+
+    def _there(self, k: int) -> bool:
+        return self.pulls[k].there(self._slave(k))
+
+    def _is_still(self, slot: int) -> bool:
+        """Return whether all axes stood for a while; looked at once in that while."""
+        if slot - self._still_from < self._span:
+            return False
+        span_s = (slot - self._still_from) * self._period_s
+        still = self._began < self._still_from and all(
+            is_still(s, since, span_s, quantum, REST_SPEED)
+            for s, since, quantum in zip(self._axes, self._since, self._quanta, strict=True)
+        )
+        self._since = [s.position for s in self._axes]
+        self._still_from = slot
+        return still

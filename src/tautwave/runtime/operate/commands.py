@@ -1,0 +1,163 @@
+"""Where commands come from: a list with times, keys of a terminal, lines on a descriptor.
+
+All end in the same queue, which the loop looks into without waiting.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+from tautwave.errors import ConfigError
+from tautwave.runtime.operate.states import CLUTCH, COMMANDS, ENGAGE, HOLD, REST, STOP
+
+EPISODE = "episode"
+"""Begins an episode, or ends the one that runs; `argument` is its name and task, or `failed`."""
+
+WORDS = (*COMMANDS, EPISODE)
+TOGGLE = "toggle"
+KEYS = {" ": TOGGLE, "c": CLUTCH, "g": ENGAGE, "p": HOLD, "r": REST, "e": EPISODE, "q": STOP}
+"""Keys of the terminal; the space bar engages, and lets go while engaged."""
+
+LONGEST = 4096
+
+
+class Order(NamedTuple):
+    """One command: its word, what follows it, and where it comes from."""
+
+    word: str
+    argument: str = ""
+    source: str = "script"
+
+
+class Source(Protocol):
+    """Something that commands come from."""
+
+    def take(self, now_ns: int) -> Sequence[Order]:
+        """Return what has come up to now [ns since the start]; never waits."""
+
+
+@runtime_checkable
+class Watcher(Protocol):
+    """A source that sees what it commands."""
+
+    def sees(self, control: Any) -> None:
+        """Take the rig's controller."""
+
+
+class Lamp(Protocol):
+    """Something that is on while an episode runs."""
+
+    def shows(self, *, on: bool) -> None:
+        """Switch it; never waits."""
+
+
+class DeadMan(Protocol):
+    """Something that a person holds while the rig may be engaged."""
+
+    @property
+    def name(self) -> str:
+        """What people call it."""
+
+    def held(self) -> bool:
+        """Return whether it is held now; never waits."""
+
+
+class Script:
+    """Commands at given times [ns], in order of time."""
+
+    def __init__(self, orders: Sequence[tuple[int, Order]]) -> None:
+        self._left = sorted(orders, key=lambda timed: timed[0])[::-1]
+
+    def take(self, now_ns: int) -> Sequence[Order]:
+        """Return those that are due."""
+        due = []
+        while self._left and self._left[-1][0] <= now_ns:
+            due.append(self._left.pop()[1])
+        return due
+
+
+class Descriptor:
+    """Bytes on a file descriptor: keys of a terminal, or lines of a pipe."""
+
+    def __init__(self, descriptor: int, read: Callable[[bytes], Sequence[Order]]) -> None:
+        self._descriptor = descriptor
+        self._read = read
+        self._open = True
+
+    def take(self, now_ns: int) -> Sequence[Order]:
+        """Return what has been typed or sent; a descriptor that fails is not looked at again."""
+        if not self._open:
+            return ()
+        try:
+            if not select.select([self._descriptor], [], [], 0)[0]:
+                return ()
+            data = os.read(self._descriptor, LONGEST)
+        except (OSError, ValueError):
+            data = b""
+        self._open = bool(data)
+        return self._read(data)
+
+
+def read_keys(data: bytes) -> Sequence[Order]:
+    """Return the commands of typed keys; others mean nothing."""
+    return [Order(KEYS[key], "", "key") for key in data.decode("ascii", "ignore") if key in KEYS]
+
+
+class Lines:
+    """Turns bytes into commands, one a line, such as `episode pick red`; unknown words stay.
+
+    Without a `source` each line begins with its own, such as `page episode pick red`.
+    """
+
+    def __init__(self, source: str = "") -> None:
+        self._source = source
+        self._rest = b""
+
+    def __call__(self, data: bytes) -> Sequence[Order]:
+        """Return the commands of complete lines."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        self._rest = self._rest[-LONGEST:]
+        found = []
+        for line in lines:
+            text = line.decode("utf-8", "replace").strip()
+            source = self._source
+            if not source:
+                source, _, text = text.partition(" ")
+            word, _, argument = text.strip().partition(" ")
+            if word:
+                found.append(Order(word, argument.strip(), source[:16]))
+        return found
+
+
+def read_script(text: str, name: str) -> list[tuple[int, Order]]:
+    """Return the commands of a file with lines `TIME COMMAND [TEXT]`, TIME in s.
+
+    Raises
+    ------
+    ConfigError
+        A line is wrong; every mistake with its line.
+    """
+    found, problems = [], []
+    for number, line in enumerate(text.splitlines(), 1):
+        line = line.partition("#")[0].strip()
+        if not line:
+            continue
+        at, _, rest = line.partition(" ")
+        word, _, argument = rest.strip().partition(" ")
+        try:
+            seconds = float(at)
+        except ValueError:
+            seconds = -1.0
+        if not 0.0 <= seconds < 1e6 or word not in WORDS:
+            problems.append(
+                f"{name}:{number}: write TIME COMMAND, such as `1.5 engage`; commands are "
+                f"{', '.join(WORDS)} (got {line[:40]!r})"
+            )
+            continue
+        found.append((round(seconds * 1e9), Order(word, argument.strip(), "script")))
+    if problems:
+        raise ConfigError(problems)
+    return found

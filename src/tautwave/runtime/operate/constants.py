@@ -1,0 +1,24 @@
+"""What a rig's `operate` block comes to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from tautwave.controller.records import AxisParams, PairParams
+from tautwave.runtime.operate.resting import PullParams
+
+
+class Operation(NamedTuple):
+    """What a rig's `operate` block comes to.
+
+    `pulls` by pair, of those with an offset of their own; `quanta` [rad or m] are the encoder steps
+    of the axes; `look` slots lie between two looks at a terminal or pipe. `scales` are the
+    constants of axes and pairs at each factor on the pairs' scale; their places are the same.
+    """
+
+    pulls: Mapping[int, PullParams]
+    quanta: Sequence[float]
+    engage_at_start: bool
+    look: int
+    scales: Mapping[float, tuple[Sequence[AxisParams], Sequence[PairParams]]] = {}

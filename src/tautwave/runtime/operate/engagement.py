@@ -1,0 +1,53 @@
+"""One engagement of the coupling: its beginning where the axes stand, its end, what is dropped."""
+
+from __future__ import annotations
+
+from tautwave.controller.pair import engage_pair, start_pair
+from tautwave.controller.records import PIPE, PairState
+from tautwave.controller.run import ramp_share
+from tautwave.runtime.control import CoupledControl
+
+
+def begin_session(control: CoupledControl, slot: int, *, keep_offset: bool) -> None:
+    """Begin with new states and an empty line; with `keep_offset` at the offset there is now."""
+    table, params, law = control.table, control.params, control.law
+    for k, q in enumerate(control.pairs):
+        places = law.rings * q.samples
+        table[q.line : q.line + places] = [0.0] * places
+        control.states[k] = c = PairState(link=law.link())
+        one, two = control.axes[q.master], control.axes[q.slave]
+        p1, p2 = params[q.master], params[q.slave]
+        present = q._replace(at_engage=q.at_engage or keep_offset)
+        master, slave = control.samples[q.master], control.samples[q.slave]
+        start_pair(c, present, one, two, p1, p2, master, slave, table, law.steps)
+    control.state.armed_at = slot
+    rise = ramp_share(control.run, control.state, slot)
+    for k, q in enumerate(control.pairs):
+        one, two = control.axes[q.master], control.axes[q.slave]
+        p1, p2 = params[q.master], params[q.slave]
+        engage_pair(control.states[k], q, one, two, p1, p2, table, rise, law.steps)
+
+
+def end_session(control: CoupledControl) -> None:
+    """Forget everything that the coupling stored; offsets stay."""
+    law = control.law
+    for k, state in enumerate(control.states):
+        control.states[k] = PairState(state.offset, law.link())
+    for s, p in zip(control.axes, control.params, strict=True):
+        # What the coupling put beside commands that still wait was banked as its own.
+        for at in range(p.pipe, p.pipe + PIPE * p.delay, PIPE):
+            control.table[at + PIPE - 1] = 0.0
+        s.end = law.end()
+        s.tag = 0.0
+        s.alarm = 0
+        s.wall_effort = 0.0
+        s.depth = 0.0
+        s.wall_stored_at_start = 0.0
+        s.wall_absorbed = s.wall_dissipated = s.wall_contact_energy = 0.0
+
+
+def drop_commands(control: CoupledControl) -> None:
+    """Forget commands on their way: the devices were without torque, and none of them acted."""
+    for s, p in zip(control.axes, control.params, strict=True):
+        control.table[p.pipe : p.pipe + PIPE * p.delay] = [0.0] * (PIPE * p.delay)
+        s.missing = 0

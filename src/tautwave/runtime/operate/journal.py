@@ -1,0 +1,90 @@
+"""What was asked, what followed, and the episodes between: the operation's own record."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+NEWEST = 6
+"""Entries that viewers get; more come only faster than anyone reads."""
+
+ROOM = 2000
+"""[bytes] For what viewers get."""
+
+MOST = 10_000
+"""Entries that are kept; a run of a day stays small."""
+
+
+class Entry(NamedTuple):
+    """A command or event at a time [s], the state after it, and a sentence if there is one."""
+
+    at_s: float
+    word: str
+    source: str
+    state: str
+    text: str = ""
+
+
+class Episode(NamedTuple):
+    """One episode: number from 1, name, task, times [s]; `success` None: not said."""
+
+    number: int
+    name: str
+    task: str
+    begin_s: float
+    end_s: float | None = None
+    success: bool | None = None
+
+
+class Journal:
+    """Entries and episodes of one run; `tell` is called with the newest ones as JSON."""
+
+    def __init__(self) -> None:
+        self.tell: Callable[[str], object] = len  # nobody is there
+        self._noted = 0
+        self._newest: list[tuple[int, Any]] = []
+        self.entries: list[Entry] = []
+        self.episodes: list[Episode] = []
+        self.engagements = 0
+
+    @property
+    def running(self) -> int:
+        """Number of the episode that runs, 0 for none."""
+        last = self.episodes[-1] if self.episodes else None
+        return last.number if last is not None and last.end_s is None else 0
+
+    def note(self, entry: Entry) -> None:
+        """Keep an entry."""
+        if len(self.entries) < MOST:
+            self.entries.append(entry)
+        self._noted += 1
+        self._newest = [*self._newest, (self._noted, entry._asdict())][-NEWEST:]
+        while len(text := json.dumps(self._newest)) > ROOM:
+            del self._newest[0]
+        self.tell(text)
+
+    def mark(self, at_s: float, argument: str) -> str:
+        """Begin an episode, named by the first word of `argument`, or end the one that runs.
+
+        At the end `argument` says `success` or `failed`.
+        """
+        if not self.running:
+            name, _, task = argument.partition(" ")
+            number = len(self.episodes) + 1
+            self.episodes.append(Episode(number, name or f"episode-{number}", task.strip(), at_s))
+            return f"episode {number} begins"
+        success = {"success": True, "failed": False}.get(argument)
+        self.episodes[-1] = self.episodes[-1]._replace(end_s=at_s, success=success)
+        return f"episode {self.episodes[-1].number} ends"
+
+    def summary(self, end_s: float) -> dict[str, Any]:
+        """Return it for summary.json; an episode that still runs ends at `end_s` [s]."""
+        return {
+            "engagements": self.engagements,
+            "journal": [entry._asdict() for entry in self.entries],
+            "episodes": [
+                (one if one.end_s is not None else one._replace(end_s=end_s))._asdict()
+                for one in self.episodes
+            ],
+        }

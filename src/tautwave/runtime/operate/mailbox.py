@@ -1,0 +1,66 @@
+"""A pipe into a run: other processes of the same user send it commands, one a line.
+
+The run holds both ends, so it never sees an end of file; who sends opens the writing end through
+the run's descriptors, as a tap opens its ring. A line is at most `LONGEST` bytes, which a pipe
+takes whole or not at all.
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from typing import Any, Self
+
+from tautwave.errors import RecordingError
+from tautwave.runtime.operate.commands import LONGEST, Descriptor, Lines
+
+
+class Mailbox:
+    """The run's end; `source` is what its controller looks into."""
+
+    def __init__(self) -> None:
+        self._read, self._write = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        self.source = Descriptor(self._read, Lines())
+
+    @property
+    def address(self) -> dict[str, int]:
+        """Where it is, for `live.json`."""
+        return {"pid": os.getpid(), "descriptor": self._write}
+
+    def close(self) -> None:
+        """Close it; who sends finds nobody."""
+        for descriptor in (self._read, self._write):
+            with suppress(OSError):
+                os.close(descriptor)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        self.close()
+
+
+def send(address: dict[str, Any], source: str, line: str) -> None:
+    """Send a run one command.
+
+    Raises
+    ------
+    RecordingError
+        The run has ended, belongs to another user, or does not take commands now.
+    """
+    path = f"/proc/{address['pid']}/fd/{address['descriptor']}"
+    data = f"{source} {' '.join(line.split())}\n".encode()
+    if len(data) > LONGEST:
+        raise RecordingError(f"a command has at most {LONGEST} bytes (got {len(data)})")
+    try:
+        if not os.readlink(path).startswith("pipe:"):
+            raise RecordingError("the run has ended")
+        descriptor = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError as error:
+        raise RecordingError(f"the run has ended, or is not yours ({error})") from error
+    try:
+        os.write(descriptor, data)
+    except BlockingIOError as error:
+        raise RecordingError("the run takes no commands now: too many are waiting") from error
+    finally:
+        os.close(descriptor)

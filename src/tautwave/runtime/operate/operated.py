@@ -1,0 +1,398 @@
+"""The controller of a rig that people operate: the coupling while engaged, else axes at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tautwave.contracts import Row
+from tautwave.controller.axis import is_calm
+from tautwave.controller.records import (
+    BROKEN,
+    FINISHED,
+    GUARD,
+    MISSING,
+    OVERRUN,
+    AxisParams,
+)
+from tautwave.controller.run import forget_stop, run_cycle
+from tautwave.controller.stops import stop_error
+from tautwave.laws.limit import guard_axis
+from tautwave.runtime.control import CoupledControl
+from tautwave.runtime.operate import states as st
+from tautwave.runtime.operate.aligning import Alignment
+from tautwave.runtime.operate.books import Books
+from tautwave.runtime.operate.commands import (
+    EPISODE,
+    TOGGLE,
+    WORDS,
+    DeadMan,
+    Lamp,
+    Order,
+    Source,
+)
+from tautwave.runtime.operate.constants import Operation
+from tautwave.runtime.operate.engagement import begin_session, drop_commands, end_session
+from tautwave.runtime.operate.inbox import Inbox
+from tautwave.runtime.operate.journal import Entry, Journal
+from tautwave.runtime.operate.resting import (
+    hold_capital,
+    hold_effort,
+    send_resting,
+    sense_resting,
+)
+
+STATE_COLUMNS = (
+    "operation.state",
+    "operation.command",
+    "operation.engagement",
+    "operation.episode",
+    "operation.scale",
+)
+ACCOUNT = ("absorbed", "stored", "dissipated")
+HOST_OR_SAMPLE = (MISSING, BROKEN, OVERRUN)
+"""Ends of a run that come with the samples, or with slots that a stalled host missed."""
+
+
+class OperatedControl(CoupledControl):
+    """A coupled controller behind a table of states.
+
+    Parameters
+    ----------
+    plain : CoupledControl
+        The controller that runs while engaged; this one takes its parts over.
+    operation : Operation
+        Constants.
+    scripts, live : sequence of Source
+        Where commands come from: looked at in every slot, and now and then.
+    dead_men : sequence of DeadMan
+        All have to be held while aligning and engaged.
+    lamps : sequence of Lamp
+        On while an episode runs.
+    """
+
+    def __init__(
+        self,
+        plain: CoupledControl,
+        operation: Operation,
+        scripts: Sequence[Source] = (),
+        live: Sequence[Source] = (),
+        dead_men: Sequence[DeadMan] = (),
+        lamps: Sequence[Lamp] = (),
+    ) -> None:
+        super().__init__(
+            plain.run, plain.names, plain.params, plain.pair_names, plain.pairs, plain.table,
+            plain.law,
+        )  # fmt: skip
+        self.operation = operation
+        self.standing = st.Standing()
+        self.journal = Journal()
+        self.lamps = lamps
+        self.inbox = Inbox(self.run.period_ns, operation.look, scripts, live, dead_men)
+        self._free = [p._replace(site=p.site._replace(has_wall=False)) for p in plain.params]
+        self.capital = [
+            hold_capital(p, quantum)
+            for p, quantum in zip(plain.params, operation.quanta, strict=True)
+        ]
+        self._seated = [False] * len(plain.params)
+        self.alignment = Alignment(
+            self.axes, self.pairs, operation.pulls, operation.quanta, self.run.period_ns
+        )
+        self._books = Books(self.columns)
+        self._plain_columns = len(self.columns)
+        self._outside = [0.0] * len(self.pairs)
+        self.scale = 1.0
+        self.granted = 0.0
+        """[J] What all holds so far might give out together."""
+        self._suspect = self._coupled = False
+        self._dead: set[int] = set()
+        self._now = 0
+        self._command = 0
+        self._latency = max((p.delay for p in plain.params), default=0) + 2
+        self.columns += STATE_COLUMNS
+        for name in self.pair_names:
+            self.columns += [f"{name}.operate.{part}" for part in ACCOUNT]
+
+    @property
+    def engaged(self) -> bool:
+        """Whether the coupling holds the axes."""
+        return self._coupled
+
+    def retune(self, which: int, p: AxisParams) -> None:
+        """Put other constants in place of an axis'."""
+        super().retune(which, p)
+        self._free[which] = p._replace(site=p.site._replace(has_wall=False))
+
+    # -- one cycle --------------------------------------------------------------------------
+
+    def step(self, slot: int, skipped: int) -> bool:
+        """Take commands, then run the coupling, or let the axes rest."""
+        self._now = slot
+        self._command = 0
+        if self.state.kind in HOST_OR_SAMPLE and self.standing.state != st.STOPPING:
+            self._forgive(device=self.state.kind != OVERRUN)
+        self._take_orders(slot)
+        if self._coupled:
+            going = run_cycle(
+                self.run, self.state, self.quick, self.axes, self.samples, self.quick_pairs,
+                self.states, self.table, slot, skipped, self.steps,
+            )  # fmt: skip
+            if self.state.kind == GUARD and self.standing.state != st.STOPPING:
+                self._forgive(device=False)
+            return going
+        for which, (s, p, m) in enumerate(zip(self.axes, self._free, self.samples, strict=True)):
+            seated = self._seated[which]
+            self._seated[which] = sense_resting(s, p, m, self.table, skipped, seated)
+        if self.state.kind == FINISHED:
+            self._guard(slot)
+        self._rest(slot)
+        if self.standing.state == st.ALIGNING:
+            self._align(slot)
+        return True
+
+    def _take_orders(self, slot: int) -> None:
+        if slot == 0 and self.operation.engage_at_start:
+            self._obey(Order(st.ENGAGE, "", "rig"))
+        for order in self.inbox.take(slot):
+            self._obey(order)
+        if self.inbox.dead_men and st.follow(self.standing, st.RELEASED) is not None:
+            for name in self.inbox.loose():
+                self._event(st.RELEASED, f"{name}: the dead-man was released")
+
+    def _rest(self, slot: int) -> None:
+        """Decide what every axis does in the next period."""
+        state = self.standing.state
+        alignment = self.alignment
+        share = min(1.0, (self.state.end - slot) / max(1, self.run.release_cycles))
+        for k, q in enumerate(self.pairs):
+            for which in (q.master, q.slave):
+                s, p = self.axes[which], self._free[which]
+                effort = 0.0
+                free = state == st.IDLE or (state == st.CLUTCHED and which == q.master)
+                free = free or which in self._dead
+                if self.samples[which].valid and not free and not alignment.let_go:
+                    pull = alignment.pulls.get(k) if which == q.slave else None
+                    effort = (
+                        hold_effort(s, p, self.capital[which]) if pull is None else pull.effort(s)
+                    )
+                send_resting(s, p, effort, share * p.ceiling)
+
+    # -- commands and events ------------------------------------------------------------------
+
+    def _obey(self, order: Order) -> None:
+        """Do what a person asks for, or note why not."""
+        word, slot = order.word, self._now
+        if word == TOGGLE:
+            word = st.CLUTCH if self.standing.state == st.ENGAGED else st.ENGAGE
+        if word not in WORDS:
+            self._note(word[:40], order.source, f"unknown; there are {', '.join(WORDS)}")
+            return
+        self._command = WORDS.index(word) + 1
+        if word == EPISODE:
+            self._note(word, order.source, self.journal.mark(self._seconds(), order.argument))
+            for lamp in self.lamps:
+                lamp.shows(on=self.journal.running > 0)
+        elif word == st.STOP:
+            self.stop_after(slot)
+            self._note(word, order.source)
+        elif word == st.REST and self._suspect and self.standing.state == st.HOLDING:
+            self.wants_reset = True
+            self._note(word, order.source, "the devices are reset")
+        elif (after := st.follow(self.standing, word)) is None:
+            self._note(word, order.source, st.refusal(self.standing, word))
+        elif word == st.SCALE and not self._rescale(order.argument, after):
+            known = ", ".join(f"{scale:g}" for scale in self.operation.scales)
+            self._note(word, order.source, f"scale: one of {known} (got {order.argument[:20]!r})")
+        elif word == st.ENGAGE and (loose := self.inbox.loose()):
+            self._note(word, order.source, f"engage: hold the dead-man first: {', '.join(loose)}")
+        else:
+            self._enter(after)
+            self._note(word, order.source)
+
+    def _rescale(self, argument: str, after: st.Standing) -> bool:
+        """Let go if engaged, and take another scale's constants; return whether there is one."""
+        scales = {f"{scale:g}": scale for scale in self.operation.scales}
+        if argument not in scales:
+            return False
+        self._enter(after)
+        self._count_anew()
+        self.scale = scales[argument]
+        self.params, self.pairs = self.operation.scales[self.scale]
+        self._free = [p._replace(site=p.site._replace(has_wall=False)) for p in self.params]
+        self.alignment.pairs = self.pairs
+        return True
+
+    def _event(self, word: str, text: str = "") -> None:
+        after = st.follow(self.standing, word)
+        if after is not None:
+            self._enter(after)
+            self._note(word, "controller", text)
+
+    def _enter(self, after: st.Standing) -> None:
+        before, self.standing = self.standing.state, after
+        if self._coupled and after.state != st.ENGAGED:
+            self._disengage()
+        if after.state == before:
+            return
+        self.alignment.clear()
+        if after.state == st.ALIGNING:
+            engaged = before == st.ENGAGED
+            keep = engaged or before == st.CLUTCHED
+            self.alignment.begin(self._now, keep_offset=keep, moving=engaged)
+        if not self._coupled:
+            self._count_anew()
+
+    def _note(self, word: str, source: str, text: str = "") -> None:
+        entry = Entry(self._seconds(), word, source, self.standing.state, text)
+        self.journal.note(entry)
+
+    def _seconds(self) -> float:
+        return round(self._now * self.run.period_ns * 1e-9, 9)
+
+    def stop_after(self, slot: int) -> None:
+        """Ramp down from the next slot on, in whatever state the rig is."""
+        super().stop_after(slot)
+        if self.standing.state != st.STOPPING:
+            self.standing = st.Standing(st.STOPPING, self.standing.faulted)
+            self.alignment.clear()
+
+    # -- engaging -----------------------------------------------------------------------------
+
+    def _align(self, slot: int) -> None:
+        """Bring slaves to where their masters want them; then let go, stand, and engage."""
+        if not all(m.valid for m in self.samples):
+            return
+        alignment = self.alignment
+        alignment.start(slot)
+        if alignment.is_late(slot):
+            self._event(st.BLOCKED, alignment.hindrance(self.pair_names))
+        elif alignment.let_go:
+            if self._all_at_rest(slot):
+                self._engage(slot)
+        elif alignment.arrived(slot):
+            alignment.let_go = slot
+
+    def _all_at_rest(self, slot: int) -> bool:
+        """Return whether no command of before is still acting or waiting, and no wall pushes."""
+        if any(s.total != 0.0 for s in self.axes):
+            self._let_go = slot
+        share = self.run.arm_share
+        calm = all(is_calm(s, p, share) for s, p in zip(self.axes, self.params, strict=True))
+        return calm and slot - self.alignment.let_go >= self._latency
+
+    def _engage(self, slot: int) -> None:
+        """Begin a new session of the coupling where the axes stand; nothing stored crosses."""
+        self._bank()
+        begin_session(self, slot, keep_offset=self.alignment.keep_offset)
+        self._coupled = True
+        self.journal.engagements += 1
+        self._event(st.ALIGNED)
+
+    def _disengage(self) -> None:
+        """End the session of the coupling: what it stored is booked as dissipated."""
+        self._bank()
+        self._coupled = False
+        end_session(self)
+        self._clear_energies()
+
+    # -- faults -------------------------------------------------------------------------------
+
+    def _guard(self, slot: int) -> None:
+        """Hold everything if an axis at rest passes a limit."""
+        if self.standing.faulted or self.standing.state == st.STOPPING:
+            return
+        for s, p, name in zip(self.axes, self.params, self.names, strict=True):
+            code = guard_axis(p.site.limit, s.position, s.velocity)
+            if code and s.valid:
+                found = {1: "outside its position range", 2: "faster than its velocity limit"}
+                where = f"position {s.position:.6g} {name.unit}"
+                self._event(st.FAULT, f"{name.name}: {found.get(code, 'not finite')}, {where}")
+                return
+
+    def _forgive(self, *, device: bool) -> None:
+        """Turn what would end a run into a hold that a person may end."""
+        error = stop_error(self.run, self.state, self.names, self.params, self.pairs, self.law)
+        forget_stop(self.state, self.run.cycles)
+        self._suspect = self._suspect or device
+        self._event(st.FAULT, str(error))
+
+    def fault(self, slot: int, which: int, sentence: str) -> bool:
+        """Hold on the fault of a device (-1: a bus) until a person has the devices reset."""
+        if self.standing.state == st.STOPPING:
+            return super().fault(slot, which, sentence)
+        self._now = slot
+        self._suspect = True
+        if which >= 0:
+            self._dead.add(which)
+        self._event(st.FAULT, sentence)
+        return False
+
+    def overrun(self, slot: int, skipped: int) -> None:
+        """Note that the host stalled, unless the run is over by then."""
+        if slot < self.state.end:
+            super().overrun(slot, skipped)
+
+    def devices_are(self, slot: int, refusal: str) -> None:
+        """Take note of devices that were reset: all are enabled again, or why not."""
+        self.wants_reset = False
+        self._now = slot
+        if refusal:
+            self._note(st.REST, "controller", f"the devices are not back: {refusal}")
+            return
+        self._bank()
+        self._clear_energies()
+        self._suspect = False
+        self._dead.clear()
+        self._seated = [False] * len(self._seated)
+        drop_commands(self)
+        self.standing = st.Standing()
+        self._note(st.REST, "controller", "the devices are back")
+
+    # -- books --------------------------------------------------------------------------------
+
+    def _raw(self) -> list[float]:
+        row = [0.0] * self._plain_columns
+        super().fill(row, 0)
+        return row
+
+    def _bank(self) -> None:
+        """Keep the accounts of the session that ends; each begins at 0 again."""
+        self._books.bank(self._raw())
+        if not self._coupled:
+            self.granted += sum(self.capital)
+            self._count_outside()
+
+    def _count_anew(self) -> None:
+        """Begin the budgets of a new state at 0."""
+        self._bank()
+        self._clear_energies()
+
+    def _clear_energies(self) -> None:
+        for s in self.axes:
+            s.port_energy = s.gross_flow = s.uncertainty = 0.0
+
+    def _count_outside(self) -> None:
+        for k in range(len(self.pairs)):
+            self._outside[k] += self._now_outside(k)
+
+    def _now_outside(self, k: int) -> float:
+        """Return what both motors took out of the devices since the last count [J]."""
+        if self._coupled:
+            return 0.0
+        q = self.pairs[k]
+        return sum(self.params[i].weight * self.axes[i].port_energy for i in (q.master, q.slave))
+
+    def fill(self, row: Row, at: int) -> None:
+        """Write all columns at index `at`."""
+        super().fill(row, at)
+        self._books.add(row, at)
+        at += self._plain_columns
+        row[at] = st.STATES.index(self.standing.state)
+        row[at + 1] = self._command
+        row[at + 2] = self.journal.engagements
+        row[at + 3] = self.journal.running
+        row[at + 4] = self.scale
+        at += len(STATE_COLUMNS)
+        for k in range(len(self.pairs)):
+            taken = self._outside[k] + self._now_outside(k)
+            row[at], row[at + 1], row[at + 2] = taken, 0.0, taken
+            at += 3

@@ -1,0 +1,106 @@
+"""An axis while no coupling holds it: free, held by certified damping, or pulled into place."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from tautwave.controller.axis import pass_slot, start_axis, take_sample
+from tautwave.controller.records import AxisParams, AxisState, Sample
+from tautwave.controller.steps import ALONE
+from tautwave.laws.alignment import (
+    AlignParams,
+    align_effort,
+    gate_effort,
+    lead_reference,
+    move_reference,
+)
+from tautwave.laws.limit import limit_effort, stop_effort
+
+
+class PullParams(NamedTuple):
+    """Alignment of one axis: its law, and the friction and inertia that its budget is made of.
+
+    `reach` [rad or m] is how near to its target the device has to come.
+    """
+
+    law: AlignParams
+    coulomb: float
+    viscous: float
+    inertia: float
+    reach: float
+
+
+class Pull:
+    """A running alignment of one axis."""
+
+    def __init__(self, params: PullParams, position: float, target: float, budget: float) -> None:
+        self.params = params
+        self.target = target
+        self.budget = budget
+        self.reference = position
+        self.rate = 0.0
+
+    def effort(self, s: AxisState) -> float:
+        """Return the resisting effort of this period [N m or N]; `s` counts what went in."""
+        law = self.params.law
+        moved = move_reference(law, self.reference, self.rate, self.target)
+        self.reference, self.rate = lead_reference(law, *moved, s.position)
+        wanted = align_effort(law, self.reference, self.rate, s.position, s.velocity)
+        return -gate_effort(law, wanted, s.velocity, -s.port_energy, self.budget)
+
+    def spent(self, s: AxisState) -> bool:
+        """Return whether the budget is at its end."""
+        return -s.port_energy + self.params.law.reserve > self.budget
+
+    def there(self, s: AxisState) -> bool:
+        """Return whether the device is at its target."""
+        return self.reference == self.target and abs(s.position - self.target) <= self.params.reach
+
+
+def sense_resting(
+    s: AxisState, p: AxisParams, m: Sample, table: list[float], skipped: int, seated: bool
+) -> bool:
+    """Pass the slots and close them without a coupling; return whether the axis is seated.
+
+    The first sample seats it: before that its position is not known.
+    """
+    if not seated:
+        if m.valid:
+            start_axis(s, p, m.position, m.effort)
+        return m.valid
+    for _ in range(skipped + 1):
+        pass_slot(s, p, table, ALONE.steps)
+    take_sample(s, p, m, ALONE.steps)
+    return True
+
+
+def send_resting(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> None:
+    """Send a resisting effort within limits; an axis that takes velocity stands."""
+    total = 0.0
+    s.command = 0.0
+    if p.impedance:
+        total = limit_effort(p.site.limit, effort, s.total, ceiling)
+        s.command = -total
+    s.asked = effort
+    s.total = total
+    s.port_effort = total
+    s.wall_effort = 0.0
+    s.tag = 0.0
+    s.stopping = False
+
+
+def hold_effort(s: AxisState, p: AxisParams, capital: float) -> float:
+    """Return the certified damping [N m or N], none once a hold gave out its `capital` [J]."""
+    effort = stop_effort(p.site.limit, s.velocity)
+    return effort if s.port_energy > -capital else 0.0
+
+
+def hold_capital(p: AxisParams, quantum: float) -> float:
+    """Return what a hold may give out [J]: ten encoder steps against its own damping."""
+    per_step = p.site.limit.stop_damping * p.site.gain / p.site.period
+    return 10.0 * per_step * quantum * quantum
+
+
+def is_still(s: AxisState, since: float, span: float, quantum: float, slowest: float) -> bool:
+    """Return whether an axis moved less than `slowest` [rad/s or m/s] for `span` s."""
+    return abs(s.position - since) <= slowest * span + 2.0 * quantum

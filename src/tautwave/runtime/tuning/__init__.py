@@ -1,0 +1,1 @@
+"""Changing numbers of a run while it goes on: the desk they come over, and the knobs they turn."""

@@ -1,0 +1,169 @@
+"""Run the stages of an acceptance in rising risk; one that is not good ends it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tautwave.config import Rig, load_rig
+from tautwave.errors import ConfigError, DeviceFault, DriverError
+from tautwave.session.acceptance import guides
+from tautwave.session.acceptance.document import Check, file_digest, write_signed
+from tautwave.session.guided.control import GuidedControl
+from tautwave.session.guided.running import Conversation, Guided, Ways, run_guided
+from tautwave.session.running import run as run_rig
+
+STAGES = ("identity", "hand", "limits", "noise", "watchdog", "delay", "effort", "gentle", "full")
+"""In rising risk: nothing has torque in the first three, nothing is commanded up to the fifth."""
+
+GENTLE = 0.1
+RUN_S = 5.0
+
+
+class Acceptance(NamedTuple):
+    """What is to be accepted: a rig file, its axes, stages, the length of the runs [s], who."""
+
+    rig: Path
+    axes: Sequence[str]
+    stages: Sequence[str]
+    run_s: float
+    by: str
+
+
+def accept(
+    asked: Acceptance, talk: Conversation, *, out: Path, ways: Ways
+) -> tuple[Path, list[Check]]:
+    """Lead a person through the stages; return the signed document and its checks.
+
+    Raises
+    ------
+    TautwaveError
+        The rig is refused, a device failed where it should not, or nobody answers.
+    """
+    rig = load_rig(asked.rig)
+    unknown = [name for name in asked.axes if name not in rig.axes]
+    if unknown:
+        raise ConfigError(f"accept: there is no axis {unknown[0]!r}; {', '.join(rig.axes)}")
+    checks: list[Check] = []
+    ended = ""
+    for stage in asked.stages:
+        talk.say(f"-- {stage}")
+        found = list(_stage(stage, rig, asked, talk, out / stage, ways))
+        for check in found:
+            numbers = ", ".join(
+                f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}"
+                for key, value in check.measured.items()
+            )
+            verdict = "good" if check.good else f"NOT GOOD, expected {check.expected}"
+            talk.say(f"  {check.stage} {check.what}: {numbers}: {verdict}")
+        checks += found
+        if not all(check.good for check in found):
+            ended = stage
+            break
+    content: dict[str, Any] = {
+        "rig": rig.name,
+        "rig_sha256": file_digest(asked.rig),
+        "version": version("tautwave"),
+        "stages": list(asked.stages),
+        "ended_at": ended,
+        "accepted": not ended,
+        "checks": [check._asdict() for check in checks],
+    }
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return write_signed(out, content, asked.by, now), checks
+
+
+def _stage(
+    stage: str, rig: Rig, asked: Acceptance, talk: Conversation, out: Path, ways: Ways
+) -> Iterator[Check]:
+    if stage in ("gentle", "full"):
+        yield from _coupled(stage, asked, talk, out, ways)
+        return
+    if stage == "watchdog":
+        yield from _watchdog(rig, talk, out, ways)
+        return
+    made: Mapping[str, Callable[[GuidedControl], Any]] = {
+        "identity": lambda control: control.ask("are these your devices? Enter"),
+        "hand": lambda control: guides.sign_and_scale(rig, asked.axes, control),
+        "limits": lambda control: guides.ranges(rig, asked.axes, control),
+        "noise": lambda control: guides.noise(rig, asked.axes, control),
+        "delay": lambda control: guides.delays(rig, asked.axes, control),
+        "effort": lambda control: guides.efforts(rig, asked.axes, control),
+    }
+    free = stage in ("identity", "hand", "limits")
+    done = run_guided(rig, made[stage], talk, out=out, torque=not free, guarded=not free, ways=ways)
+    if stage == "identity":
+        yield from _identity(asked, done, talk)
+        return
+    yield from done.result
+
+
+def _identity(asked: Acceptance, done: Guided, talk: Conversation) -> Iterator[Check]:
+    for note in done.notes:
+        talk.say(f"  {note}")
+    for name in asked.axes:
+        said = dict(done.identities.get(name, {}))
+        yield Check("identity", name, dict(said), "opened, and what the rig says", True)
+
+
+def _watchdog(rig: Rig, talk: Conversation, out: Path, ways: Ways) -> Iterator[Check]:
+    """The loss of a bus is noticed, and the devices have stopped by themselves."""
+    sentence = ""
+    try:
+        run_guided(
+            rig, guides.unplugging, talk, out=out / "unplugged", torque=True, guarded=True,
+            ways=ways,
+        )  # fmt: skip
+    except (DriverError, DeviceFault) as err:
+        sentence = str(err)
+    lost: dict[str, float | str] = {"said": sentence or "nothing was lost"}
+    yield Check("watchdog", "loss", lost, "the loss is noticed", bool(sentence))
+    if not sentence:
+        return
+    again = run_guided(
+        rig,
+        lambda control: control.ask("plug it in again; does every axis turn freely? Enter"),
+        talk,
+        out=out / "back",
+        torque=False,
+        guarded=False,
+        ways=ways,
+    )
+    tripped = [note for note in again.notes if "watchdog" in note]
+    back: dict[str, float | str] = {"devices": "back", "said": "; ".join(tripped) or "nothing"}
+    yield Check("watchdog", "back", back, "all devices come back", True)
+
+
+def _coupled(
+    stage: str, asked: Acceptance, talk: Conversation, out: Path, ways: Ways
+) -> Iterator[Check]:
+    """Walls and coupling: at a tenth of every effort limit, then as the rig has it."""
+    keys = [f"duration_s={asked.run_s}"]
+    if stage == "gentle":
+        rig = load_rig(asked.rig, choose=False)
+        keys += [
+            f"{side}.axes.{name}.effort_limit={GENTLE * axis.effort_limit}"
+            for side in ("master", "slave")
+            for name, axis in getattr(rig, side).axes.items()
+        ]
+    rig = load_rig(asked.rig, keys, choose=False)
+    if rig.operate is not None:
+        rig = load_rig(asked.rig, [*keys, "operate.start=engaged"], choose=False)
+    talk.say(f"  the rig engages for {asked.run_s:g} s: a hand loosely on the master")
+    result = run_rig(
+        rig, out=out, clock=ways.clock, simulate=ways.simulate, attach=ways.attach,
+        allow_unwatched=ways.allow_unwatched, configure=ways.configure,
+    )  # fmt: skip
+    summary = result.summary
+    energy = summary.get("energy_j", {})
+    numbers: dict[str, float | str] = {
+        "exit_code": float(result.exit_code),
+        "outcome": summary["outcome"]["sentence"],
+        **{key: float(energy[key]) for key in ("residual", "generated") if key in energy},
+    }
+    for pair, found in summary["pairs"].items():
+        numbers[f"{pair}.position_error_rms"] = float(found["position_error"]["rms"])
+    yield Check(stage, rig.name, numbers, "a run that ends well", result.exit_code == 0)

@@ -1,0 +1,127 @@
+"""Serial ports and CAN interfaces: permissions, latency timers, bit rates, queues."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from tautwave.config.guard import parse_json
+from tautwave.session.doctor.finding import BARS, COSTS, GOOD, UNKNOWN, Finding
+
+LONGEST_TIMER_MS = 1
+LEAST_QUEUE = 20
+"""Frames; a cycle of six axes and SYNC sends seven, and two cycles may wait after a hiccup."""
+
+ARPHRD_CAN = "280"
+Links = Callable[[str], Mapping[str, Any]]
+
+
+def serial_ports(root: Path) -> list[str]:
+    """Return the USB serial ports there are."""
+    names = [*root.glob("dev/ttyUSB*"), *root.glob("dev/ttyACM*")]
+    return sorted(f"/{name.relative_to(root)}" for name in names)
+
+
+def can_interfaces(root: Path) -> list[str]:
+    """Return the CAN interfaces there are."""
+    nets = sorted((root / "sys/class/net").glob("*"))
+    return [net.name for net in nets if _read(net / "type") == ARPHRD_CAN]
+
+
+def serial_port(port: str, root: Path) -> Iterator[Finding]:
+    """Look at one serial port: is it there, may this user open it, how long does it hold bytes."""
+    path = root / port.lstrip("/")
+    if not path.exists():
+        yield Finding(
+            port, BARS, "is not there", "the run cannot open it",
+            "plug the adapter in; `ls /dev/serial/by-id` lists those there are",
+        )  # fmt: skip
+        return
+    if not os.access(path, os.R_OK | os.W_OK):
+        yield Finding(
+            port, BARS, "no permission", "the run cannot open it",
+            f"sudo usermod -aG {_group(path)} $USER   # then log in again",
+        )  # fmt: skip
+    timer = root / "sys/bus/usb-serial/devices" / path.resolve().name / "latency_timer"
+    text = _read(timer)
+    if not text.isdigit():
+        yield Finding(port, GOOD, "no latency timer to be set")
+    elif int(text) <= LONGEST_TIMER_MS:
+        yield Finding(port, GOOD, f"latency timer {text} ms")
+    else:
+        yield Finding(
+            port, COSTS, f"latency timer {text} ms",
+            f"every exchange waits up to {text} ms for its last bytes",
+            f"echo 1 | sudo tee /{timer.relative_to(root)}",
+        )  # fmt: skip
+
+
+def can_interface(channel: str, root: Path, bitrate: int | None, links: Links) -> Iterator[Finding]:
+    """Look at one CAN interface; `bitrate` [bit/s] is what the rig wants, None: not known."""
+    net = root / "sys/class/net" / channel
+    if not net.exists():
+        yield Finding(
+            channel, BARS, "is not there", "the run cannot open it",
+            "plug the adapter in and load its driver; `ip link` lists those there are",
+        )  # fmt: skip
+        return
+    details = links(channel)
+    rate = details.get("linkinfo", {}).get("info_data", {}).get("bittiming", {}).get("bitrate")
+    wanted = bitrate or rate or 1_000_000
+    up = f"sudo ip link set {channel} up type can bitrate {wanted}"
+    if channel.startswith(("vcan", "vxcan")):
+        up = f"sudo ip link set {channel} up"
+    if _read(net / "flags") and not int(_read(net / "flags"), 16) & 1:
+        yield Finding(channel, BARS, "down", "no frame passes", up)
+    elif rate is not None and bitrate is not None and rate != bitrate:
+        yield Finding(
+            channel, BARS, f"{rate} bit/s, the rig has {bitrate}", "drives see errors only",
+            f"sudo ip link set {channel} down; {up}",
+        )  # fmt: skip
+    else:
+        yield Finding(channel, GOOD, "up" if rate is None else f"up, {rate} bit/s")
+    state = details.get("linkinfo", {}).get("info_data", {}).get("state", "")
+    if state in ("ERROR-PASSIVE", "BUS-OFF"):
+        yield Finding(
+            channel, BARS, f"state {state}", "nobody acknowledges its frames: wiring, termination",
+            f"sudo ip link set {channel} down; {up} restart-ms 100",
+        )  # fmt: skip
+    queue = _read(net / "tx_queue_len")
+    if queue.isdigit() and int(queue) < LEAST_QUEUE:
+        yield Finding(
+            channel, COSTS, f"queue of {queue} frames",
+            "a cycle that sends more at once loses frames",
+            f"sudo ip link set {channel} txqueuelen 100",
+        )  # fmt: skip
+    elif not queue.isdigit():
+        yield Finding(channel, UNKNOWN, "queue length: the kernel does not say")
+
+
+def link_details(channel: str) -> Mapping[str, Any]:
+    """Return what `ip` knows of a CAN interface; {} where there is no `ip`."""
+    command: Sequence[str] = ("ip", "-details", "-json", "link", "show", channel)
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=5, check=True)
+        found = parse_json(done.stdout.decode("utf-8", "replace"))
+    except (OSError, subprocess.SubprocessError, ValueError):
+        return {}
+    return found[0] if isinstance(found, list) and found and isinstance(found[0], dict) else {}
+
+
+def _group(path: Path) -> str:
+    import grp
+
+    try:
+        return grp.getgrgid(path.stat().st_gid).gr_name
+    except (KeyError, OSError):
+        return "dialout"
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return ""

@@ -1,0 +1,106 @@
+"""What a person answers to the questions of a guided procedure: typed, or from a file."""
+
+from __future__ import annotations
+
+import os
+import select
+from collections.abc import Sequence
+from typing import Protocol
+
+from tautwave.errors import ConfigError
+
+
+class Answers(Protocol):
+    """Where answers come from."""
+
+    def ask(self, now_ns: int) -> None:
+        """Take note that a question was asked."""
+
+    def take(self, now_ns: int) -> str | None:
+        """Return the answer to it if there is one; never waits.
+
+        Raises
+        ------
+        ConfigError
+            There will never be one.
+        """
+
+
+class Typed:
+    """Lines on a descriptor; those that come before their question are kept for it."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._data = b""
+        self._ended = False
+
+    def ask(self, now_ns: int) -> None:
+        """Every line is an answer."""
+
+    def take(self, now_ns: int) -> str | None:
+        """Return the next line."""
+        if not self._ended and select.select([self._descriptor], [], [], 0)[0]:
+            data = os.read(self._descriptor, 4096)
+            self._ended = not data
+            self._data += data
+        line, end, rest = self._data.partition(b"\n")
+        if end:
+            self._data = rest
+            return line.decode("utf-8", "replace").strip()
+        if self._ended:
+            raise ConfigError("no answer: the input has ended; type, or give --script FILE")
+        return None
+
+
+class Scripted:
+    """Answers of a file, each some time [s] after its question."""
+
+    def __init__(self, answers: Sequence[tuple[float, str]]) -> None:
+        self._left = list(answers)
+        self._asked_ns = 0
+        self._waited_for = False
+
+    def ask(self, now_ns: int) -> None:
+        """Count from here; the answer to a question that was cut short is dropped."""
+        if self._waited_for:
+            self._left.pop(0)
+        self._asked_ns, self._waited_for = now_ns, True
+        if not self._left:
+            raise ConfigError("the script has fewer answers than there are questions")
+
+    def take(self, now_ns: int) -> str | None:
+        """Return the next answer once it is due."""
+        if now_ns - self._asked_ns < 1e9 * self._left[0][0]:
+            return None
+        self._waited_for = False
+        return self._left.pop(0)[1]
+
+
+def read_answers(text: str, name: str) -> Scripted:
+    """Return the answers of a file with lines `SECONDS [ANSWER]`, one a question.
+
+    Raises
+    ------
+    ConfigError
+        A line is wrong; every mistake with its line.
+    """
+    found, problems = [], []
+    for number, line in enumerate(text.splitlines(), 1):
+        line = line.partition("#")[0].strip()
+        if not line:
+            continue
+        word, _, answer = line.partition(" ")
+        try:
+            seconds = float(word)
+        except ValueError:
+            seconds = -1.0
+        if not 0.0 <= seconds < 1e4:
+            problems.append(
+                f"{name}:{number}: write SECONDS ANSWER, the seconds after the question "
+                f"(got {line[:40]!r})"
+            )
+            continue
+        found.append((seconds, answer.strip()))
+    if problems:
+        raise ConfigError(problems)
+    return Scripted(found)

@@ -1,0 +1,137 @@
+"""The controller of a guided procedure: axes without coupling, and a guide that counts slots.
+
+A guide is a generator: each `yield` lets one slot pass. It sees the axes through this controller,
+asks the person through it, and may push an axis within the limits of the rig.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from typing import Any
+
+from tautwave.contracts import Row
+from tautwave.controller.records import FINISHED, AxisParams, RunParams
+from tautwave.controller.rows import axis_columns, fill_axis
+from tautwave.controller.run import stop_on_guard
+from tautwave.controller.steps import ALONE
+from tautwave.controller.stops import AxisName
+from tautwave.laws.limit import guard_axis
+from tautwave.runtime.control import Control
+from tautwave.runtime.operate.resting import send_resting, sense_resting
+from tautwave.session.guided.answers import Answers
+
+SHOW_NS = 200_000_000
+
+Guide = Callable[["GuidedControl"], Generator[None, None, Any]]
+"""Takes the controller, and returns its result when the procedure is over."""
+
+
+class GuidedControl(Control):
+    """No coupling: a guide decides what each axis does.
+
+    Parameters
+    ----------
+    run, names, params
+        See `Control`.
+    table : list of float
+        Commands on their way.
+    guide : Guide
+        The procedure.
+    answers : Answers
+        Of the person.
+    say, show : callable
+        Take a sentence, and a line of numbers that the next one replaces.
+    guarded : bool
+        Stop at the limits of the rig.
+    """
+
+    def __init__(
+        self,
+        run: RunParams,
+        names: Sequence[AxisName],
+        params: Sequence[AxisParams],
+        table: list[float],
+        guide: Guide,
+        answers: Answers,
+        say: Callable[[str], None],
+        show: Callable[[str], None],
+        *,
+        guarded: bool,
+    ) -> None:
+        super().__init__(run, names, params)
+        self._table = table
+        self._answers, self.say, self._show = answers, say, show
+        self._guarded = guarded
+        self._seated = [False] * len(params)
+        self._push = [0.0] * len(params)
+        self._shown_ns = -SHOW_NS
+        self._slot = 0
+        self._places = {name.name: at for at, name in enumerate(names)}
+        self._steps = guide(self)
+        self.number = 0
+        self.over = False
+        self.result: Any = None
+        for name, p in zip(names, params, strict=True):
+            self.columns += axis_columns(name.name, p, ALONE)
+        self.columns.append("guide.step")
+
+    # -- for the guide ------------------------------------------------------------------------
+
+    @property
+    def now_ns(self) -> int:
+        """Time since the start [ns]."""
+        return self._slot * self.run.period_ns
+
+    def position(self, name: str) -> float:
+        """Return an axis' position [rad or m]."""
+        return self.axes[self._places[name]].position
+
+    def velocity(self, name: str) -> float:
+        """Return an axis' velocity [rad/s or m/s]."""
+        return self.axes[self._places[name]].velocity
+
+    def push(self, name: str, effort: float) -> None:
+        """Push an axis along its position [N m or N], until the next call."""
+        self._push[self._places[name]] = effort
+
+    def ask(self, question: str) -> Generator[None, None, str]:
+        """Ask, and pass slots until there is an answer."""
+        self.number += 1
+        self.say(question)
+        self._answers.ask(self.now_ns)
+        while (answer := self._answers.take(self.now_ns)) is None:
+            yield
+        return answer
+
+    def show(self, text: Callable[[], str]) -> None:
+        """Show numbers, now and then."""
+        if self.now_ns - self._shown_ns >= SHOW_NS:
+            self._shown_ns = self.now_ns
+            self._show(text())
+
+    # -- for the loop -------------------------------------------------------------------------
+
+    def step(self, slot: int, skipped: int) -> bool:
+        """Let the guide go on by one slot."""
+        self._slot = slot
+        for which, (s, p, m) in enumerate(zip(self.axes, self.params, self.samples, strict=True)):
+            self._seated[which] = sense_resting(s, p, m, self._table, skipped, self._seated[which])
+            s.guard = guard_axis(p.site.limit, s.position, s.velocity) if self._guarded else 0
+            stop_on_guard(self.run, self.state, self.axes, slot, which)
+        going = self.state.kind == FINISHED and self.state.end == self.run.cycles
+        if all(self._seated) and going:
+            try:
+                next(self._steps)
+            except StopIteration as ended:
+                self.result = ended.value
+                self.over = True
+                self.stop_after(slot)
+        for which, (s, p) in enumerate(zip(self.axes, self.params, strict=True)):
+            send_resting(s, p, -self._push[which] if going and s.valid else 0.0, p.ceiling)
+        return True
+
+    def fill(self, row: Row, at: int) -> None:
+        """Write all columns at index `at`; there are no books without a coupling."""
+        for s, p in zip(self.axes, self.params, strict=True):
+            at = fill_axis(row, at, s, p, 1.0, ALONE.steps)
+        row[at] = self.number

@@ -1,0 +1,172 @@
+"""`identify RECORDING --lever`: a device from how it moved under the effort of its motor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tautwave.analysis.identification.device_model import DeviceFit, fit_device
+from tautwave.analysis.identification.moving_encoder import moving_noise, moving_step
+from tautwave.analysis.identification.regression import Estimate
+from tautwave.errors import RecordingError
+from tautwave.session.identification.identifying import device_snippet
+from tautwave.session.identification.recorded_columns import (
+    Series,
+    motor_column,
+    read_positions,
+    read_series,
+)
+
+FILTER_HZ = 20.0
+DELAYS = (0.0, 1.0, 2.0)
+"""Periods after which a logged effort may act: the one that explains most is taken."""
+
+DOUBTFUL = 0.9
+
+
+class LeverResult(NamedTuple):
+    """A lever: its fit, its encoder, and how the effort in the file acts."""
+
+    series: Series
+    outside_name: str | None
+    fit: DeviceFit
+    quantum: float
+    noise: Estimate
+    delay: float
+    turned: bool
+    notes: list[str]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        fit, series = self.fit, self.series
+        names = ["inertia", "damping", "coulomb", "bias"]
+        names += ["outside"] if fit.outside is not None else []
+        return {
+            "kind": "lever",
+            "source": series.source,
+            "position": series.position_name,
+            "effort": series.effort_name,
+            "outside_effort": self.outside_name,
+            "axis_kind": {True: "rotary", False: "linear", None: None}[series.rotary],
+            "samples": len(series.position),
+            "rate_hz": 1.0 / series.period,
+            "effort_turned": self.turned,
+            "delay_periods": self.delay,
+            "parameters": {name: getattr(fit, name)._asdict() for name in names},
+            "encoder_quantum": self.quantum,
+            "position_noise": self.noise._asdict(),
+            "residual_rms": fit.residual_rms,
+            "explained": fit.explained,
+            "peak_velocity": fit.peak_velocity,
+            "snippet": self.snippet,
+            "notes": self.notes,
+        }
+
+    @property
+    def snippet(self) -> str:
+        """Lines for the axis in the rig file."""
+        noise = f"position_noise: {self.noise.value:.3g}"
+        step = [f"encoder_quantum: {self.quantum:.5g}"] if self.quantum > 0.0 else []
+        return "\n".join([device_snippet(self.series.position_name, self.fit), *step, noise])
+
+
+def identify_lever(
+    source: Path,
+    *,
+    position: str | None = None,
+    effort: str | None = None,
+    outside: str | None = None,
+    time: str | None = None,
+    axis: str | None = None,
+    filter_hz: float | None = None,
+    begin_s: float | None = None,
+    end_s: float | None = None,
+) -> LeverResult:
+    """Fit inertia, friction and encoder of a lever that its motor moved.
+
+    Parameters
+    ----------
+    position, effort : str, optional
+        Columns of the position and of the motor's effort, of either sign.
+    outside : str, optional
+        Column of an effort sensor between the lever and what it touched; its scale and sign are
+        found as well. Without it nothing may have touched the lever.
+    time, axis : str, optional
+        Column of the time, and axis, if they do not follow from the names.
+    filter_hz : float, optional
+        Cut-off of the filter on all signals [Hz]; default 20, at most rate / 25.
+    begin_s, end_s : float, optional
+        Part of the recording [s on its own clock].
+
+    Raises
+    ------
+    ConfigError, RecordingError
+        Not readable, ambiguous columns, too short, or the lever did not move.
+    """
+    part = (begin_s, end_s)
+    effort = motor_column(source, axis, effort)
+    series = read_series(source, position, effort, time, axis, part)
+    felt = None
+    if outside is not None:
+        felt = read_series(source, series.position_name, outside, time, axis, part).effort
+    cutoff = min(filter_hz or FILTER_HZ, 0.04 / series.period)
+    best: tuple[DeviceFit, float, bool] | None = None
+    for delay in DELAYS:
+        for sign in (1.0, -1.0):
+            try:
+                fit = fit_device(
+                    series.position,
+                    sign * series.effort,
+                    series.period,
+                    cutoff_hz=cutoff,
+                    delay=delay,
+                    known=series.known,
+                    outside=felt,
+                )
+            except ValueError as err:
+                raise RecordingError(f"{source}: {err}") from err
+            if fit.coulomb.value + fit.damping.value * fit.peak_velocity < 0.0:
+                continue  # the effort's sign is the other way round
+            if best is None or fit.explained > best[0].explained:
+                best = fit, delay, sign < 0.0
+    if best is None:
+        raise RecordingError(
+            f"{source}: {series.effort_name} does not move {series.position_name} against friction "
+            "with either sign; name the motor's effort with --effort, and with --outside what "
+            "touched the lever"
+        )
+    fit, delay, turned = best
+    raw = read_positions(source, series.position_name, time, axis, part)
+    measured = raw.position[raw.known]
+    step = moving_step(measured)
+    found = LeverResult(series, outside, fit, step, moving_noise(measured, step), delay, turned, [])
+    return found._replace(notes=[*series.notes, *_doubts(found)])
+
+
+def _doubts(found: LeverResult) -> list[str]:
+    fit = found.fit
+    notes = []
+    if found.turned:
+        notes.append(
+            f"{found.series.effort_name} counts against the position: its sign was turned."
+        )
+    if fit.explained < DOUBTFUL or fit.inertia.lower <= 0.0:
+        notes.append(
+            f"Doubtful: inertia and friction explain {fit.explained:.0%} of the effort; something "
+            "else (a hand, a contact) acts on the lever. Name its sensor with --outside, or choose "
+            "a free part with --from and --to."
+        )
+    if fit.outside is not None:
+        one = fit.outside
+        if one.lower <= 0.0 <= one.upper:
+            notes.append(f"{found.outside_name} explains nothing: its scale may as well be zero.")
+        elif not (0.9 <= abs(one.value) <= 1.1):
+            notes.append(
+                f"By the motor's effort, one unit of {found.outside_name} is {one.value:.3g} "
+                "units: one of both scales (or the sign) is wrong."
+            )
+    if float(np.max(np.abs(fit.effort))) > 0.0 and fit.damping.lower <= 0.0:
+        notes.append("The damping is not distinguishable from zero: its lower bound is 0.")
+    return notes

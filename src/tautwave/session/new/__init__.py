@@ -1,0 +1,1 @@
+"""`tautwave new`: from the devices on the bench to a rig file."""

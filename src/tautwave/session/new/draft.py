@@ -1,0 +1,96 @@
+"""The text of a first rig file: what the devices report, and `TODO` where only a person knows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+from tautwave.config.text.resolved import flow_yaml
+from tautwave.session.new.choosing import Chosen
+from tautwave.types import FoundBus, Setting
+
+_BEHIND = 32
+"""Column of comments."""
+
+
+class Draft(NamedTuple):
+    """A rig file to be written: one joint a pair, `rate_hz` [Hz]."""
+
+    name: str
+    master: Sequence[Chosen]
+    slave: Sequence[Chosen]
+    joints: Sequence[str]
+    rate_hz: float
+
+
+def draft_text(draft: Draft) -> str:
+    """Return the rig file, YAML with comments, SI units."""
+    return "\n".join(_lines(draft)) + "\n"
+
+
+def _lines(draft: Draft) -> Iterator[str]:
+    yield "# Written by `tautwave new`. What is marked TODO only you can know: settle each before"
+    yield "# anything moves, and remove the mark. Then calibrate (--configure once), check, run."
+    yield ""
+    yield f"name: {flow_yaml(draft.name)}"
+    yield _line(
+        0, "rate_hz", Setting(draft.rate_hz, "[Hz] seven tenths of what the buses allow, or less")
+    )
+    yield _line(0, "operate", Setting({}, "idle at first; keys and commands engage it"))
+    yield _line(0, "require", Setting("passive", "nothing moves without this certificate"))
+    yield _line(0, "loop", Setting({"missing_limit": 3, "overrun_limit": 5}, ""))
+    yield ""
+    yield "buses:"
+    used = dict.fromkeys(one.bus.name for one in (*draft.master, *draft.slave))
+    everyone = [*draft.master, *draft.slave]
+    for name in used:
+        yield from _bus([one for one in everyone if one.bus.name == name])
+    for side, chosen in (("master", draft.master), ("slave", draft.slave)):
+        yield ""
+        yield from _side(side, chosen, draft.joints)
+    yield ""
+    yield "coupling:"
+    yield _line(1, "law", Setting("wave", "impedances, filters and poles: the law's own choice"))
+    yield _line(1, "engage_ramp_s", Setting(1.0, "forces come up over a second"))
+    yield "  pairs:"
+    for joint in draft.joints:
+        yield f"    {joint}: {{}}"
+
+
+def _bus(chosen: Sequence[Chosen]) -> Iterator[str]:
+    bus: FoundBus = chosen[0].bus
+    yield f"  {bus.name}:"
+    yield f"    driver: {bus.driver}"
+    yield "    options:"
+    for key, value in bus.options.items():
+        yield _line(3, key, value)
+    for note in bus.notes:
+        yield f"      # {note}"
+    yield f"      {bus.listed_as}:"
+    for one in chosen:
+        yield f"        - {flow_yaml(dict(one.device.options))}"
+
+
+def _side(side: str, chosen: Sequence[Chosen], joints: Sequence[str]) -> Iterator[str]:
+    keys = [{"bus": Setting(one.bus.name), **one.device.axis} for one in chosen]
+    shared = {
+        key: value for key, value in keys[0].items() if all(k.get(key) == value for k in keys)
+    }
+    yield f"{side}:"
+    yield "  defaults:"
+    for key, value in shared.items():
+        yield _line(2, key, value)
+    own = [{key: value for key, value in one.items() if key not in shared} for one in keys]
+    for comment in dict.fromkeys(f"{k}: {t.comment}" for one in own for k, t in one.items()):
+        if "TODO" in comment:
+            yield f"  # {comment}"
+    yield "  axes:"
+    for joint, one, rest in zip(joints, chosen, own, strict=True):
+        entry: dict[str, Any] = {"id": one.device.id}
+        entry |= {key: value.value for key, value in rest.items()}
+        yield f"    {joint}: {flow_yaml(entry)}   # {one.device.name}"
+
+
+def _line(depth: int, key: str, value: Setting) -> str:
+    text = f"{'  ' * depth}{key}: {flow_yaml(value.value)}"
+    return f"{text:<{_BEHIND}}  # {value.comment}" if value.comment else text

@@ -1,0 +1,121 @@
+"""An operated rig in a session: its controller, where commands come from, and its record."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from tautwave.config import Rig
+from tautwave.config.keys.key_codes import CODES
+from tautwave.config.keys.rig import CLAIMED_S, UNTIL_STOPPED_S
+from tautwave.errors import ConfigError
+from tautwave.rig import Assembly, BusWay
+from tautwave.rig.operation import operation_of, scaled
+from tautwave.rig.ways import Way
+from tautwave.runtime.control import CoupledControl
+from tautwave.runtime.loop import TIMING_COLUMNS
+from tautwave.runtime.operate.commands import DeadMan, Source, Watcher
+from tautwave.runtime.operate.key_device import KeyDevice
+from tautwave.runtime.operate.operated import OperatedControl
+from tautwave.runtime.operate.trigger import TriggerLine
+
+
+def refuse_endless(rig: Rig, ways: Sequence[BusWay]) -> None:
+    """Refuse to simulate devices without an end.
+
+    Raises
+    ------
+    ConfigError
+        The rig has no duration, and devices that are simulated here.
+    """
+    simulated = any(way.way in (Way.MEMORY, Way.SERVED) for way in ways)
+    if rig.duration_s >= UNTIL_STOPPED_S and simulated:
+        raise ConfigError("duration_s is missing: simulated devices need an end; give --duration")
+
+
+def with_operation(
+    rig: Rig, assembly: Assembly, scripts: Sequence[Source], live: Sequence[Source]
+) -> Assembly:
+    """Return the assembly behind a table of states, if the rig is operated.
+
+    Raises
+    ------
+    ConfigError
+        There are commands or a dead-man, but the rig is not operated.
+    DriverError
+        A key device cannot be opened.
+    """
+    given = (getattr(bus.driver, "dead_man", None) for bus in assembly.buses)
+    inputs: list[DeadMan] = [one for one in given if one is not None]
+    if rig.operate is None:
+        if inputs or scripts:
+            what = "enable_input" if inputs else "--commands"
+            raise ConfigError(f"{what}: the rig has no `operate` block; write `operate: {{}}`")
+        return assembly
+    plain = assembly.control
+    assert isinstance(plain, CoupledControl)
+    keys = [
+        KeyDevice(
+            one.device,
+            {CODES[key]: word for key, word in one.keys.items()},
+            None if one.dead_man is None else CODES[one.dead_man],
+        )
+        for one in rig.operate.key_devices
+    ]
+    port = rig.operate.trigger
+    lines = [] if port is None else [TriggerLine(port.port, port.command or "")]
+    delays = {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
+    operation = operation_of(rig, plain, delays)
+    control = OperatedControl(
+        plain, operation, scripts, [*live, *keys, *lines], [*keys, *inputs], lines
+    )
+    for source in scripts:
+        if isinstance(source, Watcher):
+            source.sees(control)
+    sources = [control, *assembly.sources[1:]]
+    columns = [*TIMING_COLUMNS, *(name for source in sources for name in source.columns)]
+    return assembly._replace(control=control, sources=sources, columns=columns)
+
+
+def operation_block(assembly: Assembly, duration_s: float) -> dict[str, Any]:
+    """Let go of key devices; return the summary's `operation` of an operated rig, else {}."""
+    control = assembly.control
+    if not isinstance(control, OperatedControl):
+        return {}
+    for one in (*control.inbox.dead_men, *control.lamps):
+        if isinstance(one, KeyDevice | TriggerLine):
+            one.close()
+    return {"operation": control.journal.summary(duration_s)}
+
+
+def claimed_span(rig: Rig, cycles: int) -> float:
+    """Return for how long ports claim [s]: the rig's duration, or begun hours of one without."""
+    hours = max(1, math.ceil(cycles * rig.period_s / CLAIMED_S))
+    return CLAIMED_S * hours if rig.duration_s == UNTIL_STOPPED_S else rig.duration_s
+
+
+def scales_of(rig: Rig) -> list[Rig]:
+    """Return the rig with each of its other scales."""
+    return [] if rig.operate is None else [scaled(rig, factor) for factor in rig.operate.scales]
+
+
+def greatest(claims: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the greatest claim of each side [J] among those of a rig with several scales."""
+    sides = claims[0].get("claim_j", {})
+    found = {side: max(one["claim_j"][side] for one in claims) for side in sides}
+    return {"claim_j": found} if found else {}
+
+
+def times(claims: dict[str, Any], count: int) -> dict[str, Any]:
+    """Return what ports claim [J] of a run with so many engagements, from what they do of one."""
+    return {
+        key: {side: count * joules for side, joules in sides.items()}
+        for key, sides in claims.items()
+    }
+
+
+def engagements(assembly: Assembly) -> int:
+    """Return how often the pairs engaged; each time the ports began with their reserve."""
+    control = assembly.control
+    return control.journal.engagements if isinstance(control, OperatedControl) else 1

@@ -1,0 +1,202 @@
+"""`Session`: an operated rig run by a program, which engages and clutches it while it moves."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Self
+
+from tautwave.clock import MonotonicClock
+from tautwave.config import Rig, resolved_yaml
+from tautwave.config.guard import parse_json
+from tautwave.errors import ConfigError, RecordingError
+from tautwave.runtime.operate.states import STATES
+from tautwave.runtime.tap import LIVE, Live, Tap
+
+RUN = (sys.executable, "-c", "from tautwave.cli import main; main()", "run")
+LOOK_NS = 20_000_000
+BEGIN_NS = 60_000_000_000
+"""Certificate and devices may take that long before the first row."""
+
+
+class Session:
+    """A rig with an `operate` block, run in a process of its own on the real clock.
+
+    This program may be as slow as it likes: the loop does not wait for it. Leaving the `with` block
+    stops the run and waits for its report.
+
+    Parameters
+    ----------
+    rig : Rig
+        With an `operate` block.
+    out : Path
+        Directory of the run, new or empty.
+    options : sequence of str
+        More options of `tautwave run`, such as `--configure`.
+
+    Raises
+    ------
+    ConfigError
+        The rig has no `operate` block.
+
+    Examples
+    --------
+    >>> with Session(load_rig("arms.yaml"), out="runs/arms") as session:  # doctest: +SKIP
+    ...     session.engage()
+    ...     session.wait_for("engaged")
+    ...     print(session.row()["j1.position_error"])
+    """
+
+    def __init__(self, rig: Rig, *, out: Path | str, options: Sequence[str] = ()) -> None:
+        if rig.operate is None:
+            raise ConfigError("Session: the rig has no `operate` block; write `operate: {}`")
+        self.directory = Path(out)
+        self.exit_code: int | None = None
+        self._text = resolved_yaml(rig)
+        self._options = tuple(options)
+        self._child: subprocess.Popen[bytes] | None = None
+        self._live: Live | None = None
+        self._tap: Tap | None = None
+        self._newest: list[float] = []
+        self._clock = MonotonicClock()
+        self._said = ""
+
+    def __enter__(self) -> Self:
+        with tempfile.NamedTemporaryFile("w", suffix=".yaml", encoding="utf-8") as file:
+            file.write(self._text)
+            file.flush()
+            order = ("--quiet", "--commands", "-", "--out", str(self.directory), *self._options)
+            self._child = subprocess.Popen(
+                (*RUN, file.name, *order),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                start_new_session=True,  # Ctrl-C here ends the block, which stops the run
+            )
+            self._wait_for_rows()
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        with suppress(OSError, RecordingError):
+            self.stop()
+        self.wait()
+
+    # -- commands ---------------------------------------------------------------------------
+
+    def engage(self) -> None:
+        """Align where needed, and engage once all axes stand."""
+        self._send("engage")
+
+    def clutch(self) -> None:
+        """Let go: the master is free, the slave is held by damping."""
+        self._send("clutch")
+
+    def hold(self) -> None:
+        """Hold every axis by certified damping."""
+        self._send("hold")
+
+    def rest(self) -> None:
+        """Go back to idle, and acknowledge a fault."""
+        self._send("rest")
+
+    def scale(self, factor: float) -> None:
+        """Change the scale to a factor of the rig's `operate.scales`, or back to 1."""
+        self._send(f"scale {factor:g}")
+
+    def begin_episode(self, name: str, task: str = "") -> None:
+        """Begin an episode; its name is one word."""
+        self._send(f"episode {name} {task}".strip())
+
+    def end_episode(self, success: bool | None = None) -> None:
+        """End the episode that runs."""
+        said = "" if success is None else " success" if success else " failed"
+        self._send(f"episode{said}")
+
+    def stop(self) -> None:
+        """Ramp down and end the run."""
+        self._send("stop")
+
+    # -- what is seen -------------------------------------------------------------------------
+
+    def row(self) -> dict[str, float]:
+        """Return the newest row of the recording, by column; SI units.
+
+        Raises
+        ------
+        RecordingError
+            No row has come yet.
+        """
+        if self._tap is not None and self._live is not None:
+            rows = self._tap.take()
+            self._newest = rows[-1] if rows else self._newest
+            if self._newest:
+                return dict(zip(self._live.columns, self._newest, strict=True))
+        raise RecordingError(f"{self.directory}: no row has come yet")
+
+    @property
+    def state(self) -> str:
+        """The rig's state, such as `engaged`."""
+        return STATES[int(self.row()["operation.state"])]
+
+    def wait_for(self, state: str, timeout_s: float = 30.0) -> bool:
+        """Wait until the rig is in a state; return whether it is."""
+        until = self._clock.now_ns() + round(1e9 * timeout_s)
+        while self._clock.now_ns() < until and self._running():
+            with suppress(RecordingError):
+                if self.state == state:
+                    return True
+            self._clock.sleep_until(self._clock.now_ns() + LOOK_NS)
+        return False
+
+    def wait(self) -> dict[str, Any]:
+        """Wait for the end of the run and its report; return its summary, {} without one."""
+        if self._child is not None and self.exit_code is None:
+            _, said = self._child.communicate()
+            self.exit_code = self._child.returncode
+            if self._tap is not None:
+                self._tap.close()
+                self._tap = None
+            self._said = said.decode("utf-8", "replace").strip()
+        try:
+            found = parse_json((self.directory / "summary.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return {}
+        return dict(found)
+
+    def _running(self) -> bool:
+        return self._child is not None and self._child.poll() is None
+
+    def _send(self, line: str) -> None:
+        if self._child is None or self._child.stdin is None or not self._running():
+            raise RecordingError(f"{self.directory}: the run has ended")
+        self._child.stdin.write(f"{line}\n".encode())
+        self._child.stdin.flush()
+
+    def _wait_for_rows(self) -> None:
+        """Wait until the loop runs.
+
+        Raises
+        ------
+        ConfigError
+            The rig was refused, in the words of `tautwave run`.
+        """
+        until = self._clock.now_ns() + BEGIN_NS
+        while self._running() and self._clock.now_ns() < until:
+            if self._tap is None and (self.directory / LIVE).exists():
+                fields = parse_json((self.directory / LIVE).read_text(encoding="utf-8"))
+                self._live = Live(**fields)
+                with suppress(RecordingError):
+                    self._tap = Tap.of_run(self._live)
+            with suppress(RecordingError):
+                self.row()
+                return
+            self._clock.sleep_until(self._clock.now_ns() + LOOK_NS)
+        if self._running():
+            assert self._child is not None
+            self._child.terminate()
+        self.wait()
+        raise ConfigError(self._said or f"{self.directory}: the run did not begin")

@@ -1,0 +1,30 @@
+"""What a site holds itself to, records of its link, and takes from the other one's words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+LINK_COLUMNS = ("link.session", "link.slot", "link.silence_s", "link.holding", "link.delay_s")
+
+
+class SiteLimits(NamedTuple):
+    """When a site holds and stops.
+
+    Silence until it holds, and until it stops [ns]; the motion [rad or m, master] that may be
+    missed; whether its slots follow the other's.
+    """
+
+    silence_ns: int
+    lost_ns: int
+    backlog: float
+    follows: bool
+
+
+def positions(said: Any, names: Sequence[str]) -> Mapping[str, float] | None:
+    """Return where the other site's axes stand [rad or m], None if that is not what it said."""
+    if not isinstance(said, Mapping) or set(said) != set(names):
+        return None
+    good = all(isinstance(one, float | int) and math.isfinite(one) for one in said.values())
+    return {name: float(one) for name, one in said.items()} if good else None

@@ -1,0 +1,376 @@
+"""The controller of one of two sites: its end of every pair, and when to engage, hold and stop.
+
+The other end of a pair is a stand-in that is never sampled; what leaves and arrives passes through
+the link's part of the table, and this module carries it to and from the network. Nothing that comes
+from there moves a motor but through the receivers.
+
+    waiting    a session is there or not; commands are zero, or a hold's damping
+    engaged    the end runs
+    holding    nothing came for too long, or the other site said that it stops: certified damping
+
+From holding it goes back to engaged if packets of the same session come, and the motion that was
+missed is within bounds; else a new session begins where both then are, with its own ramp, and
+nothing stored crosses. A site that is not back in time is lost: a passive stop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from statistics import median
+from typing import Any
+
+from tautwave.contracts import Row
+from tautwave.controller.axis import is_calm
+from tautwave.controller.records import FINISHED, GUARD, LINK
+from tautwave.controller.run import begin_stop, forget_stop
+from tautwave.controller.steps import SiteLaw
+from tautwave.errors import LinkError, TautwaveError
+from tautwave.link.packet import Line
+from tautwave.runtime.control import CoupledControl
+from tautwave.session.sites.agreed import LINK_COLUMNS, SiteLimits, positions
+from tautwave.session.sites.desk_line import DeskLine, session_of
+from tautwave.session.sites.endpoint import Endpoint
+from tautwave.session.sites.rows import SiteRows
+from tautwave.sites.control import Session
+
+GREETING_SLOTS = 20
+MOST_AHEADS = 31
+"""Looks at both counts of slots, of which the median is taken."""
+
+
+class SiteControl(CoupledControl):
+    """One end of every pair of a `CoupledControl`, joined to the other site.
+
+    Parameters
+    ----------
+    given : CoupledControl
+        Of the half rig: its own axes come first.
+    site : SiteLaw
+        Its law at this site.
+    side : int
+        0 master, 1 slave.
+    limits : SiteLimits
+        When to hold and to stop.
+    endpoint, line : Endpoint, DeskLine
+        To the other site; `line` has brought `first`, the first session.
+    peer : tuple
+        Where the other site's data plane is; None where it dials.
+    now_ns : callable
+        The loop's clock [ns].
+    """
+
+    def __init__(
+        self,
+        given: CoupledControl,
+        site: SiteLaw,
+        side: int,
+        limits: SiteLimits,
+        endpoint: Endpoint,
+        line: DeskLine,
+        first: Session,
+        peer: tuple[str, int] | None,
+        now_ns: Callable[[], int],
+    ) -> None:
+        pairs = [q._replace(link=site.patient(q.link)) for q in given.pairs]
+        super().__init__(
+            given.run, given.names, given.params, given.pair_names, pairs, given.table, site.law
+        )
+        self._site = site
+        self._now_ns = now_ns
+        self._side = side
+        self._limits = limits
+        self._endpoint = endpoint
+        self._line = line
+        self._where = peer
+        self._ends = [
+            ((w.master, q.link.master, q.link.slave), (w.slave, q.link.slave, q.link.master))[side]
+            for w, q in zip((state.link for state in self.states), pairs, strict=True)
+        ]
+        self._own = [(q.master, q.slave)[side] for q in self.pairs]
+        self._far = [(q.slave, q.master)[side] for q in self.pairs]
+        self._rows = SiteRows(self.columns, ("master", "slave")[side])
+        self.columns = [*self._rows.names, *LINK_COLUMNS]
+        self._slot = 0
+        self._engaged = False
+        self._ready = False
+        self._told_end = False
+        self._peer_ready: Mapping[str, float] | None = None
+        self._peer_began: Mapping[str, float] | None = None
+        self._held_from = -1
+        self._left = ""
+        self._gone = ""
+        self._trimmed = self._phase = self._residue = self._stretch = 0.0
+        self.sessions: list[dict[str, Any]] = []
+        self.ended = ""
+        """Why the other site took its leave, as a sentence; empty unless it did."""
+        self.peer = first.peer
+        self._join(first)
+
+    # -- a slot -----------------------------------------------------------------------------
+
+    def step(self, slot: int, skipped: int) -> bool:
+        """Take what came, decide whether to run, run the own ends, and send what leaves."""
+        self._slot = slot
+        now = self._now_ns()
+        came = self._endpoint.receive(self._take if self._engaged else None)
+        while (message := self._line.poll()) is not None:
+            self._obey(message)
+        if self.state.kind == FINISHED and not self.ended:
+            if not self._engaged:
+                self._wait(slot, skipped)
+            else:
+                self._watch(slot, skipped, came)
+        engaging = not self._engaged and self.samples[self._far[0]].valid
+        end = self.state.end
+        going = super().step(slot, skipped)
+        if self.state.kind == GUARD and self.state.code in self._site.debts:
+            self._forgive(slot, end)
+        if engaging:
+            self._begin(slot)
+        if self._engaged and self._link_slot() >= 0:  # the first exchange is one slot later
+            self._endpoint.send(*self._say())
+        elif self._where is not None and slot % GREETING_SLOTS == 0:
+            self._endpoint.greet()
+        self._take_leave(slot)
+        self._follow(now)
+        return going
+
+    def fill(self, row: Row, at: int) -> None:
+        """Write the columns of the own ends and of the link at index `at`."""
+        super().fill(self._rows.whole, 0)
+        at = self._rows.fill(row, at, self._shift)
+        row[at] = float(len(self.sessions))
+        row[at + 1] = float(self._link_slot())
+        row[at + 2] = (self._now_ns() - self._endpoint.heard_ns) * 1e-9
+        row[at + 3] = 1.0 if self._held_from >= 0 else 0.0
+        row[at + 4] = self._endpoint.delay
+
+    def error(self) -> TautwaveError | None:
+        """Return the reason to end the run early, or None."""
+        return LinkError(self._gone) if self.state.kind == LINK else super().error()
+
+    def _take(self, slot: int, lines: Sequence[Line]) -> None:
+        """Take a packet that came, a line for each pair."""
+        for (end, k, _), line in zip(self._ends, lines, strict=True):
+            self._site.take(end, k, self.table, slot, line)
+
+    def _say(self) -> tuple[int, tuple[Line, ...]]:
+        """Return the last slot and its lines."""
+        table = self.table
+        found = [self._site.said(far, table) for _, _, far in self._ends]
+        return found[0][0], tuple(line for _, line in found)
+
+    # -- sessions ---------------------------------------------------------------------------
+
+    def _join(self, session: Session) -> None:
+        self._endpoint.join(session, self._where)
+        if self.sessions:
+            super().fill(self._rows.whole, 0)
+            self._rows.end_session()
+        self._engaged = self._ready = False
+        self._peer_ready = self._peer_began = None
+        self._aheads: list[float] = []
+        self._shift = 0.0
+        self.sessions.append({"id": session.id.hex(), "joined_s": self._seconds()})
+
+    def _wait(self, slot: int, skipped: int) -> None:
+        """Engage as soon as both sites can; give up after a while."""
+        names = self.pair_names
+        samples, axes, params = self.samples, self.axes, self.params
+        calm = skipped == 0 and all(
+            samples[i].valid and is_calm(axes[i], params[i], self.run.arm_share) for i in self._own
+        )
+        if calm and not self._ready and not self._left:
+            self._ready = True
+            where = {name: samples[i].position for name, i in zip(names, self._own, strict=True)}
+            self._line.send(send={"ready": where})
+        # The master begins; the slave knows then where its master stood, to the bit.
+        begun = self._peer_ready if self._side == 0 else self._peer_began
+        if not calm or not self._ready or begun is None:
+            self._count_down(slot)
+            return
+        for name, far in zip(names, self._far, strict=True):
+            samples[far].position = begun[name]
+            samples[far].valid = True
+        for state in self.states:
+            self._site.begin(state.link)
+        for s in axes:
+            s.stopping = False
+        self.state.armed_at = -1
+
+    def _begin(self, slot: int) -> None:
+        """Look whether the ends have begun, and say so."""
+        for far in self._far:
+            self.samples[far].valid = False
+        if self.state.armed_at < 0:
+            return
+        self._engaged = True
+        self._held_from = -1
+        self._endpoint.heard_ns = self._now_ns()
+        where = {
+            name: self.samples[i].position
+            for name, i in zip(self.pair_names, self._own, strict=True)
+        }
+        self._line.send(send={"began": where})
+        self.sessions[-1] |= {"engaged_s": self._seconds(), "began_at": where}
+
+    def _watch(self, slot: int, skipped: int, came: bool) -> None:
+        """Hold where nothing comes; go on, or begin anew, where it comes again."""
+        stood = skipped * self.run.period_ns
+        if self._held_from < 0:
+            silent = self._now_ns() - self._endpoint.heard_ns > self._limits.silence_ns
+            if stood > self._limits.silence_ns:  # the motors held their last commands so long
+                self._hold(slot, f"this program stood still for {stood * 1e-9:.3g} s")
+            elif silent or self._left:
+                self._hold(slot, self._left or "nothing came of it")
+        elif came and not self._left:
+            owed = max(
+                abs(self._site.owed(end, k, self.table, self.axes[i], self.params[i]))
+                for (end, k, _), i in zip(self._ends, self._own, strict=True)
+            )
+            if owed > self._limits.backlog:
+                self._renew(f"{owed:.3g} of motion were missed, greatest_backlog is less")
+            else:
+                self._go_on(slot)
+        else:
+            self._count_down(slot)
+
+    def _hold(self, slot: int, why: str) -> None:
+        self._held_from = slot
+        for s in self.axes:
+            s.stopping = True
+        silences = self.sessions[-1].setdefault("silences", [])
+        silences.append({"at_s": self._seconds(), "why": why})
+
+    def _renew(self, why: str) -> None:
+        """Have another session begun, into which nothing crosses; hold until then."""
+        if not self._left:
+            self._left = why
+            self._line.send(renew=why)
+
+    def _forgive(self, slot: int, end: int) -> None:
+        """Let a port that cannot repay what a silence has left end the session, not the run.
+
+        What it claims counts sessions. `end` is that of the run without this guard.
+        """
+        if self._engaged and "silences" not in self.sessions[-1]:
+            return
+        why = str(self.error())
+        forget_stop(self.state, end)
+        for s in self.axes:
+            s.alarm = 0
+        if self._engaged:
+            if self._held_from < 0:
+                self._hold(slot, why)
+            self._renew(why)
+
+    def _go_on(self, slot: int) -> None:
+        self.sessions[-1]["silences"][-1]["for_s"] = (
+            (slot - self._held_from) * self.run.period_ns * 1e-9
+        )
+        self._held_from = -1
+        for s in self.axes:
+            s.stopping = False
+        self.state.armed_at = slot  # its ramp again
+
+    def _count_down(self, slot: int) -> None:
+        """Stop where the other site has been away for too long."""
+        since = self._held_from
+        if (slot - max(since, 0)) * self.run.period_ns <= self._limits.lost_ns:
+            return
+        why = self._left or "nothing came of it"
+        if since < 0:
+            why = self._left or f"it was not ready within {self._limits.lost_ns * 1e-9:g} s"
+        self._gone = (
+            f"{self.peer} is lost since {max(since, 0) * self.run.period_ns * 1e-9:.3f} s: {why}; "
+            f"not back within {self._limits.lost_ns * 1e-9:g} s, stopped at {self._seconds():.3f} s"
+        )
+        begin_stop(self.run, self.state, self.axes, slot, LINK, 0, 0)
+
+    # -- the other site's words ---------------------------------------------------------------
+
+    def _obey(self, message: Mapping[str, Any]) -> None:
+        if "joined" in message:
+            self._rejoin(session_of(message["joined"]))
+        elif "lost" in message or "refused" in message:
+            self._left = self._left or str(message.get("lost", message.get("refused")))
+        elif "note" in message:
+            self.sessions[-1].setdefault("notes", []).append(message["note"])
+        elif "peer" in message:
+            self._listen(message["peer"])
+
+    def _rejoin(self, session: Session) -> None:
+        if self._engaged and self._held_from < 0:
+            self._hold(self._slot, self._left or "it began anew")
+        self._left = ""
+        self._join(session)
+
+    def _listen(self, said: Mapping[str, Any]) -> None:
+        if "ready" in said:
+            self._peer_ready = positions(said["ready"], self.pair_names)
+        elif "began" in said:
+            self._peer_began = positions(said["began"], self.pair_names)
+        elif "stops" in said:
+            self._left = f"it stopped: {said['stops']}"
+        elif "left" in said:
+            self._left = self._left or str(said["left"])
+        elif "ended" in said:
+            self.ended = f"{self.peer} ended the session at {self._seconds():g} s"
+            self.stop_after(self._slot)
+
+    def _take_leave(self, slot: int) -> None:
+        """Tell the other site, once, that this one stops, or that its run is over."""
+        if self._told_end:
+            return
+        if self.state.kind != FINISHED:
+            self._told_end = True
+            self._line.send(send={"stops": str(self.error())})
+        elif slot + 1 >= self.state.end:
+            self._told_end = True
+            self._line.send(send={"ended": True})
+
+    # -- clocks and counts ----------------------------------------------------------------------
+
+    def _follow(self, now: int) -> None:
+        """Look at both clocks; stretch the follower's slots, a little, to go on side by side."""
+        endpoint = self._endpoint
+        looked = endpoint.look_at_clocks(now)
+        if looked and self._engaged:
+            ahead = endpoint.ahead(self._link_slot(), now, self.run.period_ns)
+            if len(self._aheads) < MOST_AHEADS:
+                self._aheads.append(ahead)
+                self.sessions[-1]["slots_ahead"] = ahead = median(self._aheads)
+                self._shift = ahead * self.run.period_ns * 1e-9
+        if not self._limits.follows:
+            return
+        if looked:
+            phase = endpoint.offset + self._trimmed
+            if self._phase == 0.0:
+                self._phase = phase
+            self._stretch = endpoint.stretch(phase - self._phase)
+        self._residue += self._stretch * self.run.period_ns
+        self.trim_ns = int(self._residue)
+        self._residue -= self.trim_ns
+        self._trimmed += self.trim_ns * 1e-9
+
+    def _link_slot(self) -> int:
+        if not self._engaged:
+            return -1
+        return int(self._ends[0][0].slot) - 1
+
+    def _seconds(self) -> float:
+        return round(self._slot * self.run.period_ns * 1e-9, 9)
+
+    def summary(self) -> dict[str, Any]:
+        """Return what is known of the link after the run."""
+        endpoint = self._endpoint
+        return {
+            "peer": self.peer,
+            "sessions": self.sessions,
+            "ended": self.ended or None,
+            "lost": self._gone or None,
+            "packets": endpoint.got,
+            "refused": endpoint.count(),
+            "unread": endpoint.unread,
+            "clocks": endpoint.clocks(),
+        }

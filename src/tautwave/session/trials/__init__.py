@@ -1,0 +1,1 @@
+"""`tautwave trials`: a user study, trial by trial, and its table."""

@@ -1,0 +1,197 @@
+"""A rig stepped by a program, which is the world of some of its axes: a simulator of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping, Sequence
+from typing import Any, Self
+
+import numpy as np
+
+from tautwave.config import Rig
+from tautwave.errors import ConfigError, TautwaveError
+from tautwave.rig import build_rig
+from tautwave.runtime.loop import Loop, LoopResult
+from tautwave.simulation.rows import Simulation
+from tautwave.simulation.scene.live import KeptRows
+
+
+class Stepper:
+    """The control loop of a rig, one cycle a call; axes named `outside` are moved by the caller.
+
+    Drives, encoders, delays and the controller are those of `tautwave run`: an axis outside has no
+    physics of its own, that is all. Use it in a `with` block: its end leaves every axis without
+    effort, and closes the buses.
+
+    Parameters
+    ----------
+    rig : Rig
+        A checked rig with a `simulation` block.
+    outside : sequence of str
+        Axes, such as `slave.lever`, or sides, `slave`; impedance axes on simulated buses.
+    clock : str
+        `fake`: a call takes as long as it takes. `real`: it waits for the next period, with a real
+        master in somebody's hand, for instance.
+    duration_s : float, optional
+        Length [s]; the rig's own if not given.
+
+    Attributes
+    ----------
+    period_s : float
+        Of a cycle [s].
+    outside : tuple of str
+        The axes, in the rig's order.
+
+    Raises
+    ------
+    ConfigError
+        The rig has no simulation, or an axis cannot be outside.
+
+    Examples
+    --------
+    >>> with Stepper(rig) as stepper:  # doctest: +SKIP
+    ...     efforts = stepper.step({"slave.lever": 0.0})
+    ...     while stepper.running:
+    ...         position = my_world.advance(efforts["slave.lever"], stepper.period_s)
+    ...         efforts = stepper.step({"slave.lever": position})
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        *,
+        outside: Sequence[str] = ("slave",),
+        clock: str = "fake",
+        duration_s: float | None = None,
+    ) -> None:
+        if rig.simulation is None:
+            raise ConfigError(
+                f"{rig.name}: a rig that is stepped needs a simulation block, which may be empty"
+            )
+        built = build_rig(rig, clock=clock, duration_s=duration_s)
+        self.period_s = rig.period_s
+        self._simulators = built.simulators
+        axes = {axis.name: axis for world in built.simulators for axis in _axes(world)}
+        self.outside = _chosen(rig, outside, list(axes))
+        self._axes = {name: axes[name] for name in self.outside}
+        self._worlds = {name: _given(name, axis) for name, axis in self._axes.items()}
+        self._columns = tuple(built.columns)
+        self._sink = KeptRows(len(self._columns))
+        loop = Loop(built.clock, built.buses, built.control, built.sources, self._sink)
+        self._steps: Generator[None, None, LoopResult] = loop.steps()
+        self._begun = False
+        self._result: LoopResult | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        self.close()
+
+    @property
+    def running(self) -> bool:
+        """Whether there is a cycle to come."""
+        return self._result is None
+
+    def step(
+        self, positions: Mapping[str, float], velocities: Mapping[str, float] | None = None
+    ) -> dict[str, float]:
+        """Run one cycle, and return the efforts that act until the next.
+
+        Parameters
+        ----------
+        positions : mapping
+            Where each axis outside is now [rad or m]. Its encoder sees it with its quantum and
+            noise.
+        velocities : mapping, optional
+            How fast it moves [rad/s or m/s]: recorded as its truth, and seen by nobody.
+
+        Returns
+        -------
+        dict
+            Mean effort of each motor until the next call [N m or N], positive along the position;
+            0 once the run has ended.
+
+        Raises
+        ------
+        ConfigError
+            A position is missing or no finite number, or the run has ended before.
+        TautwaveError
+            What ended the run early, such as a limit.
+        """
+        if self._result is not None:
+            raise ConfigError("the run has ended; make another Stepper")
+        for name, world in self._worlds.items():
+            position = float(positions.get(name, np.nan))
+            velocity = float((velocities or {}).get(name, 0.0))
+            if not np.isfinite([position, velocity]).all():
+                raise ConfigError(f"step: {name} needs a position, a finite number of rad or m")
+            world.place(position, velocity)
+            if not self._begun:
+                world.step(0.0, 0.0, 0.0, 0.0)
+        self._begun = True
+        try:
+            next(self._steps)
+        except StopIteration as ended:
+            self._end(ended.value)
+            return dict.fromkeys(self.outside, 0.0)
+        return {name: axis.acting() for name, axis in self._axes.items()}
+
+    @property
+    def rows(self) -> Simulation:
+        """The rows so far, as `simulate` returns them."""
+        data = np.array(self._sink.kept, dtype=np.float64).reshape(-1, len(self._columns))
+        error = None if self._result is None else self._result.error
+        return Simulation(self._columns, data, error if isinstance(error, TautwaveError) else None)
+
+    def close(self) -> None:
+        """Leave every axis without effort; idempotent."""
+        self._steps.close()
+        for simulator in self._simulators:
+            simulator.close()
+        self._simulators = ()
+
+    def _end(self, result: LoopResult) -> None:
+        self._result = result
+        if result.error is not None:
+            raise result.error
+
+
+def _axes(world: Any) -> Sequence[Any]:
+    return [axis for axis in getattr(world, "axes", ()) if hasattr(axis, "give_over")]
+
+
+def _given(name: str, axis: Any) -> Any:
+    world = axis.give_over()
+    if world is None:
+        raise ConfigError(
+            f"outside: {name} is a joint of a simulated arm, whose joints move together; leave out "
+            f"the arm in simulation.{name.partition('.')[0]}"
+        )
+    return world
+
+
+def _chosen(rig: Rig, outside: Sequence[str], simulated: Sequence[str]) -> tuple[str, ...]:
+    """Return the axes that are outside, in the rig's order."""
+    known = [f"{side}.{name}" for side in ("master", "slave") for name in getattr(rig, side).axes]
+    for one in outside:
+        if one not in known and one not in ("master", "slave"):
+            raise ConfigError(f"outside: {one} is no axis of {rig.name}; axes: {', '.join(known)}")
+    chosen = [name for name in known if name in outside or name.partition(".")[0] in outside]
+    for name in chosen:
+        side, _, axis = name.partition(".")
+        if getattr(rig, side).axes[axis].causality != "impedance":
+            raise ConfigError(
+                f"outside: {name} is an admittance axis, which needs a force to measure; only "
+                "impedance axes can be outside"
+            )
+        bus = getattr(rig, side).axes[axis].bus
+        if rig.buses[bus].divisor != 1:
+            raise ConfigError(
+                f"outside: {name} is on bus {bus}, which is served every {rig.buses[bus].divisor} "
+                "cycles; an axis outside is served every cycle (divisor: 1)"
+            )
+        if name not in simulated:
+            raise ConfigError(f"outside: the bus of {name} is not simulated here, but real")
+    if not chosen:
+        raise ConfigError("outside: name at least one axis")
+    return tuple(chosen)

@@ -1,0 +1,261 @@
+"""The process beside the loop that finds the other site, agrees with it, and hears when it leaves.
+
+`python -m tautwave.sites.desk FD < ORDER.json`: FD is one end of a pair of local sockets, on which
+every packet is one message of JSON. To the loop: `joined` (a session), `lost` (why), `peer` (a
+message of the other loop), `note` (a sentence for people), `refused` (there is no use in waiting).
+From it: `send` (a message for the other loop), `renew` (why this session ends), `bye`. The loop
+never waits for any of it, and what comes over its own UDP socket does not pass here.
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+import select
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tautwave.errors import LinkError, TautwaveError
+from tautwave.sites.certificates import identity_files
+from tautwave.sites.control import (
+    Channel,
+    RefusedError,
+    Session,
+    accept,
+    client_context,
+    dial,
+    server_context,
+)
+
+BEAT_S = 0.25
+SILENT_S = 1.0
+"""A site not heard for so long may be replaced by one that dials with its certificate [s]."""
+GONE_S = 5.0
+"""A site not heard for so long is gone [s]."""
+AGAIN_S = 0.25
+"""Time between two attempts to dial [s]."""
+MOST_AT_ONCE = 8
+"""Handshakes at the same time; one more is refused and may try again."""
+MOST_BYTES = 65536
+
+
+class Order(NamedTuple):
+    """What a desk has to know; `keys` is a directory, `shared` and `facts` as for `accept`."""
+
+    site: str
+    peer: str
+    serves: bool
+    host: str
+    port: int
+    keys: str
+    shared: Mapping[str, Any]
+    facts: Mapping[str, Any]
+
+
+class Desk:
+    """One site's part in finding and keeping the other one."""
+
+    def __init__(self, order: Order, local: socket.socket) -> None:
+        self._order = order
+        self._local = local
+        self._files = identity_files(Path(order.keys), order.site)
+        self._done: queue.SimpleQueue[tuple[Channel, Session] | LinkError] = queue.SimpleQueue()
+        self._wake, self._woken = socket.socketpair()
+        self._channel: Channel | None = None
+        self._heard = 0.0
+        self._busy = 0
+        self._dial_at = 0.0
+        self._noted = ""
+
+    def run(self) -> None:
+        """Work until the loop says `bye` or its process has ended."""
+        order = self._order
+        if not order.serves:
+            self._work(None)
+            return
+        listener = serve_at(order.host, order.port)
+        with listener:
+            self._work(listener)
+
+    def _work(self, listener: socket.socket | None) -> None:
+        context = (server_context if listener else client_context)(self._files)
+        beat = 0.0
+        while True:
+            now = time.monotonic()
+            idle = listener is None and self._channel is None and not self._busy
+            if idle and now >= self._dial_at:
+                self._start(lambda: self._dial(context))
+            if self._channel is not None and now >= beat:
+                beat = now + BEAT_S
+                self._say({"beat": True})
+            if self._channel is not None and now - self._heard > GONE_S:
+                self._drop(f"{self._order.peer} was not heard for {GONE_S:g} s")
+            waiting: list[Any] = [self._local, self._woken]
+            waiting += [listener] if listener else []
+            waiting += [self._channel] if self._channel is not None else []
+            ready, _, _ = select.select(waiting, [], [], 0.5 * BEAT_S)
+            if self._woken in ready:
+                self._woken.recv(64)
+                self._arrive()
+            if listener in ready and listener is not None:
+                self._welcome(listener, context)
+            if self._channel is not None and self._channel in ready:
+                self._hear()
+            if self._local in ready and not self._obey():
+                return
+
+    # -- the other site ---------------------------------------------------------------------
+
+    def _welcome(self, listener: socket.socket, context: Any) -> None:
+        connection, _ = listener.accept()
+        if self._busy >= MOST_AT_ONCE:
+            connection.close()
+            return
+        order = self._order
+        self._start(
+            lambda: accept(connection, context, order.peer, order.shared, order.facts, self._taken)
+        )
+
+    def _taken(self) -> str:
+        """Return why no site can join now."""
+        if self._channel is None or time.monotonic() - self._heard > SILENT_S:
+            return ""
+        return f"{self._order.peer} is already in a session here"
+
+    def _dial(self, context: Any) -> tuple[Channel, Session]:
+        order = self._order
+        where = (order.host, order.port)
+        return dial(where, context, order.peer, order.shared, order.facts)
+
+    def _start(self, meet: Callable[[], tuple[Channel, Session]]) -> None:
+        """Shake hands in a thread of its own: a slow one holds up nothing."""
+        self._busy += 1
+
+        def work() -> None:
+            found: tuple[Channel, Session] | LinkError
+            try:
+                found = meet()
+            except LinkError as err:
+                found = err
+            except OSError as err:
+                found = LinkError(f"connection lost ({err.strerror or err})")
+            self._done.put(found)
+            with suppress(OSError):
+                self._wake.send(b"!")
+
+        threading.Thread(target=work, daemon=True).start()
+
+    def _arrive(self) -> None:
+        """Take what came of handshakes."""
+        while True:
+            try:
+                found = self._done.get_nowait()
+            except queue.Empty:
+                return
+            self._busy -= 1
+            if isinstance(found, LinkError):
+                self._dial_at = time.monotonic() + AGAIN_S
+                final = isinstance(found, RefusedError) and not self._order.serves
+                why = str(found).partition(": ")[2]
+                if why != self._noted:  # a site that is still not there is no news
+                    self._noted = why
+                    self._tell("refused" if final else "note", str(found))
+                continue
+            if self._channel is not None:
+                self._drop(f"{self._order.peer} joined anew")
+            self._channel, session = found
+            self._heard = time.monotonic()
+            self._noted = ""
+            self._tell("joined", {
+                "session": session.id.hex(), "secret": session.secret.hex(),
+                "peer": session.peer, "facts": dict(session.facts),
+            })  # fmt: skip
+
+    def _hear(self) -> None:
+        try:
+            while self._channel is not None and (message := self._channel.poll()) is not None:
+                self._heard = time.monotonic()
+                if "peer" in message:
+                    self._tell("peer", message["peer"])
+        except LinkError as err:
+            self._drop(str(err))
+
+    def _say(self, message: Mapping[str, Any]) -> None:
+        if self._channel is None:
+            return
+        try:
+            self._channel.send(message)
+        except LinkError as err:
+            self._drop(str(err))
+
+    def _drop(self, why: str) -> None:
+        if self._channel is not None:
+            self._channel.close()
+            self._channel = None
+            self._dial_at = 0.0
+            self._tell("lost", why)
+
+    # -- the loop ---------------------------------------------------------------------------
+
+    def _tell(self, kind: str, what: Any) -> None:
+        with suppress(OSError):
+            self._local.send(json.dumps({kind: what}).encode())
+
+    def _obey(self) -> bool:
+        """Do what the loop says; return False where that was the last."""
+        try:
+            order = self._local.recv(MOST_BYTES)
+        except OSError:
+            order = b""
+        if not order:
+            self._say({"peer": {"left": "its program ended"}})
+            self._close()
+            return False
+        message = json.loads(order)
+        if "send" in message:
+            self._say({"peer": message["send"]})
+        if "renew" in message and self._channel is not None:
+            self._say({"peer": {"left": message["renew"]}})
+        if "renew" in message and self._channel is not None:
+            self._channel.close()
+            self._channel = None
+            self._tell("lost", message["renew"])
+        if "bye" in message:
+            self._close()
+            return False
+        return True
+
+    def _close(self) -> None:
+        if self._channel is not None:
+            self._channel.close()
+
+
+def serve_at(host: str, port: int) -> socket.socket:
+    """Return a listening socket; raises `LinkError` where the port is taken."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family)
+    except OSError as err:
+        raise LinkError(f"TCP port {port} at {host or 'any address'}: {err.strerror}") from err
+
+
+def main() -> int:
+    """Keep a desk for the process whose socket is argv[1]; its order comes on stdin."""
+    local = socket.socket(fileno=int(sys.argv[1]))
+    try:
+        Desk(Order(**json.load(sys.stdin)), local).run()
+    except TautwaveError as err:
+        with suppress(OSError):
+            local.send(json.dumps({"refused": str(err)}).encode())
+        return err.exit_code
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,221 @@
+"""A sweep's pieces on a cluster of Dask workers: what one machine makes, to the byte.
+
+A piece carries what makes its worker, pickled once, so that a worker that comes late or anew needs
+nothing of the others. A window of pieces is under way, never all: memory of client and scheduler
+stays flat. Before its first piece each process of a worker is compared with this one; another
+version, or a mathematics library that rounds otherwise, would leave rows that depend on where they
+were made, and is refused.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import math
+import pickle
+import queue
+import threading
+import time
+import uuid
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tautwave import __version__
+from tautwave.errors import ConfigError, LinkError
+from tautwave.sweep.pool import AHEAD, Piece, Worker
+
+PATIENCE_S = 30
+"""[s] How long a scheduler may take to answer, and to have a worker."""
+COUNT_S = 5.0
+"""[s] How often the workers are counted, for as many pieces as keep them busy."""
+RETRIES = 2
+"""A piece is given out again so often when its worker dies."""
+
+
+class About(NamedTuple):
+    """What rows depend on besides the sweep."""
+
+    tautwave: str
+    numpy: str
+    rounding: str
+
+
+def about() -> About:
+    """Return what rows depend on, of this process.
+
+    `rounding` is a digest of functions whose last bit differs between mathematics libraries and
+    processors.
+    """
+    at = np.linspace(0.01, 9.0, 512)
+    values = [np.sin(at), np.exp(-at), np.tanh(at), np.log(at), np.sqrt(at), at**0.3]
+    plain = [f(x) for x in at.tolist() for f in (math.sin, math.exp, math.log, math.atan)]
+    digest = hashlib.sha256(b"".join(one.tobytes() for one in values) + np.array(plain).tobytes())
+    return About(__version__, np.__version__, digest.hexdigest()[:12])
+
+
+class Cluster:
+    """Runs pieces on the workers of a scheduler; an executor of a sweep.
+
+    Parameters
+    ----------
+    scheduler : str
+        Address, as `tcp://host:8786`, or the path of a scheduler file (`.json`).
+
+    Attributes
+    ----------
+    jobs : int
+        Threads of all workers there are.
+
+    Raises
+    ------
+    ConfigError
+        `distributed` is not installed.
+    LinkError
+        There is no scheduler, or it has no workers.
+    """
+
+    def __init__(self, scheduler: str) -> None:
+        try:
+            self._dask = importlib.import_module("distributed")
+        except ImportError as err:
+            raise ConfigError(
+                "--scheduler needs Dask's distributed: pip install 'tautwave[cluster]'"
+            ) from err
+        self._name = scheduler
+        self._client = self._connect(scheduler)
+        self.jobs, self._counted = 1, -math.inf
+        self._count()
+
+    def _connect(self, scheduler: str) -> Any:
+        named: dict[str, Any] = {"address": scheduler}
+        if scheduler.endswith(".json"):
+            if not Path(scheduler).is_file():
+                raise LinkError(f"{scheduler}: no such scheduler file; is the scheduler running?")
+            named = {"scheduler_file": scheduler}
+        try:
+            client = self._dask.Client(**named, timeout=PATIENCE_S, set_as_default=False)
+        except (OSError, ValueError, TimeoutError, KeyError) as err:
+            raise LinkError(
+                f"no scheduler answers at {scheduler} ({err}); start one with `dask scheduler`, "
+                "and workers with `dask worker`"
+            ) from err
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE_S)
+        except TimeoutError as err:
+            client.close()
+            raise LinkError(
+                f"the scheduler at {scheduler} has had no worker for {PATIENCE_S} s; start some "
+                "with `dask worker`"
+            ) from err
+        return client
+
+    def _count(self) -> None:
+        """Count the threads again, now and then: workers come and go."""
+        if time.monotonic() - self._counted > COUNT_S:
+            self.jobs = max(1, sum(self._client.nthreads().values()))
+            self._counted = time.monotonic()
+
+    def close(self) -> None:
+        """Leave the cluster; its workers stay."""
+        with suppress(OSError, TimeoutError):
+            self._client.close()
+
+    def __call__(
+        self, begin: Callable[[], Worker], pieces: Iterable[Piece]
+    ) -> Generator[Any, None, None]:
+        """Yield results in any order; closing the generator takes back what has not begun.
+
+        Raises
+        ------
+        ConfigError
+            A worker is not like this process.
+        LinkError
+            The scheduler is gone, or a worker cannot do a piece.
+        """
+        client, here = self._client, about()
+        token, content = uuid.uuid4().hex, pickle.dumps(begin)
+        ahead: Iterator[Piece] = iter(pieces)
+        finished: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        waiting: set[Any] = set()
+
+        def fill() -> None:
+            self._count()
+            while len(waiting) < AHEAD * self.jobs:
+                piece = next(ahead, None)
+                if piece is None:
+                    return
+                future = client.submit(
+                    work, token, content, here, piece, pure=False, retries=RETRIES
+                )
+                waiting.add(future)
+                future.add_done_callback(finished.put)
+
+        try:
+            fill()
+            while waiting:
+                future = self._next(finished)
+                yield future.result()
+                waiting.discard(future)
+                fill()
+        except (ConfigError, LinkError):
+            raise
+        except Exception as err:
+            if client.status != "running" or isinstance(err, OSError):
+                raise self._lost() from err
+            raise LinkError(
+                f"a worker of {self._name} failed at its part: {type(err).__name__}: {err}; "
+                "rows so far are kept, and the same command resumes"
+            ) from err
+        finally:
+            for future in waiting:
+                with suppress(Exception):
+                    future.cancel()
+
+    def _next(self, finished: queue.SimpleQueue[Any]) -> Any:
+        """Wait for a piece; a scheduler that is gone never sends it."""
+        while True:
+            with suppress(queue.Empty):
+                return finished.get(timeout=1.0)
+            if self._client.status != "running":
+                raise self._lost()
+
+    def _lost(self) -> LinkError:
+        return LinkError(
+            f"the scheduler at {self._name} is gone; rows so far are kept, and the same command "
+            "resumes"
+        )
+
+
+_here = threading.local()
+
+
+def work(token: str, content: bytes, wanted: About, piece: Piece) -> Any:
+    """Do a piece on a worker; each thread makes its own worker of a sweep, once.
+
+    Raises
+    ------
+    ConfigError
+        This process is not like the one that asks.
+    """
+    if getattr(_here, "token", None) != token:
+        found = about()
+        for name, this, that in zip(About._fields, found, wanted, strict=True):
+            if this != that:
+                cause = {
+                    "rounding": "its processor or mathematics library rounds otherwise, so rows "
+                    "would depend on where they are made; use machines of one type",
+                }.get(name, f"it has {name} {this}, this machine {that}; install the same on both")
+                raise ConfigError(f"worker {_address()}: {cause}")
+        _here.worker, _here.token = pickle.loads(content)(), token
+    return _here.worker(piece)
+
+
+def _address() -> str:
+    try:
+        return str(importlib.import_module("distributed").get_worker().address)
+    except (ImportError, ValueError):
+        return "here"

@@ -1,0 +1,75 @@
+"""What a viewer has to know of a run before its rows mean anything: one JSON object."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from tautwave.config import Rig, local_wall
+from tautwave.runtime.operate.commands import EPISODE
+from tautwave.runtime.operate.states import BUTTONS, STATES, TRANSITIONS
+from tautwave.runtime.tap import Live
+
+ELEMENT = re.compile(r"(?P<pair>.+)\.(?P<element>[^.]+)\.absorbed")
+
+
+def facts_of(live: Live, rig: Rig) -> dict[str, Any]:
+    """Return columns and units, the pairs and what they are made of, states and commands."""
+    facts = live.facts
+    operated = facts.get("mailbox") is not None
+    return {
+        "rig": rig.name,
+        "columns": list(live.columns),
+        "rate_hz": live.rate_hz,
+        "delay_s": None if rig.scene is not None else rig.coupling.delay_s,
+        "law": "scene" if rig.scene is not None else rig.coupling.law,
+        "pairs": [_pair(live, rig, name) for name in facts.get("units", {})],
+        "certificate": facts.get("certificate"),
+        "states": list(STATES),
+        "commands": [*BUTTONS, EPISODE] if operated else ["stop"],
+        "possible": _possible(),
+        "tunables": _tunables(facts.get("tuning")),
+    }
+
+
+def _tunables(facts: Mapping[str, Any] | None) -> list[dict[str, Any]]:
+    """Return the knobs of a run, and what it cannot turn."""
+    return [] if facts is None else [*facts["knobs"], *facts["fixed"]]
+
+
+def _possible() -> dict[str, list[str]]:
+    """Return the commands that are possible in each state."""
+    return {
+        state: [word for word in BUTTONS if (state, word) in TRANSITIONS] + [EPISODE]
+        for state in STATES
+    }
+
+
+def _pair(live: Live, rig: Rig, name: str) -> dict[str, Any]:
+    unit = live.facts["units"][name]
+    return {
+        "name": name,
+        "unit": unit,
+        "effort": "N m" if unit == "rad" else "N",
+        "sides": {side: _side(rig, f"{side}.{name}") for side in ("master", "slave")},
+        "elements": _elements(live, name),
+    }
+
+
+def _side(rig: Rig, axis_name: str) -> dict[str, Any]:
+    axis = rig.axes[axis_name]
+    wall = local_wall(rig, axis_name)
+    return {
+        "bus": axis.bus,
+        "driver": rig.buses[axis.bus].driver,
+        "causality": axis.causality,
+        "effort_limit": axis.effort_limit,
+        "wall": None if wall is None else wall.position,
+    }
+
+
+def _elements(live: Live, pair: str) -> list[str]:
+    """Return the elements of a pair that have an account of their own, in their order."""
+    found = (ELEMENT.fullmatch(column) for column in live.columns)
+    return [m["element"] for m in found if m is not None and m["pair"] == pair]

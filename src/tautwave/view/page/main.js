@@ -1,0 +1,132 @@
+// The page of a run: one socket in, and what it brings given to scope, drawing and buttons.
+
+import { Controls } from "./controls.js";
+import { Schematic } from "./schematic.js";
+import { Scope } from "./scope.js";
+import { Store } from "./store.js";
+
+const el = (id) => document.getElementById(id);
+const HEADER = 2; // floats before the rows of a message
+
+// The token comes behind #, which no server is told; it is kept for reloading, out of sight.
+const token = location.hash.slice(1) || sessionStorage.getItem("token") || "";
+sessionStorage.setItem("token", token);
+history.replaceState(null, "", location.pathname);
+
+const app = { ended: false };
+window.tautwave = app; // for scripts and for the curious
+
+function note(text, kind) {
+  el("note").textContent = text;
+  el("note").className = kind;
+  el("note").hidden = !text;
+}
+
+function badge(id, text, kind) {
+  el(id).textContent = text;
+  el(id).className = `badge ${kind ?? ""}`;
+  el(id).hidden = !text;
+}
+
+function begin(facts) {
+  app.facts = facts;
+  app.store = new Store(facts.columns, facts.rate_hz);
+  app.scope = new Scope(app.store, facts);
+  app.schematic = new Schematic(el("schematic"), app.store, facts);
+  app.controls = new Controls(facts, send);
+  document.title = `${facts.rig} – tautwave`;
+  el("rig").textContent = facts.rig;
+  el("rig").title = facts.rig;
+  const certificate = facts.certificate;
+  if (certificate) {
+    const good = certificate.passed === true;
+    badge("certificate", good ? `${certificate.require.replaceAll("_", " ")}: ${certificate.state}` : "not certified", good ? "good" : "bad");
+    el("certificate").title = certificate.sentences.join("\n");
+  }
+  el("pair").replaceChildren(...facts.pairs.map((pair, at) => new Option(pair.name, at)));
+  el("pair").hidden = facts.pairs.length < 2;
+  el("pair").onchange = () => {
+    const pair = facts.pairs[Number(el("pair").value)];
+    app.schematic.show(pair);
+    app.scope.show(pair);
+  };
+  app.schematic.show(facts.pairs[0]);
+}
+
+function rows(buffer) {
+  const numbers = new Float64Array(buffer);
+  app.store.push(numbers[0], numbers[1], numbers.subarray(HEADER));
+}
+
+const hear = {
+  hello: begin,
+  may: (said) => app.controls?.allow(said.may),
+  news: (said) => app.controls?.news(said.entries),
+  note: (said) => note(said.text, said.kind),
+  tuned: (said) => { note(said.text, "done"); app.controls.tuned(); },
+  ended: (said) => {
+    app.ended = true;
+    badge("link", "the run has ended", "");
+    note(`The run has ended. What is seen here can still be saved; tautwave report ${said.directory} has everything.`, "done");
+    app.scope?.pause();
+  },
+};
+
+function send(fields) {
+  if (app.socket?.readyState === WebSocket.OPEN) app.socket.send(JSON.stringify(fields));
+  else note("not sent: no connection to the run", "refused");
+}
+
+function connect() {
+  const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
+  app.socket = socket;
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => {
+    badge("link", "connected", "good");
+    socket.send(JSON.stringify({ op: "hello", token }));
+  };
+  socket.onmessage = (event) => {
+    if (typeof event.data === "string") {
+      const said = JSON.parse(event.data);
+      hear[said.op]?.(said);
+    } else {
+      rows(event.data);
+    }
+  };
+  socket.onclose = () => {
+    if (app.ended) return;
+    badge("link", "no connection", "bad");
+    setTimeout(connect, 1000);
+  };
+}
+
+let slow = 0;
+function frame(now) {
+  requestAnimationFrame(frame);
+  if (!app.store?.end) return;
+  app.scope.draw();
+  if (now < slow) return;
+  slow = now + 100; // numbers that change faster cannot be read
+  const { store, facts } = app;
+  const code = store.newest("operation.state");
+  const state = code === undefined ? "engaged" : facts.states[code];
+  badge("state", state, state === "engaged" ? "good" : "");
+  app.controls.show(state, store.newest("operation.episode") ?? 0);
+  app.controls.showTuning(store);
+  app.schematic.draw();
+  const episode = store.newest("operation.episode");
+  const parts = [`${store.newest("time_s").toFixed(1)} s`, `${facts.rate_hz} Hz`, `late ${store.newest("lateness_us")?.toFixed(0)} µs`];
+  if (episode) parts.push(`episode ${episode}`);
+  if (store.missed) parts.push(`${store.missed} rows not seen`);
+  if (!app.controls.may) parts.push("looking only");
+  el("health").textContent = parts.join("   ");
+}
+
+el("stop").onclick = () => send({ op: "command", line: "stop" });
+document.addEventListener("keydown", (event) => {
+  if (event.target.matches("input, select, textarea")) return;
+  if (event.key === "Escape") el("pause").click();
+});
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => app.scope?.rebuild());
+connect();
+requestAnimationFrame(frame);

@@ -1,0 +1,305 @@
+"""The server of a run's viewers: the page and its files, rows as they come, commands back."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable, Collection, Mapping, Sequence
+from http import HTTPStatus
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+from websockets.typing import Subprotocol
+
+from tautwave.config import Rig, load_rig
+from tautwave.config.guard import parse_json
+from tautwave.errors import ConfigError, RecordingError
+from tautwave.view.facts import facts_of
+from tautwave.view.foxglove import SUBPROTOCOLS, FoxgloveViewer
+from tautwave.view.foxglove_layout import layout_of
+from tautwave.view.guard import FOXGLOVE_SOCKET, HEADERS, PAGE_SOCKET, Door, refused
+from tautwave.view.tuner import asked_of, tune
+from tautwave.view.viewers import Viewer
+from tautwave.view.watched import STOP, Watched
+
+LOOK_S = 1.0 / 30.0
+"""From one look at the ring to the next; each brings all rows since the last."""
+
+WAIT_S, KNOCK_S = 0.2, 5.0
+MOST_VIEWERS = 16
+LARGEST = 1 << 16
+"""[bytes] Of a message from a viewer."""
+
+LAYOUT = "/foxglove-layout.json"
+TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+
+
+class Page(NamedTuple):
+    """A file of the page: its bytes and type."""
+
+    body: bytes
+    type: str
+
+
+def page_files() -> Mapping[str, Page]:
+    """Return the files that are served, by path."""
+    root = files("tautwave.view").joinpath("page")
+    found: dict[str, Page] = {}
+    for folder, path in ((root, "/"), (root.joinpath("uplot"), "/uplot/")):
+        for entry in folder.iterdir():
+            kind = TYPES.get(Path(entry.name).suffix)
+            if entry.is_file() and kind is not None:
+                found[path + entry.name] = Page(entry.read_bytes(), kind)
+    found["/"] = found["/index.html"]
+    return found
+
+
+class Server:
+    """Viewers of one run.
+
+    Parameters
+    ----------
+    directory : Path
+        Of the run, which may not have begun.
+    door : Door
+        Where viewers come in.
+    announce : callable
+        Called with the address once there is one.
+    patience_s : float
+        How long a run that is not there yet is waited for.
+    foxglove : bool
+        Serve Foxglove's protocol too.
+    origins : collection of str
+        Of pages elsewhere that may use it.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        door: Door,
+        announce: Callable[[str], None],
+        *,
+        patience_s: float = 0.0,
+        foxglove: bool = False,
+        origins: Collection[str] = (),
+    ) -> None:
+        self.directory = directory
+        self.door = door
+        self.viewers: set[Viewer] = set()
+        self.run: Watched | None = None
+        self.rig: Rig | None = None
+        self._announce = announce
+        self._patience_s = patience_s
+        self._files = page_files()
+        self._origins = origins
+        self._sockets = {PAGE_SOCKET, *([FOXGLOVE_SOCKET] if foxglove else [])}
+        self.news: list[Any] = []
+        self.newest: Sequence[float] = ()
+        self._one_change = asyncio.Lock()
+
+    async def serve(self) -> None:
+        """Serve until the run has ended.
+
+        Raises
+        ------
+        RecordingError
+            There is no run.
+        ConfigError
+            The port is taken.
+        """
+        if not self._patience_s:
+            self._open()
+        try:
+            server = await serve(
+                self._meet,
+                self.door.address,
+                self.door.port,
+                ssl=self.door.tls,
+                process_request=self._answer,
+                select_subprotocol=_subprotocol,
+                compression=None,  # rows hardly compress, and it costs time
+                max_size=LARGEST,
+                server_header=None,
+            )
+        except OSError as error:
+            where = f"{self.door.address}:{self.door.port}"
+            reason = error.strerror or error
+            raise ConfigError(f"--port: {where} cannot be served: {reason}") from error
+        async with server:
+            self.door = self.door._replace(port=next(iter(server.sockets)).getsockname()[1])
+            self._announce(self.door.url)
+            await self._begin()
+            await self._watch()
+            for viewer in self.viewers:
+                viewer.tell("ended", directory=str(self.directory))
+
+    def _open(self) -> None:
+        run = Watched.of_run(self.directory)
+        self.rig = load_rig(self.directory / "rig.yaml", choose=False)
+        self.run = run
+
+    async def _begin(self) -> None:
+        """Wait for the run's first rows."""
+        waited = 0.0
+        while self.run is None:
+            try:
+                self._open()
+            except (RecordingError, OSError):
+                if waited > self._patience_s:
+                    raise
+                waited += WAIT_S
+                await asyncio.sleep(WAIT_S)
+        for viewer in self.viewers:
+            viewer.greet()
+
+    async def _watch(self) -> None:
+        run = self.run
+        assert run is not None
+        width = 8 * len(run.live.columns)
+        sent = ""
+        while True:
+            ended = run.ended
+            first, rows = run.tap.take_bytes()
+            if rows:
+                self.newest = memoryview(rows)[-width:].cast("d").tolist()
+            news = run.tap.news()
+            for viewer in self.viewers:
+                if rows and viewer.greeted:
+                    viewer.offer(first, len(rows) // width, run.tap.missed, rows)
+            if news != sent:
+                sent = news
+                self.news = list(parse_json(news))
+                for viewer in self.viewers:
+                    viewer.tell("news", entries=self.news)
+            if ended:
+                return
+            await asyncio.sleep(LOOK_S)
+
+    # -- one viewer ---------------------------------------------------------------------------
+
+    def _answer(self, socket: ServerConnection, request: Request) -> Response | None:
+        """Return the response to a request, None for one that opens a socket."""
+        path = request.path.partition("?")[0]
+        hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
+        why = refused(path, hosts, origins, self.door, self._origins)
+        if why:
+            return _response(HTTPStatus.FORBIDDEN, Page(f"{why}\n".encode(), "text/plain"))
+        if path in self._sockets:
+            if len(self.viewers) < MOST_VIEWERS:
+                return None
+            text = f"at most {MOST_VIEWERS} viewers\n".encode()
+            return _response(HTTPStatus.SERVICE_UNAVAILABLE, Page(text, "text/plain"))
+        page = self._files.get(path)
+        if getattr(request, "method", "GET") != "GET":  # older versions know no other
+            return _response(HTTPStatus.METHOD_NOT_ALLOWED, Page(b"only GET\n", "text/plain"))
+        if path == LAYOUT and FOXGLOVE_SOCKET in self._sockets and self.run is not None:
+            words = facts_of(self.run.live, self.rig)["commands"] if self.rig else []
+            body = json.dumps(layout_of(self.run.live, words), indent=1).encode()
+            page = Page(body, "application/json")
+        if page is None:
+            return _response(HTTPStatus.NOT_FOUND, Page(b"not here\n", "text/plain"))
+        return _response(HTTPStatus.OK, page)
+
+    async def _meet(self, socket: ServerConnection) -> None:
+        path = "" if socket.request is None else socket.request.path.partition("?")[0]
+        kind = FoxgloveViewer if path == FOXGLOVE_SOCKET else Viewer
+        viewer = kind(socket, self)
+        self.viewers.add(viewer)
+        try:
+            if not self.door.local and not viewer.may:
+                # A viewer elsewhere authenticates before it sees anything.
+                async with asyncio.timeout(KNOCK_S):
+                    viewer.introduce(await socket.recv())
+                if not viewer.may:
+                    await socket.close(1008, "token")
+                    return
+            if self.run is not None:
+                viewer.greet()
+            async for message in socket:
+                await viewer.hear(message)
+        except (ConnectionClosed, TimeoutError):
+            pass
+        finally:
+            self.viewers.discard(viewer)
+
+    # -- what viewers ask for -----------------------------------------------------------------
+
+    def knows(self, token: object) -> bool:
+        """Return whether that is the token."""
+        return self.door.knows(token)
+
+    def command(self, may: bool, source: str, line: str) -> None:
+        """Give the run a command.
+
+        Raises
+        ------
+        ConfigError, RecordingError
+            It needs the token, or the run takes none.
+        """
+        if not may and line.strip() != STOP:
+            raise ConfigError(NEEDS_TOKEN)
+        if self.run is None:
+            raise RecordingError("the run has not begun")
+        self.run.command(source, line)
+
+    async def change(self, may: bool, values: object) -> str:
+        """Certify a change and hand it over, one at a time; return a sentence.
+
+        Raises
+        ------
+        ConfigError, RecordingError, NotCertifiedError
+            It needs the token, is none, or is not certified.
+        """
+        if not may:
+            raise ConfigError(NEEDS_TOKEN)
+        if self.run is None or self.rig is None or not self.newest:
+            raise RecordingError("no row has come yet")
+        if not isinstance(values, dict):
+            raise ConfigError("a change is values by path")
+        async with self._one_change:
+            text = await tune(self.run, self.rig, asked_of(self.run, self.newest, values))
+        for viewer in self.viewers:
+            viewer.tuned()
+        return text
+
+
+NEEDS_TOKEN = "only looking and stop without the token: open the address that `view` printed"
+
+
+def _response(status: HTTPStatus, page: Page) -> Response:
+    headers = Headers(HEADERS)
+    headers["Content-Type"] = page.type
+    headers["Content-Length"] = str(len(page.body))
+    headers["Connection"] = "close"
+    return Response(status.value, status.phrase, headers, page.body)
+
+
+def _subprotocol(socket: ServerConnection, offered: Sequence[Subprotocol]) -> Subprotocol | None:
+    """Return the one that is spoken; pages offer none."""
+    return next((one for one in offered if one in SUBPROTOCOLS), None)
+
+
+def serve_run(
+    directory: Path,
+    door: Door,
+    announce: Callable[[str], None],
+    *,
+    patience_s: float = 0.0,
+    foxglove: bool = False,
+    origins: Collection[str] = (),
+) -> None:
+    """Serve a run's viewers until it has ended; as `Server`."""
+    server = Server(
+        directory, door, announce, patience_s=patience_s, foxglove=foxglove, origins=origins
+    )
+    asyncio.run(server.serve())

@@ -1,0 +1,153 @@
+"""A change of a running rig's numbers: certified by another process, then left on its desk.
+
+Two rigs have to be certified: the one that is asked for, and the corner of the way there, which has
+the greater of what acts and what is asked for of every number. Knobs get there at their own pace, a
+wall's stiffness perhaps only once it is left; whatever acts meanwhile is no greater than the corner
+in any number, and smaller ones need no more of the device than greater ones do.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import sys
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from tautwave.config import Rig, parse_rig, resolved_yaml
+from tautwave.config.guard import parse_json
+from tautwave.errors import ConfigError, NotCertifiedError
+from tautwave.runtime.tuning.desk import last_left, leave
+from tautwave.session.facts import port_claims
+from tautwave.types import CommandDelay
+from tautwave.view.watched import Watched
+
+TIMEOUT_S = 120.0
+ROUNDING = 1.0 + 1e-9
+
+
+class Asked(NamedTuple):
+    """Values by path: `acting` now, on their `way` since the last set, `wanted` from now on."""
+
+    acting: Mapping[str, float]
+    way: Mapping[str, float]
+    wanted: Mapping[str, float]
+    ramped: Collection[str]
+
+    @property
+    def corner(self) -> dict[str, float]:
+        """The greatest of them, for what goes there in steps."""
+        return {
+            path: max(value, self.acting[path], self.way[path]) if path in self.ramped else value
+            for path, value in self.wanted.items()
+        }
+
+
+def asked_of(run: Watched, row: Sequence[float], values: Mapping[str, Any]) -> Asked:
+    """Return what a viewer asks for, from the newest row and its message.
+
+    Raises
+    ------
+    ConfigError
+        The run allows no tuning, or not of that key, or a value is out of its range.
+    """
+    facts = run.facts.get("tuning")
+    if facts is None:
+        raise ConfigError("this run allows no tuning; start it with --allow-tuning")
+    knobs = {knob["path"]: knob for knob in facts["knobs"]}
+    fixed = {one["path"]: one["when"] for one in facts["fixed"]}
+    for path, value in values.items():
+        name = str(path)[:100]
+        if path in fixed:
+            raise ConfigError(f"{name}: only {fixed[path]}; give it to the next one with --set")
+        if path not in knobs:
+            raise ConfigError(f"{name}: is never tuned")
+        low, high, unit = (knobs[path][key] for key in ("low", "high", "unit"))
+        if not _is_number(value) or not low <= value <= high:
+            shown = repr(value)[:40]
+            raise ConfigError(f"{name}: {low:g} to {high:g} {unit} (got {shown})")
+    acting = {path: row[run.live.columns.index(knob["column"])] for path, knob in knobs.items()}
+    left = last_left(facts["desk"], len(knobs))
+    way = acting if left is None else dict(zip(knobs, left, strict=True))
+    wanted = {**way, **{path: float(value) for path, value in values.items()}}
+    return Asked(acting, way, wanted, {path for path, knob in knobs.items() if knob["ramped"]})
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+async def tune(run: Watched, rig: Rig, asked: Asked) -> str:
+    """Certify a change and leave it on the run's desk; return a sentence.
+
+    Raises
+    ------
+    NotCertifiedError
+        It is not certified, in the certificate's words.
+    """
+    facts = run.facts["tuning"]
+    wanted, corner = _certified(asked.wanted), _certified(asked.corner)
+    changed = [path for path, value in asked.wanted.items() if value != asked.way[path]]
+    if any(path in wanted for path in changed):
+        sets = [wanted] if corner == wanted else [wanted, corner]
+        jobs = (_certify(rig, values, facts["hardware"]) for values in sets)
+        there, *on_the_way = await asyncio.gather(*jobs, return_exceptions=True)
+        if there is not None:
+            raise there
+        for error in filter(None, on_the_way):
+            raise NotCertifiedError(
+                f"certified there, but not on the way: lower first, then raise. {error}"
+            ) from error
+    leave(facts["desk"], [asked.wanted[knob["path"]] for knob in facts["knobs"]])
+    return ", ".join(f"{path} {asked.wanted[path]:g}" for path in changed) or "nothing changes"
+
+
+def _certified(values: Mapping[str, float]) -> dict[str, float]:
+    """Leave out effort limits: below that of the rig its certificate holds as it is."""
+    return {path: value for path, value in values.items() if not path.endswith(".effort_limit")}
+
+
+def with_values(rig: Rig, values: Mapping[str, float]) -> Rig:
+    """Return a rig with other values at some paths, checked as a rig file is."""
+    overrides = [f"{path}={value!r}" for path, value in values.items()]
+    return parse_rig(resolved_yaml(rig), rig.source or "rig.yaml", overrides)
+
+
+async def _certify(rig: Rig, values: Mapping[str, float], hardware: Sequence[str]) -> None:
+    changed = with_values(rig, values)
+    _keep_claims(rig, changed)
+    child = await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "tautwave.certificate", *hardware,
+        stdin=asyncio.subprocess.PIPE,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+    )  # fmt: skip
+    try:
+        async with asyncio.timeout(TIMEOUT_S):
+            out, said = await child.communicate(resolved_yaml(changed).encode())
+    except TimeoutError as error:
+        child.kill()
+        raise NotCertifiedError(f"no certificate within {TIMEOUT_S:g} s") from error
+    if child.returncode != 0:
+        raise NotCertifiedError(said.decode("utf-8", "replace").strip() or "no certificate")
+    found = parse_json(out.decode())
+    if not found["passed"]:
+        raise NotCertifiedError(" ".join(found["sentences"]))
+    for axis, wall in found["walls"].items():
+        if wall["rendered_stiffness"] < wall["asked_stiffness"]:
+            least = wall["rendered_stiffness"]
+            raise NotCertifiedError(f"wall of {axis}: certified up to a stiffness of {least:.4g}")
+
+
+def _keep_claims(rig: Rig, changed: Rig) -> None:
+    """Refuse a change with which a port would claim more than it did before the run."""
+    delays = dict.fromkeys(rig.axes, CommandDelay(0, 0.0))
+    for name in rig.coupling.pairs:
+        before = port_claims(rig, name, delays).get("claim_j", {})
+        after = port_claims(changed, name, delays).get("claim_j", {})
+        for side, claim in after.items():
+            if claim > before[side] * ROUNDING:
+                raise NotCertifiedError(
+                    f"{side}.{name}: its port would claim {claim:.4g} J, more than the "
+                    f"{before[side]:.4g} J that were fixed before the run"
+                )

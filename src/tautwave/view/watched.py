@@ -1,0 +1,104 @@
+"""A run that is going on, as its viewers see it."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+from typing import Any, Self
+
+from tautwave.config.guard import parse_json
+from tautwave.errors import RecordingError
+from tautwave.runtime.operate.mailbox import send
+from tautwave.runtime.tap import LIVE, Live, Tap
+
+STOP = "stop"
+
+
+def read_live(directory: Path) -> Live:
+    """Return where the rows of a run are.
+
+    Raises
+    ------
+    RecordingError
+        No run is going on in that directory.
+    """
+    path = directory / LIVE
+    try:
+        fields = parse_json(path.read_text(encoding="utf-8"))
+        return Live(**{name: fields[name] for name in Live._fields})
+    except FileNotFoundError as error:
+        raise RecordingError(f"{directory}: no run is going on here") from error
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RecordingError(f"{path}: cannot be read ({error})") from error
+
+
+class Watched:
+    """The rows, the news and the mailbox of a run.
+
+    Attributes
+    ----------
+    live : Live
+        What the run says of itself.
+    tap : Tap
+        Its rows.
+    """
+
+    def __init__(self, directory: Path, live: Live, tap: Tap) -> None:
+        self.directory = directory
+        self.live = live
+        self.tap = tap
+        self._stopped = False
+
+    @classmethod
+    def of_run(cls, directory: Path) -> Self:
+        """Open the run in a directory.
+
+        Raises
+        ------
+        RecordingError
+            None is going on there.
+        """
+        live = read_live(directory)
+        return cls(directory, live, Tap.of_run(live))
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What the session says of its rig."""
+        return self.live.facts
+
+    @property
+    def ended(self) -> bool:
+        """Whether no more rows come."""
+        return self.tap.closed or not Path(f"/proc/{self.live.pid}").exists()
+
+    def command(self, source: str, line: str) -> None:
+        """Give the run a command; any run can be stopped.
+
+        Raises
+        ------
+        RecordingError
+            It has ended, or takes no commands.
+        """
+        mailbox = self.facts.get("mailbox")
+        if mailbox is not None:
+            send(mailbox, source, line)
+        elif line.strip() == STOP:
+            self._interrupt()
+        else:
+            raise RecordingError(
+                "this rig takes no commands but stop: it has no `operate` block, or a fake clock"
+            )
+
+    def _interrupt(self) -> None:
+        """Ramp down as Ctrl-C does, once: a second time would leave at once."""
+        run = int(self.facts.get("pid", 0))
+        try:
+            fields = Path(f"/proc/{self.live.pid}/stat").read_text().rpartition(")")[2].split()
+            if int(fields[1]) != run:  # the writer's parent; a number may be another's by now
+                raise RecordingError("the run has ended")
+            if not self._stopped:
+                os.kill(run, signal.SIGINT)
+            self._stopped = True
+        except (OSError, ValueError, IndexError) as error:
+            raise RecordingError(f"the run has ended, or is not yours ({error})") from error

@@ -1,0 +1,75 @@
+"""A wall at the tip of an arm: its account in the joints' work, guards, noise, late commands."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from tautwave_drivers.arm.parts import Effort, TipWall
+from tautwave_drivers.arm.walls import ArmWall
+
+MASS, PERIOD = 0.1, 1e-3
+SLIDES = [1.0 if i == j else 0.0 for j in range(3) for i in range(6)]
+"""Derivatives of a tip that three sliding joints move along x, y and z."""
+
+
+def bounce(delay: int, speed: float, **keys: Any) -> tuple[float, TipWall]:
+    """Throw a mass down at a floor; return its speed afterwards over that before."""
+    wall = ArmWall(shape="plane", normal=(0.0, 0.0, 1.0), stiffness=1000.0, **keys)
+    tip = TipWall("floor", wall, [0.0] * 3, Effort(3, delay, 0.0), [1.0 / MASS] * 3, PERIOD)
+    x, v = [0.0, 0.0, 0.0133], [0.4 * speed, 0.0, -speed]
+    moved = [0.0] * 3
+    waiting = [[0.0] * 3 for _ in range(delay)]
+    touched = False
+    for _ in range(3000):
+        tip.effort.begin()
+        waiting.append(tip.push(x, SLIDES, moved))
+        force = waiting.pop(0)
+        touched = touched or any(force)
+        if touched and not any(any(sent) for sent in (force, *waiting)) and v[2] > 0.0:
+            break
+        moved = [w * PERIOD + 0.5 * f / MASS * PERIOD**2 for w, f in zip(v, force, strict=True)]
+        v = [w + f / MASS * PERIOD for w, f in zip(v, force, strict=True)]
+        x = [a + b for a, b in zip(x, moved, strict=True)]
+        tip.effort.pass_slots(1)
+        tip.close(moved)
+    assert touched
+    return math.hypot(*v) / math.hypot(0.4 * speed, speed), tip
+
+
+@pytest.mark.parametrize("speed", [0.3, 1.0, 3.0])
+def test_a_mass_comes_back_no_faster(speed: float) -> None:
+    ratio, tip = bounce(0, speed, force_limit=1e6)
+    assert 0.8 < ratio <= 1.0 + 1e-9
+    assert tip._absorbed >= -1e-12
+    ratio, _ = bounce(0, speed, force_limit=1e6, friction=0.5)
+    assert ratio <= 1.0 + 1e-9
+
+
+def test_late_commands_are_paid_from_what_is_left() -> None:
+    ratio, _ = bounce(2, 1.0, force_limit=1e6)
+    assert ratio <= 1.0 + 1e-9
+
+
+def test_nothing_bounces_off_a_guard() -> None:
+    ratio, _ = bounce(0, 1.0, force_limit=1e6, guard=True)
+    loose, _ = bounce(0, 1.0, force_limit=1e6)
+    assert ratio < 0.5 < loose
+
+
+def test_a_force_stays_below_its_limit() -> None:
+    _, tip = bounce(0, 3.0, force_limit=5.0)
+    tip.push([0.0, 0.0, -0.1], SLIDES, [0.0, 0.0, -1e-3])
+    assert tip._force[2] == pytest.approx(5.0)
+
+
+def test_what_noise_costs_a_held_force_is_put_back_and_booked() -> None:
+    wall = ArmWall(shape="plane", normal=(0.0, 0.0, 1.0), stiffness=1000.0)
+    tip = TipWall("floor", wall, [1e-8] * 3, Effort(3, 0, 0.0), [10.0] * 3, PERIOD)
+    for _ in range(4):
+        tip.push([0.0, 0.0, -0.01], SLIDES, [0.0] * 3)
+    row = [0.0] * 7
+    assert tip.fill(row, 0) == 7
+    assert row[6] == pytest.approx(4 * 1000.0 * 3e-8)

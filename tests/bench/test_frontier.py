@@ -1,0 +1,70 @@
+"""The frontier of error over motor noise: its points, its table, its figure, and the command."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from tautwave import canvas
+from tautwave.bench.couplings.frontier import BEST, LAB, SETTINGS, Point, frontier
+from tautwave.bench.couplings.frontier_suite import BARS, frontier_figure
+from tautwave.bench.port.hands import CONTACTS, recorded_hands, synthetic_hands
+from tautwave.cli import main
+
+DATA = Path(__file__).parents[3] / "shared" / "data" / "teleop-1dof"
+
+
+def test_the_first_setting_is_the_laboratorys_and_the_best_is_one_of_them() -> None:
+    assert SETTINGS[0].family == LAB
+    assert BEST in SETTINGS
+    assert set(BARS) == set(CONTACTS)
+
+
+@pytest.mark.slow
+def test_without_recordings_the_laboratorys_law_is_the_measure() -> None:
+    hands = synthetic_hands(1.6)[:2]
+    found = frontier(
+        hands, 1.5e-5, settings=(SETTINGS[0], BEST), engine="python", tell=lambda _: None
+    )
+    assert list(found) == [hand.contact for hand in hands]
+    for lab, best in found.values():
+        assert (lab.share, lab.over_lab) == (1.0, 1.0)
+        assert 0.1 < best.share < 0.7
+        assert not best.ended
+
+
+@pytest.mark.slow
+def test_the_figure_shows_every_family_and_what_is_asked_for() -> None:
+    points = {
+        contact: [Point(it, 0.01, 0.004, 0.1 + 0.1 * at, 0.5 + 0.2 * at, 0)
+                  for at, it in enumerate(SETTINGS)]
+        for contact in CONTACTS
+    }  # fmt: skip
+    drawn = canvas.svg(frontier_figure(points, 1.5e-5), "frontier")
+    for said in ("wave", "position, account", "laboratory", "one setting for all", *CONTACTS):
+        assert f">{said}<" in drawn
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(120)
+@pytest.mark.skipif(not DATA.is_dir(), reason="no recordings")
+def test_one_setting_halves_the_error_of_the_laboratory_in_free_motion_and_foam() -> None:
+    hands = [it for it in recorded_hands(DATA, 2.0) if it.name in ("m2_a_free_motion", "m2_a_foam")]
+    found = frontier(
+        hands, 1.5e-5, settings=(SETTINGS[0], BEST), engine="python", tell=lambda _: None
+    )
+    for contact in ("free", "foam"):
+        best = found[contact][1]
+        assert best.share <= BARS[contact]
+
+
+def test_the_command_says_what_it_compares(tmp_path: Path) -> None:
+    """A folder without recordings is refused before anything runs."""
+    ran = CliRunner().invoke(
+        main, ["bench", "couplings", "--frontier", "--recordings", str(tmp_path), "--json"]
+    )
+    assert ran.exit_code == 2
+    assert "has no recording" in json.dumps(ran.output)

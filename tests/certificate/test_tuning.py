@@ -1,0 +1,132 @@
+"""What a law needs of its devices: closed forms, and adversaries where it is not there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from tautwave.analysis.ports.sampled_loop import Device, close_loop, position_end
+from tautwave.certificate.tuning.two_port import Tuning, tuning
+from tautwave.config import Rig
+from tautwave.rig import command_delays
+from tests.analysis.ends import site_of
+from tests.certificate.rigs import certified, element
+from tests.rigs.running import rig_of, tree
+
+T = 1e-3
+
+
+def rig(law: str, pair: dict[str, object], slots: int = 0, damping: float = 0.0) -> Rig:
+    changes: dict[str, object] = {"coupling.law": law, "coupling.pairs.a": pair}
+    changes["coupling.delay_s"] = slots * T
+    for side in ("master", "slave"):
+        changes[f"{side}.axes.a.damping"] = damping
+    return rig_of(tree(changes))
+
+
+def needs(law: str, pair: dict[str, object], slots: int = 0, damping: float = 0.0) -> Tuning:
+    built = rig(law, pair, slots, damping)
+    found = tuning(built, "a", command_delays(built))
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("slots", [0, 2, 10, 40])
+@pytest.mark.parametrize("damper", [0.0, 0.3, 2.0])
+def test_a_spring_and_a_damper_between_two_sides(slots: int, damper: float) -> None:
+    """At Nyquist K T + 2 B; towards 0 the delay's K T (1 + d) less both dampers (d even)."""
+    found = needs("position", {"stiffness": 100.0, "damping": damper}, slots)
+    slow = 100.0 * T * (1 + slots) - 2.0 * damper
+    assert found.needed == pytest.approx(max(100.0 * T + 2.0 * damper, slow), rel=2e-3)
+    assert found.short == pytest.approx(found.needed, rel=1e-9)
+
+
+def test_what_the_devices_have_is_not_short() -> None:
+    keys = {"stiffness": 100.0, "damping": 0.3}
+    bare = needs("position", keys, 4)
+    have = needs("position", keys, 4, damping=0.4)
+    assert have.needed == pytest.approx(bare.needed)
+    assert have.short == pytest.approx(bare.needed - 0.4)
+
+
+def test_damping_to_ground_covers_slow_motion_and_costs_its_own_size_at_nyquist() -> None:
+    """Nuno's B > K (tau + T / 2) holds for 1 N s/m, and is not enough for held samples."""
+    keys = {"stiffness": 20.0, "damping": 0.0, "injection": 1.0}
+    found = needs("pd_damping", keys, 40)
+    assert found.at == pytest.approx(0.5 / T)
+    assert found.needed == pytest.approx(1.0 + 20.0 * T, rel=1e-3)
+    little = needs("pd_damping", {**keys, "injection": 0.1}, 40)
+    assert little.at < 1.0
+    assert little.needed == pytest.approx(20.0 * T * 41 - 0.1, rel=1e-2)
+
+
+def test_a_reflected_command_without_a_delay_needs_a_pair_of_unlike_efforts() -> None:
+    """Master g times the slave's effort a period late: no symmetric spring, but no integrator."""
+    found = needs("position_force", {"stiffness": 20.0, "damping": 0.1, "effort": "commanded"})
+    assert math.isfinite(found.needed)
+    assert found.needed > 20.0 * T / 2.0
+
+
+def test_scales_turn_and_weigh_the_slave() -> None:
+    keys = {"stiffness": 100.0, "damping": 0.3}
+    plain = needs("position", keys, 4)
+    turned = needs("position", {**keys, "sign": -1}, 4)
+    assert turned.needed == pytest.approx(plain.needed)
+    assert turned.short_apart == pytest.approx(plain.short_apart)
+    scaled = rig("position", {**keys, "position_scale": 2.0, "force_scale": 3.0}, 4, 0.4)
+    found = tuning(scaled, "a", command_delays(scaled))
+    assert found is not None
+    # F_s = 3 F_m at x_s = 2 x_m: half of each, so in pair's units nothing is scaled but x
+    assert found.short > 0.0
+
+
+def loops(slots: int, stiffness: float, damper: float, damping: float) -> Iterator[float]:
+    """Spectral radii with springs and masses at both sides, slow to fast, alike in half of them."""
+    draw = np.random.default_rng(3)
+    site = site_of(T, 0.4)
+    law = {"stiffness": stiffness, "damping": damper}
+    sent = {"sent_stiffness": stiffness, "sent_damping": damper}
+    for at in range(200):
+        devices: list[Device] = []
+        for _ in range(2):
+            mass = 0.4 * 10.0 ** draw.uniform(0.0, 4.0)
+            swing = 10.0 ** draw.uniform(-2.0, math.log10(math.pi)) / T
+            devices.append(Device(mass, damping, max(0.0, mass * swing**2 - 2.0 * stiffness)))
+        if at % 2:
+            devices[1] = devices[0]
+        ends = [position_end(device, site, **law, **sent) for device in devices]
+        yield float(np.max(np.abs(np.linalg.eigvals(close_loop(*ends, slots)))))
+
+
+@pytest.mark.parametrize("slots", [0, 4])
+def test_adversaries_shake_what_is_short_and_nothing_that_is_not(slots: int) -> None:
+    """Springs and masses that do not touch each other; 1.3 times beyond the limit some diverge."""
+    needed = needs("position", {"stiffness": 100.0, "damping": 0.0}, slots).short_apart
+    assert max(loops(slots, 100.0, 0.0, 1.001 * needed)) <= 1.0 + 1e-9
+    assert max(loops(slots, 100.0, 0.0, needed / 1.3)) > 1.0 + 1e-9
+
+
+def test_the_certificate_says_by_what_a_law_holds() -> None:
+    """By tuning where the devices have it, by account where there is one; else it names both."""
+    line = "coupling.delay_s=0.002"
+    soft = "coupling.pairs.lever={stiffness: 0.2, damping: 0}"
+    found = element(certified(line, soft, name="bench-position-coupling"), "coupling of lever")
+    assert found.passive.passed
+    assert "by tuning" in found.passive.reason
+    assert found.numbers["holds"] == "by tuning"
+    hard = certified(line, name="bench-position-coupling")
+    assert "coupling.account" in element(hard, "coupling of lever").passive.reason
+    limits = [
+        f"{side}.axes.lever.{key}"
+        for side in ("master", "slave")
+        for key in ("velocity_limit=20", "effort_rate_limit=1000", "velocity_filter_s=0.0005")
+    ]
+    kept = certified(line, *limits, "coupling.account={}", name="bench-position-coupling")
+    ours = element(kept, "account of master.lever")
+    assert "by account" in ours.passive.reason
+    assert ours.numbers["seen_j"] < ours.numbers["true_j"] < math.inf
+    assert "bare: not passive" in element(kept, "law of lever").sentences[0]
+    assert kept.verdicts["passive"].passed

@@ -1,0 +1,121 @@
+"""The account: what its gate lets through gives no more than the funds, its counters never more."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tautwave.laws.account import (
+    AccountParams,
+    brake_effort,
+    close_account,
+    credit_due,
+    credit_received,
+    gate_bounds,
+    level_missing,
+)
+
+T = 1e-3
+M = 0.5
+"""Half mobility of a device of 1e-3 kg m**2."""
+
+P = AccountParams(
+    reserve=1e-3,
+    debt=2e-3,
+    least=0.5e-3,
+    mark=1e-3,
+    full=4e-3,
+    capacity=1e-2,
+    income=0.0,
+    level_income=0.0,
+    edge_income=0.0,
+    share=1.0,
+    level_damping=0.0,
+    edge=0.7,
+    quantum=0.0,
+)
+
+speeds = st.floats(-50.0, 50.0)
+funds = st.floats(-1.0, 1.0)
+
+
+def planned_gift(effort: float, coast: float) -> float:
+    """What an effort gives if the device moves as predicted [J]."""
+    return -effort * T * (coast - M * effort)
+
+
+@given(funds, speeds, st.floats(0.0, 1.0), st.floats(0.0, 2.0))
+def test_no_effort_within_the_bounds_plans_to_give_more_than_the_funds(
+    held: float, coast: float, share: float, edge: float
+) -> None:
+    p = P._replace(edge=edge)
+    low, high = gate_bounds(p, held, coast, M, T)
+    assert low <= 0.0 <= high
+    most = max(held, 0.0)
+    for effort in (low, high, low + share * (high - low)):
+        assert planned_gift(effort, coast) <= most + 1e-9 * (most + coast * coast)
+
+
+@given(st.floats(1e-9, 1.0), speeds)
+def test_the_bound_on_what_gives_is_all_that_the_funds_allow(held: float, coast: float) -> None:
+    """Towards the motion a hair more than the bound would plan to give more than there is."""
+    low, high = gate_bounds(P, held, coast, M, T)
+    bound = low if coast > 0.0 else high
+    assert planned_gift(1.0001 * bound, coast) > held
+    assert planned_gift(bound, coast) == pytest.approx(held, rel=1e-6, abs=1e-12)
+
+
+@given(speeds)
+def test_without_funds_it_damps_and_nothing_else(coast: float) -> None:
+    bounds = gate_bounds(P, -1.0, coast, M, T)
+    assert min(bounds, key=abs) == 0.0
+    assert max(bounds, key=abs) == pytest.approx(P.edge * coast)
+
+
+@given(
+    st.lists(st.floats(0.0, 1e-2), min_size=1, max_size=30),
+    st.lists(st.integers(0, 29), max_size=80),
+)
+def test_whatever_becomes_of_messages_credit_taken_is_never_more_than_sent(
+    incomes: list[float], arrivals: list[int]
+) -> None:
+    """Lost, late, doubled and overtaking ones; the last one that arrives brings all it can."""
+    tank, sent, messages = P.reserve, 0.0, []
+    for income in incomes:
+        tank, _ = close_account(P, tank, income)
+        due = credit_due(P, tank, 0.5)
+        tank, sent = tank - due, sent + due
+        messages.append(sent)
+    known = taken = 0.0
+    for at in (it for it in arrivals if it < len(messages)):
+        new = credit_received(messages[at], known)
+        if new > 0.0:
+            known = messages[at]
+        taken += new
+        assert taken <= messages[-1] * (1.0 + 1e-12)
+    taken += credit_received(messages[-1], known)
+    assert taken == pytest.approx(messages[-1])
+
+
+def test_only_what_stands_above_the_mark_is_sent() -> None:
+    assert credit_due(P, P.mark, 1.0) == 0.0
+    assert credit_due(P, P.mark + 1e-3, 2.0) == pytest.approx(2e-4)
+    assert credit_due(P, P.least, 0.0) == 0.0
+    assert credit_due(P, P.mark, 0.0) == pytest.approx(0.2 * (P.mark - P.least))
+
+
+def test_a_full_account_spills() -> None:
+    held, spilled = close_account(P, 9e-3, 3e-3)
+    assert held == P.capacity
+    assert spilled == pytest.approx(2e-3)
+
+
+def test_a_level_beyond_full_or_below_empty_is_none() -> None:
+    assert [level_missing(level) for level in (2.0, 1.0, 0.25, 0.0, -3.0)] == [0, 0, 0.75, 1, 1]
+
+
+def test_an_overdrawn_account_does_not_brake() -> None:
+    assert brake_effort(P, -P.debt, 0.5) == 0.5
+    assert brake_effort(P, -1.001 * P.debt, 0.5) == 0.0
+    assert brake_effort(P, float("nan"), 0.5) == 0.0

@@ -1,0 +1,135 @@
+"""Alignment: no faster, no harder and with no more energy than was said beforehand."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tautwave.laws.alignment import (
+    AlignParams,
+    align_budget,
+    align_effort,
+    align_law,
+    gate_effort,
+    lead_reference,
+    move_reference,
+)
+
+MASS, VISCOUS, COULOMB = 1.6e-3, 3.0e-3, 2.0e-3
+PERIOD = 1e-3
+
+
+def params(speed: float = 0.3, acceleration: float = 1.0, effort: float = 0.2) -> AlignParams:
+    return align_law(
+        MASS, 0.5 * COULOMB, effort, speed, acceleration, PERIOD, delay=0.0, lag=PERIOD
+    )
+
+
+def moved(
+    p: AlignParams, gap: float, budget: float, stop: float = math.inf, gone: int = 6000
+) -> tuple[float, float, float, float]:
+    """Pull a lever over a gap; return its place, top speed, top effort and the energy put in.
+
+    Beyond `stop` [rad] stands a spring of 200 N m/rad, until the period `gone`.
+    """
+    position = velocity = spent = fastest = hardest = 0.0
+    reference = rate = 0.0
+    for now in range(6000):
+        if now >= gone:
+            stop = math.inf
+        reference, rate = move_reference(p, reference, rate, gap)
+        reference, rate = lead_reference(p, reference, rate, position)
+        effort = align_effort(p, reference, rate, position, velocity)
+        effort = gate_effort(p, effort, velocity, spent, budget)
+        hardest = max(hardest, abs(effort))
+        before = position
+        for _ in range(20):
+            step = PERIOD / 20
+            push = effort - VISCOUS * velocity - 200.0 * max(0.0, position - stop)
+            held = abs(velocity) < 1e-6 and abs(push) <= COULOMB
+            friction = push if held else math.copysign(COULOMB, velocity or push)
+            velocity = 0.0 if held else velocity + (push - friction) / MASS * step
+            position += velocity * step
+        spent += effort * (position - before)
+        fastest = max(fastest, abs(velocity))
+    return position, fastest, hardest, spent
+
+
+@settings(max_examples=3, deadline=None)
+@given(gap=st.floats(0.05, 0.6), sign=st.sampled_from((-1.0, 1.0)))
+def test_a_free_lever_arrives_within_speed_and_budget(gap: float, sign: float) -> None:
+    p = params()
+    budget = align_budget(p, gap, COULOMB, VISCOUS, MASS)
+    position, fastest, hardest, spent = moved(p, sign * gap, budget)
+    assert position == pytest.approx(sign * gap, abs=2.0 * COULOMB / p.stiffness)
+    assert fastest <= p.speed
+    assert hardest <= p.effort
+    assert 0.0 < spent <= budget
+
+
+def test_an_obstacle_gets_the_greatest_effort_and_no_more() -> None:
+    p = params(effort=0.05)
+    budget = align_budget(p, 0.5, COULOMB, VISCOUS, MASS)
+    position, _, hardest, spent = moved(p, 0.5, budget, stop=0.1)
+    assert hardest == p.effort
+    assert position == pytest.approx(0.1, abs=0.002)
+    assert spent <= budget
+
+
+def test_a_lever_that_an_obstacle_lets_go_of_keeps_its_speed() -> None:
+    p = params(effort=0.1)
+    budget = align_budget(p, 0.5, COULOMB, VISCOUS, MASS)
+    position, fastest, _, _ = moved(p, 0.5, budget, stop=0.1, gone=3000)
+    assert position == pytest.approx(0.5, abs=2.0 * COULOMB / p.stiffness)
+    pressed = 0.1 / 200.0  # the spring gives back what it holds
+    assert fastest <= p.speed + math.sqrt(200.0 / MASS) * pressed
+
+
+def test_a_budget_that_is_too_small_ends_the_push() -> None:
+    p = params()
+    position, _, _, spent = moved(p, 0.5, 1e-4)
+    assert position < 0.3
+    assert spent <= 1e-4
+
+
+@given(
+    start=st.floats(-1.0, 1.0), target=st.floats(-1.0, 1.0),
+    speed=st.floats(0.2, 2.0), acceleration=st.floats(0.5, 20.0),
+)  # fmt: skip
+@settings(max_examples=20, deadline=None)
+def test_the_reference_keeps_speed_and_acceleration_and_ends_at_the_target(
+    start: float, target: float, speed: float, acceleration: float
+) -> None:
+    p = params(speed, acceleration)
+    reference, rate = start, 0.0
+    time_s = abs(target - start) / speed + 2.0 * speed / acceleration + 0.5
+    for _ in range(round(time_s / PERIOD)):
+        before = rate
+        after, rate = move_reference(p, reference, rate, target)
+        assert abs(rate) <= speed * (1.0 + 1e-12)
+        assert abs(rate - before) <= acceleration * PERIOD * (1.0 + 1e-9)
+        assert (target - after) * (target - start) >= -1e-9
+        reference = after
+    assert (reference, rate) == (target, 0.0)
+
+
+def test_a_blocked_reference_does_not_wind_up() -> None:
+    p = params()
+    reference = rate = 0.0
+    for _ in range(1000):
+        reference, rate = lead_reference(p, *move_reference(p, reference, rate, 1.0), 0.0)
+    assert reference == pytest.approx(p.effort / p.stiffness, rel=1e-9)
+    assert align_effort(p, reference, rate, 0.0, 0.0) == p.effort
+    reference, rate = lead_reference(p, -1.0, -0.3, 0.0)
+    assert (reference, rate) == (-p.effort / p.stiffness, 0.0)
+
+
+def test_at_the_end_of_the_budget_only_braking_is_left() -> None:
+    p = params()
+    assert gate_effort(p, 0.1, 0.2, 1.0, 1.0) == 0.0
+    assert gate_effort(p, 0.1, 0.0, 1.0, 1.0) == 0.0
+    assert gate_effort(p, -0.1, 0.2, 1.0, 1.0) == -0.1
+    assert gate_effort(p, 0.1, 0.2, 1.0 - 2.0 * p.reserve, 1.0) == 0.1

@@ -1,0 +1,1 @@
+"""The LeRobot plugin, against a stand-in for LeRobot's base classes."""

@@ -1,0 +1,233 @@
+"""The plugin keeps LeRobot's contract, without torch; `nightly.sh` runs LeRobot's own commands.
+
+The stand-in has what the plugin imports: base classes with the abstract names of lerobot 0.4.4 and
+0.6.1, registries, errors.
+"""
+
+from __future__ import annotations
+
+import abc
+import importlib
+import itertools
+import subprocess
+import sys
+import tomllib
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any, ClassVar
+
+import pytest
+
+from tautwave.errors import ConfigError, RecordingError
+
+ROOT = Path(__file__).parents[2]
+HOME = ROOT / "drivers" / "lerobot_robot_tautwave"
+RIG = ROOT / "configs" / "bench-2axis-loopback.yaml"
+COMMON = ["is_connected", "is_calibrated", "connect", "calibrate", "configure", "disconnect"]
+ABSTRACT = {
+    "Robot": [*COMMON, "observation_features", "action_features", "get_observation", "send_action"],
+    "Teleoperator": [
+        *COMMON, "action_features", "feedback_features", "get_action", "send_feedback",
+    ],
+}  # fmt: skip
+"""Of the base classes, in both versions."""
+
+
+class Session:
+    """A run that gives rows at once: column k of row n is n + k / 64."""
+
+    begun: ClassVar[list[Session]] = []
+    frozen = False
+
+    def __init__(self, rig: Any, *, out: Path) -> None:
+        self.directory, self.rig = out, rig
+        self.calls: list[str] = []
+        self._number = itertools.count()
+        self.begun.append(self)
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        self.calls.append("stop")
+
+    def engage(self) -> None:
+        self.calls.append("engage")
+
+    def wait_for(self, state: str, timeout_s: float) -> bool:
+        return state == "engaged"
+
+    def row(self) -> dict[str, float]:
+        if self.frozen:
+            number = 0
+        elif (number := next(self._number)) > 90:
+            raise RecordingError("the run has ended")
+        leaves = ("position", "velocity", "commanded")
+        names = ["time_s"] + [
+            f"{side}.{axis}.{leaf}"
+            for side in ("master", "slave") for axis in ("wrist", "slide") for leaf in leaves
+        ]  # fmt: skip
+        return {name: number + k / 64.0 for k, name in enumerate(names)}
+
+
+def _base(name: str, config: type) -> type:
+    """Return a base class with the abstract names of LeRobot's."""
+
+    def begin(self: Any, config: Any) -> None:
+        self.id = config.id
+
+    members: dict[str, Any] = {
+        one: abc.abstractmethod(lambda self: None) for one in ABSTRACT[name]
+    } | {"__init__": begin, "config": config}
+    return abc.ABCMeta(name, (abc.ABC,), members)
+
+
+@dataclass(kw_only=True)
+class _Config:
+    id: str | None = None
+    calibration_dir: Path | None = None
+    known: ClassVar[dict[str, type]] = {}
+
+    @classmethod
+    def register_subclass(cls, name: str) -> Any:
+        def register(config: type) -> type:
+            cls.known[name] = config
+            return config
+
+        return register
+
+
+@pytest.fixture
+def plugin(monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
+    parts = {
+        "lerobot": {},
+        "lerobot.robots": {"Robot": _base("Robot", _Config), "RobotConfig": _Config},
+        "lerobot.teleoperators": {
+            "Teleoperator": _base("Teleoperator", _Config), "TeleoperatorConfig": _Config,
+        },
+        "lerobot.utils": {},
+        "lerobot.utils.errors": {
+            "DeviceNotConnectedError": type("DeviceNotConnectedError", (ConnectionError,), {})
+        },
+    }  # fmt: skip
+    for name, content in parts.items():
+        module = ModuleType(name)
+        vars(module).update(content)
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.syspath_prepend(str(HOME))
+    found = importlib.import_module("lerobot_robot_tautwave")
+    site = importlib.import_module("lerobot_robot_tautwave.site")
+    monkeypatch.setattr(site, "Session", Session)
+    monkeypatch.setattr(Session, "begun", [])
+    yield found
+    for name in [one for one in sys.modules if one.startswith("lerobot_robot_tautwave")]:
+        del sys.modules[name]
+
+
+def devices(plugin: ModuleType) -> tuple[Any, Any]:
+    slave = plugin.TautwaveSlave(plugin.TautwaveSlaveConfig(rig=str(RIG)))
+    master = plugin.TautwaveMaster(plugin.TautwaveMasterConfig(rig=str(RIG)))
+    return slave, master
+
+
+def test_both_are_found_by_their_names(plugin: ModuleType) -> None:
+    assert {"tautwave_slave", "tautwave_master"} <= set(_Config.known)
+    for one in devices(plugin):
+        name = type(one.config).__name__
+        assert vars(plugin)[name.removesuffix("Config")] is type(one)  # how LeRobot finds it
+        assert one.name in _Config.known
+
+
+def test_features_are_the_keys_that_come(plugin: ModuleType) -> None:
+    slave, master = devices(plugin)
+    assert not slave.is_connected
+    slave.connect(calibrate=False)
+    master.connect()
+    assert slave.is_connected
+    assert slave.is_calibrated
+    assert master.is_connected
+    seen, led = slave.get_observation(), master.get_action()
+    assert list(seen) == list(slave.observation_features)
+    assert list(led) == list(master.action_features) == list(slave.action_features)
+    for features in (slave.observation_features, master.action_features):
+        assert all(kind is float for kind in features.values())  # LeRobot asks with `is`
+    assert list(seen) == [
+        "wrist.pos", "wrist.vel", "wrist.torque", "slide.pos", "slide.vel", "slide.force",
+    ]  # fmt: skip
+    assert slave.cameras == {}
+    assert master.feedback_features == {}
+    assert not hasattr(master, "enable_torque")  # else LeRobot drives the master
+    master.disconnect()
+    slave.disconnect()
+
+
+def test_action_and_observation_are_of_one_row_and_one_run(plugin: ModuleType) -> None:
+    slave, master = devices(plugin)
+    slave.connect()
+    master.connect()
+    (session,) = Session.begun
+    assert session.calls == ["engage"]
+    for number in range(4):
+        assert int(slave.get_observation()["wrist.pos"]) == number
+        assert int(master.get_action()["wrist.pos"]) == number
+    slave.disconnect()
+    assert session.calls == ["engage"]
+    assert int(master.get_action()["wrist.pos"]) == 4
+    master.disconnect()
+    assert session.calls == ["engage", "stop"]
+    again, _ = devices(plugin)
+    again.connect()
+    assert len(Session.begun) == 2
+    again.disconnect()
+
+
+def test_what_the_master_did_not_give_is_refused(plugin: ModuleType) -> None:
+    slave, master = devices(plugin)
+    slave.connect()
+    master.connect()
+    with pytest.raises(ConfigError, match="gave none"):
+        slave.send_action({"wrist.pos": 0.0})
+    slave.get_observation()
+    action = master.get_action()
+    assert slave.send_action(dict(action)) == action
+    rounded = {name: value * (1.0 + 6e-8) for name, value in action.items()}  # float32
+    assert slave.send_action(rounded) == rounded
+    with pytest.raises(ConfigError, match="led by a hand"):
+        slave.send_action(action | {"slide.pos": action["slide.pos"] + 0.001})
+    slave.disconnect()
+    master.disconnect()
+
+
+def test_a_row_that_is_old_is_no_measurement(
+    plugin: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slave, _ = devices(plugin)
+    lost = sys.modules["lerobot.utils.errors"].DeviceNotConnectedError
+    with pytest.raises(lost, match="not connected"):
+        slave.get_observation()
+    slave.connect()
+    slave.get_observation()
+    clock = sys.modules["lerobot_robot_tautwave.site"].time
+    now = clock.monotonic()
+    monkeypatch.setattr(Session, "frozen", True)
+    slave.get_observation()
+    monkeypatch.setattr(clock, "monotonic", lambda: now + 1.0)
+    with pytest.raises(lost, match="no new row"):
+        slave.get_observation()
+    slave.disconnect()
+
+
+def test_the_distribution_has_a_name_that_lerobot_looks_for(tmp_path: Path) -> None:
+    assert tomllib.loads((HOME / "pyproject.toml").read_text())["project"]["name"] == (
+        "lerobot_robot_tautwave"
+    )
+    build = "import hatchling.build as b, sys; print(b.build_wheel(sys.argv[1]))"
+    words = [sys.executable, "-c", build, str(tmp_path)]
+    subprocess.run(words, cwd=HOME, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as packed:
+        (meta,) = [one for one in packed.namelist() if one.endswith("METADATA")]
+        assert "\nName: lerobot_robot_tautwave\n" in packed.read(meta).decode()

@@ -1,0 +1,170 @@
+"""Chains against closed forms and differences, without another library."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import pytest
+
+from tautwave.bench import chains
+from tautwave.config.inputs.chains import chain_constants
+from tautwave.config.keys.arm import Chain, DhRow, Payload
+from tautwave.models.chain.build import Body, Link, build_chain, is_inertia, joined
+from tautwave.models.chain.gravity import chain_gravity, gravity_stiffness
+from tautwave.models.chain.inertia import chain_bodies, chain_coriolis, chain_screws, mass_matrix
+from tautwave.models.chain.kinematics import chain_frames, chain_jacobian, tip_pose
+from tautwave.models.load import LoadParams, load_effort, load_energy, load_stiffness
+from tests.models.chain.drawn import draw_chain
+
+G = 9.81
+PLANAR = Chain(  # two links in a vertical plane, masses at their ends
+    dh=(
+        DhRow(alpha=0.0, a=0.3, mass=1.0),
+        DhRow(alpha=0.0, a=0.2, mass=0.5),
+    ),
+    gravity=(0.0, -G, 0.0),
+)
+
+
+def test_two_links_in_a_plane_have_the_textbooks_gravity_and_inertia() -> None:
+    chain = chain_constants(PLANAR)
+    a, b = 0.4, -0.9
+    frames = chain_frames(chain, (a, b))
+    weight = [0.0, 0.0]
+    energy = chain_gravity(chain, frames, weight)
+    elbow = G * 0.5 * 0.2 * math.cos(a + b)
+    assert weight == pytest.approx([G * 1.5 * 0.3 * math.cos(a) + elbow, elbow], rel=1e-14)
+    height = 1.5 * 0.3 * math.sin(a) + 0.5 * 0.2 * math.sin(a + b)
+    assert energy == pytest.approx(G * height, rel=1e-14)
+    matrix = [0.0] * 4
+    mass_matrix(chain_bodies(chain, frames), chain_screws(frames), matrix)
+    off = 0.5 * 0.2**2 + 0.5 * 0.3 * 0.2 * math.cos(b)
+    first = 1.5 * 0.3**2 + 0.5 * 0.2**2 + 2 * 0.5 * 0.3 * 0.2 * math.cos(b)
+    assert matrix == pytest.approx([first, off, off, 0.5 * 0.2**2], rel=1e-14)
+    swung = [0.0, 0.0]
+    u, w = 1.3, -0.7
+    chain_coriolis(chain_bodies(chain, frames), chain_screws(frames), (u, w), swung)
+    h = 0.5 * 0.3 * 0.2 * math.sin(b)
+    assert swung == pytest.approx([-h * (2 * u * w + w * w), h * u * u], rel=1e-13)
+    place = tip_pose(chain, frames)[:3]
+    assert place == pytest.approx(
+        (0.3 * math.cos(a) + 0.2 * math.cos(a + b), 0.3 * math.sin(a) + 0.2 * math.sin(a + b), 0),
+        abs=1e-15,
+    )
+
+
+def test_a_payload_weighs_where_it_is_held() -> None:
+    held = PLANAR.model_copy(update={"payload": Payload(mass=0.4, centre=(0.1, 0.0, 0.0))})
+    weights = []
+    for keys in (PLANAR, held):
+        chain = chain_constants(keys)
+        weight = [0.0, 0.0]
+        chain_gravity(chain, chain_frames(chain, (0.0, 0.0)), weight)
+        weights.append(weight)
+    more = [b - a for a, b in zip(*weights, strict=True)]
+    assert more == pytest.approx([G * 0.4 * 0.6, G * 0.4 * 0.3], rel=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_gravity_is_the_slope_of_the_potential_and_its_bound_holds(seed: int) -> None:
+    rng = random.Random(seed)
+    count = rng.randint(2, 7)
+    chain = build_chain(draw_chain(rng, count), (1.0, -2.0, -9.0))
+    q = [rng.uniform(-2.0, 2.0) for _ in range(count)]
+    bound = [0.0] * count
+    gravity_stiffness(chain, [2.0] * count, bound)
+    weight = [0.0] * count
+    chain_gravity(chain, chain_frames(chain, q), weight)
+    slopes = []
+    for i in range(count):
+        ends = []
+        for step in (1e-5, -1e-5):
+            moved = list(q)
+            moved[i] += step
+            there = [0.0] * count
+            ends.append((chain_gravity(chain, chain_frames(chain, moved), there), there))
+        assert (ends[0][0] - ends[1][0]) / 2e-5 == pytest.approx(weight[i], rel=1e-6, abs=1e-6)
+        slopes.append(sum(abs(a - b) / 2e-5 for a, b in zip(ends[0][1], ends[1][1], strict=True)))
+    assert all(s <= b * (1 + 1e-6) + 1e-6 for s, b in zip(slopes, bound, strict=True))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_jacobian_is_the_slope_of_the_pose(seed: int) -> None:
+    rng = random.Random(seed)
+    count = rng.randint(2, 7)
+    chain = build_chain(draw_chain(rng, count), (0.0, 0.0, -G))
+    q = [rng.uniform(-2.0, 2.0) for _ in range(count)]
+    jacobian = [0.0] * (6 * count)
+    pose = chain_jacobian(chain, q, jacobian)
+    assert pose == tip_pose(chain, chain_frames(chain, q))
+    for i in range(count):
+        ends = []
+        for step in (1e-6, -1e-6):
+            moved = list(q)
+            moved[i] += step
+            ends.append(tip_pose(chain, chain_frames(chain, moved)))
+        slope = [(a - b) / 2e-6 for a, b in zip(*ends, strict=True)]
+        assert slope[:3] == pytest.approx(jacobian[6 * i : 6 * i + 3], abs=1e-7)
+        for at in (3, 6, 9):  # every axis of the tip turns with its angular velocity
+            x, y, z = pose[at : at + 3]
+            wx, wy, wz = jacobian[6 * i + 3 : 6 * i + 6]
+            turned = (wy * z - wz * y, wz * x - wx * z, wx * y - wy * x)
+            assert slope[at : at + 3] == pytest.approx(turned, abs=1e-7)
+
+
+def test_bodies_join_as_one() -> None:
+    empty = Body()
+    body = Body(1.5, (0.1, -0.2, 0.3), ((1e-3, 0, 0), (0, 2e-3, 0), (0, 0, 2.5e-3)))
+    assert joined(empty, body) == body
+    twin = joined(body, body._replace(centre=(-0.1, 0.2, -0.3)))
+    assert twin.mass == 3.0
+    assert twin.centre == pytest.approx((0.0, 0.0, 0.0), abs=1e-17)
+    assert twin.inertia[0][0] == pytest.approx(2e-3 + 3.0 * (0.2**2 + 0.3**2))
+    assert twin.inertia[0][1] == pytest.approx(3.0 * 0.1 * 0.2)
+
+
+def test_a_matrix_that_no_body_has_is_seen() -> None:
+    assert is_inertia(1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+    assert not is_inertia(1.0, 1.0, -1e-3, 0.0, 0.0, 0.0)
+    assert not is_inertia(1.0, 1.0, 1.0, 1.1, 0.0, 0.0)
+    assert not is_inertia(1.0, 1.0, 1.0, 0.9, 0.9, -0.9)
+
+
+def test_a_load_is_the_slope_of_its_energy() -> None:
+    p = LoadParams(0.3, -0.7, 0.2)
+    for x in (-2.0, 0.1, 1.4):
+        slope = (load_energy(p, x + 1e-6) - load_energy(p, x - 1e-6)) / 2e-6
+        assert -slope == pytest.approx(load_effort(p, x), abs=1e-9)
+        change = abs(load_effort(p, x + 1e-6) - load_effort(p, x - 1e-6)) / 2e-6
+        assert change <= load_stiffness(p) + 1e-9
+    assert load_stiffness(p) == pytest.approx(math.hypot(0.7, 0.2))
+
+
+@pytest.mark.slow
+def test_compiled_chains_give_the_bits_of_the_plain_ones() -> None:
+    pytest.importorskip("numba")
+    import numpy as np
+
+    rng = random.Random(1)
+    chain = build_chain(draw_chain(rng, 5), (0.0, 1.0, -G))
+    compiled = chains.compile_part(chains.moved)
+    for _ in range(20):
+        q = [rng.uniform(-2, 2) for _ in range(5)]
+        lists = [[0.0] * size for size in (30, 5, 25)]
+        arrays = [np.zeros(size) for size in (30, 5, 25)]
+        assert compiled(chain, np.array(q), *arrays) == chains.moved(chain, q, *lists)
+        assert [array.tolist() for array in arrays] == lists
+
+
+def test_fixed_links_before_the_first_joint_only_place_it() -> None:
+    arm = Link("a", "turns", (0.1, 0.0, 0.0), axis=(0.0, 1.0, 0.0), body=Body(1.0, (0.2, 0, 0)))
+    heavy = Link("base", "fixed", (0.0, 0.0, 0.5), body=Body(9.0, (1.0, 0.0, 0.0)))
+    weights = []
+    for links in ((arm,), (heavy, arm)):
+        chain = build_chain(links, (0.0, 0.0, -G))
+        weight = [0.0]
+        chain_gravity(chain, chain_frames(chain, (0.3,)), weight)
+        weights.append(weight[0])
+    assert weights[0] == pytest.approx(-G * 0.2 * math.cos(0.3), rel=1e-14)
+    assert weights[1] == pytest.approx(weights[0], rel=1e-14)

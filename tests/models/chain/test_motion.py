@@ -1,0 +1,153 @@
+"""The step of a moving chain: energy kept, order two, friction that sticks, closed forms."""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import Any
+
+import pytest
+
+from tautwave.models.chain.build import Body, Link, build_chain
+from tautwave.models.chain.motion import Flows, chain_step, kinetic_energy, place_chain
+from tautwave.models.chain.params import ChainParams
+from tautwave.models.plant import plant_cache, plant_step
+from tautwave.models.plant_params import PlantParams
+from tests.models.chain.drawn import draw_chain
+
+BARE = PlantParams(0.05, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+HELD = BARE._replace(viscous=0.05, coulomb=0.3, grip_stiffness=30.0, grip_damping=0.3)
+TOUCHING = HELD._replace(wall_stiffness=800.0, wall_damping=0.8, wall_position=0.35)
+SPRUNG = BARE._replace(spring_stiffness=12.0, spring_position=-0.1)
+
+
+def chain_of(seed: int, joints: int) -> ChainParams:
+    rng = random.Random(seed)
+    return build_chain(draw_chain(rng, joints), (0.0, 1.0, -9.81))
+
+
+def run(chain: ChainParams, plant: PlantParams, steps: int, h: float, **held: Any) -> Any:
+    """Return where a chain gets to, its imbalances: of the arm, and of all joints."""
+    count = len(chain.joints)
+    plants = (plant,) * count
+    x, v = [0.1 * i for i in range(count)], [0.5] * count
+    before = list(v)
+    reference, rate = held.get("reference", 0.2), held.get("rate", 0.0)
+    efforts = [held.get("effort", 0.1)] * count
+    here = place_chain(chain, plants, x)
+    start = kinetic_energy(here.matrix, v) + here.potential
+    total = [0.0] * len(Flows._fields)
+    stored_at_start = stored(plant, x, reference)
+    worst = 0.0
+    for _ in range(steps):
+        guess = [2.0 * new - old for new, old in zip(v, before, strict=True)]
+        before = v
+        references, rates = [reference] * count, [rate] * count
+        x, v, flows = chain_step(chain, plants, here, x, v, guess, efforts, references, rates, h)
+        reference += rate * h
+        here = place_chain(chain, plants, x)
+        for flow in flows:
+            total = [a + b for a, b in zip(total, flow, strict=True)]
+        books = Flows(*total)
+        gained = kinetic_energy(here.matrix, v) + here.potential - start
+        held_now = stored(plant, x, reference) - stored_at_start
+        lost = books.grip_loss + books.viscous_loss + books.coulomb_loss + books.environment_loss
+        outer = books.hand_work + books.motor_work - lost - held_now - books.given
+        worst = max(worst, abs(gained - books.given), abs(outer))
+    return x, v, worst
+
+
+def stored(p: PlantParams, x: list[float], reference: float) -> float:
+    total = 0.0
+    for at in x:
+        depth = max(p.wall_side * (at - p.wall_position), 0.0)
+        total += 0.5 * p.grip_stiffness * (reference - at) ** 2
+        total += 0.5 * p.wall_stiffness * depth**2
+        total += 0.5 * p.spring_stiffness * (at - p.spring_position) ** 2
+    return total
+
+
+@pytest.mark.parametrize(
+    "plant", [BARE, HELD, TOUCHING, SPRUNG], ids=["bare", "held", "wall", "sp"]
+)
+def test_energy_changes_by_the_work_done_and_nothing_else(plant: PlantParams) -> None:
+    chain = chain_of(4, 3)
+    _, _, worst = run(chain, plant, 200, 2e-3, rate=0.3)
+    assert worst < 1e-11
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_energy_of_longer_chains_over_a_longer_time(seed: int) -> None:
+    chain = chain_of(20 + seed, 6)
+    for plant in (BARE, TOUCHING):
+        assert run(chain, plant, 1500, 1e-3)[2] < 1e-10
+
+
+def test_the_step_is_of_order_two() -> None:
+    chain = chain_of(4, 3)
+    fine = run(chain, SPRUNG, 320, 1.25e-4)[0]
+    errors = [
+        max(
+            abs(a - b)
+            for a, b in zip(run(chain, SPRUNG, steps, 0.04 / steps)[0], fine, strict=True)
+        )
+        for steps in (20, 40)
+    ]
+    assert 3.6 < errors[0] / errors[1] < 4.7
+
+
+def test_one_weightless_joint_is_the_exact_plant() -> None:
+    body = Body(0.2, (0.3, 0.0, 0.0))
+    chain = build_chain((Link("a", "turns", axis=(0.0, 0.0, 1.0), body=body),), (0.0, 0.0, -9.81))
+    p = HELD._replace(coulomb=0.02)
+    whole = p._replace(mass=p.mass + 0.2 * 0.3**2)
+    cache = plant_cache(whole, 1e-4)
+    x, v, mode = 0.0, 0.0, 0
+    at, speed = [0.0], [0.0]
+    here = place_chain(chain, (p,), at)
+    for k in range(2000):
+        x, v, mode, *_ = plant_step(whole, cache, x, v, mode, 0.1, 1e-4 * k * 0.3, 0.3, 1e-4)
+        at, speed, _ = chain_step(
+            chain, (p,), here, at, speed, speed, [0.1], [1e-4 * k * 0.3], [0.3], 1e-4
+        )
+    assert at[0] == pytest.approx(x, abs=1e-7)
+    assert speed[0] == pytest.approx(v, abs=1e-5)
+
+
+def test_friction_holds_what_weighs_less_and_lets_go_what_weighs_more() -> None:
+    body = Body(1.0, (0.1, 0.0, 0.0))
+    chain = build_chain((Link("a", "turns", axis=(0.0, 1.0, 0.0), body=body),), (0.0, 0.0, -9.81))
+    weight = 9.81 * 0.1
+    for share, moves in ((1.01, False), (0.99, True)):
+        p = BARE._replace(coulomb=share * weight)
+        x, v = [0.0], [0.0]
+        for _ in range(20):
+            here = place_chain(chain, (p,), x)
+            x, v, flows = chain_step(chain, (p,), here, x, v, v, [0.0], [0.0], [0.0], 1e-3)
+        assert (x[0] != 0.0) == moves
+    assert flows[0].coulomb_loss == pytest.approx(p.coulomb * v[0] * 1e-3, rel=0.1)
+    assert math.copysign(1.0, x[0]) == 1.0  # about +y what sticks out along x falls to +
+
+
+def test_it_accelerates_as_pinocchio_says() -> None:
+    pin: Any = pytest.importorskip("pinocchio")
+    import numpy as np
+
+    from tests.models.chain.drawn import pin_model
+
+    rng = random.Random(8)
+    links = draw_chain(rng, 5)
+    gravity = (0.0, 1.0, -9.81)
+    chain = build_chain(links, gravity)
+    model, _ = pin_model(pin, links, gravity)
+    model.armature = np.full(5, BARE.mass)
+    q, v = [0.3, -0.4, 0.2, 0.5, -0.1], [0.6, -0.2, 0.4, 0.3, -0.5]
+    effort = [0.5, -0.3, 0.2, 0.1, 0.4]
+    wanted = pin.aba(model, model.createData(), np.array(q), np.array(v), np.array(effort))
+    plants = (BARE,) * 5
+    h = 1e-6
+    here = place_chain(chain, plants, q)
+    _, after, _ = chain_step(chain, plants, here, q, v, v, effort, [0.0] * 5, [0.0] * 5, h)
+    found = [(a - b) / h for a, b in zip(after, v, strict=True)]
+    assert found == pytest.approx(list(wanted), rel=1e-3, abs=1e-3)

@@ -1,0 +1,116 @@
+"""Laws of positions, velocities and efforts: one effort, what is observed, defaults."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tautwave.bench.couplings.rigs import bench_rig
+from tautwave.config import Rig
+from tautwave.controller import seen
+from tautwave.controller.records import AxisState, PairState
+from tautwave.couplings.states import steps
+from tautwave.errors import ConfigError
+from tautwave.rig import command_delays, make_control
+from tautwave.simulation import simulate
+from tests.rigs.running import rig_of, tree
+
+numbers = st.floats(-10.0, 10.0)
+
+
+def rig(law: str, pair: dict[str, Any], **more: Any) -> Rig:
+    data = tree({"coupling.law": law, "coupling.pairs.a": pair})
+    data["coupling"].update(more)
+    return rig_of(data)
+
+
+def ends(law: str, pair: dict[str, Any]) -> tuple[Any, list[AxisState], Any]:
+    """A pair's controller, its axes at rest, and its pair's constants."""
+    built = rig(law, pair)
+    control = make_control(built, command_delays(built), 10)
+    return control, [AxisState(end=steps.StatesEnd()) for _ in range(2)], control.pairs[0]
+
+
+@given(numbers, numbers, numbers, numbers, numbers, numbers, st.sampled_from((1, -1)))
+def test_four_channels_in_scaled_and_turned_units_are_one_spring_between_two_sides(
+    x: float, y: float, v: float, w: float, f: float, g: float, sign: int
+) -> None:
+    """What acts on the slave is that on the master, turned round: action and reaction."""
+    pair = {"stiffness": 7.0, "damping": 0.3, "force_gain": 0.4, "rejection": 0.0, "sign": sign}
+    control, (one, two), q = ends("four_channel", {**pair, "position_scale": 2, "force_scale": 3})
+    one.position, two.position, one.velocity, two.velocity = x, y, v, w
+    one.end.effort, two.end.effort = f, g
+    seen.see(PairState(offset=0.5, link=seen.SeenLink()), q, one, two, [])
+    p1, p2 = control.params
+    master, slave = steps.effort(one, p1, 0.0), steps.effort(two, p2, 0.0)
+    far = sign * (y - 0.5) / 2.0
+    expected = 7.0 * (x - far) + 0.3 * (v - sign * w / 2.0) - 0.4 * (f + sign * g / 3.0)
+    assert master == pytest.approx(expected, abs=1e-9)
+    both = 2.0 * 0.4 * (f + sign * g / 3.0)
+    assert master + sign * slave / 3.0 == pytest.approx(-both, abs=1e-9)
+
+
+@given(numbers, st.sampled_from((0.0, 0.25, 1.0)))
+def test_rejection_cancels_what_moves_a_device_and_is_not_its_motor(d: float, r: float) -> None:
+    pair = {"stiffness": 7.0, "damping": 0.3, "force_gain": 0.4, "rejection": r}
+    control, (one, _), _ = ends("four_channel", pair)
+    p = control.params[0]
+    one.end.push, one.end.effort = d / p.end.outside.mass, 0.5
+    assert steps.effort(one, p, 0.0) == pytest.approx(r * d - 0.4 * 0.5)
+
+
+@given(numbers, numbers)
+def test_the_master_of_position_force_feels_the_slave_and_no_spring(x: float, g: float) -> None:
+    pair = {"stiffness": 7.0, "damping": 0.3, "force_gain": 1.5, "master_damping": 0.2}
+    control, (one, two), q = ends("position_force", pair)
+    one.position, one.velocity, two.end.effort = x, 2.0, g
+    seen.see(PairState(link=seen.SeenLink()), q, one, two, [])
+    assert steps.effort(one, control.params[0], 0.0) == pytest.approx(0.4 - 1.5 * g)
+    expected = -7.0 * x - 0.3 * 2.0
+    assert steps.effort(two, control.params[1], 0.0) == pytest.approx(expected)
+
+
+def test_what_is_believed_of_a_held_device_is_what_pushes_it() -> None:
+    """A slave against a spring, at rest: the observer finds the spring's force, friction apart."""
+    held = "{type: multisine, ramp_s: 0.1, components: [[0.001, 0.1, 1.5707963]]}"
+    built = bench_rig(
+        "four_channel", 0.0, account=True, contact="rigid", reference=held, seconds=0.6
+    )
+    pairs = {
+        name: pair.model_copy(update={"rejection": 0.0})
+        for name, pair in built.coupling.pairs.items()
+    }
+    coupling = built.coupling.model_copy(update={"pairs": pairs})
+    built = built.model_copy(update={"coupling": coupling})
+    run = simulate(built, engine="python")
+    at = {name: run.data[-100:, place] for place, name in enumerate(run.columns)}
+    believed = float(np.mean(at["slave.lever.believed_effort"]))
+    pushed = float(np.mean(at["true.slave.lever.environment_effort"]))
+    assert pushed < -0.04
+    assert believed == pytest.approx(pushed, rel=0.05, abs=5e-3)
+
+
+@pytest.mark.parametrize("law", ["position_force", "four_channel", "pd_damping"])
+@pytest.mark.parametrize("delay", [0.0, 0.01])
+def test_gains_left_to_the_law_come_from_the_devices_and_the_delay(law: str, delay: float) -> None:
+    pair = rig(law, {}, delay_s=delay).coupling.pairs["a"]
+    swing = math.sqrt(pair.gain("stiffness") / 0.5)  # of the lighter mass
+    assert swing <= 100.0 + 1e-2
+    assert swing * (2.0 * delay + 1e-3) <= 0.1 + 1e-4
+    assert pair.gain("damping") == pytest.approx(1.4 * 0.5 * swing, rel=1e-3)
+    if law == "pd_damping":
+        # Nuno: 4 B B > (T_m + T_s)^2 K K, half a period of hold at either end included
+        both = 2.0 * delay + 1e-3
+        assert 2.0 * pair.gain("injection") > both * pair.gain("stiffness")
+
+
+def test_a_gain_nobody_has_chosen_is_refused() -> None:
+    from tautwave.couplings.states.keys import PdDampingPair
+
+    with pytest.raises(ConfigError, match="stiffness is still auto"):
+        PdDampingPair().gain("stiffness")

@@ -1,0 +1,121 @@
+"""`tautwave export`: every row of an episode, as recorded, in three formats."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from tautwave.cli import main
+from tautwave.report.export.episodes import episodes
+from tautwave.runtime.recorder import Recorder
+
+COLUMNS = ("time_s", "operation.episode", "master.lever.position")
+ROWS = [(0.1 * k, float({1: 1, 2: 1, 5: 2, 6: 2, 7: 2}.get(k, 0)), 1.0 / (k + 1)) for k in range(9)]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("run")
+    recorder = Recorder(
+        folder / "recording.mcap", COLUMNS, metadata={}, attachments={}, rows=64, lossless=True,
+        rate_hz=10.0,
+    )  # fmt: skip
+    recorder.start()
+    for values in ROWS:
+        for at, value in enumerate(values):
+            recorder.row[at] = value
+        recorder.commit()
+    recorder.close()
+    episodes = [
+        {"number": 1, "name": "pick/../x", "task": "the red one", "success": True},
+        {"number": 2, "name": "place", "task": "", "success": None},
+    ]
+    (folder / "summary.json").write_text(json.dumps({"operation": {"episodes": episodes}}))
+    return folder
+
+
+def export(run: Path, out: Path, *more: str) -> list[str]:
+    done = CliRunner().invoke(main, ["export", str(run), "--out", str(out), *more])
+    assert done.exit_code == 0, done.output
+    return [Path(line).name for line in done.output.split()]
+
+
+def test_an_episode_is_a_file_and_its_rows_are_those_recorded(run: Path, tmp_path: Path) -> None:
+    assert export(run, tmp_path) == ["001-pick-x.csv", "002-place.csv", "episodes.csv"]
+    head, *rows = csv.reader((tmp_path / "002-place.csv").read_text().splitlines())
+    assert tuple(head) == COLUMNS
+    assert [tuple(map(float, row)) for row in rows] == ROWS[5:8]  # to the bit
+    index = list(csv.DictReader((tmp_path / "episodes.csv").read_text().splitlines()))
+    assert [(one["number"], one["success"], one["rows"], one["task"]) for one in index] == [
+        ("1", "true", "2", "the red one"), ("2", "", "3", ""),
+    ]  # fmt: skip
+    assert [one["begin_s"] for one in index] == ["0.1", "0.5"]
+
+
+def test_npz_and_parquet_hold_the_same(run: Path, tmp_path: Path) -> None:
+    export(run, tmp_path, "--to", "npz", "--columns", "master.lever.position")
+    with np.load(tmp_path / "001-pick-x.npz") as arrays:
+        assert list(arrays) == ["master.lever.position"]
+        assert arrays["master.lever.position"].tolist() == [row[2] for row in ROWS[1:3]]
+    parquet = pytest.importorskip("pyarrow.parquet")
+    export(run, tmp_path, "--to", "parquet")
+    table = parquet.read_table(tmp_path / "002-place.parquet")
+    assert table.column("time_s").to_pylist() == [row[0] for row in ROWS[5:8]]
+
+
+def test_without_a_summary_the_rows_still_say_where_episodes_are(run: Path, tmp_path: Path) -> None:
+    (tmp_path / "recording.mcap").write_bytes((run / "recording.mcap").read_bytes())
+    assert [(one.name, one.rows) for one in episodes(tmp_path)] == [
+        ("episode-1", slice(1, 3)), ("episode-2", slice(5, 8)),
+    ]  # fmt: skip
+    (tmp_path / "summary.json").write_text("{")
+    assert len(episodes(tmp_path)) == 2
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [(("--columns", "time"), "time_s"), (("--to", "xls"), "'parquet'")],
+)
+def test_bad_input_is_one_sentence(
+    run: Path, tmp_path: Path, more: tuple[str, ...], said: str
+) -> None:
+    done = CliRunner().invoke(main, ["export", str(run), "--out", str(tmp_path), *more])
+    assert done.exit_code != 0
+    assert "Traceback" not in done.output
+    assert said in done.output
+
+
+def test_no_run_is_said(tmp_path: Path) -> None:
+    done = CliRunner().invoke(main, ["export", str(tmp_path / "none")])
+    assert done.exit_code != 0
+    assert done.output.count("\n") == 1
+
+
+def test_matlab_gets_structures_and_units(run: Path, tmp_path: Path) -> None:
+    scipy_io = pytest.importorskip("scipy.io")
+    export(run, tmp_path, "--to", "mat")
+    found = scipy_io.loadmat(tmp_path / "002-place.mat", simplify_cells=True)
+    assert found["recording"]["master"]["lever"]["position"].tolist() == [r[2] for r in ROWS[5:8]]
+    assert found["units"]["master"]["lever"]["position"] == "rad"
+    assert found["units"]["time_s"] == "s"
+
+
+def test_parquet_knows_its_units(run: Path, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    export(run, tmp_path, "--to", "parquet")
+    schema = parquet.read_schema(tmp_path / "001-pick-x.parquet")
+    assert schema.field("master.lever.position").metadata[b"unit"] == b"rad"
+
+
+def test_several_runs_have_a_folder_each(run: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    shutil.copytree(run, other)
+    export(run, tmp_path / "out", str(other))
+    assert (tmp_path / "out" / "other" / "episodes.csv").exists()
+    assert (tmp_path / "out" / run.name / "002-place.csv").exists()

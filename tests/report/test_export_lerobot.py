@@ -1,0 +1,175 @@
+"""`tautwave export --to lerobot`: the files of a v3.0 dataset, row by row out of recordings."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from tautwave.cli import main
+from tautwave.runtime.recorder import Recorder
+
+pq = pytest.importorskip("pyarrow.parquet")
+
+RATE, FPS = 100.0, 30
+RIG = """\
+name: twin
+master: {axes: {knee: {kind: rotary}, lift: {kind: linear}}}
+slave: {axes: {knee: {kind: rotary}, lift: {kind: linear, causality: admittance}}}
+"""
+STATE = ["knee.pos", "knee.vel", "knee.torque", "lift.pos", "lift.vel", "lift.force"]
+COLUMNS = (
+    "time_s", "operation.episode", "master.knee.position", "master.knee.velocity",
+    "master.lift.position", "master.lift.velocity", "slave.knee.position", "slave.knee.velocity",
+    "slave.knee.commanded", "slave.lift.position", "slave.lift.velocity",
+    "slave.lift.measured_effort",
+)  # fmt: skip
+EPISODES = {1: range(20, 81), 2: range(120, 200)}
+# As LeRobot 0.6.1 writes it: names of columns, their types, and the note for its library.
+SCHEMA = """\
+action: fixed_size_list<element: float>[2]
+observation.state: fixed_size_list<element: float>[6]
+timestamp: float
+frame_index: int64
+episode_index: int64
+index: int64
+task_index: int64"""
+
+
+def recorded(folder: Path, rig: str = RIG, lost: range = range(0)) -> Path:
+    """Record 250 rows whose values name row and column."""
+    folder.mkdir()
+    recorder = Recorder(
+        folder / "recording.mcap", COLUMNS, metadata={"rig": "twin", "rate_hz": str(RATE)},
+        attachments={"rig.yaml": rig.encode()}, rows=512, lossless=True, rate_hz=RATE,
+    )  # fmt: skip
+    recorder.start()
+    for k in range(250):
+        episode = next((number for number, rows in EPISODES.items() if k in rows), 0)
+        values = [k / RATE, float(episode)] + [k + at / 16.0 for at in range(len(COLUMNS) - 2)]
+        for at, value in enumerate(values):
+            recorder.row[at] = math.nan if at == 6 and k in lost else value
+        recorder.commit()
+    recorder.close()
+    marks = [
+        {"number": 1, "name": "a", "task": "lift it", "success": True},
+        {"number": 2, "name": "b", "task": "", "success": False},
+    ]
+    (folder / "summary.json").write_text(json.dumps({"operation": {"episodes": marks}}))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recorded(tmp_path_factory.mktemp("runs") / "one")
+
+
+def export(*words: Any) -> tuple[int, str]:
+    done = CliRunner().invoke(main, ["export", "--to", "lerobot", *map(str, words)])
+    assert "Traceback" not in done.output
+    return done.exit_code, done.output
+
+
+def test_frames_are_rows_of_the_episodes(run: Path, tmp_path: Path) -> None:
+    out = tmp_path / "set"
+    code, said = export(run, run, "--fps", FPS, "--task", "rest", "--out", out)
+    assert (code, said) == (0, f"{out}: 4 episodes, 86 frames at 30 fps\n")
+    path = out / "data/chunk-000/file-000.parquet"
+    table = pq.read_table(path)
+    assert "\n".join(f"{one.name}: {one.type}" for one in table.schema) == SCHEMA
+    note = json.loads(table.schema.metadata[b"huggingface"])["info"]["features"]
+    assert note["action"] == {
+        "feature": {"dtype": "float32", "_type": "Value"}, "length": 2, "_type": "List",
+    }  # fmt: skip
+    assert pq.ParquetFile(path).num_row_groups == 4
+    lengths = [19, 24, 19, 24]  # 0.60 s and 0.79 s, both ends counted
+    assert table["index"].to_pylist() == list(range(sum(lengths)))
+    frame = [k for length in lengths for k in range(length)]
+    assert table["frame_index"].to_pylist() == frame
+    assert table["timestamp"].to_numpy().tobytes() == (
+        (np.array(frame) / FPS).astype(np.float32).tobytes()
+    )
+    starts = [20, 120, 20, 120]
+    rows = [
+        start + int(k * RATE / FPS + 1e-9)
+        for start, length in zip(starts, lengths, strict=True) for k in range(length)
+    ]  # fmt: skip
+    action = np.array(table["action"].to_pylist())
+    state = np.array(table["observation.state"].to_pylist())
+    assert action.tolist() == [[row, row + 2 / 16] for row in rows]
+    assert state.tolist() == [[row + at / 16 for at in range(4, 10)] for row in rows]
+    assert table["task_index"].to_pylist()[18:20] == [0, 1]
+
+
+def test_meta_agrees_with_the_frames(run: Path, tmp_path: Path) -> None:
+    out = tmp_path / "set"
+    assert export(run, "--task", "rest", "--velocities", "--out", out)[0] == 0
+    info = json.loads((out / "meta/info.json").read_text())
+    assert info["codebase_version"] == "v3.0"
+    assert (info["total_frames"], info["splits"], info["fps"]) == (43, {"train": "0:2"}, 30)
+    assert info["features"]["action"]["names"] == ["knee.pos", "knee.vel", "lift.pos", "lift.vel"]
+    assert info["features"]["observation.state"]["names"] == STATE
+    tasks = pq.read_table(out / "meta/tasks.parquet")
+    assert tasks.to_pydict() == {"task_index": [0, 1], "task": ["lift it", "rest"]}
+    assert json.loads(tasks.schema.metadata[b"pandas"])["index_columns"] == ["task"]
+    rows = pq.read_table(out / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    assert [(one["dataset_from_index"], one["dataset_to_index"]) for one in rows] == [
+        (0, 19), (19, 43),
+    ]  # fmt: skip
+    assert rows[1]["tasks"] == ["rest"]
+    first = np.array(pq.read_table(out / "data/chunk-000/file-000.parquet")["action"].to_pylist())
+    assert rows[0]["stats/action/max"] == first[:19].max(axis=0).tolist()
+    stats = json.loads((out / "meta/stats.json").read_text())
+    assert stats["action"]["q90"] == np.quantile(first, 0.9, axis=0).tolist()
+    assert stats["action"]["count"] == [43]
+    card = (out / "README.md").read_text()
+    force = "| observation.state | `lift.force` | `slave.lift.measured_effort` | N |"
+    assert force in card.splitlines()
+    assert "rig twin (sha256 " in card
+
+
+def test_a_sample_that_is_missing_is_not_made_up(tmp_path: Path) -> None:
+    run = recorded(tmp_path / "run", lost=range(30, 41))
+    out = tmp_path / "set"
+    code, said = export(run, "--task", "rest", "--out", out)
+    assert (code, said.count("\n")) == (2, 1)
+    assert "4 of 19 frames of episode a miss a sample" in said
+    assert not list(tmp_path.glob("set*"))
+    code, said = export(run, "--task", "rest", "--missing", "cut", "--out", out)
+    assert (code, said) == (
+        0, f"{out}: 2 episodes, 39 frames at 30 fps, 4 frames without a sample left out\n",
+    )  # fmt: skip
+
+
+def test_what_cannot_be_is_refused_in_one_sentence(run: Path, tmp_path: Path) -> None:
+    other = recorded(tmp_path / "other", RIG.replace("{kind: linear}", "{kind: rotary}"))
+    bare = recorded(tmp_path / "bare", "{}")
+    slow = tmp_path / "slow"
+    shutil.copytree(run, slow)
+    taken = tmp_path / "taken"
+    taken.mkdir()
+    new = ("--out", tmp_path / "set")
+    for words, part in (
+        ((run, *new), "--task"),
+        ((run, "--task", "x", "--fps", 101, *new), "at most --fps 100"),
+        ((run, other, "--task", "x", *new), "one robot"),
+        ((bare, "--task", "x", *new), "rig file"),
+        ((run, "--task", "x", "--out", taken), "exists"),
+        ((run, "--columns", "time_s", *new), "--columns"),
+    ):
+        code, said = export(*words)
+        assert code == 2, said
+        assert part in said
+        assert not list(tmp_path.glob("set*"))
+    (tmp_path / "set.part" / "mine").mkdir(parents=True)
+    code, said = export(run, "--task", "x", *new)
+    assert (code, "remove it first" in said) == (2, True)
+    assert (tmp_path / "set.part" / "mine").exists()
+    done = CliRunner().invoke(main, ["export", str(run), "--fps", "3"])
+    assert "--fps is for --to lerobot" in done.output

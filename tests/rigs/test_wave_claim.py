@@ -1,0 +1,199 @@
+"""What the claim of a wave port says of noise, against sums over explicit noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tautwave.certificate.verdict import certify
+from tautwave.config.keys.rig import CLAIMED_S, UNTIL_STOPPED_S
+from tautwave.couplings.claim import DEVIATIONS, Claim
+from tautwave.couplings.wave.claim import claim_of, claimed_joules
+from tautwave.couplings.wave.messages import claim_hints
+from tautwave.errors import ConfigError
+from tautwave.models.noise_colour import LAGS, greatest_spectrum, spectrum
+from tautwave.rig import command_delays
+from tautwave.session.operating import claimed_span
+from tautwave.simulation import simulate
+from tests.certificate.rigs import rig
+
+NAME = "bench-1dof-2khz"
+MEAN_OF_MANY = tuple(1.0 - k / (LAGS + 1.0) for k in range(1, LAGS + 1))
+"""Colour of the mean of 17 samples of white noise: the strongest that can be declared."""
+
+
+SHORT = ("loop.overrun_limit=2", "loop.missing_limit=2")
+
+
+def claim(*changes: str) -> Claim:
+    loaded = rig("master.axes.lever.effort_rate_limit=10", *changes, name=NAME)
+    found = claim_of(loaded, "master.lever", command_delays(loaded))
+    assert isinstance(found, Claim)
+    return found
+
+
+def drawn(one: Claim, lags: tuple[float, ...], seconds: float) -> float:
+    """Return DEVIATIONS of the sum of F_k (n[k+1] - n[k]) [J] while F goes to and fro."""
+    step = one.rate * one.period
+    turns = round(2.0 * one.effort / step)
+    count = round(seconds / one.period)
+    changes = np.where((np.arange(count) // turns) % 2 == 0, step, -step)
+    filtered = np.convolve(changes, [*lags[::-1], 1.0, *lags], "same")
+    return DEVIATIONS * one.deviation * float(np.sqrt(changes @ filtered))
+
+
+@pytest.mark.parametrize(
+    ("declared", "lags"),
+    [
+        ("[]", ()),
+        ("[-0.4]", (-0.4,)),
+        (str(list(MEAN_OF_MANY)), MEAN_OF_MANY),
+        ("null", MEAN_OF_MANY),
+    ],
+    ids=["white", "blue", "slow", "undeclared"],
+)
+def test_coloured_noise_and_moving_efforts_feign_no_more_than_is_claimed(
+    declared: str, lags: tuple[float, ...]
+) -> None:
+    """A slow colour draws the square root of its greatest spectrum more than white noise."""
+    one = claim(f"master.axes.lever.position_noise_autocorrelation={declared}")
+    seconds = 300.0
+    claimed = one.true(seconds) - one.seen(seconds) - one.feigned * seconds - one.stopping
+    error = one.deviation + 0.5 * one.quantum
+    walked = claimed - 2.0 * DEVIATIONS * error * one.effort
+    assert drawn(one, lags, seconds) <= walked
+    if lags != (-0.4,):  # that one is strong where an effort cannot follow
+        assert drawn(one, lags, seconds) > 0.9 * walked
+
+
+@pytest.mark.parametrize("lags", [(), (0.5,), (-0.5,), (0.1, -0.3, 0.2), MEAN_OF_MANY])
+def test_the_greatest_spectrum_is_none_that_is_exceeded(lags: tuple[float, ...]) -> None:
+    found = max(spectrum(lags, theta) for theta in np.linspace(0.0, np.pi, 20001))
+    assert found <= greatest_spectrum(lags) * (1.0 + 1e-12)
+    assert greatest_spectrum(lags) < 1.03 * found
+    assert greatest_spectrum(lags) <= greatest_spectrum(None) == LAGS + 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ((), "most of it by loop.overrun_limit 40: 7 leaves 0.9"),
+        (
+            ("loop.overrun_limit=2", "loop.missing_limit=30"),
+            "most of it by loop.missing_limit 30: ",
+        ),
+        (
+            (*SHORT, "master.axes.lever.effort_limit=9", "master.axes.lever.effort_rate_limit=1e5"),
+            "; lower effort_limit",
+        ),
+        ((*SHORT, "duration_s=1000"), "; lower wave_impedance"),
+        ((*SHORT, "master.axes.lever.effort_rate_limit=20"), "; raise effort_rate_limit"),
+    ],
+    ids=["stalls", "samples", "effort", "leak", "ramp"],
+)
+def test_a_claim_above_the_kinetic_energy_has_a_hint_which_key_lowers_it(
+    changes: tuple[str, ...], said: str
+) -> None:
+    loaded = rig(*changes, name=NAME)
+    texts = [text for _, text in claim_hints(loaded, command_delays(loaded))]
+    assert any(said in text for text in texts), texts
+
+
+def test_a_claim_below_the_kinetic_energy_has_no_hint() -> None:
+    loaded = rig(*SHORT, name=NAME)
+    assert not list(claim_hints(loaded, command_delays(loaded)))
+
+
+def test_a_host_may_stall_for_20_ms_where_no_limit_is_stated() -> None:
+    rates = {2000: 40, 500: 10, 50: 2}
+    for rate, slots in rates.items():
+        changes = ("loop={}", f"rate_hz={rate}", "coupling.pairs.lever.wave_filter_hz=5")
+        assert rig(*changes, name=NAME).overrun_limit == slots
+    assert rig("loop.overrun_limit=7", name=NAME).overrun_limit == 7
+
+
+def test_a_run_without_an_end_claims_by_the_hour() -> None:
+    """Reserve and what acts unseen once an engagement, the leak for an hour, not for a day."""
+    endless = rig(f"duration_s={UNTIL_STOPPED_S}", name=NAME)
+    one = claim()
+    assert endless.claimed_s == CLAIMED_S == 3600.0
+    assert claimed_span(endless, 10) == 3600.0
+    assert claimed_span(endless, round(3601.0 / endless.period_s)) == 7200.0
+    hour = claimed_joules(endless, "master.lever", command_delays(endless))
+    free = rig(name=NAME)
+    own = claim_of(free, "master.lever", command_delays(free))
+    assert isinstance(own, Claim)
+    assert hour == pytest.approx(2.0 * own.reserve + own.under_way + 3600.0 * own.leak)
+    assert claimed_span(free, 10) == free.duration_s
+    assert one.leak == own.leak
+
+
+def test_limits_that_bound_nothing_are_refused() -> None:
+    changes = [f"{side}.axes.lever.effort_limit=1e15" for side in ("master", "slave")]
+    found = certify(rig(*changes, name=NAME))
+    assert all("its limits bound nothing" in why for why in found.sentences())
+    assert not found.passed
+
+
+def test_a_forced_run_without_limits_names_every_side() -> None:
+    changes = [f"{side}.axes.lever.velocity_limit=null" for side in ("master", "slave")]
+    with pytest.raises(ConfigError, match=r"master's axis(.|\n)*slave's axis"):
+        simulate(rig(*changes, name=NAME), engine="python")
+
+
+@pytest.mark.parametrize(
+    ("delay_s", "why"), [(0.0085, "17 periods late, and the proof covers up to 16"), (1.0, "")]
+)
+def test_commands_that_act_too_late(delay_s: float, why: str) -> None:
+    """They were tried for minutes."""
+    late = rig(f"buses.bench.options={{command_delay_s: {delay_s}}}", name=NAME)
+    if why:
+        assert all(why in one for one in certify(late).sentences())
+    else:
+        with pytest.raises(ConfigError, match="2000 periods late, and more than 20"):
+            certify(late)
+
+
+PLAIN = Claim(
+    reserve=2.0, leak=0.5, feigned=0.25, effort=3.0, rate=6.0, velocity=4.0, wall=0.0, period=0.5,
+    blind=2.0, mass=8.0, deviation=0.0, peak=1.0, quantum=0.0, nonlinearity=0.0, stop_damping=0.0,
+    release=1.0, kinetic=64.0,
+)  # fmt: skip
+
+
+def test_the_terms_are_those_of_the_docstring() -> None:
+    """By hand: efforts act unseen for 2 * 0.5 + 3 / (2 * 6) = 1.25 s."""
+    moved = 4.0 * 1.25 + 0.5 * 3.0 * 1.25**2 / 8.0
+    assert PLAIN.under_way == pytest.approx(3.0 * moved, rel=1e-15)
+    assert PLAIN.seen(10.0) == pytest.approx(4.0 + 3.0 * moved + 5.0, rel=1e-15)
+    assert PLAIN.true(10.0) == pytest.approx(PLAIN.seen(10.0) + 2.5, rel=1e-15)
+    walled = PLAIN._replace(wall=5.0)
+    assert walled.under_way == pytest.approx(8.0 * moved, rel=1e-15)
+    pressing = PLAIN._replace(spring=7.0)
+    assert pressing.under_way == pytest.approx(3.0 * moved + 3.5 * 5.0**2, rel=1e-15)
+
+
+def test_a_stop_whose_damping_acts_on_noise_claims_its_power() -> None:
+    noisy = PLAIN._replace(deviation=0.1, quantum=0.2, stop_damping=0.3)
+    still = noisy._replace(stop_damping=0.0)
+    power = 4.0 * 0.3 * (0.1**2 + 0.25 * 0.2**2) / 0.5**2
+    assert noisy.true(10.0) - still.true(10.0) == pytest.approx(power * 1.0, rel=1e-12)
+    assert noisy.seen(10.0) == still.seen(10.0)
+
+
+STALLED = (
+    "seed=194", "coupling.delay_s=0", "coupling.pairs.lever.wave_impedance=0.2",
+    "slave.axes.lever.environment_stiffness_upper=243",
+    "simulation.environment.lever={type: spring, stiffness: 243, position: 0}",
+    "simulation.hand.lever.reference={type: multisine, ramp_s: 0.05, "
+    "components: [[5.48829, 0.240934, 0]]}",
+    "simulation.faults.overrun_probability=0.01", "simulation.faults.overrun_slots=19",
+)  # fmt: skip
+
+
+def test_a_host_that_stalls_may_press_a_drive_into_a_spring() -> None:
+    """A drive that takes velocity goes on with it: 1.45 J of the spring's came back, of 465 mJ."""
+    loaded = rig(*STALLED, name="bench-admittance-loopback")
+    rows = simulate(loaded, duration_s=0.4, engine="python")
+    given = float((-rows["slave.lever.port_energy"]).max())
+    assert 1.0 < given < claimed_joules(loaded, "slave.lever", command_delays(loaded))

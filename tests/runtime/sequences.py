@@ -1,0 +1,109 @@
+"""Random days of an operated rig: `python -m tests.runtime.sequences 1000`."""
+
+from __future__ import annotations
+
+import itertools
+import random
+import sys
+from typing import NamedTuple
+
+import numpy as np
+
+from tautwave.rig.assembly import command_delays
+from tautwave.runtime.operate import states as st
+from tautwave.runtime.operate.commands import WORDS
+from tautwave.runtime.operate.operated import OperatedControl
+from tautwave.session.facts import port_claims
+from tautwave.session.operating import greatest, scales_of
+from tests.runtime.operating import BARE, Operated, bench, operate
+
+SECONDS = 2.0
+COMMANDS = 10
+ALIGNED = ("coupling.pairs.lever.offset=0.2", "coupling.pairs.lever.engage_tolerance=0.01")
+STALLS = ("simulation.faults.overrun_probability=0.004", "simulation.faults.overrun_slots=8")
+LOSSES = ("simulation.faults.missing_probability=0.25", "loop.missing_limit=5")
+COUNTS = ("rate_hz=250", "loop.overrun_limit=6", "coupling.pairs.lever.wave_filter_hz=25")
+
+
+class Day(NamedTuple):
+    """What one sequence came to."""
+
+    done: Operated
+    residual: float
+    flow: float
+    given: float
+    granted: float
+    effort: float
+    allowed: float
+
+
+def random_day(seed: int) -> Day:
+    """Run one seeded sequence: with or without alignment, stalls of the host, lost samples."""
+    draw = random.Random(seed)
+    times = sorted(draw.uniform(0.0, SECONDS) for _ in range(COMMANDS))
+    words = ("engage", *WORDS[:4], "scale 0.5", "scale 1")
+    script = "\n".join(f"{at:.3f} {draw.choice(words)}" for at in times)
+    hand = f"[[0, 0], [1, 0], [1.5, {draw.uniform(-0.6, 0.6):.3f}], [2, 0]]"
+    keys = [f"simulation.hand.lever.reference={{type: minimum_jerk, waypoints: {hand}}}"]
+    keys += [
+        "operate.scales=[0.5]",
+        *BARE,
+        *COUNTS,
+        f"coupling.delay_s={draw.choice((0.0, 0.02, 0.04))}",
+    ]
+    for faults in (ALIGNED, STALLS, LOSSES):
+        keys += faults if draw.random() < 0.4 else ()
+    rig = bench(*keys, f"seed={seed}", f"duration_s={SECONDS}")
+    done = operate(rig, script, SECONDS)
+    state = done.columns["operation.state"]
+    aligning = state == float(st.STATES.index(st.ALIGNING))
+    control: OperatedControl = done.control
+    delays = command_delays(rig)
+    claims = greatest([port_claims(one, "lever", delays) for one in (rig, *scales_of(rig))])
+    claimed = sum(claims["claim_j"].values())
+    budget = control.alignment.granted + control.granted + sum(control.capital)
+    budget += control.journal.engagements * claimed
+    taken = done.columns["master.lever.port_energy"] + done.columns["slave.lever.port_energy"]
+    pulls = [params.law.effort for params in control.operation.pulls.values()]
+    return Day(
+        done,
+        float(np.abs(done.residual()).max()),
+        float(done.columns["master.lever.gross_flow"][-1]),
+        float(-taken.min()),
+        budget,
+        float(np.abs(done.columns["slave.lever.commanded"][aligning]).max(initial=0.0)),
+        max(pulls, default=0.0),
+    )
+
+
+def judge(day: Day) -> None:
+    """Books closed, nothing given beyond what was granted, no way outside the table."""
+    assert day.done.result.error is None, day.done.result.error
+    assert day.residual <= 1e-11 * (day.flow + 1e-3), day.residual
+    assert day.given <= day.granted, (day.given, day.granted)
+    ways = {(a, b) for (a, _), b in st.TRANSITIONS.items()} | {(s, s) for s in st.STATES}
+    codes = [st.STATES[int(code)] for code in day.done.columns["operation.state"]]
+    twice = {(a, c) for a, b in ways for b2, c in ways if b == b2}
+    assert set(itertools.pairwise(codes)) <= twice
+
+
+def main(count: int) -> None:
+    """Run many, and print what they came to."""
+    residual = given = 0.0
+    engaged = faults = 0
+    for seed in range(count):
+        day = random_day(seed)
+        judge(day)
+        residual = max(residual, day.residual)
+        given = max(given, day.given / day.granted)
+        journal = day.done.control.journal
+        engaged += journal.engagements
+        faults += sum(entry.word == "fault" for entry in journal.entries)
+    print(
+        f"{count} sequences, {engaged} engagements, {faults} faults: residual at most "
+        f"{residual:.2g} J, given out at most {given:.2g} of what was granted"
+    )
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

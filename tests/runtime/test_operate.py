@@ -1,0 +1,324 @@
+"""An operated rig: its table of states, and what the axes do in each, with books that close."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from tautwave.errors import ConfigError
+from tautwave.runtime.operate import states as st
+from tautwave.runtime.operate.commands import (
+    Descriptor,
+    Lines,
+    Order,
+    Script,
+    read_keys,
+    read_script,
+)
+from tautwave.runtime.operate.journal import Journal
+from tests.runtime.operating import BARE, FREE, STANDING, STILL, Operated, bench, operate
+from tests.runtime.sequences import judge, random_day
+
+ALIGNED = "coupling.pairs.lever.offset=0.2"
+NEAR = "coupling.pairs.lever.engage_tolerance=0.01"
+
+
+def state_code(name: str) -> float:
+    return float(st.STATES.index(name))
+
+
+# -- the table ------------------------------------------------------------------------------------
+
+TABLE = """
+          engage   clutch   hold    rest stop     scale    aligned blocked fault   released
+idle      aligning .        holding .    stopping idle     .       .       holding .
+aligning  .        .        holding idle stopping .        engaged holding holding holding
+engaged   .        clutched holding .    stopping aligning .       .       holding holding
+clutched  aligning .        holding idle stopping clutched .       .       holding .
+holding   aligning .        .       idle stopping holding  .       .       holding .
+stopping  .        .        .       .    .        .        .       .       .       .
+"""
+
+
+def test_every_state_takes_every_word_as_the_table_in_the_docs_says() -> None:
+    head, *lines = [line.split() for line in TABLE.strip().splitlines()]
+    assert tuple(head) == (*st.COMMANDS, *st.EVENTS)
+    assert [line[0] for line in lines] == list(st.STATES)
+    for state, *cells in lines:
+        for word, expected in zip(head, cells, strict=True):
+            for faulted in (False, True):
+                found = st.follow(st.Standing(state, faulted), word)
+                if expected == "." or (word == st.ENGAGE and faulted):
+                    assert found is None
+                    assert word in st.refusal(st.Standing(state, faulted), word)
+                else:
+                    assert found is not None
+                    assert found.state == expected
+                    assert found.faulted == (word == st.FAULT or (faulted and word != st.REST))
+
+
+def test_from_every_state_a_rig_stops_and_from_every_other_it_comes_back_to_engaged() -> None:
+    for state in st.STATES[:-1]:
+        reached = {st.Standing(state, True)}
+        for _ in range(6):
+            words = itertools.product(list(reached), (*st.COMMANDS, *st.EVENTS))
+            reached |= {now for one, word in words if (now := st.follow(one, word)) is not None}
+        assert {one.state for one in reached} == set(st.STATES)
+        assert st.Standing(st.ENGAGED, False) in reached
+
+
+# -- a run ----------------------------------------------------------------------------------------
+
+SCRIPT = """
+0.2 engage
+1.5 clutch
+1.8 engage        # with the offset that there is now
+3.2 hold
+3.5 rest
+3.6 engage
+"""
+
+
+@pytest.fixture(scope="module")
+def session() -> Operated:
+    return operate(bench(STANDING, FREE, *BARE), SCRIPT, 5.0)
+
+
+def test_the_command_of_a_cycle_is_recorded_as_the_docs_number_it(session: Operated) -> None:
+    """1 engage, 2 clutch, 3 hold, 4 rest, 5 stop, 6 episode; 0 in a cycle without one."""
+    sent = session.columns["operation.command"]
+    assert sent[sent > 0.0].tolist() == [1.0, 2.0, 1.0, 3.0, 4.0, 1.0]
+
+
+def test_a_session_goes_through_the_states_it_was_asked_for(session: Operated) -> None:
+    assert session.result.error is None
+    assert session.words() == [
+        ("engage", "aligning"), ("aligned", "engaged"), ("clutch", "clutched"),
+        ("engage", "aligning"), ("aligned", "engaged"), ("hold", "holding"), ("rest", "idle"),
+        ("engage", "aligning"), ("aligned", "engaged"),
+    ]  # fmt: skip
+    assert session.control.journal.engagements == 3
+    column = session.columns["operation.engagement"]
+    assert column[0] == 0
+    assert column[-1] == 3
+    assert set(np.diff(column)) == {0.0, 1.0}
+
+
+def test_the_books_close_over_all_sessions(session: Operated) -> None:
+    flow = session.columns["master.lever.gross_flow"] + session.columns["slave.lever.gross_flow"]
+    assert np.abs(session.residual()).max() <= 1e-14  # [J], of a tank with 2.5
+    assert np.all(np.diff(flow) >= 0.0)  # no session takes back what another has counted
+
+
+def test_nobody_is_pushed_while_idle_and_only_the_slave_is_held_while_clutched(
+    session: Operated,
+) -> None:
+    state = session.columns["operation.state"]
+    sent = {side: session.columns[f"{side}.lever.commanded"] for side in ("master", "slave")}
+    for side in sent:
+        assert not sent[side][state == state_code(st.IDLE)].any()
+    clutched = np.flatnonzero(state == state_code(st.CLUTCHED))[20:]
+    assert not sent["master"][clutched].any()
+    speed = session.columns["slave.lever.velocity"][clutched]
+    assert np.allclose(sent["slave"][clutched], -2.0e-3 * speed, atol=1e-9)
+
+
+def test_a_hold_takes_energy_out_and_gives_none_beyond_its_capital(session: Operated) -> None:
+    held = session.columns["operation.state"] == state_code(st.HOLDING)
+    taken = session.columns["lever.operate.absorbed"][held]
+    assert taken[-1] - taken[0] >= -1e-9
+
+
+def test_a_rig_that_starts_engaged_needs_no_command() -> None:
+    done = operate(bench(STANDING, FREE, *BARE, "operate.start=engaged"), "", 1.0)
+    assert done.words() == [("engage", "aligning"), ("aligned", "engaged")]
+
+
+# -- alignment ------------------------------------------------------------------------------------
+
+
+def aligned(*overrides: str, script: str = "0.1 engage", duration_s: float = 1.8) -> Operated:
+    keys = (STILL, FREE, *BARE, ALIGNED, NEAR, "slave.axes.lever.coulomb=2e-3", *overrides)
+    return operate(bench(*keys), script, duration_s)
+
+
+def test_the_slave_goes_to_where_the_master_wants_it_and_then_engages() -> None:
+    done = aligned()
+    assert done.words() == [("engage", "aligning"), ("aligned", "engaged")]
+    state, slave = done.columns["operation.state"], done.columns["slave.lever.position"]
+    at = int(np.argmax(state == state_code(st.ENGAGED)))
+    assert slave[at] == pytest.approx(-0.2, abs=0.005)
+    moving = state == state_code(st.ALIGNING)
+    speed = np.abs(np.diff(slave[moving])) * 1000.0
+    assert speed.max() <= 0.3 + 2.094e-5 * 1000.0  # and one encoder step a period
+    assert np.abs(done.columns["slave.lever.commanded"][moving]).max() <= 0.2 * 1.1
+    given_out = -done.columns["lever.operate.absorbed"][moving].min()
+    assert 0.0 < given_out < 0.01
+    assert np.abs(done.residual()).max() <= 1e-12
+
+
+@pytest.mark.slow
+def test_an_obstacle_blocks_it_and_it_says_so() -> None:
+    stop = "simulation.environment.lever={type: wall, position: -0.1, stiffness: 200, side: below}"
+    done = operate(bench(STILL, *BARE, ALIGNED, NEAR, stop), "0.1 engage", 9.0)
+    assert done.words() == [("engage", "aligning"), ("blocked", "holding")]
+    assert "lever not aligned" in done.control.journal.entries[-1].text
+    effort = np.abs(done.columns["slave.lever.commanded"])
+    assert effort.max() <= 0.2 * 1.1 + 1e-12
+    assert done.control.journal.engagements == 0
+
+
+def test_a_clutch_keeps_the_present_offset_and_a_rest_does_not() -> None:
+    done = aligned(script="0.1 engage\n1.8 clutch\n1.9 engage", duration_s=2.4)
+    assert done.words()[-1] == ("aligned", "engaged")
+    last = done.control.states[0].offset
+    master, slave = (done.columns[f"{side}.lever.position"] for side in ("master", "slave"))
+    at = int(np.flatnonzero(np.diff(done.columns["operation.engagement"]))[-1]) + 1
+    assert last == pytest.approx(slave[at] - master[at], abs=1e-9)
+
+
+def test_a_scale_changes_in_one_slot_with_nothing_stored_and_no_jump() -> None:
+    way = "[[0, 0], [1, 0], [4, 0.25]]"
+    slow = f"simulation.hand.lever.reference={{type: minimum_jerk, waypoints: {way}}}"
+    rig = bench(slow, FREE, *BARE, "operate.scales=[0.5, 2]", "coupling.delay_s=0.02")
+    done = operate(rig, "0.1 engage\n2.0 scale 0.5\n3.0 scale 3\n3.2 scale 1", 4.0)
+    assert done.result.error is None
+    assert done.words()[2:] == [
+        ("scale", "aligning"), ("aligned", "engaged"), ("scale", "engaged"),
+        ("scale", "aligning"), ("aligned", "engaged"),
+    ]  # fmt: skip
+    assert done.control.journal.entries[4].text == "scale: one of 1, 0.5, 2 (got '3')"
+    assert np.abs(done.residual()).max() <= 1e-12
+    scale, state = done.columns["operation.scale"], done.columns["operation.state"]
+    assert set(np.unique(scale)) == {0.5, 1.0}
+    assert np.count_nonzero(state[1500:] == state_code(st.ALIGNING)) <= 20  # slots without force
+    master, slave = (done.columns[f"{side}.lever.position"] for side in ("master", "slave"))
+    ratio = (slave[3150] - slave[2600]) / (master[3150] - master[2600])
+    assert ratio == pytest.approx(0.5, abs=0.05)
+    assert np.abs(np.diff(slave)).max() < 1e-3  # no jump at a change
+
+
+# -- faults ---------------------------------------------------------------------------------------
+
+
+def test_a_fault_is_held_acknowledged_and_engaged_again_in_one_session() -> None:
+    away = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: " \
+        "[[0, 0], [1.0, 0], [1.6, 0.45], [2.2, 0], [9, 0]]}"  # fmt: skip
+    wide = "slave.axes.lever.position_range=[-3, 3]"
+    rig = bench(away, FREE, *BARE, wide, "master.axes.lever.position_range=[-0.3, 0.3]")
+    done = operate(rig, "0.2 engage\n2.6 engage\n2.8 rest\n3.0 engage", 4.0)
+    assert done.result.error is None
+    assert done.words() == [
+        ("engage", "aligning"), ("aligned", "engaged"), ("fault", "holding"),
+        ("engage", "holding"), ("rest", "idle"), ("engage", "aligning"), ("aligned", "engaged"),
+    ]  # fmt: skip
+    said = {entry.word: entry.text for entry in done.control.journal.entries[2:4]}
+    assert "master.lever left its position range" in said["fault"]
+    assert said["engage"] == "engage: refused after a fault; look at it, then: rest"
+    assert np.abs(done.residual()).max() <= 1e-12
+
+
+def test_a_host_that_stalls_is_a_fault_and_no_end() -> None:
+    stall = ("simulation.faults.overrun_probability=0.002", "simulation.faults.overrun_slots=6")
+    rig = bench(STANDING, FREE, *BARE, "loop.overrun_limit=4", *stall)
+    done = operate(rig, "0.1 engage\n1.0 rest\n1.1 engage", 1.5)
+    assert done.result.error is None
+    (first, *_) = [entry for entry in done.control.journal.entries if entry.word == "fault"]
+    assert "slots of 1 ms were missed in a row" in first.text
+    assert ("rest", "idle") in done.words()  # no device has to be reset
+    assert np.abs(done.residual()).max() <= 1e-12
+
+
+def test_a_rig_at_rest_outside_its_range_is_held_too() -> None:
+    away = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0], [1, 0.45]]}"
+    rig = bench(away, FREE, *BARE, "master.axes.lever.position_range=[-0.3, 0.3]")
+    done = operate(rig, "", 1.0)
+    assert done.words() == [("fault", "holding")]
+    assert "outside its position range" in done.control.journal.entries[0].text
+
+
+@pytest.mark.parametrize("before", ["", "0.2 engage", "0.2 hold"])
+def test_a_stop_ramps_down_from_every_state(before: str) -> None:
+    done = operate(bench(STANDING, FREE, *BARE), f"{before}\n1.0 stop", 5.0)
+    assert done.result.error is None
+    assert done.control.standing.state == st.STOPPING
+    assert done.columns["time_s"][-1] == pytest.approx(1.2, abs=0.01)
+    assert abs(done.columns["slave.lever.commanded"][-1]) < 1e-3
+
+
+@pytest.mark.slow
+def test_random_sequences_close_their_books_within_budgets_and_stay_in_the_table() -> None:
+    for seed in range(150):
+        judge(random_day(seed))
+
+
+# -- commands -------------------------------------------------------------------------------------
+
+
+def test_keys_and_lines_become_commands() -> None:
+    assert [order.word for order in read_keys(b" xgcpreq\x1b[A")] == [
+        "toggle", "engage", "clutch", "hold", "rest", "episode", "stop",
+    ]  # fmt: skip
+    lines = Lines("pipe")
+    assert lines(b"engage\nepisode pick the re") == [Order("engage", "", "pipe")]
+    assert lines(b"d one\n\xff\n") == [
+        Order("episode", "pick the red one", "pipe"), Order("\ufffd", "", "pipe"),
+    ]  # fmt: skip
+
+
+def test_a_descriptor_never_waits_and_is_left_alone_once_it_ends() -> None:
+    reading, writing = os.pipe()
+    source = Descriptor(reading, Lines("pipe"))
+    assert source.take(0) == ()
+    os.write(writing, b"engage\n")
+    assert [order.word for order in source.take(0)] == ["engage"]
+    os.close(writing)
+    assert source.take(0) == []
+    os.close(reading)
+    assert source.take(0) == ()
+
+
+def test_a_script_is_taken_in_order_of_time_and_its_mistakes_all_at_once() -> None:
+    script = Script(read_script("2 clutch\n1 engage # now\n\n1.5 episode a b", "s"))
+    assert [order.word for order in script.take(1_600_000_000)] == ["engage", "episode"]
+    assert [order.word for order in script.take(9_000_000_000)] == ["clutch"]
+    with pytest.raises(ConfigError) as caught:
+        read_script("1 jump\n-1 engage\nnan hold\n2 stop", "s")
+    assert [problem.partition(": ")[0] for problem in caught.value.problems] == [
+        "s:1",
+        "s:2",
+        "s:3",
+    ]
+
+
+class Typed:
+    """Types each order once it is looked at."""
+
+    def __init__(self, orders: Sequence[Order]) -> None:
+        self.left = list(orders)
+
+    def take(self, now_ns: int) -> Sequence[Order]:
+        return [self.left.pop(0)] if self.left else []
+
+
+def test_an_unknown_word_is_noted_and_the_space_bar_engages_and_lets_go() -> None:
+    done = operate(bench(STANDING, FREE, *BARE), "0.1 hold\n0.2 clutch", 0.3)
+    assert done.words() == [("hold", "holding"), ("clutch", "holding")]
+    assert done.control.journal.entries[1].text == (
+        "clutch: not while holding; possible: engage, rest, stop, scale"
+    )
+
+
+def test_episodes_are_marked_and_the_last_one_ends_with_the_run() -> None:
+    journal = Journal()
+    assert journal.mark(1.0, "pick the red one") == "episode 1 begins"
+    assert journal.running == 1
+    assert journal.mark(2.0, "failed") == "episode 1 ends"
+    journal.mark(3.0, "")
+    one, two = journal.summary(5.0)["episodes"]
+    assert (one["name"], one["task"], one["success"]) == ("pick", "the red one", False)
+    assert (two["name"], two["end_s"], two["success"]) == ("episode-2", 5.0, None)

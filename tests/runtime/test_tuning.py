@@ -1,0 +1,216 @@
+"""Tuning: whole sets only, ramps, and no energy from a change."""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from tautwave.config import Rig, load_rig
+from tautwave.couplings.wave.port import tune
+from tautwave.couplings.wave.records import WaveEnd
+from tautwave.errors import ConfigError, RecordingError
+from tautwave.rig import build_rig
+from tautwave.rig.controller import end_constants
+from tautwave.runtime.loop import Loop
+from tautwave.runtime.tuning.desk import Desk, last_left, leave
+from tautwave.session.operating import with_operation
+from tautwave.session.viewing.tuning import (
+    refuse_tuning,
+    tuning_facts,
+    tuning_of,
+    with_tuning,
+)
+from tautwave.types import CommandDelay
+from tests.runtime.operating import BARE, BENCH, Rows, bench
+
+K = "coupling.pairs.lever.wall_slave.stiffness"
+FILTER = "coupling.pairs.lever.wave_filter_hz"
+INTO = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0], [0.6, -0.4]]}"
+
+
+class Tuned(NamedTuple):
+    columns: Mapping[str, npt.NDArray[np.float64]]
+    changes: list[dict[str, Any]]
+
+    def __getitem__(self, name: str) -> npt.NDArray[np.float64]:
+        return self.columns[name]
+
+    def residual(self) -> float:
+        """Return what the books of the pair do not explain, at most [J]."""
+        ports = [c for name, c in self.columns.items() if name.endswith(".port_energy")]
+        kept = [c for name, c in self.columns.items() if name.endswith((".stored", ".dissipated"))]
+        return float(np.abs(sum(ports) - sum(kept)).max())
+
+
+def tuned(rig: Rig, duration_s: float, sets: Mapping[float, Mapping[str, float]]) -> Tuned:
+    """Run a rig on the fake clock, with sets of values left on its desk at some times [s]."""
+    assembly = build_rig(rig, clock="fake", duration_s=duration_s)
+    assembly = with_operation(rig, assembly, (), ())
+    with tuning_of(rig, assembly, allowed=True) as tuning:
+        assert tuning is not None
+        assembly = with_tuning(assembly, tuning)
+        goals = {knob.path: knob.value for knob in tuning.knobs}
+        due = sorted(sets.items())
+        facts = tuning_facts(rig, tuning, [])
+        assert facts is not None
+
+        class Sink(Rows):
+            def commit(self) -> None:
+                super().commit()
+                while due and self.row[0] >= due[0][0]:
+                    goals.update(due.pop(0)[1])
+                    leave(facts["desk"], list(goals.values()))
+
+        sink = Sink(assembly.columns)
+        Loop(assembly.clock, assembly.buses, assembly.control, assembly.sources, sink).run()
+        table = np.array(sink.kept)
+        return Tuned(dict(zip(assembly.columns, table.T, strict=True)), tuning.summary())
+
+
+def test_a_wall_softens_in_contact_and_stiffens_only_out_of_it() -> None:
+    run = tuned(load_rig(BENCH, [INTO]), 1.3, {0.9: {K: 1.0}, 1.15: {K: 2.5}})
+    acts, time = run["tuning.slave.lever.wall_stiffness"], run["time_s"]
+    pushes = np.abs(run["slave.lever.wall_effort"])
+    assert pushes[time > 0.9].min() > 0.001  # it is in the wall all the while
+    falls = np.diff(acts)
+    assert acts[time <= 0.9].tolist() == [3.0] * int((time <= 0.9).sum())
+    assert falls.min() == pytest.approx(-2.0 / 200, rel=1e-6)  # 0.2 s at 1 kHz
+    assert acts[-1] == 1.0  # it waits to rise: the wall is not left
+    assert falls.max() <= 0.0
+    assert run["tuning.generation"][-1] == 2.0
+    assert [change["values"] for change in run.changes] == [{K: 1.0}, {K: 2.5}]
+    # What the spring gave up when it softened is booked: nothing is left over, nothing is made.
+    assert run.residual() < 1e-12
+    rigid = tuned(load_rig(BENCH, [INTO]), 1.3, {})
+    assert run["lever.wall_slave.dissipated"][-1] > rigid["lever.wall_slave.dissipated"][-1] + 1e-4
+
+
+def test_a_wall_that_is_not_touched_stiffens_within_the_ramp() -> None:
+    run = tuned(load_rig(BENCH), 0.4, {0.1: {K: 2.0}, 0.11: {K: 3.0}})
+    acts = run["tuning.slave.lever.wall_stiffness"]
+    assert acts.min() == pytest.approx(2.95)
+    assert acts[-1] == 3.0
+
+
+def test_a_set_out_of_its_range_is_left_as_a_whole() -> None:
+    run = tuned(load_rig(BENCH), 0.3, {0.1: {K: 1.0, FILTER: 1e4}})
+    assert run.changes == []
+    assert set(run["tuning.slave.lever.wall_stiffness"]) == {3.0}
+    assert set(run["tuning.generation"]) == {0.0}
+    run = tuned(load_rig(BENCH), 0.3, {0.1: {K: float("nan")}})
+    assert run.changes == []
+
+
+def test_a_ceiling_falls_at_once_and_rises_when_nothing_is_clipped() -> None:
+    limit = "slave.axes.lever.effort_limit"
+    pushing = INTO.replace("-0.4", "0.3")  # the slave against what is in its way
+    run = tuned(load_rig(BENCH, [pushing, *BARE]), 1.3, {0.8: {limit: 0.06}, 1.1: {limit: 1.1}})
+    acts, sent = run["tuning.slave.lever.effort_ceiling"], run["slave.lever.commanded"]
+    late = run["time_s"] > 1.02
+    assert np.abs(sent[late]).max() <= 0.06 + 1e-12
+    assert acts[-1] == pytest.approx(0.06)
+    assert run.residual() < 1e-12
+
+
+def test_values_that_change_nothing_change_no_bit() -> None:
+    plain = tuned(load_rig(BENCH), 0.3, {})
+    same = tuned(load_rig(BENCH), 0.3, {0.1: {K: 3.0}})
+    for name, column in plain.columns.items():
+        if name != "tuning.generation":
+            assert np.array_equal(column, same[name], equal_nan=True), name
+
+
+def test_a_filter_that_changes_sends_the_rest_of_its_wave() -> None:
+    rig = load_rig(BENCH)
+    old = end_constants(rig, "slave.lever", CommandDelay(0, 0.0))
+    e = WaveEnd(filtered=0.5, gap=0.01)
+    new = tune(old, e, "wave_filter_hz", 20.0, 1e-3)
+
+    def rest(gain: float) -> float:
+        """Sum what the filter still sends when nothing comes in any more."""
+        y, total = 0.5, 0.0
+        for _ in range(5000):
+            y -= gain * y
+            total += 1e-3 * y
+        return total
+
+    before = rest(old.port.filter_gain) + 0.01
+    assert rest(new.port.filter_gain) + e.gap == pytest.approx(before, rel=1e-9)
+    assert new.port.reserve == old.port.reserve
+    assert new.port.leak == old.port.leak
+    with pytest.raises(KeyError):
+        tune(old, e, "wave_impedance", 0.1, 1e-3)
+
+
+def test_a_filter_is_lowered_while_it_runs_and_the_books_close() -> None:
+    run = tuned(load_rig(BENCH), 1.5, {1.0: {FILTER: 20.0}, 1.2: {FILTER: 100.0}})
+    assert set(run["tuning.lever.wave_filter_hz"]) == {100.0, 20.0}
+    assert run.residual() < 1e-12
+
+
+def test_a_wall_is_moved_only_while_nothing_is_coupled() -> None:
+    at = "coupling.pairs.lever.wall_slave.position"
+    run = tuned(load_rig(BENCH), 0.3, {0.1: {at: -0.2}})
+    assert set(run["tuning.slave.lever.wall_position"]) == {-0.28}
+    run = tuned(bench(), 0.3, {0.1: {at: -0.2}})  # idle
+    assert set(run["tuning.slave.lever.wall_position"]) == {-0.28, -0.2}
+
+
+WRITER = """
+import sys
+from tautwave.runtime.tuning.desk import leave
+address = {"pid": int(sys.argv[1]), "descriptor": int(sys.argv[2])}
+for k in range(int(sys.argv[3])):
+    leave(address, [float(k)] * 20)
+"""
+
+
+def test_only_whole_sets_are_taken() -> None:
+    desk = Desk(20)
+    assert desk.take() is None
+    assert last_left(desk.address, 20) is None
+    order = [sys.executable, "-c", WRITER]
+    address = desk.address
+    child = subprocess.Popen([*order, str(address["pid"]), str(address["descriptor"]), "1000"])
+    seen = []
+    while child.poll() is None:
+        found = desk.take()
+        if found is not None:
+            assert len(set(found)) == 1
+            seen.append(found[0])
+    assert child.returncode == 0
+    found = desk.take()
+    seen += [] if found is None else [found[0]]
+    assert seen == sorted(set(seen))
+    assert seen[-1] == 999.0
+    assert last_left(address, 20) == (999.0,) * 20
+    # A writer that was killed in the middle: its half is not taken, the next whole set is.
+    struct.pack_into("<Q", desk._memory, 0, desk.generation + 1)
+    assert desk.take() is None
+    leave(address, [7.0] * 20)
+    assert desk.take() == [7.0] * 20
+    desk.close()
+    with pytest.raises(RecordingError, match="has ended"):
+        leave(address, [0.0] * 20)
+
+
+@pytest.mark.parametrize(
+    ("config", "override", "why"),
+    [
+        ("scene-string.yaml", "seed=1", "scene"),
+        ("network-loopback.yaml", "seed=1", "over a network"),
+        ("bench-1dof-loopback.yaml", "loop.engine=compiled", "compiled"),
+    ],
+)
+def test_rigs_that_are_not_tuned_say_so(config: str, override: str, why: str) -> None:
+    rig = load_rig(Path(BENCH).parent / config, [override], choose=False)
+    with pytest.raises(ConfigError, match=why):
+        refuse_tuning(rig)

@@ -1,0 +1,161 @@
+"""Two sites in one process, on one fake clock, over the sockets of this machine."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+from collections import deque
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tautwave.clock import FakeClock
+from tautwave.config import Rig, load_rig
+from tautwave.rig import build_rig
+from tautwave.runtime.sensing import Sensing, bus_commands, first_axes
+from tautwave.session.sites.control import SiteControl
+from tautwave.session.sites.joining import Joined, with_site
+from tautwave.sites.control import Session
+from tautwave.sites.datagrams import open_socket
+
+ROOT = Path(__file__).parents[2]
+RIG = ROOT / "configs" / "network-loopback.yaml"
+FAR = {"master": "slave", "slave": "master"}
+CALM = ("simulation.axes.master.lever.position_noise=0", "link.lost_s=1", "link.depth_s=0")
+
+
+class Line:
+    """A desk's line without a desk: what one site says, the other hears in its next slot."""
+
+    def __init__(self, pair: Pair, side: str) -> None:
+        self.pair, self.side = pair, side
+        self.inbox: deque[Mapping[str, Any]] = deque()
+
+    def poll(self) -> Mapping[str, Any] | None:
+        return self.inbox.popleft() if self.inbox else None
+
+    def send(self, **message: Any) -> None:
+        if "send" in message:
+            self.pair.sites[FAR[self.side]].line.inbox.append({"peer": message["send"]})
+        if "renew" in message:
+            self.pair.renew(str(message["renew"]))
+
+
+class Half:
+    """One site: its loop is `cycle`."""
+
+    def __init__(self, pair: Pair, side: str, changes: tuple[str, ...], sock: socket.socket,
+                 where: tuple[str, int] | None) -> None:  # fmt: skip
+        self.rig: Rig = load_rig(RIG, (*CALM, *changes, f"sites.here={side}"))
+        self.side, self.line = side, Line(pair, side)
+        built = build_rig(self.rig, clock="fake")
+        clock: Any = built.clock
+        clock.now_ns = pair.clock.now_ns
+        joined = Joined(self.line, sock, pair.session(FAR[side]), where)  # type: ignore[arg-type]
+        self.built = with_site(self.rig, built, joined)
+        control = self.built.control
+        assert isinstance(control, SiteControl)
+        self.control = control
+        self.rows: list[list[float]] = []
+        self.slot = 0
+        self._sensing = Sensing(self.built.buses, control)
+        for bus in self.built.buses:
+            bus.driver.open()
+            bus.driver.enable_step()
+
+    def cycle(self, skipped: int = 0) -> bool:
+        """Run one cycle after `skipped` slots that went by; False where the run is over."""
+        self.slot += skipped
+        if self.slot >= self.control.end:
+            return False
+        self._sensing.sense(self.slot, 0)
+        self.control.step(self.slot, skipped)
+        for bus, first in zip(self.built.buses, first_axes(self.built.buses), strict=True):
+            bus.driver.write(bus_commands(self.control, bus, first))
+        row = [0.0] * len(self.control.columns)
+        self.control.fill(row, 0)
+        self.rows.append(row)
+        self.slot += 1
+        return True
+
+    def __getitem__(self, name: str) -> Any:
+        at = self.control.columns.index(name)
+        return np.array([row[at] for row in self.rows])
+
+    @property
+    def held(self) -> bool:
+        """Whether it holds."""
+        return bool(self.rows[-1][self.control.columns.index("link.holding")])
+
+    def residual(self) -> float:
+        """Return the greatest energy that its books do not account for [J]."""
+        total = self[f"{self.side}.lever.port_energy"].copy()
+        for name in self.control.columns:
+            if name.endswith((".stored", ".dissipated")):
+                total -= self[name]
+        return float(np.max(np.abs(total - total[0])))
+
+
+class Pair:
+    """Both sites, and what is between them."""
+
+    def __init__(self, *changes: str) -> None:
+        self.clock = FakeClock(10**12)
+        self._next = secrets.token_bytes(8), secrets.token_bytes(32)
+        self.slot = 0
+        self.used: list[bytes] = [self._next[0]]
+        serving, dialling = open_socket("127.0.0.1", 0), open_socket("127.0.0.1", 0)
+        self.sockets = serving, dialling
+        self.sites: dict[str, Half] = {}
+        self.sites["slave"] = Half(self, "slave", changes, serving, None)
+        self.sites["master"] = Half(self, "master", changes, dialling, serving.getsockname())
+        self.master, self.slave = self.sites["master"], self.sites["slave"]
+
+    def session(self, peer: str) -> Session:
+        """Return the present session as one site sees it."""
+        return Session(*self._next, peer, {})
+
+    def renew(self, why: str) -> None:
+        """Begin another session, as both desks do."""
+        self._next = secrets.token_bytes(8), secrets.token_bytes(32)
+        self.used.append(self._next[0])
+        for side, half in self.sites.items():
+            session = self.session(FAR[side])
+            half.line.inbox.append({"lost": why})
+            half.line.inbox.append({"joined": {
+                "session": session.id.hex(), "secret": session.secret.hex(),
+                "peer": session.peer, "facts": {},
+            }})  # fmt: skip
+
+    def run(self, slots: int, *sites: Half, cut: bool = False) -> None:
+        """Run some cycles of both sites, or of those given; `cut`: no datagram arrives."""
+        for _ in range(slots):
+            for half in sites or (self.master, self.slave):
+                half.cycle(self.slot - half.slot)
+                if cut:
+                    self.lose()
+            self.slot += 1
+            self.clock.sleep_until(self.clock.now_ns() + self.master.rig.period_ns)
+
+    def lose(self) -> None:
+        """Lose what is under way."""
+        for sock in self.sockets:
+            with suppress(BlockingIOError):
+                while sock.recv(2048):
+                    pass
+
+    def until(self, done: Callable[[], bool], slots: int = 2000) -> None:
+        """Run both until something is so."""
+        for _ in range(slots):
+            if done():
+                return
+            self.run(1)
+        raise AssertionError("it never was")
+
+    def close(self) -> None:
+        """Close the sockets."""
+        for sock in self.sockets:
+            sock.close()

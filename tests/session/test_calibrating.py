@@ -1,0 +1,315 @@
+"""Calibration: by hand and by a stop, the file it leaves, and what a rig makes of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from tautwave.cli import main
+from tautwave.config import load_rig, resolved_yaml
+from tautwave.config.calibrated import digest
+from tautwave.config.keys.calibration import AxisCalibration
+from tautwave.errors import ConfigError, DriverError
+from tautwave.recordings.recording import read_recording
+from tautwave.rig.calibrated import CalibratedDriver
+from tautwave.session.calibration.by_hand import measure_by_hand
+from tautwave.session.calibration.file import named_in
+from tautwave.session.guided.answers import read_answers
+from tautwave.types import AxisCommand, CommandDelay, JointState
+
+BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
+WAY = "[[0, 0.2], [1, 0.2], [2, -0.1], [3, -0.3], [4, 0.3]]"
+HAND = f"reference: {{type: minimum_jerk, waypoints: {WAY}}}"
+ANSWERS = "0.3\n2\n2\n"
+"""Zero at 0.2; to -0.1 and beyond is positive; then both ends."""
+
+
+def written(folder: Path, answers: str = ANSWERS) -> Path:
+    """Write the bench with another hand, and answers for it."""
+    text = BENCH.read_text()
+    start = text.index("      reference:\n")
+    end = text.index("  environment:")
+    rig = folder / "bench.yaml"
+    lines = f"{text[:start]}      {HAND}\n{text[end:]}".splitlines()
+    rig.write_text("\n".join(line for line in lines if "wall_" not in line) + "\n")
+    (folder / "answers.txt").write_text(answers)
+    return rig
+
+
+def calibrate(rig: Path, *options: str) -> Any:
+    words = ["calibrate", str(rig), "--axis", "master.lever", "--clock", "fake"]
+    words += ["--script", str(rig.parent / "answers.txt"), "--out", str(rig.parent / "runs")]
+    return CliRunner().invoke(main, [*words, *options])
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    rig = written(tmp_path_factory.mktemp("calibrated"))
+    done = calibrate(rig)
+    assert done.exit_code == 0, done.output
+    return rig
+
+
+def test_zero_direction_and_range_are_what_the_hand_showed(bench: Path) -> None:
+    rig = load_rig(bench)
+    assert rig.calibration is not None
+    found = rig.calibration.axes["master.lever"]
+    assert found.zero == pytest.approx(0.2, abs=2e-3)
+    assert found.direction == -1
+    low, high = rig.master.axes["lever"].position_range or (math.nan, math.nan)
+    assert low == pytest.approx(-0.1, abs=0.02)  # the hand went to 0.3, which is -0.1 from zero
+    assert high == pytest.approx(0.5, abs=0.02)
+    assert rig.slave.axes["lever"].position_range != (low, high)
+
+
+def test_the_hand_was_not_pushed_while_it_showed(bench: Path) -> None:
+    rows = read_recording(bench.parent / "runs" / "by-hand" / "recording.mcap")
+    assert not np.any(rows["master.lever.commanded"])
+    assert set(np.unique(rows["guide.step"])) == {1.0, 2.0, 3.0}
+
+
+@pytest.mark.slow
+def test_a_run_counts_from_the_zero_and_its_rig_needs_no_file_any_more(
+    bench: Path, tmp_path: Path
+) -> None:
+    words = [
+        "run",
+        str(bench),
+        "--clock",
+        "fake",
+        "--duration",
+        "0.2",
+        "--out",
+        str(tmp_path / "r"),
+    ]
+    done = CliRunner().invoke(main, words)
+    assert done.exit_code == 0, done.output
+    rows = read_recording(tmp_path / "r" / "recording.mcap")
+    raw = rows["true.master.lever.position"]
+    assert np.allclose(rows["master.lever.position"], -(raw - 0.2), atol=2e-3)
+    kept = load_rig(tmp_path / "r" / "rig.yaml")
+    assert kept.calibration == load_rig(bench).calibration
+    assert kept.master == load_rig(bench).master
+
+
+def test_a_calibration_that_was_changed_or_is_gone_is_refused(bench: Path, tmp_path: Path) -> None:
+    file = bench.with_suffix(".calibration.yaml")
+    moved = tmp_path / "bench.yaml"
+    moved.write_text(bench.read_text())
+    with pytest.raises(ConfigError, match=r"calibration\.file: .*no such file; run tautwave cal"):
+        load_rig(moved)
+    (tmp_path / file.name).write_text(file.read_text().replace("direction: -1", "direction: 1"))
+    with pytest.raises(ConfigError, match="is not the file that this rig was calibrated with"):
+        load_rig(moved)
+    (tmp_path / file.name).write_text("axes:\n  slave.wrist: {zero: 1.0}\n")
+    text = named_in(moved.read_text(), file.name, (tmp_path / file.name).read_text())
+    moved.write_text(text)
+    assert text.count("calibration:") == 1
+    with pytest.raises(ConfigError, match=r"slave\.wrist is calibrated, but the rig has no such"):
+        load_rig(moved)
+
+
+def test_the_command_line_goes_before_a_calibration(bench: Path) -> None:
+    rig = load_rig(bench, ["master.axes.lever.position_range=[-3, 3]"])
+    assert rig.master.axes["lever"].position_range == (-3.0, 3.0)
+
+
+@pytest.mark.slow
+def test_a_range_stays_where_it_was_when_the_zero_moves(tmp_path: Path) -> None:
+    rig = written(tmp_path, "0.3\n2\n2\n")
+    assert calibrate(rig).exit_code == 0
+    before = load_rig(rig).master.axes["lever"].position_range or (0.0, 0.0)
+    (tmp_path / "answers.txt").write_text("2.3\n")  # where the hand is at -0.17
+    done = calibrate(rig, "--steps", "zero", "--out", str(tmp_path / "again"))
+    assert done.exit_code == 0, done.output
+    after = load_rig(rig)
+    assert after.calibration is not None
+    shift = after.calibration.axes["master.lever"].zero - 0.2
+    assert shift < -0.3
+    ends = after.master.axes["lever"].position_range or (0.0, 0.0)
+    assert ends == pytest.approx([end + shift for end in before], abs=3e-3)
+
+
+@pytest.mark.slow
+def test_a_stop_is_found_gently_and_friction_is_identified(tmp_path: Path) -> None:
+    rig = written(tmp_path, "0.1\n0.1\n0.1\n0.1\n")
+    text = rig.read_text()
+    wall = "lever: {type: wall, position: 0.4, stiffness: 300, damping: 0.1}"
+    start = text.index("  environment:")
+    rig.write_text(text[:start] + f"  environment:\n    {wall}\n")
+    words = ["calibrate", str(rig), "--axis", "slave.lever", "--clock", "fake", "--out"]
+    words += [str(tmp_path / "runs"), "--script", str(tmp_path / "answers.txt")]
+    steps = ["--steps", "identify", "--stop", "slave.lever=0.3", "--identify-s", "6"]
+    done = CliRunner().invoke(main, [*words, *steps])
+    assert done.exit_code == 0, done.output
+    found = load_rig(rig)
+    assert found.calibration is not None
+    assert found.calibration.axes["slave.lever"].zero == pytest.approx(0.1, abs=0.01)
+    axis = found.slave.axes["lever"]
+    assert axis.inertia is not None
+    assert axis.inertia.source == "identified"
+    rows = read_recording(tmp_path / "runs" / "stops" / "recording.mcap")
+    assert np.abs(rows["slave.lever.commanded"]).max() <= 0.2 * axis.effort_limit * 1.001
+    assert np.abs(np.diff(rows["true.slave.lever.position"])).max() <= 0.2e-3
+
+
+# -- devices --------------------------------------------------------------------------------------
+
+
+class Device:
+    """A driver of two axes that says what it is."""
+
+    command_delay = CommandDelay(0, 0.0)
+    notes = ("a note",)
+
+    def __init__(self, firmware: str) -> None:
+        self.identities = {"slave.a": {"model": "X", "firmware": firmware}}
+        self.open_now = False
+        self.sent: Sequence[AxisCommand] = ()
+
+    def open(self) -> None:
+        self.open_now = True
+
+    def close(self) -> None:
+        self.open_now = False
+
+    def read(self, deadline_ns: int) -> Sequence[JointState]:
+        return [JointState(0.5, 2.0, 3.0, True, 7), JointState(1.0, math.nan, 1.0, False, 9)]
+
+    def write(self, commands: Sequence[AxisCommand]) -> None:
+        self.sent = commands
+
+    def enable_step(self) -> bool:
+        return True
+
+    def __getattr__(self, name: str) -> Any:
+        return lambda: ()
+
+
+def known(device: dict[str, str]) -> CalibratedDriver:
+    found = [AxisCalibration(device=device, zero=0.2, direction=-1), AxisCalibration()]
+    return CalibratedDriver(Device("53"), ["slave.a", "slave.b"], found)  # type: ignore[arg-type]
+
+
+def test_positions_and_commands_are_turned_and_other_axes_are_as_they_come() -> None:
+    driver = known({})
+    one, two = driver.read(0)
+    assert one == JointState(pytest.approx(-0.3), -2.0, -3.0, True, 7)
+    assert (two.position, two.effort, two.valid, two.age_ns) == (1.0, 1.0, False, 9)
+    driver.write([AxisCommand(0.5, 1.0), AxisCommand(0.5, 1.0)])
+    assert driver._driver.sent == [AxisCommand(-0.5, -1.0), AxisCommand(0.5, 1.0)]  # type: ignore[attr-defined]
+    assert driver.notes == ("a note",)
+
+
+def test_another_device_is_refused_and_let_go_of() -> None:
+    known({"model": "X", "firmware": "53"}).open()
+    driver = known({"model": "X", "firmware": "52", "serial": "9"})
+    with pytest.raises(
+        DriverError, match=r"slave\.a: firmware was 52, now 53; slave\.a: serial was 9"
+    ):
+        driver.open()
+    assert not driver._driver.open_now  # type: ignore[attr-defined]
+
+
+# -- the person -----------------------------------------------------------------------------------
+
+
+class Person:
+    """Answers the guide's questions by moving axes, in place of a controller."""
+
+    class run:  # noqa: N801  as the controller has it
+        period_ns = 100_000_000
+
+    def __init__(self, moves: Sequence[dict[str, float]]) -> None:
+        self.moves = list(moves)
+        self.at = {"master.a": 0.0, "master.b": 0.0}
+        self.said: list[str] = []
+
+    def position(self, name: str) -> float:
+        return self.at[name]
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+
+    def show(self, text: Any) -> None:
+        text()
+
+    def ask(self, question: str) -> Generator[None, None, str]:
+        self.said.append(question)
+        yield
+        self.at |= self.moves.pop(0)
+        yield
+        return ""
+
+
+def led(steps: Sequence[str], *moves: dict[str, float]) -> tuple[Any, list[str]]:
+    rig = load_rig(BENCH)
+    axes = {"a": rig.master.axes["lever"], "b": rig.master.axes["lever"]}
+    rig = rig.model_copy(update={"master": rig.master.model_copy(update={"axes": axes})})
+    person = Person(moves)
+    guide = measure_by_hand(rig, ["master.a", "master.b"], steps, person)  # type: ignore[arg-type]
+    try:
+        while True:
+            next(guide)
+    except StopIteration as ended:
+        return ended.value, person.said
+
+
+def test_a_person_who_moves_nothing_or_another_axis_is_asked_once_more() -> None:
+    found, said = led(
+        ["zero", "direction"],
+        {"master.a": 1.0, "master.b": 2.0}, {}, {"master.b": 2.5}, {"master.a": 0.5},
+        {"master.a": 1.0, "master.b": 2.9},
+    )  # fmt: skip
+    assert (found["master.a"].pose, found["master.a"].direction) == (1.0, -1)
+    assert (found["master.b"].pose, found["master.b"].direction) == (2.0, 1)
+    assert any(
+        text.startswith("nothing has moved by 0.1 rad; once more: master.a") for text in said
+    )
+    assert any(text.startswith("that was master.b; once more: master.a") for text in said)
+
+
+def test_a_range_needs_both_axes_to_have_moved() -> None:
+    found, said = led(["range"], {"master.a": 1.0}, {"master.a": -1.0, "master.b": 0.4})
+    assert any(text.startswith("master.b has hardly moved; master: move") for text in said)
+    assert found["master.a"].low == pytest.approx(-0.96)
+    assert found["master.a"].high == pytest.approx(0.96)
+
+
+def test_a_script_is_answers_after_their_questions() -> None:
+    script = read_answers("0.5 yes  # then\n\n0\n", "s")
+    script.ask(1_000_000_000)
+    assert script.take(1_400_000_000) is None
+    assert script.take(1_500_000_000) == "yes"
+    script.ask(1_500_000_000)
+    assert script.take(1_500_000_000) == ""
+    with pytest.raises(ConfigError, match="fewer answers"):
+        script.ask(0)
+    with pytest.raises(ConfigError) as caught:
+        read_answers("soon yes\n-1", "s")
+    assert [problem.partition(": ")[0] for problem in caught.value.problems] == ["s:1", "s:2"]
+
+
+def test_mistakes_of_the_command_line_are_sentences(bench: Path) -> None:
+    for options, words in (
+        (["--steps", "jump"], "'jump' is none of zero"),
+        (["--stop", "master.lever=up"], "write AXIS=POSITION"),
+        (["--stop", "master.lever=0"], "does not say which way"),
+        (["--axis", "master.wrist"], "there is no axis 'master.wrist'"),
+    ):
+        done = calibrate(bench, "--out", str(bench.parent / "refused"), *options)
+        assert done.exit_code == 2
+        assert words in done.output
+    assert not (bench.parent / "refused").exists()
+
+
+def test_the_digest_of_a_file_is_that_of_its_bytes() -> None:
+    assert digest("a\n") == "87428fc522803d31065e7bce3cf03fe475096631e5e07bbd7a0fde60c4cf25c7"
+    rig = load_rig(BENCH)
+    assert "calibration" not in resolved_yaml(rig)

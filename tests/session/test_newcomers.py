@@ -1,0 +1,178 @@
+"""From the box to an exported episode, by commands only, against served devices with hands.
+
+`python -m tests.session.test_newcomers 6 XL330-M077` walks the way with two arms of six servos.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+from tests.session.newcomers import Newcomer, Talk, served, shows, wait_for
+
+MOVE_S = 0.15
+DAY = "runs/day"
+STALLS = ("--set", "loop.overrun_limit=200", "--set", "loop.missing_limit=200")
+"""A machine under load is no fault here."""
+
+EDS = """\
+[DeviceInfo]
+VendorName=a vendor
+VendorNumber={vendor}
+ProductNumber={product}
+[MandatoryObjects]
+SupportedObjects=1
+1=0x1000
+[1000]
+ParameterName=Device type
+ObjectType=0x7
+DataType=0x0007
+AccessType=ro
+[OptionalObjects]
+SupportedObjects=1
+1=0x6076
+[6076]
+ParameterName=Motor rated torque
+ObjectType=0x7
+DataType=0x0007
+AccessType=rw
+DefaultValue=100
+"""
+
+
+def settle(path: Path, *changes: tuple[str, str]) -> None:
+    """Settle the TODOs of a new rig that matter here."""
+    text = path.read_text()
+    for old, new in changes:
+        assert old in text, f"{old!r} is not in the rig"
+        text = text.replace(old, new)
+    path.write_text(text)
+
+
+def a_day(
+    me: Newcomer, rig: str, hands: Talk, sides: Sequence[Sequence[int]], *options: str
+) -> None:
+    """Calibrate, check, engage, clutch, record two episodes, stop, export."""
+    master, slave = (",".join(str(one) for one in side) for side in sides)
+    words = ("calibrate", rig, "--out", "runs/calibrate", *options)
+    with me.talks(*words) as talk:
+        shows(talk, hands, sides, MOVE_S)
+    me.does("check", rig)
+    hands.types(f"{slave} free")
+    words = ("run", rig, "--commands", "-", "--quiet", "--out", DAY, *options, *STALLS)
+    with me.talks(*words) as talk:
+        assert wait_for(me.folder / DAY, "idle")
+        talk.types("engage")
+        assert wait_for(me.folder / DAY, "engaged")
+        for name, place in (("left", 0.3), ("right", -0.3)):
+            talk.types(f"episode {name} to the {name}")
+            hands.types(f"{master} {place} {4 * MOVE_S}")
+            time.sleep(6 * MOVE_S)
+            talk.types("episode success")
+        talk.types("clutch")
+        assert wait_for(me.folder / DAY, "clutched")
+        talk.types("engage")
+        assert wait_for(me.folder / DAY, "engaged")
+        talk.types("stop")
+    me.does("export", DAY, "--to", "csv")
+
+
+STALLED = ("no response", "no answer", "no sample", "did not answer", "not enabled after")
+
+
+def patiently(walk: Callable[[Path], Newcomer], folder: Path) -> None:
+    """Walk the way, and again where a loaded machine let served devices answer too late."""
+    for attempt in range(3):
+        place = folder / str(attempt)
+        place.mkdir()
+        try:
+            judged(walk(place))
+        except AssertionError as err:
+            if attempt == 2 or not any(words in str(err) for words in STALLED):
+                raise
+        else:
+            return
+
+
+def judged(me: Newcomer) -> None:
+    """Look at what the day has left."""
+    assert len(me.commands) <= 12
+    operation = json.loads((me.folder / DAY / "summary.json").read_text())["operation"]
+    assert operation["engagements"] == 2
+    done = [(one["name"], one["success"]) for one in operation["episodes"]]
+    assert done == [("left", True), ("right", True)]
+    written = sorted(path.name for path in (me.folder / DAY / "export").iterdir())
+    assert written == ["001-left.csv", "002-right.csv", "episodes.csv"]
+    rig = (me.folder / DAY / "rig.yaml").read_text()
+    assert re.search(r"^calibration:\n  file: ", rig, re.M)
+
+
+def two_arms(folder: Path, joints: int, model: str) -> Newcomer:
+    me = Newcomer(folder)
+    sides = [list(range(base + 1, base + 1 + joints)) for base in (0, 10)]
+    master, slave = (",".join(str(one) for one in side) for side in sides)
+    ids = f"{master},{slave}"
+    with served(folder, "dynamixel", "--model", model, "--ids", ids) as (hands, said):
+        line = f"--port {said['endpoint']} --baud 1000000 --protocol 2.0 --ids {ids}"
+        words = ("--bus", f"dynamixel {line}", "--master", master, "--slave", slave)
+        me.does("new", "arms.yaml", *words)
+        a_day(me, "arms.yaml", hands, sides, "--configure")
+    return me
+
+
+@pytest.mark.slow
+def test_two_arms_of_servos(tmp_path: Path) -> None:
+    patiently(lambda folder: two_arms(folder, 1, "XM430-W350"), tmp_path)
+
+
+def two_drives(tmp_path: Path) -> Newcomer:
+    me = Newcomer(tmp_path)
+    place = ("--interface", "udp_multicast", "--channel", "239.74.163.81")
+    with served(tmp_path, "canopen", *place, "--inertia", "6e-4", "--damping", "3e-3") as (
+        hands,
+        _,
+    ):
+        found = json.loads(me.does("scan", "canopen", *place, "--json"))
+        one = found["devices"][0] if isinstance(found, dict) else found[0]
+        names = {key: one[key] for key in ("vendor", "product")}
+        (tmp_path / "drive.eds").write_text(EDS.format(**names))
+        me.does("new", "drives.yaml", "--eds", "drive.eds")
+        bus = ("socketcan", "udp_multicast"), ("can0", place[-1])
+        settle(tmp_path / "drives.yaml", *bus, ("rate_hz: 1000", "rate_hz: 200"))
+        a_day(me, "drives.yaml", hands, ((1,), (2,)))
+    return me
+
+
+def own_profile(tmp_path: Path) -> Newcomer:
+    page = Path(__file__).parents[2] / "docs" / "tutorials" / "modbus-profile.md"
+    profile = re.search(r"```yaml\n(# my-drive.*?)```", page.read_text(), re.S)
+    assert profile is not None
+    (tmp_path / "my-drive.yaml").write_text(profile[1])
+    me = Newcomer(tmp_path)
+    served_as = ("--profile", "my-drive.yaml", "--tcp", "127.0.0.1:0", "--units", "1,2")
+    body = ("--inertia", "0.006", "--damping", "0.03")
+    with served(tmp_path, "modbus", *served_as, *body) as (hands, said):
+        me.does("new", "drives.yaml", "--profile", "my-drive.yaml")
+        settle(tmp_path / "drives.yaml", ("tcp://192.168.1.20:502", said["endpoint"]))
+        a_day(me, "drives.yaml", hands, ((1,), (2,)))
+    return me
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("walk", [two_drives, own_profile])
+def test_two_drives(walk: Callable[[Path], Newcomer], tmp_path: Path) -> None:
+    patiently(walk, tmp_path)
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as name:
+        someone = two_arms(Path(name), int(sys.argv[1]), sys.argv[2])
+        judged(someone)
+        print(f"{len(someone.commands)} commands: {', '.join(someone.commands)}")

@@ -1,0 +1,57 @@
+"""`Session`: commands of a program reach the loop, and what the loop does comes back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tautwave import Session, load_rig
+from tautwave.config import Rig
+from tautwave.errors import ConfigError, RecordingError
+
+BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
+QUIET = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0], [1, 0.1]]}"
+
+
+def bench(*overrides: str) -> Rig:
+    loose = ("rate_hz=100", "loop.overrun_limit=100", "coupling.pairs.lever.wall_master=null",
+             "coupling.pairs.lever.wall_slave=null", "coupling.pairs.lever.wave_filter_hz=auto",
+             "coupling.pairs.lever.pole_master=auto", "coupling.pairs.lever.pole_slave=auto",
+             "duration_s=60")  # fmt: skip
+    return load_rig(BENCH, [QUIET, *loose, *overrides])
+
+
+def test_a_rig_without_the_block_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="no `operate` block"):
+        Session(bench(), out=tmp_path)
+
+
+@pytest.mark.slow
+def test_a_program_engages_marks_clutches_and_stops(tmp_path: Path) -> None:
+    with Session(bench("operate={}"), out=tmp_path / "run") as session:
+        assert session.state == "idle"
+        session.engage()
+        assert session.wait_for("engaged")
+        session.begin_episode("pick", "the red one")
+        session.end_episode(success=False)
+        session.clutch()
+        assert session.wait_for("clutched")
+        assert session.row()["operation.engagement"] == 1.0
+        assert not session.wait_for("engaged", timeout_s=0.1)
+    assert session.exit_code == 0
+    operation = session.wait()["operation"]
+    assert [entry["source"] for entry in operation["journal"]].count("stdin") == 5
+    assert operation["episodes"][0]["success"] is False
+    with pytest.raises(RecordingError, match="has ended"):
+        session.engage()
+
+
+@pytest.mark.slow
+def test_a_refused_rig_says_why_in_the_words_of_run(tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "mine").write_text("x")
+    session = Session(bench("operate={}"), out=tmp_path / "run")
+    with pytest.raises(ConfigError, match="is not empty"):
+        session.__enter__()
+    assert session.exit_code == 2

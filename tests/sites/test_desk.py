@@ -1,0 +1,134 @@
+"""Two desks, each a process: who gets in, what the other loop hears, new sessions."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tautwave.session.sites.desk_line import DeskLine, session_of
+from tautwave.sites.certificates import make_authority
+from tautwave.sites.desk import Order
+
+SHARED = {"rate_hz": 1000.0}
+Start = Callable[..., DeskLine]
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("keys")
+    make_authority(directory / "ours", ["master", "slave"])
+    make_authority(directory / "theirs", ["master", "slave"])
+    return directory
+
+
+@pytest.fixture
+def start(keys: Path) -> Iterator[Start]:
+    with socket.create_server(("127.0.0.1", 0)) as found:
+        port = found.getsockname()[1]
+    with ExitStack() as stack:
+
+        def begin(site: str, shared: Any = SHARED, whose: str = "ours") -> DeskLine:
+            peer = "master" if site == "slave" else "slave"
+            order = Order(
+                site, peer, site == "slave", "127.0.0.1", port, str(keys / whose), shared, {}
+            )
+            line = DeskLine(order)
+            stack.callback(line.close)
+            return line
+
+        yield begin
+
+
+def heard(line: DeskLine, kind: str) -> Any:
+    """Return what a desk says next of a kind."""
+    for _ in range(1000):
+        message = line.poll()
+        if message is not None and kind in message:
+            return message[kind]
+        time.sleep(0.01)
+    raise AssertionError(f"no word of {kind!r}")
+
+
+def test_two_sites_join_and_talk(start: Start) -> None:
+    slave, master = start("slave"), start("master")
+    one, two = session_of(heard(slave, "joined")), session_of(heard(master, "joined"))
+    assert (one.id, one.secret) == (two.id, two.secret)
+    master.send(send={"ready": {"lever": 0.25}})
+    assert heard(slave, "peer") == {"ready": {"lever": 0.25}}
+
+
+def test_who_is_killed_is_missed_at_once_and_may_come_again(start: Start) -> None:
+    slave, master = start("slave"), start("master")
+    first = session_of(heard(slave, "joined"))
+    master._desk.kill()
+    assert "closed the connection" in heard(slave, "lost")
+    start("master")
+    again = session_of(heard(slave, "joined"))
+    assert first.id != again.id
+    assert first.secret != again.secret
+
+
+def test_a_program_that_ends_without_a_word_is_said_to_have_ended(start: Start) -> None:
+    slave, master = start("slave"), start("master")
+    heard(slave, "joined")
+    heard(master, "joined")
+    master._line.close()
+    assert heard(slave, "peer") == {"left": "its program ended"}
+
+
+def test_a_session_that_is_given_up_is_followed_by_another(start: Start) -> None:
+    slave, master = start("slave"), start("master")
+    first = session_of(heard(slave, "joined"))
+    heard(master, "joined")
+    slave.send(renew="too much was missed")
+    assert heard(slave, "lost") == "too much was missed"
+    assert session_of(heard(slave, "joined")).id != first.id
+    assert session_of(heard(master, "joined")).id != first.id
+
+
+def test_a_third_with_the_peers_certificate_waits_while_the_peer_is_there(start: Start) -> None:
+    slave, master = start("slave"), start("master")
+    heard(slave, "joined")
+    heard(master, "joined")
+    third = start("master")
+    assert "master is already in a session here" in heard(third, "note")
+    master.send(send={"still": "here"})
+    assert heard(slave, "peer") == {"still": "here"}
+
+
+def test_whoever_closes_without_a_word_is_tried_again(keys: Path) -> None:
+    # A relay that has nobody behind it yet takes a connection and ends it.
+    with socket.create_server(("127.0.0.1", 0)) as relay:
+        port = relay.getsockname()[1]
+        order = Order("master", "slave", False, "127.0.0.1", port, str(keys / "ours"), SHARED, {})
+        line = DeskLine(order)
+        try:
+            for _ in range(2):
+                connection, _ = relay.accept()
+                connection.recv(1)
+                connection.close()
+            said = line.poll() or {}
+            assert "refused" not in said
+        finally:
+            line.close()
+
+
+def test_strangers_and_other_rigs_are_refused_with_a_sentence_on_both_sides(start: Start) -> None:
+    slave = start("slave")
+    stranger = start("master", whose="theirs")
+    assert "authority" in heard(stranger, "refused")
+    assert "authority" in heard(slave, "note")
+    other = start("master", shared={"rate_hz": 500.0})
+    assert "the rigs differ: rate_hz: 500.0 here, 1000.0 there" in heard(other, "refused")
+    while "rate_hz: 1000.0 here, 500.0 there" not in heard(slave, "note"):
+        pass
+    other.close()
+    stranger.close()
+    start("master")
+    heard(slave, "joined")

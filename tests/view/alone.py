@@ -1,0 +1,221 @@
+"""A run, its page and a browser on a machine with nothing but its loopback; prints what was seen.
+
+`unshare --net python -m tests.view.alone DIR [--pictures]`: DIR gets the run, and pictures.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import socket
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from tautwave import read_recording
+from tests.view.browser import Browser
+from tests.view.served import BENCH
+
+SIOCSIFFLAGS, UP = 0x8914, 0x1 | 0x40
+RUN = "from tautwave.cli import main; main()"
+PLACES = ", ".join(f"[{0.5 * k}, {0.2 * (k % 2)}]" for k in range(4, 100))
+MOVING = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0], " + PLACES + "]}"
+NAME = "name=<b onclick=alert(1)>bench</b>"
+CALM = ("operate={}", "loop.overrun_limit=5000", "loop.missing_limit=5000", MOVING, NAME)
+K = "coupling.pairs.lever.wall_slave.stiffness"
+
+
+def raise_loopback() -> None:
+    """Switch on the namespace's only interface."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+        fcntl.ioctl(any_socket, SIOCSIFFLAGS, struct.pack("16sh14x", b"lo", UP))
+
+
+def click(browser: Browser, selector: str) -> None:
+    """Press a button as a person does, at its place."""
+    at = browser.run(
+        f"(()=>{{const e=document.querySelector({selector!r});"
+        "e.scrollIntoView({block:'center'}); const r=e.getBoundingClientRect();"
+        "return [r.x+r.width/2, r.y+r.height/2]})()"
+    )
+    press(browser, *at)
+
+
+def press(browser: Browser, x: float, y: float, *, to: float | None = None, keys: int = 0) -> None:
+    """Press the mouse at a place; drag it along if there is a `to`."""
+    mouse: dict[str, Any] = {"button": "left", "clickCount": 1, "modifiers": keys}
+    browser.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+    browser.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, **mouse)
+    if to is not None:
+        for part in (0.5, 1.0):
+            browser.call(
+                "Input.dispatchMouseEvent", type="mouseMoved", x=x + part * (to - x), y=y, buttons=1
+            )
+    browser.call("Input.dispatchMouseEvent", type="mouseReleased", x=to or x, y=y, **mouse)
+
+
+def text(browser: Browser, name: str) -> str:
+    return str(browser.run(f"document.getElementById({name!r}).textContent"))
+
+
+def state(browser: Browser, word: str) -> bool:
+    return browser.wait(f"document.getElementById('state').textContent == {word!r}", 20.0)
+
+
+def operate(browser: Browser) -> dict[str, bool]:
+    """Press every button of the rig that its state allows; return which had its effect."""
+    found = {}
+    for word, after in (("engage", "engaged"), ("clutch", "clutched"), ("hold", "holding"),
+                        ("rest", "idle"), ("engage", "engaged")):  # fmt: skip
+        click(browser, f'[data-word="{word}"]')
+        found[f"{word} {after}"] = state(browser, after)
+    browser.run("document.getElementById('episode-name').value = 'pick'")
+    click(browser, "#episode-begin")
+    found["episode begins"] = browser.wait("!document.getElementById('episode-success').disabled")
+    click(browser, "#episode-success")
+    found["episode ends"] = browser.wait("document.getElementById('episode-success').disabled")
+    return found
+
+
+def look_around(browser: Browser, directory: Path) -> dict[str, bool]:
+    """Use the scope's own buttons, cursors and zoom; return which had their effect."""
+    found = {}
+    click(browser, "#pause")
+    held = browser.run("tautwave.scope.view.to")
+    time.sleep(0.3)
+    found["pause"] = browser.run("tautwave.scope.view.to") == held
+    x, y, width = browser.run(
+        "(()=>{const r=document.querySelector('.u-over').getBoundingClientRect();"
+        "return [r.x, r.y + 40, r.width]})()"
+    )
+    press(browser, x + 0.3 * width, y)
+    press(browser, x + 0.6 * width, y, keys=8)
+    found["cursors"] = browser.wait("document.querySelector('.key').textContent.includes('Δ')")
+    press(browser, x + 0.4 * width, y, to=x + 0.5 * width)
+    span = "tautwave.scope.view.to - tautwave.scope.view.from"
+    found["zoom"] = abs(browser.run(span) - 0.1) < 0.005
+    csv = str(browser.run("tautwave.scope.csv()")).splitlines()
+    found["csv"] = csv[0].startswith("time_s,master.lever.position") and 90 < len(csv) < 110
+    found["png"] = browser.run("tautwave.scope.picture().toDataURL().length") > 10_000
+    browser.call(
+        "Browser.setDownloadBehavior", behavior="allow", downloadPath=str(directory / "saved")
+    )
+    for button in ("png", "csv"):
+        click(browser, f"#{button}")
+    until = time.monotonic() + 10.0
+    saved: set[str] = set()
+    while time.monotonic() < until and saved != {".png", ".csv"}:
+        saved = {path.suffix for path in (directory / "saved").glob("*")}
+        time.sleep(0.05)
+    found["saved"] = saved == {".png", ".csv"}
+    click(browser, "#all")
+    found["reset zoom"] = browser.wait(f"{span} > 0.98")
+    click(browser, "#clear")
+    found["no cursors"] = browser.wait("!document.querySelector('.key').textContent.includes('Δ')")
+    click(browser, "#run")
+    found["run"] = browser.wait(f"tautwave.scope.view.to > {held} + 0.3")
+    return found
+
+
+def fire(browser: Browser, column: str, level: float, mode: str) -> float | None:
+    """Set the trigger; return the time of the first row at which it fires [s]."""
+    browser.run(
+        "(()=>{const set=(k,v)=>{document.getElementById('trigger-'+k).value=v};"
+        f"set('mode', {mode!r}); set('source', tautwave.facts.columns.indexOf({column!r}));"
+        f"set('level', {level}); set('hysteresis', 0.01);"
+        "document.getElementById('trigger-mode').onchange()})()"
+    )
+    if mode == "off" or not browser.wait("tautwave.scope.trigger.hit !== null", 20.0):
+        return None
+    return float(browser.run("tautwave.store.timeOf(tautwave.scope.trigger.hit)"))
+
+
+def tune(browser: Browser, value: float) -> str:
+    """Ask for a stiffness; return what the page says."""
+    browser.run(f"document.querySelector('[aria-label={json.dumps(K)}]').value = {value}")
+    browser.run("document.getElementById('note').textContent = ''")
+    click(browser, "#apply")
+    browser.wait("/K = |certified:|not on/.test(document.getElementById('note').textContent)", 30.0)
+    return text(browser, "note")
+
+
+def pictures(browser: Browser, directory: Path) -> list[str]:
+    """Take the page's picture at two widths, light and dark."""
+    found = []
+    for width in (1400, 500):
+        for dark in (False, True):
+            browser.look(width, 1000, dark=dark)
+            browser.run("scrollTo(0, 0)")
+            time.sleep(0.4)
+            path = directory / f"view-{width}-{'dark' if dark else 'light'}.png"
+            browser.shot(path, whole=width == 500)
+            found.append(path.name)
+    browser.look(1400, 1000, dark=False)
+    return found
+
+
+def main(directory: Path, looked_at: bool) -> None:
+    """Do all of it, and print it as JSON; take pictures for a person to look at."""
+    raise_loopback()
+    out = directory / "run"
+    sets = [word for override in CALM for word in ("--set", override)]
+    words = ["run", str(BENCH), *sets, "--duration", "60", "--out", str(out), "--view",
+             "--allow-tuning", "--quiet"]  # fmt: skip
+    run = subprocess.Popen(
+        [sys.executable, "-c", RUN, *words],
+        stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
+    )  # fmt: skip
+    assert run.stderr is not None
+    url = run.stderr.readline().split()[1]
+    found: dict[str, Any] = {}
+    with Browser() as browser:
+        browser.look(1400, 1000, dark=False)
+        browser.open(url)
+        found["loads"] = browser.wait("window.tautwave?.store?.end > 10", 30.0)
+        found["name"] = text(browser, "rig")
+        found["token in address"] = "#" in browser.run("location.href")
+        found["buttons"] = operate(browser)
+        browser.run("(e=>{e.value = 1; e.onchange()})(document.getElementById('span'))")
+        found["fired"] = {mode: fire(browser, "master.lever.position", 0.1, mode)
+                          for mode in ("normal", "auto")}  # fmt: skip
+        click(browser, "#single")
+        single = browser.wait("tautwave.scope.trigger.done && !tautwave.scope.running", 20.0)
+        found["buttons"]["single"] = single
+        fire(browser, "master.lever.position", 99.0, "off")
+        found["buttons"] |= look_around(browser, directory)
+        found["refused"] = tune(browser, 20.0)
+        found["tuned"] = tune(browser, 3.1)
+        found["acts"] = browser.wait(
+            "Math.abs(tautwave.store.newest('tuning.slave.lever.wall_stiffness') - 3.1) < 1e-9"
+        )
+        browser.run("(e=>{e.value = 5; e.onchange()})(document.getElementById('span'))")
+        if looked_at:
+            found["pictures"] = pictures(browser, directory)
+        click(browser, "#stop")
+        found["ended"] = browser.wait("tautwave.ended", 20.0)
+        found["seen"] = browser.run("tautwave.store.end")
+        found["first"] = browser.run("tautwave.store.first")
+        found["requests"] = sorted(set(browser.requests))
+        found["problems"] = browser.problems
+    while (out / "live.json").exists():
+        time.sleep(0.05)
+    run.terminate()  # its report is not needed here
+    run.wait(30)
+    rows = read_recording(out, ["time_s", "master.lever.position"])
+    found["rows"] = len(rows)
+    found["edges"] = edges(rows, "master.lever.position", 0.1)
+    print(json.dumps(found))
+
+
+def edges(rows: Any, column: str, level: float) -> list[float]:
+    """Return the times of the first rows at or above a level [s]."""
+    time_s, values = rows["time_s"], rows[column]
+    at = [k for k in range(1, len(values)) if values[k - 1] < level <= values[k]]
+    return [float(time_s[k]) for k in at]
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), "--pictures" in sys.argv)

@@ -1,0 +1,81 @@
+"""A run that is only its rows, and a server of its viewers in a thread, for raw clients."""
+
+from __future__ import annotations
+
+import asyncio
+import queue
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from tautwave.runtime.operate.mailbox import Mailbox
+from tautwave.runtime.recorder import Recorder
+from tautwave.view.guard import Door
+from tautwave.view.server import Server
+
+BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
+COLUMNS = ("time_s", "lateness_us", "skipped_slots", "lever.position_error", "operation.state")
+CERTIFICATE = {"passed": True, "state": "passed", "require": "passive", "sentences": []}
+
+
+class Run:
+    """A recording into a directory, whose rows the test commits."""
+
+    recorder_epoch_ns = 1_000_000_000
+
+    def __init__(self, directory: Path, rig: str | None = None, **facts: Any) -> None:
+        self.directory = directory
+        (directory / "rig.yaml").write_text(rig or BENCH.read_text())
+        self.mailbox = Mailbox()
+        live = {"rig": "bench", "pid": 0, "units": {"lever": "rad"}, "certificate": CERTIFICATE,
+                "mailbox": self.mailbox.address, **facts}  # fmt: skip
+        self.recorder = Recorder(
+            directory / "recording.mcap", COLUMNS, metadata={}, attachments={}, rows=256,
+            lossless=True, rate_hz=1000.0, live=live, epoch_ns=self.recorder_epoch_ns,
+        )  # fmt: skip
+        self.recorder.start()
+        self.rows = 0
+
+    def commit(self, count: int) -> None:
+        for _ in range(count):
+            self.recorder.row[0] = 1e-3 * self.rows
+            self.recorder.row[3] = self.rows
+            self.recorder.commit()
+            self.rows += 1
+
+    def orders(self) -> list[tuple[str, str, str]]:
+        return [tuple(order) for order in self.mailbox.source.take(0)]  # type: ignore[misc]
+
+    def close(self) -> None:
+        assert self.recorder.close().rows_dropped == 0
+        self.mailbox.close()
+
+
+@contextmanager
+def served(directory: Path, rig: str | None = None, **facts: Any) -> Iterator[tuple[Run, Door]]:
+    """Serve a run's viewers; both end with the block."""
+    run = Run(directory, rig, **facts)
+    urls: queue.Queue[str] = queue.Queue()
+    server = Server(directory, Door("127.0.0.1", 0, None, "secret-token"), urls.put, foxglove=True)
+    thread = threading.Thread(target=lambda: asyncio.run(server.serve()))
+    thread.start()
+    try:
+        urls.get(timeout=20)
+        yield run, server.door
+    finally:
+        run.close()
+        thread.join(20)
+    assert not thread.is_alive()
+
+
+def ask(door: Door, text: str) -> str:
+    """Send a request as it is, and return the whole response."""
+    with socket.create_connection((door.address, door.port), timeout=10) as raw:
+        raw.sendall(text.encode())
+        found = b""
+        while data := raw.recv(65536):
+            found += data
+    return found.decode("utf-8", "replace")

@@ -1,0 +1,176 @@
+"""The page's door: who is let in, by raw requests as an adversary would send them."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from tautwave.cli import main
+from tautwave.errors import ConfigError
+from tautwave.view.guard import POLICY, Door, open_door, refused
+from tests.view.served import Run, ask, served
+
+UPGRADE = (
+    "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+)
+
+
+def page(door: Door, *, origin: str | None = None) -> ClientConnection:
+    return connect(
+        f"ws://127.0.0.1:{door.port}/live",
+        origin=origin or f"http://127.0.0.1:{door.port}",  # type: ignore[arg-type]
+        compression=None,
+        ping_interval=None,
+    )
+
+
+def heard(socket: ClientConnection, op: str) -> dict[str, object]:
+    """Return the next message of a kind."""
+    while True:
+        data = socket.recv(10)
+        if isinstance(data, str) and (said := json.loads(data))["op"] == op:
+            return dict(said)
+
+
+@pytest.fixture(scope="module")
+def serving(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Run, Door]]:
+    with served(tmp_path_factory.mktemp("run")) as found:
+        yield found
+
+
+def test_only_our_hosts_and_origins_and_paths(serving: tuple[Run, Door]) -> None:
+    _, door = serving
+    host = f"Host: 127.0.0.1:{door.port}\r\n"
+    found = ask(door, f"GET / HTTP/1.1\r\n{host}\r\n")
+    assert found.startswith("HTTP/1.1 200 OK")
+    assert f"Content-Security-Policy: {POLICY}" in found
+    assert "secret-token" not in found
+    for head in ("", "Host: evil.example\r\n", f"{host}{host}",
+                 f"Host: evil.example:{door.port}\r\n", f"{host}Origin: http://evil.example\r\n",
+                 f"{host}Origin: null\r\n"):  # fmt: skip
+        assert ask(door, f"GET / HTTP/1.1\r\n{head}\r\n").startswith("HTTP/1.1 403"), head
+    for path in ("/../guard.py", "/%2e%2e/guard.py", "/uplot/../../guard.py", "/uplot/LICENSE",
+                 "//etc/passwd", "/index.html/"):  # fmt: skip
+        assert ask(door, f"GET {path} HTTP/1.1\r\n{host}\r\n").startswith("HTTP/1.1 404"), path
+    for origin in ("", "Origin: http://evil.example\r\n", "Origin: null\r\n"):
+        text = f"GET /live HTTP/1.1\r\n{host}{UPGRADE}{origin}\r\n"
+        assert ask(door, text).startswith("HTTP/1.1 403"), origin
+    posted = ask(door, f"POST / HTTP/1.1\r\n{host}Content-Length: 0\r\n\r\n")
+    assert posted.startswith("HTTP/1.1 405")
+
+
+def test_without_the_token_one_may_look_and_stop(serving: tuple[Run, Door]) -> None:
+    run, door = serving
+    with page(door) as socket:
+        assert heard(socket, "hello")["may"] is False
+        for order in ({"op": "hello", "token": "guess"}, {"op": "hello", "token": ["secret"]}):
+            socket.send(json.dumps(order))
+            assert heard(socket, "may")["may"] is False
+        socket.send(json.dumps({"op": "command", "line": "engage"}))
+        assert "without the token" in str(heard(socket, "note")["text"])
+        socket.send(json.dumps({"op": "command", "line": "stop"}))
+        socket.send(json.dumps({"op": "nonsense"}))
+        heard(socket, "note")
+        assert run.orders() == [("stop", "", "page")]
+        socket.send(json.dumps({"op": "hello", "token": "secret-token"}))
+        assert heard(socket, "may")["may"] is True
+        # What a page sends is one line, whatever it holds.
+        socket.send(json.dumps({"op": "command", "line": "episode a\nstop b"}))
+        socket.send("[")
+        heard(socket, "note")
+        assert run.orders() == [("episode", "a stop b", "page")]
+
+
+def test_every_row_comes_once_and_news_with_them(serving: tuple[Run, Door]) -> None:
+    run, door = serving
+    with page(door) as socket:
+        heard(socket, "hello")
+        run.recorder.tell(json.dumps([[1, {"word": "engage"}]]))
+        assert heard(socket, "news")["entries"] in ([], [[1, {"word": "engage"}]])
+        rows: list[float] = []
+        for _ in range(5):
+            run.commit(20)
+            data = b""
+            while not isinstance(data := socket.recv(10), bytes):
+                pass
+            first, missed = struct.unpack_from("<dd", data)
+            body = struct.unpack_from(f"<{(len(data) - 16) // 8}d", data, 16)
+            assert first == len(rows)
+            assert missed == 0
+            rows += body[3::5]
+        while len(rows) < run.rows:
+            data = socket.recv(10)
+            if isinstance(data, bytes):
+                rows += struct.unpack_from(f"<{(len(data) - 16) // 8}d", data, 16)[3::5]
+        assert rows == list(range(100))
+
+
+def test_a_message_that_is_too_long_and_one_viewer_too_many_are_refused(
+    serving: tuple[Run, Door],
+) -> None:
+    _, door = serving
+    with page(door) as socket:
+        socket.send("x" * 70_000)
+        with pytest.raises(ConnectionClosed):
+            heard(socket, "nothing")
+    with ExitStack() as crowd:
+        for _ in range(16):
+            heard(crowd.enter_context(page(door)), "hello")
+        with pytest.raises(InvalidStatus, match="503"), page(door):
+            pass
+
+
+def test_other_addresses_need_tls() -> None:
+    with pytest.raises(ConfigError, match="needs --tls-cert"):
+        open_door("0.0.0.0", 0, None, None)
+    with pytest.raises(ConfigError, match="numeric address"):
+        open_door("evil.example", 0, None, None)
+    with pytest.raises(ConfigError, match="belong together"):
+        open_door("127.0.0.1", 0, Path("x"), None)
+    with pytest.raises(ConfigError, match="no TLS with these"):
+        open_door("10.0.0.1", 0, Path("/nowhere/x"), Path("/nowhere/y"))
+    assert len({open_door("127.0.0.1", 0, None, None).token for _ in range(9)}) == 9
+
+
+@pytest.mark.parametrize(
+    ("path", "host", "origin", "why"),
+    [
+        ("/", "localhost:80", None, ""),
+        ("/", "localhost", None, ""),
+        ("/", "LOCALHOST", "http://localhost", ""),
+        ("/live", "[::1]", "http://[::1]", ""),
+        ("/live", "localhost", "https://localhost", "foreign origin"),
+        ("/live", "localhost", "http://localhost:81", "foreign origin"),
+        ("/foxglove", "localhost", None, ""),
+        ("/foxglove", "localhost", "https://app.example", "foreign origin"),
+        ("/foxglove", "localhost", "https://viewer.example", ""),
+        ("/live", "localhost", "https://viewer.example", "foreign origin"),
+        ("/", "localhost.evil.example", None, "this host is not served here"),
+    ],
+)
+def test_hosts_and_origins(path: str, host: str, origin: str | None, why: str) -> None:
+    door = Door("::1", 80, None, "t")
+    origins = [] if origin is None else [origin]
+    assert refused(path, [host], origins, door, {"https://viewer.example"}) == why
+
+
+def test_no_run_and_a_taken_port_are_one_sentence(
+    tmp_path: Path, serving: tuple[Run, Door]
+) -> None:
+    done = CliRunner().invoke(main, ["view", str(tmp_path), "--page"])
+    assert done.exit_code == 2
+    assert "no run is going on here" in done.output
+    run, door = serving
+    order = ["view", str(run.directory), "--page", "--port", str(door.port)]
+    done = CliRunner().invoke(main, order)
+    assert done.exit_code == 2
+    assert "cannot be served: " in done.output

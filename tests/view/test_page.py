@@ -1,0 +1,68 @@
+"""The page in a real browser, in a network namespace that has nothing but its loopback."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.view.browser import CHROMIUM
+
+ROOT = Path(__file__).parents[2]
+UNSHARE = shutil.which("unshare")
+ALONE = [UNSHARE or "unshare", "--net"]
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(300),
+    pytest.mark.skipif(CHROMIUM is None, reason="no chromium: apt-get install chromium"),
+]
+
+
+def can_be_alone() -> bool:
+    return UNSHARE is not None and not subprocess.run([*ALONE, "true"], check=False).returncode
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    if not can_be_alone():
+        pytest.skip("no network namespace of its own here")
+    folder = tmp_path_factory.mktemp("page")
+    order = [*ALONE, sys.executable, "-m", "tests.view.alone", str(folder)]
+    done = subprocess.run(order, cwd=ROOT, capture_output=True, text=True, check=False, timeout=280)
+    assert done.returncode == 0, done.stderr
+    return dict(json.loads(done.stdout))
+
+
+def test_the_page_loads_from_here_alone_and_shows_the_rows(seen: dict[str, Any]) -> None:
+    assert seen["loads"]
+    assert seen["problems"] == []
+    assert seen["name"] == "<b onclick=alert(1)>bench</b>"  # as text
+    assert not seen["token in address"]
+    hosts = {re.match(r"\w+://([\d.]+):\d+/", url) for url in seen["requests"]}
+    assert {host and host[1] for host in hosts} == {"127.0.0.1"}
+    assert seen["ended"]
+    assert seen["seen"] >= 0.99 * (seen["rows"] - seen["first"])
+
+
+def test_every_button_works(seen: dict[str, Any]) -> None:
+    assert {name: works for name, works in seen["buttons"].items() if not works} == {}
+    assert len(seen["buttons"]) == 16
+
+
+def test_a_trigger_fires_at_the_row_of_the_edge(seen: dict[str, Any]) -> None:
+    for mode in ("normal", "auto"):
+        nearest = min(abs(seen["fired"][mode] - edge) for edge in seen["edges"])
+        assert nearest <= 1.0e-3 + 1e-9, mode
+
+
+def test_a_refused_change_says_why_and_a_certified_one_acts(seen: dict[str, Any]) -> None:
+    assert "K = 20 N m/rad is 6.25 x the passive limit" in seen["refused"]
+    assert seen["tuned"].startswith("certified: coupling.pairs.lever.wall_slave.stiffness 3.1")
+    assert seen["acts"]

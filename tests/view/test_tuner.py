@@ -1,0 +1,119 @@
+"""What a viewer may ask for, and which rigs are certified before it is handed over."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from tautwave.config import Rig, load_rig
+from tautwave.errors import ConfigError, NotCertifiedError
+from tautwave.runtime.tuning.desk import Desk, last_left, leave
+from tautwave.view import tuner
+from tautwave.view.tuner import asked_of, tune, with_values
+from tests.view.served import BENCH
+
+K, B = (f"coupling.pairs.lever.wall_slave.{key}" for key in ("stiffness", "damping"))
+LIMIT = "slave.axes.lever.effort_limit"
+FILTER = "coupling.pairs.lever.wave_filter_hz"
+ROW = (3.0, 4e-4, 1.1, 100.0)
+
+
+def run_with(desk: Desk) -> Any:
+    knobs = [
+        {"path": path, "column": path, "low": 0.0, "high": 30.0 * value, "unit": "x",
+         "ramped": path != FILTER}
+        for path, value in zip((K, B, LIMIT, FILTER), ROW, strict=True)
+    ]  # fmt: skip
+    fixed = [{"path": "coupling.pairs.lever.wave_impedance", "when": "between runs", "value": 0.02}]
+    facts = {"desk": desk.address, "knobs": knobs, "fixed": fixed, "hardware": []}
+    live = SimpleNamespace(columns=[K, B, LIMIT, FILTER])
+    return SimpleNamespace(facts={"tuning": facts}, live=live)
+
+
+@pytest.mark.parametrize(
+    ("values", "why"),
+    [
+        ({K: 91.0}, r"0 to 90 x \(got 91.0\)"),
+        ({K: "1"}, r"0 to 90 x \(got '1'\)"),
+        ({K: True}, "got True"),
+        ({K: float("nan")}, "got nan"),
+        ({K: None}, "got None"),
+        ({"coupling.pairs.lever.wave_impedance": 0.1}, "only between runs"),
+        ({"master.axes.lever.inertia.value": 1.0}, "is never tuned"),
+        ({"__class__": 1.0}, "is never tuned"),
+    ],
+)
+def test_what_may_not_be_asked_for(values: Mapping[str, Any], why: str) -> None:
+    desk = Desk(4)
+    with pytest.raises(ConfigError, match=why):
+        asked_of(run_with(desk), ROW, values)
+    desk.close()
+
+
+def test_a_run_that_allows_no_tuning_says_how() -> None:
+    run: Any = SimpleNamespace(facts={"tuning": None})
+    with pytest.raises(ConfigError, match="--allow-tuning"):
+        asked_of(run, ROW, {K: 1.0})
+
+
+def test_the_set_and_the_corner_of_the_way_are_certified(monkeypatch: pytest.MonkeyPatch) -> None:
+    certified: list[Mapping[str, float]] = []
+
+    async def certify(rig: Rig, values: Mapping[str, float], hardware: Any) -> None:
+        certified.append(values)
+        if values[K] * values[B] > 2e-3:
+            raise NotCertifiedError("too much")
+
+    monkeypatch.setattr(tuner, "_certify", certify)
+    rig, desk = load_rig(BENCH), Desk(4)
+    run = run_with(desk)
+    leave(desk.address, [2.0, 4e-4, 1.1, 100.0])  # on its way to 2.0 already
+    asked = asked_of(run, ROW, {B: 5e-4, FILTER: 50.0})
+    assert "damping 0.0005" in asyncio.run(tune(run, rig, asked))
+    assert certified == [{K: 2.0, B: 5e-4, FILTER: 50.0}, {K: 3.0, B: 5e-4, FILTER: 50.0}]
+    assert last_left(desk.address, 4) == (2.0, 5e-4, 1.1, 50.0)
+    with pytest.raises(NotCertifiedError, match=r"not on the way: lower first.*too much"):
+        asyncio.run(tune(run, rig, asked_of(run, ROW, {B: 8e-4})))
+    with pytest.raises(NotCertifiedError, match=r"^too much"):
+        asyncio.run(tune(run, rig, asked_of(run, ROW, {K: 20.0})))
+    assert last_left(desk.address, 4) == (2.0, 5e-4, 1.1, 50.0)
+    certified.clear()
+    asyncio.run(tune(run, rig, asked_of(run, ROW, {LIMIT: 0.5})))
+    assert not certified  # below the rig's own limit its certificate holds
+    assert last_left(desk.address, 4) == (2.0, 5e-4, 0.5, 50.0)
+    desk.close()
+
+
+def test_a_changed_rig_is_checked_as_a_rig_file_is() -> None:
+    rig = load_rig(BENCH)
+    changed = with_values(rig, {K: 1.5, FILTER: 60.0})
+    assert changed.coupling.pairs["lever"].wall_slave is not None
+    assert changed.coupling.pairs["lever"].wall_slave.stiffness == 1.5
+    with pytest.raises(ConfigError, match="stiffness"):
+        with_values(rig, {K: -1.0})
+
+
+def test_a_claim_that_would_grow_is_refused() -> None:
+    rig = load_rig(BENCH)
+    tuner._keep_claims(rig, with_values(rig, {FILTER: 50.0}))
+    with pytest.raises(NotCertifiedError, match="fixed before the run"):
+        tuner._keep_claims(rig, with_values(rig, {"coupling.pairs.lever.wave_impedance": 0.05}))
+
+
+@pytest.mark.slow
+def test_the_certificate_of_another_process_decides() -> None:
+    rig, desk = load_rig(BENCH), Desk(4)
+    run = run_with(desk)
+    assert "stiffness 3.1" in asyncio.run(tune(run, rig, asked_of(run, ROW, {K: 3.1})))
+    with pytest.raises(NotCertifiedError, match="K = 20 N m/rad is"):
+        asyncio.run(tune(run, rig, asked_of(run, ROW, {K: 20.0})))
+    assert last_left(desk.address, 4) == (3.1, 4e-4, 1.1, 100.0)
+    desk.close()
+    for thread in threading.enumerate():
+        if thread.name.startswith("asyncio-waitpid"):  # they end by themselves, soon
+            thread.join(10.0)
