@@ -154,7 +154,8 @@ def _answer(
     control = make_control(bare, delays, 2 * LONGEST)
     control.params = [
         p._replace(
-            site=p.site._replace(limit=WIDE, has_wall=False, compensates=False), ceiling=math.inf
+            site=p.site._replace(limit=WIDE, has_wall=False, compensates=False, lightens=False),
+            ceiling=math.inf,
         )
         for p in control.params
     ]
