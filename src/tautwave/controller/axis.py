@@ -12,7 +12,7 @@ from collections.abc import MutableSequence
 
 from tautwave.controller.braking import brake_axis, fade_axis, stop_axis, stop_coupled
 from tautwave.controller.inertia import close_inertia, lighten, start_inertia
-from tautwave.controller.records import PIPE, AxisParams, AxisState, Sample
+from tautwave.controller.records import PIPE, TAG, AxisParams, AxisState, Sample
 from tautwave.controller.steps import Steps
 from tautwave.laws.compensation import compensation_effort
 from tautwave.laws.limit import (
@@ -80,13 +80,13 @@ def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float], steps:
         total = table[at]
         port = table[at + 1]
         wall = table[at + 2]
-        lift = table[at + 3]
-        tag = table[at + 4]
+        tag = table[at + TAG]
+        lift = table[at + 4]
         table[at] = s.total
         table[at + 1] = s.port_effort
         table[at + 2] = s.wall_effort
-        table[at + 3] = s.inertia.effort
-        table[at + 4] = s.tag
+        table[at + TAG] = s.tag
+        table[at + 4] = s.inertia.effort
         s.head += 1
         if s.head == p.delay:
             s.head = 0

@@ -20,7 +20,10 @@ LINK = 8
 
 
 PIPE = 5
-"""Numbers of a command on its way: total, port, wall, inertia's, the coupling's tag."""
+"""Numbers of a command on its way: total, port, wall, the coupling's tag, inertia's."""
+
+TAG = 3
+"""Place of the tag among them."""
 
 
 NEVER = 1 << 40
