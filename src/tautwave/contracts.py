@@ -21,6 +21,7 @@ class AxisSpec(NamedTuple):
     `name` is `master.wrist`; `device_id` the number on the bus; `kind` is `rotary` or `linear`;
     `causality` is `impedance` (takes effort) or `admittance` (takes velocity, measures effort).
     Limits of the rig file, SI, infinite where not given; whether it has an `effort_sensor`.
+    `takes_position`: its commands are the positions in `AxisCommand`, and no effort is asked of it.
     """
 
     name: str
@@ -31,6 +32,7 @@ class AxisSpec(NamedTuple):
     velocity_limit: float = math.inf
     position_range: tuple[float, float] = (-math.inf, math.inf)
     effort_sensor: bool = False
+    takes_position: bool = False
 
 
 class BusSpec(NamedTuple):
@@ -235,6 +237,7 @@ class DriverPlugin(NamedTuple):
     part of a rig file for `tautwave new`, `imposed(options, bus)` the motions it forces on axes.
     `elements(options, bus, axes, late)`: verdicts of a driver with laws of its own; the rig's axes
     by full name, the command delay in periods. `plain`: only the live loop simulates its axes.
+    `positions`: its axes may be followers, which take positions.
     """
 
     options: type[Any]
@@ -253,6 +256,7 @@ class DriverPlugin(NamedTuple):
     imposed: Callable[[Any, BusSpec], Sequence[Imposed]] | None = None
     elements: Callable[..., Sequence[BusElement]] | None = None
     plain: bool = False
+    positions: bool = False
 
 
 class Simulator(Protocol):
@@ -360,7 +364,8 @@ class CoupledAxis(NamedTuple):
 
     `period` of its bus; `gain` of its tracker; `inertia`: lower bound, None: it takes velocities;
     `mass`, `viscous`, `coulomb`: estimates; `delay` in periods until a command acts, `late` beyond;
-    `outside_stiffness`: upper bound or 0; `fade`: from effort limit to 0; `noise_lags`, if known.
+    `outside_stiffness`: upper bound or 0; `fade`: from effort limit to 0; `noise_lags`, if known;
+    `follows`: mean lag [s] of a device behind its goal, None without one.
     """
 
     period: float
@@ -380,6 +385,7 @@ class CoupledAxis(NamedTuple):
     viscous: float = 0.0
     coulomb: float = 0.0
     senses: bool = False
+    follows: float | None = None
 
 
 class Row(Protocol):

@@ -15,6 +15,7 @@ from tautwave.couplings.claim import Claim
 from tautwave.couplings.wave.claim import claim_of, claimed_sentence
 from tautwave.couplings.wave.from_keys import port_impedance
 from tautwave.couplings.wave.keys import WavePair
+from tautwave.couplings.wave.servos.follower import follower_verdict
 from tautwave.rig import at_axis_rate
 from tautwave.types import CommandDelay
 
@@ -31,7 +32,7 @@ def admittance_element(rig: Rig, axis_name: str, delays: Delays, broken: str | N
     keys = rig.coupling.pairs[pair]
     assert isinstance(keys, WavePair)
     name = f"{axis_name} port"
-    upper = axis.environment_stiffness_upper or 0.0
+    upper = axis.outside_stiffness
     claim = claim_of(rig, axis_name, delays)
     assert isinstance(claim, Claim)
     numbers = {
@@ -42,7 +43,11 @@ def admittance_element(rig: Rig, axis_name: str, delays: Delays, broken: str | N
         **claim._asdict(),
         "seen_j": claim.seen(rig.claimed_s),
     }
-    passive = _passive(at_axis_rate(rig, axis_name), axis_name, delays[axis_name], upper, broken)
+    kind, judge = "admittance port", _passive
+    if axis.follower is not None:
+        kind, judge = "follower", follower_verdict
+        numbers["follower_lag_s"] = axis.follower.lag_s
+    passive = judge(at_axis_rate(rig, axis_name), axis_name, delays[axis_name], upper, broken)
     quantised = passive
     if passive.passed and claim.leak > 0.0:
         quantised = Verdict(
@@ -52,7 +57,7 @@ def admittance_element(rig: Rig, axis_name: str, delays: Delays, broken: str | N
             margin=-claim.leak,
         )
     sentences = (passive.reason, claimed_sentence(axis_name, claim, rig.claimed_s))
-    return Element(name, "admittance port", axis_name, passive, quantised, numbers, sentences)
+    return Element(name, kind, axis_name, passive, quantised, numbers, sentences)
 
 
 def _passive(
