@@ -14,8 +14,8 @@ from tautwave.controller.steps import Law, NoParams
 from tautwave.controller.stops import ARM_SHARE, ARM_TIMEOUT_S, AxisName, position_unit
 from tautwave.errors import ConfigError
 from tautwave.laws.compensation import NO_COMPENSATION, CompensationParams
-from tautwave.laws.follower import FollowerParams
 from tautwave.laws.limit import LimitParams
+from tautwave.laws.servo.follower import FollowerParams
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
 from tautwave.rig.arms import LOAD_SHARE, load_reserves

@@ -1,9 +1,9 @@
 """A driver some of whose axes take positions: between them and the loop stand goals and springs.
 
 To the loop such an axis takes velocity and measures effort: it is where its goal is, and the effort
-is that of a spring from there to the device (`tautwave.laws.follower`). A command moves the goal
-after the delay that the driver declares; the device is sent at once to where it will be, so that
-the delay is no part of its lag. A host that stalls sends nothing, and the device stays.
+is that of a spring from there to the device (`tautwave.laws.servo.follower`). A command moves the
+goal after the delay that the driver declares; the device is sent at once to where it will be, so
+that the delay is no part of its lag. A host that stalls sends nothing, and the device stays.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tautwave.contracts import Driver, Row
-from tautwave.laws.follower import FollowerParams, goal_effort, next_goal
+from tautwave.laws.servo.follower import FollowerParams, goal_effort, next_goal
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 
 

@@ -2,7 +2,7 @@
 
 Counterpart of `tautwave.analysis.wave_port.port_loop.wave_end`: the drive follows a held velocity
 with a first-order lag (0: at once), against a spring and damper to ground and a mass that rides on
-it. The law is `tautwave.laws.admittance`, run on unit vectors. Source: written here.
+it. The law is `tautwave.laws.servo.admittance`, run on unit vectors. Source: written here.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 
 from tautwave.analysis.ports.sampled_loop import LinearEnd, Push
 from tautwave.analysis.wave_port.port_loop import FULL
-from tautwave.laws.admittance import AdmittanceParams, admittance_velocity
 from tautwave.laws.port import PortParams, port_close
+from tautwave.laws.servo.admittance import AdmittanceParams, admittance_velocity
 
 
 class Outside(NamedTuple):

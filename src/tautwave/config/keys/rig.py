@@ -274,9 +274,8 @@ def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
         arm = true_arm(rig, axis_name.partition(".")[0])
         believed = axis.inertia.value if arm is None else axis.inertia.lower
     damping = _first(given.damping, axis.damping.value)
-    spring = lag = 0.0
-    if axis.follower is not None:
-        spring, lag = _first(given.servo_stiffness, axis.follower.stiffness), axis.follower.lag_s
+    spring = _first(given.servo_stiffness, axis.outside_stiffness)
+    lag = axis.follower.lag_s if axis.follower else 0.0
     load = axis.load and TrueLoad(**axis.load.model_dump(exclude={"compensate", "reflect_load"}))
     return AxisTruth(
         inertia=_first(given.inertia, believed),
@@ -325,13 +324,11 @@ def has_plain_devices(rig: Rig) -> bool:
     """Return whether simulated devices stay in Python: parts, loads, arms, followers."""
     if rig.simulation is None:
         return False
-    if any(axis.follower is not None for axis in rig.axes.values()):
-        return True
     if any(load_driver(bus.driver).plain for bus in rig.buses.values()):
         return True
     environments = rig.simulation.environment.values()
     parts = any(isinstance(keys, EnvironmentPart) for keys in environments)
-    return parts or has_loads(rig)
+    return parts or has_loads(rig) or any(axis.follower for axis in rig.axes.values())
 
 
 def imposed_motions(rig: Rig, plugins: Mapping[str, DriverPlugin | None]) -> dict[str, Imposed]:

@@ -12,10 +12,10 @@ from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.port import WHITE
 from tautwave.couplings.wave.records import WaveEndParams
 from tautwave.errors import ConfigError
-from tautwave.laws.admittance import admittance_params, effort_leak, rigid_port
-from tautwave.laws.follower import lag_damping
 from tautwave.laws.observer import ObserverParams, observer_params, plain_observer
 from tautwave.laws.port import PortParams, port_params, port_reserve
+from tautwave.laws.servo.admittance import admittance_params, effort_leak, rigid_port
+from tautwave.laws.servo.follower import lag_damping
 
 WATCHED_S = 1.0
 """Time over which the share of cut waves is taken [s]."""

@@ -14,7 +14,7 @@ from tautwave.couplings.wave.from_keys import bare_port, observer_of, port_imped
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.servos.follower import follower_facts
 from tautwave.couplings.wave.standing import standing
-from tautwave.laws.admittance import greatest_stiffness
+from tautwave.laws.servo.admittance import greatest_stiffness
 from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages, PlanLine
 

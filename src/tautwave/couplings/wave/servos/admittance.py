@@ -1,7 +1,7 @@
 """The verdict on the wave port of an axis that takes velocity and measures effort.
 
-The proof is in the docstring of `tautwave.laws.admittance`. It rests on samples of the effort, so
-the claim is of energy as encoder and force sensor see it, and the verdict conditional.
+The proof is that of `tautwave.laws.servo.admittance`. It rests on samples of the effort, so the
+claim is of energy as encoder and force sensor see it, and the verdict conditional.
 """
 
 from __future__ import annotations
@@ -100,8 +100,8 @@ def _passive(
         )
     return Verdict(
         True,
-        f"{name}: passive by the proof in tautwave.laws.admittance for an outside stiffness up to "
-        f"{upper:.4g} {unit}.",
+        f"{name}: passive by the proof in tautwave.laws.servo.admittance for an outside stiffness "
+        f"up to {upper:.4g} {unit}.",
         (
             f"the drive of {axis_name} reaches its velocity within one period",
             f"what {axis_name} touches is a spring without a damper",

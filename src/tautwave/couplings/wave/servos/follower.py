@@ -1,6 +1,6 @@
 """The verdict on a wave port in front of a device that takes positions, and what is not in it.
 
-The proof is in the docstring of `tautwave.laws.follower`.
+The proof is in the docstring of `tautwave.laws.servo.follower`.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ def follower_verdict(
         )
     return Verdict(
         True,
-        f"{name}: at the goal of a follower, passive by the proof in tautwave.laws.follower for a "
-        f"device that lags by up to {1e3 * follower.lag_s:.3g} ms and does not overshoot. What "
-        f"{axis_name} does to what it touches is not certified: its own drive decides that.",
+        f"{name}: at the goal of a follower, passive by the proof in tautwave.laws.servo.follower "
+        f"for a device that lags by up to {1e3 * follower.lag_s:.3g} ms and does not overshoot. "
+        f"What {axis_name} does to what it touches is not certified: its own drive decides that.",
         (
             f"{axis_name} follows its goal without overshoot, {1e3 * follower.lag_s:.3g} ms late "
             "at most, whatever it touches",

@@ -1,12 +1,12 @@
 """A device that takes positions: a goal that moves as commanded, and a spring to the device.
 
 The port is at the goal x, a number, which reaches every commanded velocity within the period. Its
-effort is that of a spring k between the goal and where the device was measured, y:
-F = k (y - x). So the port is that of `tautwave.laws.admittance` with Kh = k, and the certainty that
-it lacks there, of a drive that follows at once, it has here. The device is outside, at the spring's
-end, and what follows holds of any whose answer to its goal rises without overshoot: y = H x with an
-impulse response h_j >= 0 [1 a sample], sum h_j <= 1 (less than 1: something holds it), and of a
-mean lag sum j h_j T <= L. With q = 1/z the port's divisor is then
+effort is that of a spring k between the goal and where the device was measured, y: F = k (y - x).
+So the port is that of `tautwave.laws.servo.admittance` with Kh = k, and what has to be assumed
+there, a drive that follows at once, is so. The device is outside, at the spring's end, and what
+follows holds of any whose answer to its goal rises without overshoot: y = H x with an impulse
+response h_j >= 0 [1 a sample], sum h_j <= 1 (less than 1: something holds it), and of a mean lag
+sum j h_j T <= L. With q = 1/z the port's divisor is then
 
     D = b + e - j c k T / 2 - k T sum_j h_j q**(d+j+1) / (1 - q),
 

@@ -61,7 +61,7 @@ def admittance_params(
 ) -> AdmittanceParams:
     """Return the constants of an admittance port; units as in `AdmittanceParams`.
 
-    `extra` is damping beyond that of the delay, such as `laws.follower.lag_damping`.
+    `extra` is damping beyond that of the delay, such as `laws.servo.follower.lag_damping`.
     """
     if delay_periods > 0:
         extra += stiffness * period * (delay_periods - 0.5)
