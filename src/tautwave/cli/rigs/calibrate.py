@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tautwave.cli.options import out_option, positive, rig_argument, simulate_option
+from tautwave.cli.options import (
+    as_for_run,
+    clock_option,
+    out_option,
+    positive,
+    rig_argument,
+    simulate_option,
+)
 from tautwave.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -53,17 +60,9 @@ LARGEST = 1 << 16
     help="Answers from a file with lines `SECONDS [ANSWER]`, the seconds after each question.",
 )
 @out_option("Directory of the recordings; default: runs/calibrate-NAME-DATE-TIME.")
-@click.option(
-    "--clock",
-    type=click.Choice(["real", "fake"]),
-    default="real",
-    show_default=True,
-    help="As for run.",
-)
+@clock_option()
 @simulate_option
-@click.option("--attach", is_flag=True, help="As for run.")
-@click.option("--allow-unwatched", is_flag=True, help="As for run.")
-@click.option("--configure", is_flag=True, help="As for run.")
+@as_for_run("--attach", "--allow-unwatched", "--configure")
 def calibrate(
     rig: Path,
     axes: Sequence[str],
