@@ -52,7 +52,7 @@ LARGEST = 1 << 16
     show_default=True,
     callback=positive,
     metavar="S",
-    help="How long identify shakes each axis [s].",
+    help="How long identify excites each axis [s].",
 )
 @click.option(
     "--script",
@@ -80,9 +80,9 @@ def calibrate(
     """Calibrate the devices of RIG, led step by step; Enter goes on.
 
     Zero is a pose that you hold, direction and range what you move by hand; no device has torque
-    meanwhile. --stop takes an axis to its mechanical stop instead, and identify shakes each axis.
+    meanwhile. --stop takes an axis to its mechanical stop instead, and identify excites each axis.
     The result is RIG's name with .calibration.yaml, named in RIG by its SHA-256. A run refuses a
-    device that says something else of itself than it did here.
+    device that identifies itself differently than it did here.
 
     \b
     Examples:

@@ -39,7 +39,7 @@ def trials(
 
     The order follows from the protocol's seed and the participant. Before each trial it waits for
     Enter; the rig engages, the trial is an episode, and ends after its time or with `e`. Started
-    again, the study goes on after the last trial in the table.
+    again, the study resumes after the last trial in the table.
 
     \b
     Examples:
