@@ -24,10 +24,10 @@ HELD_NS = 450_000_000
 
 
 class Kept:
-    """Commands, and the dead-man of whoever says `held`: from then on it has to go on saying so.
+    """Commands, and the dead-man of a program that says `held`, and has to go on repeating it.
 
     With `loose`, or without a `held` for `HELD_NS`, the dead-man is released until the next look;
-    after that the rig is everybody's again.
+    after that it is forgotten, so that others may engage.
 
     Parameters
     ----------
