@@ -23,7 +23,7 @@ from tautwave.controller.records import (
 from tautwave.controller.stops import StopPlace
 from tautwave.runtime.control import Control, CoupledControl
 from tautwave.simulation.kernel.records import parts_of
-from tautwave.simulation.kernel.tables import blank_records, records_of, view_of
+from tautwave.simulation.kernel.tables import Fields, blank_records, records_of, view_of
 from tautwave.simulation.live.steps import ABSENT, BEGUN, END, INPUTS, KIND, SLOTS, TAKEN
 from tautwave.types import AxisCommand, JointState
 
@@ -51,6 +51,8 @@ class CompiledControl(Control):
         count = len(given.params)
         self._outcome = records_of(RunState, [self.state])
         axes = records_of(AxisState, self.axes)
+        self.axes: list[Any] = [Fields(axis) for axis in axes]
+        self._constants = records_of(AxisParams, given.params)
         self._inputs = np.zeros(INPUTS * count)
         self._outputs = np.zeros(count + SLOTS)
         self._row = np.zeros(max(len(self.columns), 1))
@@ -62,7 +64,7 @@ class CompiledControl(Control):
         tables = (
             run,
             self._outcome,
-            records_of(AxisParams, given.params),
+            self._constants,
             axes,
             blank_records(Sample, count),
             records_of(PairParams, given.pairs),
@@ -155,6 +157,11 @@ class CompiledControl(Control):
         self._fault = self._last
         self._faulty = which
         return True
+
+    def retune(self, which: int, p: AxisParams) -> None:
+        """Put other constants in place of an axis'."""
+        super().retune(which, p)
+        self._constants[which] = records_of(AxisParams, [p])[0]
 
     def error(self) -> Any:
         """Return the controller's reason to end the run early, or None."""
