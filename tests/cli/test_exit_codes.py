@@ -111,7 +111,7 @@ def test_signals_during_the_report_end_the_report_and_not_the_exit_code(tmp_path
 
 
 @pytest.mark.slow
-def test_a_closed_terminal_ramps_down_and_a_killed_recorder_is_told(tmp_path: Path) -> None:
+def test_a_closed_terminal_ramps_down_and_a_killed_recorder_is_reported(tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     with start(

@@ -117,7 +117,7 @@ def test_devices_end_with_a_run_that_is_killed(tmp_path: Path) -> None:
     assert gone(child)
 
 
-def test_what_cannot_be_served_is_told(rig: Rig) -> None:
+def test_what_cannot_be_served_is_reported(rig: Rig) -> None:
     with pytest.raises(ConfigError, match="there is no bus 'none'; the rig has servos"):
         bus_bench(rig, "none")
     hardware = load_rig(CONFIGS / "xm430-pair.yaml")

@@ -21,7 +21,7 @@ from tests.view.served import BENCH
 
 SIOCSIFFLAGS, UP = 0x8914, 0x1 | 0x40
 RUN = "from tautwave.cli import main; main()"
-PLACES = ", ".join(f"[{0.5 * k}, {0.2 * (k % 2)}]" for k in range(4, 500))
+PLACES = ", ".join(f"[{0.5 * k}, {0.2 * (k // 2 % 2)}]" for k in range(4, 500))
 MOVING = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0], " + PLACES + "]}"
 NAME = "name=<b onclick=alert(1)>bench</b>"
 CALM = ("operate={}", "loop.overrun_limit=5000", "loop.missing_limit=5000", MOVING, NAME)

@@ -93,7 +93,7 @@ class SiteControl(CoupledControl):
         self._slot = 0
         self._engaged = False
         self._ready = False
-        self._told_end = False
+        self._end_sent = False
         self._peer_ready: Mapping[str, float] | None = None
         self._peer_began: Mapping[str, float] | None = None
         self._held_from = -1
@@ -323,13 +323,13 @@ class SiteControl(CoupledControl):
 
     def _take_leave(self, slot: int) -> None:
         """Tell the other site, once, that this one stops, or that its run is over."""
-        if self._told_end:
+        if self._end_sent:
             return
         if self.state.kind != FINISHED:
-            self._told_end = True
+            self._end_sent = True
             self._line.send(send={"stops": str(self.error())})
         elif slot + 1 >= self.state.end:
-            self._told_end = True
+            self._end_sent = True
             self._line.send(send={"ended": True})
 
     # -- clocks and counts ----------------------------------------------------------------------
