@@ -239,7 +239,10 @@ def _excess(gain: float) -> str:
     if gain > 100.0:
         return "it may be unstable"
     if gain == 1.0:
-        return "it may return more of a wave than arrives: nothing is proved so near to the limit"
+        return (
+            "there is no proof that it returns no more of a wave than arrives, though no device "
+            "was found with which it does"
+        )
     much = f"{gain:.4g}" if gain > 1.001 else f"1 + {gain - 1.0:.2g}"
     return f"it may return {much} times the wave that arrives"
 
