@@ -21,11 +21,11 @@ from tautwave.certificate.belief import (
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.certificate.rates import converter_element
 from tautwave.config import Rig
-from tautwave.couplings.wave.admittance import admittance_element
 from tautwave.couplings.wave.claim import claim_of, claimed_sentence
 from tautwave.couplings.wave.device_port import binding, pair_of, port_of, remedy_of
 from tautwave.couplings.wave.from_keys import coarsest_step, port_impedance
 from tautwave.couplings.wave.keys import WavePair
+from tautwave.couplings.wave.servos.admittance import admittance_element
 from tautwave.laws.port import plain_drain
 from tautwave.laws.receiver import RESERVE
 from tautwave.rig import at_axis_rate, coupled_axis, pair_scale
@@ -239,7 +239,10 @@ def _excess(gain: float) -> str:
     if gain > 100.0:
         return "it may be unstable"
     if gain == 1.0:
-        return "it may return more of a wave than arrives: nothing is proved so near to the limit"
+        return (
+            "there is no proof that it returns no more of a wave than arrives, though no device "
+            "was found with which it does"
+        )
     much = f"{gain:.4g}" if gain > 1.001 else f"1 + {gain - 1.0:.2g}"
     return f"it may return {much} times the wave that arrives"
 
