@@ -31,7 +31,7 @@ from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.certificate.loads import load_element
 from tautwave.config import Rig, local_wall
 from tautwave.laws.limit import LimitParams
-from tautwave.rig import make_control, pair_scale
+from tautwave.rig import coupling_law, make_control, pair_scale
 from tautwave.types import CommandDelay, JointState
 
 Complexes = npt.NDArray[np.complex128]
