@@ -2,6 +2,9 @@
 
 For long delays. Nothing is fed back but what changes of the model, so that no loop is closed over
 the line; that what the master renders was taken before is the account's (`coupling.account`).
+
+`signals` filters, `fit` estimates, `contact` decides what counts, `model` renders; `steps` calls
+them at either end.
 """
 
 from __future__ import annotations

@@ -6,14 +6,14 @@ import math
 
 from tautwave.config.keys.coupling import chosen
 from tautwave.contracts import CoupledAxis
+from tautwave.couplings.mediated.contact import ContactParams
+from tautwave.couplings.mediated.fit import FitParams
 from tautwave.couplings.mediated.keys import MediatedPair
+from tautwave.couplings.mediated.model import ModelParams
 from tautwave.couplings.mediated.records import MediatedEndParams
+from tautwave.couplings.mediated.signals import SignalParams
 from tautwave.couplings.outside import outside_effort
 from tautwave.errors import ConfigError
-from tautwave.laws.environment.contact import ContactParams
-from tautwave.laws.environment.fit import FitParams
-from tautwave.laws.environment.model import ModelParams
-from tautwave.laws.environment.signals import SignalParams
 
 APART = 5.0
 """Memories 1 / (1 - p) of the filter from one sample of the fit to the next: three low-passes then

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from tautwave.controller.seen import SeenEnd
-from tautwave.laws.environment.contact import Contact, ContactParams, Surface
-from tautwave.laws.environment.model import ModelParams
-from tautwave.laws.environment.signals import Filter, SignalParams, Slope
+from tautwave.couplings.mediated.contact import Contact, ContactParams, Surface
+from tautwave.couplings.mediated.model import ModelParams
+from tautwave.couplings.mediated.signals import Filter, SignalParams, Slope
 from tautwave.laws.observer import ReactionParams
 
 

@@ -6,7 +6,7 @@ The slave follows where it sees the master, and presses with what the master ren
 
 It learns the surface that it touches, and shows that in the place of its own motion: position of
 the surface, its damping, its stiffness with the sign of its side. The master renders the surfaces
-that it was told of.
+that it has heard of.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from tautwave.contracts import Row
 from tautwave.controller.records import AxisParams, AxisState
 from tautwave.controller.seen import seen_law
 from tautwave.controller.steps import Holding
+from tautwave.couplings.mediated.contact import Surface, begin_contact, clear, touch
+from tautwave.couplings.mediated.model import adopt, damping_of, depth_in, push_of, stored_in
 from tautwave.couplings.mediated.records import MediatedEnd, MediatedEndParams
-from tautwave.laws.environment.contact import Surface, begin_contact, clear, touch
-from tautwave.laws.environment.model import adopt, damping_of, depth_in, push_of, stored_in
-from tautwave.laws.environment.signals import begin_filter, begin_slope, pass_filter, pass_slope
+from tautwave.couplings.mediated.signals import begin_filter, begin_slope, pass_filter, pass_slope
 from tautwave.laws.limit import clamp
 from tautwave.laws.observer import observe, reaction
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from tautwave.laws.environment.contact import Surface
+from tautwave.couplings.mediated.contact import Surface
 
 
 class ModelParams(NamedTuple):

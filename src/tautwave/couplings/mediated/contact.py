@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from tautwave.laws.environment.fit import Fit, FitParams, begin_fit, half_width, learn
+from tautwave.couplings.mediated.fit import Fit, FitParams, begin_fit, half_width, learn
 from tautwave.laws.limit import clamp
 
 STIFFEST = 30000.0

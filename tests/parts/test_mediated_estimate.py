@@ -1,4 +1,4 @@
-"""What is touched, estimated: one filter on both signals, intervals that cover, guards, contacts."""
+"""What is touched, estimated: one filter, intervals that cover, guards, contacts."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from tautwave.laws.environment.contact import (
+from tautwave.couplings.mediated.contact import (
     Contact,
     ContactParams,
     begin_contact,
     surface_variance,
     touch,
 )
-from tautwave.laws.environment.fit import Fit, FitParams, begin_fit, half_width, learn, student
-from tautwave.laws.environment.signals import (
+from tautwave.couplings.mediated.fit import Fit, FitParams, begin_fit, half_width, learn, student
+from tautwave.couplings.mediated.signals import (
     Filter,
     SignalParams,
     Slope,

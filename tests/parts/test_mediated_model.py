@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave.laws.environment.contact import Surface
-from tautwave.laws.environment.model import ModelParams, adopt, damping_of, push_of, stored_in
+from tautwave.couplings.mediated.contact import Surface
+from tautwave.couplings.mediated.model import ModelParams, adopt, damping_of, push_of, stored_in
 
 P = ModelParams(share=0.02, span=1e-3, most=0.1)
 some = st.floats(0.0, 500.0)
