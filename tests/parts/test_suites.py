@@ -108,6 +108,14 @@ class TestFourChannelInAnAccount(CouplingContract):
         return CouplingBench(plugin, "four_channel", keys)
 
 
+class TestMediatedInAnAccount(CouplingContract):
+    @pytest.fixture
+    def bench(self) -> CouplingBench:
+        keys = {"stiffness": 20.0, "damping": 0.1, "touch": 0.02, "stiffest": 50.0}
+        plugin = with_account(registry.load_coupling("mediated"), Account())
+        return CouplingBench(plugin, "mediated", keys)
+
+
 class TestPdInjection(CouplingContract):
     @pytest.fixture
     def bench(self) -> CouplingBench:
