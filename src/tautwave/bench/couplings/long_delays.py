@@ -35,7 +35,7 @@ LEVER = BENCH._replace(lower=1.0e-3, damping=0.01, coulomb=0.02, noise=1.5e-5)
 COULOMB = ", coulomb: {value: 0.025, lower: 0.02, source: identified}"
 TRUE = LEVER._replace(damping=0.015, coulomb=0.025)
 
-LAWS: Mapping[str, tuple[str, str]] = {
+CASES: Mapping[str, tuple[str, str]] = {
     "wave, b 0.1": (
         "law: wave, pairs: {lever: {wave_impedance: 0.1, wave_filter_hz: 200, pole_master: 0.5, "
         "pole_slave: 0.5",
@@ -79,9 +79,9 @@ class Contact(NamedTuple):
     ended: bool
 
 
-def long_rig(law: str, delay: float, surface: str, seconds: float = SECONDS) -> Rig:
-    """Return the lever with a law of `LAWS` and a surface of `SURFACES`."""
-    block, account = LAWS[law]
+def long_rig(case: str, delay: float, surface: str, seconds: float = SECONDS) -> Rig:
+    """Return the lever with a law of `CASES` and a surface of `SURFACES`."""
+    block, account = CASES[case]
     at, stiffness = SURFACES[surface]
     contact = "{type: free}"
     if stiffness > 0.0:
@@ -133,9 +133,9 @@ def contact_left(
     )
 
 
-def run_long(law: str, delay: float, surface: str, engine: str = "compiled") -> Contact:
+def run_long(case: str, delay: float, surface: str, engine: str = "compiled") -> Contact:
     """Simulate a law behind a delay and measure it."""
-    rig = long_rig(law, delay, surface)
+    rig = long_rig(case, delay, surface)
     run = simulate(rig, engine=engine)
     at = {name: run.data[:, place] for place, name in enumerate(run.columns)}
     return contact_left(at, delay, SURFACES[surface][0], rig.period_s, ended=run.error is not None)
@@ -152,14 +152,14 @@ def long_delays(*, tell: Tell, delays: Sequence[float] = DELAYS) -> Suite:
         One way [s].
     """
     found: dict[tuple[str, float, str], Contact] = {}
-    for law in LAWS:
-        tell(law)
+    for case in CASES:
+        tell(case)
         for delay in delays:
             for surface in SURFACES:
-                found[law, delay, surface] = run_long(law, delay, surface)
+                found[case, delay, surface] = run_long(case, delay, surface)
     rows: list[list[Value]] = [
         [
-            law,
+            case,
             1e3 * delay,
             surface,
             1e3 * it.behind,
@@ -170,7 +170,7 @@ def long_delays(*, tell: Tell, delays: Sequence[float] = DELAYS) -> Suite:
             1e3 * it.made,
             "early" if it.ended else "",
         ]
-        for (law, delay, surface), it in found.items()
+        for (case, delay, surface), it in found.items()
     ]
     table = Table(
         "Couplings behind long delays",
@@ -183,8 +183,8 @@ def long_delays(*, tell: Tell, delays: Sequence[float] = DELAYS) -> Suite:
     )  # fmt: skip
     goals = []
     for delay in delays:
-        felt = {law: found[law, delay, "rigid"].felt for law in LAWS}
-        others = max(value for law, value in felt.items() if "mediated" not in law)
+        felt = {case: found[case, delay, "rigid"].felt for case in CASES}
+        others = max(value for case, value in felt.items() if "mediated" not in case)
         best = felt["mediated"]
         goals.append(
             Goal(f"felt of a rigid wall over other laws, {1e3 * delay:g} ms", 5.0, "times",
