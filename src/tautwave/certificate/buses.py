@@ -1,11 +1,12 @@
-"""Verdicts of drivers that have laws of their own between axes and motors."""
+"""Verdicts on what stands outside of couplings: drivers with laws of their own, and policies."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from tautwave.certificate.belief import stated_hand
 from tautwave.certificate.data import Element, Verdict
-from tautwave.config import Rig, bus_spec
+from tautwave.config import Policy, Rig, bus_spec
 from tautwave.registry import load_driver
 from tautwave.types import CommandDelay
 
@@ -31,3 +32,29 @@ def bus_elements(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Eleme
                 found.numbers,
                 (found.sentence,),
             )
+
+
+def policy_elements(rig: Rig) -> Iterator[Element]:
+    """Yield what is known of hands that a policy leads."""
+    hands = {} if rig.simulation is None else rig.simulation.hand
+    for name, hand in hands.items():
+        keys = getattr(hand, "reference", None)
+        if not isinstance(keys, Policy):
+            continue
+        effort, speed = ("N m", "rad/s") if rig.master.axes[name].kind == "rotary" else ("N", "m/s")
+        held = stated_hand(rig, name).hand
+        power = keys.effort_limit * keys.velocity_limit
+        sentence = (
+            f"policy of {name}: a hand of {held.stiffness:.4g} {effort}/{speed[:-2]} and "
+            f"{held.damping:.3g} {effort} s/{speed[:-2]} follows its actions, no faster than "
+            f"{keys.velocity_limit:g} {speed}, its spring with at most {keys.effort_limit:g} "
+            f"{effort}: up to {power:.3g} W. The coupling is certified with any such hand; what the "
+            f"policy wants is not. Without an action for {3e3 / keys.fps:.3g} ms the rig holds."
+        )
+        verdict = Verdict(
+            True, sentence, (f"the actions for {name} are a policy's, of which nothing is known",)
+        )
+        numbers = {**keys.model_dump(exclude={"type"}), "power_w": power}
+        yield Element(
+            f"policy of {name}", "policy", f"master.{name}", verdict, verdict, numbers, (sentence,)
+        )
