@@ -41,20 +41,18 @@ def policy_elements(rig: Rig) -> Iterator[Element]:
         keys = getattr(hand, "reference", None)
         if not isinstance(keys, Policy):
             continue
-        effort, speed = ("N m", "rad/s") if rig.master.axes[name].kind == "rotary" else ("N", "m/s")
+        effort, place = ("N m", "rad") if rig.master.axes[name].kind == "rotary" else ("N", "m")
         held = stated_hand(rig, name).hand
-        power = keys.effort_limit * keys.velocity_limit
+        power = (keys.effort_limit + held.damping * keys.velocity_limit) * keys.velocity_limit
         sentence = (
-            f"policy of {name}: a hand of {held.stiffness:.4g} {effort}/{speed[:-2]} and "
-            f"{held.damping:.3g} {effort} s/{speed[:-2]} follows its actions, no faster than "
-            f"{keys.velocity_limit:g} {speed}, its spring with at most {keys.effort_limit:g} "
-            f"{effort}: up to {power:.3g} W. The coupling is certified with any such hand; what the "
-            f"policy wants is not. Without an action for {3e3 / keys.fps:.3g} ms the rig holds."
+            f"policy of {name}: a hand of {held.stiffness:.4g} {effort}/{place} and "
+            f"{held.damping:.3g} {effort} s/{place} follows its actions, no faster than "
+            f"{keys.velocity_limit:g} {place}/s, its spring with at most {keys.effort_limit:g} "
+            f"{effort}: up to {power:.3g} W. The coupling is certified with any such hand; what "
+            f"the policy wants is not. Without an action for {3e3 / keys.fps:.3g} ms the rig holds."
         )
-        verdict = Verdict(
-            True, sentence, (f"the actions for {name} are a policy's, of which nothing is known",)
-        )
+        unknown = f"the actions for {name} are a policy's, of which nothing is known"
+        verdict = Verdict(True, sentence, (unknown,))
         numbers = {**keys.model_dump(exclude={"type"}), "power_w": power}
-        yield Element(
-            f"policy of {name}", "policy", f"master.{name}", verdict, verdict, numbers, (sentence,)
-        )
+        axis = f"master.{name}"
+        yield Element(f"policy of {name}", "policy", axis, verdict, verdict, numbers, (sentence,))

@@ -95,9 +95,10 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         mass = hand.mass * lever * lever
         grip_stiffness = hand.stiffness * lever * lever
         grip_damping = hand.damping * lever * lever
-        if isinstance(keys := getattr(hand, "reference", None), Policy):
+        policy = getattr(hand, "reference", None)
+        if isinstance(policy, Policy):
             reference = (truth.start_position,)
-            lead = Lead(_lead_params(axis, keys, grip_stiffness), truth.start_position, period)
+            lead = Lead(_lead_params(axis, policy, grip_stiffness), truth.start_position, period)
         else:
             reference = wanted_positions(rig, axis_name, hand, cycles)
     push: Sequence[float] = ()
