@@ -94,7 +94,7 @@ def test_displacements_summed_drift_and_coordinates_do_not() -> None:
 
 
 class Joints:
-    """A driver of joints that go where they are told to, and keep their efforts."""
+    """A driver of joints that go where they are commanded, and keep their efforts."""
 
     command_delay = CommandDelay(0, 0.0)
     notes = ("a note",)

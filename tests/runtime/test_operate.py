@@ -181,6 +181,22 @@ def test_a_clutch_keeps_the_present_offset_and_a_rest_does_not() -> None:
     assert last == pytest.approx(slave[at] - master[at], abs=1e-9)
 
 
+def test_forces_fall_as_fast_as_they_may_before_a_scale_changes() -> None:
+    """What the old scale still commands must not act on the new one's books."""
+    way = "[[0, 0], [0.5, 0], [1.2, 0.25], [9, 0.25]]"
+    push = f"simulation.hand.lever.reference={{type: minimum_jerk, waypoints: {way}}}"
+    rate = [f"{side}.axes.lever.effort_rate_limit=1.0" for side in ("master", "slave")]
+    stop = "simulation.environment.lever={type: spring, stiffness: 2, position: 0}"
+    done = operate(
+        bench(push, stop, *BARE, *rate, "operate.scales=[0.5]"), "0.1 engage\n1.5 scale 0.5", 2.5
+    )
+    assert done.result.error is None
+    effort = done.columns["slave.lever.commanded"]
+    assert abs(effort[1495]) > 0.02  # it takes 20 slots to fall
+    assert np.abs(np.diff(effort)).max() <= 1.0e-3 + 1e-12
+    assert np.abs(done.residual()).max() <= 1e-12
+
+
 def test_a_scale_changes_in_one_slot_with_nothing_stored_and_no_jump() -> None:
     way = "[[0, 0], [1, 0], [4, 0.25]]"
     slow = f"simulation.hand.lever.reference={{type: minimum_jerk, waypoints: {way}}}"

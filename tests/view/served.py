@@ -63,17 +63,17 @@ def served(directory: Path, rig: str | None = None, **facts: Any) -> Iterator[tu
     thread = threading.Thread(target=lambda: asyncio.run(server.serve()))
     thread.start()
     try:
-        urls.get(timeout=20)
+        urls.get(timeout=60)
         yield run, server.door
     finally:
         run.close()
-        thread.join(20)
+        thread.join(60)
     assert not thread.is_alive()
 
 
 def ask(door: Door, text: str) -> str:
     """Send a request as it is, and return the whole response."""
-    with socket.create_connection((door.address, door.port), timeout=10) as raw:
+    with socket.create_connection((door.address, door.port), timeout=60) as raw:
         raw.sendall(text.encode())
         found = b""
         while data := raw.recv(65536):

@@ -87,6 +87,12 @@ SECTIONS = {
             "admittance axes, and those with an effort_sensor: the effort from outside, measured",
         ),
         Column(
+            "SIDE.AXIS.followed",
+            "rad, m",
+            "followers: where the device was measured last; `position` is its goal, and"
+            " `measured_effort` the spring between them",
+        ),
+        Column(
             "SIDE.AXIS.motor_effort",
             "N m, N",
             "what the motor gave, by its own current, where the drive reports it; NaN: no sample",

@@ -17,6 +17,7 @@ from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.loop import TIMING_COLUMNS
 from tautwave.runtime.operate.commands import DeadMan, Source, Watcher
 from tautwave.runtime.operate.key_device import KeyDevice
+from tautwave.runtime.operate.mailbox import Kept
 from tautwave.runtime.operate.operated import OperatedControl
 from tautwave.runtime.operate.trigger import TriggerLine
 
@@ -65,10 +66,11 @@ def with_operation(
     ]
     port = rig.operate.trigger
     lines = [] if port is None else [TriggerLine(port.port, port.command or "")]
+    sent = [one for one in live if isinstance(one, Kept)]
     delays = {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
     operation = operation_of(rig, plain, delays)
     control = OperatedControl(
-        plain, operation, scripts, [*live, *keys, *lines], [*keys, *inputs], lines
+        plain, operation, scripts, [*live, *keys, *lines], [*keys, *sent, *inputs], lines
     )
     for source in scripts:
         if isinstance(source, Watcher):

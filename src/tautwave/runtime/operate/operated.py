@@ -274,7 +274,7 @@ class OperatedControl(CoupledControl):
     def _all_at_rest(self, slot: int) -> bool:
         """Return whether no command of before is still acting or waiting, and no wall pushes."""
         if any(s.total != 0.0 for s in self.axes):
-            self._let_go = slot
+            self.alignment.let_go = slot
         share = self.run.arm_share
         calm = all(is_calm(s, p, share) for s, p in zip(self.axes, self.params, strict=True))
         return calm and slot - self.alignment.let_go >= self._latency
