@@ -184,7 +184,7 @@ class OperatedControl(CoupledControl):
         if word == TOGGLE:
             word = st.CLUTCH if self.standing.state == st.ENGAGED else st.ENGAGE
         if word not in WORDS:
-            self._note(word[:40], order.source, f"unknown; there are {', '.join(WORDS)}")
+            self._refuse(word[:40], order.source, f"unknown; there are {', '.join(WORDS)}")
             return
         self._command = WORDS.index(word) + 1
         if word == EPISODE:
@@ -198,24 +198,30 @@ class OperatedControl(CoupledControl):
             self.wants_reset = True
             self._note(word, order.source, "the devices are reset")
         elif (after := st.follow(self.standing, word)) is None:
-            self._note(word, order.source, st.refusal(self.standing, word))
+            self._refuse(word, order.source, st.refusal(self.standing, word))
         elif word == st.SCALE and not self._rescale(order.argument, after):
             known = ", ".join(f"{scale:g}" for scale in self.operation.scales)
-            self._note(word, order.source, f"scale: one of {known} (got {order.argument[:20]!r})")
+            text = f"scale: one of {known} (got {order.argument[:20]!r})"
+            self._refuse(word, order.source, text)
         elif word == st.ENGAGE and (loose := self.inbox.loose()):
-            self._note(word, order.source, f"engage: hold the dead-man first: {', '.join(loose)}")
+            text = f"engage: hold the dead-man first: {', '.join(loose)}"
+            self._refuse(word, order.source, text)
         else:
             self._enter(after)
             self._note(word, order.source)
 
     def _rescale(self, argument: str, after: st.Standing) -> bool:
         """Let go if engaged, and take another scale's constants; return whether there is one."""
-        scales = {f"{scale:g}": scale for scale in self.operation.scales}
-        if argument not in scales:
+        try:
+            wanted = f"{float(argument):g}"
+        except ValueError:
+            return False
+        found = [scale for scale in self.operation.scales if f"{scale:g}" == wanted]
+        if not found:
             return False
         self._enter(after)
         self._count_anew()
-        self.scale = scales[argument]
+        self.scale = found[0]
         self.params, self.pairs = self.operation.scales[self.scale]
         self._free = [p._replace(site=p.site._replace(has_wall=False)) for p in self.params]
         self.alignment.pairs = self.pairs
@@ -241,9 +247,12 @@ class OperatedControl(CoupledControl):
         if not self._coupled:
             self._count_anew()
 
-    def _note(self, word: str, source: str, text: str = "") -> None:
-        entry = Entry(self._seconds(), word, source, self.standing.state, text)
+    def _note(self, word: str, source: str, text: str = "", refused: bool = False) -> None:
+        entry = Entry(self._seconds(), word, source, self.standing.state, text, refused)
         self.journal.note(entry)
+
+    def _refuse(self, word: str, source: str, why: str) -> None:
+        self._note(word, source, why, refused=True)
 
     def _seconds(self) -> float:
         return round(self._now * self.run.period_ns * 1e-9, 9)
@@ -336,7 +345,7 @@ class OperatedControl(CoupledControl):
         self.wants_reset = False
         self._now = slot
         if refusal:
-            self._note(st.REST, "controller", f"the devices are not back: {refusal}")
+            self._refuse(st.REST, "controller", f"the devices are not back: {refusal}")
             return
         self._bank()
         self._clear_energies()

@@ -113,9 +113,7 @@ def run_study(
         source = TrialSource(trial, protocol.task, protocol.trial_s)
         place = _free(study.out, f"{study.participant}-{trial.number:03d}-{trial.condition}")
         with live(rig) as sources:
-            result = run_rig(
-                rig, out=place, scripts=[source], live=sources, **study.ways
-            )
+            result = run_rig(rig, out=place, scripts=[source], live=sources, **study.ways)
         rows.append(_row(study, trial, result, judge(trial) if protocol.ask else None))
         _write(study.out / TABLE, rows)
         if result.exit_code:
