@@ -184,7 +184,9 @@ class OperatedControl(CoupledControl):
         if word == TOGGLE:
             word = st.CLUTCH if self.standing.state == st.ENGAGED else st.ENGAGE
         if word not in WORDS:
-            self._refuse(word[:40], order.source, f"unknown; there are {', '.join(WORDS)}")
+            self._note(
+                word[:40], order.source, f"unknown; there are {', '.join(WORDS)}", refused=True
+            )
             return
         self._command = WORDS.index(word) + 1
         if word == EPISODE:
@@ -198,30 +200,25 @@ class OperatedControl(CoupledControl):
             self.wants_reset = True
             self._note(word, order.source, "the devices are reset")
         elif (after := st.follow(self.standing, word)) is None:
-            self._refuse(word, order.source, st.refusal(self.standing, word))
+            self._note(word, order.source, st.refusal(self.standing, word), refused=True)
         elif word == st.SCALE and not self._rescale(order.argument, after):
-            known = ", ".join(f"{scale:g}" for scale in self.operation.scales)
-            text = f"scale: one of {known} (got {order.argument[:20]!r})"
-            self._refuse(word, order.source, text)
+            text = self.operation.no_scale(order.argument)
+            self._note(word, order.source, text, refused=True)
         elif word == st.ENGAGE and (loose := self.inbox.loose()):
             text = f"engage: hold the dead-man first: {', '.join(loose)}"
-            self._refuse(word, order.source, text)
+            self._note(word, order.source, text, refused=True)
         else:
             self._enter(after)
             self._note(word, order.source)
 
     def _rescale(self, argument: str, after: st.Standing) -> bool:
         """Let go if engaged, and take another scale's constants; return whether there is one."""
-        try:
-            wanted = f"{float(argument):g}"
-        except ValueError:
-            return False
-        found = [scale for scale in self.operation.scales if f"{scale:g}" == wanted]
-        if not found:
+        scale = self.operation.called(argument)
+        if scale is None:
             return False
         self._enter(after)
         self._count_anew()
-        self.scale = found[0]
+        self.scale = scale
         self.params, self.pairs = self.operation.scales[self.scale]
         self._free = [p._replace(site=p.site._replace(has_wall=False)) for p in self.params]
         self.alignment.pairs = self.pairs
@@ -250,9 +247,6 @@ class OperatedControl(CoupledControl):
     def _note(self, word: str, source: str, text: str = "", refused: bool = False) -> None:
         entry = Entry(self._seconds(), word, source, self.standing.state, text, refused)
         self.journal.note(entry)
-
-    def _refuse(self, word: str, source: str, why: str) -> None:
-        self._note(word, source, why, refused=True)
 
     def _seconds(self) -> float:
         return round(self._now * self.run.period_ns * 1e-9, 9)
@@ -345,7 +339,7 @@ class OperatedControl(CoupledControl):
         self.wants_reset = False
         self._now = slot
         if refusal:
-            self._refuse(st.REST, "controller", f"the devices are not back: {refusal}")
+            self._note(st.REST, "controller", f"the devices are not back: {refusal}", refused=True)
             return
         self._bank()
         self._clear_energies()
