@@ -23,6 +23,13 @@ class ArmModel(NamedTuple):
     chain: ChainParams
 
 
+class PositionLoop(NamedTuple):
+    """Position loop of a drive: stiffness [N m/rad or N/m], damping [N m s/rad or N s/m]."""
+
+    stiffness: float
+    damping: float
+
+
 class AxisModel(NamedTuple):
     """The true device, hand and environment of one axis; SI, rotary N m and rad for N and m.
 
@@ -35,6 +42,7 @@ class AxisModel(NamedTuple):
     is where `reference` is, whatever its motor does. `push` is an effort on it at every slot, empty
     without one. `sensor` measures the effort from outside. `grasp(x, v, T)`, asked once a slot of T
     seconds, is the effort of a hand that follows no plan.
+    `loop`: its drive takes positions.
     """
 
     period: float
@@ -59,6 +67,7 @@ class AxisModel(NamedTuple):
     push: Sequence[float] = ()
     sensor: SensorParams | None = None
     grasp: Grasp | None = None
+    loop: PositionLoop | None = None
 
 
 class HandPlugin(NamedTuple):

@@ -53,9 +53,9 @@ def test_each_driver_is_measured_and_named_as_it_starts(monkeypatch: pytest.Monk
     monkeypatch.setattr(registry, "driver_names", lambda: ["bare", *costs])
     monkeypatch.setattr(registry, "load_driver", load)
     monkeypatch.setattr(registry, "missing_modules", list)
-    told: list[str] = []
-    made = buses(cycles=7, tell=told.append)
-    assert told == ["fast, 7 exchanges", "mute, 7 exchanges", "torn, 7 exchanges"]
+    reported: list[str] = []
+    made = buses(cycles=7, tell=reported.append)
+    assert reported == ["fast, 7 exchanges", "mute, 7 exchanges", "torn, 7 exchanges"]
     assert asked == [(name, 7) for name in costs]
     assert [table.title for table in made.tables] == ["Bus bare", "Bus fast", "Bus torn"]
     bare, fast, torn = (table.rows for table in made.tables)

@@ -87,6 +87,8 @@ def test_columns_of_the_shipped_rigs_are_explained() -> None:
         *(f"{side}.axes.lever.compensation={{viscous: 0.5}}" for side in ("master", "slave")),
     ]
     parts += _columns(load_rig(CONFIGS / "bench-1dof-2khz.yaml", kept))
+    kept = ["coupling={law: mediated, account: {}, pairs: {lever: {}}}"]
+    parts += _columns(load_rig(CONFIGS / "bench-1dof-2khz.yaml", kept))
     parts += _columns(load_rig(CONFIGS / "arms" / "planar.yaml"))
     parts += LINK_COLUMNS
     # of elements, the page spells out the three columns of the first only

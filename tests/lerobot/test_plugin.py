@@ -208,10 +208,11 @@ def test_a_row_that_is_old_is_no_measurement(
     lost = sys.modules["lerobot.utils.errors"].DeviceNotConnectedError
     with pytest.raises(lost, match="not connected"):
         slave.get_observation()
-    slave.connect()
-    slave.get_observation()
     clock = sys.modules["lerobot_robot_tautwave.site"].time
     now = clock.monotonic()
+    monkeypatch.setattr(clock, "monotonic", lambda: now)
+    slave.connect()
+    slave.get_observation()
     monkeypatch.setattr(Session, "frozen", True)
     slave.get_observation()
     monkeypatch.setattr(clock, "monotonic", lambda: now + 1.0)

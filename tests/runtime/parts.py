@@ -40,10 +40,10 @@ from tautwave.couplings.position.steps import law as position_law
 from tautwave.couplings.wave.port import receive_wave, start_end, waiting_energy
 from tautwave.couplings.wave.records import WaveEndParams
 from tautwave.couplings.wave.steps import law as wave_law
-from tautwave.laws.admittance import admittance_params, rigid_port
 from tautwave.laws.limit import LimitParams
 from tautwave.laws.observer import observer_params, plain_observer
 from tautwave.laws.port import port_params
+from tautwave.laws.servo.admittance import admittance_params, rigid_port
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
 from tautwave.laws.wave_filter import filter_gain

@@ -48,7 +48,7 @@ def client(door: Door, token: str, **options: Any) -> ClientConnection:
 
 def heard(socket: ClientConnection, op: str) -> dict[str, Any]:
     for _ in range(MOST_MESSAGES):
-        data = socket.recv(10)
+        data = socket.recv(60)
         if isinstance(data, str) and (said := json.loads(data))["op"] == op:
             return dict(said)
     raise AssertionError(op)
@@ -56,7 +56,7 @@ def heard(socket: ClientConnection, op: str) -> dict[str, Any]:
 
 def heard_bytes(socket: ClientConnection, opcode: int) -> bytes:
     for _ in range(MOST_MESSAGES):
-        data = socket.recv(10)
+        data = socket.recv(60)
         if isinstance(data, bytes) and data[0] == opcode:
             return data
     raise AssertionError(opcode)

@@ -15,6 +15,7 @@ from tautwave.controller.stops import ARM_SHARE, ARM_TIMEOUT_S, AxisName, positi
 from tautwave.errors import ConfigError
 from tautwave.laws.compensation import NO_COMPENSATION, CompensationParams
 from tautwave.laws.limit import LimitParams
+from tautwave.laws.servo.follower import FollowerParams
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
 from tautwave.rig.arms import LOAD_SHARE, load_reserves
@@ -55,17 +56,22 @@ def coupling_law(rig: Rig) -> Law:
 def coupled_axis(rig: Rig, axis_name: str, delay: CommandDelay) -> CoupledAxis:
     """Return what a coupling gets to know of an axis."""
     axis = rig.axes[axis_name]
+    place, noise, effort = axis.encoder_quantum, axis.position_noise, axis.effort_quantum
+    if axis.follower is not None:
+        # The goal is a number; what is read of the device stretches the spring.
+        effort = axis.follower.stiffness * (place + 2.0 * noise)
+        place = noise = 0.0
     return CoupledAxis(
         period=rig.axis_period_s(axis_name),
         gain=velocity_gain(rig, axis),
         inertia=None if axis.inertia is None else axis.inertia.lower,
-        encoder_quantum=axis.encoder_quantum,
-        position_noise=axis.position_noise,
+        encoder_quantum=place,
+        position_noise=noise,
         delay=delay.periods,
-        outside_stiffness=axis.environment_stiffness_upper or 0.0,
+        outside_stiffness=axis.outside_stiffness,
         late=delay.remainder_s / rig.axis_period_s(axis_name),
         velocity_limit=math.inf if axis.velocity_limit is None else axis.velocity_limit,
-        effort_quantum=axis.effort_quantum,
+        effort_quantum=effort,
         noise_lags=axis.position_noise_autocorrelation,
         effort_limit=axis.effort_limit,
         fade=axis.effort_limit / (axis.effort_rate_limit or math.inf),
@@ -73,6 +79,7 @@ def coupled_axis(rig: Rig, axis_name: str, delay: CommandDelay) -> CoupledAxis:
         viscous=axis.damping.value,
         coulomb=axis.coulomb.value,
         senses=axis.effort_sensor is not None,
+        follows=None if axis.follower is None else axis.follower.lag_s,
     )
 
 
@@ -173,6 +180,17 @@ def site_params(rig: Rig, axis_name: str) -> SiteParams:
         compensation=compensation_params(axis, rig.axis_period_s(axis_name)),
         compensates=axis.compensation is not None,
     )
+
+
+def follower_params(rig: Rig, axis_name: str) -> FollowerParams | None:
+    """Return goal and spring of an axis whose device takes positions, None of others."""
+    axis = rig.axes[axis_name]
+    if axis.follower is None:
+        return None
+    low, high = (-math.inf, math.inf) if axis.position_range is None else axis.position_range
+    stiffness = axis.follower.stiffness
+    lead = axis.effort_limit / stiffness
+    return FollowerParams(rig.axis_period_s(axis_name), stiffness, lead, low, high)
 
 
 def compensation_params(axis: Axis, period: float) -> CompensationParams:

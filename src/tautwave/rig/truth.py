@@ -36,7 +36,7 @@ from tautwave.motion import recorded_efforts, reference_positions
 from tautwave.rig.arms import arm_chain, load_params
 from tautwave.rig.integration import Integrated, integrated
 from tautwave.streams import HAND
-from tautwave.truth import ArmModel, AxisModel
+from tautwave.truth import ArmModel, AxisModel, PositionLoop
 from tautwave.types import CommandDelay, Imposed
 
 LIGHTEST = 1e-30
@@ -96,8 +96,9 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         push = recorded_push(rig, axis_name, environment, cycles)
     spring = environment if isinstance(environment, Spring) else None
     wall = environment if isinstance(environment, SolidWall) else None
+    plain = axis.causality == "impedance" or axis.follower is not None
     plant = PlantParams(
-        mass=(truth.inertia if axis.causality == "impedance" else 1.0) + mass,
+        mass=(truth.inertia if plain else 1.0) + mass,
         viscous=truth.damping,
         coulomb=truth.coulomb,
         grip_stiffness=grip_stiffness,
@@ -119,7 +120,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         foam = foam_params(period, environment, plant, truth.effort_limit)
     integrator = rig.simulation.integrator
     at_part = isinstance(environment, EnvironmentPart)
-    if integrator is not None and axis.causality == "impedance" and not at_part:
+    if integrator is not None and plain and not at_part:
         speed = greatest_speed(rig, axis_name, plant.mass)
         foam = integrated(axis_name, integrator, plant, foam, speed, period).foam
     arm = true_arm(rig, side)
@@ -127,7 +128,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
     if isinstance(environment, EnvironmentPart):
         part = part_contact(rig, axis_name, environment, plant)
     servo = None
-    if axis.causality == "admittance":
+    if not plain:
         servo = ServoParams(
             time_constant=truth.velocity_time_constant_s,
             hand_mass=mass,
@@ -162,6 +163,9 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         imposed=motion is not None,
         push=push,
         sensor=sensor_params(rig, axis_name, mass),
+        loop=None
+        if axis.follower is None
+        else PositionLoop(truth.servo_stiffness, truth.servo_damping),
     )
 
 
@@ -264,8 +268,9 @@ def part_contact(
         The axis takes velocities, or the part fails or returns non-finite numbers.
     """
     place = f"simulation.environment.{axis_name.split('.')[1]}: part {keys.part}"
-    if rig.axes[axis_name].causality != "impedance":
-        raise ConfigError(f"{place}: only for axes that take effort")
+    axis = rig.axes[axis_name]
+    if axis.causality != "impedance" and axis.follower is None:
+        raise ConfigError(f"{place}: only for axes that take effort or positions")
     plugin = registry.load_part(registry.ENVIRONMENTS, keys.part)
     params, force, stored, kinks = (
         registry.load_named(named)

@@ -31,7 +31,7 @@ from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.certificate.loads import load_element
 from tautwave.config import Rig, local_wall
 from tautwave.laws.limit import LimitParams
-from tautwave.rig import make_control, pair_scale
+from tautwave.rig import coupling_law, make_control, pair_scale
 from tautwave.types import CommandDelay, JointState
 
 Complexes = npt.NDArray[np.complex128]
@@ -66,9 +66,10 @@ def tuning(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Tuning | 
     """Return what the bare law of a pair needs; None where it is not covered.
 
     Covered are axes that take effort, on buses served every cycle, whose commands act after whole
-    periods, and a constant delay: over a network it is not known.
+    periods, and a constant delay: over a network it is not known. A law that learns what it renders
+    has no response to a sample.
     """
-    if rig.link is not None:
+    if rig.link is not None or coupling_law(rig).holding is not None:
         return None
     names = [f"{side}.{pair}" for side in ("master", "slave")]
     for name in names:

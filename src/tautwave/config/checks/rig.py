@@ -17,7 +17,7 @@ from tautwave.config.keys.coupling import Pair, Wall
 from tautwave.config.keys.devices import Axis
 from tautwave.config.pieces import SIDES, Parts
 from tautwave.config.text.document import Document, nearest, show_path, show_value
-from tautwave.contracts import CouplingPlugin
+from tautwave.contracts import CouplingPlugin, DriverPlugin
 
 HARDWARE_LIMITS = ("effort_rate_limit", "velocity_limit", "position_range")
 
@@ -151,6 +151,10 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
             document.report(
                 (*path, "environment_stiffness_upper"), "only for admittance axes; remove it"
             )
+        if axis.follower is not None:
+            document.report(
+                (*path, "follower"), "only for admittance axes; make it causality: admittance"
+            )
     else:
         if axis.inertia is not None:
             document.report((*path, "inertia"), "not used by an admittance axis; remove it")
@@ -167,6 +171,8 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
             # Its command is a velocity: without a limit there is nothing for the ramps to scale.
             document.report((*path, "velocity_limit"), "required key is missing (admittance axis)")
     plugin = parts.plugins.get(axis.bus)
+    if axis.follower is not None:
+        _check_follower(document, path, axis, plugin)
     if plugin is not None and plugin.hardware:
         for key in HARDWARE_LIMITS:
             if getattr(axis, key) is None:
@@ -175,6 +181,29 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
                     f"required key is missing (bus {axis.bus!r} moves motors, so every limit "
                     "has to be given)",
                 )
+
+
+def _check_follower(
+    document: Document, path: tuple[str, ...], axis: Axis, plugin: DriverPlugin | None
+) -> None:
+    """Refuse what is not for an axis whose device takes positions."""
+    if plugin is not None and not plugin.positions:
+        document.report(
+            (*path, "follower"),
+            f"the driver of bus {axis.bus!r} commands no positions; use a device that takes "
+            "velocity or effort there, or put this one on a bus whose driver does (loopback, "
+            "dynamixel)",
+        )
+    if axis.environment_stiffness_upper is not None:
+        document.report(
+            (*path, "environment_stiffness_upper"),
+            "a follower's own spring stands in front of what it touches; remove it",
+        )
+    for key in ("effort_quantum", "velocity_quantum"):
+        if getattr(axis, key) > 0.0:
+            document.report(
+                (*path, key), "a follower measures no effort and takes no velocity; remove it"
+            )
 
 
 def _check_effort_step(document: Document, parts: Parts, path: tuple[str, ...], axis: Axis) -> None:

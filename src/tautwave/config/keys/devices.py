@@ -140,6 +140,19 @@ def _check_range(ends: tuple[float, float]) -> tuple[float, float]:
     return ends
 
 
+class Follower(Block):
+    """A device that takes positions only: a goal, and a spring from it to the device."""
+
+    stiffness: Positive = Field(
+        description="[N m/rad | N/m] Effort that is felt, for how far the device is behind its "
+        "goal; up to `effort_limit`, where the goal waits for it."
+    )
+    lag_s: NonNegative = Field(
+        description="[s] Greatest mean lag of the device behind a goal that moves evenly; it must "
+        "not overshoot."
+    )
+
+
 class Axis(Block):
     """One axis of a device: its bus, causality, believed parameters and limits."""
 
@@ -227,6 +240,19 @@ class Axis(Block):
         description="[N m/rad | N/m] Stiffest environment an admittance axis will touch; bounds "
         "its wave impedance from below.",
     )
+
+    follower: Follower | None = Field(
+        default=None,
+        description="Of an admittance axis whose device takes positions: a gripper, a hobby "
+        "servo. Nothing is claimed of what it does to what it touches.",
+    )
+
+    @property
+    def outside_stiffness(self) -> float:
+        """Stiffest spring that an admittance port may meet [N m/rad | N/m], 0: none is stated."""
+        if self.follower is not None:
+            return self.follower.stiffness
+        return self.environment_stiffness_upper or 0.0
 
     @property
     def held_bias(self) -> float:

@@ -63,6 +63,16 @@ class AxisSimulation(Block):
     velocity_time_constant_s: Positive | None = Field(
         default=None, description="[s] Velocity loop of an admittance axis; default 0.002."
     )
+    servo_stiffness: Positive | None = Field(
+        default=None,
+        description="[N m/rad | N/m] Position loop of a follower on a loopback bus; default: its "
+        "`follower.stiffness`.",
+    )
+    servo_damping: NonNegative | None = Field(
+        default=None,
+        description="[N m s/rad | N s/m] The same loop's; default: such that it lags by "
+        "`follower.lag_s`.",
+    )
     effort_sensor: EffortSensor | None = Field(
         default=None, description="Of an axis that has one; default: as believed."
     )

@@ -49,7 +49,9 @@ class Sites(Block):
     master: Site = Field(default_factory=_nowhere, description="The operator's machine.")
     slave: Site = Field(default_factory=_nowhere, description="The machine at the task.")
     wait_s: NonNegative = Field(
-        default=60.0, description="[s] For so long the other site is waited for before a run."
+        default=60.0,
+        description="[s] For so long the other site is waited for before a run, and until it is "
+        "ready in a session.",
     )
     greatest_backlog: Positive = Field(
         default=0.1,

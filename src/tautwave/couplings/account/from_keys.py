@@ -12,6 +12,10 @@ from tautwave.laws.account import FULL, LEADER_SHARE, TANK_SHARE, AccountParams
 SLOW = 50.0
 """Periods in which the leader's level damping would bring the device alone to rest."""
 
+QUICK = 7.0
+"""The same under a law that renders a model, for it takes nothing where there is nothing: all that
+moves the follower then comes of level damping."""
+
 COMMANDS_UNDER_WAY = 3.0
 """Each command under way may plan to give this share's inverse, over their number, of the funds:
 each sees an account that the others have not yet drawn on. Below e, the account could go negative.
@@ -34,6 +38,14 @@ def account_reserve(keys: Account, axis: CoupledAxis) -> float:
     assert axis.inertia is not None
     impulse = axis.effort_limit * (1 + late_periods(axis)) * axis.period
     return impulse * impulse / axis.inertia
+
+
+def quick_level(keys: Account, axis: CoupledAxis) -> Account:
+    """Return the keys with the level damping of a law that renders a model, where none is given."""
+    if keys.level_damping is not None:
+        return keys
+    assert axis.inertia is not None
+    return keys.model_copy(update={"level_damping": axis.inertia / (QUICK * axis.period)})
 
 
 def noise_taken(axis: CoupledAxis) -> float:
@@ -72,7 +84,7 @@ def account_params(keys: Account, side: str, axis: CoupledAxis, gain: float) -> 
     if leads:
         level = slow if keys.level_damping is None else keys.level_damping
     late = late_periods(axis)
-    edge = min(max(abs(gain) * axis.period, slow), axis.inertia / axis.period)
+    edge = min(max(abs(gain) * axis.period, slow, level), axis.inertia / axis.period)
     taken = noise_taken(axis)
     return AccountParams(
         reserve=reserve,

@@ -8,10 +8,10 @@ from collections.abc import MutableSequence
 from tautwave.controller.records import PIPE, AxisParams, AxisState
 from tautwave.controller.steps import OWN_GUARDS
 from tautwave.couplings.wave.records import WaveEnd, WaveEndParams
-from tautwave.laws.admittance import admittance_velocity
 from tautwave.laws.limit import clamp
 from tautwave.laws.observer import observe
 from tautwave.laws.port import port_brake, port_close, port_effort
+from tautwave.laws.servo.admittance import admittance_velocity
 from tautwave.laws.wave_filter import filter_gain
 
 PORT_OVERDRAWN = OWN_GUARDS

@@ -21,11 +21,11 @@ from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.certificate.rates import converter_element
 from tautwave.config import Rig
 from tautwave.couplings.claim import Claim, joules, short, watts
-from tautwave.couplings.wave.admittance import admittance_element
 from tautwave.couplings.wave.claim import claim_of, claimed_sentence
 from tautwave.couplings.wave.device_port import binding, pair_of, port_of, remedy_of
 from tautwave.couplings.wave.from_keys import coarsest_step, port_impedance
 from tautwave.couplings.wave.keys import WavePair
+from tautwave.couplings.wave.servos.admittance import admittance_element
 from tautwave.laws.port import plain_drain
 from tautwave.laws.receiver import RESERVE
 from tautwave.rig import at_axis_rate, coupled_axis, pair_scale

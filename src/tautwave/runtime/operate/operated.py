@@ -105,8 +105,7 @@ class OperatedControl(CoupledControl):
         """[J] What all holds so far might give out together."""
         self._suspect = self._coupled = False
         self._dead: set[int] = set()
-        self._now = 0
-        self._command = 0
+        self._now = self._command = 0
         self._latency = max((p.delay for p in plain.params), default=0) + 2
         self.columns += STATE_COLUMNS
         for name in self.pair_names:

@@ -12,12 +12,14 @@ LINK_COLUMNS = ("link.session", "link.slot", "link.silence_s", "link.holding", "
 class SiteLimits(NamedTuple):
     """When a site holds and stops.
 
-    Silence until it holds, and until it stops [ns]; the motion [rad or m, master] that may be
-    missed; whether its slots follow the other's.
+    Silence until it holds, and until it stops [ns]; how long the other site may take until it is
+    ready [ns]; the motion [rad or m, master] that may be missed; whether its slots follow the
+    other's.
     """
 
     silence_ns: int
     lost_ns: int
+    ready_ns: int
     backlog: float
     follows: bool
 

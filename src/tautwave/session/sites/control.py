@@ -93,7 +93,7 @@ class SiteControl(CoupledControl):
         self._slot = 0
         self._engaged = False
         self._ready = False
-        self._told_end = False
+        self._end_sent = False
         self._peer_ready: Mapping[str, float] | None = None
         self._peer_began: Mapping[str, float] | None = None
         self._held_from = -1
@@ -171,6 +171,7 @@ class SiteControl(CoupledControl):
         self._peer_ready = self._peer_began = None
         self._aheads: list[float] = []
         self._shift = 0.0
+        self._joined_at = self._slot
         self.sessions.append({"id": session.id.hex(), "joined_s": self._seconds()})
 
     def _wait(self, slot: int, skipped: int) -> None:
@@ -275,16 +276,18 @@ class SiteControl(CoupledControl):
 
     def _count_down(self, slot: int) -> None:
         """Stop where the other site has been away for too long."""
-        since = self._held_from
-        if (slot - max(since, 0)) * self.run.period_ns <= self._limits.lost_ns:
+        there = not self._engaged and not self._left  # in a session, and not ready yet
+        since = self._joined_at if there else max(self._held_from, 0)
+        limit_ns = self._limits.ready_ns if there else self._limits.lost_ns
+        if (slot - since) * self.run.period_ns <= limit_ns:
             return
-        why = self._left or "nothing came of it"
-        if since < 0:
-            why = self._left or f"it was not ready within {self._limits.lost_ns * 1e-9:g} s"
+        begun = f"{since * self.run.period_ns * 1e-9:.3f} s"
         self._gone = (
-            f"{self.peer} is lost since {max(since, 0) * self.run.period_ns * 1e-9:.3f} s: {why}; "
-            f"not back within {self._limits.lost_ns * 1e-9:g} s, stopped at {self._seconds():.3f} s"
-        )
+            f"{self.peer} was not ready within {limit_ns * 1e-9:g} s of the session of {begun}"
+            if there
+            else f"{self.peer} is lost since {begun}: {self._left or 'nothing came of it'}; "
+            f"not back within {limit_ns * 1e-9:g} s"
+        ) + f", stopped at {self._seconds():.3f} s"
         begin_stop(self.run, self.state, self.axes, slot, LINK, 0, 0)
 
     # -- the other site's words ---------------------------------------------------------------
@@ -320,13 +323,13 @@ class SiteControl(CoupledControl):
 
     def _take_leave(self, slot: int) -> None:
         """Tell the other site, once, that this one stops, or that its run is over."""
-        if self._told_end:
+        if self._end_sent:
             return
         if self.state.kind != FINISHED:
-            self._told_end = True
+            self._end_sent = True
             self._line.send(send={"stops": str(self.error())})
         elif slot + 1 >= self.state.end:
-            self._told_end = True
+            self._end_sent = True
             self._line.send(send={"ended": True})
 
     # -- clocks and counts ----------------------------------------------------------------------

@@ -148,7 +148,8 @@ def with_site(rig: Rig, assembly: Assembly, link: Joined) -> Assembly:
     law = registry.load_named(coupling_part(rig).at_sites)[rig.site]
     endpoint = Endpoint(link.sock, side, len(control.pairs), assembly.clock.now_ns)
     limits = SiteLimits(
-        round(keys.silence_s * 1e9), round(keys.lost_s * 1e9), rig.sites.greatest_backlog,
+        round(keys.silence_s * 1e9), round(keys.lost_s * 1e9),
+        round(max(rig.sites.wait_s, keys.lost_s) * 1e9), rig.sites.greatest_backlog,
         follows=rig.sites.serves != rig.site,
     )  # fmt: skip
     site = SiteControl(
