@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import MutableSequence
 
-from tautwave.controller.records import PIPE, AxisParams, AxisState
+from tautwave.controller.records import PIPE, TAG, AxisParams, AxisState
 from tautwave.controller.steps import OWN_GUARDS
 from tautwave.couplings.wave.records import WaveEnd, WaveEndParams
 from tautwave.laws.limit import clamp
@@ -336,7 +336,7 @@ def waiting_energy(s: AxisState, p: AxisParams, table: MutableSequence[float]) -
         at = s.head + i
         if at >= p.delay:
             at = at - p.delay
-        wave = table[p.pipe + PIPE * at + 3]
+        wave = table[p.pipe + PIPE * at + TAG]
         total += p.half_period * wave * wave
     return total
 
