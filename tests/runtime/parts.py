@@ -9,15 +9,14 @@ from typing import Any
 from tautwave.clock import FakeClock
 from tautwave.controller.axis import (
     close_axis,
-    fade_axis,
     is_calm,
     miss_sample,
     pass_slot,
     start_axis,
-    stop_axis,
     stored_in_wall,
     think_axis,
 )
+from tautwave.controller.braking import fade_axis, stop_axis
 from tautwave.controller.pair import (
     cycle_pair,
     effort_error,

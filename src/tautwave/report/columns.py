@@ -200,6 +200,7 @@ SECTIONS = {
         Column("PAIR.credits.absorbed", "J", "credit under way between accounts"),
         Column("PAIR.model_master.absorbed", "J", "law `mediated`: the spring that is rendered"),
         Column("PAIR.compensation_SIDE.absorbed", "J", "friction compensation; negative: it gave"),
+        Column("PAIR.inertia_SIDE.absorbed", "J", "inertia taken off, by account; negative: gave"),
         Column("PAIR.wall_SIDE.absorbed", "J", "a local wall"),
     ),
     "What carries a load": (

@@ -13,7 +13,6 @@ from tautwave.controller.records import NEVER, PIPE, AxisParams, PairParams, Run
 from tautwave.controller.steps import Law, NoParams
 from tautwave.controller.stops import ARM_SHARE, ARM_TIMEOUT_S, AxisName, position_unit
 from tautwave.errors import ConfigError
-from tautwave.laws.compensation import NO_COMPENSATION, CompensationParams
 from tautwave.laws.limit import LimitParams
 from tautwave.laws.servo.follower import FollowerParams
 from tautwave.laws.site import SiteParams
@@ -21,6 +20,7 @@ from tautwave.laws.wall import WallParams
 from tautwave.rig.arms import LOAD_SHARE, load_reserves
 from tautwave.rig.network import trace_of
 from tautwave.rig.scales import pair_scale, slave_offset
+from tautwave.rig.support import compensation_params, inertia_params
 from tautwave.rig.truth import SEED_WORD
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.wire import Wire
@@ -28,9 +28,6 @@ from tautwave.types import CommandDelay
 
 NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
 
-
-STILL = 1e-3
-"""Least velocity from which on Coulomb friction is compensated in full [rad/s or m/s]."""
 
 ACCOUNT = "tautwave.couplings.account:with_account"
 """What puts a law in an account; loaded where a rig has one."""
@@ -178,7 +175,7 @@ def site_params(rig: Rig, axis_name: str) -> SiteParams:
         velocity_quantum=axis.velocity_quantum if axis.causality == "admittance" else 0.0,
         has_wall=wall is not None,
         compensation=compensation_params(axis, rig.axis_period_s(axis_name)),
-        compensates=axis.compensation is not None,
+        compensates=axis.compensation is not None and axis.compensation.friction,
     )
 
 
@@ -191,20 +188,6 @@ def follower_params(rig: Rig, axis_name: str) -> FollowerParams | None:
     stiffness = axis.follower.stiffness
     lead = axis.effort_limit / stiffness
     return FollowerParams(rig.axis_period_s(axis_name), stiffness, lead, low, high)
-
-
-def compensation_params(axis: Axis, period: float) -> CompensationParams:
-    """Return what of an axis' friction its motor takes off; Coulomb in full above the noise."""
-    keys = axis.compensation
-    if keys is None:
-        return NO_COMPENSATION
-    noise = (axis.position_noise + axis.encoder_quantum) / period
-    gain = period / (period + axis.velocity_filter_s)
-    return CompensationParams(
-        coulomb=keys.coulomb * axis.coulomb.lower,
-        viscous=keys.viscous * axis.damping.lower,
-        soft=max(2.0 * gain * noise, STILL),
-    )
 
 
 def bare_site(rig: Rig, axis_name: str) -> SiteParams:
@@ -231,11 +214,15 @@ def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> Axi
     """Return all constants of one axis; its commands wait in the table from `pipe` on."""
     side, name = axis_name.split(".")
     scale = pair_scale(rig.coupling.pairs[name])
+    keys = rig.axes[axis_name].compensation
     return controlled_axis(
         rig,
         axis_name,
         delay,
-        site_params(rig, axis_name),
+        site_params(rig, axis_name)._replace(
+            inertia=inertia_params(rig.axes[axis_name], coupled_axis(rig, axis_name, delay)),
+            lightens=keys is not None and keys.inertia > 0.0,
+        ),
         pipe,
         weight=1.0 if side == "master" else 1.0 / scale.power,
         end=end_constants(rig, axis_name, delay),

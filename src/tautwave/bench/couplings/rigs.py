@@ -16,6 +16,8 @@ LAWS: Mapping[str, str] = {
     "position": "law: position, pairs: {lever: {stiffness: 20, damping: 0.1",
     "position_force": "law: position_force, pairs: {lever: {stiffness: 20, damping: 0.1",
     "four_channel": "law: four_channel, pairs: {lever: {stiffness: 20, damping: 0.1",
+    "four_channel_measured": "law: four_channel, pairs: {lever: {stiffness: 20, damping: 0.1, "
+    "effort: measured",
     "pd_damping": "law: pd_damping, pairs: {lever: {stiffness: 2, damping: 0.02",
     "wave": "law: wave, pairs: {lever: {wave_impedance: 0.1, wave_filter_hz: 200, "
     "pole_master: 0.5, pole_slave: 0.5",
@@ -76,6 +78,9 @@ class Device(NamedTuple):
 BENCH = Device(1.584e-3, 1.1e-3, 2e-3, 1e-3, 1.125, 1000.0, 15.0, 2.094e-5, 9e-5)
 """The laboratory's lever, as `configs/bench-1dof-2khz.yaml` has it."""
 
+SENSOR = ", effort_sensor: {quantum: 1.0e-4, noise: 1.0e-3, bandwidth_hz: 300, delay_s: 5.0e-4}"
+"""On both levers, for laws that read one."""
+
 HAND = (
     "{type: multisine, ramp_s: 0.5, components: [[0.4, 0.12, 0.0], [1.1, 0.04, 1.0], "
     "[2.3, 0.02, 2.0]]}"
@@ -87,14 +92,15 @@ def bench_rig(
     law: str, delay: float, *, account: bool, contact: str, reference: str = HAND, seconds: float
 ) -> Rig:
     """Return the laboratory's bench with a law of `LAWS`, in an account or bare."""
+    axis = BENCH.axis + (SENSOR if "measured" in LAWS[law] else "")
     text = RIG.format(
         name=f"couplings-{law}",
         rate=2000.0,
         seconds=seconds,
         seed=2,
         late=0.0,
-        master=BENCH.axis,
-        slave=BENCH.axis,
+        master=axis,
+        slave=axis,
         true_master=BENCH.truth,
         true_slave=BENCH._replace(inertia=1.7e-3, damping=3e-3).truth,
         delay=delay,

@@ -14,7 +14,7 @@ from tautwave.config.checks.scene3d import check_dimension, check_scene3d
 from tautwave.config.checks.simulation import check_simulation
 from tautwave.config.checks.sites import check_sites
 from tautwave.config.keys.coupling import Pair, Wall
-from tautwave.config.keys.devices import Axis
+from tautwave.config.keys.devices import Axis, Compensation
 from tautwave.config.pieces import SIDES, Parts
 from tautwave.config.text.document import Document, nearest, show_path, show_value
 from tautwave.contracts import CouplingPlugin, DriverPlugin
@@ -151,6 +151,8 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
             document.report(
                 (*path, "environment_stiffness_upper"), "only for admittance axes; remove it"
             )
+        if axis.compensation is not None:
+            _check_spending(document, (*path, "compensation"), axis, axis.compensation)
         if axis.follower is not None:
             document.report(
                 (*path, "follower"), "only for admittance axes; make it causality: admittance"
@@ -181,6 +183,24 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
                     f"required key is missing (bus {axis.bus!r} moves motors, so every limit "
                     "has to be given)",
                 )
+
+
+def _check_spending(
+    document: Document, path: tuple[str, ...], axis: Axis, keys: Compensation
+) -> None:
+    """Refuse friction that is spent twice, and inertia that nothing bounds."""
+    both = keys.coulomb + keys.inertia_coulomb
+    if both > 1.0:
+        document.report(
+            (*path, "inertia_coulomb"),
+            f"spends coulomb.lower twice: with coulomb it is {both:g} times what the device surely "
+            "has; both together are at most 1",
+        )
+    if keys.inertia > 0.0 and axis.velocity_limit is None:
+        document.report(
+            (*path, "inertia"),
+            "nothing bounds what it may give out without velocity_limit; give it",
+        )
 
 
 def _check_follower(

@@ -95,7 +95,7 @@ class Coulomb(Belief):
 
 
 class Compensation(Block):
-    """Friction that the motor takes off the hand, as shares of what the device surely has."""
+    """What the motor takes off the hand, as shares of what the device surely has."""
 
     coulomb: Annotated[float, Field(ge=0, le=1)] = Field(
         default=0.0, description="Share of `coulomb.lower`; no wall may count on it any more."
@@ -104,6 +104,30 @@ class Compensation(Block):
         default=0.0,
         description="Share of `damping.lower`; no wall, port or coupling may count on it any more.",
     )
+    inertia: Annotated[float, Field(ge=0, le=0.9)] = Field(
+        default=0.0,
+        description="Share of `inertia.lower`, by an observed acceleration and out of an energy "
+        "account; needs `velocity_limit`.",
+    )
+    inertia_hz: Positive = Field(
+        default=10.0,
+        description="[Hz] Bandwidth of its observer; well below what the coupling swings at.",
+    )
+    inertia_coulomb: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=0.0,
+        description="Share of `coulomb.lower` that pays for the observer's lag; it is spent like "
+        "`coulomb`, and both together are at most 1.",
+    )
+    inertia_reserve: Positive | None = Field(
+        default=None,
+        description="[J] What the account holds at first, and at most. Default: what the inertia "
+        "that is taken off holds at `velocity_limit`.",
+    )
+
+    @property
+    def friction(self) -> bool:
+        """Return whether friction is taken off."""
+        return self.coulomb > 0.0 or self.viscous > 0.0
 
 
 class EffortSensor(Block):
@@ -181,7 +205,7 @@ class Axis(Block):
     )
     compensation: Compensation | None = Field(
         default=None,
-        description="Friction of an impedance axis that its motor takes off the hand.",
+        description="Friction and inertia of an impedance axis that its motor takes off the hand.",
     )
     effort_sensor: EffortSensor | None = Field(
         default=None,

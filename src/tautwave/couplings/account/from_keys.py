@@ -7,7 +7,7 @@ import math
 from tautwave.config.keys.coupling import Account
 from tautwave.contracts import CoupledAxis
 from tautwave.errors import ConfigError
-from tautwave.laws.account import FULL, LEADER_SHARE, TANK_SHARE, AccountParams
+from tautwave.laws.account import FULL, LEADER_SHARE, TANK_SHARE, AccountParams, planned_share
 
 SLOW = 50.0
 """Periods in which the leader's level damping would bring the device alone to rest."""
@@ -15,11 +15,6 @@ SLOW = 50.0
 QUICK = 7.0
 """The same under a law that renders a model, for it takes nothing where there is nothing: all that
 moves the follower then comes of level damping."""
-
-COMMANDS_UNDER_WAY = 3.0
-"""Each command under way may plan to give this share's inverse, over their number, of the funds:
-each sees an account that the others have not yet drawn on. Below e, the account could go negative.
-"""
 
 
 def late_periods(axis: CoupledAxis) -> int:
@@ -96,7 +91,7 @@ def account_params(keys: Account, side: str, axis: CoupledAxis, gain: float) -> 
         income=gain * taken,
         level_income=level / axis.period * taken,
         edge_income=edge / axis.period * taken,
-        share=1.0 if late == 0 else 1.0 / (COMMANDS_UNDER_WAY * (1 + late)),
+        share=planned_share(late),
         level_damping=level,
         edge=edge,
         quantum=1.001 * axis.effort_quantum + 1e-12,

@@ -79,6 +79,11 @@ class FourChannelPair(ObservedPair):
         default=0.5,
         description="Of the sum of both outside efforts, what drives each device.",
     )
+    effort: Literal["observed", "measured"] = Field(
+        default="observed",
+        description="The outside efforts: observed from position and command, or measured by an "
+        "`effort_sensor` on each side.",
+    )
     rejection: Annotated[float, Field(ge=0, le=1)] = Field(
         default=1.0,
         description="Of all that moves a device and is not its motor, friction included, the share "

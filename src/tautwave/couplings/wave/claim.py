@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from tautwave.analysis.claim import Claim, joules, short, watts
 from tautwave.config import Rig, local_wall
-from tautwave.couplings.claim import Claim, joules, short, watts
 from tautwave.couplings.wave.from_keys import (
     declared_noise,
     effort_steps,

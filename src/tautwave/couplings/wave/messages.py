@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from tautwave.analysis.claim import Claim, short, watts
 from tautwave.analysis.wave_port.chatter import step_effort
 from tautwave.config import Rig
-from tautwave.couplings.claim import Claim, short, watts
 from tautwave.couplings.wave.claim import claim_of
 from tautwave.couplings.wave.from_keys import bare_port, observer_of, port_impedance
 from tautwave.couplings.wave.keys import WavePair

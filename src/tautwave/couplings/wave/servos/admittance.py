@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from tautwave.analysis.claim import Claim
 from tautwave.certificate.belief import drive_lag, stated_contact
 from tautwave.certificate.data import Element, Verdict
 from tautwave.config import Rig
-from tautwave.couplings.claim import Claim
 from tautwave.couplings.wave.claim import claim_of, claimed_sentence
 from tautwave.couplings.wave.from_keys import port_impedance
 from tautwave.couplings.wave.keys import WavePair
