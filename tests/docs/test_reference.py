@@ -84,8 +84,13 @@ def test_columns_of_the_shipped_rigs_are_explained() -> None:
         parts += tuning.columns
     kept = [
         "coupling={law: four_channel, delay_s: 0.01, account: {}, pairs: {lever: {}}}",
-        *(f"{side}.axes.lever.compensation={{viscous: 0.5}}" for side in ("master", "slave")),
+        *(
+            f"{side}.axes.lever.compensation={{viscous: 0.5, inertia: 0.5}}"
+            for side in ("master", "slave")
+        ),
     ]
+    parts += _columns(load_rig(CONFIGS / "bench-1dof-2khz.yaml", kept))
+    kept = ["coupling={law: mediated, account: {}, pairs: {lever: {}}}"]
     parts += _columns(load_rig(CONFIGS / "bench-1dof-2khz.yaml", kept))
     parts += _columns(load_rig(CONFIGS / "arms" / "planar.yaml"))
     parts += [*LINK_COLUMNS, f"lever.{ALIGNED}.absorbed"]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import struct
 import subprocess
 import sys
+import threading
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -215,6 +218,28 @@ def test_only_whole_sets_are_taken() -> None:
     desk.close()
     with pytest.raises(RecordingError, match="has ended"):
         leave(address, [0.0] * 20)
+
+
+def open_desks() -> list[str]:
+    names = [os.readlink(link) for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
+    return [name for name in names if "tautwave-desk" in name]
+
+
+def test_of_two_writers_one_waits_and_neither_keeps_the_desk_open() -> None:
+    desk = Desk(2)
+    before = len(open_desks())
+    held = os.open(f"/proc/self/fd/{desk.address['descriptor']}", os.O_RDWR)
+    fcntl.flock(held, fcntl.LOCK_EX)
+    second = threading.Thread(target=leave, args=(desk.address, [1.0, 2.0]))
+    second.start()
+    second.join(0.3)
+    assert second.is_alive()
+    assert desk.take() is None
+    os.close(held)
+    second.join()
+    assert desk.take() == [1.0, 2.0]
+    assert len(open_desks()) == before
+    desk.close()
 
 
 @pytest.mark.parametrize(

@@ -349,14 +349,14 @@ def couplings(
     print_suites([suite], as_json)
 
 
-@bench.command(short_help="Friction taken off the hand: how much lighter, and never more.")
+@bench.command(short_help="Friction and inertia off the hand: how much lighter, never more.")
 @click.option("--runs", type=click.IntRange(0), default=1000, show_default=True)
 @click.option(
     "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first run."
 )
 @json_option
 def compensation(runs: int, first: int, as_json: bool) -> None:
-    """Measure free motion by share of friction taken off, and random runs against the friction.
+    """Measure free motion by share of friction and inertia taken off, and random runs against it.
 
     \b
     Examples:

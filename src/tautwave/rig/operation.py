@@ -32,7 +32,8 @@ def scaled(rig: Rig, factor: float) -> Rig:
         for name, pair in rig.coupling.pairs.items()
     }
     coupling = rig.coupling.model_copy(update={"pairs": pairs})
-    return rig.model_copy(update={"coupling": coupling})
+    name = f"{rig.name} at scale {factor:g}"
+    return rig.model_copy(update={"coupling": coupling, "name": name})
 
 
 def operation_of(rig: Rig, plain: CoupledControl, delays: Mapping[str, CommandDelay]) -> Operation:

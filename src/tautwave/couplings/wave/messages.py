@@ -6,14 +6,15 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from tautwave.analysis.claim import Claim, short, watts
 from tautwave.analysis.wave_port.chatter import step_effort
 from tautwave.config import Rig
-from tautwave.couplings.claim import Claim, short, watts
 from tautwave.couplings.wave.claim import claim_of
 from tautwave.couplings.wave.from_keys import bare_port, observer_of, port_impedance
 from tautwave.couplings.wave.keys import WavePair
+from tautwave.couplings.wave.servos.follower import follower_facts
 from tautwave.couplings.wave.standing import standing
-from tautwave.laws.admittance import greatest_stiffness
+from tautwave.laws.servo.admittance import greatest_stiffness
 from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages, PlanLine
 
@@ -66,6 +67,9 @@ def _facts(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, 
         limit = greatest_stiffness(period, impedance, delays[axis_name].periods)
         unit = "N m/rad" if axis.kind == "rotary" else "N/m"
         upper = axis.environment_stiffness_upper
+        if axis.follower is not None:
+            yield f"follower at {axis_name}", follower_facts(axis)
+            continue
         if upper is None or upper == 0.0:
             text = (
                 f"no guarantee: give environment_stiffness_upper; matched, it is stable up to "
