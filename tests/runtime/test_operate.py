@@ -20,6 +20,7 @@ from tautwave.runtime.operate.commands import (
     read_script,
 )
 from tautwave.runtime.operate.journal import Journal
+from tautwave.session.checking import check
 from tests.runtime.operating import BARE, FREE, STANDING, STILL, Operated, bench, operate
 from tests.runtime.sequences import judge, random_day
 
@@ -195,6 +196,19 @@ def test_forces_fall_as_fast_as_they_may_before_a_scale_changes() -> None:
     assert abs(effort[1495]) > 0.02  # it takes 20 slots to fall
     assert np.abs(np.diff(effort)).max() <= 1.0e-3 + 1e-12
     assert np.abs(done.residual()).max() <= 1e-12
+
+
+def test_check_certifies_every_scale_and_states_the_greatest_claims() -> None:
+    found = check(bench("operate={scales: [0.5]}"))
+    assert found.exit_code == 3  # as it is for `run`
+    (why,) = found.failures
+    assert why.startswith("bench-1dof at scale 0.5: slave.lever port: ")
+    poles = [f"coupling.pairs.lever.pole_{side}=0.2" for side in ("master", "slave")]
+    found = check(bench("operate={scales: [0.5]}", *poles))
+    alone = check(bench(*poles))
+    assert found.failures == []
+    assert found.claims[0] == alone.claims[0]
+    assert found.claims[1].claim_j > alone.claims[1].claim_j  # the slave's, at half the scale
 
 
 def test_a_scale_changes_in_one_slot_with_nothing_stored_and_no_jump() -> None:

@@ -12,6 +12,7 @@ import struct
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ PLACES = ", ".join(f"[{0.5 * k}, {0.2 * (k // 2 % 2)}]" for k in range(4, 500))
 MOVING = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0], " + PLACES + "]}"
 NAME = "name=<b onclick=alert(1)>bench</b>"
 CALM = ("operate={}", "loop.overrun_limit=5000", "loop.missing_limit=5000", MOVING, NAME)
+POLES = tuple(f"coupling.pairs.lever.pole_{side}=0.2" for side in ("master", "slave"))
 K = "coupling.pairs.lever.wall_slave.stiffness"
 
 
@@ -163,19 +165,39 @@ def pictures(browser: Browser, directory: Path) -> list[str]:
     return found
 
 
-def main(directory: Path, looked_at: bool) -> None:
-    """Do all of it, and print it as JSON; take pictures for a person to look at."""
-    raise_loopback()
-    out = directory / "run"
-    sets = [word for override in CALM for word in ("--set", override)]
-    words = ["run", str(BENCH), *sets, "--duration", "260", "--out", str(out), "--view",
-             "--allow-tuning", "--quiet"]  # fmt: skip
+def start(out: Path, sets: Sequence[str], *options: str) -> tuple[subprocess.Popen[str], str]:
+    """Start a run with its page; return it and the address."""
+    words = ["run", str(BENCH), *(word for override in sets for word in ("--set", override)),
+             "--duration", "260", "--out", str(out), "--view", "--quiet", *options]  # fmt: skip
     run = subprocess.Popen(
         [sys.executable, "-c", RUN, *words],
         stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
     )  # fmt: skip
     assert run.stderr is not None
-    url = run.stderr.readline().split()[1]
+    return run, run.stderr.readline().split()[1]
+
+
+def rescale(browser: Browser, out: Path) -> bool:
+    """Press the button of another scale; return whether it acts, and the rig is engaged again."""
+    run, url = start(out, (*CALM, "operate={scales: [0.5]}", *POLES))
+    browser.open(url)
+    browser.wait("window.tautwave?.store?.end > 10", 30.0)
+    click(browser, '[data-word="engage"]')
+    state(browser, "engaged")
+    click(browser, '#scales button[value="0.5"]')
+    acts = browser.wait("tautwave.store.newest('operation.scale') == 0.5")
+    acts = acts and browser.wait("document.querySelector('#scales .on').value == '0.5'")
+    acts = acts and state(browser, "engaged")
+    run.kill()
+    run.wait(30)
+    return acts
+
+
+def main(directory: Path, looked_at: bool) -> None:
+    """Do all of it, and print it as JSON; take pictures for a person to look at."""
+    raise_loopback()
+    out = directory / "run"
+    run, url = start(out, CALM, "--allow-tuning")
     found: dict[str, Any] = {}
     with Browser() as browser:
         browser.look(1400, 1000, dark=False)
@@ -205,7 +227,8 @@ def main(directory: Path, looked_at: bool) -> None:
         found["seen"] = browser.run("tautwave.store.end")
         found["first"] = browser.run("tautwave.store.first")
         found["requests"] = sorted(set(browser.requests))
-        found["problems"] = browser.problems
+        found["problems"] = list(browser.problems)
+        found["buttons"]["scale"] = rescale(browser, directory / "scaled")
     while (out / "live.json").exists():
         time.sleep(0.05)
     run.terminate()  # its report is not needed here

@@ -83,5 +83,12 @@ def trials(
         Path("runs") / protocol.stem if out is None else out,
         {**ways, "allow_unwatched": allow_unwatched},
     )
-    table = run_study(study, ready, judge, lambda rig: keys_of(rig, clock, None))
-    click.echo(f"{table}: {len(order)} trials of {participant}")
+    try:
+        table = run_study(study, ready, judge, lambda rig: keys_of(rig, clock, None))
+    except click.Abort as err:
+        raise ConfigError(
+            "trials: nobody answers (the input has ended); the same command goes on from here, "
+            "--yes asks nothing"
+        ) from err
+    count = f"{len(order)} trial{'s'[: len(order) != 1]}"
+    click.echo(f"{table}: all {count} of {participant} done")
