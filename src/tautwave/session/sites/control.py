@@ -258,8 +258,7 @@ class SiteControl(CoupledControl):
         where = self._meeting.begun()
         self.sessions[-1] |= {"engaged_s": self._seconds(), "began_at": where}
         if self._side == 1:
-            met = [c.offset for c in self.states]
-            self.sessions[-1]["offsets"] = dict(zip(self.pair_names, met, strict=True))
+            self.sessions[-1]["offsets"] = self._meeting.met()
 
     def _watch(self, slot: int, skipped: int, came: bool) -> None:
         """Hold where nothing comes; go on, or begin anew, where it comes again."""

@@ -168,6 +168,10 @@ class Meeting:
         self._say({"began": {"at": at, "to": None, "offsets": self.offsets}})
         return at
 
+    def met(self) -> dict[str, float]:
+        """Return the offsets of the session that has begun [rad or m, slave]."""
+        return {name: c.offset for name, c in zip(self._names, self._control.states, strict=True)}
+
     def _places(self) -> dict[str, float]:
         samples = self._control.samples
         return {name: samples[i].position for name, i in zip(self._names, self._own, strict=True)}
