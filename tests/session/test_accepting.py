@@ -176,6 +176,7 @@ def test_a_whole_day_with_served_servos(tmp_path: Path) -> None:
         settle(
             tmp_path / "arms.yaml",
             ("missing_limit: 3, overrun_limit: 5", "missing_limit: 400, overrun_limit: 400"),
+            ("      baud: 1000000", "      watchdog_s: 2.0\n      baud: 1000000"),
             ("position_range: [-1.5, 1.5]", "position_range: [-0.4, 0.4]"),
         )
         text = (tmp_path / "arms.yaml").read_text()
@@ -192,6 +193,7 @@ def test_a_whole_day_with_served_servos(tmp_path: Path) -> None:
             with served(tmp_path, *SERVED, *link) as (hands, _):
                 talk.types()
                 with_torque(talk, hands)
+                talk.hears("acceptance.json: ")
     document = tmp_path / "runs" / "accept" / FILE
     content = json.loads(document.read_text())
     assert content["accepted"], content["checks"]
