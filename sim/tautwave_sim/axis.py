@@ -153,6 +153,7 @@ class SimulatedAxis:
             self._step = self._move_to
         self._grasp = truth.grasp
         self.in_hand = truth.grasp is not None
+        self.lead = truth.lead
         self._reference = truth.reference
         self._last = len(truth.reference) - 1
         self._push = truth.push
@@ -202,6 +203,8 @@ class SimulatedAxis:
         return self._late * self._acting + (1.0 - self._late) * command
 
     def _hand_at(self, slot: int) -> tuple[float, float]:
+        if self.lead is not None:
+            return self.lead.aim(self.physics.x)
         if slot < self._last:
             here = self._reference[slot]
             return here, (self._reference[slot + 1] - here) / self.period

@@ -27,8 +27,8 @@ HAND = "simulation.hand.gripper.reference.waypoints"
 QUIET: Tree = {
     "slave.axes.gripper.encoder_quantum": 0.0,
     "coupling.release_ramp_s": 0.0,
-    "duration_s": 1.4,
-    HAND: [[0.1, 0.0], [0.8, 0.7]],
+    "duration_s": 1.0,
+    HAND: [[0.1, 0.0], [0.6, 0.7]],
 }
 
 
@@ -62,6 +62,7 @@ def test_the_hand_feels_the_spring_between_goal_and_finger(held: Run) -> None:
     assert squeeze == pytest.approx(goal[-1] - finger[-1], abs=0.006)
 
 
+@pytest.mark.slow
 def test_the_goal_waits_at_the_effort_limit_and_a_weak_drive_lags_there() -> None:
     weak = {"simulation.axes.slave/gripper.effort_limit": 0.02}
     run = run_rig(alone(weak, {"slave.axes.gripper.effort_limit": 0.05}))
@@ -72,6 +73,7 @@ def test_the_goal_waits_at_the_effort_limit_and_a_weak_drive_lags_there() -> Non
     assert run["master.gripper.port_effort"][-1] > 0.1, "a goal that waits is a hard stop"
 
 
+@pytest.mark.slow
 def test_a_stop_holds_the_grip() -> None:
     strong = {"simulation.hand.gripper.stiffness": 5000.0, "coupling.release_ramp_s": 0.3}
     reach = {HAND: [[0.1, 0.0], [0.7, 0.7], [0.9, 3.0]]}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from tautwave.certificate.belief import declared_delays
-from tautwave.certificate.buses import bus_elements
+from tautwave.certificate.buses import bus_elements, policy_elements
 from tautwave.certificate.compensation import (
     compensation_elements,
     inertia_elements,
@@ -73,7 +73,12 @@ def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certific
     rig, walls = derate_walls(rig, delays, friction)
     asked = {axis: wall["asked_stiffness"] for axis, wall in walls.items()}
     own = tuple(e for e in compensations if e.axis not in rig.axes or e.axis in rig.own_axes)
-    elements = (*_elements(rig, delays, friction, asked), *own, *bus_elements(rig, delays))
+    elements = (
+        *_elements(rig, delays, friction, asked),
+        *own,
+        *bus_elements(rig, delays),
+        *policy_elements(rig),
+    )
     # Of a half the other end is not known, and neither is the network.
     whole = rig.coupling.pairs if rig.site is None else ()
     loops = tuple(lightened_loop(rig, pair_loop(rig, name, delays)) for name in whole)

@@ -13,11 +13,13 @@ import numpy as np
 
 from tautwave import registry
 from tautwave.config import (
+    Axis,
     EnvironmentPart,
     Foam,
     Hand,
     HandPart,
     Intent,
+    Policy,
     Recorded,
     Rig,
     SolidWall,
@@ -27,6 +29,7 @@ from tautwave.config import (
     true_arm,
 )
 from tautwave.errors import ConfigError
+from tautwave.laws.lead import LeadParams
 from tautwave.models.foam import FoamParams, foam_substeps
 from tautwave.models.part_contact import PartContact, part_substeps
 from tautwave.models.plant_params import PlantParams
@@ -35,6 +38,7 @@ from tautwave.models.servo import ServoParams
 from tautwave.motion import recorded_efforts, reference_positions
 from tautwave.rig.arms import arm_chain, load_params
 from tautwave.rig.integration import Integrated, integrated
+from tautwave.runtime.operate.lead import Lead
 from tautwave.streams import HAND
 from tautwave.truth import ArmModel, AxisModel, PositionLoop
 from tautwave.types import CommandDelay, Imposed
@@ -75,6 +79,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
     environment = rig.simulation.environment.get(name) if side == "slave" else None
     mass, grip_stiffness, grip_damping = 0.0, 0.0, 0.0
     reference: Sequence[float] = ()
+    lead: Lead | None = None
     motion = imposed_motion(rig, axis_name)
     if motion is not None:
         if hand is not None or environment is not None:
@@ -90,7 +95,12 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         mass = hand.mass * lever * lever
         grip_stiffness = hand.stiffness * lever * lever
         grip_damping = hand.damping * lever * lever
-        reference = wanted_positions(rig, axis_name, hand, cycles)
+        policy = getattr(hand, "reference", None)
+        if isinstance(policy, Policy):
+            reference = (truth.start_position,)
+            lead = Lead(_lead_params(axis, policy, grip_stiffness), truth.start_position, period)
+        else:
+            reference = wanted_positions(rig, axis_name, hand, cycles)
     push: Sequence[float] = ()
     if isinstance(environment, Recorded):
         push = recorded_push(rig, axis_name, environment, cycles)
@@ -166,7 +176,14 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         loop=None
         if axis.follower is None
         else PositionLoop(truth.servo_stiffness, truth.servo_damping),
+        lead=lead,
     )
+
+
+def _lead_params(axis: Axis, keys: Policy, stiffness: float) -> LeadParams:
+    low, high = (-math.inf, math.inf) if axis.position_range is None else axis.position_range
+    reach = keys.effort_limit / stiffness
+    return LeadParams(1.0 / keys.fps, keys.velocity_limit, reach, low, high)
 
 
 def sensor_params(rig: Rig, axis_name: str, mass: float) -> SensorParams | None:

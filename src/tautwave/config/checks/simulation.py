@@ -13,6 +13,7 @@ from tautwave.config.keys.simulation import (
     Intent,
     MinimumJerk,
     Multisine,
+    Policy,
     Recorded,
     Recording,
     Reference,
@@ -168,5 +169,9 @@ def _check_reference(document: Document, parts: Parts, path: KeyPath, reference:
                 )
     elif isinstance(reference, Recording):
         check_recording(document, path, reference, ("column", "time_column"))
+    elif isinstance(reference, Policy) and document.get(("operate",)) is None:
+        document.report(
+            (*path, "type"), "a policy leads rigs with an `operate` block only; write operate: {}"
+        )
     elif isinstance(reference, Intent):
         check_recording(document, path, reference, ("position", "effort", "time_column"))

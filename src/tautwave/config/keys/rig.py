@@ -20,7 +20,7 @@ from tautwave.config.keys.load import TrueLoad
 from tautwave.config.keys.operate import Operate
 from tautwave.config.keys.scene import Scene
 from tautwave.config.keys.scene3d import Scene3d, scene_kind
-from tautwave.config.keys.simulation import AxisSimulation, EnvironmentPart, Simulation
+from tautwave.config.keys.simulation import AxisSimulation, EnvironmentPart, Policy, Simulation
 from tautwave.config.keys.sites import SideName, Sites
 from tautwave.contracts import AxisSpec, BusSpec, DriverPlugin
 from tautwave.registry import load_driver
@@ -321,13 +321,14 @@ def count_velocity(rig: Rig, axis_name: str, quantum: float) -> float:
 
 
 def has_plain_devices(rig: Rig) -> bool:
-    """Return whether simulated devices stay in Python: parts, loads, arms, followers."""
+    """Return whether simulated devices stay in Python: parts, loads, followers, policies."""
     if rig.simulation is None:
         return False
     if any(load_driver(bus.driver).plain for bus in rig.buses.values()):
         return True
-    environments = rig.simulation.environment.values()
-    parts = any(isinstance(keys, EnvironmentPart) for keys in environments)
+    hands = (getattr(hand, "reference", None) for hand in rig.simulation.hand.values())
+    outside = (*rig.simulation.environment.values(), *hands)
+    parts = any(isinstance(keys, EnvironmentPart | Policy) for keys in outside)
     return parts or has_loads(rig) or any(axis.follower for axis in rig.axes.values())
 
 

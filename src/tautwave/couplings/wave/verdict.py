@@ -258,7 +258,7 @@ def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
             "line",
             pair,
             f"a constant delay of {coupling.delay_s:g} s each way is lossless and holds the "
-            "waves under way (Niemeyer and Slotine 1991); a missing wave counts as 0",
+            "waves under way (Niemeyer and Slotine 1991)",
         )
     keys = coupling.pairs[pair]
     assert isinstance(keys, WavePair)

@@ -17,6 +17,9 @@ from tautwave.runtime.operate.states import CLUTCH, COMMANDS, ENGAGE, HOLD, REST
 EPISODE = "episode"
 """Begins an episode, or ends the one that runs; `argument` is its name and task, or `failed`."""
 
+LEAD = "lead"
+"""An action for virtual hands that a policy leads; `argument` is `PAIR=POSITION ...`, master."""
+
 WORDS = (*COMMANDS, EPISODE)
 TOGGLE = "toggle"
 KEYS = {" ": TOGGLE, "c": CLUTCH, "g": ENGAGE, "p": HOLD, "r": REST, "e": EPISODE, "q": STOP}
@@ -161,7 +164,7 @@ def read_script(text: str, name: str) -> list[tuple[int, Order]]:
     found, problems = [], []
     for number, line, seconds, rest in timed_lines(text):
         word, _, argument = rest.partition(" ")
-        if not 0.0 <= seconds < 1e6 or word not in WORDS:
+        if not 0.0 <= seconds < 1e6 or word not in (*WORDS, LEAD):
             problems.append(
                 f"{name}:{number}: write TIME COMMAND, such as `1.5 engage`; commands are "
                 f"{', '.join(WORDS)} (got {line[:40]!r})"
