@@ -286,8 +286,8 @@ def link(duration: float, rate: float, as_json: bool) -> None:
 def view(duration: float, as_json: bool) -> None:
     """Run a rig beside which bridges are open in every second turn, and compare its lateness.
 
-    Of these there are the page, Foxglove and ROS 2, as far as they are installed, each with a client
-    where it needs one, and a program that polls rows.
+    They are the page, Foxglove and ROS 2, as far as they are installed, each with a client where it
+    needs one, and a program that polls rows.
 
     \b
     Examples:
