@@ -127,6 +127,12 @@ SECTIONS = {
         Column("link.silence_s", "s", "since a packet of the other site came"),
         Column("link.holding", "0, 1", "whether it holds, for lack of the other site"),
         Column("link.delay_s", "s", "one way of the newest packet, to half the least round trip"),
+        Column("link.aligning", "0, 1", "whether slaves are brought into place, or wait there"),
+        Column(
+            "PAIR.align_slave.absorbed",
+            "J",
+            "what the slave's motor took out of its device meanwhile; negative: it gave",
+        ),
     ),
     "A pair": (
         Column("PAIR.position_error", "rad, m", "master less slave, in the master's units"),

@@ -1,7 +1,8 @@
-"""A run, its exporter and readers on a machine with two interfaces; prints what was seen.
+"""An exporter and readers on a machine with two interfaces; prints what was seen.
 
-`unshare --net python -m tests.view.ros.alone DIR PEER`: DIR gets the run; PEER is `peer.cpp`,
-compiled. A veth pair stands for the network that nothing may reach unless it is named.
+`unshare --net python -m tests.view.ros.alone DIR PEER`: DIR gets a run that is only its rows;
+PEER is `peer.cpp`, compiled. A veth pair stands for the network that nothing may reach unless it
+is named.
 """
 
 from __future__ import annotations
@@ -10,22 +11,23 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from tautwave import read_recording
 from tautwave.view.ros.messages import DiagnosticArray, JointState
 from tautwave.view.ros.node import Node, taken
-from tautwave.view.watched import Watched
 from tests.view.alone import raise_loopback
-from tests.view.served import BENCH
+from tests.view.served import Run
 
-DOMAIN = 7
-CALM = ("operate={}", "loop.overrun_limit=5000", "loop.missing_limit=5000")
-TAUTWAVE = [sys.executable, "-c", "from tautwave.cli import main; main(prog_name='tautwave')"]
-AWAY, PEER_S = "tw0", 6
+DOMAIN, PEER_S = 7, 4
+LEAVES = ("position", "velocity", "commanded", "valid")
+LEVERS = [f"{side}.lever.{leaf}" for side in ("master", "slave") for leaf in LEAVES]
+COLUMNS = ["time_s", "lateness_us", "skipped_slots", "lever.position_error", *LEVERS]
+EXPORT = [sys.executable, "-c", "from tautwave.cli import main; main(prog_name='tautwave')", "ros"]
+AWAY = "tw0"
 
 
 def add_network() -> None:
@@ -43,76 +45,71 @@ def sent_away() -> int:
     return next(int(line.split()[10]) for line in lines if line.split()[0] == f"{AWAY}:")
 
 
-def until(true: Callable[[], bool], seconds: float = 60.0) -> bool:
-    """Wait until something is true; return whether it is."""
-    end = time.monotonic() + seconds
-    while not true() and time.monotonic() < end:
-        time.sleep(0.02)
-    return true()
+class Moving(threading.Thread):
+    """Rows at 500 Hz until it is told to end."""
 
+    def __init__(self, run: Run) -> None:
+        super().__init__()
+        self.run_ = run
+        self.ends = threading.Event()
 
-def export(run: Path, *words: str) -> subprocess.Popen[str]:
-    """Begin an exporter; return it once it publishes."""
-    child = subprocess.Popen(
-        [*TAUTWAVE, "ros", str(run), "--domain", str(DOMAIN), *words],
-        stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    assert child.stdout is not None
-    assert child.stdout.readline().startswith("domain")
-    return child
+    def run(self) -> None:
+        row = self.run_.recorder.row
+        for k in range(4, len(COLUMNS)):
+            row[k] = 1.0
+        begin = time.monotonic()
+        while not self.ends.is_set():
+            row[COLUMNS.index("master.lever.position")] = self.run_.rows
+            row[0] = 0.002 * self.run_.rows
+            self.run_.recorder.commit()
+            self.run_.rows += 1
+            time.sleep(max(0.0, begin + 0.002 * self.run_.rows - time.monotonic()))
 
 
 def main(directory: Path, peer: str) -> None:
     """Do all of it, and print it as JSON."""
     add_network()
-    out = directory / "run"
-    sets = [word for override in CALM for word in ("--set", override)]
-    run = subprocess.Popen(
-        [*TAUTWAVE, "run", str(BENCH), *sets, "--duration", "60", "--out", str(out), "--quiet"],
+    run = Run(directory, columns=COLUMNS)
+    moving = Moving(run)
+    moving.start()
+    exporter = subprocess.Popen(
+        [*EXPORT, str(directory), "--domain", str(DOMAIN), "--allow-commands"],
         stdout=subprocess.DEVNULL,
     )
-    assert until((out / "live.json").exists)
-    watched = Watched.of_run(out)
     node = Node("reader", domain=DOMAIN)
     states = node.subscription("/master/joint_states", JointState)
     told = node.subscription("/diagnostics", DiagnosticArray)
-    exporter = export(out, "--allow-commands")
+    end = time.monotonic() + 60.0
+    while not taken(states) and time.monotonic() < end:
+        time.sleep(0.02)
+    time.sleep(0.5)
+    found: dict[str, Any] = {"away": sent_away()}
     heard = directory / "heard"
-    with heard.open("w") as file:
+    with heard.open("w") as file:  # a pipe would fill
         foreign = subprocess.Popen([peer, str(DOMAIN), str(PEER_S)], stdout=file)
     seen: list[bytes] = []
-    levels: dict[str, int] = {}
-    began = time.monotonic()
-    while foreign.poll() is None and time.monotonic() < began + 60.0:
+    messages: dict[str, str] = {}
+    while foreign.poll() is None and time.monotonic() < end:
         seen += [one.serialize(use_version_2=False) for one in taken(states)]
-        levels |= {status.name: status.level for one in taken(told) for status in one.status}
+        messages |= {status.name: status.message for one in taken(told) for status in one.status}
         time.sleep(0.02)
-    found: dict[str, Any] = {
+    found |= {
+        "peer_away": sent_away(),
         "lines": heard.read_text().splitlines(),
         "seen": [one.hex() for one in seen],
-        "levels": levels,
-        "away": sent_away(),
+        "messages": messages,
     }
-    until(lambda: "released" in watched.tap.news(), 5.0)
-    found["journal"] = [entry for _, entry in json.loads(watched.tap.news())]
     exporter.kill()
     exporter.wait()
-    killed_at = watched.tap.take()[-1][0]
-    second = export(out, "--interface", AWAY)
-    found["named"] = until(lambda: sent_away() > found["away"], 10.0)
-    second.kill()
-    second.wait()
-    until(lambda: (watched.tap.take() or [[0.0]])[-1][0] > killed_at + 0.5)
-    watched.command("test", "stop")
-    run.wait(60)
-    summary = json.loads((out / "summary.json").read_text())
-    rows = read_recording(out, ["time_s"])
-    found |= {
-        "recording": summary["recording"],
-        "cycles": summary["cycles"],
-        "rows": len(rows.data),
-        "after": float(rows.time_s[-1]) - killed_at,
-    }
+    killed = run.rows
+    time.sleep(0.2)
+    moving.ends.set()
+    moving.join()
+    orders = run.mailbox.source._source.take(0)
+    found["orders"] = [[one.word, one.source] for one in orders]
+    run.close()
+    rows = read_recording(directory, ["time_s"])
+    found |= {"killed": killed, "rows": run.rows, "recorded": len(rows.data)}
     print(json.dumps(found))
     sys.stdout.flush()
     os._exit(0)  # nothing waits for DDS
