@@ -165,6 +165,20 @@ def test_a_surface_is_found_and_goes_where_the_device_does() -> None:
     assert s.above.position == pytest.approx(0.05, abs=1e-3)
 
 
+def test_friction_that_was_taken_for_a_contact_does_not_soften_the_wall_behind_it() -> None:
+    """0.025 above a band of 0.02 for 40 mrad, then 200: the fit begins anew at the wall."""
+    s = Contact()
+    begin_contact(s)
+    draw = random.Random(6)
+    for k in range(2000):
+        x = 0.085 * math.sin(0.5 * math.pi * k / 2000.0)
+        v = 0.085 * 0.5 * math.pi / 2000.0 / T * math.cos(0.5 * math.pi * k / 2000.0)
+        effort = 0.025 + 200.0 * max(x - 0.06, 0.0)
+        touch(CONTACT, s, x, v, effort + draw.gauss(0.0, 5e-4), 1.0)
+    assert s.above.stiffness == pytest.approx(200.0, rel=0.03)
+    assert s.above.position == pytest.approx(0.06, abs=5e-4)
+
+
 def test_nothing_is_told_of_what_is_not_sure() -> None:
     s = Contact()
     begin_contact(s)

@@ -280,11 +280,14 @@ def link(duration: float, rate: float, as_json: bool) -> None:
     print_suites([_backend().link(duration_s=duration, rate_hz=rate, tell=_tell)], as_json)
 
 
-@bench.command(short_help="A run whose page is open and stopped in turns: lateness, CPU.")
+@bench.command(short_help="A run with bridges beside it, stopped in turns: lateness, CPU.")
 @duration_option
 @json_option
 def view(duration: float, as_json: bool) -> None:
-    """Run a rig whose page is open in every second turn, and compare the loop's lateness.
+    """Run a rig beside which bridges are open in every second turn, and compare its lateness.
+
+    They are the page, Foxglove and ROS 2, as far as they are installed, each with a client where it
+    needs one, and a program that polls rows.
 
     \b
     Examples:
@@ -315,6 +318,11 @@ def view(duration: float, as_json: bool) -> None:
     help="Error over motor noise instead: settings of each coupling on every recorded hand, a "
     "figure, and the laboratory's points in it.",
 )
+@click.option(
+    "--delays",
+    is_flag=True,
+    help="Delays of 0.2 to 0.5 s instead: what a hand feels of a free, a soft and a rigid slave.",
+)
 @click.option("--quick", is_flag=True, help="With --frontier: one hand each, two settings.")
 @out_option("Directory for the figure of --frontier; default: none.")
 @json_option
@@ -324,6 +332,7 @@ def couplings(
     hand: Path | None,
     recordings: Path | None,
     frontier: bool,
+    delays: bool,
     quick: bool,
     out: Path | None,
     as_json: bool,
@@ -338,7 +347,11 @@ def couplings(
         tautwave bench couplings --rigs 200
         tautwave bench couplings --rigs 10000 --hand hand_reference.csv
         tautwave bench couplings --frontier --recordings teleop-1dof --out pictures
+        tautwave bench couplings --delays
     """
+    if delays:
+        print_suites([_backend().long_delays(tell=_tell)], as_json)
+        return
     if frontier:
         suite = _backend().frontier_suite(recordings=recordings, quick=quick, out=out, tell=_tell)
         print_suites([suite], as_json)

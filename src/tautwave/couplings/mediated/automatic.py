@@ -40,13 +40,13 @@ def _chosen(rig: Rig, name: str, pair: MediatedPair) -> dict[str, Choice]:
     if isinstance(stiffness, str):
         stiffness = float(f"{mass * bounds[which] ** 2:.4g}")
     damping = 2.0 * DAMPED * math.sqrt(stiffness * mass)
-    touch = TOUCH * slave.effort_limit + 0.5 * slave.coulomb.value
+    touch = TOUCH * slave.effort_limit + slave.coulomb.value
     stiffest = master.inertia.lower / (SLOWEST_PERIODS * rig.period_s) ** 2
     return {
         "stiffness": Choice(stiffness, f"the slave swings at {which} with {mass:.3g}"),
         "damping": Choice(float(f"{damping:.4g}"), "0.7 of critical"),
         "touch": Choice(
-            float(f"{touch:.4g}"), "2 % of the slave's effort limit and half its Coulomb friction"
+            float(f"{touch:.4g}"), "2 % of the slave's effort limit and its Coulomb friction"
         ),
         "stiffest": Choice(float(f"{stiffest:.4g}"), "the master on it has a period of 44 samples"),
     }

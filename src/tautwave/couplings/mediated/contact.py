@@ -1,9 +1,9 @@
 """What is known of the surfaces on either side of a device: where, how stiff, how damping.
 
 A contact begins where the effort from outside leaves a band, on the side from which it pushes, and
-ends at half of it. While it lasts a fit learns; it goes on where it was left if a contact begins as
-it expects. What it has found counts once the interval of its stiffness is narrow. A surface beyond
-which the device stands untouched was moved: it goes along.
+ends at half of it. While it lasts a fit learns, and begins anew where a sample is off what it
+expects by more than that band. What it has found counts once the interval of its stiffness is
+narrow. A surface beyond which the device stands untouched was moved: it goes along.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from tautwave.couplings.mediated.fit import Fit, FitParams, begin_fit, half_width, learn
+from tautwave.couplings.mediated.fit import WIDE, Fit, FitParams, begin_fit, half_width, learn
 from tautwave.laws.limit import clamp
 
 STIFFEST = 30000.0
@@ -139,11 +139,6 @@ def touch(p: ContactParams, s: Contact, x: float, v: float, effort: float, perio
             leave_behind(p, s, s.below, -1.0, x)
             return
         s.waited = 0.0
-        fit = s.fit
-        expected = fit.stiffness * (x - s.origin) + fit.damping * v + fit.offset
-        if math.fabs(effort - expected) > p.touch:  # something else, or somewhere else
-            s.origin = x
-            begin_fit(fit)
         return
     if s.side * effort < 0.5 * p.touch:
         s.side = 0.0
@@ -151,6 +146,12 @@ def touch(p: ContactParams, s: Contact, x: float, v: float, effort: float, perio
     if s.waited < p.every:
         return
     s.waited = 0.0
+    fit = s.fit
+    expected = fit.stiffness * (x - s.origin) + fit.damping * v + fit.offset
+    strange = fit.weight > 0.0 and math.fabs(effort - expected) > p.touch
+    if strange or fit.p33 >= WIDE:
+        s.origin = x
+        begin_fit(fit)
     if learn(p.fit, s.fit, x - s.origin, v, effort):
         if s.side > 0.0:
             take_fit(p, s, s.above)

@@ -41,7 +41,7 @@ class MediatedPair(Pair):
     touch: Gain = Field(
         default="auto",
         description="[N m | N, slave] Effort from outside at which a contact begins; it ends at "
-        "half of it. auto: 2 % of the slave's effort limit and half its Coulomb friction.",
+        "half of it. auto: 2 % of the slave's effort limit and its Coulomb friction.",
     )
     memory_s: Positive = Field(
         default=0.5, description="[s] After which a sample counts 1/e in the estimate."

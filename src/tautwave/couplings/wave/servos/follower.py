@@ -8,22 +8,8 @@ from __future__ import annotations
 import math
 
 from tautwave.certificate.data import Verdict
-from tautwave.config import Axis, Rig, simulation_of
+from tautwave.config import Rig, simulation_of
 from tautwave.types import CommandDelay
-
-
-def follower_facts(axis: Axis) -> str:
-    """Return what the port of a follower does, as a sentence without a full stop."""
-    assert axis.follower is not None
-    stiffness, lag = axis.follower.stiffness, axis.follower.lag_s
-    rotary = axis.kind == "rotary"
-    place, damping = ("rad", "N m s/rad") if rotary else ("m", "N s/m")
-    return (
-        f"it takes positions: felt is a spring of {stiffness:.4g} {'N m/rad' if rotary else 'N/m'} "
-        f"from its goal to the device, at most {axis.effort_limit / stiffness:.3g} {place} long, "
-        f"and {stiffness * lag:.3g} {damping} of drag by its lag of {1e3 * lag:.3g} ms; what it "
-        "does to what it touches is not measured, and nothing is claimed of it"
-    )
 
 
 def follower_verdict(
