@@ -7,13 +7,14 @@ same arrays are lists of floats live and NumPy arrays in compiled code (`as_arra
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import accumulate
+from itertools import accumulate, combinations
 from typing import Any, NamedTuple
 
 from tautwave.models.interaction import elastic_energy
 from tautwave.scene.compiling import LAWS, ORDER
 from tautwave.scene.network import Link
 from tautwave.scene.parallel_links import join_links
+from tautwave.scene3d.elements import ELEMENT_INDICES, Elements, lay_elements
 from tautwave.scene3d.network import ORIGIN, Network3d, Vector, unit
 
 Numbers = Any
@@ -34,6 +35,7 @@ class Arrays3d(NamedTuple):
     State: `x`, `v`, `force` (3 N), `pushed` (3 n); of each link `tension`, its elastic share
     `elastic`, `stretch`, `way` and `apart` (3 l: direction of the pull, and vector from b to a),
     `set_in`, and of its derivative `bend` (3 l) and `side`. Books [J] as in one dimension.
+    `elements` are the tetrahedra of tissue between the nodes.
     """
 
     count: Numbers
@@ -81,11 +83,13 @@ class Arrays3d(NamedTuple):
     mass_numeric: Numbers
     port_work: Numbers
     work: Numbers
+    elements: Elements
 
 
 INDEX_FIELDS = (
     *("count", "kind", "a", "b", "flat", "links_first", "links_of"),
     *("islands", "island_first", "axis_port"),
+    *ELEMENT_INDICES,
 )
 
 
@@ -130,7 +134,9 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
         for end in pair:
             if end < nodes:
                 of_node[end].append(index)
-    islands = _islands(count, ends)
+    edges = [(at[e.corners[0]], at[name]) for e in network.elements for name in e.corners[1:]]
+    edges += [(at[a], at[b]) for e in network.elements for a, b in combinations(e.corners[1:], 2)]
+    islands = _islands(count, ends + edges)
     size = len(links)
     kind = [LAWS[link.kind] for link in links]
     apart = [tuple(x[3 * a + c] - x[3 * b + c] for c in range(3)) for a, b in ends]
@@ -184,6 +190,7 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
         mass_numeric=[0.0] * count,
         port_work=[0.0] * len(network.ports),
         work=[0.0] * (ROWS * 3 * count),
+        elements=lay_elements(network.elements, at, count),
     )
     return Compiled3d(arrays, tuple(names[:count]), tuple(link.name for link in links))
 
