@@ -94,11 +94,15 @@ INDEX_FIELDS = (
 
 
 class Compiled3d(NamedTuple):
-    """Arrays of a network, and the names behind the indices; `links` in the order of the arrays."""
+    """Arrays of a network, and the names behind the indices; `links` in the order of the arrays.
+
+    `tissues` is the tissue of each element.
+    """
 
     arrays: Arrays3d
     masses: tuple[str, ...]
     links: tuple[str, ...]
+    tissues: tuple[str, ...]
 
 
 def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Compiled3d:
@@ -141,6 +145,7 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
     kind = [LAWS[link.kind] for link in links]
     apart = [tuple(x[3 * a + c] - x[3 * b + c] for c in range(3)) for a, b in ends]
     stretch = [_stretch(link, gap) for link, gap in zip(links, apart, strict=True)]
+    elements, tissues = lay_elements(network.elements, at, count)
     arrays = Arrays3d(
         count=[count, len(network.ports), size, len(axis_port)],
         mass=[mass.mass for mass in network.masses],
@@ -190,9 +195,10 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
         mass_numeric=[0.0] * count,
         port_work=[0.0] * len(network.ports),
         work=[0.0] * (ROWS * 3 * count),
-        elements=lay_elements(network.elements, at, count),
+        elements=elements,
     )
-    return Compiled3d(arrays, tuple(names[:count]), tuple(link.name for link in links))
+    kept = tuple(link.name for link in links)
+    return Compiled3d(arrays, tuple(names[:count]), kept, tissues)
 
 
 def port_places(network: Network3d, axes_at: Sequence[float]) -> list[Vector]:

@@ -75,8 +75,12 @@ class Elements(NamedTuple):
 ELEMENT_INDICES = ("size", "corner", "owned", "row", "column", "place")
 
 
-def lay_elements(elements: Sequence[Element], at: Mapping[str, int], masses: int) -> Elements:
-    """Return elements as lists, without stress; those of which no corner can move are left out.
+def lay_elements(
+    elements: Sequence[Element], at: Mapping[str, int], masses: int
+) -> tuple[Elements, tuple[str, ...]]:
+    """Return elements as lists, without stress, and the tissue of each.
+
+    Those of which no corner can move are left out.
 
     Parameters
     ----------
@@ -119,7 +123,7 @@ def lay_elements(elements: Sequence[Element], at: Mapping[str, int], masses: int
         (*element.branches, *[(0.0, 1.0)] * (branches - len(element.branches)))
         for _, _, element in kept
     ]
-    return Elements(
+    laid = Elements(
         size=[count, branches],
         corner=[node for _, nodes, _ in kept for node in nodes],
         owned=list(accumulate((owners.count(m) if count else 0 for m in range(masses)), initial=0)),
@@ -151,3 +155,4 @@ def lay_elements(elements: Sequence[Element], at: Mapping[str, int], masses: int
         kept=[0.0] * count,
         burnt=[0.0] * count,
     )
+    return laid, tuple(element.tissue for _, _, element in kept)

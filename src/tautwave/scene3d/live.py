@@ -138,7 +138,7 @@ class Model3d:
         return self.ledger().residual(self.start)
 
     def elements(self) -> dict[str, dict[str, float]]:
-        """Return the account of every mass, link and port [J], by name."""
+        """Return the account of every mass, link, tissue and port [J], by name."""
         s = self.arrays
         accounts: dict[str, dict[str, float]] = {}
         for m, name in enumerate(self.compiled.masses):
@@ -155,6 +155,10 @@ class Model3d:
                 "made": s.made[i],
                 "numeric": s.numeric[i],
             }
+        for e, name in enumerate(self.compiled.tissues):
+            account = accounts.setdefault(name, {"stored": 0.0, "lost": 0.0})
+            account["stored"] += s.elements.kept[e]
+            account["lost"] += s.elements.burnt[e]
         for port in self._ports:
             accounts[self.network.ports[port].name] = {"work": s.port_work[port]}
         return accounts
