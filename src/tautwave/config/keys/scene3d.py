@@ -6,12 +6,12 @@ coordinate; z points upwards. Groups may have rows, which makes a net of them.
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from tautwave.config.inputs.meshes import read_mesh
 from tautwave.config.keys.common import Block, Name, NonNegative, Positive
 from tautwave.config.keys.scene import (
     BowLink,
@@ -29,6 +29,8 @@ from tautwave.config.keys.scene import (
     SpringLink,
     TapForce,
 )
+from tautwave.errors import ConfigError
+from tautwave.models.tissue.gmsh import gmsh_mesh
 from tautwave.models.tissue.mesh import Mesh, block, on_faces, placed
 
 Vector = tuple[float, float, float]
@@ -288,9 +290,22 @@ def mesh_of(keys: Tissue3d) -> Mesh:
         The file cannot be read, or is no mesh of tetrahedra.
     """
     if keys.mesh is not None:
-        return placed(read_mesh(Path(keys.mesh)), keys.scale, keys.position)
+        path = Path(keys.mesh)
+        try:
+            mesh = _read_mesh(path, path.stat().st_mtime_ns)
+        except OSError as err:
+            raise ConfigError(f"{path.name} cannot be read: {err.strerror}") from err
+        return placed(mesh, keys.scale, keys.position)
     assert keys.block is not None
     return block(keys.block.size, keys.block.cells, keys.position)
+
+
+@functools.lru_cache(maxsize=8)
+def _read_mesh(path: Path, _: int) -> Mesh:
+    try:
+        return gmsh_mesh(path.read_text(encoding="ascii"), path.name)
+    except UnicodeDecodeError as err:
+        raise ConfigError(f"{path.name} is binary; save it from Gmsh as version 2 ASCII") from err
 
 
 def scene_kind(value: Any) -> str:

@@ -61,8 +61,8 @@ class CompiledModel3d(Model3d):
         blocks = lay_out(given, (*INDEX_FIELDS, "forced"))
         views = blocks.views
         elements = Elements(*(views[name] for name in Elements._fields))
-        own = [views[name] for name in Arrays3d._fields if name != "elements"]
-        self.arrays = Arrays3d(*own, elements)
+        own = {name: views[name] for name in Arrays3d._fields if name != "elements"}
+        self.arrays = Arrays3d(**own, elements=elements)
         self._axes_in, self._pushes = views["axes_at"], views["pushes"]
         self._efforts, self._ledger = views["efforts"], views["ledger"]
         number = SCHEMES[self.scheme]
