@@ -93,7 +93,7 @@ def lay_elements(
 
     Raises
     ------
-    ConfigError
+    ValueError
         An element is flat, inverted or not finite.
     """
     kept = []

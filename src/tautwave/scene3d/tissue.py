@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import NamedTuple
 
-from tautwave.errors import ConfigError
 from tautwave.models.tissue.mesh import Mesh, shape_of
 from tautwave.scene3d.elements import Element
 from tautwave.scene3d.network import ORIGIN, Mass3d, Vector
@@ -57,7 +56,7 @@ def tissue_of(name: str, mesh: Mesh, material: Material, clamped: Collection[int
 
     Raises
     ------
-    ConfigError
+    ValueError
         A tetrahedron is flat or inverted, a node belongs to none, or a number is not finite.
     """
     masses = [0.0] * len(mesh.nodes)
@@ -82,7 +81,7 @@ def tissue_of(name: str, mesh: Mesh, material: Material, clamped: Collection[int
         )
     for node, mass in enumerate(masses):
         if mass == 0.0:
-            raise ConfigError(f"node {node + 1} of {name} belongs to no tetrahedron; remove it")
+            raise ValueError(f"node {node + 1} of {name} belongs to no tetrahedron; remove it")
     return Tissue(
         tuple(
             Mass3d(f"{name}{node + 1}", mass, place, ORIGIN, material.drag * mass)

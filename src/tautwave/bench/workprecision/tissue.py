@@ -49,7 +49,7 @@ def beam(tetrahedra: int) -> Network3d:
 
 
 def throw(network: Network3d, scheme: str, step: float, span: float) -> tuple[Array, float, float]:
-    """Return places of the nodes (3 n,) after `span` [s], the share of energy made, CPU time [s]."""
+    """Return where the nodes end (3 n,) [m], the share of energy made, and CPU time [s]."""
     model = CompiledModel3d(network, scheme, step)
     begun = time.thread_time_ns()
     for _ in range(round(span / step)):

@@ -91,7 +91,7 @@ def _check_tissues(document: Document, scene: Scene3d) -> bool:
             mesh = mesh_of(keys)
             for number, corners in enumerate(mesh.tetrahedra):
                 shape_of([mesh.nodes[node] for node in corners], f"tetrahedron {number + 1}")
-        except ConfigError as err:
+        except (ConfigError, ValueError) as err:
             document.report((*path, "block" if keys.mesh is None else "mesh"), str(err))
             good = False
             continue

@@ -295,6 +295,11 @@ def mesh_of(keys: Tissue3d) -> Mesh:
             mesh = _read_mesh(path, path.stat().st_mtime_ns)
         except OSError as err:
             raise ConfigError(f"{path.name} cannot be read: {err.strerror}") from err
+        except UnicodeDecodeError as err:
+            wanted = "save it from Gmsh as version 2 ASCII"
+            raise ConfigError(f"{path.name} is binary; {wanted}") from err
+        except ValueError as err:
+            raise ConfigError(str(err)) from err
         return placed(mesh, keys.scale, keys.position)
     assert keys.block is not None
     return block(keys.block.size, keys.block.cells, keys.position)
@@ -302,10 +307,7 @@ def mesh_of(keys: Tissue3d) -> Mesh:
 
 @functools.lru_cache(maxsize=8)
 def _read_mesh(path: Path, _: int) -> Mesh:
-    try:
-        return gmsh_mesh(path.read_text(encoding="ascii"), path.name)
-    except UnicodeDecodeError as err:
-        raise ConfigError(f"{path.name} is binary; save it from Gmsh as version 2 ASCII") from err
+    return gmsh_mesh(path.read_text(encoding="ascii"), path.name)
 
 
 def scene_kind(value: Any) -> str:

@@ -8,9 +8,8 @@ of no tetrahedron. Tetrahedra that are numbered the other way round are righted.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from typing import Iterator, NamedTuple  # noqa: UP035 - models import arithmetic only
 
-from tautwave.errors import ConfigError
 from tautwave.models.tissue.mesh import Corners, Mesh, righted
 
 MOST_TETRAHEDRA = 100_000
@@ -32,20 +31,18 @@ def gmsh_mesh(text: str, name: str) -> Mesh:
 
     Raises
     ------
-    ConfigError
+    ValueError
         It has another format, or holds anything but linear tetrahedra; `name` is the file's.
     """
     sections = dict(_sections(iter(text.split("\n"))))
     head = (sections.get("MeshFormat") or [""])[0].split()
     if not head or head[0] not in ("2", "2.0", "2.1", "2.2") or head[1:2] != ["0"]:
         found = " ".join(head[:2]) or "none"
-        raise ConfigError(
+        raise ValueError(
             f"{name} has mesh format {found}; save it from Gmsh as version 2 ASCII (2.2 0)"
         )
-    try:
-        return _mesh(name, sections.get("Nodes", []), sections.get("Elements", []))
-    except (ValueError, IndexError, KeyError) as err:
-        raise ConfigError(f"{name} is damaged: {err!r} in its nodes or elements") from err
+    parts = _parts(name, sections.get("Nodes", []), sections.get("Elements", []))
+    return _mesh(name, parts.places, parts.tetrahedra)
 
 
 def _sections(lines: Iterator[str]) -> Iterator[tuple[str, list[str]]]:
@@ -61,30 +58,57 @@ def _sections(lines: Iterator[str]) -> Iterator[tuple[str, list[str]]]:
             yield name, content
 
 
-def _mesh(name: str, nodes: list[str], elements: list[str]) -> Mesh:
+class _Parts(NamedTuple):
+    """Nodes by their number, and the nodes of each tetrahedron."""
+
+    places: dict[int, tuple[float, float, float]]
+    tetrahedra: list[tuple[int, ...]]
+
+
+def _parts(name: str, nodes: list[str], elements: list[str]) -> _Parts:
+    """Return what two sections say; elements of other kinds are refused."""
     places = {}
-    for line in nodes[1:]:
-        number, x, y, z = line.split()[:4]
-        place = (float(x), float(y), float(z))
-        if not all(math.isfinite(part) for part in place):
-            raise ConfigError(f"{name}: node {number} is not finite")
-        places[int(number)] = place
     found: list[tuple[int, ...]] = []
-    for line in elements[1:]:
-        numbers = [int(word) for word in line.split()]
-        kind = numbers[1]
-        if kind == _TETRAHEDRON:
-            found.append(tuple(numbers[3 + numbers[2] :][:4]))
-        elif kind not in _SKIPPED:
-            what = _KINDS.get(kind, f"elements of type {kind}")
-            raise ConfigError(f"{name} holds {what}: only linear tetrahedra are supported")
+    strange: list[int] = []
+    try:
+        for line in nodes[1:]:
+            number, x, y, z = line.split()[:4]
+            places[int(number)] = (float(x), float(y), float(z))
+        for line in elements[1:]:
+            numbers = [int(word) for word in line.split()]
+            if numbers[1] == _TETRAHEDRON:
+                a, b, c, d = numbers[3 + numbers[2] :]
+                found.append((a, b, c, d))
+            elif numbers[1] not in _SKIPPED:
+                strange.append(numbers[1])
+        whole = len(places) == int(nodes[0]) and len(elements) - 1 == int(elements[0])
+    except (ValueError, IndexError) as err:
+        raise ValueError(f"{name} is damaged: {err} in its nodes or elements") from err
+    for kind in strange:
+        what = _KINDS.get(kind, f"elements of type {kind}")
+        raise ValueError(f"{name} holds {what}: only linear tetrahedra are supported")
+    if not whole:
+        raise ValueError(f"{name} is cut off: it holds fewer nodes or elements than it says")
+    return _Parts(places, found)
+
+
+def _mesh(
+    name: str,
+    places: dict[int, tuple[float, float, float]],
+    found: list[tuple[int, ...]],
+) -> Mesh:
+    """Return the mesh of tetrahedra, numbered anew, without nodes that none has."""
+    for number, place in places.items():
+        if not all(math.isfinite(part) for part in place):
+            raise ValueError(f"{name}: node {number} is not finite")
     if not found:
-        raise ConfigError(f"{name} holds no tetrahedra: mesh the volume, not its surface")
+        raise ValueError(f"{name} holds no tetrahedra: mesh the volume, not its surface")
     if len(found) > MOST_TETRAHEDRA:
-        raise ConfigError(f"{name} holds {len(found)} tetrahedra; {MOST_TETRAHEDRA} are the limit")
-    if len(places) != int(nodes[0]) or len(elements) - 1 != int(elements[0]):
-        raise ConfigError(f"{name} is cut off: it holds fewer nodes or elements than it says")
+        raise ValueError(f"{name} holds {len(found)} tetrahedra; {MOST_TETRAHEDRA} are the limit")
     used = sorted({number for corners in found for number in corners})
+    missing = [number for number in used if number not in places]
+    if missing:
+        raise ValueError(f"{name} is damaged: a tetrahedron has the unknown node {missing[0]}")
     order = {number: at for at, number in enumerate(used)}
     where = tuple(places[number] for number in used)
     tetrahedra: list[Corners] = []

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Iterable, NamedTuple, Sequence  # noqa: UP035 - models import arithmetic only
 
-from tautwave.errors import ConfigError
 from tautwave.models.tissue.algebra import Vector
 
 FACES = ("-x", "+x", "-y", "+y", "-z", "+z")
@@ -49,10 +46,14 @@ def block(size: Vector, cells: tuple[int, int, int], corner: Vector = (0.0, 0.0,
             corner[1] + j * steps[1],
             corner[2] + k * steps[2],
         )
-        for k, j, i in itertools.product(range(high), range(down), range(across))
+        for k in range(high)
+        for j in range(down)
+        for i in range(across)
     )
     found: list[Corners] = []
-    for k, j, i in itertools.product(*(range(count) for count in reversed(cells))):
+    for number in range(cells[0] * cells[1] * cells[2]):
+        rest, i = divmod(number, cells[0])
+        k, j = divmod(rest, cells[1])
         odd = (i + j + k) % 2
         for corners in _EVEN:
             # Mirrored along x in every other cell, so that the diagonals of faces meet.
@@ -99,7 +100,7 @@ def shape_of(corners: Sequence[Vector], name: str) -> tuple[tuple[float, ...], f
 
     Raises
     ------
-    ConfigError
+    ValueError
         It is flat, inverted (its corners are numbered the other way round) or not finite.
     """
     start = corners[0]
@@ -107,17 +108,17 @@ def shape_of(corners: Sequence[Vector], name: str) -> tuple[tuple[float, ...], f
         [end - begin for end, begin in zip(corner, start, strict=True)] for corner in corners[1:]
     )
     if not all(math.isfinite(part) for corner in corners for part in corner):
-        raise ConfigError(f"{name}: its corners are not all finite numbers")
+        raise ValueError(f"{name}: its corners are not all finite numbers")
     across = (_cross(two, three), _cross(three, one), _cross(one, two))
     six = sum(p * q for p, q in zip(one, across[0], strict=True))
     longest = max(math.dist(a, b) for a in corners for b in corners)
     if not abs(six) > THIN * longest**3:
-        raise ConfigError(
+        raise ValueError(
             f"{name}: it is flat (volume {six / 6.0:.3g} m^3, longest edge {longest:.3g} m); "
             "mesh the part again without slivers"
         )
     if six < 0.0:
-        raise ConfigError(f"{name}: it is inverted; number two of its corners the other way round")
+        raise ValueError(f"{name}: it is inverted; number two of its corners the other way round")
     return tuple(part / six for vector in across for part in vector), six / 6.0
 
 
