@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from contextlib import chdir
+from contextlib import chdir, suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -52,6 +52,15 @@ def keep_in_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(running, "certificate_of", certificate_of)
     monkeypatch.setattr(reporting, "subprocess", SimpleNamespace(run=complete))
+
+
+def child_of(pid: int, word: str) -> int | None:
+    """Return the child of a process with a word in its command line; others may end meanwhile."""
+    for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+        with suppress(FileNotFoundError, ProcessLookupError):
+            if word.encode() in Path(f"/proc/{child}/cmdline").read_bytes():
+                return int(child)
+    return None
 
 
 PATIENT = ("--set", "loop.missing_limit=10000", "--set", "loop.overrun_limit=10000")

@@ -37,4 +37,8 @@ if lerobot-replay --robot.type=tautwave_slave "--robot.rig=$rig" --dataset.repo_
     exit 1
 fi
 grep -q "led by a hand" replay.log
+
+# Where a policy drives it, the same replay moves it.
+lerobot-replay --robot.type=tautwave_slave "--robot.rig=$rig" --robot.drive=policy --robot.fps=30 \
+    --dataset.repo_id=me/try "--dataset.root=$work/recorded" --dataset.episode=0 --play_sounds=False
 echo "all of it holds"

@@ -16,7 +16,7 @@ from tautwave.contracts import Row
 from tautwave.models.encoder import quantise
 from tautwave.models.sensors.effort import SensorParams, follow_effort, sensor_reading
 from tautwave.streams import MISSING, NOISE, SENSOR, normal_stream, uniform_stream
-from tautwave.truth import ArmModel, AxisModel
+from tautwave.truth import ArmModel, AxisModel, PositionLoop
 from tautwave.types import JointState
 from tautwave_sim.loaded import ArmPhysics, JointPhysics, LoadedPhysics
 from tautwave_sim.physics import (
@@ -29,6 +29,9 @@ from tautwave_sim.physics import (
     PushedPhysics,
     ServoPhysics,
 )
+
+LOOP_SHARE = 0.05
+"""Step of a simulated position loop, as a share of its fastest time constant."""
 
 
 def make_physics(truth: AxisModel) -> Physics:
@@ -64,6 +67,13 @@ def join_arms(axes: Sequence[SimulatedAxis], truths: Sequence[AxisModel]) -> lis
             joint.arm = arm
         arms.append(arm)
     return arms
+
+
+def _loop_steps(loop: PositionLoop, truth: AxisModel) -> int:
+    """Return how often a period a drive's position loop has to be at work to be as meant."""
+    mass = truth.plant.mass
+    fastest = max(loop.damping / mass, math.sqrt(loop.stiffness / mass))
+    return min(64, max(1, math.ceil(truth.period * fastest / LOOP_SHARE)))
 
 
 class EffortSensor:
@@ -110,9 +120,11 @@ class SimulatedAxis:
         `master.wrist` or `slave.wrist`.
     truth : AxisModel
         Physics, motor, encoder and faults.
+    loop : PositionLoop, optional
+        With it, commands are positions; a simulated drive with registers has its own.
     """
 
-    def __init__(self, name: str, truth: AxisModel) -> None:
+    def __init__(self, name: str, truth: AxisModel, loop: PositionLoop | None = None) -> None:
         self.name = name
         self.period = truth.period
         self._servo = truth.servo is not None
@@ -129,8 +141,19 @@ class SimulatedAxis:
         self._pipe = deque([0.0] * whole)
         self._acting = 0.0
         self._command = 0.0
+        self._loop = loop
+        self._step = self.physics.step
+        self._loop_steps = 1
+        if self._loop is not None:
+            self._command = self._acting = truth.start_position
+            self._pipe.extend([truth.start_position] * whole)
+            for _ in range(whole):
+                self._pipe.popleft()
+            self._loop_steps = _loop_steps(self._loop, truth)
+            self._step = self._move_to
         self._grasp = truth.grasp
         self.in_hand = truth.grasp is not None
+        self.lead = truth.lead
         self._reference = truth.reference
         self._last = len(truth.reference) - 1
         self._push = truth.push
@@ -147,7 +170,14 @@ class SimulatedAxis:
         self.columns = self._columns()
 
     def command(self, value: float) -> None:
-        """Take an effort (impedance) or a velocity (admittance) for the slots to come."""
+        """Take an effort (impedance) or a velocity (admittance) for the slots to come.
+
+        With a position loop of its own it takes a position; NaN: it stays where it is to go.
+        """
+        if self._loop is not None:
+            if not math.isnan(value):
+                self._command = value
+            return
         if self._command_quantum > 0.0:
             value = quantise(value, self._command_quantum)
         if not self._servo:
@@ -164,6 +194,7 @@ class SimulatedAxis:
         if isinstance(self.physics, JointPhysics):
             return None
         self.physics = outside = OutsidePhysics(self.physics.x)
+        self._step = outside.step
         return outside
 
     def acting(self) -> float:
@@ -172,6 +203,8 @@ class SimulatedAxis:
         return self._late * self._acting + (1.0 - self._late) * command
 
     def _hand_at(self, slot: int) -> tuple[float, float]:
+        if self.lead is not None:
+            return self.lead.aim(self.physics.x)
         if slot < self._last:
             here = self._reference[slot]
             return here, (self._reference[slot + 1] - here) / self.period
@@ -194,12 +227,22 @@ class SimulatedAxis:
             command += self._grasp(self.physics.x, self.physics.v, self.period)
         if self._late > 0.0:
             late = self._late * self.period
-            self.physics.step(self._acting, reference, rate, late)
-            self.physics.step(command, reference + rate * late, rate, self.period - late)
+            self._step(self._acting, reference, rate, late)
+            self._step(command, reference + rate * late, rate, self.period - late)
             self._acting = command
         else:
-            self.physics.step(command, reference, rate, self.period)
+            self._step(command, reference, rate, self.period)
         self._arrive()
+
+    def _move_to(self, command: float, reference: float, rate: float, h: float) -> None:
+        """Move by `h` under the drive's own position loop."""
+        assert self._loop is not None
+        stiffness, damping = self._loop
+        physics, limit, share = self.physics, self._effort_limit, h / self._loop_steps
+        for step in range(self._loop_steps):
+            effort = stiffness * (command - physics.x) - damping * physics.v
+            effort = limit if effort > limit else -limit if effort < -limit else effort
+            physics.step(effort, reference + rate * share * step, rate, share)
 
     def _arrive(self) -> None:
         """Come to the next slot: what hand, environment and sensor are there."""

@@ -44,7 +44,8 @@ class LoopbackSimulator:
 
     def __init__(self, axes: Sequence[AxisSpec], truths: Sequence[AxisModel]) -> None:
         self.axes = [
-            SimulatedAxis(spec.name, truth) for spec, truth in zip(axes, truths, strict=True)
+            SimulatedAxis(spec.name, truth, truth.loop)
+            for spec, truth in zip(axes, truths, strict=True)
         ]
         self.arms = join_arms(self.axes, truths)
         self._period_ns = round(truths[0].period * 1e9) if truths else 0
@@ -72,6 +73,13 @@ class LoopbackSimulator:
         """Nothing to release."""
 
 
+def _taken(spec: AxisSpec) -> str:
+    """Return which number of a command an axis takes."""
+    if spec.takes_position:
+        return "position"
+    return "velocity" if spec.causality == "admittance" else "effort"
+
+
 class LoopbackDriver:
     """Driver for the axes of a `LoopbackSimulator`."""
 
@@ -84,8 +92,8 @@ class LoopbackDriver:
     ) -> None:
         self._world = transport if transport is not None else LoopbackSimulator((), ())
         self._clock = clock
-        servos = [spec.causality == "admittance" for spec in bus.axes]
-        self._targets = list(zip(self._world.axes, servos, strict=False))
+        takes = [_taken(spec) for spec in bus.axes]
+        self._targets = list(zip(self._world.axes, takes, strict=False))
         self._enabled = False
         period = 1.0 / bus.rate_hz
         delay = options.command_delay_s
@@ -123,8 +131,8 @@ class LoopbackDriver:
                 "write one command per axis, in the order of the rig file"
             )
         if self._enabled:
-            for (axis, servo), command in zip(self._targets, commands, strict=True):
-                axis.command(command.velocity if servo else command.effort)
+            for (axis, taken), command in zip(self._targets, commands, strict=True):
+                axis.command(getattr(command, taken))
 
     def faults(self) -> Sequence[Fault]:
         """Nothing fails here by itself."""
@@ -168,6 +176,7 @@ plugin = DriverPlugin(
     hardware=False,
     summary="simulated devices without a bus, in this process",
     endpoint=lambda options: Endpoint("none"),
+    positions=True,
 )
 simulator = SimulatorPlugin(
     options=LoopbackOptions, make=_simulate, summary="the devices behind the loopback driver"

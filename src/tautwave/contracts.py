@@ -20,7 +20,8 @@ class AxisSpec(NamedTuple):
 
     `name` is `master.wrist`; `device_id` the number on the bus; `kind` is `rotary` or `linear`;
     `causality` is `impedance` (takes effort) or `admittance` (takes velocity, measures effort).
-    Limits of the rig file, SI, infinite where not given; whether it has an `effort_sensor`.
+    Limits of the rig file, SI, infinite where not given; whether it has an `effort_sensor`, and
+    `takes_position`: commands are those of `AxisCommand.position`, its effort is not used.
     """
 
     name: str
@@ -31,6 +32,7 @@ class AxisSpec(NamedTuple):
     velocity_limit: float = math.inf
     position_range: tuple[float, float] = (-math.inf, math.inf)
     effort_sensor: bool = False
+    takes_position: bool = False
 
 
 class BusSpec(NamedTuple):
@@ -75,7 +77,6 @@ class Clock(Protocol):
 
         `transport` has a `fileno()`, or is `InMemory`.
         """
-        ...
 
 
 class InMemory(Protocol):
@@ -83,15 +84,12 @@ class InMemory(Protocol):
 
     def next_event_ns(self) -> int | None:
         """Return the time of the next event [ns], None if there is none."""
-        ...
 
     def advance(self, to_ns: int) -> None:
         """Process all events up to `to_ns`."""
-        ...
 
     def readable(self) -> bool:
         """Return whether there is something to read now."""
-        ...
 
 
 class FramePort(Protocol):
@@ -99,11 +97,9 @@ class FramePort(Protocol):
 
     def send(self, can_id: int, data: bytes) -> bool:
         """Queue a data frame (11-bit id); False: full. Raises `DriverError` without a bus."""
-        ...
 
     def receive(self) -> tuple[int, bytes, int] | None:
         """Return the oldest frame received as id, data and arrival [ns]; None if there is none."""
-        ...
 
     def close(self) -> None: ...
 
@@ -113,11 +109,9 @@ class BytePort(Protocol):
 
     def write(self, data: bytes) -> None:
         """Hand bytes to the line; raises `DriverError` when it is gone."""
-        ...
 
     def read(self) -> bytes:
         """Return all received bytes without waiting; raises `DriverError` when the line is gone."""
-        ...
 
     def close(self) -> None: ...
 
@@ -136,33 +130,27 @@ class Driver(Protocol):
 
     def open(self) -> None:
         """Torque off; verify identity, limits and watchdog. Blocks only through the clock."""
-        ...
 
     def enable_step(self) -> bool:
         """Advance one step without blocking; called once per period, on every bus until all are on.
 
         True when enabled; further calls keep watchdogs fed.
         """
-        ...
 
     def request(self) -> None:
         """Start the exchange; never blocks."""
-        ...
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Return one state per axis by the deadline, invalid where no fresh sample came.
 
         At once if it has passed, and then a late response is discarded.
         """
-        ...
 
     def write(self, commands: Sequence[AxisCommand]) -> None:
         """Take one command per axis; it may be staged for the next request."""
-        ...
 
     def faults(self) -> Sequence[Fault]:
         """Return the faults reported since the last call."""
-        ...
 
     def disable(self) -> None:
         """Safe command, then torque off; idempotent."""
@@ -234,7 +222,8 @@ class DriverPlugin(NamedTuple):
     such as `("devices", "*", "profile")`, and arrive as absolute paths. `survey` makes the bus'
     part of a rig file for `tautwave new`, `imposed(options, bus)` the motions it forces on axes.
     `elements(options, bus, axes, late)`: verdicts of a driver with laws of its own; the rig's axes
-    by full name, the command delay in periods. `plain`: only the live loop simulates its axes.
+    by full name, the command delay in periods. `plain`: only the live loop simulates its axes;
+    `positions`: they may take positions.
     """
 
     options: type[Any]
@@ -253,6 +242,7 @@ class DriverPlugin(NamedTuple):
     imposed: Callable[[Any, BusSpec], Sequence[Imposed]] | None = None
     elements: Callable[..., Sequence[BusElement]] | None = None
     plain: bool = False
+    positions: bool = False
 
 
 class Simulator(Protocol):
@@ -360,7 +350,8 @@ class CoupledAxis(NamedTuple):
 
     `period` of its bus; `gain` of its tracker; `inertia`: lower bound, None: it takes velocities;
     `mass`, `viscous`, `coulomb`: estimates; `delay` in periods until a command acts, `late` beyond;
-    `outside_stiffness`: upper bound or 0; `fade`: from effort limit to 0; `noise_lags`, if known.
+    `outside_stiffness`: upper bound or 0; `fade`: from effort limit to 0; `noise_lags`, if known;
+    `follows`: mean lag [s] of a device behind its goal, None without one.
     """
 
     period: float
@@ -380,6 +371,7 @@ class CoupledAxis(NamedTuple):
     viscous: float = 0.0
     coulomb: float = 0.0
     senses: bool = False
+    follows: float | None = None
 
 
 class Row(Protocol):

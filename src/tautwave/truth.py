@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from tautwave.models.chain.params import ChainParams
 from tautwave.models.foam import FoamParams
@@ -23,6 +23,21 @@ class ArmModel(NamedTuple):
     chain: ChainParams
 
 
+class PositionLoop(NamedTuple):
+    """Position loop of a drive: stiffness [N m/rad or N/m], damping [N m s/rad or N s/m]."""
+
+    stiffness: float
+    damping: float
+
+
+class Led(Protocol):
+    """A hand's reference that is known slot by slot only."""
+
+    def aim(self, place: float) -> tuple[float, float]:
+        """Return it at this slot and its rate until the next; the device is at `place`."""
+        ...
+
+
 class AxisModel(NamedTuple):
     """The true device, hand and environment of one axis; SI, rotary N m and rad for N and m.
 
@@ -35,6 +50,7 @@ class AxisModel(NamedTuple):
     is where `reference` is, whatever its motor does. `push` is an effort on it at every slot, empty
     without one. `sensor` measures the effort from outside. `grasp(x, v, T)`, asked once a slot of T
     seconds, is the effort of a hand that follows no plan.
+    `loop`: its drive takes positions. `lead`: where a hand that a program leads wants to be.
     """
 
     period: float
@@ -59,6 +75,8 @@ class AxisModel(NamedTuple):
     push: Sequence[float] = ()
     sensor: SensorParams | None = None
     grasp: Grasp | None = None
+    loop: PositionLoop | None = None
+    lead: Led | None = None
 
 
 class HandPlugin(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,11 +31,13 @@ class AxisCommand(NamedTuple):
     """Command of one axis until the next one.
 
     `effort` [N m or N] is used by impedance axes, `velocity` [rad/s or m/s] by admittance axes,
-    both positive along `position`; the other one is 0.
+    both positive along `position`; the other one is 0. A device that takes positions goes to
+    `position` [rad or m]; NaN: it stays where it is.
     """
 
     effort: float
     velocity: float
+    position: float = math.nan
 
 
 class CommandDelay(NamedTuple):

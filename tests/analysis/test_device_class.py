@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -375,3 +376,12 @@ def test_a_sampled_device_is_the_mean_of_what_sampling_folds_together() -> None:
         s = 1j * turned / PERIOD
         total += np.sinc(turned / (2.0 * math.pi)) ** 2 * s / (MASS * s * s + 0.02 * s + 300.0)
     assert total == pytest.approx(held(300.0, 0.02, theta), rel=1e-6)
+
+
+def test_a_class_with_stiffer_springs_is_found_no_better() -> None:
+    """The class holds every softer spring: what was found with one is found with all stiffer."""
+    end = ends()
+    known = [DeviceClass(MASS, 1e-3, stiffness) for stiffness in np.geomspace(3e3, 3e5, 12)]
+    found = [class_gain(end.port, end.observer, end.delay, one).greatest for one in known]
+    assert found[0] > 1.0
+    assert all(later >= 0.95 * earlier for earlier, later in pairwise(found))

@@ -139,6 +139,22 @@ def test_a_contact_is_found_within_its_interval(kind: str) -> None:
     assert inside >= 0.9 * total, f"{inside} of {total}"
 
 
+def test_the_working_stiffness_is_the_slope_at_the_depth_that_a_twentieth_exceeds() -> None:
+    t = np.arange(8000) * 5e-4
+    x = 0.05 * np.sin(5.7 * t) + 0.03 * np.sin(13.1 * t + 1.0)
+    for side, surface in ((1, 0.01), (-1, -0.02)):
+        depth = np.maximum(side * (x - surface), 0.0)
+        motion = motion_of(x, side * 300.0 * depth**1.8, 5e-4, cutoff_hz=40.0)
+        fit = fit_contact(motion, "hunt_crossley")
+        assert fit is not None
+        assert fit.side == side
+        touched = np.maximum(side * (motion.position - fit.parameters["surface"].value), 0.0)
+        deep = np.quantile(touched[touched > 0.0], 0.95)
+        assert fit.working_stiffness.value == pytest.approx(540.0 * deep**0.8, rel=1e-3)
+        assert fit.parameters["stiffness"].value == pytest.approx(300.0, rel=1e-2)
+        assert fit.contact_share == pytest.approx(np.mean(depth > 0.0), abs=0.01)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_the_right_model_is_chosen(kind: str) -> None:

@@ -45,7 +45,7 @@ def test_positive_roots_are_found_with_their_multiplicity(roots: list[Fraction])
     ]
 
 
-def test_close_roots_are_told_apart_and_irrational_ones_found() -> None:
+def test_close_roots_are_distinguished_and_irrational_ones_found() -> None:
     p = poly.multiply(poly.polynomial([1, 0, -2]), poly.polynomial([1, "-1.41421356237"]))
     close = [r.value for r in poly.positive_roots(p)]
     assert close == [pytest.approx(1.41421356237, abs=1e-15), pytest.approx(math.sqrt(2))]
@@ -193,7 +193,7 @@ def test_argument_and_chebyshev_count_the_same(
         ([1], [-1], 0.0, "zero everywhere"),
     ],
 )
-def test_a_root_on_the_axis_is_told_without_a_warning(
+def test_a_root_on_the_axis_is_reported_without_a_warning(
     now: list[int], late: list[int], delay: float, where: str
 ) -> None:
     with pytest.raises(ConfigError, match=where):

@@ -12,7 +12,7 @@ from tautwave.analysis.ports.sampled_port import HIGHEST, Body, sampled_response
 from tautwave.analysis.ports.two_port import Hybrid
 from tautwave.analysis.wave_port.admittance_loop import Outside, admittance_end
 from tautwave.errors import ConfigError
-from tautwave.laws.admittance import admittance_params, rigid_port
+from tautwave.laws.servo.admittance import admittance_params, rigid_port
 from tests.analysis.ends import port_end, site_of
 from tests.analysis.reference.absolute import absolute_stability
 from tests.analysis.reference.hybrids import Rig, position_position, wave_line

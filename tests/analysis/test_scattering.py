@@ -8,7 +8,7 @@ import pytest
 from tautwave.analysis.ports.loop_modes import loop_roots
 from tautwave.analysis.ports.sampled_loop import Device, reflecting_end
 from tautwave.analysis.walls.sampled import PulseTransfer
-from tautwave.laws.admittance import admittance_params
+from tautwave.laws.servo.admittance import admittance_params
 from tautwave.laws.wave_filter import filter_gain, filter_step
 from tests.analysis.ends import port_end, site_of
 from tests.analysis.reference.admittance import admittance_scattering, filter_transfer

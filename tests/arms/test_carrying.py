@@ -225,6 +225,8 @@ def test_a_borne_load_that_shifts_the_pair_out_of_its_range_is_refused() -> None
     _, large = load_verdict("slave.axes.lever.load={constant: 1.0, compensate: false}")
     assert not large.passive.passed
     assert "more than its range of 1; let it be carried" in large.passive.reason
+    assert "up to 1 N m, sets its pair up to" in large.passive.reason
+    assert " rad apart" in large.passive.reason
 
 
 def test_the_greatest_load_of_a_range() -> None:

@@ -94,7 +94,7 @@ def test_displacements_summed_drift_and_coordinates_do_not() -> None:
 
 
 class Joints:
-    """A driver of joints that go where they are told to, and keep their efforts."""
+    """A driver of joints that go where they are commanded, and keep their efforts."""
 
     command_delay = CommandDelay(0, 0.0)
     notes = ("a note",)
@@ -135,6 +135,30 @@ def made(monkeypatch: pytest.MonkeyPatch, path: Path, bus: str, *more: str) -> t
     )
     options = PLUGIN.options.model_validate(rig.buses[bus].options)
     return PLUGIN.make(options, BusSpec(bus, axes, 1000.0), None, None), joints  # type: ignore[arg-type]
+
+
+def test_home_is_the_first_of_the_postures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two joints in a plane: what they are asked for at home, in closed form."""
+    monkeypatch.setattr("tautwave_drivers.arm.verdict.POSTURES", 1)
+    rig = load_rig(PLANAR, ["buses.hand.options.posture=0.5"])
+    options = PLUGIN.options.model_validate(rig.buses["hand"].options)
+    axes = tuple(
+        AxisSpec(name, axis.id, axis.kind, "impedance", axis.effort_limit)
+        for name, axis in rig.axes.items()
+        if name.startswith("master")
+    )
+    assert PLUGIN.elements is not None
+    found = PLUGIN.elements(options, BusSpec("hand", axes, 1000.0), rig.axes, 1.0)
+    upper, fore, elbow = 0.18, 0.16, 1.2
+    shoulder = 0.6
+    tip = [
+        (-upper * math.sin(shoulder) - fore * math.sin(shoulder + elbow),
+         upper * math.cos(shoulder) + fore * math.cos(shoulder + elbow)),
+        (-fore * math.sin(shoulder + elbow), fore * math.cos(shoulder + elbow)),
+    ]  # fmt: skip
+    for joint, (x, y) in zip(found, tip, strict=False):
+        asked = 8.0 * (abs(x) + abs(y)) + 8.0 * math.hypot(x, y)  # axes, then the wall
+        assert joint.numbers["greatest_effort"] == pytest.approx(asked, rel=1e-9)
 
 
 def test_the_books_are_what_the_joints_got(monkeypatch: pytest.MonkeyPatch) -> None:

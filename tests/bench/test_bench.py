@@ -106,7 +106,7 @@ def test_the_real_time_run_says_what_it_was_granted() -> None:
     assert found["error"] is None
 
 
-def test_memory_is_sampled_and_its_slope_told() -> None:
+def test_memory_is_sampled_and_its_slope_reported() -> None:
     found = live.memory(RIG, 0.04)
     assert len(found["resident_mb"]) in (3, 4)
     assert found["growth_mb"] == found["last_mb"] - found["first_mb"]

@@ -12,6 +12,7 @@ from tautwave import registry
 from tautwave.bench.buses import buses, one_processor
 from tautwave.contracts import CycleCost
 from tautwave_drivers import cost
+from tautwave_drivers.serial_ports import port_names
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system has no affinity")
@@ -53,9 +54,9 @@ def test_each_driver_is_measured_and_named_as_it_starts(monkeypatch: pytest.Monk
     monkeypatch.setattr(registry, "driver_names", lambda: ["bare", *costs])
     monkeypatch.setattr(registry, "load_driver", load)
     monkeypatch.setattr(registry, "missing_modules", list)
-    told: list[str] = []
-    made = buses(cycles=7, tell=told.append)
-    assert told == ["fast, 7 exchanges", "mute, 7 exchanges", "torn, 7 exchanges"]
+    reported: list[str] = []
+    made = buses(cycles=7, tell=reported.append)
+    assert reported == ["fast, 7 exchanges", "mute, 7 exchanges", "torn, 7 exchanges"]
     assert asked == [(name, 7) for name in costs]
     assert [table.title for table in made.tables] == ["Bus bare", "Bus fast", "Bus torn"]
     bare, fast, torn = (table.rows for table in made.tables)
@@ -93,3 +94,18 @@ def test_a_bare_exchange_waits_for_the_whole_response_but_not_forever(
         ours.setblocking(False)
         with pytest.raises(BlockingIOError):
             ours.recv(1)
+
+
+def test_stand_in_drives_answer_the_canopen_driver() -> None:
+    costs = registry.load_driver("canopen").measure(3)  # type: ignore[misc]
+    assert [len(cost.spent_us) for cost in costs] == [3, 3]
+    assert all(cost.goal_us is not None and not cost.why_not for cost in costs)
+
+
+def test_serial_ports_are_the_ones_on_usb(monkeypatch: pytest.MonkeyPatch) -> None:
+    ports = [
+        SimpleNamespace(device=device, vid=vid)
+        for device, vid in (("/dev/ttyUSB1", 0x0403), ("/dev/ttyS0", None), ("/dev/ttyACM0", 0))
+    ]
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: ports)
+    assert port_names() == ["/dev/ttyACM0", "/dev/ttyUSB1"]

@@ -84,10 +84,10 @@ def test_recordings_are_read_with_the_hand_on_its_own_side(tmp_path: Path) -> No
 
 
 def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:
-    told = CliRunner().invoke(main, ["bench", "port", "--recordings", str(tmp_path)])
-    assert told.exit_code != 0
-    assert "no recording" in told.output
-    assert "Traceback" not in told.output
+    result = CliRunner().invoke(main, ["bench", "port", "--recordings", str(tmp_path)])
+    assert result.exit_code != 0
+    assert "no recording" in result.output
+    assert "Traceback" not in result.output
 
 
 def test_synthetic_hands_meet_every_contact_and_are_always_the_same() -> None:

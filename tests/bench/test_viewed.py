@@ -1,4 +1,4 @@
-"""`tautwave bench view`: turns are told apart; stopped and killed viewers cost no row."""
+"""`tautwave bench view`: turns are distinguished; stopped and killed viewers cost no row."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from tautwave.bench.live.viewed import Viewed, _by_turn, viewed, viewed_suite
 
 
-def test_turns_are_told_apart_by_time() -> None:
+def test_turns_are_distinguished_by_time() -> None:
     time_s = np.arange(0.0, 4.0, 0.1)
     late_us = np.floor(time_s + 1e-9)  # the number of its turn
     open_us, closed_us = _by_turn(time_s, late_us, [0.0, 1.0, 2.0, 3.0])

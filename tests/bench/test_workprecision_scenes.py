@@ -105,7 +105,7 @@ def test_a_scene_in_space_is_run_at_any_step(monkeypatch: pytest.MonkeyPatch) ->
     assert list(peers_network.scipy_network(stage, oracle, (1e-3,))) == []
 
 
-def test_a_scene_is_told_with_what_its_rig_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_scene_is_named_with_what_its_rig_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     made = Stage.__init__
     monkeypatch.setattr(Stage, "__init__", lambda s, scene: made(s, scene, "python"))
     monkeypatch.setattr(scenes, "FINEST", 8)

@@ -74,13 +74,13 @@ def contrast(one, two):
 
 @pytest.mark.parametrize("ground", GROUNDS)
 @pytest.mark.parametrize("sight", SIGHT)
-def test_devices_and_walls_are_told_apart_by_everybody(ground, sight):
+def test_devices_and_walls_are_distinguishable_to_everyone(ground, sight):
     for (_, one), (_, two) in combinations(DEVICES.items(), 2):
         assert distance(shown(one, ground), shown(two, ground), sight) > 15.0
 
 
 @pytest.mark.parametrize("ground", GROUNDS)
-def test_what_lines_are_of_is_told_apart(ground):
+def test_what_lines_are_of_is_distinguishable(ground):
     for (a, one), (b, two) in combinations(LINES.items(), 2):
         assert distance(shown(one, ground), shown(two, ground)) > 20.0, (a, b)
 

@@ -87,7 +87,7 @@ def test_nothing_more_comes_with_time(part: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("quantum", [1e-6, 1e-4])
-def test_encoder_steps_let_out_no_more_than_is_told(quantum: float) -> None:
+def test_encoder_steps_let_out_no_more_than_is_stated(quantum: float) -> None:
     for seed in range(8):
         data, users = draw_rig(seed, 1000, count=3)
         for side in ("master", "slave"):

@@ -14,7 +14,7 @@ from tautwave.analysis.walls.stability import wall_mode
 from tautwave.analysis.wave_port.admittance_loop import Outside, admittance_end
 from tautwave.certificate.belief import declared_delays
 from tautwave.certificate.loops import believed_end
-from tautwave.laws.admittance import admittance_params, greatest_stiffness, rigid_port
+from tautwave.laws.servo.admittance import admittance_params, greatest_stiffness, rigid_port
 from tests.analysis.ends import port_end, site_of
 from tests.certificate.rigs import NO_QUANTUM, NO_WALLS, PAIR, certified, element, rig, wall
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tautwave.analysis.claim import Claim
 from tautwave.certificate import certify
-from tautwave.couplings.claim import Claim
 from tautwave.couplings.wave.claim import claim_of
 from tautwave.couplings.wave.messages import noise_hints
 from tautwave.rig import command_delays

@@ -105,7 +105,7 @@ def test_thousands_of_walls_beside_certified_ports(seed: int) -> None:
 
 
 def test_a_heavy_device_at_rest_on_its_wall_stays_at_rest() -> None:
-    """It swung ever wider, by 0.3 % a period, when its observer was told of the wall's effort."""
+    """It swung ever wider, by 0.3 % a period, when its observer was given the wall's effort."""
     axis = {
         "id": 1,
         "kind": "rotary",

@@ -36,7 +36,7 @@ def test_the_greatest_passive_spring_is_that_of_theory(
         assert (found.passive.margin or 0.0) > 0.0 if passes else (found.passive.margin or 0) < 0
 
 
-def test_a_wall_that_fails_is_told_against_which_hand() -> None:
+def test_a_wall_that_fails_is_reported_with_the_hand_it_fails_against() -> None:
     reported = "slave wall: unstable against this hand on the device: m = "
     assert any(
         line.startswith(reported) for line in element(certified(wall(9.0)), "slave wall").sentences

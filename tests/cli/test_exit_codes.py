@@ -20,7 +20,7 @@ from tautwave.cli.terminal.summary import last_line
 from tautwave.runtime.recorder import Recorder, RecorderStats
 from tautwave.session import running
 from tautwave.session.reporting import final_code, lost_rows
-from tests.commands import PATIENT, keep_in_one_process, tautwave
+from tests.commands import PATIENT, child_of, keep_in_one_process, tautwave
 
 pytestmark = pytest.mark.usefixtures("no_bytecode")
 
@@ -111,7 +111,7 @@ def test_signals_during_the_report_end_the_report_and_not_the_exit_code(tmp_path
 
 
 @pytest.mark.slow
-def test_a_closed_terminal_ramps_down_and_a_killed_recorder_is_told(tmp_path: Path) -> None:
+def test_a_closed_terminal_ramps_down_and_a_killed_recorder_is_reported(tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     with start(
@@ -119,7 +119,9 @@ def test_a_closed_terminal_ramps_down_and_a_killed_recorder_is_told(tmp_path: Pa
     ) as run:
         os.close(writer)
         wait_for(run, "running")
-        os.kill(writer_of(run.pid), signal.SIGKILL)
+        writer = child_of(run.pid, "mcap_writer")
+        assert writer is not None
+        os.kill(writer, signal.SIGKILL)
         run.send_signal(signal.SIGHUP)
         _, errors = run.communicate(timeout=60)
     assert run.returncode == 7
@@ -128,16 +130,6 @@ def test_a_closed_terminal_ramps_down_and_a_killed_recorder_is_told(tmp_path: Pa
     last = errors.splitlines()[-1]
     assert last == f"bench-1dof: {summary['incomplete']}"
     assert "the recording is incomplete: the recording's writer was killed by SIGKILL; " in last
-
-
-def writer_of(pid: int) -> int:
-    """Return the process that writes the recording of a run."""
-    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    return next(
-        int(child)
-        for child in children
-        if b"mcap_writer" in Path(f"/proc/{child}/cmdline").read_bytes()
-    )
 
 
 # -- a full disk ---------------------------------------------------------------------------------

@@ -57,7 +57,7 @@ def _plugin(
     return DriverPlugin(options, _made, _budget, _none, needs, hardware, "a stand-in")
 
 
-loopback = _plugin(LoopbackOptions, hardware=False)
+loopback = _plugin(LoopbackOptions, hardware=False)._replace(positions=True)
 acme = _plugin(AcmeOptions, hardware=True, needs=("acme_sdk", "json"))
 opened = _plugin(OpenOptions, hardware=False)
 not_a_plugin = 3

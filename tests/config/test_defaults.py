@@ -93,7 +93,7 @@ def line_of(text: str, part: str) -> int:
     return next(at for at, line in enumerate(text.splitlines(), 1) if part in line)
 
 
-def test_a_mistake_in_a_default_is_told_once_where_it_stands() -> None:
+def test_a_mistake_in_a_default_is_reported_once_where_it_stands() -> None:
     text = arms().replace("effort_limit: 0.06", "effort_limit: -1", 1)
     assert problems(text) == [
         f"rig.yaml:{line_of(text, 'effort_limit: -1')}: master.defaults.effort_limit: "

@@ -30,7 +30,7 @@ def test_they_are_there() -> None:
     assert {path.stem for path in CONFIGS} >= {
         "bench-1dof-loopback", "bench-1dof-2khz", "bench-2axis-loopback",
         "bench-admittance-loopback", "bench-foam-loopback", "bench-stiff-wall-loopback",
-        "bench-position-coupling", "bench-saturation-loopback",
+        "bench-position-coupling", "bench-saturation-loopback", "bench-gripper-loopback",
     }  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from tautwave import errors
 from tautwave.config import Rig, load_rig
 from tautwave.rig import build_rig
 from tautwave.session.operating import with_operation
-from tautwave.session.sites.control import LINK_COLUMNS
+from tautwave.session.sites.agreed import ALIGNED, LINK_COLUMNS
 from tautwave.session.viewing.tuning import tuning_of
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -84,11 +84,16 @@ def test_columns_of_the_shipped_rigs_are_explained() -> None:
         parts += tuning.columns
     kept = [
         "coupling={law: four_channel, delay_s: 0.01, account: {}, pairs: {lever: {}}}",
-        *(f"{side}.axes.lever.compensation={{viscous: 0.5}}" for side in ("master", "slave")),
+        *(
+            f"{side}.axes.lever.compensation={{viscous: 0.5, inertia: 0.5}}"
+            for side in ("master", "slave")
+        ),
     ]
     parts += _columns(load_rig(CONFIGS / "bench-1dof-2khz.yaml", kept))
+    kept = ["coupling={law: mediated, account: {}, pairs: {lever: {}}}"]
+    parts += _columns(load_rig(CONFIGS / "bench-1dof-2khz.yaml", kept))
     parts += _columns(load_rig(CONFIGS / "arms" / "planar.yaml"))
-    parts += LINK_COLUMNS
+    parts += [*LINK_COLUMNS, f"lever.{ALIGNED}.absorbed"]
     # of elements, the page spells out the three columns of the first only
     plain = {
         re.sub(r"\.(stored|dissipated)$", ".absorbed", part)

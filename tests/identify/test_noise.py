@@ -102,7 +102,7 @@ def test_what_is_printed_finely_has_no_step_that_matters() -> None:
 
 
 @pytest.mark.parametrize("share", [0.1, 0.3, 0.5])
-def test_noise_below_half_a_step_is_not_told_from_it(share: float) -> None:
+def test_noise_below_half_a_step_is_not_distinguished_from_it(share: float) -> None:
     between = STEP * np.rint(1e4 + 0.5 + share * noise_of("white"))
     found = fit(between)
     assert found.quantum == pytest.approx(STEP)

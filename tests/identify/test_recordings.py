@@ -147,7 +147,7 @@ def test_a_hand_that_holds_still(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_columns_are_told_by_their_names_or_asked_for(cli: Cli, tmp_path: Path) -> None:
+def test_columns_are_found_by_their_names_or_requested(cli: Cli, tmp_path: Path) -> None:
     bench = ["time_s", "master_position_rad", "slave_position_rad", "minus_hand_torque_nm"]
     bench += ["environment_torque_nm", "slave_command_nm"]
     path = tmp_path / "x.csv"

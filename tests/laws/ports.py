@@ -68,7 +68,7 @@ def compiled() -> Any:
         *(limit.clamp, limit.truncate, limit.share_effort),
         *(observer.observer_gains, observer.observe),
         *(port_law.repayment, port_law.port_brake),
-        *(port_law.port_effort, port_law.port_close),
+        *(port_law.port_effort, port_law.port_close, port_law.port_repeat),
         *(_move, _quantised),
     ):
         register_jitable(function)
@@ -157,6 +157,8 @@ def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
             )  # fmt: skip
             at, sample = ahead, now
             count = port_sum = total_sum = wave_sum = wave_energy = was_cut = 0.0
+        elif not stopped:
+            leaving, account, gap = port_law.port_repeat(port, account, gap, filtered)
         given += 0.5 * period * leaving * leaving
         if known:
             # In any window: what it began with is the reserve and the filter's at most.

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.laws.admittance import (
+from tautwave.laws.port import port_close
+from tautwave.laws.servo.admittance import (
     admittance_params,
     admittance_velocity,
     greatest_stiffness,
     rigid_port,
 )
-from tautwave.laws.port import port_close
 from tests.laws.loops import RICH, Matrix, matrix_of, radius
 
 T, B = 1e-3, 10.0

@@ -178,6 +178,20 @@ def test_the_tank_s_book_closes(
         assert after >= -1e-15
 
 
+def test_a_full_tank_keeps_what_the_wave_filter_still_has_to_send() -> None:
+    """The cap counts the filter's energy: ringing out of it costs nothing of the reserve."""
+    port, filtered = ends(corner=20.0).port, 0.3
+    account, gap = port.reserve + port.kept * filtered * filtered, 0.0
+    held = account
+    for _ in range(5000):
+        _, account, gap, filtered, *_ = port_close(
+            port, account, gap, filtered, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, False
+        )
+    assert filtered == pytest.approx(0.0, abs=1e-9)
+    assert gap == 0.0
+    assert port.reserve * (1.0 - 1e-12) <= account < held
+
+
 @pytest.mark.parametrize("delay", [0, 1, 2])
 @pytest.mark.parametrize("pole", [None, 0.0, 0.5])
 def test_only_a_plain_port_pays_for_the_work_that_passes(pole: float | None, delay: int) -> None:

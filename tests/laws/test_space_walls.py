@@ -203,3 +203,48 @@ def test_the_share_of_a_force_is_what_its_account_pays() -> None:
     assert wall_force(SpaceWallParams(SHAPES["plane"], 1.0, 1.0, 0.0, 5.0), 0, 0, 0, 1, 1, 1) == (
         0.0, 0.0, 0.0,
     )  # fmt: skip
+
+
+def test_between_two_triangles_the_proxy_is_the_nearest_place_above_both() -> None:
+    """Sheets of any slant that meet in a line: the foot of the perpendicular onto that line."""
+    rng = random.Random(11)
+    met = flat = 0
+    for turn in range(400):
+        tilt = rng.choice([0.04, 0.3, 1.0])  # of the sheets to each other: some nearly in a plane
+        one = [rng.gauss(0.0, 1.0) for _ in range(3)]
+        two = [a + tilt * rng.gauss(0.0, 1.0) for a in one]
+        normals = []
+        sheets: list[tuple[float, ...]] = []
+        for n in (one, two):
+            size = math.dist(n, (0.0, 0.0, 0.0))
+            n = [part / size for part in n]
+            normals.append(n)
+            u = [n[1], -n[0], 0.0] if abs(n[2]) < 0.9 else [0.0, n[2], -n[1]]
+            length = math.dist(u, (0.0, 0.0, 0.0))
+            u = [part / length for part in u]
+            w = [n[1] * u[2] - n[2] * u[1], n[2] * u[0] - n[0] * u[2], n[0] * u[1] - n[1] * u[0]]
+            sheets += [
+                tuple(a * p + b * q for p, q in zip(u, w, strict=True))
+                for a, b in ((30.0, 0.0), (-15.0, 26.0), (-15.0, -26.0))
+            ]
+        surface = mesh(sheets, [(0, 1, 2), (3, 4, 5)])
+        (a, b) = normals
+        above = [0.1 * (p + q) for p, q in zip(a, b, strict=True)]
+        below = [
+            x - 0.3 * (p + q) + 0.01 * rng.gauss(0.0, 1.0)
+            for x, p, q in zip(above, a, b, strict=True)
+        ]
+        proxy = above
+        for _ in range(3):  # as a wall asks for it, cycle after cycle
+            proxy = list(proxy_of(surface, *proxy, *below))
+        depths = [sum(n * x for n, x in zip(one, below, strict=True)) for one in (a, b)]
+        c = sum(p * q for p, q in zip(a, b, strict=True))
+        s, t = ((depths[k] - c * depths[1 - k]) / (1.0 - c * c) for k in (0, 1))
+        if s < 0.0 and t < 0.0:  # both hold it back: it stands on the line where they meet
+            met += 1
+            flat += 1.0 - c * c < 0.01
+            foot = [x - s * p - t * q for x, p, q in zip(below, a, b, strict=True)]
+            assert math.dist(proxy, foot) < 1e-4, turn
+        assert all(sum(n * x for n, x in zip(one, proxy, strict=True)) > 0.0 for one in (a, b))
+    assert met > 100
+    assert flat > 10

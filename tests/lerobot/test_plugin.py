@@ -41,6 +41,7 @@ class Session:
 
     begun: ClassVar[list[Session]] = []
     frozen = False
+    standing = "engaged"
 
     def __init__(self, rig: Any, *, out: Path) -> None:
         self.directory, self.rig = out, rig
@@ -59,6 +60,13 @@ class Session:
 
     def wait_for(self, state: str, timeout_s: float) -> bool:
         return state == "engaged"
+
+    @property
+    def state(self) -> str:
+        return self.standing
+
+    def lead(self, positions: dict[str, float]) -> None:
+        self.calls.append(f"lead {positions}")
 
     def row(self) -> dict[str, float]:
         if self.frozen:
@@ -201,6 +209,35 @@ def test_what_the_master_did_not_give_is_refused(plugin: ModuleType) -> None:
     master.disconnect()
 
 
+def test_a_policy_leads_virtual_hands_of_its_own(
+    plugin: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = plugin.TautwaveSlaveConfig(rig=str(RIG), drive="policy", fps=25.0)
+    slave = plugin.TautwaveSlave(config)
+    with pytest.raises(ConfigError, match="leave --teleop out"):
+        plugin.TautwaveMaster(plugin.TautwaveMasterConfig(rig=str(RIG)))
+    assert list(slave.action_features) == ["wrist.pos", "slide.pos"]
+    action = {"wrist.pos": 0.25, "slide.pos": -0.5}
+    lost = sys.modules["lerobot.utils.errors"].DeviceNotConnectedError
+    with pytest.raises(lost):
+        slave.send_action(action)
+    slave.connect()
+    (session,) = Session.begun
+    hand = session.rig.simulation.hand["wrist"]
+    assert hand.reference.type == "policy"
+    assert hand.reference.fps == 25.0
+    slave.get_observation()
+    assert slave.send_action(action) == action
+    assert session.calls[1:] == ["lead {'wrist': 0.25, 'slide': -0.5}"]
+    with pytest.raises(ConfigError, match=r"the rig has wrist\.pos"):
+        slave.send_action({"elbow.pos": 0.0})
+    monkeypatch.setattr(Session, "standing", "holding")
+    with pytest.raises(lost, match="holding, not engaged"):
+        slave.send_action(action)
+    assert len(session.calls) == 2
+    slave.disconnect()
+
+
 def test_a_row_that_is_old_is_no_measurement(
     plugin: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -208,10 +245,11 @@ def test_a_row_that_is_old_is_no_measurement(
     lost = sys.modules["lerobot.utils.errors"].DeviceNotConnectedError
     with pytest.raises(lost, match="not connected"):
         slave.get_observation()
-    slave.connect()
-    slave.get_observation()
     clock = sys.modules["lerobot_robot_tautwave.site"].time
     now = clock.monotonic()
+    monkeypatch.setattr(clock, "monotonic", lambda: now)
+    slave.connect()
+    slave.get_observation()
     monkeypatch.setattr(Session, "frozen", True)
     slave.get_observation()
     monkeypatch.setattr(clock, "monotonic", lambda: now + 1.0)

@@ -67,7 +67,7 @@ def test_slots_follow_the_leader_without_a_step(rate: float) -> None:
         share = slot_stretch(rate, late, settle=4.0)
         assert abs(share) <= GREATEST_SLEW
         stretch.append(share)
-        # In 0.1 s the leader's slots shorten by `rate`, the follower's by what it was told.
+        # In 0.1 s the leader's slots shorten by `rate`, the follower's by what it was sent.
         late += 0.1 * (rate + share)
     assert abs(late) < 0.02 * period
     assert stretch[-1] == pytest.approx(-rate, abs=5e-6)

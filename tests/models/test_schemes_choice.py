@@ -153,7 +153,7 @@ def worst_on_a_grid(mass: float, foam: FoamParams, count: float, cells: int = 12
 @pytest.mark.parametrize("scheme", [SYMPLECTIC_EULER, RK4, IMPLICIT_MIDPOINT])
 @pytest.mark.parametrize("count", [5.0, 32.0, 32.37])
 @pytest.mark.parametrize(("exponent", "damping"), [(1.0, 0.0), (1.0, 1.0), (1.5, 0.0)])
-def test_the_error_told_is_nearly_that_of_the_worst_entry_and_step(
+def test_the_error_reported_is_nearly_that_of_the_worst_entry_and_step(
     scheme: int, count: float, exponent: float, damping: float
 ) -> None:
     foam = FoamParams(100.0, exponent, 0.0, 0.0, 1.0, 1, damping, scheme)

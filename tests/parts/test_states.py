@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tautwave.bench.couplings.measure import run_coupling, stated_bound
 from tautwave.bench.couplings.rigs import bench_rig
-from tautwave.config import Rig
+from tautwave.certificate import certify
+from tautwave.config import Rig, load_rig
 from tautwave.controller import seen
 from tautwave.controller.records import AxisState, PairState
 from tautwave.couplings.states import steps
@@ -20,6 +23,8 @@ from tautwave.rig import command_delays, make_control
 from tautwave.simulation import simulate
 from tests.rigs.running import rig_of, tree
 
+BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-2khz.yaml"
+WALL = "simulation.environment.lever={type: wall, position: 0.005, stiffness: 250, damping: 0.02}"
 numbers = st.floats(-10.0, 10.0)
 
 
@@ -114,3 +119,64 @@ def test_a_gain_nobody_has_chosen_is_refused() -> None:
 
     with pytest.raises(ConfigError, match="stiffness is still auto"):
         PdDampingPair().gain("stiffness")
+
+
+LIAR = "{scale: 40}"
+MEASURED = (
+    "coupling={law: four_channel, account: %s, pairs: {lever: {stiffness: 20, damping: 0.1, "
+    "rejection: %s, effort: %s}}}"
+)
+
+
+def four_channels(effort: str, *more: str, account: str = "{}", rejection: float = 1.0) -> Rig:
+    return load_rig(
+        BENCH,
+        [MEASURED % (account, rejection, effort), "duration_s=0.4", WALL]
+        + [f"{side}.axes.lever.effort_sensor={{}}" for side in ("master", "slave")]
+        + list(more),
+    )
+
+
+def test_four_channels_may_take_what_the_sensors_of_both_sides_show() -> None:
+    """Against a wall at once, where an observer of 30 Hz is late."""
+    late = {}
+    for effort in ("observed", "measured"):
+        run = simulate(four_channels(effort), engine="python")
+        met = run["true.slave.lever.environment_effort"]
+        believed = run["slave.lever.believed_effort"]
+        assert np.abs(met).max() > 0.05
+        late[effort] = np.sqrt(np.mean((believed - met)[200:] ** 2))
+        for side in ("master", "slave"):
+            same = run[f"{side}.lever.believed_effort"] == run[f"{side}.lever.measured_effort"]
+            assert np.all(same[1:]) == (effort == "measured")
+    assert late["measured"] < 0.2 * late["observed"]
+
+
+def test_sensors_that_lie_cost_no_more_than_the_account_states() -> None:
+    lies = [f"simulation.axes.{side}.lever.effort_sensor={LIAR}" for side in ("master", "slave")]
+    kept = four_channels("measured", *lies)
+    found = run_coupling(kept, bound=stated_bound(kept), engine="python")
+    assert found.excess <= 0.0
+    bare = run_coupling(four_channels("measured", *lies, account="null"), engine="python")
+    assert bare.made > 50.0 * found.made
+
+
+def test_of_a_law_that_reads_sensors_nothing_is_known_by_tuning() -> None:
+    """Its spring and damper alone, which the encoder sees, would pass with that much damping."""
+    damped = [f"{side}.axes.lever.damping=1" for side in ("master", "slave")]
+    damped += [f"simulation.axes.{side}.lever.damping=1" for side in ("master", "slave")]
+    found = certify(four_channels("measured", *damped, account="null", rejection=0.0))
+    assert not found.verdicts["passive"].passed
+    assert "reads an effort sensor" in found.verdicts["passive"].reason
+    plain = load_rig(
+        BENCH, ["coupling={law: position, pairs: {lever: {stiffness: 20, damping: 0.1}}}", *damped]
+    )
+    assert certify(plain).verdicts["passive"].passed
+
+
+@pytest.mark.parametrize("side", ["master", "slave"])
+def test_four_channels_without_a_sensor_say_which_side_has_none(side: str) -> None:
+    with pytest.raises(ConfigError, match=f"the {side} has no effort_sensor"):
+        simulate(
+            four_channels("measured", f"{side}.axes.lever.effort_sensor=null"), engine="python"
+        )

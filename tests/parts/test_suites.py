@@ -58,6 +58,8 @@ class TestPosition(CouplingContract):
 
 
 class TestPositionInAnAccount(CouplingContract):
+    test_compiled_it_is_the_same_to_the_bit = None  # type: ignore[assignment] # the accounts below are compiled
+
     @pytest.fixture
     def bench(self) -> CouplingBench:
         keys = {"stiffness": 20.0, "damping": 0.1}
@@ -68,6 +70,8 @@ class TestPositionInAnAccount(CouplingContract):
 class TestPdInjectionInAnAccount(CouplingContract):
     """A law that knows nothing of accounts."""
 
+    test_compiled_it_is_the_same_to_the_bit = None  # type: ignore[assignment]
+
     @pytest.fixture
     def bench(self) -> CouplingBench:
         keys = {"stiffness": 20.0, "damping": 0.1, "injection": 0.05}
@@ -76,6 +80,8 @@ class TestPdInjectionInAnAccount(CouplingContract):
 
 
 class TestPdDamping(CouplingContract):
+    test_compiled_it_is_the_same_to_the_bit = None  # type: ignore[assignment] # as TestPdInjection
+
     @pytest.fixture
     def bench(self) -> CouplingBench:
         keys = {"stiffness": 20.0, "damping": 0.1, "injection": 0.05}
@@ -100,6 +106,14 @@ class TestFourChannelInAnAccount(CouplingContract):
         keys = {"stiffness": 20.0, "damping": 0.1, "rejection": 0.0}
         plugin = with_account(registry.load_coupling("four_channel"), Account())
         return CouplingBench(plugin, "four_channel", keys)
+
+
+class TestMediatedInAnAccount(CouplingContract):
+    @pytest.fixture
+    def bench(self) -> CouplingBench:
+        keys = {"stiffness": 20.0, "damping": 0.1, "touch": 0.02, "stiffest": 50.0}
+        plugin = with_account(registry.load_coupling("mediated"), Account())
+        return CouplingBench(plugin, "mediated", keys)
 
 
 class TestPdInjection(CouplingContract):

@@ -127,7 +127,7 @@ def test_a_certificate_that_is_not_evaluated_never_passes(reported):
     assert "passed" not in page.text.lower()
 
 
-def test_what_a_driver_found_and_set_is_told(tmp_path, columns):
+def test_what_a_driver_found_and_set_is_reported(tmp_path, columns):
     make_summary(tmp_path, columns)
     path = tmp_path / "summary.json"
     summary = json.loads(path.read_text())

@@ -71,7 +71,7 @@ def test_the_exact_devices_are_their_oracle(reported: dict[str, Any]) -> None:
     assert oracle["position"] < 1e-9 * reported["pairs"]["lever"]["travel"]
 
 
-def test_a_coarse_integrator_is_told_from_its_oracle(tmp_path: Path) -> None:
+def test_a_coarse_integrator_is_distinguished_from_its_oracle(tmp_path: Path) -> None:
     rig = rig_of("simulation.integrator.scheme=symplectic_euler")
     run = load_run(leave_run(tmp_path / "run", rig, simulate(rig, engine="python")))
     found = precision_of(run, rig)["pairs"]["lever"]

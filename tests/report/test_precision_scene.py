@@ -105,7 +105,7 @@ def test_rk4_is_held_against_the_moment_that_it_has_come_to(
         assert reported[name]["position_rms"] < 0.05 * held
 
 
-def test_the_report_tells_it(resonator: Path) -> None:
+def test_the_report_says_so(resonator: Path) -> None:
     facts_of(resonator)
     write_report(resonator)
     page = (resonator / "report.html").read_text()
@@ -177,7 +177,7 @@ def test_a_string_keeps_its_pitch_at_every_rate() -> None:
 
 
 @pytest.mark.slow
-def test_a_string_is_told_its_pitch(tmp_path: Path) -> None:
+def test_the_pitch_of_a_string_is_reported(tmp_path: Path) -> None:
     directory = leave_run(tmp_path / "string", "string", 0.1)
     reported = facts_of(directory)
     assert reported["replayed_equal"] is True

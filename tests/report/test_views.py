@@ -94,7 +94,7 @@ def test_columns_spread_in_a_file_are_the_columns(tmp_path, columns, monkeypatch
     assert [p.name for p in tmp_path.iterdir()] == ["recording.mcap"]
 
 
-def test_noise_is_told_from_a_signal():
+def test_noise_is_distinguished_from_a_signal():
     time = np.arange(20_000) * 1e-3
     noise = np.random.default_rng(1).normal(0.0, 0.05, len(time))
     assert not trace(time, np.sin(time)).is_rough()

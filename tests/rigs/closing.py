@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tautwave.couplings.claim import Claim
+from tautwave.analysis.claim import Claim
 from tests.rigs.running import Books, Run, Tree, books, pair_of, run_rig
 
 SIDES = ("master", "slave")

@@ -84,6 +84,32 @@ def test_a_step_too_coarse_for_the_port_is_refused_with_the_greatest() -> None:
     assert all("0.375 is the most that works" in why for why in found.sentences())
 
 
+def held(*changes: str) -> tuple[float, float]:
+    """Return the master's effort in a press, and its chatter about 50 ms' mean [N m]."""
+    press = "{type: minimum_jerk, waypoints: [[0.0, 0.0], [0.8, 0.3]]}"
+    wanted = (f"simulation.hand.lever.reference={press}", "duration_s=5", *changes)
+    run = simulate(rig(*wanted, name="bench-1dof-2khz"), engine="compiled")
+    assert run.error is None
+    late = run["master.lever.port_effort"][-4000:]
+    smooth = np.convolve(late, np.full(100, 0.01), "same")
+    return float(late.mean()), float((late - smooth)[100:-100].std())
+
+
+FAULTS = {
+    "one sample in twenty is lost": "missing_probability: 0.05",
+    "three slots are skipped at one in a hundred": "overrun_probability: 0.01, overrun_slots: 3",
+}
+
+
+@pytest.mark.parametrize("faults", FAULTS.values(), ids=FAULTS)
+def test_a_held_force_does_not_feel_what_the_host_loses(faults: str) -> None:
+    """With null waves for such slots it was lost within 15 s, and half of it was chatter before."""
+    clean, quiet = held()
+    mean, chatter = held(f"simulation.faults={{{faults}}}")
+    assert mean == pytest.approx(clean, rel=0.05)
+    assert chatter < 1.8 * quiet
+
+
 def test_the_mean_of_a_held_effort_is_exact() -> None:
     step = 5.0e-3
     press = "{type: minimum_jerk, waypoints: [[0.2, 0.0], [0.7, 0.1176]]}"

@@ -172,7 +172,7 @@ def test_the_same_rig_gives_the_same_rows_twice(path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_contact_at_100_hz_under_a_1_khz_master_is_stable_and_its_price_is_told() -> None:
+def test_contact_at_100_hz_under_a_1_khz_master_is_stable_and_its_price_is_stated() -> None:
     data: Tree = yaml.safe_load(TCP.read_text(encoding="utf-8"))
     run = run_rig(data)
     pressed = (run["time_s"] > 2.0) & (run["time_s"] < 3.0)

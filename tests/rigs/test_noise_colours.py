@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.couplings.claim import Claim
+from tautwave.analysis.claim import Claim
 from tautwave.couplings.wave.claim import claim_of
 from tautwave.errors import SafetyStop
 from tautwave.rig import command_delays

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tautwave.analysis.claim import DEVIATIONS, Claim
 from tautwave.certificate.verdict import certify
 from tautwave.config.keys.rig import CLAIMED_S, UNTIL_STOPPED_S
-from tautwave.couplings.claim import DEVIATIONS, Claim
 from tautwave.couplings.wave.claim import claim_of, claimed_joules
 from tautwave.couplings.wave.messages import claim_hints
 from tautwave.errors import ConfigError

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from tautwave.config import Rig, load_rig
 from tautwave.rig import build_rig
 from tautwave.runtime.loop import Loop, LoopResult
-from tautwave.runtime.operate.commands import DeadMan, Script, read_script
+from tautwave.runtime.operate.commands import DeadMan, Script, Source, read_script
 from tautwave.runtime.operate.operated import OperatedControl
 from tautwave.session.operating import with_operation
 
@@ -58,10 +58,16 @@ def bench(*overrides: str) -> Rig:
     return load_rig(BENCH, ["operate={}", *overrides])
 
 
-def operate(rig: Rig, script: str, duration_s: float, dead_men: Sequence[DeadMan] = ()) -> Operated:
+def operate(
+    rig: Rig,
+    script: str,
+    duration_s: float,
+    dead_men: Sequence[DeadMan] = (),
+    live: Sequence[Source] = (),
+) -> Operated:
     """Run an operated rig under a script of commands."""
     assembly = build_rig(rig, clock="fake", duration_s=duration_s, allow_unwatched=True)
-    assembly = with_operation(rig, assembly, [Script(read_script(script, "script"))], ())
+    assembly = with_operation(rig, assembly, [Script(read_script(script, "script"))], live)
     control = assembly.control
     assert isinstance(control, OperatedControl)
     control.inbox.dead_men = dead_men or control.inbox.dead_men

@@ -9,15 +9,14 @@ from typing import Any
 from tautwave.clock import FakeClock
 from tautwave.controller.axis import (
     close_axis,
-    fade_axis,
     is_calm,
     miss_sample,
     pass_slot,
     start_axis,
-    stop_axis,
     stored_in_wall,
     think_axis,
 )
+from tautwave.controller.braking import fade_axis, stop_axis
 from tautwave.controller.pair import (
     cycle_pair,
     effort_error,
@@ -40,10 +39,10 @@ from tautwave.couplings.position.steps import law as position_law
 from tautwave.couplings.wave.port import receive_wave, start_end, waiting_energy
 from tautwave.couplings.wave.records import WaveEndParams
 from tautwave.couplings.wave.steps import law as wave_law
-from tautwave.laws.admittance import admittance_params, rigid_port
 from tautwave.laws.limit import LimitParams
 from tautwave.laws.observer import observer_params, plain_observer
 from tautwave.laws.port import port_params
+from tautwave.laws.servo.admittance import admittance_params, rigid_port
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
 from tautwave.laws.wave_filter import filter_gain

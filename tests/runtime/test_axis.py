@@ -61,14 +61,17 @@ def test_its_books_are_those_of_an_independent_count(
     assert axis.position == position
 
 
-def test_a_missing_sample_changes_nothing_but_what_leaves() -> None:
+def test_a_missing_sample_lets_the_last_wave_leave_again_and_pays_for_it() -> None:
     axis = site()
     step(axis, 1e-3, 0.2)
     step(axis, 2e-3, 0.2)
-    command, account = axis.command, axis.account
+    command, account, gap, wave = axis.command, axis.account, axis.gap, axis.leaving
+    assert wave != 0.0
     axis.pass_slot()
     axis.miss()
-    assert (axis.command, axis.account, axis.leaving, axis.valid) == (command, account, 0.0, False)
+    assert (axis.command, axis.leaving, axis.valid) == (command, wave, False)
+    assert axis.account == pytest.approx(account - 0.5 * T * wave * wave)
+    assert axis.gap == pytest.approx(gap - T * wave)
     axis.receive(0.2)
     step(axis, 4e-3, 0.2)
     assert axis.valid

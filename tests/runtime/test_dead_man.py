@@ -11,8 +11,9 @@ import pytest
 from tautwave.config.keys.key_codes import CODES
 from tautwave.config.keys.operate import Word
 from tautwave.errors import ConfigError, DriverError
-from tautwave.runtime.operate.commands import TOGGLE, WORDS
+from tautwave.runtime.operate.commands import TOGGLE, WORDS, Order, Script
 from tautwave.runtime.operate.key_device import DROPPED, EVENT, KEY, SYN, KeyDevice
+from tautwave.runtime.operate.mailbox import HELD, LOOSE, Kept
 from tautwave.runtime.operate.states import SCALE
 from tests.rigs.running import Tree, rig_of
 from tests.rigs.test_canopen_rows import can_tree
@@ -144,3 +145,32 @@ def test_a_drive_that_no_longer_answers_holds_no_dead_man() -> None:
 def test_a_rig_without_operate_refuses_an_enable_input() -> None:
     with pytest.raises(ConfigError, match="enable_input: the rig has no `operate` block"):
         operate(rig_of(switched()), "", 0.1)
+
+
+def sent(*orders: tuple[float, str]) -> Kept:
+    """Commands of a program elsewhere, at times in s."""
+    return Kept(Script([(round(1e9 * at_s), Order(word, "", "ros")) for at_s, word in orders]))
+
+
+@pytest.mark.parametrize(
+    ("last", "seen_s"), [("nothing", (0.95, 1.0)), (LOOSE, (0.6, 0.62))], ids=["silent", "loose"]
+)
+def test_who_says_held_is_missed_within_half_a_second(
+    last: str, seen_s: tuple[float, float]
+) -> None:
+    held = [(0.1 * k, HELD) for k in range(1, 6)]
+    kept = sent(*held, (0.1, "engage"), *([(0.6, last)] if last == LOOSE else []), (1.1, "engage"))
+    done = operate(bench(STILL, FREE, *BARE), "", 1.5, live=[kept])
+    assert done.words() == [
+        ("engage", "aligning"), ("aligned", "engaged"), ("released", "holding"),
+        ("engage", "aligning"), ("aligned", "engaged"),  # nobody has to go on but who began
+    ]  # fmt: skip
+    released = done.control.journal.entries[2]
+    assert seen_s[0] <= released.at_s <= seen_s[1]
+    assert released.text == "ros: the dead-man was released"
+
+
+def test_who_said_held_at_rest_does_not_stand_in_the_way_of_others() -> None:
+    kept = sent((0.1, HELD), (0.8, "engage"))
+    done = operate(bench(STILL, FREE, *BARE), "", 1.2, live=[kept])
+    assert done.words() == [("engage", "aligning"), ("aligned", "engaged")]

@@ -190,7 +190,7 @@ def test_a_fault_is_reported_and_a_fatal_one_stops() -> None:
     assert_left_safely(bench)
 
 
-def test_the_first_reason_is_the_one_that_is_told() -> None:
+def test_the_first_reason_is_the_one_that_is_reported() -> None:
     bench = Bench(
         cycles=300, release=20, missing_limit=3,
         arm={"faults": {5: Fault("slave.a", "hot", True)}, "valid": lambda axis, k: k < 6},

@@ -73,7 +73,7 @@ def test_a_core_that_is_not_there_is_refused_in_words() -> None:
         assert reported[0].startswith("core 1000 refused (")
 
 
-def test_a_refused_priority_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_refused_priority_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     real = os.sched_setscheduler
 
     def refuse(pid: int, policy: int, param: os.sched_param) -> None:
@@ -86,7 +86,7 @@ def test_a_refused_priority_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         assert reported[2].startswith("SCHED_FIFO refused (Operation not permitted)")
 
 
-def test_a_granted_priority_is_told_and_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_granted_priority_is_reported_and_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
     monkeypatch.setattr(os, "sched_setscheduler", lambda *args: asked.append(args[1]))
     before = os.sched_getscheduler(0)

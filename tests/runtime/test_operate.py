@@ -20,6 +20,7 @@ from tautwave.runtime.operate.commands import (
     read_script,
 )
 from tautwave.runtime.operate.journal import Journal
+from tautwave.session.checking import check
 from tests.runtime.operating import BARE, FREE, STANDING, STILL, Operated, bench, operate
 from tests.runtime.sequences import judge, random_day
 
@@ -179,6 +180,35 @@ def test_a_clutch_keeps_the_present_offset_and_a_rest_does_not() -> None:
     master, slave = (done.columns[f"{side}.lever.position"] for side in ("master", "slave"))
     at = int(np.flatnonzero(np.diff(done.columns["operation.engagement"]))[-1]) + 1
     assert last == pytest.approx(slave[at] - master[at], abs=1e-9)
+
+
+def test_forces_fall_as_fast_as_they_may_before_a_scale_changes() -> None:
+    """What the old scale still commands must not act on the new one's books."""
+    way = "[[0, 0], [0.5, 0], [1.2, 0.25], [9, 0.25]]"
+    push = f"simulation.hand.lever.reference={{type: minimum_jerk, waypoints: {way}}}"
+    rate = [f"{side}.axes.lever.effort_rate_limit=1.0" for side in ("master", "slave")]
+    stop = "simulation.environment.lever={type: spring, stiffness: 2, position: 0}"
+    done = operate(
+        bench(push, stop, *BARE, *rate, "operate.scales=[0.5]"), "0.1 engage\n1.5 scale 0.5", 2.5
+    )
+    assert done.result.error is None
+    effort = done.columns["slave.lever.commanded"]
+    assert abs(effort[1495]) > 0.02  # it takes 20 slots to fall
+    assert np.abs(np.diff(effort)).max() <= 1.0e-3 + 1e-12
+    assert np.abs(done.residual()).max() <= 1e-12
+
+
+def test_check_certifies_every_scale_and_states_the_greatest_claims() -> None:
+    found = check(bench("operate={scales: [0.5]}"))
+    assert found.exit_code == 3  # as it is for `run`
+    (why,) = found.failures
+    assert why.startswith("bench-1dof at scale 0.5: slave.lever port: ")
+    poles = [f"coupling.pairs.lever.pole_{side}=0.2" for side in ("master", "slave")]
+    found = check(bench("operate={scales: [0.5]}", *poles))
+    alone = check(bench(*poles))
+    assert found.failures == []
+    assert found.claims[0] == alone.claims[0]
+    assert found.claims[1].claim_j > alone.claims[1].claim_j  # the slave's, at half the scale
 
 
 def test_a_scale_changes_in_one_slot_with_nothing_stored_and_no_jump() -> None:

@@ -112,7 +112,7 @@ def test_it_arms_only_where_both_walls_ask_for_little() -> None:
         assert pair.arm(0.1) is armed
 
 
-def test_guards_of_both_sides_are_told_apart() -> None:
+def test_guards_of_both_sides_are_distinguished() -> None:
     limit = WIDE._replace(velocity=1.0)
     pair = Pair(site(limit=limit), site(limit=limit))
     pair.start(state(), state())

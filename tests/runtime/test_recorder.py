@@ -47,19 +47,19 @@ def check_rows(recording: Recording, cycles: Any) -> None:
     assert recording.data.tobytes() == expected.tobytes()
 
 
-def wait_until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
+def wait_until(condition: Callable[[], bool], seconds: float = 60.0) -> None:
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "it never happened"
         time.sleep(0.005)
 
 
-def ended(pid: int) -> bool:
-    """Whether the process `pid`, not our child, is gone."""
+def state_of(pid: int) -> str:
+    """Return the state of a process that may not be our child: T is stopped, Z has ended."""
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
-    except FileNotFoundError:
-        return True
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return "Z"
 
 
 def test_what_is_put_in_comes_back(tmp_path: Path) -> None:
@@ -123,10 +123,12 @@ def test_a_stopped_writer_costs_rows_but_no_time(tmp_path: Path) -> None:
     wait_until(
         lambda: recorder._ring.words[WRITTEN] == 10
     )  # an old chunk is written after a second
-    os.kill(recorder.writer_pid, signal.SIGSTOP)
+    writer = recorder.writer_pid
+    os.kill(writer, signal.SIGSTOP)
+    wait_until(lambda: state_of(writer) == "T")  # not before it is scheduled
     assert put(recorder, range(10, 200)) == 64
-    os.kill(recorder.writer_pid, signal.SIGCONT)
-    wait_until(lambda: not recorder._ring.is_full)
+    os.kill(writer, signal.SIGCONT)
+    wait_until(lambda: recorder._ring.words[TAIL] == recorder._ring.words[HEAD])
     assert put(recorder, range(200, 210)) == 10
     stats = recorder.close()
     assert stats[:3] == (210, 84, 126)
@@ -149,7 +151,7 @@ def test_a_killed_loop_loses_nothing(tmp_path: Path) -> None:
             time.sleep(dice.uniform(0.0, 0.3))
             loop.kill()
             reported = loop.stdout.read().split()
-        wait_until(lambda pid=writer: ended(pid))  # type: ignore[misc]
+        wait_until(lambda pid=writer: state_of(pid) == "Z")  # type: ignore[misc]
         recording = read_recording(path)
         assert not recording.truncated
         assert recording.ending["ended_by"] == "the loop's process vanished"

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from tautwave.analysis.claim import Claim
 from tautwave.controller.axis import decide_axis
-from tautwave.couplings.claim import Claim
 from tests.runtime.parts import WIDE, Axis, T, site
 
 EFFORT, MASS, FASTEST = 1.125, 1.1e-3, 15.0

@@ -173,16 +173,16 @@ def test_news_are_read_whole_or_as_before() -> None:
     ring.tell("after the end")
 
 
-def test_why_a_run_ended_is_told_to_viewers() -> None:
-    told: list[str] = []
-    recorder: Any = SimpleNamespace(tell=told.append)
+def test_viewers_are_shown_why_a_run_ended() -> None:
+    reported: list[str] = []
+    recorder: Any = SimpleNamespace(tell=reported.append)
     control = SimpleNamespace(run=SimpleNamespace(period_ns=1_000_000))
     assembly: Any = SimpleNamespace(control=control)
     result: Any = SimpleNamespace(error=None, cycles=1200, missed_cycles=34)
     tell_end(assembly, recorder, result)
-    assert not told
+    assert not reported
     result.error = SafetyStop("lever is too fast")
     tell_end(assembly, recorder, result)
-    ((number, entry),) = json.loads(told[0])
+    ((number, entry),) = json.loads(reported[0])
     assert (number, entry["at_s"], entry["word"]) == (1, 1.234, "fault")
     assert entry["text"] == "lever is too fast"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import struct
 import subprocess
 import sys
+import threading
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,6 +24,7 @@ from tautwave.rig import build_rig
 from tautwave.rig.controller import end_constants
 from tautwave.runtime.loop import Loop
 from tautwave.runtime.tuning.desk import Desk, last_left, leave
+from tautwave.session.engine import with_engine
 from tautwave.session.operating import with_operation
 from tautwave.session.viewing.tuning import (
     refuse_tuning,
@@ -52,7 +56,7 @@ class Tuned(NamedTuple):
 
 def tuned(rig: Rig, duration_s: float, sets: Mapping[float, Mapping[str, float]]) -> Tuned:
     """Run a rig on the fake clock, with sets of values left on its desk at some times [s]."""
-    assembly = build_rig(rig, clock="fake", duration_s=duration_s)
+    assembly = with_engine(rig, build_rig(rig, clock="fake", duration_s=duration_s))
     assembly = with_operation(rig, assembly, (), ())
     with tuning_of(rig, assembly, allowed=True) as tuning:
         assert tuning is not None
@@ -156,6 +160,20 @@ def test_a_filter_is_lowered_while_it_runs_and_the_books_close() -> None:
     assert run.residual() < 1e-12
 
 
+@pytest.mark.slow
+def test_a_compiled_controller_is_tuned_to_the_bit() -> None:
+    pytest.importorskip("numba")
+    ceiling = "slave.axes.lever.effort_limit"
+    sets = {0.8: {K: 1.0, FILTER: 40.0}, 0.9: {ceiling: 0.06}, 1.2: {K: 2.0, FILTER: 100.0}}
+    plain = tuned(load_rig(BENCH, [INTO]), 1.3, sets)
+    machine = tuned(load_rig(BENCH, [INTO, "loop.engine=compiled"]), 1.3, sets)
+    assert set(machine["tuning.generation"]) == {0.0, 1.0, 2.0, 3.0}
+    assert machine.residual() < 1e-12
+    for name, column in plain.columns.items():
+        if name.split("_")[-1] not in ("us", "ns"):
+            assert np.array_equal(column, machine[name], equal_nan=True), name
+
+
 def test_a_wall_is_moved_only_while_nothing_is_coupled() -> None:
     at = "coupling.pairs.lever.wall_slave.position"
     run = tuned(load_rig(BENCH), 0.3, {0.1: {at: -0.2}})
@@ -202,12 +220,33 @@ def test_only_whole_sets_are_taken() -> None:
         leave(address, [0.0] * 20)
 
 
+def open_desks() -> list[str]:
+    names = [os.readlink(link) for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
+    return [name for name in names if "tautwave-desk" in name]
+
+
+def test_of_two_writers_one_waits_and_neither_keeps_the_desk_open() -> None:
+    desk = Desk(2)
+    before = len(open_desks())
+    held = os.open(f"/proc/self/fd/{desk.address['descriptor']}", os.O_RDWR)
+    fcntl.flock(held, fcntl.LOCK_EX)
+    second = threading.Thread(target=leave, args=(desk.address, [1.0, 2.0]))
+    second.start()
+    second.join(0.3)
+    assert second.is_alive()
+    assert desk.take() is None
+    os.close(held)
+    second.join()
+    assert desk.take() == [1.0, 2.0]
+    assert len(open_desks()) == before
+    desk.close()
+
+
 @pytest.mark.parametrize(
     ("config", "override", "why"),
     [
         ("scene-string.yaml", "seed=1", "scene"),
         ("network-loopback.yaml", "seed=1", "over a network"),
-        ("bench-1dof-loopback.yaml", "loop.engine=compiled", "compiled"),
     ],
 )
 def test_rigs_that_are_not_tuned_say_so(config: str, override: str, why: str) -> None:

@@ -45,7 +45,7 @@ def test_a_duration_of_ones_own_is_taken() -> None:
     assert len(simulate(load("resonator"), duration_s=0.01, engine="python")) == 100
 
 
-def test_a_stop_ends_the_rows_and_is_told() -> None:
+def test_a_stop_ends_the_rows_and_is_reported() -> None:
     moved = "simulation.hand.stylus.reference.waypoints=[[0.0, 0.0], [0.02, 0.1]]"
     limit = "master.axes.stylus.position_range=[-0.01, 0.01]"
     rows = simulate(load("resonator", moved, limit), duration_s=0.2, engine="python")

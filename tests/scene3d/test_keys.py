@@ -106,7 +106,7 @@ def test_what_does_not_fit_is_said(override, sentence):
         ("scene.masses.object.rows=2", "masses.object.rows"),
     ],
 )
-def test_keys_of_three_dimensions_in_one_are_told(override, place):
+def test_keys_of_three_dimensions_in_one_are_reported(override, place):
     reported = problems(override, text=RESONATOR)
     assert f"{place} belongs to a scene of points: add dimension: 3, or remove it" in reported
 

@@ -111,8 +111,13 @@ def test_a_calibration_that_was_changed_or_is_gone_is_refused(bench: Path, tmp_p
     text = named_in(moved.read_text(), file.name, (tmp_path / file.name).read_text())
     moved.write_text(text)
     assert text.count("calibration:") == 1
-    with pytest.raises(ConfigError, match=r"slave\.wrist is calibrated, but the rig has no such"):
+    with pytest.raises(ConfigError, match=r"it has an axis slave\.wrist, the rig does not"):
         load_rig(moved)
+    for wrong, said in (("axes: {a: [", r"yaml:1: .*; run"), ("a: 1\na: 2", "line 2: duplicate")):
+        (tmp_path / file.name).write_text(wrong)
+        moved.write_text(named_in(moved.read_text(), file.name, wrong))
+        with pytest.raises(ConfigError, match=said):
+            load_rig(moved)
 
 
 def test_the_command_line_goes_before_a_calibration(bench: Path) -> None:

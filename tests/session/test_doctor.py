@@ -28,7 +28,7 @@ def put(root: Path, path: str, text: str) -> Path:
     return root
 
 
-def test_a_real_time_kernel_is_told_by_its_file_or_its_version(tmp_path: Path) -> None:
+def test_a_real_time_kernel_is_recognized_by_its_file_or_its_version(tmp_path: Path) -> None:
     put(tmp_path, "etc/os-release", 'NAME="x"\nID=debian')
     found = machine.kernel(tmp_path, "#1 SMP PREEMPT_DYNAMIC")
     assert found.state == COSTS

@@ -50,7 +50,7 @@ def test_a_typed_hand_brings_a_device_there_in_its_time_and_lets_go_of_it() -> N
 
 
 @pytest.mark.parametrize("line", ["9 0.5", "3", "3 up", "a 1", "3 0.5 now"])
-def test_lines_that_are_not_understood_are_told_and_change_nothing(line: str) -> None:
+def test_lines_that_are_not_understood_are_reported_and_change_nothing(line: str) -> None:
     hands, (axis,), writing, said = typed(3)
     os.write(writing, f"{line}\n\n3 nan\n".encode())
     hands.look()

@@ -61,8 +61,8 @@ SHIFT = """
 PROFILES = Path(sys.modules["tautwave_drivers"].__file__ or "").parent / "modbus/profiles"
 
 
-def new(*arguments: str, told: str = "") -> Result:
-    return CliRunner().invoke(main, ["new", *arguments], input=told)
+def new(*arguments: str, typed: str = "") -> Result:
+    return CliRunner().invoke(main, ["new", *arguments], input=typed)
 
 
 def row(number: int, model: str = "XL330-M077", **keys: Any) -> dict[str, Any]:
@@ -207,7 +207,7 @@ def test_a_drives_own_numbers_are_taken() -> None:
     assert not any("guess" in note for note in found.notes)
 
 
-def test_a_line_that_does_not_open_is_told_beside_those_that_do(tmp_path: Path) -> None:
+def test_a_line_that_does_not_open_is_reported_beside_those_that_do(tmp_path: Path) -> None:
     gone = Place("dynamixel", ScanOptions(port=str(tmp_path / "none"), protocol=2.0))
     found, without = survey([gone], no_progress)
     assert found == []

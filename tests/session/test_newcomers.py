@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
 import sys
 import tempfile
 import time
@@ -84,18 +85,15 @@ def a_day(
     me.does("export", DAY, "--to", "csv")
 
 
-STALLED = ("no response", "no answer", "no sample", "did not answer", "not enabled after")
-
-
 def patiently(walk: Callable[[Path], Newcomer], folder: Path) -> None:
-    """Walk the way, and again where a loaded machine let served devices answer too late."""
+    """Walk the way, and again where a loaded machine let a device answer or move too late."""
     for attempt in range(3):
         place = folder / str(attempt)
         place.mkdir()
         try:
             judged(walk(place))
-        except AssertionError as err:
-            if attempt == 2 or not any(words in str(err) for words in STALLED):
+        except (AssertionError, subprocess.TimeoutExpired):
+            if attempt == 2:
                 raise
         else:
             return
@@ -128,6 +126,7 @@ def two_arms(folder: Path, joints: int, model: str) -> Newcomer:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(400)
 def test_two_arms_of_servos(tmp_path: Path) -> None:
     patiently(lambda folder: two_arms(folder, 1, "XM430-W350"), tmp_path)
 
@@ -166,6 +165,7 @@ def own_profile(tmp_path: Path) -> Newcomer:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(400)
 @pytest.mark.parametrize("walk", [two_drives, own_profile])
 def test_two_drives(walk: Callable[[Path], Newcomer], tmp_path: Path) -> None:
     patiently(walk, tmp_path)

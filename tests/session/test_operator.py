@@ -15,7 +15,7 @@ QUIET = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0]
 
 
 def bench(*overrides: str) -> Rig:
-    loose = ("rate_hz=100", "loop.overrun_limit=100", "coupling.pairs.lever.wall_master=null",
+    loose = ("rate_hz=100", "loop.overrun_limit=3000", "coupling.pairs.lever.wall_master=null",
              "coupling.pairs.lever.wall_slave=null", "coupling.pairs.lever.wave_filter_hz=auto",
              "coupling.pairs.lever.pole_master=auto", "coupling.pairs.lever.pole_slave=auto",
              "duration_s=60")  # fmt: skip

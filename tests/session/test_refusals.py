@@ -25,7 +25,7 @@ def test_a_run_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert not list(tmp_path.iterdir())
 
 
-def test_a_fault_is_told_with_its_axis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_is_reported_with_its_axis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     keep_in_one_process(monkeypatch)
     faults = "buses.can.options.simulator={nodes: {2: {fault_at_s: 0.5}}}"
     result = run(load_rig(RIG, [faults]), out=tmp_path / "out", clock="fake", duration_s=1.0)

@@ -20,6 +20,7 @@ from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError, DriverError
 from tautwave.session import serving
 from tautwave.session.serving import Bench, bus_bench, serve, served
+from tests.commands import child_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -104,13 +105,8 @@ def test_devices_end_with_a_run_that_is_killed(tmp_path: Path) -> None:
     try:
         child = None
         for _ in range(1500):
-            children = Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()
-            found = [
-                pid for pid in children
-                if b"session.serving" in Path(f"/proc/{pid}/cmdline").read_bytes()
-            ]  # fmt: skip
-            if found:
-                child = int(found[0])
+            child = child_of(run.pid, "session.serving")
+            if child is not None:
                 break
             time.sleep(0.05)
         assert child is not None
@@ -121,7 +117,7 @@ def test_devices_end_with_a_run_that_is_killed(tmp_path: Path) -> None:
     assert gone(child)
 
 
-def test_what_cannot_be_served_is_told(rig: Rig) -> None:
+def test_what_cannot_be_served_is_reported(rig: Rig) -> None:
     with pytest.raises(ConfigError, match="there is no bus 'none'; the rig has servos"):
         bus_bench(rig, "none")
     hardware = load_rig(CONFIGS / "xm430-pair.yaml")

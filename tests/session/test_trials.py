@@ -20,6 +20,7 @@ from tautwave.recordings.recording import read_recording
 from tautwave.runtime.operate import trigger
 from tautwave.runtime.operate.trigger import TriggerLine
 from tautwave.session.trials.protocol import read_protocol, trials_of
+from tautwave.session.trials.running import FIRST, _free
 
 BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
 STUDY = """
@@ -111,6 +112,29 @@ def test_a_study_is_run_asked_about_interrupted_and_resumed(tmp_path: Path) -> N
     assert "delay_s: 0.05" in (out / far["run"] / "rig.yaml").read_text()
     found = read_recording(out / far["run"] / "recording.mcap")
     assert np.count_nonzero(found["operation.episode"]) == 400
+
+
+def test_a_study_goes_on_only_by_its_own_protocol_and_table(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    done = trials(study(tmp_path), "--out", str(out))
+    assert done.exit_code == 2
+    assert "trials: nobody answers (the input has ended)" in done.output
+    done = trials(study(tmp_path, STUDY.replace("0.4", "0.5")), "--out", str(out))
+    assert "trials: trial_s changed since this study began" in done.output
+    for junk in ("foo\n", ",".join(FIRST) + "\nP1,first,near,1,,,\n", "\0"):
+        (out / "trials.csv").write_text(junk)
+        done = trials(study(tmp_path), "--out", str(out))
+        assert "is no table of trials; give another --out" in done.output
+        assert (out / "trials.csv").read_text() == junk
+    (out / "trials.csv").unlink()
+    (out / "protocol.json").write_text("[]")
+    assert "is no protocol of a study" in trials(study(tmp_path), "--out", str(out)).output
+
+
+def test_what_a_trial_that_was_cut_short_left_is_not_written_over(tmp_path: Path) -> None:
+    assert _free(tmp_path, "P1-001-near").name == "P1-001-near"
+    (tmp_path / "P1-001-near").mkdir()
+    assert _free(tmp_path, "P1-001-near").name == "P1-001-near-1"
 
 
 def test_the_order_is_listed_and_nothing_is_run(tmp_path: Path) -> None:

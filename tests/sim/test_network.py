@@ -121,12 +121,14 @@ def test_a_connection_passes_whole_and_its_end_too() -> None:
         socket.create_connection(relay.address) as client,
     ):
         connection, _ = server.accept()
-        threading.Thread(target=client.sendall, args=(content,)).start()
+        sending = threading.Thread(target=client.sendall, args=(content,))
+        sending.start()
         with connection:
             connection.settimeout(60.0)
             got = b""
             while len(got) < len(content):
                 got += connection.recv(65536)
+            sending.join()
             assert got == content
             connection.sendall(b"answer")
             client.settimeout(60.0)

@@ -16,6 +16,8 @@ SHIPPED = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
 # and arms run in the live loop only.
 OTHERS = ("driver: canopen", "driver: dynamixel", "driver: modbus", "\nscene:", "\n  arm:\n")
 CONFIGS = [path for path in SHIPPED if not any(word in path.read_text() for word in OTHERS)]
+COMPILED_APART = ("network-loopback", "bench-position-coupling")
+"""Rigs whose law is compiled for them alone, 20 s of processor time: with `-m slow`."""
 
 Array = npt.NDArray[np.float64]
 

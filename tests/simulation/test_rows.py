@@ -18,7 +18,7 @@ from tautwave.runtime.recorder import Recorder
 from tautwave.simulation import simulate
 from tests.rigs.running import Tree, rig_of, tree
 from tests.simulation.family import any_rigs
-from tests.simulation.live import CONFIGS, assert_equal, assert_same, live_run
+from tests.simulation.live import COMPILED_APART, CONFIGS, assert_equal, assert_same, live_run
 
 pytest.importorskip("numba")
 
@@ -28,8 +28,6 @@ def bench(name: str, *changes: str) -> Rig:
     return load_rig(path, list(changes))
 
 
-COMPILED_APART = ("network-loopback",)
-"""Rigs whose law is compiled for them alone, half a minute: with `-m slow`."""
 SHIPPED = [
     pytest.param(path, marks=[pytest.mark.slow] if path.stem in COMPILED_APART else [])
     for path in CONFIGS
@@ -47,19 +45,29 @@ def test_the_kernel_is_plain_python_too(path: Path) -> None:
     assert_equal(load_rig(path), "python", duration_s=0.25)
 
 
+def assert_ends_and_rows(rig: Rig, engine: str) -> None:
+    live = live_run(rig)
+    error = live.result.error
+    if isinstance(error, SafetyStop) and "engage_tolerance" in str(error):
+        with pytest.raises(SafetyStop) as caught:
+            simulate(rig, engine=engine)
+        assert str(caught.value) == str(error)
+    else:
+        assert_same(live, simulate(rig, engine=engine))
+
+
 @settings(max_examples=80, suppress_health_check=list(HealthCheck))
 @given(any_rigs())
 def test_rigs_of_every_kind(data: Tree) -> None:
-    rig = rig_of(data)
-    live = live_run(rig)
-    error = live.result.error
-    for engine in ("compiled",):
-        if isinstance(error, SafetyStop) and "engage_tolerance" in str(error):
-            with pytest.raises(SafetyStop) as caught:
-                simulate(rig, engine=engine)
-            assert str(caught.value) == str(error)
-        else:
-            assert_same(live, simulate(rig, engine=engine))
+    wave = data["coupling"].get("law") != "position"
+    assert_ends_and_rows(rig_of(data), "compiled" if wave else "python")
+
+
+@pytest.mark.slow
+@settings(max_examples=40, suppress_health_check=list(HealthCheck))
+@given(any_rigs().filter(lambda rig: rig["coupling"].get("law") == "position"))
+def test_positions_of_every_kind(data: Tree) -> None:
+    assert_ends_and_rows(rig_of(data), "compiled")
 
 
 STOPS = {
@@ -87,14 +95,21 @@ HELD: Tree = {
 
 
 @pytest.mark.parametrize("name", STOPS)
-@pytest.mark.parametrize("law", ["wave", "position"])
-def test_a_stop_ends_the_rows_as_live(name: str, law: str) -> None:
+@pytest.mark.parametrize(
+    ("law", "engines"),
+    [
+        ("wave", ("compiled", "python")),
+        ("position", ("python",)),
+        pytest.param("position", ("compiled",), marks=pytest.mark.slow),
+    ],
+)
+def test_a_stop_ends_the_rows_as_live(name: str, law: str, engines: tuple[str, ...]) -> None:
     change, sentence = STOPS[name]
     data = tree(HELD, change)
     if law == "position":
         data["coupling"]["law"] = law
         data["coupling"]["pairs"]["a"] = {"stiffness": 500.0, "damping": 3.0}
-    live = assert_equal(rig_of(data), "compiled", "python")
+    live = assert_equal(rig_of(data), *engines)
     assert sentence in str(live.result.error)
     assert 50 < len(live.table) < 1000
 

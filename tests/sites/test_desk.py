@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from tautwave.bench.sites.order import free_port
 from tautwave.session.sites.desk_line import DeskLine, session_of
 from tautwave.sites.certificates import make_authority
 from tautwave.sites.desk import Order
@@ -29,8 +30,7 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def start(keys: Path) -> Iterator[Start]:
-    with socket.create_server(("127.0.0.1", 0)) as found:
-        port = found.getsockname()[1]
+    port = free_port()
     with ExitStack() as stack:
 
         def begin(site: str, shared: Any = SHARED, whose: str = "ours") -> DeskLine:
@@ -47,7 +47,7 @@ def start(keys: Path) -> Iterator[Start]:
 
 def heard(line: DeskLine, kind: str) -> Any:
     """Return what a desk says next of a kind."""
-    for _ in range(1000):
+    for _ in range(6000):  # a loaded machine
         message = line.poll()
         if message is not None and kind in message:
             return message[kind]

@@ -120,7 +120,7 @@ def served(keys: Path) -> Iterator[tuple[str, list[str]]]:
     thread = threading.Thread(target=lambda: said.extend(lines))
     thread.start()
     yield said[0].split(" at ")[1].split(",")[0], said
-    thread.join(10.0)
+    thread.join(60.0)
     assert not thread.is_alive()
 
 

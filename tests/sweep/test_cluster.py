@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 import os
 import pickle
 import signal
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -92,8 +94,14 @@ class Serving:
             for _ in range(2)
         ]  # fmt: skip
         until = time.monotonic() + 60.0
-        while not self.file.exists() and time.monotonic() < until:
+        while not self._is_written() and time.monotonic() < until:
             time.sleep(0.05)
+
+    def _is_written(self) -> bool:
+        """Return whether the scheduler's file is there, and whole."""
+        with suppress(FileNotFoundError, ValueError):
+            return "address" in json.loads(self.file.read_text())
+        return False
 
     def _start(self, tool: str, *words: str) -> subprocess.Popen[bytes]:
         root = str(Path(__file__).parents[2])
@@ -148,8 +156,8 @@ def test_a_cluster_makes_the_same_bytes_and_outlives_its_workers(
 def test_a_scheduler_that_dies_ends_the_work_with_a_sentence(
     served: Serving, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "PATIENCE_S", 3)
     cluster = Cluster(str(served.file))
+    monkeypatch.setattr(module, "PATIENCE_S", 3)
     work = cluster(functools.partial(kill, served.scheduler.pid), [(k, k + 1) for k in range(99)])
     with pytest.raises(LinkError, match=r"is gone.*resumes"):
         list(work)

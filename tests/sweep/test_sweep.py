@@ -103,7 +103,7 @@ def test_points_are_cases_times_grid_times_rows(write: Callable[[str], Path]) ->
         (str(RIG), str(ROOT / "configs/bench-admittance-loopback.yaml"), "rate_hz"),
     ],
 )
-def test_mistakes_are_told_with_their_line(
+def test_mistakes_are_reported_with_their_line(
     write: Callable[[str], Path], old: str, new: str, expected: str
 ) -> None:
     if old == str(RIG) and "admittance" in new:

@@ -59,7 +59,7 @@ def test_what_is_a_map(tmp_path: Path) -> None:
         ("points: 6", "points: 1", "planes.now.values.points"),
     ],
 )
-def test_mistakes_are_told_with_their_place(
+def test_mistakes_are_reported_with_their_place(
     tmp_path: Path, old: str, new: str, sentence: str
 ) -> None:
     with pytest.raises(ConfigError) as caught:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import select
+import socket
+import struct
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -93,20 +95,38 @@ def running(*numbers: int, **more: Any) -> Iterator[Stepped]:
         stepped.driver.close()
 
 
+MARK = struct.Struct("<IB3x8s")  # struct can_frame
+BEGIN, END = "7FF#01", "7FF#02"
+"""Frames that mean nothing to anybody."""
+
+
 @contextmanager
 def candump() -> Iterator[list[str]]:
-    """Collect the frames on vcan0 as `ID#DATA`; complete when the block has ended."""
+    """Collect the frames on vcan0 as `ID#DATA`; complete when the block has ended.
+
+    Nobody tells when it has begun to listen, or has printed all: frames of the test's own do.
+    """
     lines: list[str] = []
     command = [tool("candump"), "-L", "vcan0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:
-        time.sleep(1.0)  # nobody tells when it has begun to listen
+    with (
+        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as bus,
+        subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child,
+    ):
+        assert child.stdout is not None
+        bus.bind(("vcan0",))
+        begin, end = (MARK.pack(0x7FF, 1, bytes([number])) for number in (1, 2))
+        while not select.select([child.stdout], [], [], 0.05)[0]:
+            bus.send(begin)
         try:
             yield lines
+            bus.send(end)
+            for text in child.stdout:
+                lines.append(text.split()[2])
+                if lines[-1] == END:
+                    break
+            lines[:] = [frame for frame in lines if frame not in (BEGIN, END)]
         finally:
-            time.sleep(0.5)
             child.terminate()
-            assert child.stdout is not None
-            lines += [text.split()[2] for text in child.stdout.read().splitlines()]
 
 
 @pytest.mark.parametrize("backend", ["raw", "python-can"])

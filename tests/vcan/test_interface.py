@@ -97,7 +97,7 @@ def test_netem_delays_what_local_sockets_receive(raw: Open) -> None:
         assert time.monotonic_ns() - begun >= 30_000_000
 
 
-def test_netem_loses_what_it_is_told_to(raw: Open) -> None:
+def test_netem_loses_what_it_is_asked_to(raw: Open) -> None:
     sender, receiver = raw("vcan1"), raw("vcan1")
     with netem("vcan1", "loss", "100%"):
         sender.send(SENT)

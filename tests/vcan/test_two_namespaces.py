@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from operator import le
 from pathlib import Path
 
 import pytest
@@ -16,11 +13,10 @@ import pytest
 from tautwave.report.joined import common_sessions
 from tautwave.report.run.loading import load_run
 from tautwave.sites.certificates import make_authority
+from tests.session.programs import RIG, Site
 from tests.vcan.links import change, tool
 
 pytestmark = [pytest.mark.vcan, pytest.mark.timeout(240)]
-RIG = Path(__file__).parents[2] / "configs" / "network-loopback.yaml"
-COMMAND = [sys.executable, "-c", "from tautwave.cli import main; main(prog_name='tautwave')"]
 SIDES = ("slave", "master")
 AWAY = "lever.network.stored"
 HERE, THERE = "10.77.0.1", "10.77.0.2"
@@ -36,7 +32,8 @@ SECONDS = (3, 3, 10, 5, 4)
 HEAVY = "{value: 16e-3, lower: 11e-3, source: made up}"
 DAMPED = "{value: 20e-3, lower: 10e-3, source: made up}"
 CHANGES = (
-    "rate_hz=250", "duration_s=90", "link.lost_s=60", "link.depth_s=auto", "loop.overrun_limit=500",
+    "rate_hz=250", "duration_s=150", "link.lost_s=100", "link.depth_s=auto",
+    "loop.overrun_limit=500",
     "coupling.pairs.lever.wave_filter_hz=30", "simulation.environment.lever.stiffness=25",
     *(f"{side}.axes.lever.inertia={HEAVY}" for side in ("master", "slave")),
     *(f"{side}.axes.lever.damping={DAMPED}" for side in ("master", "slave")),
@@ -74,51 +71,34 @@ def impair(inside: list[str], what: str) -> None:
     subprocess.run([*inside, *words[:4], "tw1", *words[5:]], check=True)
 
 
-def end(run: subprocess.Popen[bytes]) -> None:
-    run.kill()
-    run.wait()
-
-
 def test_two_sites_stay_passive_and_meet_again_over_any_network(tmp_path: Path) -> None:
     make_authority(tmp_path / "keys", ["master", "slave"])
     text = RIG.read_text().replace("address: 127.0.0.1, bind: 127.0.0.1", f"address: {THERE}")
     (tmp_path / "rig.yaml").write_text(text)
-    words = [word for one in CHANGES for word in ("--set", one)]
-    runs: list[subprocess.Popen[bytes]] = []
-
-    def logs() -> list[str]:
-        return [(tmp_path / f"{side}.log").read_text() for side in SIDES]
-
-    def until(done: Callable[[], bool]) -> None:
-        while not done():
-            assert all(run.poll() is None for run in runs), "\n".join(logs())
-            time.sleep(0.1)
-
     with ExitStack() as stack:
         inside = stack.enter_context(namespace())
+        sites = []
         for side, before in zip(SIDES, (inside, []), strict=True):
-            command = [*before, *COMMAND, "run", "rig.yaml", "--site", side, "--out", side, *words]
-            log = stack.enter_context((tmp_path / f"{side}.log").open("w"))
-            runs.append(subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log))
-            stack.callback(end, runs[-1])
-        until(lambda: all("in session" in text for text in logs()))
+            sites.append(Site(tmp_path, side, side, *CHANGES, before=before))
+            stack.callback(sites[-1].close)
+        for site in sites:
+            site.until(site.coupled)
         for what, seconds in zip(NETWORKS, SECONDS, strict=True):
             impair(inside, what)
             time.sleep(seconds)
-        runs[1].send_signal(signal.SIGINT)
-        summaries = [tmp_path / side / "summary.json" for side in SIDES]
-        while not all(path.exists() for path in summaries):  # one is often through before the other
-            over = [run.poll() is not None for run in runs]
-            written = [path.exists() for path in summaries]  # looked for after the process was
-            assert all(map(le, over, written)), "\n".join(logs())
-            time.sleep(0.1)
-    found = [load_run(tmp_path / side) for side in SIDES]  # their figures are not waited for
+        for site in sites:  # a session that has begun has to engage before it is ended
+            site.until(site.coupled)
+        sites[1].interrupt()
+        for site in sites:  # their figures are not waited for
+            site.until((site.out / "summary.json").exists)
+    found = [load_run(tmp_path / side) for side in SIDES]
     for one in found:
         assert one.summary["outcome"]["kind"] in ("finished", "interrupted"), one.summary["outcome"]
         assert one.summary["recording"]["rows_dropped"] == 0
         assert one.rows == one.summary["cycles"]
         sessions = one.summary["link"]["sessions"]
-        assert all("engaged_s" in session for session in sessions)
+        assert "engaged_s" in sessions[0]
+        assert "engaged_s" in sessions[-1]
         assert any(session.get("silences") for session in sessions)
     for common in common_sessions(found[1], found[0]):
         # What left less what came, of both ways: not below the reserves, whatever the clocks.

@@ -12,6 +12,7 @@ import struct
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,11 @@ from tests.view.served import BENCH
 
 SIOCSIFFLAGS, UP = 0x8914, 0x1 | 0x40
 RUN = "from tautwave.cli import main; main()"
-PLACES = ", ".join(f"[{0.5 * k}, {0.2 * (k % 2)}]" for k in range(4, 100))
+PLACES = ", ".join(f"[{0.5 * k}, {0.2 * (k // 2 % 2)}]" for k in range(4, 500))
 MOVING = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0], " + PLACES + "]}"
 NAME = "name=<b onclick=alert(1)>bench</b>"
 CALM = ("operate={}", "loop.overrun_limit=5000", "loop.missing_limit=5000", MOVING, NAME)
+POLES = tuple(f"coupling.pairs.lever.pole_{side}=0.2" for side in ("master", "slave"))
 K = "coupling.pairs.lever.wall_slave.stiffness"
 
 
@@ -62,7 +64,7 @@ def text(browser: Browser, name: str) -> str:
 
 
 def state(browser: Browser, word: str) -> bool:
-    return browser.wait(f"document.getElementById('state').textContent == {word!r}", 20.0)
+    return browser.wait(f"document.getElementById('state').textContent == {word!r}")
 
 
 def operate(browser: Browser) -> dict[str, bool]:
@@ -96,16 +98,22 @@ def look_around(browser: Browser, directory: Path) -> dict[str, bool]:
     found["cursors"] = browser.wait("document.querySelector('.key').textContent.includes('Δ')")
     press(browser, x + 0.4 * width, y, to=x + 0.5 * width)
     span = "tautwave.scope.view.to - tautwave.scope.view.from"
-    found["zoom"] = abs(browser.run(span) - 0.1) < 0.005
+    found["zoom"] = browser.wait(f"Math.abs({span} - 0.1) < 0.005")
     csv = str(browser.run("tautwave.scope.csv()")).splitlines()
-    found["csv"] = csv[0].startswith("time_s,master.lever.position") and 90 < len(csv) < 110
+    view = "tautwave.scope.view"
+    shown = f"tautwave.store.rowAt({view}.to + 1e-9) - tautwave.store.rowAt({view}.from)"
+    found["csv"] = (  # a machine that is held up leaves out slots
+        csv[0].startswith("time_s,master.lever.position")
+        and len(csv) == 1 + browser.run(shown)
+        and 1 < len(csv) < 110
+    )
     found["png"] = browser.run("tautwave.scope.picture().toDataURL().length") > 10_000
     browser.call(
         "Browser.setDownloadBehavior", behavior="allow", downloadPath=str(directory / "saved")
     )
     for button in ("png", "csv"):
         click(browser, f"#{button}")
-    until = time.monotonic() + 10.0
+    until = time.monotonic() + 60.0
     saved: set[str] = set()
     while time.monotonic() < until and saved != {".png", ".csv"}:
         saved = {path.suffix for path in (directory / "saved").glob("*")}
@@ -128,7 +136,7 @@ def fire(browser: Browser, column: str, level: float, mode: str) -> float | None
         f"set('level', {level}); set('hysteresis', 0.01);"
         "document.getElementById('trigger-mode').onchange()})()"
     )
-    if mode == "off" or not browser.wait("tautwave.scope.trigger.hit !== null", 20.0):
+    if mode == "off" or not browser.wait("tautwave.scope.trigger.hit !== null"):
         return None
     return float(browser.run("tautwave.store.timeOf(tautwave.scope.trigger.hit)"))
 
@@ -138,7 +146,7 @@ def tune(browser: Browser, value: float) -> str:
     browser.run(f"document.querySelector('[aria-label={json.dumps(K)}]').value = {value}")
     browser.run("document.getElementById('note').textContent = ''")
     click(browser, "#apply")
-    browser.wait("/K = |certified:|not on/.test(document.getElementById('note').textContent)", 30.0)
+    browser.wait("/K = |certified:|not on/.test(document.getElementById('note').textContent)")
     return text(browser, "note")
 
 
@@ -157,24 +165,44 @@ def pictures(browser: Browser, directory: Path) -> list[str]:
     return found
 
 
-def main(directory: Path, looked_at: bool) -> None:
-    """Do all of it, and print it as JSON; take pictures for a person to look at."""
-    raise_loopback()
-    out = directory / "run"
-    sets = [word for override in CALM for word in ("--set", override)]
-    words = ["run", str(BENCH), *sets, "--duration", "60", "--out", str(out), "--view",
-             "--allow-tuning", "--quiet"]  # fmt: skip
+def start(out: Path, sets: Sequence[str], *options: str) -> tuple[subprocess.Popen[str], str]:
+    """Start a run with its page; return it and the address."""
+    words = ["run", str(BENCH), *(word for override in sets for word in ("--set", override)),
+             "--duration", "260", "--out", str(out), "--view", "--quiet", *options]  # fmt: skip
     run = subprocess.Popen(
         [sys.executable, "-c", RUN, *words],
         stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
     )  # fmt: skip
     assert run.stderr is not None
-    url = run.stderr.readline().split()[1]
+    return run, run.stderr.readline().split()[1]
+
+
+def rescale(browser: Browser, out: Path) -> bool:
+    """Press the button of another scale; return whether it acts, and the rig is engaged again."""
+    run, url = start(out, (*CALM, "operate={scales: [0.5]}", *POLES))
+    browser.open(url)
+    browser.wait("window.tautwave?.store?.end > 10", 30.0)
+    click(browser, '[data-word="engage"]')
+    state(browser, "engaged")
+    click(browser, '#scales button[value="0.5"]')
+    acts = browser.wait("tautwave.store.newest('operation.scale') == 0.5")
+    acts = acts and browser.wait("document.querySelector('#scales .on').value == '0.5'")
+    acts = acts and state(browser, "engaged")
+    run.kill()
+    run.wait(30)
+    return acts
+
+
+def main(directory: Path, looked_at: bool) -> None:
+    """Do all of it, and print it as JSON; take pictures for a person to look at."""
+    raise_loopback()
+    out = directory / "run"
+    run, url = start(out, CALM, "--allow-tuning")
     found: dict[str, Any] = {}
     with Browser() as browser:
         browser.look(1400, 1000, dark=False)
         browser.open(url)
-        found["loads"] = browser.wait("window.tautwave?.store?.end > 10", 30.0)
+        found["loads"] = browser.wait("window.tautwave?.store?.end > 10")
         found["name"] = text(browser, "rig")
         found["token in address"] = "#" in browser.run("location.href")
         found["buttons"] = operate(browser)
@@ -182,11 +210,11 @@ def main(directory: Path, looked_at: bool) -> None:
         found["fired"] = {mode: fire(browser, "master.lever.position", 0.1, mode)
                           for mode in ("normal", "auto")}  # fmt: skip
         click(browser, "#single")
-        single = browser.wait("tautwave.scope.trigger.done && !tautwave.scope.running", 20.0)
+        single = browser.wait("tautwave.scope.trigger.done && !tautwave.scope.running")
         found["buttons"]["single"] = single
         fire(browser, "master.lever.position", 99.0, "off")
         found["buttons"] |= look_around(browser, directory)
-        found["refused"] = tune(browser, 20.0)
+        found["refused"] = tune(browser)
         found["tuned"] = tune(browser, 3.1)
         found["acts"] = browser.wait(
             "Math.abs(tautwave.store.newest('tuning.slave.lever.wall_stiffness') - 3.1) < 1e-9"
@@ -195,15 +223,16 @@ def main(directory: Path, looked_at: bool) -> None:
         if looked_at:
             found["pictures"] = pictures(browser, directory)
         click(browser, "#stop")
-        found["ended"] = browser.wait("tautwave.ended", 20.0)
+        found["ended"] = browser.wait("tautwave.ended")
         found["seen"] = browser.run("tautwave.store.end")
         found["first"] = browser.run("tautwave.store.first")
         found["requests"] = sorted(set(browser.requests))
-        found["problems"] = browser.problems
+        found["problems"] = list(browser.problems)
+        found["buttons"]["scale"] = rescale(browser, directory / "scaled")
     while (out / "live.json").exists():
         time.sleep(0.05)
     run.terminate()  # its report is not needed here
-    run.wait(30)
+    run.wait(60)
     rows = read_recording(out, ["time_s", "master.lever.position"])
     found["rows"] = len(rows)
     found["edges"] = edges(rows, "master.lever.position", 0.1)

@@ -75,7 +75,7 @@ class Browser:
             order["sessionId"] = self._session
         self._socket.send(json.dumps(order))
         while True:
-            said = json.loads(self._socket.recv(30))
+            said = json.loads(self._socket.recv(60))
             if said.get("id") == number:
                 assert "error" not in said, said
                 return dict(said["result"])
@@ -104,7 +104,7 @@ class Browser:
     def open(self, url: str) -> None:
         self.call("Page.navigate", url=url)
 
-    def wait(self, script: str, timeout_s: float = 20.0) -> bool:
+    def wait(self, script: str, timeout_s: float = 60.0) -> bool:
         """Wait until an expression is true; return whether it became so."""
         until = time.monotonic() + timeout_s
         while time.monotonic() < until:

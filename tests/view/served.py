@@ -6,7 +6,7 @@ import asyncio
 import queue
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -26,14 +26,20 @@ class Run:
 
     recorder_epoch_ns = 1_000_000_000
 
-    def __init__(self, directory: Path, rig: str | None = None, **facts: Any) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        rig: str | None = None,
+        columns: Sequence[str] = COLUMNS,
+        **facts: Any,
+    ) -> None:
         self.directory = directory
         (directory / "rig.yaml").write_text(rig or BENCH.read_text())
         self.mailbox = Mailbox()
         live = {"rig": "bench", "pid": 0, "units": {"lever": "rad"}, "certificate": CERTIFICATE,
                 "mailbox": self.mailbox.address, **facts}  # fmt: skip
         self.recorder = Recorder(
-            directory / "recording.mcap", COLUMNS, metadata={}, attachments={}, rows=256,
+            directory / "recording.mcap", columns, metadata={}, attachments={}, rows=256,
             lossless=True, rate_hz=1000.0, live=live, epoch_ns=self.recorder_epoch_ns,
         )  # fmt: skip
         self.recorder.start()
@@ -63,17 +69,17 @@ def served(directory: Path, rig: str | None = None, **facts: Any) -> Iterator[tu
     thread = threading.Thread(target=lambda: asyncio.run(server.serve()))
     thread.start()
     try:
-        urls.get(timeout=20)
+        urls.get(timeout=60)
         yield run, server.door
     finally:
         run.close()
-        thread.join(20)
+        thread.join(60)
     assert not thread.is_alive()
 
 
 def ask(door: Door, text: str) -> str:
     """Send a request as it is, and return the whole response."""
-    with socket.create_connection((door.address, door.port), timeout=10) as raw:
+    with socket.create_connection((door.address, door.port), timeout=60) as raw:
         raw.sendall(text.encode())
         found = b""
         while data := raw.recv(65536):

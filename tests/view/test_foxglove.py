@@ -15,9 +15,9 @@ from websockets.sync.client import ClientConnection, connect
 
 from tautwave.runtime.mcap_schema import CDR_HEADER
 from tautwave.runtime.tuning.desk import Desk, last_left
-from tautwave.view import tuner
+from tautwave.view import foxglove, tuner
 from tautwave.view.guard import Door
-from tests.view.served import COLUMNS, Run, ask, served
+from tests.view.served import BENCH, COLUMNS, Run, ask, served
 
 K = "coupling.pairs.lever.wall_slave.stiffness"
 KNOB = {"path": K, "column": "lever.position_error", "unit": "N m/rad", "when": "engaged",
@@ -29,7 +29,8 @@ MOST_MESSAGES = 500
 def serving(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Run, Door, Desk]]:
     desk = Desk(1)
     facts = {"desk": desk.address, "knobs": [KNOB], "fixed": [], "hardware": []}
-    with served(tmp_path_factory.mktemp("run"), tuning=facts) as (run, door):
+    rig = BENCH.read_text() + "\noperate: {scales: [0.5]}\n"
+    with served(tmp_path_factory.mktemp("run"), rig, tuning=facts) as (run, door):
         run.commit(1)
         yield run, door, desk
     desk.close()
@@ -47,7 +48,7 @@ def client(door: Door, token: str, **options: Any) -> ClientConnection:
 
 def heard(socket: ClientConnection, op: str) -> dict[str, Any]:
     for _ in range(MOST_MESSAGES):
-        data = socket.recv(10)
+        data = socket.recv(60)
         if isinstance(data, str) and (said := json.loads(data))["op"] == op:
             return dict(said)
     raise AssertionError(op)
@@ -55,7 +56,7 @@ def heard(socket: ClientConnection, op: str) -> dict[str, Any]:
 
 def heard_bytes(socket: ClientConnection, opcode: int) -> bytes:
     for _ in range(MOST_MESSAGES):
-        data = socket.recv(10)
+        data = socket.recv(60)
         if isinstance(data, bytes) and data[0] == opcode:
             return data
     raise AssertionError(opcode)
@@ -132,7 +133,7 @@ def test_a_parameter_is_set_and_a_forbidden_one_refused_with_its_range(
 
 
 def test_services_give_commands_and_say_what_became_of_them(
-    serving: tuple[Run, Door, Desk],
+    serving: tuple[Run, Door, Desk], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run, door, _ = serving
     with client(door, "secret-token") as socket:
@@ -154,7 +155,8 @@ def test_services_give_commands_and_say_what_became_of_them(
                 while not (orders := run.orders()):
                     pass
                 assert orders == [("engage", "", "foxglove")]
-                run.recorder.tell(json.dumps([[count, {**said, "text": text}]]))
+                entry = {**said, "text": text, "refused": bool(text)}
+                run.recorder.tell(json.dumps([[count, entry]]))
 
         thread = threading.Thread(target=loop)
         thread.start()
@@ -162,6 +164,10 @@ def test_services_give_commands_and_say_what_became_of_them(
         refused = call(socket, number["/engage"])
         assert refused == {"success": False, "message": "engage: not while aligning"}
         thread.join()
+        monkeypatch.setattr(foxglove, "ANSWER_S", 0.03)  # nobody plays the run any more
+        for body, line in (('{"scale": 0.5}', "0.5"), ("{}", ""), ('{"scale": [1]}', "[1]")):
+            assert call(socket, number["/scale"], body)["success"] is False
+            assert run.orders() == [("scale", line, "foxglove")]
         socket.send(struct.pack("<BIII", 2, 99, 1, 4) + b"json{}")
         assert heard(socket, "serviceCallFailure")["serviceId"] == 99
     with client(door, "") as socket:

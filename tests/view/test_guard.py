@@ -36,7 +36,7 @@ def page(door: Door, *, origin: str | None = None) -> ClientConnection:
 def heard(socket: ClientConnection, op: str) -> dict[str, object]:
     """Return the next message of a kind."""
     while True:
-        data = socket.recv(10)
+        data = socket.recv(60)
         if isinstance(data, str) and (said := json.loads(data))["op"] == op:
             return dict(said)
 
@@ -100,7 +100,7 @@ def test_every_row_comes_once_and_news_with_them(serving: tuple[Run, Door]) -> N
         for _ in range(5):
             run.commit(20)
             data = b""
-            while not isinstance(data := socket.recv(10), bytes):
+            while not isinstance(data := socket.recv(60), bytes):
                 pass
             first, missed = struct.unpack_from("<dd", data)
             body = struct.unpack_from(f"<{(len(data) - 16) // 8}d", data, 16)
@@ -108,7 +108,7 @@ def test_every_row_comes_once_and_news_with_them(serving: tuple[Run, Door]) -> N
             assert missed == 0
             rows += body[3::5]
         while len(rows) < run.rows:
-            data = socket.recv(10)
+            data = socket.recv(60)
             if isinstance(data, bytes):
                 rows += struct.unpack_from(f"<{(len(data) - 16) // 8}d", data, 16)[3::5]
         assert rows == list(range(100))

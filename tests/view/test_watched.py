@@ -38,7 +38,7 @@ def test_commands_reach_the_run_as_lines_with_their_source() -> None:
         assert [tuple(order) for order in orders] == [
             ("episode", "pick the red one", "page"), ("engage", "", "foxglove"),
         ]  # fmt: skip
-        assert mailbox.source.take(0) == ()
+        assert mailbox.source.take(0) == []
         with pytest.raises(RecordingError, match="at most 4096 bytes"):
             send(mailbox.address, "page", "x" * 5000)
         for _ in range(16):  # what a pipe holds

@@ -21,11 +21,17 @@ class TautwaveSlaveConfig(RobotConfig):
         Directory for the runs; each gets one of its own in it.
     engage : bool
         Whether to align and engage on connecting; else a person does (`tautwave view`).
+    drive : str
+        `hand`: a person leads the rig's master. `policy`: actions do, through a virtual hand.
+    fps : float
+        Actions a second, with `drive=policy`.
     """
 
     rig: str
     out: str = "runs/lerobot"
     engage: bool = True
+    drive: str = "hand"
+    fps: float = 30.0
 
 
 @TeleoperatorConfig.register_subclass("tautwave_master")

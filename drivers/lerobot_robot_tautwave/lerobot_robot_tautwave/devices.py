@@ -15,7 +15,7 @@ class TautwaveSlave(Robot):
     """The slave: observations are position, velocity and effort of its axes, SI units.
 
     It moves as the operator leads it, by the rig's own controller. An action that did not come from
-    the rig's master is refused.
+    the rig's master is refused, unless a policy drives the rig.
     """
 
     config_class = TautwaveSlaveConfig
@@ -25,7 +25,8 @@ class TautwaveSlave(Robot):
         super().__init__(config)
         self.config = config
         self.cameras: dict[str, Any] = {}  # `lerobot-record` looks for it
-        self._site = Site.of(config.rig)
+        self._led = config.drive == "policy"
+        self._site = Site.of(config.rig, config.fps if self._led else 0.0)
         self._state = self._site.signals().state
 
     @property
@@ -65,8 +66,14 @@ class TautwaveSlave(Robot):
         return {name: row[column] for column, name in self._state.items()}
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
-        """Command nothing; refuse what the master did not give."""
-        self._site.check(action)
+        """Lead the virtual hands of a rig that a policy drives.
+
+        Of a rig that a person leads, command nothing; refuse what the master did not give.
+        """
+        if self._led:
+            self._site.drive(action)
+        else:
+            self._site.check(action)
         return action
 
     def disconnect(self) -> None:

@@ -12,6 +12,7 @@ from lerobot.utils.errors import DeviceNotConnectedError
 
 from tautwave import ConfigError, Session, TautwaveError, load_rig
 from tautwave.report.export.lerobot import Signals, signals
+from tautwave.rig.led import led_by_policy
 
 STALE_S = 0.05
 """[s] A newest row that is older, or older than three slots, is no measurement any more."""
@@ -28,14 +29,18 @@ class Site:
     ----------
     path : Path
         Rig file.
+    fps : float
+        Actions a second of a policy that leads the rig; 0: a person does.
     """
 
     _sites: ClassVar[dict[Path, Site]] = {}
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, fps: float) -> None:
+        self.path, self.fps = path, fps
         rig = load_rig(path)
         self.rig = load_rig(path, ["operate={}"]) if rig.operate is None else rig
+        if fps:
+            self.rig = led_by_policy(self.rig, fps)
         self._users: set[str] = set()
         self._session: Session | None = None
         self._row: dict[str, float] = {}
@@ -44,12 +49,23 @@ class Site:
         self._last: dict[str, float] = {}
 
     @classmethod
-    def of(cls, path: str) -> Site:
-        """Return the site of a rig file, the same one for both devices."""
+    def of(cls, path: str, fps: float = 0.0) -> Site:
+        """Return the site of a rig file, the same one for both devices.
+
+        Raises
+        ------
+        ConfigError
+            One device of a rig is led by a hand, the other by a policy.
+        """
         where = Path(path).resolve()
         if where not in cls._sites:
-            cls._sites[where] = cls(where)
-        return cls._sites[where]
+            cls._sites[where] = cls(where, fps)
+        site = cls._sites[where]
+        if site.fps != fps:
+            raise ConfigError(
+                f"{where}: a policy leads this rig, so there is no teleoperator; leave --teleop out"
+            )
+        return site
 
     def signals(self) -> Signals:
         """Return what is action and what observation, and the names of both."""
@@ -129,6 +145,28 @@ class Site:
         """Remember an action that the master gave."""
         self._last = action
         return action
+
+    def drive(self, action: Mapping[str, Any]) -> None:
+        """Send an action of a policy to the virtual hands.
+
+        Raises
+        ------
+        DeviceNotConnectedError
+            The rig is not engaged: it has stopped, or holds because actions came too late.
+        """
+        session = self._session
+        if session is None:
+            raise DeviceNotConnectedError(f"{self.path}: no run that an action could drive")
+        names = {name: column.split(".")[1] for column, name in self.signals().action.items()}
+        unknown = [name for name in action if name not in names]
+        if unknown:
+            raise ConfigError(f"action {unknown[0]}: the rig has {', '.join(names)}")
+        if (state := session.state) != "engaged":
+            raise DeviceNotConnectedError(
+                f"{self.path}: {state}, not engaged: three frames without an action, a guard or a "
+                f"person let go of it; see the report in {session.directory}"
+            )
+        session.lead({names[name]: float(value) for name, value in action.items()})
 
     def check(self, action: Mapping[str, Any]) -> None:
         """Refuse an action that the master did not give.

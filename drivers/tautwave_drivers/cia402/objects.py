@@ -41,6 +41,7 @@ RATED_TORQUE = _entry(
 TORQUE = _entry(0x6077, 0, "I16", "torque actual value", "rated/1000", "measured by current")
 CURRENT = _entry(0x6078, 0, "I16", "current actual value", "rated/1000", "measured")
 TARGET_POSITION = _entry(0x607A, 0, "I32", "target position", "user", "set-point of CSP and PP")
+HOME_OFFSET = _entry(0x607C, 0, "I32", "home offset", "user", "from home to the zero position")
 LEAST_POSITION = _entry(0x607D, 1, "I32", "min position limit", "user", "software limit")
 GREATEST_POSITION = _entry(0x607D, 2, "I32", "max position limit", "user", "software limit")
 MAX_MOTOR_SPEED = _entry(0x6080, 0, "U32", "max motor speed", "rpm", "limit")

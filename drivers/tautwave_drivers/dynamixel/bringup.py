@@ -153,8 +153,7 @@ class Bringup:
     def _lasting(self, servo: Servo) -> None:
         """Compare the EEPROM with what the rig needs; write it where that is allowed."""
         delay = round(self._options.return_delay_s / reg.RETURN_DELAY_UNIT_S)
-        mode = reg.CURRENT_MODE if servo.impedance else reg.VELOCITY_MODE
-        self._keep(servo, reg.OPERATING_MODE, mode)
+        self._keep(servo, reg.OPERATING_MODE, servo.mode)
         self._keep(servo, reg.RETURN_DELAY, delay)
         given = servo.options.current_limit
         if given is not None and servo.model.current_unit > 0.0:
@@ -190,6 +189,10 @@ class Bringup:
         if servo.impedance:
             limits = self._current_limit(servo, scale)
             self._put(servo, reg.GOAL_CURRENT, 0)
+        elif servo.axis.takes_position:
+            limits = self._held_current(servo, scale)
+            self._put(servo, reg.PROFILE_ACCELERATION, 0)
+            self._put(servo, reg.PROFILE_VELOCITY, 0)
         else:
             limits = self._velocity_limit(servo, scale)
             self._put(servo, reg.PROFILE_ACCELERATION, 0)
@@ -202,9 +205,31 @@ class Bringup:
             )
         return limits
 
+    def _held_current(self, servo: Servo, scale: Scale) -> Limits:
+        """Let a servo that takes positions use no more than the axis' effort, where it can."""
+        if servo.mode == reg.CURRENT_POSITION_MODE:
+            limits = self._current_limit(servo, scale)
+            self._put(servo, reg.GOAL_CURRENT, limits.current)
+            return limits
+        low, high = self._get(servo, reg.MIN_POSITION), self._get(servo, reg.MAX_POSITION)
+        ends = sorted(scale.position_counts(end) for end in servo.axis.position_range)
+        if ends[0] < low or ends[1] > high:
+            raise DriverError(
+                f"{self._where(servo)}: position_range is {ends[0]} to {ends[1]} counts, beyond "
+                f"its position limits(52, 48) {low} to {high}; narrow position_range, move "
+                "zero_counts, or widen the servo's with the vendor's wizard"
+            )
+        self.notes.append(
+            f"{self._where(servo)}: a {servo.model.name} cannot limit its torque while it holds a "
+            "position; nothing but its own overload protection does"
+        )
+        return Limits(0, 0)
+
     def _note_limits(self, servo: Servo, limits: Limits) -> None:
-        if servo.impedance:
-            mode, register, unit = reg.CURRENT_MODE, reg.CURRENT_LIMIT, servo.model.current_unit
+        if servo.mode == reg.POSITION_MODE:
+            return
+        if servo.impedance or servo.axis.takes_position:
+            mode, register, unit = servo.mode, reg.CURRENT_LIMIT, servo.model.current_unit
             used, name = limits.current * unit, "A"
         else:
             mode, register, unit = reg.VELOCITY_MODE, reg.VELOCITY_LIMIT, VELOCITY_UNIT
@@ -213,7 +238,8 @@ class Bringup:
             f"{self._where(servo)}: {reg.MODES[mode]} mode, return delay "
             f"{self._options.return_delay_s * 1e6:g} us, {register.name}({register.address}) "
             f"{self._get(servo, register) * unit:.4g} {name}, of which the rig uses {used:.4g} "
-            "(read); torque off, goal 0, status return level 2 (written and read back)"
+            f"(read); torque off, {'goal current' if servo.axis.takes_position else 'goal 0'}, "
+            "status return level 2 (written and read back)"
         )
 
     def arm(self, servo: Servo) -> None:

@@ -23,23 +23,27 @@ STATUS_BLOCK = 12
 
 
 class Traffic(NamedTuple):
-    """What one cycle puts on the line: servos by command, bytes read of each, and how."""
+    """What one cycle puts on the line: servos by command, bytes read of each, and how.
+
+    `followers` take positions.
+    """
 
     impedance: int
     admittance: int
     size: int = BLOCK
     fast: bool = False
+    followers: int = 0
 
     @property
     def servos(self) -> int:
         """How many are read."""
-        return self.impedance + self.admittance
+        return self.impedance + self.admittance + self.followers
 
     @property
     def sent(self) -> int:
         """Bytes from the host: sync writes of 2- and 4-byte goals, one sync read."""
         count = 14 + self.servos
-        for servos, goal in ((self.impedance, 2), (self.admittance, 4)):
+        for servos, goal in ((self.impedance, 2), (self.admittance, 4), (self.followers, 4)):
             if servos:
                 count += 14 + servos * (1 + goal)
         return count
@@ -65,8 +69,10 @@ class Traffic(NamedTuple):
 def traffic_of(options: DynamixelOptions, bus: BusSpec) -> Traffic:
     """Return what one cycle of a bus puts on the line."""
     impedance = sum(axis.causality == "impedance" for axis in bus.axes)
+    followers = sum(axis.takes_position for axis in bus.axes)
     size = STATUS_BLOCK if options.status_block else BLOCK
-    return Traffic(impedance, len(bus.axes) - impedance, size, options.read == "fast_sync")
+    others = len(bus.axes) - impedance - followers
+    return Traffic(impedance, others, size, options.read == "fast_sync", followers)
 
 
 def budget(options: DynamixelOptions, bus: BusSpec) -> Budget:
@@ -143,6 +149,8 @@ def _remedies(options: DynamixelOptions, bus: BusSpec, traffic: Traffic) -> list
             traffic._replace(impedance=traffic.impedance - 1)
             if traffic.impedance
             else traffic._replace(admittance=traffic.admittance - 1)
+            if traffic.admittance
+            else traffic._replace(followers=traffic.followers - 1)
         )
         remedies.append(f"one axis fewer on this bus gives {rate(options, fewer)}")
     nth = math.ceil(_exchange_s(options, traffic) * bus.rate_hz / READ_SHARE)

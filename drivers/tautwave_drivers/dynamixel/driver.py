@@ -3,7 +3,8 @@
 A command that `write` takes goes out first in the next `request`, followed by the sync read
 of that cycle's samples, and acts from there on: one whole period, the declared command delay.
 Impedance axes run in current mode: effort = goal current * torque constant * gear ratio. Admittance
-axes run in velocity mode and measure effort as motor current (see `units`).
+axes run in velocity mode and measure effort as motor current (see `units`). Followers run in
+current-based position mode, their goal current the axis' effort limit, or in position mode.
 
 The simulation agrees on this: torque is switched on with the goals at zero; slot 0 is the first
 sync read after that; a sync write and the sync read behind it belong to one slot, the goals act
@@ -19,7 +20,7 @@ from tautwave.errors import DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.dynamixel.bringup import Bringup, Limits
 from tautwave_drivers.dynamixel.enabling import Enabling
-from tautwave_drivers.dynamixel.exchange import Exchange, Goals, Timing
+from tautwave_drivers.dynamixel.exchange import Exchange, Timing
 from tautwave_drivers.dynamixel.fast_path import FIELDS, STATUS_FIELDS
 from tautwave_drivers.dynamixel.line.ftdi import set_latency_timer
 from tautwave_drivers.dynamixel.line.transactions import Line, PacketLine
@@ -29,6 +30,7 @@ from tautwave_drivers.dynamixel.protocol import registers as reg
 from tautwave_drivers.dynamixel.protocol.indirect import map_status_block
 from tautwave_drivers.dynamixel.protocol.messages import status_text
 from tautwave_drivers.dynamixel.protocol.units import CURRENT_RANGE, Scale, scale_of
+from tautwave_drivers.dynamixel.staging import Staging
 from tautwave_drivers.dynamixel.watching import Watch
 from tautwave_drivers.serial_port import SerialPort
 
@@ -148,21 +150,7 @@ class DynamixelDriver:
             Timing(options.baud, options.return_delay_s, options.latency_s),
             fast=options.read == "fast_sync",
         )
-        groups = {
-            True: (reg.GOAL_CURRENT, [s.options.id for s in self._servos if s.impedance]),
-            False: (reg.GOAL_VELOCITY, [s.options.id for s in self._servos if not s.impedance]),
-        }
-        made = {kind: Goals(register, ids) for kind, (register, ids) in groups.items() if ids}
-        self._goals = list(made.values())
-        places = {True: 0, False: 0}
-        self._staged = []
-        for servo, scale, limits in zip(self._servos, self._scales, self._limits, strict=True):
-            kind = servo.impedance
-            counts, limit = scale.velocity_counts, limits.velocity
-            if kind:
-                counts, limit = scale.current_counts, limits.current
-            self._staged.append((made[kind], places[kind], counts, limit))
-            places[kind] += 1
+        self._staging = Staging(self._servos, self._scales, self._limits)
         self._watch = Watch(self._line, self._clock, self._servos, self._bus, options)
 
     def attach(self, port: BytePort) -> None:
@@ -221,7 +209,7 @@ class DynamixelDriver:
                 self._sent_ns = now
             return True
         if self._enabling is None:
-            port.write(self._packed_goals() + self._torque(1))  # zero since they were made
+            port.write(self._staging.packet() + self._torque(1))  # zero since they were made
             self._enabling = Enabling(port, self._clock, self._servos, self._bus)
             return False
         self._on = self._enabling.step()
@@ -243,9 +231,9 @@ class DynamixelDriver:
             if now - before > self._watchdog_ns:
                 self._watch.note_silence(now - before)
             if self._watch.requests and self._watch.urgent:
-                self._port.write(self._packed_goals())
+                self._port.write(self._staging.packet())
             else:
-                self._exchange.send(self._packed_goals(), now)
+                self._exchange.send(self._staging.packet(), now)
         except DriverError as err:
             self._lose(err)
 
@@ -299,8 +287,7 @@ class DynamixelDriver:
             )
         if not self._on:
             return
-        for (goals, place, counts, limit), command in zip(self._staged, commands, strict=True):
-            goals.put(place, counts(command, limit))
+        self._staging.put(commands)
 
     def faults(self) -> Sequence[Fault]:
         """Return what servos and line have reported since the last call."""
@@ -329,9 +316,9 @@ class DynamixelDriver:
         if self._lost:
             self.notes.append(f"bus {self._bus.name}: torque was not switched off: {self._lost}")
             return
-        self._zero_goals()
+        self._staging.zero()
         try:
-            port.write(self._packed_goals() + self._torque(0))
+            port.write(self._staging.packet() + self._torque(0))
             for servo in self._servos:
                 self._switch_off(servo)
         except DriverError as err:
@@ -363,14 +350,6 @@ class DynamixelDriver:
             port.close()
 
     # -- parts ------------------------------------------------------------------------------
-
-    def _packed_goals(self) -> bytes:
-        goals = self._goals
-        return goals[0].packet() if len(goals) == 1 else b"".join(g.packet() for g in goals)
-
-    def _zero_goals(self) -> None:
-        for goals, place, _, _ in self._staged:
-            goals.put(place, 0)
 
     def _torque(self, on: int) -> bytes:
         pairs = [(device_id, bytes((on,))) for device_id in self._ids]

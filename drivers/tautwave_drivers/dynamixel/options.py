@@ -9,6 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.errors import ConfigError
+from tautwave_drivers.dynamixel.protocol import registers as reg
 from tautwave_drivers.dynamixel.protocol.models import MODELS, Model
 
 STRICT = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
@@ -104,6 +105,14 @@ class Servo(NamedTuple):
         return self.axis.causality == "impedance"
 
     @property
+    def mode(self) -> int:
+        """Operating mode that its commands need; with a current, positions hold no harder."""
+        if self.axis.takes_position:
+            limited = self.model.current_unit > 0.0
+            return reg.CURRENT_POSITION_MODE if limited else reg.POSITION_MODE
+        return reg.CURRENT_MODE if self.impedance else reg.VELOCITY_MODE
+
+    @property
     def torque_constant(self) -> float:
         """[N m/A] At the horn."""
         given = self.options.torque_constant
@@ -180,7 +189,8 @@ def _refusal(
     if axis.causality == "impedance" and model.current_unit == 0.0:
         return where + (
             f"a {model.name} has no current control, so it cannot take effort; make the axis "
-            "causality: admittance, or use an XL330, XC330, XM, XH, XD or XW servo"
+            "causality: admittance, perhaps with a follower, or use an XL330, XC330, XM, XH, XD "
+            "or XW servo"
         )
     known = servo.torque_constant or model.torque_constant
     if known == 0.0:

@@ -22,7 +22,11 @@ def _facts(options: DynamixelOptions, bus: BusSpec) -> Sequence[AxisFacts]:
     for servo in servos:
         scale = scale_of(servo)
         velocity = 0.0 if servo.impedance else scale.velocity
-        facts.append(AxisFacts(scale.position, scale.effort, velocity))
+        facts.append(
+            AxisFacts(scale.position)
+            if servo.axis.takes_position
+            else AxisFacts(scale.position, scale.effort, velocity)
+        )
     return facts
 
 
@@ -50,4 +54,5 @@ plugin = DriverPlugin(
     measure=_measure,
     endpoint=_endpoint,
     survey=survey,
+    positions=True,
 )

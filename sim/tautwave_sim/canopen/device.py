@@ -235,7 +235,7 @@ class Device:
 
     def _note_reported(self) -> None:
         if self.drive.machine.state is State.ENABLED:
-            self.drive.told_enabled = True
+            self.drive.reported_enabled = True
 
     # -- frames ---------------------------------------------------------------------------
 

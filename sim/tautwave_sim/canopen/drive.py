@@ -50,7 +50,7 @@ class Drive:
         self.voltage = True
         self.changed = False
         """Whether there is a command or event that the motor has not seen yet."""
-        self.told_enabled = False
+        self.reported_enabled = False
         """Whether the master knows, since power-on, that it is enabled."""
         self._quirks = quirks
         self._report = report
@@ -91,7 +91,7 @@ class Drive:
         self._word, self._next_mode = 0, None
         self._homed = self._homing_failed = self._mode_lost = False
         self._acknowledged = self._was_on = False
-        self.told_enabled = False
+        self.reported_enabled = False
         self.changed = True
         if self._quirks.starts_in_fault:
             self.fail(self._quirks.fault_code)

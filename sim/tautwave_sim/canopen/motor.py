@@ -103,7 +103,7 @@ class Motor:
         """What homing has set position 0 to [counts]."""
         self.torque_counts = 0
         """What acts on an impedance axis."""
-        self.velocity_told = 0.0
+        self.velocity_reported = 0.0
         self.valid = True
         """Whether this slot's sample is there to be sent."""
         self._measured: float | None = None
@@ -166,7 +166,7 @@ class Motor:
 
     def drive_velocity(self, velocity: float) -> None:
         """Let a servo follow a velocity [rad/s or m/s]."""
-        self.velocity_told = velocity
+        self.velocity_reported = velocity
         self.axis.change(velocity, self.share)
 
     def position_of(self, counts: int) -> float:

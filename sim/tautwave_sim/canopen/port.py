@@ -42,7 +42,7 @@ class MasterPort:
         self._depth = depth
         self._inbox: deque[Received] = deque(maxlen=INBOX)
         self._port = world.medium.port(self._take, depth, recovers=False)
-        self._told = "active"
+        self._reported = "active"
 
     def _take(self, now_ns: int, can_id: int, data: bytes) -> None:
         self._inbox.append((can_id, data, now_ns))
@@ -55,9 +55,9 @@ class MasterPort:
 
     def _send_error_frames(self) -> None:
         state = self._port.error_state
-        if state == self._told:
+        if state == self._reported:
             return
-        self._told = state
+        self._reported = state
         kind = BUS_OFF if state == "off" else CONTROLLER
         status = {"off": 0, "passive": TX_PASSIVE, "active": ACTIVE}[state]
         count = min(self._port.errors, 0xFF)

@@ -171,7 +171,7 @@ class DriveBus:
         """Return whether a drive is enabled, and has said so where it sends by its own timer."""
         return any(
             device.drive.machine.state is State.ENABLED
-            and (self._sync or device.drive.told_enabled)
+            and (self._sync or device.drive.reported_enabled)
             for device in self.devices
         )
 
@@ -201,7 +201,7 @@ class DriveBus:
             return
         working = [device for device in self.devices if device.nmt is Nmt.OPERATIONAL]
         in_hand = any(motor.axis.in_hand for motor in self._motors)
-        if in_hand or (working and all(device.drive.told_enabled for device in working)):
+        if in_hand or (working and all(device.drive.reported_enabled for device in working)):
             self._begin(now_ns)
 
     def _act(self, at: int, now_ns: int) -> None:

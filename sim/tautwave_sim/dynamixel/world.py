@@ -139,6 +139,8 @@ def _registers(
         current = any(item.name == "Goal Current" for item in model.items)
         impedance = spec.causality == "impedance" and current
         registers["Operating Mode"] = 0 if impedance else 1
+        if spec.takes_position:
+            registers["Operating Mode"] = 5 if current else 3
         if given.current_limit is not None and current:
             registers["Current Limit"] = round(given.current_limit / model.current_unit_a)
     return registers

@@ -99,14 +99,14 @@ class DriveBus:
             if commanding:
                 since = now_ns - drive.origin_ns
                 slot = drive.base + (since + self._period_ns // 2) // self._period_ns
-                drive.told_ns, drive.told_slot = now_ns, slot
+                drive.reported_ns, drive.reported_slot = now_ns, slot
             else:
-                slot = drive.told_slot + (now_ns - drive.told_ns) // self._period_ns
+                slot = drive.reported_slot + (now_ns - drive.reported_ns) // self._period_ns
             self._pass(slot, now_ns)
         drive.settle(now_ns)
         if drive.origin_ns is None and (drive.motor.axis.in_hand or (drive.on and commanding)):
-            drive.origin_ns = drive.told_ns = now_ns
-            drive.base = drive.told_slot = self._slot
+            drive.origin_ns = drive.reported_ns = now_ns
+            drive.base = drive.reported_slot = self._slot
             drive.motor.free = True
             drive.latch()
             if self._began_ns is None:

@@ -70,9 +70,9 @@ class Drive:
         """First exchange since it is on; from then on its slots follow time."""
         self.base = 0
         """Slot of the bus at that time."""
-        self.told_ns = 0
+        self.reported_ns = 0
         """Last command."""
-        self.told_slot = 0
+        self.reported_slot = 0
         self.now_ns = 0
         self.wear: dict[str, int] = {}
         """Writes to EEPROM by register."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from tautwave.bench.buses import buses
 from tautwave.bench.compensation import compensation
 from tautwave.bench.couplings.frontier_suite import frontier_suite
+from tautwave.bench.couplings.long_delays import long_delays
 from tautwave.bench.couplings.suite import couplings
 from tautwave.bench.extremes.suite import extremes
 from tautwave.bench.lines.suite import network
@@ -32,6 +33,7 @@ __all__ = [
     "lanes",
     "laws",
     "link",
+    "long_delays",
     "loop",
     "network",
     "networks",

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from tautwave.laws.admittance import admittance_params, admittance_velocity
 from tautwave.laws.coupler import coupler_effort
 from tautwave.laws.limit import LimitParams, guard_axis, limit_effort, share_effort
 from tautwave.laws.observer import observe, observer_params
 from tautwave.laws.port import port_close, port_effort, port_params
+from tautwave.laws.servo.admittance import admittance_params, admittance_velocity
 from tautwave.laws.site import SiteParams, limit_site, limit_velocity, render_wall
 from tautwave.laws.velocity import track_velocity
 from tautwave.laws.wall import WallParams, control_wall, wall_depth, wall_effort, wall_loss

@@ -1,4 +1,4 @@
-"""Friction off the hand: how much lighter it gets, and whether it ever gives more than is taken."""
+"""Friction and inertia off the hand: how much lighter it gets, and whether more is ever given."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tautwave.bench.inertia import inertia_tables
 from tautwave.bench.port.rigs import IMPOSED, bench_rig
 from tautwave.bench.result import Goal, Suite, Table, Value
 from tautwave.laws.compensation import CompensationParams, compensation_effort
@@ -113,7 +114,7 @@ def surplus(seed: int, gain: float) -> float:
 
 
 def compensation(*, runs: int, first: int, tell: Tell) -> Suite:
-    """Measure friction compensation: free motion by share, and random runs against the friction.
+    """Measure what is taken off: free motion by share, random runs against friction and account.
 
     Parameters
     ----------
@@ -147,6 +148,8 @@ def compensation(*, runs: int, first: int, tell: Tell) -> Suite:
     stated = 2.0 * 0.8 * CERTAIN
     fallen = (bare.drag - found[0.8].drag) / stated
     closer = (bare.error - found[0.8].error) / (0.5 * stated / 25.4)
+    tell("inertia")
+    lighter, goals = inertia_tables(runs, first)
     return Suite(
         "compensation",
         [
@@ -167,11 +170,13 @@ def compensation(*, runs: int, first: int, tell: Tell) -> Suite:
                 ("effort", "runs", "with a surplus", "greatest_uJ"),
                 random,
             ),
+            *lighter,
         ],
         [
             Goal("runs with a surplus", 0.0, "", float(beyond[0])),
             Goal("runs with a surplus at 1.2 times", 1.0, "", float(beyond[1]), at_least=True),
             Goal("drag: less over stated, off 1, at 0.8", 0.1, "", abs(fallen - 1.0)),
             Goal("error: less over stated, off 1, at 0.8", 0.1, "", abs(closer - 1.0)),
+            *goals,
         ],
     )  # fmt: skip

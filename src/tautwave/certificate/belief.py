@@ -85,8 +85,11 @@ def stated_contact(rig: Rig, axis_name: str) -> Contact | None:
 
 
 def drive_lag(rig: Rig, axis_name: str) -> float | None:
-    """Return the velocity lag [s] that a simulation states for an admittance axis, else None."""
-    if rig.simulation is None:
+    """Return the velocity lag [s] that a simulation states for an admittance axis, else None.
+
+    A follower's goal has none.
+    """
+    if rig.simulation is None or rig.axes[axis_name].follower is not None:
         return None
     return simulation_of(rig, axis_name).velocity_time_constant_s
 

@@ -1,11 +1,12 @@
-"""Verdicts of drivers that have laws of their own between axes and motors."""
+"""Verdicts on what stands outside of couplings: drivers with laws of their own, and policies."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from tautwave.certificate.belief import stated_hand
 from tautwave.certificate.data import Element, Verdict
-from tautwave.config import Rig, bus_spec
+from tautwave.config import Policy, Rig, bus_spec
 from tautwave.registry import load_driver
 from tautwave.types import CommandDelay
 
@@ -31,3 +32,27 @@ def bus_elements(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Eleme
                 found.numbers,
                 (found.sentence,),
             )
+
+
+def policy_elements(rig: Rig) -> Iterator[Element]:
+    """Yield what is known of hands that a policy leads."""
+    hands = {} if rig.simulation is None else rig.simulation.hand
+    for name, hand in hands.items():
+        keys = getattr(hand, "reference", None)
+        if not isinstance(keys, Policy):
+            continue
+        effort, place = ("N m", "rad") if rig.master.axes[name].kind == "rotary" else ("N", "m")
+        held = stated_hand(rig, name).hand
+        power = (keys.effort_limit + held.damping * keys.velocity_limit) * keys.velocity_limit
+        sentence = (
+            f"policy of {name}: a hand of {held.stiffness:.4g} {effort}/{place} and "
+            f"{held.damping:.3g} {effort} s/{place} follows its actions, no faster than "
+            f"{keys.velocity_limit:g} {place}/s, its spring with at most {keys.effort_limit:g} "
+            f"{effort}: up to {power:.3g} W. The coupling is certified with any such hand; what "
+            f"the policy wants is not. Without an action for {3e3 / keys.fps:.3g} ms the rig holds."
+        )
+        unknown = f"the actions for {name} are a policy's, of which nothing is known"
+        verdict = Verdict(True, sentence, (unknown,))
+        numbers = {**keys.model_dump(exclude={"type"}), "power_w": power}
+        axis = f"master.{name}"
+        yield Element(f"policy of {name}", "policy", axis, verdict, verdict, numbers, (sentence,))

@@ -1,18 +1,32 @@
-"""How the friction of the devices is spent: what is compensated is no longer there for others."""
+"""How friction and inertia of the devices are spent: what is taken off is not there for others."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
-from tautwave.certificate.belief import assumed, broken_coulomb, broken_damping
-from tautwave.certificate.data import Element, Verdict
+from tautwave.analysis.claim import Claim, joules
+from tautwave.certificate.belief import (
+    assumed,
+    broken_coulomb,
+    broken_damping,
+    broken_delay,
+    broken_inertia,
+)
+from tautwave.certificate.data import Element, PairLoop, Verdict
 from tautwave.config import Axis, Rig
+from tautwave.models.noise_colour import greatest_spectrum
+from tautwave.rig import axis_params
+from tautwave.types import CommandDelay
+
+Delays = Mapping[str, CommandDelay]
 
 
 def spent_coulomb(rig: Rig, axis_name: str) -> float:
     """Return the Coulomb friction that is compensated [N m or N]."""
     axis = rig.axes[axis_name]
-    return 0.0 if axis.compensation is None else axis.compensation.coulomb * axis.coulomb.lower
+    if axis.compensation is None:
+        return 0.0
+    return (axis.compensation.coulomb + axis.compensation.inertia_coulomb) * axis.coulomb.lower
 
 
 def left_of_friction(rig: Rig) -> Rig:
@@ -41,7 +55,7 @@ def compensation_elements(rig: Rig) -> Iterator[Element]:
     """Yield the compensation of each axis, with the budget of its friction."""
     for name, axis in rig.axes.items():
         keys = axis.compensation
-        if keys is None:
+        if keys is None or not keys.friction:
             continue
         coulomb, viscous = keys.coulomb * axis.coulomb.lower, keys.viscous * axis.damping.lower
         effort, damping = ("N m", "N m s/rad") if axis.kind == "rotary" else ("N", "N s/m")
@@ -63,3 +77,88 @@ def compensation_elements(rig: Rig) -> Iterator[Element]:
             "holds": "by proof",
         }
         yield Element(head, "compensation", name, verdict, verdict, numbers, (verdict.reason,))
+
+
+def inertia_claim(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
+    """Return what taking inertia off an axis may give out, or the key without which nothing is."""
+    axis = rig.axes[axis_name]
+    assert axis.inertia is not None
+    for key in ("velocity_limit", "effort_rate_limit"):
+        if getattr(axis, key) is None:
+            return key
+    known = axis_params(rig, axis_name, delays[axis_name], 0)
+    own, velocity = known.site.inertia, axis.velocity_limit or 0.0
+    return Claim(
+        reserve=0.5 * (own.account.reserve + own.account.debt),
+        leak=0.0,
+        feigned=0.0,
+        effort=own.most,
+        rate=axis.effort_rate_limit or 0.0,
+        velocity=velocity,
+        wall=0.0,
+        period=known.site.period,
+        blind=known.delay + known.late + rig.loop.missing_limit + rig.overrun_limit,
+        mass=axis.inertia.lower,
+        deviation=axis.position_noise,
+        peak=greatest_spectrum(axis.position_noise_autocorrelation),
+        quantum=axis.encoder_quantum,
+        nonlinearity=axis.encoder_nonlinearity,
+        stop_damping=0.0,
+        release=0.0,
+        kinetic=0.5 * axis.inertia.value * velocity**2,
+    )
+
+
+def inertia_elements(rig: Rig, delays: Delays) -> Iterator[Element]:
+    """Yield what takes inertia off each axis, with the budget of its inertia."""
+    for name, axis in rig.axes.items():
+        keys = axis.compensation
+        if keys is None or keys.inertia == 0.0:
+            continue
+        assert axis.inertia is not None
+        head = f"inertia of {name}"
+        claim = inertia_claim(rig, name, delays)
+        if isinstance(claim, str):
+            verdict = Verdict(False, f"{head}: nothing bounds what it may give out; give {claim}")
+            yield Element(head, "inertia", name, verdict, verdict, {}, (verdict.reason,))
+            continue
+        taken, paying = keys.inertia * axis.inertia.lower, keys.inertia_coulomb * axis.coulomb.lower
+        mass, effort = ("kg m^2", "N m") if axis.kind == "rotary" else ("kg", "N")
+        reason = (
+            f"{head}: passive by account: {taken:.3g} of {axis.inertia.lower:.3g} {mass} are taken "
+            f"off below {keys.inertia_hz:g} Hz, which gives out at most "
+            f"{joules(claim.seen(rig.claimed_s))} as its encoder sees it beyond what {paying:.3g} "
+            f"of {axis.coulomb.lower:.3g} {effort} of friction take (reserve "
+            f"{joules(2.0 * claim.reserve)}, {joules(claim.under_way)} under way)."
+        )
+        conditions = assumed(axis, name, inertia=True, coulomb=paying > 0.0)
+        conditions.append(f"what a port at {name} returns is stated of all of its inertia")
+        verdict = Verdict(True, reason, tuple(conditions))
+        broken = [broken_inertia(rig, name), broken_delay(rig, name, delays[name])]
+        broken.append(broken_coulomb(rig, name) if paying > 0.0 else None)
+        for text in broken:
+            if text is not None:
+                verdict = Verdict(False, f"{head}: {text}")
+        numbers = {
+            **claim._asdict(),
+            "inertia": [taken, axis.inertia.lower],
+            "coulomb": [paying, axis.coulomb.lower],
+            "holds": "by account",
+            "seen_j": claim.seen(rig.claimed_s),
+            "true_j": claim.true(rig.claimed_s),
+        }
+        yield Element(head, "inertia", name, verdict, verdict, numbers, (verdict.reason,))
+
+
+def lightened_loop(rig: Rig, loop: PairLoop) -> PairLoop:
+    """Return a pair's stability, of which nothing is claimed where inertia is taken off."""
+    for side in rig.own_sides:
+        keys = rig.axes[f"{side}.{loop.pair}"].compensation
+        if keys is not None and keys.inertia > 0.0:
+            reason = (
+                f"pair {loop.pair}: nothing is claimed of its stability, because inertia is taken "
+                f"off {side}.{loop.pair}: the linear model has none of that. If it swings, lower "
+                f"inertia_hz ({keys.inertia_hz:g}); the account bounds it"
+            )
+            return loop._replace(verdict=Verdict(False, reason))
+    return loop

@@ -232,6 +232,10 @@ def believed_end(
         ends = end_constants(rig, axis_name, delay)
         mass = _hand_mass(rig, axis_name, contact)
         outside = Outside(held.stiffness, held.damping, mass, drive_lag(rig, axis_name) or 0.0)
+        if axis.follower is not None:
+            outside = Outside(
+                held.stiffness, spring=axis.follower.stiffness, behind=axis.follower.lag_s
+            )
         return admittance_end(
             outside,
             ends.port,

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from tautwave.certificate.belief import declared_delays
-from tautwave.certificate.buses import bus_elements
+from tautwave.certificate.buses import bus_elements, policy_elements
 from tautwave.certificate.compensation import (
     compensation_elements,
+    inertia_elements,
     left_of_friction,
+    lightened_loop,
     spent_coulomb,
 )
 from tautwave.certificate.couplings import coupling_verdict
@@ -65,16 +67,21 @@ def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certific
         )
 
         return scene_certificate(rig, delays, PASSES)
-    compensations = tuple(compensation_elements(rig))
+    compensations = (*compensation_elements(rig), *inertia_elements(rig, delays))
     rig = left_of_friction(rig)
     friction = {name: left - spent_coulomb(rig, name) for name, left in friction.items()}
     rig, walls = derate_walls(rig, delays, friction)
     asked = {axis: wall["asked_stiffness"] for axis, wall in walls.items()}
     own = tuple(e for e in compensations if e.axis not in rig.axes or e.axis in rig.own_axes)
-    elements = (*_elements(rig, delays, friction, asked), *own, *bus_elements(rig, delays))
+    elements = (
+        *_elements(rig, delays, friction, asked),
+        *own,
+        *bus_elements(rig, delays),
+        *policy_elements(rig),
+    )
     # Of a half the other end is not known, and neither is the network.
     whole = rig.coupling.pairs if rig.site is None else ()
-    loops = tuple(pair_loop(rig, name, delays) for name in whole)
+    loops = tuple(lightened_loop(rig, pair_loop(rig, name, delays)) for name in whole)
     verdicts = {
         "passive": join_verdicts([e.passive for e in elements], PASSES["passive"]),
         "passive_quantised": join_verdicts(

@@ -315,6 +315,11 @@ def view(duration: float, as_json: bool) -> None:
     help="Error over motor noise instead: settings of each coupling on every recorded hand, a "
     "figure, and the laboratory's points in it.",
 )
+@click.option(
+    "--delays",
+    is_flag=True,
+    help="Delays of 0.2 to 0.5 s instead: what a hand feels of a free, a soft and a rigid slave.",
+)
 @click.option("--quick", is_flag=True, help="With --frontier: one hand each, two settings.")
 @out_option("Directory for the figure of --frontier; default: none.")
 @json_option
@@ -324,6 +329,7 @@ def couplings(
     hand: Path | None,
     recordings: Path | None,
     frontier: bool,
+    delays: bool,
     quick: bool,
     out: Path | None,
     as_json: bool,
@@ -338,7 +344,11 @@ def couplings(
         tautwave bench couplings --rigs 200
         tautwave bench couplings --rigs 10000 --hand hand_reference.csv
         tautwave bench couplings --frontier --recordings teleop-1dof --out pictures
+        tautwave bench couplings --delays
     """
+    if delays:
+        print_suites([_backend().long_delays(tell=_tell)], as_json)
+        return
     if frontier:
         suite = _backend().frontier_suite(recordings=recordings, quick=quick, out=out, tell=_tell)
         print_suites([suite], as_json)
@@ -349,14 +359,14 @@ def couplings(
     print_suites([suite], as_json)
 
 
-@bench.command(short_help="Friction taken off the hand: how much lighter, and never more.")
+@bench.command(short_help="Friction and inertia off the hand: how much lighter, never more.")
 @click.option("--runs", type=click.IntRange(0), default=1000, show_default=True)
 @click.option(
     "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first run."
 )
 @json_option
 def compensation(runs: int, first: int, as_json: bool) -> None:
-    """Measure free motion by share of friction taken off, and random runs against the friction.
+    """Measure free motion by share of friction and inertia taken off, and random runs against it.
 
     \b
     Examples:

@@ -21,9 +21,9 @@ from tautwave.errors import TautwaveError, WritingError
 from tautwave.files import create, reason
 
 COMMANDS = (
-    "example", "new", "calibrate", "accept", "doctor", "run", "trials", "view", "check", "sim",
-    "scan", "sweep", "identify", "report", "export", "drivers", "bench", "reproduce", "compile",
-    "keys", "link",
+    "example", "new", "calibrate", "accept", "doctor", "run", "trials", "view", "ros", "check",
+    "sim", "scan", "sweep", "identify", "report", "export", "drivers", "bench", "reproduce",
+    "compile", "keys", "link",
 )  # fmt: skip
 MODULES = {
     "keys": "sites",
@@ -33,6 +33,7 @@ MODULES = {
     "doctor": "rigs.doctor",
     "export": "rigs.export",
     "view": "rigs.view",
+    "ros": "rigs.ros",
     "trials": "rigs.trials",
     "accept": "rigs.accept",
 }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import click
 
 from tautwave.cli.options import (
     PATH,
+    clock_option,
     echo_json,
     json_option,
     out_option,
@@ -72,13 +72,7 @@ _NOT_NOISE = (
     metavar="S",
     help="RIG: excitation time [s]; default 12.",
 )
-@click.option(
-    "--clock",
-    type=click.Choice(["real", "fake"]),
-    default="real",
-    show_default=True,
-    help="RIG: as for run.",
-)
+@clock_option("RIG: as for run.")
 @click.option(
     "--share",
     type=click.FloatRange(0.0, 1.0, min_open=True),
@@ -183,7 +177,7 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
 
 def _noise(source: Path, rig: bool, options: Mapping[str, Any]) -> None:
     from tautwave.cli.run import fresh_directory
-    from tautwave.cli.terminal.progress import Progress
+    from tautwave.cli.terminal.moving import moved
     from tautwave.cli.terminal.show import show
     from tautwave.report.figures.identification import noise_figure, write_figure
     from tautwave.report.units import axis_units
@@ -193,27 +187,10 @@ def _noise(source: Path, rig: bool, options: Mapping[str, Any]) -> None:
     axis = options["axis"]
     if rig:
         from tautwave.config import load_rig
-        from tautwave.session import describe_ways
 
         loaded = load_rig(source, options["overrides"])
-        ways = {name: options[name] for name in ("clock", "simulate", "attach")}
-        for sentence in describe_ways(loaded, **ways):
-            click.echo(sentence, err=options["as_json"])
-        directory = fresh_directory(options["out"], f"identify-{loaded.name}")
-        try:
-            with Progress("standing still") as progress:
-                result = identify_still(
-                    loaded,
-                    axis=axis,
-                    out=directory,
-                    duration_s=options["duration"],
-                    allow_uncertified=options["allow_uncertified"],
-                    progress=progress,
-                    **ways,
-                )
-        finally:
-            with suppress(OSError):
-                directory.rmdir()
+        with moved(loaded, options, "standing still") as (directory, given):
+            result = identify_still(loaded, axis=axis, **given)
     else:
         names = ("position", "time", "begin_s", "end_s")
         result = identify_noise(source, axis=axis, **{name: options[name] for name in names})
@@ -231,39 +208,19 @@ def _noise(source: Path, rig: bool, options: Mapping[str, Any]) -> None:
 
 
 def _device(source: Path, options: Mapping[str, Any]) -> None:
-    from tautwave.cli.run import fresh_directory
-    from tautwave.cli.terminal.progress import Progress
+    from tautwave.cli.terminal.moving import moved
     from tautwave.cli.terminal.show import show
     from tautwave.config import load_rig
     from tautwave.report.units import axis_units
 
     loaded = load_rig(source, options["overrides"])
-    from tautwave.session import describe_ways
     from tautwave.session.identification.identifying import axis_to_identify, identify_device
 
     axis = axis_to_identify(loaded, options["axis"])
-    ways = {name: options[name] for name in ("clock", "simulate", "attach")}
-    for sentence in describe_ways(loaded, **ways):
-        click.echo(sentence, err=options["as_json"])
-    directory = fresh_directory(options["out"], f"identify-{loaded.name}")
-    try:
-        with Progress(axis) as progress:
-            result = identify_device(
-                loaded,
-                axis=axis,
-                out=directory,
-                clock=options["clock"],
-                duration_s=options["duration"],
-                share=options["share"],
-                reach=options["reach"],
-                allow_uncertified=options["allow_uncertified"],
-                simulate=options["simulate"],
-                attach=options["attach"],
-                progress=progress,
-            )
-    finally:
-        with suppress(OSError):
-            directory.rmdir()  # removes it only if empty: a refused rig leaves nothing
+    with moved(loaded, options, axis) as (directory, given):
+        result = identify_device(
+            loaded, axis=axis, share=options["share"], reach=options["reach"], **given
+        )
     from tautwave.report.figures.identification import device_figure, write_figure
 
     units = axis_units(result.kind)

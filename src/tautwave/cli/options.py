@@ -52,6 +52,29 @@ simulate_option = click.option(
     " channel); may be repeated. Without a name: every bus. Behind RIG.",
 )
 
+
+def clock_option(text: str = "As for run.") -> Callable[[Any], Any]:
+    """`--clock` with its own help text."""
+    return click.option(
+        "--clock",
+        type=click.Choice(["real", "fake"]),
+        default="real",
+        show_default=True,
+        help=text,
+    )
+
+
+def as_for_run(*names: str) -> Callable[[Any], Any]:
+    """Flags that mean what they mean for run."""
+
+    def add(command: Any) -> Any:
+        for name in reversed(names):
+            command = click.option(name, is_flag=True, help="As for run.")(command)
+        return command
+
+    return add
+
+
 site_option = click.option(
     "--site",
     type=click.Choice(["master", "slave"]),

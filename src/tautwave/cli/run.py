@@ -14,6 +14,7 @@ import click
 from tautwave.cli.group import EXIT_CODES, Commands, command_line
 from tautwave.cli.options import (
     at_site,
+    clock_option,
     out_option,
     positive,
     rig_argument,
@@ -36,13 +37,7 @@ from tautwave.runtime.interrupts import interrupts
     help="Duration of the run [s]; default: from the rig.",
 )
 @out_option("Output directory, new or empty; default: runs/NAME-DATE-TIME (UTC).")
-@click.option(
-    "--clock",
-    type=click.Choice(["real", "fake"]),
-    default="real",
-    show_default=True,
-    help="real: real time; fake: as fast as possible, reproducible, no devices.",
-)
+@clock_option("real: real time; fake: as fast as possible, reproducible, no devices.")
 @set_option
 @site_option
 @click.option("--allow-uncertified", is_flag=True, help="Run a rig that is not certified.")

@@ -42,7 +42,8 @@ def take_calibration(document: Document) -> None:
         path = (side, "axes", axis)
         if not isinstance(document.get(path), dict):
             document.report(
-                ("calibration",), f"{name} is calibrated, but the rig has no such axis: calibrate"
+                ("calibration",),
+                f"it has an axis {name}, the rig does not; run tautwave calibrate again",
             )
         elif isinstance(found, dict):
             _take(document, found, path)
@@ -55,7 +56,10 @@ def _read(document: Document, block: dict[str, Any]) -> Any:
     try:
         text = read_guarded(path, "calibration", LARGEST)
         found = parse_yaml(text)
-    except (ConfigError, SyntaxProblem) as err:
+    except SyntaxProblem as err:
+        document.report(where, f"{path}:{err.line}: {err}; run tautwave calibrate again")
+        return None
+    except ConfigError as err:
         document.report(where, f"{err}; run tautwave calibrate")
         return None
     if digest(text) != block.get("sha256"):
@@ -67,7 +71,9 @@ def _read(document: Document, block: dict[str, Any]) -> Any:
         return None
     axes = found.value.get("axes") if isinstance(found.value, dict) else None
     if found.problems or not isinstance(axes, dict):
-        document.report(where, f"{path}: has no `axes`; run tautwave calibrate again")
+        problem = next(iter(found.problems), None)
+        what = "has no `axes`" if problem is None else f"line {problem.mark.line}: {problem.text}"
+        document.report(where, f"{path}: {what}; run tautwave calibrate again")
         return None
     return axes
 

@@ -211,11 +211,15 @@ def _complete_axis(
     for key in ("encoder_quantum", "position_noise") if imposed else ():
         if given is None or getattr(given, key) is None:
             truth[key] = 0.0  # the recording has its own
-    if rig.axes[name].causality == "impedance":
-        del truth["velocity_time_constant_s"]
+    unused = ["servo_stiffness", "servo_damping"]
+    if rig.axes[name].follower is not None:
+        unused = ["velocity_time_constant_s"]
+    elif rig.axes[name].causality == "impedance":
+        unused += ["velocity_time_constant_s"]
     else:
-        for key in ("inertia", "damping", "coulomb"):
-            del truth[key]
+        unused += ["inertia", "damping", "coulomb"]
+    for key in unused:
+        del truth[key]
     return AxisSimulation(**truth)
 
 

@@ -10,16 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import MutableSequence
 
-from tautwave.controller.records import AxisParams, AxisState, Sample
+from tautwave.controller.braking import brake_axis, fade_axis, stop_axis, stop_coupled
+from tautwave.controller.inertia import close_inertia, lighten, start_inertia
+from tautwave.controller.records import PIPE, TAG, AxisParams, AxisState, Sample
 from tautwave.controller.steps import Steps
 from tautwave.laws.compensation import compensation_effort
 from tautwave.laws.limit import (
     NOT_A_NUMBER,
     UNSEEN,
-    clamp,
     guard_axis,
     limit_effort,
-    stop_effort,
 )
 from tautwave.laws.site import held_effort, limit_site, limit_velocity, render_wall, wall_ahead
 from tautwave.laws.velocity import track_velocity
@@ -65,6 +65,7 @@ def start_axis(s: AxisState, p: AxisParams, position: float, outside: float) -> 
     s.wall_dissipated = 0.0
     s.wall_contact_energy = 0.0
     s.help_absorbed = 0.0
+    start_inertia(s, p)
 
 
 def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float], steps: Steps) -> None:
@@ -73,16 +74,19 @@ def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float], steps:
     port = s.port_effort
     wall = s.wall_effort
     tag = s.tag
+    lift = s.inertia.effort
     if p.delay > 0:
-        at = p.pipe + 4 * s.head
+        at = p.pipe + PIPE * s.head
         total = table[at]
         port = table[at + 1]
         wall = table[at + 2]
-        tag = table[at + 3]
+        tag = table[at + TAG]
+        lift = table[at + 4]
         table[at] = s.total
         table[at + 1] = s.port_effort
         table[at + 2] = s.wall_effort
-        table[at + 3] = s.tag
+        table[at + TAG] = s.tag
+        table[at + 4] = s.inertia.effort
         s.head += 1
         if s.head == p.delay:
             s.head = 0
@@ -97,16 +101,20 @@ def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float], steps:
         last_total = s.acted_total
         last_port = s.acted_port
         last_wall = s.acted_wall
+        last_lift = s.inertia.acted
         s.acted_total = total
         s.acted_port = port
         s.acted_wall = wall
+        s.inertia.acted = lift
         s.spread += math.fabs(total - last_total)
         total = late * last_total + early * total
         port = late * last_port + early * port
         wall = late * last_wall + early * wall
+        lift = late * last_lift + early * lift
     s.effort_sum += total
     s.port_sum += port
     s.wall_sum += wall
+    s.inertia.sum += lift
     s.count += 1
     steps.act(s, p, tag)
 
@@ -172,10 +180,13 @@ def close_axis(s: AxisState, p: AxisParams, position: float, outside: float, ste
         port = mean - wall
         s.port_effort = port
         energy = mean * displacement
+    lift = 0.0
+    if site.lightens:
+        lift = close_inertia(s, p, displacement, count)
     if site.has_wall or site.compensates:
         s.wall_velocity += site.gain * (displacement / span - s.wall_velocity)
         if site.compensates:
-            s.help_absorbed += (effort - port - wall) * displacement
+            s.help_absorbed += (effort - port - wall - lift) * displacement
         if site.has_wall:
             before = s.depth
             after = wall_depth(site.wall, position)
@@ -206,7 +217,7 @@ def pending_effort(s: AxisState, p: AxisParams, table: MutableSequence[float]) -
         at = s.head + i
         if at >= p.delay:
             at = at - p.delay
-        pending += table[p.pipe + 4 * at]
+        pending += table[p.pipe + PIPE * at]
     return pending
 
 
@@ -247,16 +258,20 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
     if site.compensates:
         support = compensation_effort(site.compensation, s.wall_velocity)
         known = wall + support
+    if site.lightens:
+        lift = lighten(s, p, coast - site.half_mobility * known, ceiling)
+        support = support + lift
+        known = known + lift
     port = steps.think(s, p, coast - site.half_mobility * known)
     if port - port != 0.0:
         s.alarm = NOT_A_NUMBER
     if s.alarm != 0:
         stop_coupled(s, p, ceiling, steps)
         return s.alarm
-    if site.compensates:
+    if site.compensates or site.lightens:
         port = port + support
     total, port, wall, wanted = limit_site(site, wall, port, s.total, ceiling)
-    if site.compensates:
+    if site.compensates or site.lightens:
         port = port - support
     s.asked = wanted
     s.total = total
@@ -284,58 +299,6 @@ def think_velocity(
     s.total = velocity
     s.wall_effort = held_effort(site, push, stiffness, damping, velocity)
     return 0
-
-
-def stop_axis(s: AxisState, p: AxisParams, ceiling: float) -> None:
-    """Replace coupling and wall by the certified damping of a passive stop."""
-    brake_axis(s, p, stop_effort(p.site.limit, s.velocity), ceiling)
-
-
-def stop_coupled(s: AxisState, p: AxisParams, ceiling: float, steps: Steps) -> None:
-    """Stop an axis by as much of its damping as the coupling can answer for."""
-    brake_axis(s, p, steps.brake(s, p, stop_effort(p.site.limit, s.velocity)), ceiling)
-
-
-def brake_axis(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> None:
-    """Send a resisting effort in place of coupling and wall; an admittance axis stands.
-
-    The rate limit counts every slot since the last command: a host that stalls during the ramp
-    holds an effort longer, but the ramp ends when it would have ended.
-    """
-    s.stopping = True
-    total = 0.0
-    s.command = 0.0
-    if p.impedance:
-        slots = s.count
-        if s.valid:
-            slots = s.waited
-        last = s.total
-        total = limit_effort(p.site.limit, effort, last, ceiling)
-        slots = slots - s.ramped - 1
-        while slots > 0 and total != last:
-            last = total
-            total = limit_effort(p.site.limit, effort, last, ceiling)
-            slots = slots - 1
-        s.ramped = 0
-        if not s.valid:
-            s.ramped = s.count
-        s.command = -total
-    s.total = total
-    s.port_effort = total
-    s.wall_effort = 0.0
-
-
-def fade_axis(s: AxisState, p: AxisParams, ceiling: float) -> None:
-    """Bring the command to zero under a falling ceiling, without looking at the axis."""
-    s.stopping = True
-    total = clamp(s.total, ceiling)
-    s.total = total
-    s.port_effort = 0.0
-    s.wall_effort = 0.0
-    s.command = total
-    if p.impedance:
-        s.port_effort = total
-        s.command = -total
 
 
 def render_axis(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from tautwave.laws.site import SiteParams
@@ -19,8 +19,11 @@ LINK = 8
 """Ways in which a run ends: `RunState.kind`."""
 
 
-PIPE = 4
-"""Numbers of a command on its way: total, port, wall, and what the coupling put beside it."""
+PIPE = 5
+"""Numbers of a command on its way: total, port, wall, the coupling's tag, inertia's."""
+
+TAG = 3
+"""Place of the tag among them."""
 
 
 NEVER = 1 << 40
@@ -100,6 +103,30 @@ class AxisParams(NamedTuple):
 
 
 @dataclass(slots=True)
+class InertiaState:
+    """State of what takes inertia off an axis.
+
+    Observed position, velocity and acceleration `push` [rad, rad/s, rad/s**2 or m, ...], and the
+    `play` operator's answer to the samples; `effort` of the present command, `acted` last, `sum`
+    of what acted since the last sample [N m or N]. Books [J]: `funds` in the account, `work` taken
+    from the device, `paid` by its friction, `charged` for noise, `spilled` from a full account.
+    """
+
+    at: float = 0.0
+    velocity: float = 0.0
+    push: float = 0.0
+    play: float = 0.0
+    effort: float = 0.0
+    acted: float = 0.0
+    sum: float = 0.0
+    funds: float = 0.0
+    work: float = 0.0
+    paid: float = 0.0
+    charged: float = 0.0
+    spilled: float = 0.0
+
+
+@dataclass(slots=True)
 class AxisState:
     """State of one axis: motion, wall, what is on its way, and its books [J].
 
@@ -149,6 +176,7 @@ class AxisState:
     allowed: float = 0.0
     valid: bool = False
     stopping: bool = False
+    inertia: InertiaState = field(default_factory=InertiaState)
     end: Any = None
 
 

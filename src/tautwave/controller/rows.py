@@ -34,7 +34,8 @@ def element_names(q: PairParams, p1: AxisParams, p2: AxisParams, law: Law) -> li
     sides = (("master", p1), ("slave", p2))
     walls = [f"wall_{side}" for side, p in sides if p.site.has_wall]
     helps = [f"compensation_{side}" for side, p in sides if p.site.compensates]
-    return [*law.elements(q, p1, p2), *walls, *helps]
+    lifts = [f"inertia_{side}" for side, p in sides if p.site.lightens]
+    return [*law.elements(q, p1, p2), *walls, *helps, *lifts]
 
 
 def pair_columns(name: str, q: PairParams, p1: AxisParams, p2: AxisParams, law: Law) -> list[str]:
@@ -100,6 +101,16 @@ def fill_compensation(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
     return fill_element(out, at, taken, 0.0, taken)
 
 
+def fill_inertia(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write the account of what takes inertia off, if it is there."""
+    if not p.site.lightens:
+        return at
+    e = s.inertia
+    stored = e.funds - p.site.inertia.account.reserve
+    lost = e.spilled + e.charged - e.paid
+    return fill_element(out, at, p.weight * e.work, p.weight * stored, p.weight * lost)
+
+
 def fill_pair(
     out: Row,
     at: int,
@@ -121,4 +132,6 @@ def fill_pair(
     at = fill_wall(out, at, one, p1)
     at = fill_wall(out, at, two, p2)
     at = fill_compensation(out, at, one, p1)
-    return fill_compensation(out, at, two, p2)
+    at = fill_compensation(out, at, two, p2)
+    at = fill_inertia(out, at, one, p1)
+    return fill_inertia(out, at, two, p2)

@@ -16,6 +16,7 @@ from tautwave.controller.records import AxisParams, AxisState, PairParams, PairS
 from tautwave.controller.rows import fill_element
 from tautwave.controller.steps import (
     Guard,
+    Holding,
     Law,
     Steps,
     fill_no_signals,
@@ -65,9 +66,15 @@ def no_spring(q: PairParams, p1: AxisParams, p2: AxisParams) -> float:
     return 0.0
 
 
+def where_it_is(s: AxisState) -> tuple[float, float]:
+    """Show position and velocity."""
+    return s.position, s.velocity
+
+
 law_begin = no_begin
 law_keep = no_close
 law_spring = no_spring
+law_shown = where_it_is
 
 
 def start(
@@ -136,10 +143,8 @@ def see(
     c: PairState, q: PairParams, one: AxisState, two: AxisState, table: MutableSequence[float]
 ) -> None:
     """Pass one slot: each side sees the other, in its own units."""
-    x = one.position
-    y = two.position
-    v = one.velocity
-    w = two.velocity
+    x, v = law_shown(one)
+    y, w = law_shown(two)
     f = one.end.effort
     g = two.end.effort
     n = q.samples
@@ -164,6 +169,9 @@ def see(
     there.far_effort = q.sign * q.force_scale * f
 
 
+law_see = see
+
+
 def engage(
     c: PairState,
     q: PairParams,
@@ -174,7 +182,7 @@ def engage(
     table: MutableSequence[float],
 ) -> None:
     """See each other for the first time."""
-    see(c, q, one, two, table)
+    law_see(c, q, one, two, table)
 
 
 def exchange(
@@ -192,7 +200,7 @@ def exchange(
     """Pass one slot; in one that the loop saw, book the spring."""
     if here:
         book_spring(c, q, one, two, law_spring(q, p1, p2))
-    see(c, q, one, two, table)
+    law_see(c, q, one, two, table)
 
 
 def element_names(q: PairParams, p1: AxisParams, p2: AxisParams) -> Sequence[str]:
@@ -224,6 +232,8 @@ def seen_law(
     begin: Callable[..., None] = no_begin,
     keep: Callable[..., None] = no_close,
     spring: Callable[..., float] = no_spring,
+    shown: Callable[..., tuple[float, float]] = where_it_is,
+    holding: Holding | None = None,
     signals: Sequence[str] = (),
     fill_signals: Callable[..., int] = fill_no_signals,
     guards: dict[int, Guard] | None = None,
@@ -246,15 +256,19 @@ def seen_law(
     spring : callable
         ``spring(q, p1, p2)``: stiffness of the spring whose energy is booked [N m/rad or N/m,
         master units]. Without one the books take all that the devices gave as lost.
-    signals, fill_signals, guards
+    shown : callable
+        ``shown(s)``: what the far side sees as position and velocity, for a law that says something
+        else in their place.
+    holding, signals, fill_signals, guards
         As in `Law`.
     """
     own = {"law_begin": begin, "law_keep": keep, "law_spring": spring}
+    own["law_see"] = bound(see, {"law_shown": shown})
     return Law(
         name=name,
         steps=Steps(
             start=bound(start, own),
-            engage=engage,
+            engage=bound(engage, own),
             close=bound(close, own),
             exchange=bound(exchange, own),
             think=effort,
@@ -268,4 +282,6 @@ def seen_law(
         guards=guards or {},
         rings=RINGS,
         spring=spring,
+        shown=shown,
+        holding=holding,
     )

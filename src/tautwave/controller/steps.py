@@ -142,8 +142,8 @@ class Steps(NamedTuple):
     `here`: a slot that the loop did not see; `due`: this side was read in this slot. `think`:
     return the resisting effort for the next period [N m or N], where `coast` is its mean velocity
     without it [rad/s or m/s]. `move`: return the velocity of an admittance axis, see
-    `laws.admittance`. `brake`: return what may act of the effort that a stop asks for, or holds
-    where there was no sample [N m or N].
+    `laws.servo.admittance`. `brake`: return what may act of the effort that a stop asks for, or
+    holds where there was no sample [N m or N].
 
     `fill_signals` and `fill_elements` write columns and return the next index. `signals` are the
     names of an axis' columns, `elements(q, p1, p2)` those of a pair's elements, three columns each.
@@ -174,13 +174,28 @@ class Guard(NamedTuple):
     detail: str = ""
 
 
+class Holding(NamedTuple):
+    """What a law holds of its own at an end, for an account to cover and keep there.
+
+    `cover(s, p, funds)`: change what is held, of which there may be at most the funds [J];
+    `held(s)`: what that is [J]. The effort's change with the newest sample [N m/rad or N/m] is at
+    most `gain(end, tracker's gain, period)`, and now its `share(s, p)` [1]. The master's is booked.
+    """
+
+    cover: Callable[..., None]
+    held: Callable[..., float]
+    gain: Callable[[Any, float, float], float]
+    share: Callable[..., float]
+
+
 class Law(NamedTuple):
     """A coupling as the controller runs it: its steps, its state, its columns.
 
     `end` and `link` make the state of an axis' end and of a pair: slotted dataclasses of numbers
     with defaults. `guards` are by the code that a step leaves in `alarm`, from `OWN_GUARDS` on.
     `rings`: places of the delay line in the table per slot of delay. `spring`: of a law that
-    `controller.seen` makes, its stiffness for the books; None for any other.
+    `controller.seen` makes, its stiffness for the books, and what a side shows for position and
+    velocity; None for any other. `holding`: of a law that renders something by itself.
     """
 
     name: str = ""
@@ -192,6 +207,8 @@ class Law(NamedTuple):
     guards: dict[int, Guard] = {}  # noqa: RUF012
     rings: int = 4
     spring: Callable[[PairParams, AxisParams, AxisParams], float] | None = None
+    shown: Callable[[AxisState], tuple[float, float]] | None = None
+    holding: Holding | None = None
 
 
 class SiteLaw(NamedTuple):

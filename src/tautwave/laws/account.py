@@ -55,6 +55,12 @@ SENT_SHARE = 0.2
 """Of what stands above its mark, the share that an end sends per period."""
 
 
+COMMANDS_UNDER_WAY = 3.0
+"""Each command under way may plan to give this share's inverse, over their number, of the funds:
+each sees an account that the others have not yet drawn on. Below e, the account could go negative.
+"""
+
+
 class AccountParams(NamedTuple):
     """Constants of one end's account, in its device's own units.
 
@@ -79,6 +85,11 @@ class AccountParams(NamedTuple):
     level_damping: float
     edge: float
     quantum: float
+
+
+def planned_share(late: int) -> float:
+    """Return the share of the funds that a command may plan to give, `late` periods ahead [1]."""
+    return 1.0 if late == 0 else 1.0 / (COMMANDS_UNDER_WAY * (1 + late))
 
 
 def gate_bounds(

@@ -294,6 +294,20 @@ def port_close(
     return leaving, account, gap, filtered, income - sent, dissipated, spilled
 
 
+def port_repeat(
+    p: PortParams, account: float, gap: float, filtered: float
+) -> tuple[float, float, float]:
+    """Repeat the wave of the last sample in a slot without one: (wave, account, gap).
+
+    Paid in full now, and out of a positive account like every wave; the displacement that comes
+    with the next sample is for all its slots, so what was sent for them is taken off the gap.
+    """
+    energy = p.half_period * filtered * filtered
+    if not energy <= account:  # NaN is not
+        return 0.0, account, gap
+    return filtered, account - energy, gap - p.period * filtered
+
+
 def repayment(p: PortParams, account: float, gap: float, filtered: float) -> float:
     """Return what is added to the leaving wave for waves that were cut before [W**0.5]."""
     wanted = filtered + p.repay * gap / p.period

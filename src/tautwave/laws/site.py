@@ -9,7 +9,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tautwave.laws.compensation import NO_COMPENSATION, CompensationParams
+from tautwave.laws.compensation import (
+    NO_COMPENSATION,
+    NO_INERTIA,
+    CompensationParams,
+    InertiaParams,
+)
 from tautwave.laws.limit import LimitParams, clamp, effort_bound, limit_effort, share_effort
 from tautwave.laws.wall import WallParams, control_wall, wall_depth, wall_effort
 
@@ -19,7 +24,8 @@ class SiteParams(NamedTuple):
 
     `period` from one sample to the next [s]; `half_mobility` = T / (2 mass lower bound), 0 without
     one; `gain` is the velocity tracker's (1: plain difference); `velocity_quantum` is the drive's
-    (0: none). `compensation` of the device's friction, if it `compensates`.
+    (0: none). `compensation` of the device's friction, if it `compensates`; `inertia` that is
+    taken off, if it `lightens`.
     """
 
     period: float
@@ -31,6 +37,8 @@ class SiteParams(NamedTuple):
     has_wall: bool
     compensation: CompensationParams = NO_COMPENSATION
     compensates: bool = False
+    inertia: InertiaParams = NO_INERTIA
+    lightens: bool = False
 
 
 def render_wall(

@@ -67,6 +67,23 @@ SECTIONS = {
             "N m, N",
             "what acts on the device by the law's observer (`four_channel`, `position_force`)",
         ),
+        Column(
+            "SIDE.AXIS.model_stiffness",
+            "N m/rad, N/m",
+            "law `mediated`: of the surface that a slave found last or that a master renders;"
+            " negative: it fills what is below",
+        ),
+        Column("SIDE.AXIS.model_position", "rad, m", "where that surface is"),
+        Column(
+            "SIDE.AXIS.model_interval",
+            "N m/rad, N/m",
+            "half-width of the 95 % interval of the stiffness that the slave found",
+        ),
+        Column(
+            "SIDE.AXIS.model_paid",
+            "J",
+            "what the account paid so far for changes of a surface while it was pressed",
+        ),
         Column("SIDE.AXIS.link_delay", "s", "over a network: age of the wave that was played out"),
         Column("SIDE.AXIS.link_depth", "s", "over a network: how much of that it waited here"),
         Column(
@@ -87,6 +104,12 @@ SECTIONS = {
             "admittance axes, and those with an effort_sensor: the effort from outside, measured",
         ),
         Column(
+            "SIDE.AXIS.followed",
+            "rad, m",
+            "followers: where the device was measured last; `position` is its goal, and"
+            " `measured_effort` the spring between them",
+        ),
+        Column(
             "SIDE.AXIS.motor_effort",
             "N m, N",
             "what the motor gave, by its own current, where the drive reports it; NaN: no sample",
@@ -104,6 +127,12 @@ SECTIONS = {
         Column("link.silence_s", "s", "since a packet of the other site came"),
         Column("link.holding", "0, 1", "whether it holds, for lack of the other site"),
         Column("link.delay_s", "s", "one way of the newest packet, to half the least round trip"),
+        Column("link.aligning", "0, 1", "whether slaves are brought into place, or wait there"),
+        Column(
+            "PAIR.align_slave.absorbed",
+            "J",
+            "what the slave's motor took out of its device meanwhile; negative: it gave",
+        ),
     ),
     "A pair": (
         Column("PAIR.position_error", "rad, m", "master less slave, in the master's units"),
@@ -175,7 +204,9 @@ SECTIONS = {
             "PAIR.account_SIDE.absorbed", "J", "an account: work of its law, credit got less sent"
         ),
         Column("PAIR.credits.absorbed", "J", "credit under way between accounts"),
+        Column("PAIR.model_master.absorbed", "J", "law `mediated`: the spring that is rendered"),
         Column("PAIR.compensation_SIDE.absorbed", "J", "friction compensation; negative: it gave"),
+        Column("PAIR.inertia_SIDE.absorbed", "J", "inertia taken off, by account; negative: gave"),
         Column("PAIR.wall_SIDE.absorbed", "J", "a local wall"),
     ),
     "What carries a load": (

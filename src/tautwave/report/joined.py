@@ -6,6 +6,7 @@ least round trip; energies do not depend on it but for what is under way in betw
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from html import escape
 from typing import Any, NamedTuple
@@ -20,8 +21,8 @@ from tautwave.report.run.tables import Table
 from tautwave.report.units import axis_units, number, quantity, ratio
 
 SIDES = ("master", "slave")
-TRIED = (0.0, 0.1, -0.1, 0.25, -0.25, 0.5, -0.5, 1.0, -1.0)
-"""Shares of what is unknown of two clocks at which energy between the sites is looked at."""
+STEP = 0.05
+"""Slots between two offsets of the clocks at which energy between the sites is looked at."""
 
 
 class Common(NamedTuple):
@@ -83,7 +84,7 @@ def common_sessions(master: Run, slave: Run) -> Iterator[Common]:
         offset = {
             pair: float(began[1].get(pair, 0.0)) - _ratio(master, pair) * float(begin)
             for pair, begin in began[0].items()
-        }
+        } | block(other, "offsets")
         paired = (places[0][one], places[1][two])
         yield Common(
             str(mine.get("id")),
@@ -113,8 +114,10 @@ def joined_summary(master: Run, slave: Run) -> dict[str, Any]:
 
     `residual` is what entered at both devices less what both sites stored and dissipated, the
     network's share included [J]; `under_way_least`: the least that was between the sites, not
-    below the reserves of both receivers if neither got what the other did not send. It is that of
-    the best among the offsets of both clocks that what they saw of each other allows.
+    below the reserves of both receivers if neither got what the other did not send. That takes both
+    clocks together, so it is known to lie between two numbers, those of the offsets that what the
+    sites saw of each other allows. `under_way_at_end` needs no clock: all that was sent in a
+    session less all that was received, the least of all sessions.
     """
     sessions = list(common_sessions(master, slave))
     pairs = {}
@@ -125,7 +128,8 @@ def joined_summary(master: Run, slave: Run) -> dict[str, Any]:
         books = [_books(run, side, pair) for run, side in zip((master, slave), SIDES, strict=True)]
         flow = sum(one["gross_flow"] for one in books)
         away = [_under_way(master, slave, pair, one) for one in sessions]
-        least = min((one for one in away if one is not None), default=None)
+        known = [one for one in away if one is not None]
+        least = [min(one.least) for one in known], [max(one.least) for one in known]
         pairs[pair] = {
             "kind": kind_of(master, pair),
             "position_error": None if not error.size else {
@@ -136,7 +140,8 @@ def joined_summary(master: Run, slave: Run) -> dict[str, Any]:
             "dissipated": sum(one["dissipated"] for one in books),
             "residual": sum(one["residual"] for one in books),
             "gross_flow": flow,
-            "under_way_least": least,
+            "under_way_least": [min(one) for one in least] if known else None,
+            "under_way_at_end": min((one.at_end for one in known), default=None),
         }  # fmt: skip
     return {
         "sessions": [one.session for one in sessions],
@@ -181,14 +186,28 @@ def _books(run: Run, side: str, pair: str) -> dict[str, float]:
     }
 
 
-def _under_way(master: Run, slave: Run, pair: str, common: Common) -> float | None:
-    """Return the least energy between the sites [J], by the best of the clocks that may be."""
+class Away(NamedTuple):
+    """Energy between the sites in a session [J]: the least at each offset tried, and at its end."""
+
+    least: Sequence[float]
+    at_end: float
+
+
+def _under_way(master: Run, slave: Run, pair: str, common: Common) -> Away | None:
+    """Return what was between the sites at every offset of both clocks that may be."""
     name = f"{pair}.network.stored"
     halves = [run.read(name).get(name) for run in (master, slave)]
     if any(half is None or not len(half) for half in halves):
         return None
-    found = [_least_away(halves, common, common.doubt * share) for share in TRIED]
-    return max((one for one in found if one is not None), default=None)
+    tried = np.linspace(-common.doubt, common.doubt, 1 + 2 * math.ceil(common.doubt / STEP))
+    found = [_least_away(halves, common, float(later)) for later in tried]
+    least = [one for one in found if one is not None]
+    ends = [
+        float(half[rows[-1]])
+        for half, rows in zip(halves, common.all_rows, strict=True)
+        if half is not None and len(rows)
+    ]
+    return Away(least, sum(ends)) if least else None
 
 
 def _least_away(halves: Sequence[Any], common: Common, later: float) -> float | None:
@@ -231,7 +250,8 @@ def _body(master: Run, slave: Run, found: dict[str, Any]) -> Iterator[str]:
                 quantity(books["entered"], "J"), quantity(books["stored"], "J"),
                 quantity(books["dissipated"], "J"), quantity(books["residual"], "J"),
                 ratio(books["residual"] / books["gross_flow"]) if books["gross_flow"] else "",
-                quantity(books["under_way_least"], "J"),
+                " to ".join(quantity(one, "J") for one in books["under_way_least"] or ()),
+                quantity(books["under_way_at_end"], "J"),
             )
         )  # fmt: skip
     yield table(
@@ -247,10 +267,13 @@ def _body(master: Run, slave: Run, found: dict[str, Any]) -> Iterator[str]:
                 "residual",
                 "of gross flow",
                 "least under way",
+                "at the end",
             ),
             tuple(rows),
-            "Entered: through both devices. The residual is the greatest that both books together "
-            "did not account for. Under way: sent by one site and not yet received by the other.",
+            "Entered: through both devices. The residual is the greatest that both books "
+            "together did not account for. Under way: sent by one site and not yet received; "
+            "its least lies between two numbers, for the clocks are not known better. That at the "
+            "end of a session needs no clock.",
         )
     )
     for run, side in zip((master, slave), SIDES, strict=True):

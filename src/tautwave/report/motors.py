@@ -68,10 +68,14 @@ def stated_debt(run: Run, pair: str) -> float | None:
 
 
 def _compensation(run: Run, pair: str, side: str) -> float:
-    """Return what a friction compensation gave [J]: the device's own friction takes it."""
-    name = f"{pair}.compensation_{side}.absorbed"
-    read = run.read(name)
-    return max(0.0, -float(np.nanmin(read[name]))) if name in read and run.rows else 0.0
+    """Return what compensations gave [J]: friction takes the one, the other has an account."""
+    given = 0.0
+    for what in ("compensation", "inertia"):
+        name = f"{pair}.{what}_{side}.absorbed"
+        read = run.read(name)
+        if name in read and run.rows:
+            given += max(0.0, -float(np.nanmin(read[name])))
+    return given
 
 
 def motion(run: Run, axis: str) -> tuple[Floats, Floats, Rows]:

@@ -12,10 +12,11 @@ from tautwave.errors import ConfigError
 from tautwave.registry import load_driver, load_simulator
 from tautwave.rig.arms import side_loads
 from tautwave.rig.calibrated import calibrated
-from tautwave.rig.controller import make_control
+from tautwave.rig.controller import follower_params, make_control
 from tautwave.rig.truth import SEED_WORD, axis_model
 from tautwave.rig.ways import BusWay, Way, bus_ways
 from tautwave.runtime.control import Control
+from tautwave.runtime.following import FollowingDriver
 from tautwave.runtime.load import CarryingDriver, SideLoad
 from tautwave.runtime.loop import TIMING_COLUMNS
 from tautwave.runtime.sensing import LoopBus
@@ -108,7 +109,14 @@ def build_rig(
             sources.append(driver)
         names = [axis.name for axis in spec.axes]
         delays.update(dict.fromkeys(names, driver.command_delay))
-        buses.append(calibrated(rig, LoopBus(bus_name, driver, names, bus.divisor)))
+        one = calibrated(rig, LoopBus(bus_name, driver, names, bus.divisor))
+        if any(axis.takes_position for axis in spec.axes):
+            following = FollowingDriver(
+                one.driver, names, [follower_params(rig, name) for name in names]
+            )
+            sources.append(following)
+            one = one._replace(driver=following)
+        buses.append(one)
     if has_loads(rig):
         loads, buses = carry_loads(rig, buses)
         sources.extend(loads)

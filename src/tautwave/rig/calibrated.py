@@ -24,15 +24,22 @@ class CalibratedDriver:
         Full names of its axes.
     found : sequence of AxisCalibration
         What was found on each device.
+    followers : bool
+        Whether any of them takes positions.
     """
 
     def __init__(
-        self, driver: Driver, names: Sequence[str], found: Sequence[AxisCalibration]
+        self,
+        driver: Driver,
+        names: Sequence[str],
+        found: Sequence[AxisCalibration],
+        *,
+        followers: bool = False,
     ) -> None:
         self._driver = driver
         self._names, self._found = names, found
         self._zeros = [(one.zero, float(one.direction)) for one in found]
-        self._turned = any(one.direction < 0 for one in found)
+        self._turned = followers or any(one.direction < 0 for one in found)
         self.command_delay: CommandDelay = driver.command_delay
         self.enable_step = driver.enable_step
         self.request = driver.request
@@ -83,8 +90,10 @@ class CalibratedDriver:
         """Send commands in the devices' directions."""
         if self._turned:
             commands = [
-                AxisCommand(way * command.effort, way * command.velocity)
-                for command, (_, way) in zip(commands, self._zeros, strict=True)
+                AxisCommand(
+                    way * command.effort, way * command.velocity, way * command.position + zero
+                )
+                for command, (zero, way) in zip(commands, self._zeros, strict=True)
             ]
         self._driver.write(commands)
 
@@ -104,4 +113,6 @@ def calibrated(rig: Rig, bus: LoopBus) -> LoopBus:
     if rig.calibration is None or not any(name in rig.calibration.axes for name in bus.axes):
         return bus
     found = [calibration_of(rig, name) for name in bus.axes]
-    return bus._replace(driver=CalibratedDriver(bus.driver, bus.axes, found))
+    followers = any(rig.axes[name].follower is not None for name in bus.axes)
+    driver = CalibratedDriver(bus.driver, bus.axes, found, followers=followers)
+    return bus._replace(driver=driver)

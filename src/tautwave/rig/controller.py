@@ -13,13 +13,14 @@ from tautwave.controller.records import NEVER, PIPE, AxisParams, PairParams, Run
 from tautwave.controller.steps import Law, NoParams
 from tautwave.controller.stops import ARM_SHARE, ARM_TIMEOUT_S, AxisName, position_unit
 from tautwave.errors import ConfigError
-from tautwave.laws.compensation import NO_COMPENSATION, CompensationParams
 from tautwave.laws.limit import LimitParams
+from tautwave.laws.servo.follower import FollowerParams
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
 from tautwave.rig.arms import LOAD_SHARE, load_reserves
 from tautwave.rig.network import trace_of
 from tautwave.rig.scales import pair_scale, slave_offset
+from tautwave.rig.support import compensation_params, inertia_params
 from tautwave.rig.truth import SEED_WORD
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.wire import Wire
@@ -27,9 +28,6 @@ from tautwave.types import CommandDelay
 
 NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
 
-
-STILL = 1e-3
-"""Least velocity from which on Coulomb friction is compensated in full [rad/s or m/s]."""
 
 ACCOUNT = "tautwave.couplings.account:with_account"
 """What puts a law in an account; loaded where a rig has one."""
@@ -55,17 +53,22 @@ def coupling_law(rig: Rig) -> Law:
 def coupled_axis(rig: Rig, axis_name: str, delay: CommandDelay) -> CoupledAxis:
     """Return what a coupling gets to know of an axis."""
     axis = rig.axes[axis_name]
+    place, noise, effort = axis.encoder_quantum, axis.position_noise, axis.effort_quantum
+    if axis.follower is not None:
+        # The goal is a number; what is read of the device stretches the spring.
+        effort = axis.follower.stiffness * (place + 2.0 * noise)
+        place = noise = 0.0
     return CoupledAxis(
         period=rig.axis_period_s(axis_name),
         gain=velocity_gain(rig, axis),
         inertia=None if axis.inertia is None else axis.inertia.lower,
-        encoder_quantum=axis.encoder_quantum,
-        position_noise=axis.position_noise,
+        encoder_quantum=place,
+        position_noise=noise,
         delay=delay.periods,
-        outside_stiffness=axis.environment_stiffness_upper or 0.0,
+        outside_stiffness=axis.outside_stiffness,
         late=delay.remainder_s / rig.axis_period_s(axis_name),
         velocity_limit=math.inf if axis.velocity_limit is None else axis.velocity_limit,
-        effort_quantum=axis.effort_quantum,
+        effort_quantum=effort,
         noise_lags=axis.position_noise_autocorrelation,
         effort_limit=axis.effort_limit,
         fade=axis.effort_limit / (axis.effort_rate_limit or math.inf),
@@ -73,6 +76,7 @@ def coupled_axis(rig: Rig, axis_name: str, delay: CommandDelay) -> CoupledAxis:
         viscous=axis.damping.value,
         coulomb=axis.coulomb.value,
         senses=axis.effort_sensor is not None,
+        follows=None if axis.follower is None else axis.follower.lag_s,
     )
 
 
@@ -171,22 +175,19 @@ def site_params(rig: Rig, axis_name: str) -> SiteParams:
         velocity_quantum=axis.velocity_quantum if axis.causality == "admittance" else 0.0,
         has_wall=wall is not None,
         compensation=compensation_params(axis, rig.axis_period_s(axis_name)),
-        compensates=axis.compensation is not None,
+        compensates=axis.compensation is not None and axis.compensation.friction,
     )
 
 
-def compensation_params(axis: Axis, period: float) -> CompensationParams:
-    """Return what of an axis' friction its motor takes off; Coulomb in full above the noise."""
-    keys = axis.compensation
-    if keys is None:
-        return NO_COMPENSATION
-    noise = (axis.position_noise + axis.encoder_quantum) / period
-    gain = period / (period + axis.velocity_filter_s)
-    return CompensationParams(
-        coulomb=keys.coulomb * axis.coulomb.lower,
-        viscous=keys.viscous * axis.damping.lower,
-        soft=max(2.0 * gain * noise, STILL),
-    )
+def follower_params(rig: Rig, axis_name: str) -> FollowerParams | None:
+    """Return goal and spring of an axis whose device takes positions, None of others."""
+    axis = rig.axes[axis_name]
+    if axis.follower is None:
+        return None
+    low, high = (-math.inf, math.inf) if axis.position_range is None else axis.position_range
+    stiffness = axis.follower.stiffness
+    lead = axis.effort_limit / stiffness
+    return FollowerParams(rig.axis_period_s(axis_name), stiffness, lead, low, high)
 
 
 def bare_site(rig: Rig, axis_name: str) -> SiteParams:
@@ -213,11 +214,15 @@ def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> Axi
     """Return all constants of one axis; its commands wait in the table from `pipe` on."""
     side, name = axis_name.split(".")
     scale = pair_scale(rig.coupling.pairs[name])
+    keys = rig.axes[axis_name].compensation
     return controlled_axis(
         rig,
         axis_name,
         delay,
-        site_params(rig, axis_name),
+        site_params(rig, axis_name)._replace(
+            inertia=inertia_params(rig.axes[axis_name], coupled_axis(rig, axis_name, delay)),
+            lightens=keys is not None and keys.inertia > 0.0,
+        ),
         pipe,
         weight=1.0 if side == "master" else 1.0 / scale.power,
         end=end_constants(rig, axis_name, delay),

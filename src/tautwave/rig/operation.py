@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 
 from tautwave.config import Rig
-from tautwave.controller.records import AxisParams, PairParams
+from tautwave.config.keys.operate import Aligning
+from tautwave.controller.records import AxisParams
 from tautwave.laws.alignment import align_law
 from tautwave.rig.controller import make_control
 from tautwave.runtime.control import CoupledControl
@@ -30,7 +32,8 @@ def scaled(rig: Rig, factor: float) -> Rig:
         for name, pair in rig.coupling.pairs.items()
     }
     coupling = rig.coupling.model_copy(update={"pairs": pairs})
-    return rig.model_copy(update={"coupling": coupling})
+    name = f"{rig.name} at scale {factor:g}"
+    return rig.model_copy(update={"coupling": coupling, "name": name})
 
 
 def operation_of(rig: Rig, plain: CoupledControl, delays: Mapping[str, CommandDelay]) -> Operation:
@@ -44,11 +47,11 @@ def operation_of(rig: Rig, plain: CoupledControl, delays: Mapping[str, CommandDe
     if rig.operate is None:
         raise ValueError("the rig has no operate block")
     pulls = {
-        k: _pull(rig, name, q, plain.params[q.slave])
+        k: _pull(rig, rig.operate, name, plain.params[q.slave], q.tolerance)
         for k, (name, q) in enumerate(zip(plain.pair_names, plain.pairs, strict=True))
         if not q.at_engage
     }
-    quanta = [_quantum(rig, name.name) for name in plain.names]
+    quanta = [quantum_of(rig, name.name) for name in plain.names]
     look = max(1, round(rig.rate_hz / LOOK_HZ))
     scales = {1.0: (plain.params, plain.pairs)}
     for factor in rig.operate.scales:
@@ -57,9 +60,24 @@ def operation_of(rig: Rig, plain: CoupledControl, delays: Mapping[str, CommandDe
     return Operation(pulls, quanta, rig.operate.start == "engaged", look, scales)
 
 
-def _pull(rig: Rig, name: str, q: PairParams, p: AxisParams) -> PullParams:
-    keys, axis = rig.operate, rig.slave.axes[name]
-    assert keys is not None
+def site_pulls(rig: Rig, plain: CoupledControl) -> tuple[Mapping[int, PullParams], Sequence[float]]:
+    """Return what brings the slaves of two sites into place, by pair, and by pair how near.
+
+    The second are how far from its place a pair may begin [rad or m, slave]. An axis that takes
+    velocities is not pulled.
+    """
+    assert rig.sites is not None
+    pulls, tolerances = {}, []
+    for k, (name, q) in enumerate(zip(plain.pair_names, plain.pairs, strict=True)):
+        tolerance = min(q.tolerance, rig.sites.place_tolerance * math.fabs(q.ratio))
+        tolerances.append(tolerance)
+        if plain.params[q.slave].impedance:
+            pulls[k] = _pull(rig, rig.sites, name, plain.params[q.slave], tolerance)
+    return pulls, tolerances
+
+
+def _pull(rig: Rig, keys: Aligning, name: str, p: AxisParams, tolerance: float) -> PullParams:
+    axis = rig.slave.axes[name]
     assert axis.inertia is not None
     period = p.site.period
     law = align_law(
@@ -72,11 +90,12 @@ def _pull(rig: Rig, name: str, q: PairParams, p: AxisParams) -> PullParams:
         period * (p.delay + p.late),
         period * (1.0 / p.site.gain + p.delay + p.late),
     )
-    reach = REACH * q.tolerance
+    reach = REACH * tolerance
     friction = axis.coulomb.value or UNKNOWN_FRICTION * law.effort
     return PullParams(law, friction, axis.damping.value, axis.inertia.value, reach)
 
 
-def _quantum(rig: Rig, axis_name: str) -> float:
+def quantum_of(rig: Rig, axis_name: str) -> float:
+    """Return the motion of an axis at rest that its encoder may show [rad or m]."""
     axis = rig.axes[axis_name]
     return max(axis.encoder_quantum, 4.0 * axis.position_noise)

@@ -13,11 +13,13 @@ import numpy as np
 
 from tautwave import registry
 from tautwave.config import (
+    Axis,
     EnvironmentPart,
     Foam,
     Hand,
     HandPart,
     Intent,
+    Policy,
     Recorded,
     Rig,
     SolidWall,
@@ -27,6 +29,7 @@ from tautwave.config import (
     true_arm,
 )
 from tautwave.errors import ConfigError
+from tautwave.laws.lead import LeadParams
 from tautwave.models.foam import FoamParams, foam_substeps
 from tautwave.models.part_contact import PartContact, part_substeps
 from tautwave.models.plant_params import PlantParams
@@ -35,8 +38,9 @@ from tautwave.models.servo import ServoParams
 from tautwave.motion import recorded_efforts, reference_positions
 from tautwave.rig.arms import arm_chain, load_params
 from tautwave.rig.integration import Integrated, integrated
+from tautwave.runtime.operate.lead import Lead
 from tautwave.streams import HAND
-from tautwave.truth import ArmModel, AxisModel
+from tautwave.truth import ArmModel, AxisModel, PositionLoop
 from tautwave.types import CommandDelay, Imposed
 
 LIGHTEST = 1e-30
@@ -75,6 +79,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
     environment = rig.simulation.environment.get(name) if side == "slave" else None
     mass, grip_stiffness, grip_damping = 0.0, 0.0, 0.0
     reference: Sequence[float] = ()
+    lead: Lead | None = None
     motion = imposed_motion(rig, axis_name)
     if motion is not None:
         if hand is not None or environment is not None:
@@ -90,14 +95,20 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         mass = hand.mass * lever * lever
         grip_stiffness = hand.stiffness * lever * lever
         grip_damping = hand.damping * lever * lever
-        reference = wanted_positions(rig, axis_name, hand, cycles)
+        policy = getattr(hand, "reference", None)
+        if isinstance(policy, Policy):
+            reference = (truth.start_position,)
+            lead = Lead(_lead_params(axis, policy, grip_stiffness), truth.start_position, period)
+        else:
+            reference = wanted_positions(rig, axis_name, hand, cycles)
     push: Sequence[float] = ()
     if isinstance(environment, Recorded):
         push = recorded_push(rig, axis_name, environment, cycles)
     spring = environment if isinstance(environment, Spring) else None
     wall = environment if isinstance(environment, SolidWall) else None
+    plain = axis.causality == "impedance" or axis.follower is not None
     plant = PlantParams(
-        mass=(truth.inertia if axis.causality == "impedance" else 1.0) + mass,
+        mass=(truth.inertia if plain else 1.0) + mass,
         viscous=truth.damping,
         coulomb=truth.coulomb,
         grip_stiffness=grip_stiffness,
@@ -119,7 +130,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         foam = foam_params(period, environment, plant, truth.effort_limit)
     integrator = rig.simulation.integrator
     at_part = isinstance(environment, EnvironmentPart)
-    if integrator is not None and axis.causality == "impedance" and not at_part:
+    if integrator is not None and plain and not at_part:
         speed = greatest_speed(rig, axis_name, plant.mass)
         foam = integrated(axis_name, integrator, plant, foam, speed, period).foam
     arm = true_arm(rig, side)
@@ -127,7 +138,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
     if isinstance(environment, EnvironmentPart):
         part = part_contact(rig, axis_name, environment, plant)
     servo = None
-    if axis.causality == "admittance":
+    if not plain:
         servo = ServoParams(
             time_constant=truth.velocity_time_constant_s,
             hand_mass=mass,
@@ -162,7 +173,17 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         imposed=motion is not None,
         push=push,
         sensor=sensor_params(rig, axis_name, mass),
+        loop=None
+        if axis.follower is None
+        else PositionLoop(truth.servo_stiffness, truth.servo_damping),
+        lead=lead,
     )
+
+
+def _lead_params(axis: Axis, keys: Policy, stiffness: float) -> LeadParams:
+    low, high = (-math.inf, math.inf) if axis.position_range is None else axis.position_range
+    reach = keys.effort_limit / stiffness
+    return LeadParams(1.0 / keys.fps, keys.velocity_limit, reach, low, high)
 
 
 def sensor_params(rig: Rig, axis_name: str, mass: float) -> SensorParams | None:
@@ -264,8 +285,9 @@ def part_contact(
         The axis takes velocities, or the part fails or returns non-finite numbers.
     """
     place = f"simulation.environment.{axis_name.split('.')[1]}: part {keys.part}"
-    if rig.axes[axis_name].causality != "impedance":
-        raise ConfigError(f"{place}: only for axes that take effort")
+    axis = rig.axes[axis_name]
+    if axis.causality != "impedance" and axis.follower is None:
+        raise ConfigError(f"{place}: only for axes that take effort or positions")
     plugin = registry.load_part(registry.ENVIRONMENTS, keys.part)
     params, force, stored, kinks = (
         registry.load_named(named)

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from tautwave import registry
 from tautwave.config import Rig, local_wall
 from tautwave.rig.controller import coupling_part
-from tautwave.runtime.control import CoupledControl
+from tautwave.runtime.control import Control
 from tautwave.runtime.tuning.knobs import Knob, Turning, ceiling_knob, coupling_knob, wall_knob
 
 WIDEST = 10.0
@@ -45,7 +45,7 @@ def tunables(rig: Rig) -> Iterator[tuple[str, str, Any]]:
             yield f"{side}.axes.{name}.{key}", when, getattr(axis, key)
 
 
-def knobs_of(rig: Rig, control: CoupledControl) -> list[Knob]:
+def knobs_of(rig: Rig, control: Control) -> list[Knob]:
     """Return the knobs of a rig's controller; a key that cannot be turned here has none."""
     places = {name.name: at for at, name in enumerate(control.names)}
     found = []
@@ -58,7 +58,7 @@ def knobs_of(rig: Rig, control: CoupledControl) -> list[Knob]:
 
 def _knob(
     rig: Rig,
-    control: CoupledControl,
+    control: Control,
     places: Mapping[str, int],
     path: str,
     when: str,
@@ -94,7 +94,7 @@ def _knob(
 
 def _wall(
     rig: Rig,
-    control: CoupledControl,
+    control: Control,
     which: int,
     axis_name: str,
     key: str,

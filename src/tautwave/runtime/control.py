@@ -147,6 +147,15 @@ class Control(ABC):
         """Take note of devices that were reset: all are enabled again, or why not."""
         self.wants_reset = False
 
+    @property
+    def engaged(self) -> bool:
+        """Whether the coupling holds the axes."""
+        return True
+
+    def retune(self, which: int, p: AxisParams) -> None:
+        """Put other constants in place of an axis'."""
+        self.params = [*self.params[:which], p, *self.params[which + 1 :]]
+
     def error(self) -> TautwaveError | None:
         """Return the controller's reason to end the run early, or None."""
         return stop_error(
@@ -218,15 +227,6 @@ class CoupledControl(Control):
         if self.wire is not None:
             self.wire.carry(self.table)
         return begun
-
-    @property
-    def engaged(self) -> bool:
-        """Whether the coupling holds the axes."""
-        return True
-
-    def retune(self, which: int, p: AxisParams) -> None:
-        """Put other constants in place of an axis'."""
-        self.params = [*self.params[:which], p, *self.params[which + 1 :]]
 
     def fill(self, row: Row, at: int) -> None:
         """Write all columns at index `at`."""

@@ -71,7 +71,7 @@ class Tap:
         self._slots = whole[words.PAGE_BYTES :].cast("d")
         whole.release()
         self._next = max(0, self._words[words.HEAD] - 1)  # the newest row is there at once
-        self._told = ""
+        self._reason = ""
         self.missed = 0
 
     @classmethod
@@ -119,8 +119,8 @@ class Tap:
         before = self._words[words.NEWS]
         text = self._memory[words.NEWS_AT : words.NEWS_AT + words.NEWS_BYTES]
         if before % 2 == 0 and self._words[words.NEWS] == before:
-            self._told = text.rstrip(b"\0").decode("utf-8", "replace")
-        return self._told
+            self._reason = text.rstrip(b"\0").decode("utf-8", "replace")
+        return self._reason
 
     def _take(self, read: Callable[[memoryview[float]], Copied]) -> tuple[int, list[Copied]]:
         head = self._words[words.HEAD]

@@ -7,11 +7,12 @@ Coordinates are indexed by node.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 from tautwave.models import interaction as law
 from tautwave.models.interaction import elastic_energy
-from tautwave.scene.network import Mass, Network, String
+from tautwave.scene.network import Link, Mass, Network, String
 from tautwave.scene.parallel_links import join_links
 
 LAWS = {
@@ -118,8 +119,7 @@ def compile_network(network: Network, ports_at: Sequence[float] = ()) -> Compile
     at = {name: index for index, name in enumerate(names)}
     x = [mass.position for mass in masses] + places + [where for _, where in network.grounds]
     v = [mass.velocity for mass in masses] + [0.0] * (len(names) - count)
-    joined = [link for link, _ in join_links(network.links)]
-    links = sorted(joined, key=lambda link: ORDER.index(LAWS[link.kind]))
+    links = ordered_links(network.links)
     a = [at[link.a] for link in links]
     b = [at[link.b] for link in links]
     of_mass: list[list[int]] = [[] for _ in masses]
@@ -130,57 +130,67 @@ def compile_network(network: Network, ports_at: Sequence[float] = ()) -> Compile
                 of_mass[here].append(index)
                 if there < count:
                     near[here].append(there)
-    alone, islands = _islands(near)
-    kind = [LAWS[link.kind] for link in links]
+    islands = [group for group in connected(near) if near[group[0]]]
     stretch = [x[one] - x[two] - link.rest for one, two, link in zip(a, b, links, strict=True)]
-    first = [0]
-    for found in of_mass:
-        first.append(first[-1] + len(found))
-    size = len(links)
-    zeros = [0.0] * size
     arrays = Arrays(
-        count=[count, len(network.ports), size, sum(link.kind == "contact" for link in links)],
+        count=[
+            count,
+            len(network.ports),
+            len(links),
+            sum(link.kind == "contact" for link in links),
+        ],
         mass=[mass.mass for mass in masses],
         mobility=[1.0 / mass.mass if mass.mass else 0.0 for mass in masses],
         drag=[mass.damping for mass in masses],
         weight=[-mass.mass * network.gravity for mass in masses],
-        kind=kind,
         a=a,
         b=b,
-        k=[link.stiffness for link in links],
-        z=[link.damping for link in links],
-        rest=[link.rest for link in links],
-        e=[link.exponent for link in links],
-        loss=[link.loss for link in links],
-        limit=[link.limit for link in links],
-        scale=[link.scale for link in links],
-        links_first=first,
+        links_first=list(accumulate(map(len, of_mass), initial=0)),
         links_of=[index for found in of_mass for index in found],
-        alone=alone,
+        alone=[mass for mass, others in enumerate(near) if not others],
         islands=[mass for island in islands for mass in island],
-        island_first=[sum(map(len, islands[:at])) for at in range(len(islands) + 1)],
+        island_first=list(accumulate(map(len, islands), initial=0)),
         x=x,
         v=v,
         force=[0.0] * len(names),
         pushed=[0.0] * count,
-        tension=list(zeros),
-        stretch=stretch,
-        slope=list(zeros),
-        set_in=list(zeros),
-        stored=[
-            elastic_energy(law_of, link.stiffness, link.exponent, d) if link.stiffness else 0.0
-            for law_of, link, d in zip(kind, links, stretch, strict=True)
-        ],
-        lost=list(zeros),
-        made=list(zeros),
-        numeric=list(zeros),
+        slope=[0.0] * len(links),
         dragged=[0.0] * count,
         pumped=[0.0] * count,
         mass_numeric=[0.0] * count,
         port_work=[0.0] * len(network.ports),
         work=[0.0] * (8 * count),
+        **link_fields(links, stretch),
     )
     return Compiled(arrays, tuple(names[:count]), network.ports, tuple(link.name for link in links))
+
+
+def ordered_links(links: Sequence[Link]) -> list[Link]:
+    """Return the links in the order of their laws, identical parallel ones joined."""
+    joined = [link for link, _ in join_links(links)]
+    return sorted(joined, key=lambda link: ORDER.index(LAWS[link.kind]))
+
+
+def link_fields(links: Sequence[Link], stretch: list[float]) -> dict[str, Any]:
+    """Return the fields of links that no dimension changes; `stretch` [m] is that of the start."""
+    kind = [LAWS[link.kind] for link in links]
+    nothing = ("tension", "set_in", "lost", "made", "numeric")
+    return {
+        "kind": kind,
+        "k": [link.stiffness for link in links],
+        "z": [link.damping for link in links],
+        "rest": [link.rest for link in links],
+        "e": [link.exponent for link in links],
+        "loss": [link.loss for link in links],
+        "limit": [link.limit for link in links],
+        "scale": [link.scale for link in links],
+        "stretch": stretch,
+        "stored": [
+            elastic_energy(law_of, link.stiffness, link.exponent, d) if link.stiffness else 0.0
+            for law_of, link, d in zip(kind, links, stretch, strict=True)
+        ],
+        **{name: [0.0] * len(links) for name in nothing},
+    }
 
 
 def _end_mass(string: String) -> Mass:
@@ -200,22 +210,19 @@ def as_arrays(arrays: Arrays) -> Arrays:
     )
 
 
-def _islands(near: list[list[int]]) -> tuple[list[int], list[list[int]]]:
-    """Return the masses linked to no other mass, and the connected groups of the rest."""
-    alone = [mass for mass, others in enumerate(near) if not others]
-    seen = set(alone)
-    islands = []
+def connected(near: Sequence[Sequence[int]]) -> list[list[int]]:
+    """Return the groups of masses that links join, each in order; `near`: neighbours of a mass."""
+    seen = [False] * len(near)
+    groups = []
     for start in range(len(near)):
-        if start in seen:
+        if seen[start]:
             continue
-        seen.add(start)
-        island, waiting = [], [start]
-        while waiting:
-            mass = waiting.pop()
-            island.append(mass)
+        seen[start] = True
+        group = [start]
+        for mass in group:
             for other in near[mass]:
-                if other not in seen:
-                    seen.add(other)
-                    waiting.append(other)
-        islands.append(sorted(island))
-    return alone, islands
+                if not seen[other]:
+                    seen[other] = True
+                    group.append(other)
+        groups.append(sorted(group))
+    return groups

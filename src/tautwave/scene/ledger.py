@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol
 
 from tautwave.scene.compiling import Arrays
 
 
 class LinkSums(Protocol):
-    """Energy sums of links and ports [J], in one dimension or three."""
+    """Energy sums of masses, links and ports [J], in one dimension or three."""
 
     @property
     def count(self) -> Sequence[int]:
         """Masses, ports and links."""
+
+    @property
+    def dragged(self) -> Sequence[float]:
+        """Energy dissipated by each mass."""
+
+    @property
+    def pumped(self) -> Sequence[float]:
+        """Energy given to each mass by external forces."""
+
+    @property
+    def mass_numeric(self) -> Sequence[float]:
+        """Energy created by the scheme at each mass."""
 
     @property
     def stored(self) -> Sequence[float]:
@@ -71,6 +83,11 @@ def take_ledger(s: Arrays) -> Ledger:
     return Ledger(*tally(s))
 
 
+def kinetic_energy(s: Arrays, m: int) -> float:
+    """Return the kinetic energy of a mass [J]."""
+    return float(0.5 * s.mass[m] * s.v[m] * s.v[m])
+
+
 def tally(s: Arrays) -> tuple[float, float, float, float, float, float, float, float]:
     """Return the numbers of a `Ledger`, added up in order; compiled by numba as well."""
     kinetic = 0.0
@@ -79,12 +96,30 @@ def tally(s: Arrays) -> tuple[float, float, float, float, float, float, float, f
     mass_numeric = 0.0
     pumped = 0.0
     for m in range(s.count[0]):
-        kinetic += 0.5 * s.mass[m] * s.v[m] * s.v[m]
+        kinetic += kinetic_energy(s, m)
         lifted += s.weight[m] * s.x[m]
         dragged += s.dragged[m]
         mass_numeric += s.mass_numeric[m]
         pumped += s.pumped[m]
     return add_links(s, kinetic, lifted, dragged, mass_numeric, pumped)
+
+
+def element_books(
+    s: LinkSums, masses: Sequence[str], links: Sequence[str], kinetic: Callable[[Any, int], float]
+) -> dict[str, dict[str, float]]:
+    """Return the account of every mass and link [J], by name."""
+    books = {
+        name: {
+            "kinetic": kinetic(s, m),
+            "lost": s.dragged[m],
+            "pumped": s.pumped[m],
+            "numeric": s.mass_numeric[m],
+        }
+        for m, name in enumerate(masses)
+    }
+    kept = {"stored": s.stored, "lost": s.lost, "made": s.made, "numeric": s.numeric}
+    books |= {name: {key: of[i] for key, of in kept.items()} for i, name in enumerate(links)}
+    return books
 
 
 def add_links(

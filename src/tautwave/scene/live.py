@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from tautwave.errors import ConfigError
 from tautwave.models.interaction import FRICTION, PLASTIC, elastic_tension
 from tautwave.scene.compiling import Compiled, compile_network
-from tautwave.scene.ledger import Ledger, take_ledger
+from tautwave.scene.ledger import Ledger, element_books, kinetic_energy, take_ledger
 from tautwave.scene.network import Network
 from tautwave.scene.schemes.exact import Island, exact_islands, step_exact
 from tautwave.scene.schemes.gradient import step_gradient
@@ -160,21 +160,7 @@ class SceneModel:
     def elements(self) -> dict[str, dict[str, float]]:
         """Return the account of every mass, link, port and string [J], by name."""
         s = self.arrays
-        accounts: dict[str, dict[str, float]] = {}
-        for m, name in enumerate(self.compiled.masses):
-            accounts[name] = {
-                "kinetic": 0.5 * s.mass[m] * s.v[m] * s.v[m],
-                "lost": s.dragged[m],
-                "pumped": s.pumped[m],
-                "numeric": s.mass_numeric[m],
-            }
-        for i, name in enumerate(self.compiled.links):
-            accounts[name] = {
-                "stored": s.stored[i],
-                "lost": s.lost[i],
-                "made": s.made[i],
-                "numeric": s.numeric[i],
-            }
+        accounts = element_books(s, self.compiled.masses, self.compiled.links, kinetic_energy)
         for port in self._ports:
             accounts[self.network.ports[port]] = {"work": s.port_work[port]}
         for string in self.strings:

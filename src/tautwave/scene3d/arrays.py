@@ -1,19 +1,17 @@
 """From a network of points to flat arrays: nodes are masses, then ports, then grounds.
 
 Coordinates of node i are at 3 i, 3 i + 1, 3 i + 2. Links are sorted by law, contacts first. The
-same arrays are lists of floats live and NumPy arrays in compiled code (`as_arrays3d`).
+same arrays are lists of floats live and NumPy arrays in compiled code (`simulation.scene`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import accumulate, combinations
+from itertools import accumulate, permutations
 from typing import Any, NamedTuple
 
-from tautwave.models.interaction import elastic_energy
-from tautwave.scene.compiling import LAWS, ORDER
+from tautwave.scene.compiling import connected, link_fields, ordered_links
 from tautwave.scene.network import Link
-from tautwave.scene.parallel_links import join_links
 from tautwave.scene3d.elements import ELEMENT_INDICES, Elements, lay_elements
 from tautwave.scene3d.network import ORIGIN, Network3d, Vector, unit
 
@@ -129,20 +127,23 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
     places = port_places(network, axes_at or [0.0] * len(axis_port))
     x = _flat([mass.position for mass in network.masses])
     x += _flat(places) + _flat([where for _, where in network.grounds])
-    joined = [link for link, _ in join_links(network.links)]
-    links = sorted(joined, key=lambda link: ORDER.index(LAWS[link.kind]))
+    links = ordered_links(network.links)
     ends = [(at[link.a], at[link.b]) for link in links]
     nodes = count + len(network.ports)
     of_node: list[list[int]] = [[] for _ in range(nodes)]
-    for index, pair in enumerate(ends):
-        for end in pair:
-            if end < nodes:
-                of_node[end].append(index)
-    edges = [(at[e.corners[0]], at[name]) for e in network.elements for name in e.corners[1:]]
-    edges += [(at[a], at[b]) for e in network.elements for a, b in combinations(e.corners[1:], 2)]
-    islands = _islands(count, ends + edges)
+    near: list[list[int]] = [[] for _ in range(count)]
+    for index, (one, two) in enumerate(ends):
+        for here, there in ((one, two), (two, one)):
+            if here < nodes:
+                of_node[here].append(index)
+            if here < count and there < count:
+                near[here].append(there)
+    for element in network.elements:
+        inside = [at[name] for name in element.corners if at[name] < count]
+        for here, there in permutations(inside, 2):
+            near[here].append(there)
+    islands = connected(near)
     size = len(links)
-    kind = [LAWS[link.kind] for link in links]
     apart = [tuple(x[3 * a + c] - x[3 * b + c] for c in range(3)) for a, b in ends]
     stretch = [_stretch(link, gap) for link, gap in zip(links, apart, strict=True)]
     elements, tissues = lay_elements(network.elements, at, count)
@@ -152,18 +153,10 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
         mobility=[1.0 / mass.mass for mass in network.masses],
         drag=[mass.damping for mass in network.masses],
         weight=[mass.mass * part for mass in network.masses for part in network.gravity],
-        kind=kind,
         a=[one for one, _ in ends],
         b=[two for _, two in ends],
         flat=[0 if link.normal is None else 1 for link in links],
         normal=_flat([unit(link.normal or ORIGIN) for link in links]),
-        k=[link.stiffness for link in links],
-        z=[link.damping for link in links],
-        rest=[link.rest for link in links],
-        e=[link.exponent for link in links],
-        loss=[link.loss for link in links],
-        limit=[link.limit for link in links],
-        scale=[link.scale for link in links],
         links_first=list(accumulate(map(len, of_node), initial=0)),
         links_of=[index for found in of_node for index in found],
         islands=[mass for island in islands for mass in island],
@@ -175,27 +168,18 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
         v=_flat([mass.velocity for mass in network.masses]) + [0.0] * (len(x) - 3 * count),
         force=[0.0] * len(x),
         pushed=[0.0] * (3 * count),
-        tension=[0.0] * size,
         elastic=[0.0] * size,
-        stretch=stretch,
         way=[0.0] * (3 * size),
         apart=_flat(apart),
-        set_in=[0.0] * size,
         bend=[0.0] * (3 * size),
         side=[0.0] * size,
-        stored=[
-            elastic_energy(law_of, link.stiffness, link.exponent, d) if link.stiffness else 0.0
-            for law_of, link, d in zip(kind, links, stretch, strict=True)
-        ],
-        lost=[0.0] * size,
-        made=[0.0] * size,
-        numeric=[0.0] * size,
         dragged=[0.0] * count,
         pumped=[0.0] * count,
         mass_numeric=[0.0] * count,
         port_work=[0.0] * len(network.ports),
         work=[0.0] * (ROWS * 3 * count),
         elements=elements,
+        **link_fields(links, stretch),
     )
     kept = tuple(link.name for link in links)
     return Compiled3d(arrays, tuple(names[:count]), kept, tissues)
@@ -222,26 +206,3 @@ def _stretch(link: Link, apart: Sequence[float]) -> float:
     if link.normal is not None:
         return sum(p * n for p, n in zip(apart, unit(link.normal), strict=True)) - link.rest
     return float(sum(part * part for part in apart) ** 0.5 - link.rest)
-
-
-def _islands(count: int, ends: Sequence[tuple[int, int]]) -> list[list[int]]:
-    """Return the groups of masses that links join, each in order."""
-    near: list[list[int]] = [[] for _ in range(count)]
-    for a, b in ends:
-        if a < count and b < count:
-            near[a].append(b)
-            near[b].append(a)
-    seen = [False] * count
-    found = []
-    for start in range(count):
-        if seen[start]:
-            continue
-        seen[start] = True
-        island = [start]
-        for mass in island:
-            for other in near[mass]:
-                if not seen[other]:
-                    seen[other] = True
-                    island.append(other)
-        found.append(sorted(island))
-    return found

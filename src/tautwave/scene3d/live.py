@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from tautwave.errors import ConfigError
 from tautwave.models.interaction import FRICTION, elastic_tension
-from tautwave.scene.ledger import Ledger
+from tautwave.scene.ledger import Ledger, element_books
 from tautwave.scene3d.arrays import Compiled3d, compile_network3d
 from tautwave.scene3d.ledger import kinetic_energy, take_ledger3d
 from tautwave.scene3d.network import Network3d
@@ -140,21 +140,7 @@ class Model3d:
     def elements(self) -> dict[str, dict[str, float]]:
         """Return the account of every mass, link, tissue and port [J], by name."""
         s = self.arrays
-        accounts: dict[str, dict[str, float]] = {}
-        for m, name in enumerate(self.compiled.masses):
-            accounts[name] = {
-                "kinetic": kinetic_energy(s, m),
-                "lost": s.dragged[m],
-                "pumped": s.pumped[m],
-                "numeric": s.mass_numeric[m],
-            }
-        for i, name in enumerate(self.compiled.links):
-            accounts[name] = {
-                "stored": s.stored[i],
-                "lost": s.lost[i],
-                "made": s.made[i],
-                "numeric": s.numeric[i],
-            }
+        accounts = element_books(s, self.compiled.masses, self.compiled.links, kinetic_energy)
         for e, name in enumerate(self.compiled.tissues):
             account = accounts.setdefault(name, {"stored": 0.0, "lost": 0.0})
             account["stored"] += s.elements.kept[e]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, bus_spec
@@ -22,6 +22,7 @@ from tautwave.session.facts import (
     pair_sentence,
 )
 from tautwave.session.network import network_facts
+from tautwave.session.operating import scales_of
 from tautwave.session.plan import PlanItem, left_out, rig_plan
 
 
@@ -133,6 +134,9 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
     ]
     if rig.operate is not None:
         facts.append(("claims", _engagements(rig)))
+        if rig.operate.scales:
+            listed = ", ".join(f"{scale:g}" for scale in rig.operate.scales)
+            facts.append(("scales", f"1, {listed}: each is certified; ports claim the greatest"))
     facts += [(f"bus {name}", way.describe()) for name, way in ways.items()]
     if any(way.way in (Way.SERVED, Way.ELSEWHERE) for way in ways.values()):
         facts.append(("--clock fake", "simulates every bus in memory"))
@@ -158,8 +162,13 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
         )
         facts.append((axis_name, f"{text}{count_words(rig, axis_name)}"))
     certificate = certify(rig).as_dict()
+    scales = scales_of(rig)
     too_slow = over_budget(rig, budgets)
-    exit_code = 0 if certificate["passed"] else NotCertifiedError.exit_code
+    failures = not_certified(certificate)
+    for at_scale in scales:
+        found = not_certified(certify(at_scale).as_dict())
+        failures += [f"{at_scale.name}: {sentence}" for sentence in found]
+    exit_code = NotCertifiedError.exit_code if failures else 0
     if too_slow:
         exit_code = BusBudgetError.exit_code
     return CheckResult(
@@ -172,9 +181,14 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
         exit_code,
         pair_rows(rig, delays),
         axis_rows(rig),
-        claims_of(rig, delays),
-        [*too_slow, *not_certified(certificate)],
+        _greatest([claims_of(one, delays) for one in (rig, *scales)]),
+        [*too_slow, *failures],
     )
+
+
+def _greatest(claims: Sequence[list[PortClaim]]) -> list[PortClaim]:
+    """Return the greatest claim of each port among those at several scales."""
+    return [max(same, key=lambda claim: claim.claim_j) for same in zip(*claims, strict=True)]
 
 
 def not_certified(certificate: dict[str, Any]) -> list[str]:

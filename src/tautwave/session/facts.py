@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from tautwave.config import Rig, count_velocity
+from tautwave.config import Axis, Rig, count_velocity
 from tautwave.registry import load_named
 from tautwave.rig import coupling_part, one_way_delay, pair_scale
 from tautwave.rig.arms import carried_axes, felt_axes, greatest_loads
@@ -158,25 +158,33 @@ def axis_rows(rig: Rig) -> list[tuple[str, ...]]:
     for name, axis in rig.own_axes.items():
         effort, speed = ("N m", "rad/s") if axis.kind == "rotary" else ("N", "m/s")
         impedance = axis.causality == "impedance"
+        takes = "effort" if impedance else "velocity" if axis.follower is None else "position"
         reads = count_velocity(rig, name, axis.encoder_quantum)
         limit = "none" if axis.velocity_limit is None else f"{axis.velocity_limit:g} {speed}"
         rows.append(
             (
                 name,
                 f"{axis.bus} {axis.id}",
-                "effort" if impedance else "velocity",
+                takes,
                 f"{axis.effort_limit:g} {effort}" if impedance else limit,
-                f"{reads:.3g} {speed}" if axis.encoder_quantum else "no step",
+                _one_count(axis, f"{reads:.3g} {speed}"),
                 limit,
             )
         )
     return rows
 
 
+def _one_count(axis: Axis, reads: str) -> str:
+    if axis.follower is not None:
+        step = axis.follower.stiffness * axis.encoder_quantum
+        return f"{step:.3g} {'N m' if axis.kind == 'rotary' else 'N'}"
+    return reads if axis.encoder_quantum else "no step"
+
+
 def count_words(rig: Rig, axis_name: str) -> str:
     """Return the velocity of one encoder count, as text after a `;`; "" without an encoder step."""
     axis = rig.axes[axis_name]
-    if axis.encoder_quantum == 0.0:
+    if axis.encoder_quantum == 0.0 or axis.follower is not None:
         return ""
     unit = "rad/s" if axis.kind == "rotary" else "m/s"
     reads = count_velocity(rig, axis_name, axis.encoder_quantum)

@@ -17,8 +17,13 @@ from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.loop import TIMING_COLUMNS
 from tautwave.runtime.operate.commands import DeadMan, Source, Watcher
 from tautwave.runtime.operate.key_device import KeyDevice
+from tautwave.runtime.operate.lead import Lead, Leading, Leads
+from tautwave.runtime.operate.mailbox import Kept
 from tautwave.runtime.operate.operated import OperatedControl
 from tautwave.runtime.operate.trigger import TriggerLine
+
+OFTENER = 4
+"""Looks at the live sources where a policy leads, for one where people do."""
 
 
 def refuse_endless(rig: Rig, ways: Sequence[BusWay]) -> None:
@@ -55,6 +60,7 @@ def with_operation(
         return assembly
     plain = assembly.control
     assert isinstance(plain, CoupledControl)
+    watchers = [one for one in scripts if isinstance(one, Watcher)]
     keys = [
         KeyDevice(
             one.device,
@@ -67,15 +73,31 @@ def with_operation(
     lines = [] if port is None else [TriggerLine(port.port, port.command or "")]
     delays = {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
     operation = operation_of(rig, plain, delays)
+    sent: list[DeadMan] = [one for one in live if isinstance(one, Kept)]
+    leads = _leads(assembly)
+    if leads is not None:
+        scripts, live = ([Leading(one, leads) for one in some] for some in (scripts, live))
+        sent.append(leads)
+        operation = operation._replace(look=max(1, operation.look // OFTENER))
     control = OperatedControl(
-        plain, operation, scripts, [*live, *keys, *lines], [*keys, *inputs], lines
+        plain, operation, scripts, [*live, *keys, *lines], [*keys, *sent, *inputs], lines
     )
-    for source in scripts:
-        if isinstance(source, Watcher):
-            source.sees(control)
+    for source in watchers:
+        source.sees(control)
     sources = [control, *assembly.sources[1:]]
     columns = [*TIMING_COLUMNS, *(name for source in sources for name in source.columns)]
     return assembly._replace(control=control, sources=sources, columns=columns)
+
+
+def _leads(assembly: Assembly) -> Leads | None:
+    """Return the virtual hands that a policy leads, None without any."""
+    axes = [axis for world in assembly.simulators for axis in getattr(world, "axes", ())]
+    leads = {
+        axis.name.partition(".")[2]: axis.lead
+        for axis in axes
+        if isinstance(getattr(axis, "lead", None), Lead)
+    }
+    return Leads(leads) if leads else None
 
 
 def operation_block(assembly: Assembly, duration_s: float) -> dict[str, Any]:

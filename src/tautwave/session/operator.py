@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self
@@ -106,6 +106,14 @@ class Session:
     def scale(self, factor: float) -> None:
         """Change the scale to a factor of the rig's `operate.scales`, or back to 1."""
         self._send(f"scale {factor:g}")
+
+    def lead(self, positions: Mapping[str, float]) -> None:
+        """Send an action to the hands that a policy leads: positions of master axes, by pair.
+
+        The reference `type: policy` of a rig's hand says how it is followed. When three frames in a
+        row have no action the rig holds, until it is engaged again.
+        """
+        self._send("lead " + " ".join(f"{name}={x!r}" for name, x in positions.items()))
 
     def begin_episode(self, name: str, task: str = "") -> None:
         """Begin an episode; its name is one word."""

@@ -44,6 +44,7 @@ from tautwave.session.operating import (
 )
 from tautwave.session.plan import left_out, rig_plan
 from tautwave.session.reporting import recording_block, report_run
+from tautwave.session.sites.agreed import claim_sessions
 from tautwave.session.viewing.facts import facts_of, mailbox_of, tell_end, tell_viewers
 from tautwave.session.viewing.tuning import refuse_tuning, tuning_facts, tuning_of, with_tuning
 from tautwave.types import CommandDelay
@@ -370,14 +371,6 @@ def _buses(assembly: Assembly, ways: Mapping[str, BusWay]) -> dict[str, dict[str
         }
         for bus in assembly.buses
     }
-
-
-def claim_sessions(summary: dict[str, Any]) -> None:
-    """Count what ports claim once for each session: each begins with its own reserve."""
-    count = sum("engaged_s" in session for session in summary["link"]["sessions"])
-    for pair in summary["pairs"].values():
-        claims = pair.get("claim_j", {})
-        pair["claim_j"] = {side: max(1, count) * claim for side, claim in claims.items()}
 
 
 def _pairs(rig: Rig, assembly: Assembly, cycles: int) -> dict[str, dict[str, Any]]:

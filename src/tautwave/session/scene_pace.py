@@ -25,7 +25,7 @@ CYCLES = 400
 ROUNDS = 3
 LONG_S = 0.1
 """CPU time limit of a round; a large network is measured with fewer cycles."""
-TOLD = 64
+PROGRESS_CYCLES = 64
 """Cycles of the loop between two messages of progress."""
 EASY = 0.5
 """Share of a period up to which plain Python is used."""
@@ -99,7 +99,7 @@ def _run_whole(rig: Rig, engine: str, cycles: int) -> float:
         spent = time.thread_time_ns() - began[min(1, len(began) - 1)]
     for simulator in built.simulators:
         simulator.close()
-    settled = TOLD if len(began) > 1 else 0  # engaging is expensive, and happens once
+    settled = PROGRESS_CYCLES if len(began) > 1 else 0  # engaging is expensive, and happens once
     return 1e-9 * spent / max(result.cycles - settled, 1)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from tautwave.config import Rig, local_wall
 from tautwave.runtime.operate.commands import EPISODE
-from tautwave.runtime.operate.states import BUTTONS, STATES, TRANSITIONS
+from tautwave.runtime.operate.states import BUTTONS, COMMANDS, SCALE, STATES, STOP, TRANSITIONS
 from tautwave.runtime.tap import Live
 
 ELEMENT = re.compile(r"(?P<pair>.+)\.(?P<element>[^.]+)\.absorbed")
@@ -17,7 +17,6 @@ ELEMENT = re.compile(r"(?P<pair>.+)\.(?P<element>[^.]+)\.absorbed")
 def facts_of(live: Live, rig: Rig) -> dict[str, Any]:
     """Return columns and units, the pairs and what they are made of, states and commands."""
     facts = live.facts
-    operated = facts.get("mailbox") is not None
     return {
         "rig": rig.name,
         "columns": list(live.columns),
@@ -27,10 +26,25 @@ def facts_of(live: Live, rig: Rig) -> dict[str, Any]:
         "pairs": [_pair(live, rig, name) for name in facts.get("units", {})],
         "certificate": facts.get("certificate"),
         "states": list(STATES),
-        "commands": [*BUTTONS, EPISODE] if operated else ["stop"],
+        "commands": commands_of(live, rig),
+        "scales": scales_of(rig),
         "possible": _possible(),
         "tunables": _tunables(facts.get("tuning")),
     }
+
+
+def commands_of(live: Live, rig: Rig) -> list[str]:
+    """Return the words of the commands that a run takes."""
+    if live.facts.get("mailbox") is None:
+        return [STOP]
+    return [*BUTTONS, *([SCALE] if scales_of(rig) else []), EPISODE]
+
+
+def scales_of(rig: Rig) -> list[float]:
+    """Return the factors that `scale` takes, none where the rig has no other than its own."""
+    if rig.operate is None or not rig.operate.scales:
+        return []
+    return sorted({1.0, *rig.operate.scales})
 
 
 def _tunables(facts: Mapping[str, Any] | None) -> list[dict[str, Any]]:
@@ -41,7 +55,7 @@ def _tunables(facts: Mapping[str, Any] | None) -> list[dict[str, Any]]:
 def _possible() -> dict[str, list[str]]:
     """Return the commands that are possible in each state."""
     return {
-        state: [word for word in BUTTONS if (state, word) in TRANSITIONS] + [EPISODE]
+        state: [word for word in COMMANDS if (state, word) in TRANSITIONS] + [EPISODE]
         for state in STATES
     }
 

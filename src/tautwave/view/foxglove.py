@@ -20,8 +20,9 @@ from websockets.asyncio.server import ServerConnection
 from tautwave.errors import TautwaveError
 from tautwave.runtime.mcap_schema import CDR_HEADER, SCHEMA_NAME, TOPIC, message_layout
 from tautwave.runtime.operate.commands import EPISODE
-from tautwave.runtime.operate.states import BUTTONS, STOP
+from tautwave.runtime.operate.states import SCALE, STOP
 from tautwave.runtime.tuning.desk import last_left
+from tautwave.view.facts import commands_of
 from tautwave.view.viewers import Hub, Viewer, fields_of
 
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
@@ -35,10 +36,14 @@ ANSWER_S, LOOK_S = 2.0, 0.03
 """The loop looks at commands 50 times a second, and the server at its journal 30 times."""
 
 EMPTY = {"type": "object"}
-EPISODE_KEYS = {
-    "type": "object",
-    "properties": {"name": {"type": "string"}, "task": {"type": "string"}},
+ASKED = {
+    EPISODE: {
+        "type": "object",
+        "properties": {"name": {"type": "string"}, "task": {"type": "string"}},
+    },
+    SCALE: {"type": "object", "properties": {"scale": {"type": "number"}}},
 }
+"""What a command's request has, by its word."""
 ANSWER = {
     "type": "object",
     "properties": {"success": {"type": "boolean"}, "message": {"type": "string"}},
@@ -176,9 +181,8 @@ class FoxgloveViewer(Viewer):
         )
 
     async def _command(self, word: str, fields: Mapping[str, Any]) -> dict[str, Any]:
-        line = word
-        if word == EPISODE:
-            line = f"{word} {fields.get('name', '')} {fields.get('task', '')}"
+        keys = ASKED.get(word, {}).get("properties", {})
+        line = " ".join([word, *(str(fields.get(key, "")) for key in keys)])
         before = max((number for number, _ in self.hub.news), default=0)
         try:
             self.hub.command(self.may, SOURCE, line)
@@ -188,19 +192,19 @@ class FoxgloveViewer(Viewer):
             await asyncio.sleep(LOOK_S)
             for number, entry in self.hub.news:
                 if number > before and (entry["word"], entry["source"]) == (word, SOURCE):
-                    text, refused = entry["text"], entry["text"] and word != EPISODE
-                    return {"success": not refused, "message": text or entry["state"]}
+                    text = entry["text"] or entry["state"]
+                    return {"success": not entry["refused"], "message": text}
         return {"success": word == STOP, "message": "handed over"}
 
     # -- what there is ------------------------------------------------------------------------
 
     def _words(self) -> list[str]:
-        operated = self.hub.run is not None and self.hub.run.facts.get("mailbox") is not None
-        return [*BUTTONS, EPISODE] if operated else [STOP]
+        run, rig = self.hub.run, self.hub.rig
+        return [STOP] if run is None or rig is None else commands_of(run.live, rig)
 
     def _service(self, number: int) -> dict[str, Any]:
         word = self._words()[number]
-        asks = EPISODE_KEYS if word == EPISODE else EMPTY
+        asks = ASKED.get(word, EMPTY)
         form = {"encoding": "json", "schemaEncoding": "jsonschema"}
         return {
             "id": number,

@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tautwave.runtime.mcap_schema import TOPIC, message_layout
+from tautwave.runtime.operate.states import SCALE
 from tautwave.runtime.tap import Live
 
 ENDS = ("position", "port_effort")
+PAYLOADS = {SCALE: '{"scale": 1}'}
 
 
 def layout_of(live: Live, commands: Sequence[str]) -> dict[str, Any]:
@@ -30,7 +32,8 @@ def layout_of(live: Live, commands: Sequence[str]) -> dict[str, Any]:
     panels["Parameters!knobs"] = {}
     for word in commands:
         panels[f"CallService!{word}"] = {
-            "serviceName": f"/{word}", "requestPayload": "{}", "buttonText": word,
+            "serviceName": f"/{word}", "requestPayload": PAYLOADS.get(word, "{}"),
+            "buttonText": word,
         }  # fmt: skip
     plots = [key for key in panels if key.startswith("Plot")]
     rest = [key for key in panels if not key.startswith("Plot")]

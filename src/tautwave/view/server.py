@@ -19,7 +19,7 @@ from websockets.typing import Subprotocol
 from tautwave.config import Rig, load_rig
 from tautwave.config.guard import parse_json
 from tautwave.errors import ConfigError, RecordingError
-from tautwave.view.facts import facts_of
+from tautwave.view.facts import commands_of
 from tautwave.view.foxglove import SUBPROTOCOLS, FoxgloveViewer
 from tautwave.view.foxglove_layout import layout_of
 from tautwave.view.guard import FOXGLOVE_SOCKET, HEADERS, PAGE_SOCKET, Door, refused
@@ -203,7 +203,7 @@ class Server:
         if getattr(request, "method", "GET") != "GET":  # older versions know no other
             return _response(HTTPStatus.METHOD_NOT_ALLOWED, Page(b"only GET\n", "text/plain"))
         if path == LAYOUT and FOXGLOVE_SOCKET in self._sockets and self.run is not None:
-            words = facts_of(self.run.live, self.rig)["commands"] if self.rig else []
+            words = commands_of(self.run.live, self.rig) if self.rig else []
             body = json.dumps(layout_of(self.run.live, words), indent=1).encode()
             page = Page(body, "application/json")
         if page is None:

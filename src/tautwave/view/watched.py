@@ -7,12 +7,14 @@ import signal
 from pathlib import Path
 from typing import Any, Self
 
+from tautwave.clock import MonotonicClock
 from tautwave.config.guard import parse_json
 from tautwave.errors import RecordingError
 from tautwave.runtime.operate.mailbox import send
 from tautwave.runtime.tap import LIVE, Live, Tap
 
 STOP = "stop"
+KNOCK_NS = 200_000_000
 
 
 def read_live(directory: Path) -> Live:
@@ -102,3 +104,21 @@ class Watched:
             self._stopped = True
         except (OSError, ValueError, IndexError) as error:
             raise RecordingError(f"the run has ended, or is not yours ({error})") from error
+
+
+def begun(directory: Path, clock: MonotonicClock, patience_s: float) -> Watched:
+    """Return the run in a directory, once it has begun.
+
+    Raises
+    ------
+    RecordingError
+        None has, in that time.
+    """
+    until = clock.now_ns() + round(1e9 * patience_s)
+    while True:
+        try:
+            return Watched.of_run(directory)
+        except RecordingError:
+            if clock.now_ns() >= until:
+                raise
+        clock.sleep_until(clock.now_ns() + KNOCK_NS)

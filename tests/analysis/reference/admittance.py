@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tautwave.analysis.exact.rational import constant
 from tautwave.analysis.walls.sampled import PulseTransfer
-from tautwave.laws.admittance import AdmittanceParams
+from tautwave.laws.servo.admittance import AdmittanceParams
 from tests.analysis.reference.scattering import ONE, Q, _filter, _power, _whole, as_pulse
 
 

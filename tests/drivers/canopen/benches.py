@@ -165,7 +165,7 @@ def contract_bench(rig: Rig, causality: tuple[str, ...]) -> DriverBench:
 
     def commanded(axis: int) -> float:
         motor = devices[axis].drive.motor
-        reported: float = motor.velocity_told if motor.servo else float(motor.torque_counts)
+        reported: float = motor.velocity_reported if motor.servo else float(motor.torque_counts)
         return reported
 
     return DriverBench(

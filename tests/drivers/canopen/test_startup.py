@@ -6,7 +6,9 @@ from typing import Any
 
 import pytest
 
+from tautwave.config.keys.calibration import AxisCalibration
 from tautwave.errors import BusTimeout, DeviceFault, DriverError
+from tautwave.rig.calibrated import CalibratedDriver, identities
 from tautwave_sim.canopen.dictionary import Entry
 from tests.drivers.canopen.benches import Rig, block, make, node
 
@@ -267,3 +269,24 @@ def test_the_unit_of_velocity_is_held_against_the_drive_s(
     rig.driver.open()
     rig.driver.close()
     assert any("60A9 velocity unit" in note for note in rig.driver.notes) == (word != INCREMENTS)
+
+
+def test_a_drive_with_other_firmware_or_another_zero_is_not_the_one_that_was_calibrated() -> None:
+    rig = quirky({})
+    rig.driver.open()
+    (said,) = identities(rig.driver).values()
+    assert said["software"] == "1"
+    assert said["home_offset"] == "0"
+    rig.driver.close()
+    known = CalibratedDriver(rig.driver, ["master.a1"], [AxisCalibration(device=dict(said))])
+    objects = rig.devices()[0].objects
+    objects.set(0x607C, 0, -500)
+    objects.add(0x100A, 0, Entry("STR", "const", b"2.0"))
+    with pytest.raises(DriverError, match=r"home_offset was 0, now -500") as reported:
+        known.open()
+    assert "software was 1, now 2.0" in str(reported.value)
+    objects.remove(0x100A)
+    objects.remove(0x607C)
+    rig.driver.open()
+    assert not {"software", "home_offset"} & identities(rig.driver)["master.a1"].keys()
+    rig.driver.close()

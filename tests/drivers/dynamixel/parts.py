@@ -102,7 +102,7 @@ def bench(
     truths = [
         truth(
             mass=mass,
-            servo=axis.causality == "admittance",
+            servo=axis.causality == "admittance" and not axis.takes_position,
             quantum=facts.encoder_quantum,
             effort_quantum=facts.effort_quantum,
             velocity_quantum=facts.velocity_quantum,

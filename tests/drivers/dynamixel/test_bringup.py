@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
+from tautwave.contracts import AxisSpec
 from tautwave.errors import ConfigError, DeviceFault, DriverError
+from tautwave.types import AxisCommand
 from tests.drivers.dynamixel.parts import Bench, bench, servo, spec
 
 EEPROM_END = 64
@@ -214,3 +218,44 @@ def test_without_the_vendors_library_own_packets_do(monkeypatch: pytest.MonkeyPa
     with pytest.raises(ConfigError, match=r"tautwave\[dynamixel\]"):
         made.driver.open()
     opened(bench(spec(1)))
+
+
+def follower(device_id: int, effort: float = 0.1) -> AxisSpec:
+    return spec(device_id, "admittance", effort)._replace(takes_position=True)
+
+
+def test_a_follower_holds_where_torque_found_it_until_it_is_sent_somewhere() -> None:
+    made = bench(
+        follower(1), spec(2, effort=0.1), servos=[servo(1, "XL330-M077"), servo(2, "XL330-M077")]
+    )
+    made.world.axes[0].physics.x = 0.2
+    made.enable()
+    assert [made.peek(index, "Operating Mode") for index in (0, 1)] == [5, 0]
+    most = made.peek(0, "Goal Current")  # its grip: the axis' effort limit
+    assert most == int(0.1 / (1e-3 * 0.215 / 1.47))
+    held = made.peek(0, "Goal Position")
+    assert held == 2048 + round(0.2 * 4096 / (2 * math.pi))
+    for _ in range(3):
+        made.driver.request()
+        made.driver.read(made.clock.now_ns() + 700_000)
+        made.driver.write([AxisCommand(0.0, 0.0), AxisCommand(0.05, 0.0)])
+        made.clock.sleep_until(made.clock.now_ns() + 1_000_000)
+    assert made.peek(0, "Goal Position") == held, "no position was commanded"
+    assert made.peek(1, "Goal Current") > 0
+    for _ in range(2):
+        made.driver.request()
+        made.driver.read(made.clock.now_ns() + 700_000)
+        made.driver.write([AxisCommand(0.0, 0.0, 0.25), AxisCommand(0.05, 0.0)])
+        made.clock.sleep_until(made.clock.now_ns() + 1_000_000)
+    assert made.peek(0, "Goal Position") == 2048 + round(0.25 * 4096 / (2 * math.pi))
+
+
+def test_a_follower_without_current_control_is_told_what_nobody_limits() -> None:
+    wide = follower(1)._replace(position_range=(-3.5, 3.5))
+    made = bench(wide, servos=[servo(1, "XL430-W250")])
+    with pytest.raises(DriverError, match="beyond its position limits"):
+        opened(made)  # its turn ends at 3.14
+    narrow = follower(1)._replace(position_range=(-1.0, 1.0))
+    made = opened(bench(narrow, servos=[servo(1, "XL430-W250")]))
+    assert made.peek(0, "Operating Mode") == 3
+    assert any("cannot limit its torque" in note for note in made.driver.notes)

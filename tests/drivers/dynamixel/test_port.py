@@ -195,7 +195,9 @@ def test_a_scan_finds_them_at_their_baud_rate() -> None:
 @pytest.mark.slow
 def test_a_scan_reads_position_and_load_in_protocol_1() -> None:
     with served("--ids", "3", "--model", "AX-12A") as path:
-        found = scan(ScanOptions(port=path, protocol=1.0, baud=1_000_000, ids=[2, 3]))
+        scans = (scan(ScanOptions(port=path, protocol=1.0, baud=1_000_000, ids=[2, 3]))
+                 for _ in range(5))  # fmt: skip
+        found = next((one for one in scans if one), [])
     [one] = found
     assert (one["id"], one["model"], one["protocol"]) == (3, "AX-12A", 1.0)
     assert 0 <= one["position_counts"] <= 1023

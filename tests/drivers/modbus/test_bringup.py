@@ -39,6 +39,14 @@ def test_a_wrong_rated_torque_or_encoder_is_found() -> None:
     assert "it has 4096 counts per revolution, but the rig says 65536" in refusal(made)
 
 
+def test_the_family_is_noted_with_what_the_drive_reports_of_itself() -> None:
+    made = bench()
+    made.driver.open()
+    [found] = made.driver.identities.values()
+    said = ", ".join([found["family"], *(f"{k} {v}" for k, v in found.items() if k != "family")])
+    assert any(note.endswith(f": {said}") for note in made.driver.notes), made.driver.notes
+
+
 def test_limits_and_mode_are_written_and_read_back() -> None:
     made = bench(spec(1, effort=0.5))
     made.driver.open()

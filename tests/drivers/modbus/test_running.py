@@ -152,7 +152,7 @@ def test_a_fault_of_the_drive_is_decoded(profile: str, causality: str) -> None:
     made.driver.close()
 
 
-def test_a_drive_with_a_fault_is_told_to_stay_off() -> None:
+def test_a_drive_with_a_fault_is_kept_off() -> None:
     """Else it would go on by itself once somebody resets the fault at its keypad."""
     broken = {"kind": "drive_fault", "unit": 1, "at_s": 0.02, "code": 0x4310}
     made = bench(profile="cia402", simulator={"faults": {"events": [broken]}})

@@ -199,7 +199,7 @@ def test_the_wire_is_not_faster_than_its_baud_rate() -> None:
 
 
 def test_rustypot_reads_and_moves(device: str) -> None:
-    servos = rustypot.Xl330PyController(device, 1_000_000, 0.5)
+    servos = rustypot.Xl330PyController(device, 1_000_000, 5.0)
     try:
         assert servos.ping(1)
         assert servos.scan([1, 2]) == {1: 1200, 2: 1200}
@@ -213,15 +213,19 @@ def test_rustypot_reads_and_moves(device: str) -> None:
         assert len(servos.sync_read_raw_data_with_error([1, 2], 126, 10)) == 2
         assert servos.reboot(1)
         time.sleep(0.3)
-        assert servos.ping(1)
-        assert not servos.ping(77)
+        until(lambda: servos.ping(1))
     finally:
         servos.close()
+    hasty = rustypot.Xl330PyController(device, 1_000_000, 0.2)
+    try:
+        assert not hasty.ping(77)
+    finally:
+        hasty.close()
 
 
 def test_rustypot_gets_negative_values_that_need_stuffing(device: str) -> None:
     """-131073 is FF FF FD FF on the wire, and -1 beside FD makes the same pattern."""
-    servos = rustypot.Xl330PyController(device, 1_000_000, 0.5)
+    servos = rustypot.Xl330PyController(device, 1_000_000, 5.0)
     try:
         servos.write_torque_enable(2, False)
         servos.write_operating_mode(2, 4)
@@ -241,7 +245,7 @@ def test_protocol_1_by_sdk_and_rustypot() -> None:
             assert patient(partial(packets.write1ByteTxRx, port, 3, 24, 1)) == (COMM_SUCCESS, 0)
             assert patient(partial(packets.write2ByteTxRx, port, 3, 30, 600)) == (COMM_SUCCESS, 0)
             until(lambda: abs(packets.read2ByteTxRx(port, 3, 36)[0] - 600) <= 1)
-        old = rustypot.AxPyController(found["endpoint"], 1_000_000, 0.5)
+        old = rustypot.AxPyController(found["endpoint"], 1_000_000, 5.0)
         try:
             assert old.ping(3)
             assert old.read_raw_present_position(3)[0] == pytest.approx(600, abs=1)
@@ -254,25 +258,33 @@ def test_protocol_1_by_sdk_and_rustypot() -> None:
 @pytest.mark.slow
 def test_a_link_survives_an_unplugged_adapter(tmp_path: Path) -> None:
     link = tmp_path / "servos"
-    events = [{"kind": "unplug", "at_s": 1.5}, {"kind": "replug", "at_s": 2.0}]
+    seen = (seen_unplugged(link, at_s) for at_s in (1.5, 5.0, 20.0))  # a host may be held up
+    assert next(filter(None, seen), False)
+
+
+def seen_unplugged(link: Path, at_s: float) -> bool:
+    """Return whether the adapter was seen there, then gone; it has to be back after that."""
+    events = [{"kind": "unplug", "at_s": at_s}, {"kind": "replug", "at_s": at_s + 0.5}]
     faults = json.dumps({"events": events})
+
+    def pinged() -> int | None:
+        try:
+            with sdk(str(link)) as (port, packets):
+                return int(packets.ping(port, 1)[1])
+        except OSError:  # as from a real adapter
+            return None
+
+    opened = gone = False
     with served("--link", str(link), "--faults", faults) as found:
         assert found["endpoint"] == str(link)
-        gone = False
-        with sdk(str(link)) as (port, packets):
-            try:
-                while not gone:
+        end = time.monotonic() + at_s + 5.0
+        try:
+            with sdk(str(link)) as (port, packets):
+                opened = True
+                while not gone and time.monotonic() < end:
                     gone = packets.ping(port, 1)[1] not in (COMM_SUCCESS, COMM_RX_TIMEOUT)
-            except OSError:  # as from a real adapter
-                gone = True
-        assert gone
-
-        def back() -> bool:
-            try:
-                with sdk(str(link)) as (port, packets):
-                    return bool(packets.ping(port, 1)[1] == COMM_SUCCESS)
-            except OSError:
-                return False
-
-        until(back)
+        except OSError:
+            gone = opened
+        until(lambda: pinged() == COMM_SUCCESS)
     assert not link.exists()
+    return gone

@@ -271,6 +271,13 @@ class RemoteDrive:
         except AbortError:
             return None
 
+    def find_text(self, entry: Entry) -> str | None:
+        """Return a text object's value, None where the drive does not have it or has no end."""
+        try:
+            return str(self.read(entry))
+        except (AbortError, EndlessError):
+            return None
+
     def write(self, entry: Entry, value: int) -> None:
         """Write an object; raises as `read` does."""
         data = pack(entry, value)

@@ -106,6 +106,9 @@ def check_identity(drive: RemoteDrive, axis: Axis) -> list[str]:
             )
     words = ", ".join(f"{name} 0x{value:X}" for name, value in found.items() if value is not None)
     axis.identity = {name: f"0x{value:X}" for name, value in found.items() if value is not None}
+    software = drive.find_text(c.SOFTWARE_VERSION)
+    if software is not None:
+        axis.identity["software"] = software
     checked = "not compared: the rig gives no identity" if wanted is None else "as the rig says"
     notes = [f"{drive.name}: {words or 'no 1018h'} ({checked})"]
     modes = drive.find(o.SUPPORTED_MODES)
@@ -148,6 +151,9 @@ def check_scale(drive: RemoteDrive, axis: Axis) -> list[str]:
         )
     else:
         notes.append(f"{drive.name}: 6076:00 rated torque {rated} is {said:g} N m, as in the rig")
+    offset = drive.find(o.HOME_OFFSET)
+    if offset is not None:  # after the DCF, which may have written it
+        axis.identity["home_offset"] = str(offset)
     increments, turns = drive.find(o.ENCODER_INCREMENTS), drive.find(o.ENCODER_REVOLUTIONS)
     if increments and turns:
         counts = axis.node.counts_per_revolution

@@ -42,6 +42,8 @@ DRIVE_MODE = Register("drive mode", 10, 1, eeprom=True)
 OPERATING_MODE = Register("operating mode", 11, 1, eeprom=True)
 CURRENT_LIMIT = Register("current limit", 38, 2, eeprom=True)
 VELOCITY_LIMIT = Register("velocity limit", 44, 4, eeprom=True)
+MAX_POSITION = Register("max position limit", 48, 4, eeprom=True)
+MIN_POSITION = Register("min position limit", 52, 4, eeprom=True)
 SHUTDOWN = Register("shutdown", 63, 1, eeprom=True)
 TORQUE_ENABLE = Register("torque enable", 64, 1)
 STATUS_RETURN_LEVEL = Register("status return level", 68, 1)
@@ -50,6 +52,8 @@ BUS_WATCHDOG = Register("bus watchdog", 98, 1, signed=True)
 GOAL_CURRENT = Register("goal current", 102, 2, signed=True)
 GOAL_VELOCITY = Register("goal velocity", 104, 4, signed=True)
 PROFILE_ACCELERATION = Register("profile acceleration", 108, 4)
+PROFILE_VELOCITY = Register("profile velocity", 112, 4)
+GOAL_POSITION = Register("goal position", 116, 4, signed=True)
 PRESENT_CURRENT = Register("present current", 126, 2, signed=True)
 PRESENT_VELOCITY = Register("present velocity", 128, 4, signed=True)
 PRESENT_POSITION = Register("present position", 132, 4, signed=True)
@@ -64,6 +68,8 @@ INDIRECT_ADDRESS = 168
 
 CURRENT_MODE = 0
 VELOCITY_MODE = 1
+POSITION_MODE = 3
+CURRENT_POSITION_MODE = 5
 MODES = {
     0: "current", 1: "velocity", 3: "position", 4: "extended position",
     5: "current-based position", 16: "PWM",

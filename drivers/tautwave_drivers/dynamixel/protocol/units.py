@@ -35,6 +35,10 @@ class Scale(NamedTuple):
         """Return the goal velocity nearest to a velocity, at most `limit`; 0 where not finite."""
         return self.direction * _nearest(command.velocity / self.velocity, limit)
 
+    def position_counts(self, position: float) -> int:
+        """Return the goal position nearest to a finite position."""
+        return self.zero_counts + self.direction * math.floor(position / self.position + 0.5)
+
 
 def scale_of(servo: Servo) -> Scale:
     """Return the units of a servo at its axis."""

@@ -2,7 +2,7 @@
 
 Counterpart of `tautwave.analysis.wave_port.port_loop.wave_end`: the drive follows a held velocity
 with a first-order lag (0: at once), against a spring and damper to ground and a mass that rides on
-it. The law is `tautwave.laws.admittance`, run on unit vectors. Source: written here.
+it. The law is `tautwave.laws.servo.admittance`, run on unit vectors. Source: written here.
 """
 
 from __future__ import annotations
@@ -14,21 +14,24 @@ import numpy as np
 
 from tautwave.analysis.ports.sampled_loop import LinearEnd, Push
 from tautwave.analysis.wave_port.port_loop import FULL
-from tautwave.laws.admittance import AdmittanceParams, admittance_velocity
 from tautwave.laws.port import PortParams, port_close
+from tautwave.laws.servo.admittance import AdmittanceParams, admittance_velocity
 
 
 class Outside(NamedTuple):
     """What an admittance axis works against; SI, linear or rotary.
 
     stiffness [N/m or N m/rad], damping [N s/m or N m s/rad] and mass [kg or kg m^2] on the
-    axis; lag: time constant [s] of the drive's velocity loop.
+    axis; lag: time constant [s] of the drive's velocity loop. Where a `spring` [N/m or N m/rad]
+    joins a goal to a device that takes positions, `behind` is its lag [s], and no mass counts.
     """
 
     stiffness: float = 0.0
     damping: float = 0.0
     mass: float = 0.0
     lag: float = 0.0
+    spring: float = 0.0
+    behind: float = 0.0
 
 
 def admittance_end(
@@ -76,6 +79,9 @@ class _Step:
         period, lag = port.period, outside.lag
         self._left = math.exp(-period / lag) if lag > 0.0 else 0.0
         self._drag = lag * (1.0 - self._left)
+        self._stays = math.exp(-period / outside.behind) if outside.behind > 0.0 else 0.0
+        if outside.spring > 0.0:
+            self.names += ["followed"]
         self.outside = 0.0
 
     def __call__(self, state: list[float], arriving: float) -> tuple[list[float], float]:
@@ -85,13 +91,24 @@ class _Step:
         acting = commands[0]
         moved = acting * port.period + (v - acting) * self._drag
         x, v = x + moved, acting + (v - acting) * self._left
+        followed = self._follow(x, state[-1]) if outside.spring > 0.0 else 0.0
         pushing = (acting - v) / outside.lag if outside.lag > 0.0 else 0.0
         effort = -outside.stiffness * x - outside.damping * v - outside.mass * pushing
         effort += self.outside
+        if outside.spring > 0.0:
+            effort = outside.spring * (followed - x)
         leaving, _, _, filtered, _, _, _ = port_close(
             port, FULL, 0.0, filtered, moved, moved, 1.0, effort, waves[0], 0.0, False
         )
         wave = self._wave_gain * arriving
         velocity = admittance_velocity(law, effort, wave, sum(commands[1:]), 0.0, 0.0, 0.0)
         after = [x, v, filtered, *commands[1:], velocity, *waves[1:], wave]
+        if outside.spring > 0.0:
+            after.append(followed)
         return after, leaving / self._wave_gain
+
+    def _follow(self, goal: float, followed: float) -> float:
+        """Return where a device is a period later that was sent to `goal` at its beginning."""
+        outside = self._outside
+        rest = (outside.spring * goal + self.outside) / (outside.spring + outside.stiffness)
+        return rest + (followed - rest) * self._stays

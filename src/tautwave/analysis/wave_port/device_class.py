@@ -201,7 +201,10 @@ def _reached(r: Reflection, device: Folded, theta: Float) -> Float:
     spread = np.geomspace(1e-3, 1e3, 40)
     resistance = device.damping * np.concatenate([[1.0], 1.0 + spread])[:, None, None]
     edge = device.mass * theta - device.stiffness / theta
-    reactance = edge + np.concatenate([[0.0], device.mass * spread])[:, None]
+    # From the least upwards, and finely about resonance where the class has it.
+    about = device.damping * np.concatenate([-spread, [0.0], spread])[:, None]
+    above = edge + np.concatenate([[0.0], device.mass * spread])[:, None]
+    reactance = np.concatenate([above, np.maximum(about, edge)])
     y = np.sinc(0.5 * theta / math.pi) ** 2 / (resistance + 1j * reactance)
     excess, leaving = (
         curve * np.abs(y) ** 2 + 2.0 * (slope * y).real + rest for curve, slope, rest in r.at(theta)

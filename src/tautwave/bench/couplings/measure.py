@@ -22,13 +22,15 @@ SIDES = ("master", "slave")
 class Outcome(NamedTuple):
     """Of one run, pair's units.
 
-    error: rms of master minus slave [rad]; effort: standard deviation of the master's [N m]; fast:
-    share of motion power above 8 Hz [1]; made: most energy that both motors had given, and gave in
-    truth, and in truth less the stated bound [J]; whether the run ended early.
+    error: rms of master minus slave [rad]; effort: standard deviation of the master's [N m]; apart:
+    rms of what hand and contact do together, 0 where the hand feels the contact and nothing else
+    [N m]; fast: share of motion power above 8 Hz [1]; made: most energy that both motors had given,
+    and gave in truth, and in truth less the stated bound [J]; whether the run ended early.
     """
 
     error: float
     effort: float
+    apart: float
     fast: float
     seen: float
     made: float
@@ -57,9 +59,13 @@ def run_coupling(rig: Rig, *, bound: float = float("inf"), engine: str = "compil
     kept = at["time_s"] > min(SETTLED_S, 0.5 * at["time_s"][-1])
     moved = [at[f"true.{side}.lever.position"][kept] for side in SIDES]
     made = max(0.0, float(np.max(true)))
+    scale = pair_scale(rig.coupling.pairs["lever"])
+    met = at["true.slave.lever.environment_effort"] * (scale.sign * scale.scale / power)
+    together = (at["true.master.lever.hand_effort"] + met)[kept]
     return Outcome(
         error=float(np.sqrt(np.mean(at["lever.position_error"][kept] ** 2))),
         effort=float(np.std(at["master.lever.port_effort"][kept])),
+        apart=float(np.sqrt(np.mean(together**2))),
         fast=max(fast_share(each, rig.period_s) for each in moved),
         seen=max(0.0, float(np.max(seen))),
         made=made,

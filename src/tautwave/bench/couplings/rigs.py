@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +16,8 @@ LAWS: Mapping[str, str] = {
     "position": "law: position, pairs: {lever: {stiffness: 20, damping: 0.1",
     "position_force": "law: position_force, pairs: {lever: {stiffness: 20, damping: 0.1",
     "four_channel": "law: four_channel, pairs: {lever: {stiffness: 20, damping: 0.1",
+    "four_channel_measured": "law: four_channel, pairs: {lever: {stiffness: 20, damping: 0.1, "
+    "effort: measured",
     "pd_damping": "law: pd_damping, pairs: {lever: {stiffness: 2, damping: 0.02",
     "wave": "law: wave, pairs: {lever: {wave_impedance: 0.1, wave_filter_hz: 200, "
     "pole_master: 0.5, pole_slave: 0.5",
@@ -76,6 +78,9 @@ class Device(NamedTuple):
 BENCH = Device(1.584e-3, 1.1e-3, 2e-3, 1e-3, 1.125, 1000.0, 15.0, 2.094e-5, 9e-5)
 """The laboratory's lever, as `configs/bench-1dof-2khz.yaml` has it."""
 
+SENSOR = ", effort_sensor: {quantum: 1.0e-4, noise: 1.0e-3, bandwidth_hz: 300, delay_s: 5.0e-4}"
+"""On both levers, for laws that read one."""
+
 HAND = (
     "{type: multisine, ramp_s: 0.5, components: [[0.4, 0.12, 0.0], [1.1, 0.04, 1.0], "
     "[2.3, 0.02, 2.0]]}"
@@ -87,14 +92,15 @@ def bench_rig(
     law: str, delay: float, *, account: bool, contact: str, reference: str = HAND, seconds: float
 ) -> Rig:
     """Return the laboratory's bench with a law of `LAWS`, in an account or bare."""
+    axis = BENCH.axis + (SENSOR if "measured" in LAWS[law] else "")
     text = RIG.format(
         name=f"couplings-{law}",
         rate=2000.0,
         seconds=seconds,
         seed=2,
         late=0.0,
-        master=BENCH.axis,
-        slave=BENCH.axis,
+        master=axis,
+        slave=axis,
         true_master=BENCH.truth,
         true_slave=BENCH._replace(inertia=1.7e-3, damping=3e-3).truth,
         delay=delay,
@@ -127,6 +133,17 @@ def drawn_law(draw: np.random.Generator) -> str:
     return f"law: {name}, pairs: {{lever: {{{keys}"
 
 
+def drawn_mediated(draw: np.random.Generator) -> str:
+    """Return law mediated with keys drawn at random: models that are not sure, and too stiff."""
+    keys = f"stiffness: {_between(draw, 0.5, 100.0)!r}, damping: {_between(draw, 0.005, 0.5)!r}"
+    keys += f", force_gain: {_between(draw, 0.1, 3.0)!r}, sure: {_between(draw, 0.1, 1.0)!r}"
+    keys += f", observer_hz: {_between(draw, 20.0, 200.0)!r}, touch: {_between(draw, 0.01, 0.1)!r}"
+    keys += f", adopt_s: {_between(draw, 1e-3, 0.1)!r}, stiffest: {_between(draw, 5.0, 500.0)!r}"
+    if draw.random() < 0.3:
+        keys += f", position_scale: {_between(draw, 0.3, 3.0)!r}, sign: {draw.choice((1, -1))}"
+    return f"law: mediated, pairs: {{lever: {{{keys}"
+
+
 def drawn_device(draw: np.random.Generator, noise: float) -> Device:
     """Return a lever; what is believed of it is true."""
     inertia = _between(draw, 3e-4, 1e-2)
@@ -144,7 +161,13 @@ def drawn_device(draw: np.random.Generator, noise: float) -> Device:
     )
 
 
-def drawn_rig(seed: int, *, account: bool, seconds: float = 0.5) -> Rig:
+def drawn_rig(
+    seed: int,
+    *,
+    account: bool,
+    seconds: float = 0.5,
+    law: Callable[[np.random.Generator], str] = drawn_law,
+) -> Rig:
     """Return a rig, delays and a pattern of missing samples drawn from a seed.
 
     Devices, gains, delays to 100 ms each way and two periods to the motor, hand and contact; with
@@ -176,7 +199,7 @@ def drawn_rig(seed: int, *, account: bool, seconds: float = 0.5) -> Rig:
         true_slave=slave.truth,
         delay=int(draw.choice((0, 1, 5, round(0.02 * rate), round(0.1 * rate)))) / rate,
         account="{}" if account else "null",
-        law=drawn_law(draw),
+        law=law(draw),
         reference=f"{{type: multisine, ramp_s: 0.05, components: [{', '.join(parts)}]}}",
         contact=contact,
         missing=float(draw.choice((0.0, 0.0, 0.02, 0.1))),

@@ -85,10 +85,11 @@ def couplings(
             Table(
                 "Couplings on the bench",
                 "The 1-DoF bench at 2 kHz with noise of 9e-5 rad, a hand for 5 s. Tracking rms, "
-                "standard deviation of the master's effort, share of motion power above 8 Hz "
-                "(worse side), and the most energy that both motors had given, in truth.",
-                ("law", "as", "delay_ms", "contact", "error_mrad", "effort_mNm", "above 8 Hz",
-                 "made_mJ", "ended"),
+                "standard deviation of the master's effort, rms of hand and contact together (0: "
+                "the hand feels the contact alone), share of motion power above 8 Hz (worse "
+                "side), and the most energy that both motors had given, in truth.",
+                ("law", "as", "delay_ms", "contact", "error_mrad", "effort_mNm", "apart_mNm",
+                 "above 8 Hz", "made_mJ", "ended"),
                 rows,
             ),
             Table(
@@ -133,6 +134,7 @@ def _cells(delay: float, contact: str, found: Outcome) -> list[Value]:
         contact,
         1e3 * found.error,
         1e3 * found.effort,
+        1e3 * found.apart,
         f"{found.fast:.0%}",
         1e3 * found.made,
         "early" if found.stopped else "",

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import random
 import socket
 from collections.abc import Sequence
 from typing import NamedTuple
+
+from tautwave.errors import LinkError
 
 HOST = "127.0.0.1"
 
@@ -22,7 +25,13 @@ class Order(NamedTuple):
 
 
 def free_port() -> int:
-    """Return a UDP port that is free just now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind((HOST, 0))
-        return int(sock.getsockname()[1])
+    """Return a port that is free just now, TCP and UDP, and that no system gives out by itself."""
+    for port in random.SystemRandom().sample(range(10_000, 30_000), 100):
+        try:
+            for kind in (socket.SOCK_DGRAM, socket.SOCK_STREAM):
+                with socket.socket(socket.AF_INET, kind) as sock:
+                    sock.bind((HOST, port))
+        except OSError:
+            continue
+        return port
+    raise LinkError(f"no free port at {HOST} between 10000 and 30000")

@@ -31,7 +31,7 @@ from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.certificate.loads import load_element
 from tautwave.config import Rig, local_wall
 from tautwave.laws.limit import LimitParams
-from tautwave.rig import make_control, pair_scale
+from tautwave.rig import coupling_law, make_control, pair_scale
 from tautwave.types import CommandDelay, JointState
 
 Complexes = npt.NDArray[np.complex128]
@@ -66,9 +66,13 @@ def tuning(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Tuning | 
     """Return what the bare law of a pair needs; None where it is not covered.
 
     Covered are axes that take effort, on buses served every cycle, whose commands act after whole
-    periods, and a constant delay: over a network it is not known.
+    periods, a constant delay (over a network it is not known), and laws that read no effort sensor:
+    what one shows is no function of the positions. A law that learns what it renders has no
+    response to a sample.
     """
-    if rig.link is not None:
+    if rig.link is not None or coupling_law(rig).holding is not None:
+        return None
+    if reads_sensors(rig, pair, delays):
         return None
     names = [f"{side}.{pair}" for side in ("master", "slave")]
     for name in names:
@@ -93,6 +97,16 @@ def tuning(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Tuning | 
         short_apart=_bounded(lack, _short_apart(own, have)),
         at=float(theta[worst]) / (2.0 * math.pi * rig.period_s),
     )
+
+
+def reads_sensors(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> bool:
+    """Return whether the law of a pair answers what an effort sensor of its axes shows."""
+    for side, name in enumerate(("master", "slave")):
+        if rig.axes[f"{name}.{pair}"].effort_sensor is not None:
+            answer = _answer(rig, pair, delays, side, felt=True)
+            if answer is None or bool(np.any(answer != 0.0)):
+                return True
+    return False
 
 
 def left_of_damping(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> float:
@@ -147,14 +161,18 @@ def law_response(
 
 
 def _answer(
-    rig: Rig, pair: str, delays: Mapping[str, CommandDelay], side: int
+    rig: Rig, pair: str, delays: Mapping[str, CommandDelay], side: int, *, felt: bool = False
 ) -> npt.NDArray[np.float64] | None:
-    """Return both efforts after one sample of a side was off by 1, of shape (n, 2)."""
+    """Return both efforts after one sample of a side was off by 1, of shape (n, 2).
+
+    It is the position's, or, if it is `felt`, the outside effort's.
+    """
     bare = rig.model_copy(update={"coupling": rig.coupling.model_copy(update={"account": None})})
     control = make_control(bare, delays, 2 * LONGEST)
     control.params = [
         p._replace(
-            site=p.site._replace(limit=WIDE, has_wall=False, compensates=False), ceiling=math.inf
+            site=p.site._replace(limit=WIDE, has_wall=False, compensates=False, lightens=False),
+            ceiling=math.inf,
         )
         for p in control.params
     ]
@@ -167,7 +185,9 @@ def _answer(
     for slot in range(LONGEST):
         for which in range(len(control.params)):
             off = 1.0 if slot == 1 and which == ends[side] else 0.0
-            control.take(which, JointState(off, math.nan, math.nan, True, 0), slot)
+            zero = control.params[which].sensor_zero
+            shown = JointState(0.0 if felt else off, math.nan, zero + off * felt, True, 0)
+            control.take(which, shown, slot)
         control.step(slot, 0)
         if slot == 0:
             continue

@@ -19,7 +19,10 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
     head = f"coupling of {pair}"
     found = tuning(rig, pair, delays)
     if found is None:
-        why = "commands act after fractions of a period, or its law does not come to rest"
+        why = (
+            "commands act after fractions of a period, or its law does not come to rest, or reads "
+            "an effort sensor"
+        )
         if rig.link is not None:
             why = "over a network its delay is not known"
         verdict = Verdict(False, f"{head}: nothing is known of it: {why}. {remedy}")

@@ -8,7 +8,14 @@ from pathlib import Path
 
 import click
 
-from tautwave.cli.options import PATH, out_option, positive, simulate_option
+from tautwave.cli.options import (
+    PATH,
+    as_for_run,
+    clock_option,
+    out_option,
+    positive,
+    simulate_option,
+)
 from tautwave.errors import ConfigError
 
 STAGES = ("identity", "hand", "limits", "noise", "watchdog", "delay", "effort", "gentle", "full")
@@ -37,17 +44,9 @@ STAGES = ("identity", "hand", "limits", "noise", "watchdog", "delay", "effort", 
 @click.option("--script", metavar="FILE", help="Answers, as for calibrate.")
 @click.option("--verify", is_flag=True, help="RIG is an acceptance.json: compare with what it has.")
 @out_option("Directory, new or empty; default: runs/accept-NAME-DATE-TIME.")
-@click.option(
-    "--clock",
-    type=click.Choice(["real", "fake"]),
-    default="real",
-    show_default=True,
-    help="As for run.",
-)
+@clock_option()
 @simulate_option
-@click.option("--attach", is_flag=True, help="As for run.")
-@click.option("--allow-unwatched", is_flag=True, help="As for run.")
-@click.option("--configure", is_flag=True, help="As for run.")
+@as_for_run("--attach", "--allow-unwatched", "--configure")
 @click.pass_context
 def accept(
     ctx: click.Context,

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tautwave.cli.options import out_option, positive, rig_argument, simulate_option
+from tautwave.cli.options import (
+    as_for_run,
+    clock_option,
+    out_option,
+    positive,
+    rig_argument,
+    simulate_option,
+)
 from tautwave.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -45,7 +52,7 @@ LARGEST = 1 << 16
     show_default=True,
     callback=positive,
     metavar="S",
-    help="How long identify shakes each axis [s].",
+    help="How long identify excites each axis [s].",
 )
 @click.option(
     "--script",
@@ -53,17 +60,9 @@ LARGEST = 1 << 16
     help="Answers from a file with lines `SECONDS [ANSWER]`, the seconds after each question.",
 )
 @out_option("Directory of the recordings; default: runs/calibrate-NAME-DATE-TIME.")
-@click.option(
-    "--clock",
-    type=click.Choice(["real", "fake"]),
-    default="real",
-    show_default=True,
-    help="As for run.",
-)
+@clock_option()
 @simulate_option
-@click.option("--attach", is_flag=True, help="As for run.")
-@click.option("--allow-unwatched", is_flag=True, help="As for run.")
-@click.option("--configure", is_flag=True, help="As for run.")
+@as_for_run("--attach", "--allow-unwatched", "--configure")
 def calibrate(
     rig: Path,
     axes: Sequence[str],
@@ -81,9 +80,9 @@ def calibrate(
     """Calibrate the devices of RIG, led step by step; Enter goes on.
 
     Zero is a pose that you hold, direction and range what you move by hand; no device has torque
-    meanwhile. --stop takes an axis to its mechanical stop instead, and identify shakes each axis.
+    meanwhile. --stop takes an axis to its mechanical stop instead, and identify excites each axis.
     The result is RIG's name with .calibration.yaml, named in RIG by its SHA-256. A run refuses a
-    device that says something else of itself than it did here.
+    device that identifies itself differently than it did here.
 
     \b
     Examples:

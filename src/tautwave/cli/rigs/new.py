@@ -47,7 +47,7 @@ def new(
     slave: str | None,
     joints: str | None,
 ) -> None:
-    """Write the rig file RIG: what the devices tell, and TODO where only you know.
+    """Write the rig file RIG: what the devices report, and TODO where only you know.
 
     Asks which devices are in the hand and which at the task, unless --master and --slave say so.
     Nothing is enabled and nothing is written into a device. An existing file is never replaced.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tautwave.cli.options import PATH, out_option, simulate_option
+from tautwave.cli.options import PATH, as_for_run, clock_option, out_option, simulate_option
 from tautwave.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -21,16 +21,9 @@ if TYPE_CHECKING:
 @out_option("Directory of runs and table; default: runs/NAME-OF-THE-PROTOCOL.")
 @click.option("--list", "only_list", is_flag=True, help="Show the participant's order, and end.")
 @click.option("--yes", is_flag=True, help="Begin each trial at once, and ask nothing.")
-@click.option(
-    "--clock",
-    type=click.Choice(["real", "fake"]),
-    default="real",
-    show_default=True,
-    help="As for run.",
-)
+@clock_option()
 @simulate_option
-@click.option("--attach", is_flag=True, help="As for run.")
-@click.option("--allow-unwatched", is_flag=True, help="As for run.")
+@as_for_run("--attach", "--allow-unwatched")
 def trials(
     protocol: Path,
     participant: str,
@@ -46,7 +39,7 @@ def trials(
 
     The order follows from the protocol's seed and the participant. Before each trial it waits for
     Enter; the rig engages, the trial is an episode, and ends after its time or with `e`. Started
-    again, the study goes on after the last trial in the table.
+    again, the study resumes after the last trial in the table.
 
     \b
     Examples:
@@ -90,5 +83,12 @@ def trials(
         Path("runs") / protocol.stem if out is None else out,
         {**ways, "allow_unwatched": allow_unwatched},
     )
-    table = run_study(study, ready, judge, lambda rig: keys_of(rig, clock, None))
-    click.echo(f"{table}: {len(order)} trials of {participant}")
+    try:
+        table = run_study(study, ready, judge, lambda rig: keys_of(rig, clock, None))
+    except click.Abort as err:
+        raise ConfigError(
+            "trials: nobody answers (the input has ended); the same command goes on from here, "
+            "--yes asks nothing"
+        ) from err
+    count = f"{len(order)} trial{'s'[: len(order) != 1]}"
+    click.echo(f"{table}: all {count} of {participant} done")

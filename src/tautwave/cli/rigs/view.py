@@ -52,7 +52,7 @@ def view(
     foxglove_origin: tuple[str, ...],
     wait: float,
 ) -> None:
-    """Show the run in DIR while it is going on: one line a pair, and the loop's health.
+    """Show the run in DIR while it runs: one line a pair, and the loop's health.
 
     Reads the run's shared memory and writes nothing into it: a viewer that is slow, stopped or
     killed costs the run nothing. Ctrl-C ends the view, not the run.

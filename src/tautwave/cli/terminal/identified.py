@@ -143,6 +143,7 @@ def lever_sections(result: Any, units: tuple[str, str], picture: Path) -> list[A
     ]
     if fit.outside is not None:
         rows.append(_line(f"effort of a unit of {result.outside_name}", fit.outside, effort))
+        rows.append(_line("what it shows without an effort", result.sensor_offset, effort))
     rest = f"{1 - fit.explained:.2%} of variance"
     rows.append(("residual, rms", f"{fit.residual_rms:.3g}", rest, effort))
     step = f"{result.quantum:.5g}" if result.quantum > 0.0 else "none"

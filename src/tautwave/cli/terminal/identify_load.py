@@ -3,44 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
-
-import click
 
 from tautwave.cli.options import echo_json
 
 
 def run_load(source: Path, options: Mapping[str, Any]) -> None:
     """Identify and show the loads of a rig's side or axis."""
-    from tautwave.cli.run import fresh_directory
-    from tautwave.cli.terminal.progress import Progress
+    from tautwave.cli.terminal.moving import moved
     from tautwave.cli.terminal.show import show
     from tautwave.config import load_rig
-    from tautwave.session import describe_ways
     from tautwave.session.identification.weighing import identify_load
 
     loaded = load_rig(source, options["overrides"])
-    ways = {name: options[name] for name in ("clock", "simulate", "attach")}
-    for sentence in describe_ways(loaded, **ways):
-        click.echo(sentence, err=options["as_json"])
-    directory = fresh_directory(options["out"], f"identify-{loaded.name}")
-    try:
-        with Progress("moving slowly") as progress:
-            result = identify_load(
-                loaded,
-                axis=options["axis"],
-                out=directory,
-                duration_s=options["duration"],
-                reach=options["reach"],
-                allow_uncertified=options["allow_uncertified"],
-                progress=progress,
-                **ways,
-            )
-    finally:
-        with suppress(OSError):
-            directory.rmdir()
+    with moved(loaded, options, "moving slowly") as (_, given):
+        result = identify_load(loaded, axis=options["axis"], reach=options["reach"], **given)
     if options["as_json"]:
         echo_json(result.as_dict())
     else:

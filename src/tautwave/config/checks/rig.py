@@ -14,10 +14,10 @@ from tautwave.config.checks.scene3d import check_dimension, check_scene3d
 from tautwave.config.checks.simulation import check_simulation
 from tautwave.config.checks.sites import check_sites
 from tautwave.config.keys.coupling import Pair, Wall
-from tautwave.config.keys.devices import Axis
+from tautwave.config.keys.devices import Axis, Compensation
 from tautwave.config.pieces import SIDES, Parts
 from tautwave.config.text.document import Document, nearest, show_path, show_value
-from tautwave.contracts import CouplingPlugin
+from tautwave.contracts import CouplingPlugin, DriverPlugin
 
 HARDWARE_LIMITS = ("effort_rate_limit", "velocity_limit", "position_range")
 
@@ -151,6 +151,12 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
             document.report(
                 (*path, "environment_stiffness_upper"), "only for admittance axes; remove it"
             )
+        if axis.compensation is not None:
+            _check_spending(document, (*path, "compensation"), axis, axis.compensation)
+        if axis.follower is not None:
+            document.report(
+                (*path, "follower"), "only for admittance axes; make it causality: admittance"
+            )
     else:
         if axis.inertia is not None:
             document.report((*path, "inertia"), "not used by an admittance axis; remove it")
@@ -167,6 +173,8 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
             # Its command is a velocity: without a limit there is nothing for the ramps to scale.
             document.report((*path, "velocity_limit"), "required key is missing (admittance axis)")
     plugin = parts.plugins.get(axis.bus)
+    if axis.follower is not None:
+        _check_follower(document, path, axis, plugin)
     if plugin is not None and plugin.hardware:
         for key in HARDWARE_LIMITS:
             if getattr(axis, key) is None:
@@ -175,6 +183,47 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
                     f"required key is missing (bus {axis.bus!r} moves motors, so every limit "
                     "has to be given)",
                 )
+
+
+def _check_spending(
+    document: Document, path: tuple[str, ...], axis: Axis, keys: Compensation
+) -> None:
+    """Refuse friction that is spent twice, and inertia that nothing bounds."""
+    both = keys.coulomb + keys.inertia_coulomb
+    if both > 1.0:
+        document.report(
+            (*path, "inertia_coulomb"),
+            f"spends coulomb.lower twice: with coulomb it is {both:g} times what the device surely "
+            "has; both together are at most 1",
+        )
+    if keys.inertia > 0.0 and axis.velocity_limit is None:
+        document.report(
+            (*path, "inertia"),
+            "nothing bounds what it may give out without velocity_limit; give it",
+        )
+
+
+def _check_follower(
+    document: Document, path: tuple[str, ...], axis: Axis, plugin: DriverPlugin | None
+) -> None:
+    """Refuse what is not for an axis whose device takes positions."""
+    if plugin is not None and not plugin.positions:
+        document.report(
+            (*path, "follower"),
+            f"the driver of bus {axis.bus!r} commands no positions; use a device that takes "
+            "velocity or effort there, or put this one on a bus whose driver does (loopback, "
+            "dynamixel)",
+        )
+    if axis.environment_stiffness_upper is not None:
+        document.report(
+            (*path, "environment_stiffness_upper"),
+            "a follower's own spring stands in front of what it touches; remove it",
+        )
+    for key in ("effort_quantum", "velocity_quantum"):
+        if getattr(axis, key) > 0.0:
+            document.report(
+                (*path, key), "a follower measures no effort and takes no velocity; remove it"
+            )
 
 
 def _check_effort_step(document: Document, parts: Parts, path: tuple[str, ...], axis: Axis) -> None:

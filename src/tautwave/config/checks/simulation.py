@@ -13,6 +13,7 @@ from tautwave.config.keys.simulation import (
     Intent,
     MinimumJerk,
     Multisine,
+    Policy,
     Recorded,
     Recording,
     Reference,
@@ -22,6 +23,7 @@ from tautwave.config.text.document import Document, nearest
 from tautwave.config.text.yaml12 import KeyPath
 
 _IMPEDANCE_ONLY = ("inertia", "damping", "coulomb")
+_FOLLOWER_ONLY = ("servo_stiffness", "servo_damping")
 
 
 def check_simulation(document: Document, parts: Parts) -> None:
@@ -99,7 +101,18 @@ def _check_truth(
     path = ("simulation", "axes", name)
     if truth.effort_sensor is not None and axis.effort_sensor is None:
         document.report((*path, "effort_sensor"), "the axis has none; remove it, or state it there")
-    if axis.causality == "admittance":
+    if axis.follower is None:
+        for key in _FOLLOWER_ONLY:
+            if getattr(truth, key) is not None:
+                document.report((*path, key), "only for axes with a follower; remove it")
+    if axis.follower is not None:
+        if truth.inertia is None:
+            document.report((*path, "inertia"), "required key is missing (simulated follower)")
+        if truth.velocity_time_constant_s is not None:
+            document.report(
+                (*path, "velocity_time_constant_s"), "not used by a follower; remove it"
+            )
+    elif axis.causality == "admittance":
         for key in _IMPEDANCE_ONLY:
             if getattr(truth, key) is not None:
                 document.report((*path, key), "not used by an admittance axis; remove it")
@@ -156,5 +169,9 @@ def _check_reference(document: Document, parts: Parts, path: KeyPath, reference:
                 )
     elif isinstance(reference, Recording):
         check_recording(document, path, reference, ("column", "time_column"))
+    elif isinstance(reference, Policy) and document.get(("operate",)) is None:
+        document.report(
+            (*path, "type"), "a policy leads rigs with an `operate` block only; write operate: {}"
+        )
     elif isinstance(reference, Intent):
         check_recording(document, path, reference, ("position", "effort", "time_column"))

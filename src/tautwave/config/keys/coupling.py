@@ -21,7 +21,7 @@ from pydantic_core import PydanticCustomError
 
 from tautwave import registry
 from tautwave.config.keys.chosen import PART_HASH, PartHash
-from tautwave.config.keys.common import Block, Name, NonNegative, Positive, tuned
+from tautwave.config.keys.common import AUTO, Block, Name, NonNegative, Positive, tuned
 from tautwave.errors import ConfigError
 from tautwave.registry import unknown_word
 
@@ -61,6 +61,17 @@ def _check_offset(value: Any) -> Any:
     if value == "at_engage" or (number and math.isfinite(value)):
         return value
     raise PydanticCustomError("offset", "Input should be 'at_engage' or a finite number")
+
+
+def _check_gain(value: Any) -> Any:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if value == AUTO or (number and 0.0 <= value < float("inf")):
+        return value if isinstance(value, str) else float(value)
+    raise PydanticCustomError("auto", "Input should be 'auto' or a number of at least 0")
+
+
+Gain = Annotated[Literal["auto"] | float, BeforeValidator(_check_gain)]
+"""A key of a pair that may be left to its law."""
 
 
 class Pair(Block):
@@ -107,6 +118,20 @@ class Pair(Block):
         if side == "master":
             return value
         return value * self.effective_force_scale / self.position_scale
+
+
+def chosen(pair: Pair, key: str) -> float:
+    """Return a key of a pair that may have been left to the law.
+
+    Raises
+    ------
+    ConfigError
+        It still is.
+    """
+    value = getattr(pair, key)
+    if isinstance(value, str):
+        raise ConfigError(f"{key} is still auto, because nothing chose it; give a value")
+    return float(value)
 
 
 class Account(Block):

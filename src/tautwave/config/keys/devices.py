@@ -95,7 +95,7 @@ class Coulomb(Belief):
 
 
 class Compensation(Block):
-    """Friction that the motor takes off the hand, as shares of what the device surely has."""
+    """What the motor takes off the hand, as shares of what the device surely has."""
 
     coulomb: Annotated[float, Field(ge=0, le=1)] = Field(
         default=0.0, description="Share of `coulomb.lower`; no wall may count on it any more."
@@ -104,6 +104,30 @@ class Compensation(Block):
         default=0.0,
         description="Share of `damping.lower`; no wall, port or coupling may count on it any more.",
     )
+    inertia: Annotated[float, Field(ge=0, le=0.9)] = Field(
+        default=0.0,
+        description="Share of `inertia.lower`, by an observed acceleration and out of an energy "
+        "account; needs `velocity_limit`.",
+    )
+    inertia_hz: Positive = Field(
+        default=10.0,
+        description="[Hz] Bandwidth of its observer; well below what the coupling swings at.",
+    )
+    inertia_coulomb: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=0.0,
+        description="Share of `coulomb.lower` that pays for the observer's lag; it is spent like "
+        "`coulomb`, and both together are at most 1.",
+    )
+    inertia_reserve: Positive | None = Field(
+        default=None,
+        description="[J] What the account holds at first, and at most. Default: what the inertia "
+        "that is taken off holds at `velocity_limit`.",
+    )
+
+    @property
+    def friction(self) -> bool:
+        """Return whether friction is taken off."""
+        return self.coulomb > 0.0 or self.viscous > 0.0
 
 
 class EffortSensor(Block):
@@ -140,6 +164,19 @@ def _check_range(ends: tuple[float, float]) -> tuple[float, float]:
     return ends
 
 
+class Follower(Block):
+    """A device that takes positions only: a goal, and a spring from it to the device."""
+
+    stiffness: Positive = Field(
+        description="[N m/rad | N/m] Effort that is felt, for how far the device is behind its "
+        "goal; up to `effort_limit`, where the goal waits for it."
+    )
+    lag_s: NonNegative = Field(
+        description="[s] Greatest mean lag of the device behind a goal that moves evenly; it must "
+        "not overshoot."
+    )
+
+
 class Axis(Block):
     """One axis of a device: its bus, causality, believed parameters and limits."""
 
@@ -168,7 +205,7 @@ class Axis(Block):
     )
     compensation: Compensation | None = Field(
         default=None,
-        description="Friction of an impedance axis that its motor takes off the hand.",
+        description="Friction and inertia of an impedance axis that its motor takes off the hand.",
     )
     effort_sensor: EffortSensor | None = Field(
         default=None,
@@ -227,6 +264,19 @@ class Axis(Block):
         description="[N m/rad | N/m] Stiffest environment an admittance axis will touch; bounds "
         "its wave impedance from below.",
     )
+
+    follower: Follower | None = Field(
+        default=None,
+        description="Of an admittance axis whose device takes positions: a gripper, a hobby "
+        "servo. Nothing is claimed of what it does to what it touches.",
+    )
+
+    @property
+    def outside_stiffness(self) -> float:
+        """Stiffest spring that an admittance port may meet [N m/rad | N/m], 0: none is stated."""
+        if self.follower is not None:
+            return self.follower.stiffness
+        return self.environment_stiffness_upper or 0.0
 
     @property
     def held_bias(self) -> float:

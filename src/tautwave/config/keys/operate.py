@@ -51,17 +51,13 @@ class Trigger(Block):
     command: Word | None = Field(default=None, description="Given when its CTS comes on.")
 
 
-class Operate(Block):
-    """A rig that people operate, by keys, a script or a program."""
+class Aligning(Block):
+    """How slaves are brought into place before they engage."""
 
-    start: Literal["idle", "engaged"] = Field(
-        default="idle",
-        description="State after enabling: idle waits for `engage`; engaged gives that command.",
-    )
     align_speed: Positive = Field(
         default=0.3,
         description="[rad/s | m/s] Greatest speed at which a slave goes to where its master wants "
-        "it, where `offset` is a number.",
+        "it.",
     )
     align_acceleration: Positive = Field(
         default=1.0, description="[rad/s^2 | m/s^2] Greatest acceleration of that motion."
@@ -69,6 +65,15 @@ class Operate(Block):
     align_effort_share: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.2,
         description="Greatest effort of that motion, as a share of the slave's effort limit.",
+    )
+
+
+class Operate(Aligning):
+    """A rig that people operate, by keys, a script or a program."""
+
+    start: Literal["idle", "engaged"] = Field(
+        default="idle",
+        description="State after enabling: idle waits for `engage`; engaged gives that command.",
     )
     scales: Annotated[tuple[Positive, ...], Field(strict=False)] = Field(
         default=(),

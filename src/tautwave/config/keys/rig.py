@@ -20,7 +20,7 @@ from tautwave.config.keys.load import TrueLoad
 from tautwave.config.keys.operate import Operate
 from tautwave.config.keys.scene import Scene
 from tautwave.config.keys.scene3d import Scene3d, scene_kind
-from tautwave.config.keys.simulation import AxisSimulation, EnvironmentPart, Simulation
+from tautwave.config.keys.simulation import AxisSimulation, EnvironmentPart, Policy, Simulation
 from tautwave.config.keys.sites import SideName, Sites
 from tautwave.contracts import AxisSpec, BusSpec, DriverPlugin
 from tautwave.registry import load_driver
@@ -245,6 +245,8 @@ class AxisTruth(NamedTuple):
     velocity_time_constant_s: float
     load: TrueLoad | None = None
     effort_sensor: EffortSensor | None = None
+    servo_stiffness: float = 0.0
+    servo_damping: float = 0.0
 
 
 def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
@@ -271,10 +273,13 @@ def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
     if axis.inertia is not None:
         arm = true_arm(rig, axis_name.partition(".")[0])
         believed = axis.inertia.value if arm is None else axis.inertia.lower
+    damping = _first(given.damping, axis.damping.value)
+    spring = _first(given.servo_stiffness, axis.outside_stiffness)
+    lag = axis.follower.lag_s if axis.follower else 0.0
     load = axis.load and TrueLoad(**axis.load.model_dump(exclude={"compensate", "reflect_load"}))
     return AxisTruth(
         inertia=_first(given.inertia, believed),
-        damping=_first(given.damping, axis.damping.value),
+        damping=damping,
         coulomb=_first(given.coulomb, axis.coulomb.value),
         encoder_quantum=_first(given.encoder_quantum, axis.encoder_quantum),
         position_noise=_first(given.position_noise, axis.position_noise),
@@ -289,6 +294,8 @@ def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
         velocity_time_constant_s=_first(given.velocity_time_constant_s, VELOCITY_TIME_CONSTANT_S),
         load=_first(given.load, load),
         effort_sensor=_first(given.effort_sensor, axis.effort_sensor),
+        servo_stiffness=spring,
+        servo_damping=_first(given.servo_damping, max(spring * lag - damping, 0.0)),
     )
 
 
@@ -314,14 +321,15 @@ def count_velocity(rig: Rig, axis_name: str, quantum: float) -> float:
 
 
 def has_plain_devices(rig: Rig) -> bool:
-    """Return whether simulated devices stay in Python: at a part, with loads, or as an arm."""
+    """Return whether simulated devices stay in Python: parts, loads, followers, policies."""
     if rig.simulation is None:
         return False
     if any(load_driver(bus.driver).plain for bus in rig.buses.values()):
         return True
-    environments = rig.simulation.environment.values()
-    parts = any(isinstance(keys, EnvironmentPart) for keys in environments)
-    return parts or has_loads(rig)
+    hands = (getattr(hand, "reference", None) for hand in rig.simulation.hand.values())
+    outside = (*rig.simulation.environment.values(), *hands)
+    parts = any(isinstance(keys, EnvironmentPart | Policy) for keys in outside)
+    return parts or has_loads(rig) or any(axis.follower for axis in rig.axes.values())
 
 
 def imposed_motions(rig: Rig, plugins: Mapping[str, DriverPlugin | None]) -> dict[str, Imposed]:
@@ -383,6 +391,7 @@ def _axis_spec(name: str, axis: Axis, found: AxisCalibration) -> AxisSpec:
         math.inf if axis.velocity_limit is None else axis.velocity_limit,
         (min(ends), max(ends)),
         axis.effort_sensor is not None,
+        axis.follower is not None,
     )
 
 

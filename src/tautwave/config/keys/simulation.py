@@ -63,6 +63,16 @@ class AxisSimulation(Block):
     velocity_time_constant_s: Positive | None = Field(
         default=None, description="[s] Velocity loop of an admittance axis; default 0.002."
     )
+    servo_stiffness: Positive | None = Field(
+        default=None,
+        description="[N m/rad | N/m] Position loop of a follower on a loopback bus; default: its "
+        "`follower.stiffness`.",
+    )
+    servo_damping: NonNegative | None = Field(
+        default=None,
+        description="[N m s/rad | N s/m] The same loop's; default: such that it lags by "
+        "`follower.lag_s`.",
+    )
     effort_sensor: EffortSensor | None = Field(
         default=None, description="Of an axis that has one; default: as believed."
     )
@@ -136,8 +146,20 @@ class Intent(Block):
     repeat: bool = Field(default=True, description="Repeat it; otherwise hold its last value.")
 
 
+class Policy(Block):
+    """Actions that a program sends while the rig runs lead the hand."""
+
+    type: Literal["policy"] = Field(description="Kind of reference.")
+    fps: Positive = Field(
+        default=30.0,
+        description="[Hz] Actions a second; the rig holds when three in a row do not come.",
+    )
+    velocity_limit: Positive = Field(description="[rad/s | m/s] The hand is led no faster.")
+    effort_limit: Positive = Field(description="[N m | N] Its spring pulls no harder.")
+
+
 Reference = Annotated[
-    MinimumJerk | Multisine | Hold | Recording | Intent, Field(discriminator="type")
+    MinimumJerk | Multisine | Hold | Recording | Intent | Policy, Field(discriminator="type")
 ]
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from tautwave.config.keys.common import Block, NonNegative, Positive
+from tautwave.config.keys.operate import Aligning
 
 SideName = Literal["master", "slave"]
 PORT = 7447
@@ -35,7 +36,7 @@ def _nowhere() -> Site:
     return Site()
 
 
-class Sites(Block):
+class Sites(Aligning):
     """Master and slave on two machines, joined over a network; see `tautwave run --site`."""
 
     serves: SideName = Field(
@@ -49,12 +50,20 @@ class Sites(Block):
     master: Site = Field(default_factory=_nowhere, description="The operator's machine.")
     slave: Site = Field(default_factory=_nowhere, description="The machine at the task.")
     wait_s: NonNegative = Field(
-        default=60.0, description="[s] For so long the other site is waited for before a run."
+        default=60.0,
+        description="[s] For so long the other site is waited for before a run, and until it is "
+        "ready in a session.",
     )
     greatest_backlog: Positive = Field(
         default=0.1,
         description="[rad | m, master] Motion that may have been missed for a session to go on "
-        "after a silence; beyond, a new one begins where both then are.",
+        "after a silence; beyond, a new one begins.",
+    )
+    place_tolerance: Positive = Field(
+        default=0.05,
+        description="[rad | m, master] How far from its place a slave may be when a session "
+        "begins; from further away it is brought there. `engage_tolerance` of a pair with an "
+        "offset counts instead, if it is less.",
     )
     here: SideName | None = Field(
         default=None,

@@ -11,7 +11,7 @@ from typing import Any
 from tautwave.config.keys.coupling import Account
 from tautwave.contracts import CoupledAxis, CouplingPlugin
 from tautwave.controller.wrapping import params_with
-from tautwave.couplings.account.from_keys import account_params
+from tautwave.couplings.account.from_keys import account_params, quick_level
 from tautwave.couplings.account.law import NO_LINK, law_with_account, sample_gain
 from tautwave.couplings.account.messages import messages_with_account
 from tautwave.couplings.over_link import LINKED
@@ -39,7 +39,11 @@ def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
         given = make(pair, side, axis)
         assert axis.inertia is not None
         gain = sample_gain(bare, given, NO_LINK, axis.period, axis.gain, axis.inertia)
-        return params_with(given, "account", account_params(keys, side, axis, gain))
+        mine = keys
+        if bare.holding is not None:
+            gain = max(gain, bare.holding.gain(given, axis.gain, axis.period))
+            mine = quick_level(keys, axis)
+        return params_with(given, "account", account_params(mine, side, axis, gain))
 
     return plugin._replace(
         law=whole,

@@ -1,6 +1,6 @@
 """What an end of a pair with an account may give out, in joules known before the run.
 
-The bound is that of a wave port, `couplings.claim`, with E0 + D for its 2 E0. The
+The bound is that of a wave port, `analysis.claim`, with E0 + D for its 2 E0. The
 effort that acts is held, limited and faded by the same controller, so W is the same sum.
 """
 
@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from tautwave.analysis.claim import Claim
 from tautwave.config import Rig, local_wall
 from tautwave.couplings.account.from_keys import greatest_income
-from tautwave.couplings.claim import Claim
 from tautwave.models.noise_colour import greatest_spectrum
 from tautwave.rig import coupled_axis, end_constants
 from tautwave.types import CommandDelay

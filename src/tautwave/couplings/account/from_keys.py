@@ -7,15 +7,14 @@ import math
 from tautwave.config.keys.coupling import Account
 from tautwave.contracts import CoupledAxis
 from tautwave.errors import ConfigError
-from tautwave.laws.account import FULL, LEADER_SHARE, TANK_SHARE, AccountParams
+from tautwave.laws.account import FULL, LEADER_SHARE, TANK_SHARE, AccountParams, planned_share
 
 SLOW = 50.0
 """Periods in which the leader's level damping would bring the device alone to rest."""
 
-COMMANDS_UNDER_WAY = 3.0
-"""Each command under way may plan to give this share's inverse, over their number, of the funds:
-each sees an account that the others have not yet drawn on. Below e, the account could go negative.
-"""
+QUICK = 7.0
+"""The same under a law that renders a model, for it takes nothing where there is nothing: all that
+moves the follower then comes of level damping."""
 
 
 def late_periods(axis: CoupledAxis) -> int:
@@ -34,6 +33,14 @@ def account_reserve(keys: Account, axis: CoupledAxis) -> float:
     assert axis.inertia is not None
     impulse = axis.effort_limit * (1 + late_periods(axis)) * axis.period
     return impulse * impulse / axis.inertia
+
+
+def quick_level(keys: Account, axis: CoupledAxis) -> Account:
+    """Return the keys with the level damping of a law that renders a model, where none is given."""
+    if keys.level_damping is not None:
+        return keys
+    assert axis.inertia is not None
+    return keys.model_copy(update={"level_damping": axis.inertia / (QUICK * axis.period)})
 
 
 def noise_taken(axis: CoupledAxis) -> float:
@@ -72,7 +79,7 @@ def account_params(keys: Account, side: str, axis: CoupledAxis, gain: float) -> 
     if leads:
         level = slow if keys.level_damping is None else keys.level_damping
     late = late_periods(axis)
-    edge = min(max(abs(gain) * axis.period, slow), axis.inertia / axis.period)
+    edge = min(max(abs(gain) * axis.period, slow, level), axis.inertia / axis.period)
     taken = noise_taken(axis)
     return AccountParams(
         reserve=reserve,
@@ -84,7 +91,7 @@ def account_params(keys: Account, side: str, axis: CoupledAxis, gain: float) -> 
         income=gain * taken,
         level_income=level / axis.period * taken,
         edge_income=edge / axis.period * taken,
-        share=1.0 if late == 0 else 1.0 / (COMMANDS_UNDER_WAY * (1 + late)),
+        share=planned_share(late),
         level_damping=level,
         edge=edge,
         quantum=1.001 * axis.effort_quantum + 1e-12,

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any
 
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
-from tautwave.controller.steps import Guard, Law, NoParams, Steps, no_act
+from tautwave.controller.steps import Guard, Holding, Law, NoParams, Steps, no_act
 from tautwave.controller.wrapping import bound, record_with
 from tautwave.couplings.account import steps as own
 from tautwave.couplings.account.records import AccountEnd, AccountLink
@@ -44,26 +45,30 @@ def law_with_account(law: Law, *, over_link: bool = False) -> Law:
         raise ConfigError(
             f"coupling.account: law {law.name} keeps accounts of its own; remove the block"
         )
+    steps, elements = _steps(law.steps, law.rings, law.holding, over_link=over_link)
     return Law(
         name=f"{law.name} with account",
-        steps=_steps(law.steps, law.rings, over_link=over_link),
+        steps=steps,
         end=record_with(law.end, "account", AccountEnd),
         link=record_with(law.link, "account", AccountLink),
         signals=law.signals,
-        elements=own.element_names_over_link if over_link else own.element_names,
+        elements=elements,
         guards={**law.guards, **GUARDS},
         rings=0 if over_link else law.rings + own.RINGS,
+        holding=law.holding,
     )
 
 
 @lru_cache(maxsize=64)
-def _steps(inner: Steps, rings: int, *, over_link: bool) -> Steps:
-    """Return the account's steps around a law's; the same ones for the same law."""
+def _steps(
+    inner: Steps, rings: int, holding: Holding | None, *, over_link: bool
+) -> tuple[Steps, Callable[..., Sequence[str]]]:
+    """Return the account's steps around a law's and its elements; the same for the same law."""
     passing = inner.exchange
     if over_link:
         said = {"law_credit": own.credit, "law_level": own.level, "law_hear": own.hear}
         passing = bound(inner.exchange, said)
-    law = {
+    law: dict[str, Any] = {
         "law_start": inner.start,
         "law_engage": inner.engage,
         "law_close": inner.close,
@@ -72,16 +77,25 @@ def _steps(inner: Steps, rings: int, *, over_link: bool) -> Steps:
         "law_brake": inner.brake,
         "law_rings": rings,
     }
-
-    return inner._replace(
+    if holding is not None:
+        law |= {
+            "law_holds": 1,
+            "law_cover": holding.cover,
+            "law_held": holding.held,
+            "law_share": holding.share,
+        }
+    names = own.element_names_over_link if over_link else own.element_names
+    fill = own.fill_elements_over_link if over_link else own.fill_elements
+    steps = inner._replace(
         start=bound(own.start, law),
         engage=bound(own.engage, law),
         close=bound(own.close, law),
         exchange=bound(own.exchange_over_link if over_link else own.exchange, law),
         think=bound(own.think, law),
         brake=bound(own.brake, law),
-        fill_elements=own.fill_elements_over_link if over_link else own.fill_elements,
+        fill_elements=bound(fill, law),
     )
+    return steps, bound(names, law)
 
 
 def sample_gain(law: Law, end: Any, link: Any, period: float, gain: float, mass: float) -> float:

@@ -39,6 +39,26 @@ law_exchange = no_exchange
 law_think = no_effort
 law_brake = no_brake
 law_rings = 0
+law_holds = 0
+
+
+def no_cover(s: AxisState, p: AxisParams, funds: float) -> None:
+    """Hold nothing."""
+
+
+def nothing_held(s: AxisState) -> float:
+    """Hold nothing [J]."""
+    return 0.0
+
+
+def whole_gain(s: AxisState, p: AxisParams) -> float:
+    """Have one gain all the time [1]."""
+    return 1.0
+
+
+law_cover = no_cover
+law_held = nothing_held
+law_share = whole_gain
 
 
 def start_account(s: AxisState, p: AxisParams) -> None:
@@ -113,12 +133,13 @@ def close(
         s.alarm = ACCOUNT_OVERDRAWN
         s.found = -funds
         s.allowed = k.debt
+    law_cover(s, p, funds)
 
 
-def send_credit(s: AxisState, p: AxisParams) -> None:
-    """Take what is spare from the tank and add it to the counter."""
+def send_credit(s: AxisState, p: AxisParams, held: float) -> None:
+    """Take what is spare from the tank, and not `held` by the law, and add it to the counter."""
     e = s.end.account
-    due = credit_due(p.end.account, e.funds, e.far_level)
+    due = credit_due(p.end.account, e.funds - held, e.far_level)
     e.funds -= due
     e.sent += due
 
@@ -182,8 +203,8 @@ def exchange(
     """Pass what the law passes, and credits beside it."""
     law_exchange(c, q, one, two, p1, p2, table, here, due_one, due_two)
     if here:
-        send_credit(one, p1)
-        send_credit(two, p2)
+        send_credit(one, p1, law_held(one))
+        send_credit(two, p2, law_held(two))
     exchange_credits(c, q, one, two, p1, p2, table, q.line + law_rings * q.samples)
 
 
@@ -201,8 +222,8 @@ def exchange_over_link(
 ) -> None:
     """Pass what the law says over a network: credits are in the same packets."""
     if here:
-        send_credit(one, p1)
-        send_credit(two, p2)
+        send_credit(one, p1, law_held(one))
+        send_credit(two, p2, law_held(two))
     law_exchange(c, q, one, two, p1, p2, table, here, due_one, due_two)
 
 
@@ -231,7 +252,7 @@ def think(s: AxisState, p: AxisParams, coast: float) -> float:
     wanted = law_think(s, p, coast)
     missing = level_missing(e.far_level)
     wanted += missing * k.level_damping * coast
-    due = k.income + missing * k.level_income
+    due = k.income * law_share(s, p) + missing * k.level_income
     low, high = gate_bounds(k, k.share * e.funds, coast, p.site.half_mobility, p.site.period)
     if wanted < low:
         wanted = low
@@ -260,21 +281,32 @@ def element_names(q: PairParams, p1: AxisParams, p2: AxisParams) -> list[str]:
     names = ["account_master", "account_slave"]
     if q.samples > 0:
         names.append("credits")
+    if law_holds:
+        names.append("model_master")
     return names
 
 
 def element_names_over_link(q: PairParams, p1: AxisParams, p2: AxisParams) -> list[str]:
     """Return the names over a network, which always holds some credit."""
-    return ["account_master", "account_slave", "credits"]
+    names = ["account_master", "account_slave", "credits"]
+    if law_holds:
+        names.append("model_master")
+    return names
 
 
-def fill_account(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
-    """Write the books of one account."""
+def fill_account(out: Row, at: int, s: AxisState, p: AxisParams, held: float) -> int:
+    """Write the books of one account, less what the law holds."""
     e = s.end.account
     w = p.weight
-    absorbed = e.work + e.taken - e.sent
-    stored = e.funds - p.end.account.reserve
+    absorbed = e.work + e.taken - e.sent - held
+    stored = e.funds - p.end.account.reserve - held
     return fill_element(out, at, w * absorbed, w * stored, w * (e.spilled - e.granted))
+
+
+def fill_held(out: Row, at: int, p: AxisParams, held: float) -> int:
+    """Write what the law holds at the master: its account fed it, and is given it back."""
+    stored = p.weight * held
+    return fill_element(out, at, stored, stored, 0.0)
 
 
 def fill_elements(
@@ -289,10 +321,12 @@ def fill_elements(
     table: MutableSequence[float],
 ) -> int:
     """Write the books of both accounts, and the credit on its way."""
-    at = fill_account(out, at, one, p1)
-    at = fill_account(out, at, two, p2)
+    at = fill_account(out, at, one, p1, law_held(one))
+    at = fill_account(out, at, two, p2, law_held(two))
     if q.samples > 0:
         at = fill_credits(out, at, one, two, p1, p2)
+    if law_holds:
+        at = fill_held(out, at, p1, law_held(one))
     return at
 
 
@@ -318,6 +352,9 @@ def fill_elements_over_link(
     table: MutableSequence[float],
 ) -> int:
     """Write the books of both accounts, and the credit in packets."""
-    at = fill_account(out, at, one, p1)
-    at = fill_account(out, at, two, p2)
-    return fill_credits(out, at, one, two, p1, p2)
+    at = fill_account(out, at, one, p1, law_held(one))
+    at = fill_account(out, at, two, p2, law_held(two))
+    at = fill_credits(out, at, one, two, p1, p2)
+    if law_holds:
+        at = fill_held(out, at, p1, law_held(one))
+    return at

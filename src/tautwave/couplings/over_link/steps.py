@@ -14,7 +14,7 @@ from collections.abc import MutableSequence
 
 from tautwave.contracts import Row
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
-from tautwave.controller.seen import book_spring, no_spring
+from tautwave.controller.seen import book_spring, no_spring, where_it_is
 from tautwave.controller.steps import OWN_GUARDS, Guard, Law, fill_no_signals, no_start
 from tautwave.controller.wrapping import bound, record_with
 from tautwave.couplings.over_link.records import Heard, News, NewsEnd, NewsEndParams
@@ -51,6 +51,7 @@ def no_hearing(s: AxisState, p: AxisParams, credit: float, level: float) -> None
 
 law_start = no_start
 law_spring = no_spring
+law_shown = where_it_is
 law_fill_signals = fill_no_signals
 law_credit = no_credit
 law_level = no_level
@@ -91,6 +92,8 @@ def say(
     slot: int,
     period_ns: int,
     s: AxisState,
+    position: float,
+    velocity: float,
     credit: float,
     level: float,
     table: MutableSequence[float],
@@ -98,8 +101,8 @@ def say(
 ) -> None:
     """Send what an end has to say to the `far` one, whose constants are `k`."""
     kept = k.post + SENT * (slot % k.days)
-    table[kept] = motion_said(s.position)
-    table[kept + 1] = motion_said(s.velocity)
+    table[kept] = motion_said(position)
+    table[kept + 1] = motion_said(velocity)
     table[kept + 2] = credit_said(credit)
     table[kept + 3] = effort_said(s.end.effort, level)
     table[k.last] = slot
@@ -183,12 +186,14 @@ def exchange(
     slot = w.master.slot
     pass_time(w.master, k.master, one, q.period)
     pass_time(w.slave, k.slave, two, q.period)
+    x, v = law_shown(one)
     credit = law_credit(one, p1)
     level = law_level(one, p1)
-    say(w.slave, k.slave, slot, k.period_ns, one, credit, level, table, here)
+    say(w.slave, k.slave, slot, k.period_ns, one, x, v, credit, level, table, here)
+    x, v = law_shown(two)
     credit = law_credit(two, p2)
     level = law_level(two, p2)
-    say(w.master, k.master, slot, k.period_ns, two, credit, level, table, here)
+    say(w.master, k.master, slot, k.period_ns, two, x, v, credit, level, table, here)
 
 
 def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
@@ -206,6 +211,7 @@ def linked_law(law: Law) -> Law:
     own = {
         "law_start": law.steps.start,
         "law_spring": law.spring,
+        "law_shown": law.shown,
         "law_fill_signals": law.steps.fill_signals,
     }
     return law._replace(

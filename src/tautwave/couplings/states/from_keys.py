@@ -24,7 +24,7 @@ def force_gains(pair: ServoPair, side: str) -> tuple[float, float]:
 
 
 def is_observed(pair: ServoPair) -> bool:
-    """Return whether outside efforts are observed."""
+    """Return whether what moves a device and is not its motor is observed."""
     if isinstance(pair, PositionForcePair):
         return pair.effort == "observed"
     return isinstance(pair, FourChannelPair)
@@ -38,11 +38,13 @@ def is_measured(pair: ServoPair, side: str, axis: CoupledAxis) -> bool:
     ConfigError
         It has none.
     """
-    if not (isinstance(pair, PositionForcePair) and pair.effort == "measured" and side == "slave"):
+    if not isinstance(pair, PositionForcePair | FourChannelPair) or pair.effort != "measured":
         return False
+    if isinstance(pair, PositionForcePair) and side == "master":
+        return False  # its own effort goes nowhere
     if not axis.senses:
         raise ConfigError(
-            "effort: measured: the slave has no effort_sensor; add one, or take effort: observed"
+            f"effort: measured: the {side} has no effort_sensor; add one, or take effort: observed"
         )
     return True
 

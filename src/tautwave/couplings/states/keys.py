@@ -3,24 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
-from pydantic_core import PydanticCustomError
+from pydantic import Field
 
 from tautwave.config.keys.common import AUTO, Name, NonNegative, Positive
-from tautwave.config.keys.coupling import Coupling, Pair
-from tautwave.errors import ConfigError
-
-
-def _check_gain(value: Any) -> Any:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if value == AUTO or (number and 0.0 <= value < float("inf")):
-        return value if isinstance(value, str) else float(value)
-    raise PydanticCustomError("auto", "Input should be 'auto' or a number of at least 0")
-
-
-Gain = Annotated[Literal["auto"] | float, BeforeValidator(_check_gain)]
+from tautwave.config.keys.coupling import Coupling, Gain, Pair, chosen
 
 
 class ServoPair(Pair):
@@ -44,10 +32,7 @@ class ServoPair(Pair):
 
     def gain(self, key: str) -> float:
         """Return a key that may have been left to the law."""
-        value = getattr(self, key)
-        if isinstance(value, str):
-            raise ConfigError(f"{key} is still auto, because nothing chose it; give a value")
-        return float(value)
+        return chosen(self, key)
 
 
 class ObservedPair(ServoPair):
@@ -93,6 +78,11 @@ class FourChannelPair(ObservedPair):
     force_gain: NonNegative = Field(
         default=0.5,
         description="Of the sum of both outside efforts, what drives each device.",
+    )
+    effort: Literal["observed", "measured"] = Field(
+        default="observed",
+        description="The outside efforts: observed from position and command, or measured by an "
+        "`effort_sensor` on each side.",
     )
     rejection: Annotated[float, Field(ge=0, le=1)] = Field(
         default=1.0,

@@ -67,8 +67,6 @@ def keep(
     e = s.end
     k = p.end
     e.effort = port
-    if k.measures:
-        e.effort = s.outside
     if k.observes:
         at, velocity, push = observe(
             k.outside.observer, e.at, e.velocity, e.push, s.position, s.effort_sum / count, count
@@ -77,6 +75,8 @@ def keep(
         e.velocity = velocity
         e.push = push
         e.effort = reaction(k.outside, velocity, push)
+    if k.measures:
+        e.effort = s.outside
 
 
 def effort(s: AxisState, p: AxisParams, coast: float) -> float:

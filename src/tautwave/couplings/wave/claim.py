@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from tautwave.analysis.claim import Claim, joules, short, watts
 from tautwave.config import Rig, local_wall
-from tautwave.couplings.claim import Claim, joules, short, watts
 from tautwave.couplings.wave.from_keys import (
     declared_noise,
     effort_steps,
@@ -55,14 +55,14 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
             period=known.period,
             blind=blind,
             mass=math.inf,
-            deviation=axis.position_noise,
+            deviation=known.position_noise,
             peak=greatest_spectrum(axis.position_noise_autocorrelation),
-            quantum=axis.encoder_quantum,
+            quantum=known.encoder_quantum,
             nonlinearity=axis.encoder_nonlinearity,
             stop_damping=0.0,
             release=0.0,
             kinetic=0.0,
-            spring=axis.environment_stiffness_upper or 0.0,
+            spring=axis.outside_stiffness,
         )
     observer = observer_of(pair, side, known.period, axis.inertia.lower)
     noise = declared_noise(pair, side, known)

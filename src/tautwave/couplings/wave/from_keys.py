@@ -12,9 +12,10 @@ from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.port import WHITE
 from tautwave.couplings.wave.records import WaveEndParams
 from tautwave.errors import ConfigError
-from tautwave.laws.admittance import admittance_params, effort_leak, rigid_port
 from tautwave.laws.observer import ObserverParams, observer_params, plain_observer
 from tautwave.laws.port import PortParams, port_params, port_reserve
+from tautwave.laws.servo.admittance import admittance_params, effort_leak, rigid_port
+from tautwave.laws.servo.follower import lag_damping
 
 WATCHED_S = 1.0
 """Time over which the share of cut waves is taken [s]."""
@@ -139,7 +140,13 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
     return WaveEndParams(
         port=port,
         observer=observer,
-        admittance=admittance_params(axis.period, impedance, axis.outside_stiffness, axis.delay),
+        admittance=admittance_params(
+            axis.period,
+            impedance,
+            axis.outside_stiffness,
+            axis.delay,
+            lag_damping(axis.outside_stiffness, axis.follows or 0.0),
+        ),
         wave=pair.wave_gain(side),
         quantum=1.001 * axis.effort_quantum + 1e-12,
         step=axis.effort_quantum if axis.inertia is not None else 0.0,

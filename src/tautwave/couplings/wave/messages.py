@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from tautwave.analysis.claim import Claim, short, watts
 from tautwave.analysis.wave_port.chatter import step_effort
-from tautwave.config import Rig
-from tautwave.couplings.claim import Claim, short, watts
+from tautwave.config import Axis, Rig
 from tautwave.couplings.wave.claim import claim_of
 from tautwave.couplings.wave.from_keys import bare_port, observer_of, port_impedance
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.standing import standing
-from tautwave.laws.admittance import greatest_stiffness
+from tautwave.laws.servo.admittance import greatest_stiffness
 from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages, PlanLine
 
@@ -26,6 +26,20 @@ GREATEST_LEAK = 0.01
 
 LEAST = 2
 """Periods without a sample, or skipped slots: with fewer every single one ends a run."""
+
+
+def _follower_facts(axis: Axis) -> str:
+    """Return what the port of a follower does, as a sentence without a full stop."""
+    assert axis.follower is not None
+    stiffness, lag = axis.follower.stiffness, axis.follower.lag_s
+    rotary = axis.kind == "rotary"
+    place, damping = ("rad", "N m s/rad") if rotary else ("m", "N s/m")
+    return (
+        f"it takes positions: felt is a spring of {stiffness:.4g} {'N m/rad' if rotary else 'N/m'} "
+        f"from its goal to the device, at most {axis.effort_limit / stiffness:.3g} {place} long, "
+        f"and {stiffness * lag:.3g} {damping} of drag by its lag of {1e3 * lag:.3g} ms; what it "
+        "does to what it touches is not measured, and nothing is claimed of it"
+    )
 
 
 def _coupling(rig: Any) -> str:
@@ -66,6 +80,9 @@ def _facts(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, 
         limit = greatest_stiffness(period, impedance, delays[axis_name].periods)
         unit = "N m/rad" if axis.kind == "rotary" else "N/m"
         upper = axis.environment_stiffness_upper
+        if axis.follower is not None:
+            yield f"follower at {axis_name}", _follower_facts(axis)
+            continue
         if upper is None or upper == 0.0:
             text = (
                 f"no guarantee: give environment_stiffness_upper; matched, it is stable up to "

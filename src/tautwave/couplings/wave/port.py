@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import MutableSequence
 
-from tautwave.controller.records import PIPE, AxisParams, AxisState
+from tautwave.controller.records import PIPE, TAG, AxisParams, AxisState
 from tautwave.controller.steps import OWN_GUARDS
 from tautwave.couplings.wave.records import WaveEnd, WaveEndParams
-from tautwave.laws.admittance import admittance_velocity
 from tautwave.laws.limit import clamp
 from tautwave.laws.observer import observe
-from tautwave.laws.port import port_brake, port_close, port_effort
+from tautwave.laws.port import port_brake, port_close, port_effort, port_repeat
+from tautwave.laws.servo.admittance import admittance_velocity
 from tautwave.laws.wave_filter import filter_gain
 
 PORT_OVERDRAWN = OWN_GUARDS
@@ -265,9 +265,24 @@ def brake(s: AxisState, p: AxisParams, effort: float) -> float:
     return port_brake(p.end.port, s.end.account, effort)
 
 
+def repeat_wave(s: AxisState, p: AxisParams) -> float:
+    """Return the wave of the last sample for a slot without one, if the tank has it.
+
+    A null wave in the middle of a held force is a blow at the other end: with one slot in a hundred
+    lost or skipped, all that is felt is chatter, and the coupling is lost in seconds.
+    """
+    e = s.end
+    if s.stopping or s.count >= p.blind:
+        return 0.0
+    wave, e.account, e.gap = port_repeat(p.end.port, e.account, e.gap, e.filtered)
+    e.port_absorbed -= p.end.port.half_period * wave * wave
+    leaving: float = wave / p.end.wave
+    return leaving
+
+
 def miss(s: AxisState, p: AxisParams) -> None:
-    """Let nothing leave."""
-    s.end.leaving = 0.0
+    """Let the last wave leave once more."""
+    s.end.leaving = repeat_wave(s, p)
 
 
 def think(s: AxisState, p: AxisParams, coast: float) -> float:
@@ -321,7 +336,7 @@ def waiting_energy(s: AxisState, p: AxisParams, table: MutableSequence[float]) -
         at = s.head + i
         if at >= p.delay:
             at = at - p.delay
-        wave = table[p.pipe + PIPE * at + 3]
+        wave = table[p.pipe + PIPE * at + TAG]
         total += p.half_period * wave * wave
     return total
 

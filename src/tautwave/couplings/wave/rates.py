@@ -1,7 +1,7 @@
 """The line between the ends of a wave pair, and pairs with a slow side.
 
 A line delays by a whole number of slots, both ways. A slot that the loop skipped still passes:
-nothing enters (a null wave, which is passive), and what leaves is handed over.
+what left last enters again, paid for by its port, and what leaves is handed over.
 
 A slow side: its bus is served every n-th slot, the line every slot.
 
@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import MutableSequence
 
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
-from tautwave.couplings.wave.port import receive_wave
+from tautwave.couplings.wave.port import receive_wave, repeat_wave
 from tautwave.laws.conversion import gather_wave, hand_over
 
 
@@ -106,7 +106,7 @@ def leave_rated(s: AxisState, p: AxisParams, due: bool, here: bool) -> float:
     if here:
         leaving: float = s.end.leaving
         return leaving
-    return 0.0
+    return repeat_wave(s, p)
 
 
 def arrive_rated(s: AxisState, p: AxisParams, wave: float, due: bool) -> None:

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from tautwave.laws.admittance import AdmittanceParams
 from tautwave.laws.observer import ObserverParams
 from tautwave.laws.port import PortParams
+from tautwave.laws.servo.admittance import AdmittanceParams
 
 
 class WaveEndParams(NamedTuple):

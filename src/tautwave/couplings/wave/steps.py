@@ -21,6 +21,7 @@ from tautwave.couplings.wave.port import (
     miss,
     move,
     receive_wave,
+    repeat_wave,
     start_end,
     think,
     waiting_energy,
@@ -74,11 +75,12 @@ def exchange(
     if q.rated:
         exchange_rated(c, q, one, two, p1, p2, table, here, due_one, due_two)
         return
-    from_master = 0.0
-    from_slave = 0.0
     if here:
         from_master = one.end.leaving
         from_slave = two.end.leaving
+    else:
+        from_master = repeat_wave(one, p1)
+        from_slave = repeat_wave(two, p2)
     at_master = from_slave
     at_slave = from_master
     if q.samples > 0:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
+from tautwave.analysis.claim import Claim, joules, short, watts
 from tautwave.analysis.wave_port.device_class import LATEST
 from tautwave.certificate.belief import (
     assumed,
@@ -20,12 +21,11 @@ from tautwave.certificate.belief import (
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.certificate.rates import converter_element
 from tautwave.config import Rig
-from tautwave.couplings.claim import Claim, joules, short, watts
-from tautwave.couplings.wave.admittance import admittance_element
 from tautwave.couplings.wave.claim import claim_of, claimed_sentence
 from tautwave.couplings.wave.device_port import binding, pair_of, port_of, remedy_of
 from tautwave.couplings.wave.from_keys import coarsest_step, port_impedance
 from tautwave.couplings.wave.keys import WavePair
+from tautwave.couplings.wave.servos.admittance import admittance_element
 from tautwave.laws.port import plain_drain
 from tautwave.laws.receiver import RESERVE
 from tautwave.rig import at_axis_rate, coupled_axis, pair_scale
@@ -239,7 +239,10 @@ def _excess(gain: float) -> str:
     if gain > 100.0:
         return "it may be unstable"
     if gain == 1.0:
-        return "it may return more of a wave than arrives: nothing is proved so near to the limit"
+        return (
+            "there is no proof that it returns no more of a wave than arrives, though no device "
+            "was found with which it does"
+        )
     much = f"{gain:.4g}" if gain > 1.001 else f"1 + {gain - 1.0:.2g}"
     return f"it may return {much} times the wave that arrives"
 
@@ -255,7 +258,7 @@ def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
             "line",
             pair,
             f"a constant delay of {coupling.delay_s:g} s each way is lossless and holds the "
-            "waves under way (Niemeyer and Slotine 1991); a missing wave counts as 0",
+            "waves under way (Niemeyer and Slotine 1991)",
         )
     keys = coupling.pairs[pair]
     assert isinstance(keys, WavePair)

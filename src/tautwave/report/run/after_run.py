@@ -14,6 +14,7 @@ from tautwave.report.ends import ends_of
 from tautwave.report.link import kept_of
 from tautwave.report.noise import noise_sentences
 from tautwave.report.run.rundir import Run, block, served_rows
+from tautwave.report.sensors import sensor_sentences
 from tautwave.report.units import number
 from tautwave.rig import pair_scale
 
@@ -28,7 +29,7 @@ def recheck_run(run: Run) -> dict[str, Any]:
     if an end gave out more than it claimed, or a receiver more than it got, whatever the
     certificate said. If it cannot be computed, `error` says why. `ends` are `report.ends` by axis,
     `receivers` what those held at the least; `notes` are sentences on ends that were hit and kept
-    their claim, and on noise beyond the declared.
+    their claim, on noise beyond the declared, and on effort sensors that motors contradict.
     """
     summary = dict(run.summary)
     certificate = dict(block(summary, "certificate"))
@@ -50,7 +51,7 @@ def recheck_run(run: Run) -> dict[str, Any]:
         for end in ends
     }
     hit = [end.sentence for end in ends if end.passed and end.sentence]
-    after["notes"] = [*hit, *noise_sentences(run), *tuned]
+    after["notes"] = [*hit, *noise_sentences(run), *sensor_sentences(run), *tuned]
     kept = list(kept_of(run))
     if kept:
         after["receivers"] = {one.element: {"least_j": one.least} for one in kept}

@@ -31,6 +31,7 @@ ELEMENT = {
     "wall": "local virtual wall",
     "damper": "matched termination",
     "operate": "both motors while not engaged",
+    "align_slave": "the slave's motor while it is brought into place",
     "coupler": "spring and damper between the devices",
 }
 _PLANT = {

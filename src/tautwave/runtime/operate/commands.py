@@ -5,9 +5,10 @@ All end in the same queue, which the loop looks into without waiting.
 
 from __future__ import annotations
 
+import math
 import os
 import select
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from tautwave.errors import ConfigError
@@ -15,6 +16,9 @@ from tautwave.runtime.operate.states import CLUTCH, COMMANDS, ENGAGE, HOLD, REST
 
 EPISODE = "episode"
 """Begins an episode, or ends the one that runs; `argument` is its name and task, or `failed`."""
+
+LEAD = "lead"
+"""An action for virtual hands that a policy leads; `argument` is `PAIR=POSITION ...`, master."""
 
 WORDS = (*COMMANDS, EPISODE)
 TOGGLE = "toggle"
@@ -132,6 +136,23 @@ class Lines:
         return found
 
 
+def timed_lines(text: str) -> Iterator[tuple[int, str, float, str]]:
+    """Yield the lines `SECONDS REST` of a script: number, line, seconds (NaN if it is none), rest.
+
+    What follows a # is a comment; lines of nothing else are left out.
+    """
+    for number, line in enumerate(text.splitlines(), 1):
+        line = line.partition("#")[0].strip()
+        if not line:
+            continue
+        word, _, rest = line.partition(" ")
+        try:
+            seconds = float(word)
+        except ValueError:
+            seconds = math.nan
+        yield number, line, seconds, rest.strip()
+
+
 def read_script(text: str, name: str) -> list[tuple[int, Order]]:
     """Return the commands of a file with lines `TIME COMMAND [TEXT]`, TIME in s.
 
@@ -141,17 +162,9 @@ def read_script(text: str, name: str) -> list[tuple[int, Order]]:
         A line is wrong; every mistake with its line.
     """
     found, problems = [], []
-    for number, line in enumerate(text.splitlines(), 1):
-        line = line.partition("#")[0].strip()
-        if not line:
-            continue
-        at, _, rest = line.partition(" ")
-        word, _, argument = rest.strip().partition(" ")
-        try:
-            seconds = float(at)
-        except ValueError:
-            seconds = -1.0
-        if not 0.0 <= seconds < 1e6 or word not in WORDS:
+    for number, line, seconds, rest in timed_lines(text):
+        word, _, argument = rest.partition(" ")
+        if not 0.0 <= seconds < 1e6 or word not in (*WORDS, LEAD):
             problems.append(
                 f"{name}:{number}: write TIME COMMAND, such as `1.5 engage`; commands are "
                 f"{', '.join(WORDS)} (got {line[:40]!r})"

@@ -22,3 +22,16 @@ class Operation(NamedTuple):
     engage_at_start: bool
     look: int
     scales: Mapping[float, tuple[Sequence[AxisParams], Sequence[PairParams]]] = {}
+
+    def called(self, text: str) -> float | None:
+        """Return the scale that a person means, None if there is none."""
+        try:
+            wanted = f"{float(text):g}"
+        except ValueError:
+            return None
+        return next((scale for scale in self.scales if f"{scale:g}" == wanted), None)
+
+    def no_scale(self, text: str) -> str:
+        """Say which scales there are."""
+        known = ", ".join(f"{scale:g}" for scale in self.scales)
+        return f"scale: one of {known} (got {text[:20]!r})"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tautwave.controller.pair import engage_pair, start_pair
-from tautwave.controller.records import PIPE, PairState
+from tautwave.controller.records import PIPE, TAG, PairState
 from tautwave.controller.run import ramp_share
 from tautwave.runtime.control import CoupledControl
 
@@ -36,7 +36,7 @@ def end_session(control: CoupledControl) -> None:
     for s, p in zip(control.axes, control.params, strict=True):
         # What the coupling put beside commands that still wait was banked as its own.
         for at in range(p.pipe, p.pipe + PIPE * p.delay, PIPE):
-            control.table[at + PIPE - 1] = 0.0
+            control.table[at + TAG] = 0.0
         s.end = law.end()
         s.tag = 0.0
         s.alarm = 0

@@ -17,13 +17,17 @@ MOST = 10_000
 
 
 class Entry(NamedTuple):
-    """A command or event at a time [s], the state after it, and a sentence if there is one."""
+    """A command or event at a time [s], the state after it, and a sentence if there is one.
+
+    `refused`: nothing came of it, and the sentence says why.
+    """
 
     at_s: float
     word: str
     source: str
     state: str
     text: str = ""
+    refused: bool = False
 
 
 class Episode(NamedTuple):

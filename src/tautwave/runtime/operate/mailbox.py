@@ -1,5 +1,8 @@
 """A pipe into a run: other processes of the same user send it commands, one a line.
 
+A program that passes on a person's dead-man says `held` for as long as it is held. The run itself
+notices when it stops, so that the program may be killed.
+
 The run holds both ends, so it never sees an end of file; who sends opens the writing end through
 the run's descriptors, as a tap opens its ring. A line is at most `LONGEST` bytes, which a pipe
 takes whole or not at all.
@@ -8,11 +11,54 @@ takes whole or not at all.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, Self
 
 from tautwave.errors import RecordingError
-from tautwave.runtime.operate.commands import LONGEST, Descriptor, Lines
+from tautwave.runtime.operate.commands import LONGEST, Descriptor, Lines, Order, Source
+
+HELD, LOOSE = "held", "loose"
+HELD_NS = 450_000_000
+"""How long one `held` counts: with a look at the mailbox every 20 ms, half a second at most."""
+
+
+class Kept:
+    """Commands, and the dead-man of a program that says `held`, and has to go on repeating it.
+
+    With `loose`, or without a `held` for `HELD_NS`, the dead-man is released until the next look;
+    after that it is forgotten, so that others may engage.
+
+    Parameters
+    ----------
+    source : Source
+        Of the commands.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self.name = ""
+        self._source = source
+        self._until_ns = -1
+        self._held = True
+
+    def held(self) -> bool:
+        """Return whether nobody let go since the last look."""
+        return self._held
+
+    def take(self, now_ns: int) -> Sequence[Order]:
+        """Return the commands that have come; `held` and `loose` are none."""
+        self._held = True
+        found = []
+        for order in self._source.take(now_ns):
+            if order.word == HELD:
+                self._until_ns, self.name = now_ns + HELD_NS, order.source
+            elif order.word == LOOSE:
+                self._until_ns = min(self._until_ns, now_ns)
+            else:
+                found.append(order)
+        if 0 <= self._until_ns <= now_ns:
+            self._until_ns, self._held = -1, False
+        return found
 
 
 class Mailbox:
@@ -20,7 +66,7 @@ class Mailbox:
 
     def __init__(self) -> None:
         self._read, self._write = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
-        self.source = Descriptor(self._read, Lines())
+        self.source = Kept(Descriptor(self._read, Lines()))
 
     @property
     def address(self) -> dict[str, int]:

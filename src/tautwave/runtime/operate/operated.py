@@ -105,8 +105,7 @@ class OperatedControl(CoupledControl):
         """[J] What all holds so far might give out together."""
         self._suspect = self._coupled = False
         self._dead: set[int] = set()
-        self._now = 0
-        self._command = 0
+        self._now = self._command = 0
         self._latency = max((p.delay for p in plain.params), default=0) + 2
         self.columns += STATE_COLUMNS
         for name in self.pair_names:
@@ -184,7 +183,9 @@ class OperatedControl(CoupledControl):
         if word == TOGGLE:
             word = st.CLUTCH if self.standing.state == st.ENGAGED else st.ENGAGE
         if word not in WORDS:
-            self._note(word[:40], order.source, f"unknown; there are {', '.join(WORDS)}")
+            self._note(
+                word[:40], order.source, f"unknown; there are {', '.join(WORDS)}", refused=True
+            )
             return
         self._command = WORDS.index(word) + 1
         if word == EPISODE:
@@ -198,24 +199,25 @@ class OperatedControl(CoupledControl):
             self.wants_reset = True
             self._note(word, order.source, "the devices are reset")
         elif (after := st.follow(self.standing, word)) is None:
-            self._note(word, order.source, st.refusal(self.standing, word))
+            self._note(word, order.source, st.refusal(self.standing, word), refused=True)
         elif word == st.SCALE and not self._rescale(order.argument, after):
-            known = ", ".join(f"{scale:g}" for scale in self.operation.scales)
-            self._note(word, order.source, f"scale: one of {known} (got {order.argument[:20]!r})")
+            text = self.operation.no_scale(order.argument)
+            self._note(word, order.source, text, refused=True)
         elif word == st.ENGAGE and (loose := self.inbox.loose()):
-            self._note(word, order.source, f"engage: hold the dead-man first: {', '.join(loose)}")
+            text = f"engage: hold the dead-man first: {', '.join(loose)}"
+            self._note(word, order.source, text, refused=True)
         else:
             self._enter(after)
             self._note(word, order.source)
 
     def _rescale(self, argument: str, after: st.Standing) -> bool:
         """Let go if engaged, and take another scale's constants; return whether there is one."""
-        scales = {f"{scale:g}": scale for scale in self.operation.scales}
-        if argument not in scales:
+        scale = self.operation.called(argument)
+        if scale is None:
             return False
         self._enter(after)
         self._count_anew()
-        self.scale = scales[argument]
+        self.scale = scale
         self.params, self.pairs = self.operation.scales[self.scale]
         self._free = [p._replace(site=p.site._replace(has_wall=False)) for p in self.params]
         self.alignment.pairs = self.pairs
@@ -241,8 +243,8 @@ class OperatedControl(CoupledControl):
         if not self._coupled:
             self._count_anew()
 
-    def _note(self, word: str, source: str, text: str = "") -> None:
-        entry = Entry(self._seconds(), word, source, self.standing.state, text)
+    def _note(self, word: str, source: str, text: str = "", refused: bool = False) -> None:
+        entry = Entry(self._seconds(), word, source, self.standing.state, text, refused)
         self.journal.note(entry)
 
     def _seconds(self) -> float:
@@ -274,7 +276,7 @@ class OperatedControl(CoupledControl):
     def _all_at_rest(self, slot: int) -> bool:
         """Return whether no command of before is still acting or waiting, and no wall pushes."""
         if any(s.total != 0.0 for s in self.axes):
-            self._let_go = slot
+            self.alignment.let_go = slot
         share = self.run.arm_share
         calm = all(is_calm(s, p, share) for s, p in zip(self.axes, self.params, strict=True))
         return calm and slot - self.alignment.let_go >= self._latency
@@ -336,7 +338,7 @@ class OperatedControl(CoupledControl):
         self.wants_reset = False
         self._now = slot
         if refusal:
-            self._note(st.REST, "controller", f"the devices are not back: {refusal}")
+            self._note(st.REST, "controller", f"the devices are not back: {refusal}", refused=True)
             return
         self._bank()
         self._clear_energies()

@@ -15,14 +15,8 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from tautwave.contracts import Row
-from tautwave.controller.axis import (
-    fade_axis,
-    pass_slot,
-    render_axis,
-    start_axis,
-    stop_axis,
-    take_sample,
-)
+from tautwave.controller.axis import pass_slot, render_axis, start_axis, take_sample
+from tautwave.controller.braking import fade_axis, stop_axis
 from tautwave.controller.records import FINISHED, AxisParams, AxisState, RunParams
 from tautwave.controller.rows import axis_columns, fill_axis
 from tautwave.controller.run import arm, ramp_share, stop_on_guard

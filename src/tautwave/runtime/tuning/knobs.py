@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from tautwave.runtime.control import CoupledControl
+from tautwave.runtime.control import Control
 
 
 class Turning(NamedTuple):
@@ -39,7 +39,7 @@ class Knob(NamedTuple):
     ramped: bool = True
 
 
-def wall_knob(control: CoupledControl, which: int, key: str) -> Turning:
+def wall_knob(control: Control, which: int, key: str) -> Turning:
     """Return how `stiffness`, `damping` or `position` of an axis' wall is turned."""
 
     def turn(value: float) -> None:
@@ -59,7 +59,7 @@ def wall_knob(control: CoupledControl, which: int, key: str) -> Turning:
     return Turning(turn, ready)
 
 
-def ceiling_knob(control: CoupledControl, which: int) -> Turning:
+def ceiling_knob(control: Control, which: int) -> Turning:
     """Return how the greatest effort of wall and coupling at an axis is turned."""
 
     def turn(value: float) -> None:
@@ -73,7 +73,7 @@ def ceiling_knob(control: CoupledControl, which: int) -> Turning:
 
 
 def coupling_knob(
-    control: CoupledControl,
+    control: Control,
     whiches: tuple[int, int],
     tune: Callable[[Any, Any, str, float, float], Any],
     key: str,

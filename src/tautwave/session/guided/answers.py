@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from tautwave.errors import ConfigError
+from tautwave.runtime.operate.commands import timed_lines
 
 
 class Answers(Protocol):
@@ -85,22 +86,14 @@ def read_answers(text: str, name: str) -> Scripted:
         A line is wrong; every mistake with its line.
     """
     found, problems = [], []
-    for number, line in enumerate(text.splitlines(), 1):
-        line = line.partition("#")[0].strip()
-        if not line:
-            continue
-        word, _, answer = line.partition(" ")
-        try:
-            seconds = float(word)
-        except ValueError:
-            seconds = -1.0
+    for number, line, seconds, answer in timed_lines(text):
         if not 0.0 <= seconds < 1e4:
             problems.append(
                 f"{name}:{number}: write SECONDS ANSWER, the seconds after the question "
                 f"(got {line[:40]!r})"
             )
             continue
-        found.append((seconds, answer.strip()))
+        found.append((seconds, answer))
     if problems:
         raise ConfigError(problems)
     return Scripted(found)

@@ -16,7 +16,8 @@ import numpy as np
 
 from tautwave.config import Rig
 from tautwave.contracts import Row
-from tautwave.controller.axis import decide_axis, fade_axis, pass_slot, start_axis, take_sample
+from tautwave.controller.axis import decide_axis, pass_slot, start_axis, take_sample
+from tautwave.controller.braking import fade_axis
 from tautwave.controller.records import FINISHED, PIPE, AxisParams, AxisState, RunParams
 from tautwave.controller.rows import axis_columns, fill_axis
 from tautwave.controller.run import arm, ramp_share, stop_on_guard

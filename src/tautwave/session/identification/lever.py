@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,6 +26,9 @@ DELAYS = (0.0, 1.0, 2.0)
 
 DOUBTFUL = 0.9
 
+WRONG = 0.1
+"""Greatest error of a sensor's scale without a word."""
+
 
 class LeverResult(NamedTuple):
     """A lever: its fit, its encoder, and how the effort in the file acts."""
@@ -43,6 +47,7 @@ class LeverResult(NamedTuple):
         fit, series = self.fit, self.series
         names = ["inertia", "damping", "coulomb", "bias"]
         names += ["outside"] if fit.outside is not None else []
+        offset = self.sensor_offset
         return {
             "kind": "lever",
             "source": series.source,
@@ -55,6 +60,7 @@ class LeverResult(NamedTuple):
             "effort_turned": self.turned,
             "delay_periods": self.delay,
             "parameters": {name: getattr(fit, name)._asdict() for name in names},
+            "sensor_offset": None if offset is None else offset._asdict(),
             "encoder_quantum": self.quantum,
             "position_noise": self.noise._asdict(),
             "residual_rms": fit.residual_rms,
@@ -65,11 +71,30 @@ class LeverResult(NamedTuple):
         }
 
     @property
+    def sensor_offset(self) -> Estimate | None:
+        """What the sensor shows without an effort, if the lever weighs nothing [N m or N]."""
+        fit = self.fit
+        if fit.outside is None or fit.outside.value == 0.0:
+            return None
+        unit, bias = fit.outside, fit.bias
+        value = -bias.value / unit.value
+        half = 0.5 * math.hypot(
+            bias.upper - bias.lower, value * (unit.upper - unit.lower)
+        ) / abs(unit.value)  # fmt: skip
+        return Estimate(value, value - half, value + half)
+
+    @property
     def snippet(self) -> str:
         """Lines for the axis in the rig file."""
         noise = f"position_noise: {self.noise.value:.3g}"
         step = [f"encoder_quantum: {self.quantum:.5g}"] if self.quantum > 0.0 else []
-        return "\n".join([device_snippet(self.series.position_name, self.fit), *step, noise])
+        sensor, offset = [], self.sensor_offset
+        if offset is not None and self.fit.outside is not None and self.fit.outside.value > 0.0:
+            scale = 1.0 / self.fit.outside.value
+            sensor = [f"effort_sensor: {{offset: {offset.value:.3g}, scale: {scale:.3g}}}"]
+        return "\n".join(
+            [device_snippet(self.series.position_name, self.fit), *step, noise, *sensor]
+        )
 
 
 def identify_lever(
@@ -162,10 +187,16 @@ def _doubts(found: LeverResult) -> list[str]:
         one = fit.outside
         if one.lower <= 0.0 <= one.upper:
             notes.append(f"{found.outside_name} explains nothing: its scale may as well be zero.")
-        elif not (0.9 <= abs(one.value) <= 1.1):
+        elif abs(abs(one.value) - 1.0) > WRONG:
             notes.append(
                 f"By the motor's effort, one unit of {found.outside_name} is {one.value:.3g} "
                 "units: one of both scales (or the sign) is wrong."
+            )
+        offset = found.sensor_offset
+        if offset is not None and abs(offset.value) > max(fit.coulomb.value, 0.0):
+            notes.append(
+                f"{found.outside_name} shows {offset.value:.3g} without an effort, or the lever "
+                "weighs that: more than friction holds at rest."
             )
     if float(np.max(np.abs(fit.effort))) > 0.0 and fit.damping.lower <= 0.0:
         notes.append("The damping is not distinguishable from zero: its lower bound is 0.")

@@ -6,18 +6,29 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-LINK_COLUMNS = ("link.session", "link.slot", "link.silence_s", "link.holding", "link.delay_s")
+LINK_COLUMNS = (
+    "link.session",
+    "link.slot",
+    "link.silence_s",
+    "link.holding",
+    "link.delay_s",
+    "link.aligning",
+)
+ALIGNED = "align_slave"
+"""Element of the books: the slave's motor while no coupling holds it."""
 
 
 class SiteLimits(NamedTuple):
     """When a site holds and stops.
 
-    Silence until it holds, and until it stops [ns]; the motion [rad or m, master] that may be
-    missed; whether its slots follow the other's.
+    Silence until it holds, and until it stops [ns]; how long the other site may take until it is
+    ready [ns]; the motion [rad or m, master] that may be missed; whether its slots follow the
+    other's.
     """
 
     silence_ns: int
     lost_ns: int
+    ready_ns: int
     backlog: float
     follows: bool
 
@@ -28,3 +39,14 @@ def positions(said: Any, names: Sequence[str]) -> Mapping[str, float] | None:
         return None
     good = all(isinstance(one, float | int) and math.isfinite(one) for one in said.values())
     return {name: float(one) for name, one in said.items()} if good else None
+
+
+def claim_sessions(summary: dict[str, Any]) -> None:
+    """Count what ports claim once for each session: each begins with its own reserve."""
+    link = summary["link"]
+    count = sum("engaged_s" in session for session in link["sessions"])
+    for name, pair in summary["pairs"].items():
+        claims = pair.get("claim_j", {})
+        pair["claim_j"] = {side: max(1, count) * claim for side, claim in claims.items()}
+        if "slave" in claims:  # what brought it into place
+            pair["claim_j"]["slave"] += link["granted_j"][name]

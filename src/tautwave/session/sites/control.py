@@ -4,19 +4,20 @@ The other end of a pair is a stand-in that is never sampled; what leaves and arr
 the link's part of the table, and this module carries it to and from the network. Nothing that comes
 from there moves a motor but through the receivers.
 
-    waiting    a session is there or not; commands are zero, or a hold's damping
+    waiting    a session is there or not; commands are zero, a hold's damping, or bring slaves into
+               place
     engaged    the end runs
     holding    nothing came for too long, or the other site said that it stops: certified damping
 
 From holding it goes back to engaged if packets of the same session come, and the motion that was
-missed is within bounds; else a new session begins where both then are, with its own ramp, and
-nothing stored crosses. A site that is not back in time is lost: a passive stop.
+missed is within bounds; else a new session begins, once slaves that are too far from their places
+have been brought there, with its own ramp, and nothing stored crosses. A site that is not back in
+time is lost: a passive stop.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from statistics import median
 from typing import Any
 
 from tautwave.contracts import Row
@@ -27,15 +28,17 @@ from tautwave.controller.steps import SiteLaw
 from tautwave.errors import LinkError, TautwaveError
 from tautwave.link.packet import Line
 from tautwave.runtime.control import CoupledControl
-from tautwave.session.sites.agreed import LINK_COLUMNS, SiteLimits, positions
+from tautwave.runtime.operate.engagement import end_session
+from tautwave.session.sites.agreed import LINK_COLUMNS, SiteLimits
 from tautwave.session.sites.desk_line import DeskLine, session_of
 from tautwave.session.sites.endpoint import Endpoint
+from tautwave.session.sites.meeting import Meeting
+from tautwave.session.sites.pace import Pace
+from tautwave.session.sites.rest import Approach
 from tautwave.session.sites.rows import SiteRows
 from tautwave.sites.control import Session
 
 GREETING_SLOTS = 20
-MOST_AHEADS = 31
-"""Looks at both counts of slots, of which the median is taken."""
 
 
 class SiteControl(CoupledControl):
@@ -51,6 +54,8 @@ class SiteControl(CoupledControl):
         0 master, 1 slave.
     limits : SiteLimits
         When to hold and to stop.
+    approach : Approach
+        What brings slaves into place.
     endpoint, line : Endpoint, DeskLine
         To the other site; `line` has brought `first`, the first session.
     peer : tuple
@@ -65,6 +70,7 @@ class SiteControl(CoupledControl):
         site: SiteLaw,
         side: int,
         limits: SiteLimits,
+        approach: Approach,
         endpoint: Endpoint,
         line: DeskLine,
         first: Session,
@@ -82,24 +88,21 @@ class SiteControl(CoupledControl):
         self._endpoint = endpoint
         self._line = line
         self._where = peer
-        self._ends = [
-            ((w.master, q.link.master, q.link.slave), (w.slave, q.link.slave, q.link.master))[side]
-            for w, q in zip((state.link for state in self.states), pairs, strict=True)
-        ]
+        self._find_ends()
         self._own = [(q.master, q.slave)[side] for q in self.pairs]
         self._far = [(q.slave, q.master)[side] for q in self.pairs]
         self._rows = SiteRows(self.columns, ("master", "slave")[side])
-        self.columns = [*self._rows.names, *LINK_COLUMNS]
+        self._meeting = Meeting(self, side, approach, lambda said: line.send(send=said))
+        self._pace = Pace(endpoint, self.run.period_ns, follows=limits.follows)
+        self._measured = self._resting = False
+        books = self._meeting.rest.columns if side == 1 else []
+        self.columns = [*self._rows.names, *LINK_COLUMNS, *books]
         self._slot = 0
         self._engaged = False
-        self._ready = False
-        self._told_end = False
-        self._peer_ready: Mapping[str, float] | None = None
-        self._peer_began: Mapping[str, float] | None = None
+        self._end_sent = False
         self._held_from = -1
         self._left = ""
         self._gone = ""
-        self._trimmed = self._phase = self._residue = self._stretch = 0.0
         self.sessions: list[dict[str, Any]] = []
         self.ended = ""
         """Why the other site took its leave, as a sentence; empty unless it did."""
@@ -115,6 +118,8 @@ class SiteControl(CoupledControl):
         came = self._endpoint.receive(self._take if self._engaged else None)
         while (message := self._line.poll()) is not None:
             self._obey(message)
+        if self._resting:
+            self._meeting.rest.sense(slot, skipped)
         if self.state.kind == FINISHED and not self.ended:
             if not self._engaged:
                 self._wait(slot, skipped)
@@ -122,9 +127,15 @@ class SiteControl(CoupledControl):
                 self._watch(slot, skipped, came)
         engaging = not self._engaged and self.samples[self._far[0]].valid
         end = self.state.end
-        going = super().step(slot, skipped)
-        if self.state.kind == GUARD and self.state.code in self._site.debts:
-            self._forgive(slot, end)
+        going = True
+        if engaging and (self._measured or self._resting):
+            self._bank()
+        if self._resting:
+            self._meeting.rest.send(slot)
+        else:
+            going = super().step(slot, skipped)
+            if self.state.kind == GUARD and self.state.code in self._site.debts:
+                self._forgive(slot, end)
         if engaging:
             self._begin(slot)
         if self._engaged and self._link_slot() >= 0:  # the first exchange is one slot later
@@ -132,18 +143,24 @@ class SiteControl(CoupledControl):
         elif self._where is not None and slot % GREETING_SLOTS == 0:
             self._endpoint.greet()
         self._take_leave(slot)
-        self._follow(now)
+        self.trim_ns = self._pace.step(now, self._link_slot())
+        if self._pace.ahead is not None:
+            self.sessions[-1]["slots_ahead"] = self._pace.ahead
         return going
 
     def fill(self, row: Row, at: int) -> None:
         """Write the columns of the own ends and of the link at index `at`."""
         super().fill(self._rows.whole, 0)
-        at = self._rows.fill(row, at, self._shift)
+        at = self._rows.fill(row, at, self._pace.shift)
         row[at] = float(len(self.sessions))
         row[at + 1] = float(self._link_slot())
         row[at + 2] = (self._now_ns() - self._endpoint.heard_ns) * 1e-9
         row[at + 3] = 1.0 if self._held_from >= 0 else 0.0
         row[at + 4] = self._endpoint.delay
+        row[at + 5] = 1.0 if self._resting else 0.0
+        at += len(LINK_COLUMNS)
+        if self._side == 1:
+            self._meeting.rest.fill(row, at)
 
     def error(self) -> TautwaveError | None:
         """Return the reason to end the run early, or None."""
@@ -164,39 +181,70 @@ class SiteControl(CoupledControl):
 
     def _join(self, session: Session) -> None:
         self._endpoint.join(session, self._where)
-        if self.sessions:
-            super().fill(self._rows.whole, 0)
-            self._rows.end_session()
-        self._engaged = self._ready = False
-        self._peer_ready = self._peer_began = None
-        self._aheads: list[float] = []
-        self._shift = 0.0
+        self._engaged = False
+        self._meeting.join()
+        self._pace.join()
+        self._joined_at = self._slot
         self.sessions.append({"id": session.id.hex(), "joined_s": self._seconds()})
+
+    def _find_ends(self) -> None:
+        """Find the own end of each pair: its state, its constants, those of the far one."""
+        self._ends = []
+        for state, q in zip(self.states, self.pairs, strict=True):
+            w, k = state.link, q.link
+            both = (w.master, k.master, k.slave), (w.slave, k.slave, k.master)
+            self._ends.append(both[self._side])
+
+    def _bank(self) -> None:
+        """Carry the accounts of what ends now: a session and its hold, or a rest."""
+        super().fill(self._rows.whole, 0)
+        self._rows.end_session()
+        self._meeting.rest.end()
+        self._resting = False
 
     def _wait(self, slot: int, skipped: int) -> None:
         """Engage as soon as both sites can; give up after a while."""
-        names = self.pair_names
         samples, axes, params = self.samples, self.axes, self.params
         calm = skipped == 0 and all(
             samples[i].valid and is_calm(axes[i], params[i], self.run.arm_share) for i in self._own
         )
-        if calm and not self._ready and not self._left:
-            self._ready = True
-            where = {name: samples[i].position for name, i in zip(names, self._own, strict=True)}
-            self._line.send(send={"ready": where})
-        # The master begins; the slave knows then where its master stood, to the bit.
-        begun = self._peer_ready if self._side == 0 else self._peer_began
-        if not calm or not self._ready or begun is None:
+        begun = self._meet(slot, skipped) if calm and not self._left else None
+        if self._left:
+            self._meeting.rest.release()
+        if begun is None:
             self._count_down(slot)
             return
-        for name, far in zip(names, self._far, strict=True):
-            samples[far].position = begun[name]
-            samples[far].valid = True
+        for name, far in zip(self.pair_names, self._far, strict=True):
+            samples[far].position, samples[far].valid = begun[name], True
         for state in self.states:
             self._site.begin(state.link)
         for s in axes:
             s.stopping = False
         self.state.armed_at = -1
+
+    def _meet(self, slot: int, skipped: int) -> Mapping[str, float] | None:
+        """Bring slaves into place; return where the other site's axes stand if this one begins."""
+        meeting = self._meeting
+        if meeting.new_goal() and (self._resting or meeting.is_astray()):
+            if not self._resting:
+                self._rest(slot, skipped)
+            meeting.aim(slot)
+        if self._resting and not meeting.arrived(slot):
+            return None
+        begun = meeting.settled(slot)
+        if begun is not None and (why := meeting.out_of_place(begun)):
+            self._renew(why)
+            return None
+        return begun
+
+    def _rest(self, slot: int, skipped: int) -> None:
+        """Let go of what the coupling stored, and have the axes rest."""
+        self._bank()
+        end_session(self)
+        self._find_ends()
+        self._resting = True
+        self._meeting.rest.begin(seated=self._measured)
+        self._meeting.rest.sense(slot, skipped)
 
     def _begin(self, slot: int) -> None:
         """Look whether the ends have begun, and say so."""
@@ -204,15 +252,13 @@ class SiteControl(CoupledControl):
             self.samples[far].valid = False
         if self.state.armed_at < 0:
             return
-        self._engaged = True
+        self._engaged = self._measured = True
         self._held_from = -1
         self._endpoint.heard_ns = self._now_ns()
-        where = {
-            name: self.samples[i].position
-            for name, i in zip(self.pair_names, self._own, strict=True)
-        }
-        self._line.send(send={"began": where})
+        where = self._meeting.begun()
         self.sessions[-1] |= {"engaged_s": self._seconds(), "began_at": where}
+        if self._side == 1:
+            self.sessions[-1]["offsets"] = self._meeting.met()
 
     def _watch(self, slot: int, skipped: int, came: bool) -> None:
         """Hold where nothing comes; go on, or begin anew, where it comes again."""
@@ -239,8 +285,8 @@ class SiteControl(CoupledControl):
         self._held_from = slot
         for s in self.axes:
             s.stopping = True
-        silences = self.sessions[-1].setdefault("silences", [])
-        silences.append({"at_s": self._seconds(), "why": why})
+        silence = {"at_s": self._seconds(), "why": why}
+        self.sessions[-1].setdefault("silences", []).append(silence)
 
     def _renew(self, why: str) -> None:
         """Have another session begun, into which nothing crosses; hold until then."""
@@ -275,16 +321,18 @@ class SiteControl(CoupledControl):
 
     def _count_down(self, slot: int) -> None:
         """Stop where the other site has been away for too long."""
-        since = self._held_from
-        if (slot - max(since, 0)) * self.run.period_ns <= self._limits.lost_ns:
+        there = not self._engaged and not self._left  # in a session, and not ready yet
+        since = self._joined_at if there else max(self._held_from, 0)
+        limit_ns = self._limits.ready_ns if there else self._limits.lost_ns
+        if (slot - since) * self.run.period_ns <= limit_ns:
             return
-        why = self._left or "nothing came of it"
-        if since < 0:
-            why = self._left or f"it was not ready within {self._limits.lost_ns * 1e-9:g} s"
-        self._gone = (
-            f"{self.peer} is lost since {max(since, 0) * self.run.period_ns * 1e-9:.3f} s: {why}; "
-            f"not back within {self._limits.lost_ns * 1e-9:g} s, stopped at {self._seconds():.3f} s"
-        )
+        begun = f"{since * self.run.period_ns * 1e-9:.3f} s"
+        limit = f"within {limit_ns * 1e-9:g} s"
+        why = f"{self.peer} is lost since {begun}: {self._left or 'nothing came of it'}; not back"
+        if there:
+            why = self._meeting.hindrance
+            why = f"{why}; not ready" if why else f"{self.peer} was not ready"
+        self._gone = f"{why} {limit}, stopped at {self._seconds():.3f} s"
         begin_stop(self.run, self.state, self.axes, slot, LINK, 0, 0)
 
     # -- the other site's words ---------------------------------------------------------------
@@ -306,11 +354,8 @@ class SiteControl(CoupledControl):
         self._join(session)
 
     def _listen(self, said: Mapping[str, Any]) -> None:
-        if "ready" in said:
-            self._peer_ready = positions(said["ready"], self.pair_names)
-        elif "began" in said:
-            self._peer_began = positions(said["began"], self.pair_names)
-        elif "stops" in said:
+        self._meeting.hear(said)
+        if "stops" in said:
             self._left = f"it stopped: {said['stops']}"
         elif "left" in said:
             self._left = self._left or str(said["left"])
@@ -320,38 +365,16 @@ class SiteControl(CoupledControl):
 
     def _take_leave(self, slot: int) -> None:
         """Tell the other site, once, that this one stops, or that its run is over."""
-        if self._told_end:
+        if self._end_sent:
             return
         if self.state.kind != FINISHED:
-            self._told_end = True
+            self._end_sent = True
             self._line.send(send={"stops": str(self.error())})
         elif slot + 1 >= self.state.end:
-            self._told_end = True
+            self._end_sent = True
             self._line.send(send={"ended": True})
 
-    # -- clocks and counts ----------------------------------------------------------------------
-
-    def _follow(self, now: int) -> None:
-        """Look at both clocks; stretch the follower's slots, a little, to go on side by side."""
-        endpoint = self._endpoint
-        looked = endpoint.look_at_clocks(now)
-        if looked and self._engaged:
-            ahead = endpoint.ahead(self._link_slot(), now, self.run.period_ns)
-            if len(self._aheads) < MOST_AHEADS:
-                self._aheads.append(ahead)
-                self.sessions[-1]["slots_ahead"] = ahead = median(self._aheads)
-                self._shift = ahead * self.run.period_ns * 1e-9
-        if not self._limits.follows:
-            return
-        if looked:
-            phase = endpoint.offset + self._trimmed
-            if self._phase == 0.0:
-                self._phase = phase
-            self._stretch = endpoint.stretch(phase - self._phase)
-        self._residue += self._stretch * self.run.period_ns
-        self.trim_ns = int(self._residue)
-        self._residue -= self.trim_ns
-        self._trimmed += self.trim_ns * 1e-9
+    # -- counts ---------------------------------------------------------------------------------
 
     def _link_slot(self) -> int:
         if not self._engaged:
@@ -369,6 +392,7 @@ class SiteControl(CoupledControl):
             "sessions": self.sessions,
             "ended": self.ended or None,
             "lost": self._gone or None,
+            "granted_j": dict(zip(self.pair_names, self._meeting.rest.granted, strict=True)),
             "packets": endpoint.got,
             "refused": endpoint.count(),
             "unread": endpoint.unread,

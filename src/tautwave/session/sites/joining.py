@@ -15,11 +15,13 @@ from tautwave import registry
 from tautwave.config import Rig
 from tautwave.errors import LinkError
 from tautwave.rig import Assembly, coupling_part
+from tautwave.rig.operation import quantum_of, site_pulls
 from tautwave.runtime.control import CoupledControl
 from tautwave.session.sites.agreed import SiteLimits
 from tautwave.session.sites.control import SiteControl
 from tautwave.session.sites.desk_line import DeskLine
 from tautwave.session.sites.endpoint import Endpoint
+from tautwave.session.sites.rest import Approach
 from tautwave.sites.control import Session
 from tautwave.sites.datagrams import open_socket
 from tautwave.sites.desk import Order
@@ -148,11 +150,20 @@ def with_site(rig: Rig, assembly: Assembly, link: Joined) -> Assembly:
     law = registry.load_named(coupling_part(rig).at_sites)[rig.site]
     endpoint = Endpoint(link.sock, side, len(control.pairs), assembly.clock.now_ns)
     limits = SiteLimits(
-        round(keys.silence_s * 1e9), round(keys.lost_s * 1e9), rig.sites.greatest_backlog,
+        round(keys.silence_s * 1e9), round(keys.lost_s * 1e9),
+        round(max(rig.sites.wait_s, keys.lost_s) * 1e9), rig.sites.greatest_backlog,
         follows=rig.sites.serves != rig.site,
     )  # fmt: skip
+    pulls, tolerances = site_pulls(rig, control)
+    approach = Approach(
+        pulls,
+        [quantum_of(rig, name.name) for name in control.names],
+        {name for name, q in zip(control.pair_names, control.pairs, strict=True)
+         if not q.at_engage},
+        tolerances,
+    )  # fmt: skip
     site = SiteControl(
-        control, law, side, limits, endpoint, link.line, link.session, link.peer,
+        control, law, side, limits, approach, endpoint, link.line, link.session, link.peer,
         assembly.clock.now_ns,
     )  # fmt: skip
     sources = [site, *assembly.sources[1:]]

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, load_rig
+from tautwave.config.guard import parse_json
 from tautwave.errors import ConfigError, DriverError, SafetyStop, TautwaveError
 from tautwave.files import make_directory, write_text
 from tautwave.runtime.operate import states as st
@@ -19,7 +20,7 @@ from tautwave.session.running import RunResult
 from tautwave.session.running import run as run_rig
 from tautwave.session.trials.protocol import Protocol, Trial, trials_of
 
-TABLE = "trials.csv"
+TABLE, PROTOCOL = "trials.csv", "protocol.json"
 FIRST = ("participant", "trial", "condition", "repetition", "task", "started_utc", "outcome")
 MEASURES = ("position_error", "effort_error")
 ENDS = {5: DriverError, 6: SafetyStop}
@@ -101,6 +102,7 @@ def run_study(
     rigs = {name: _rig_of(study, name) for name in protocol.conditions}
     make_directory(study.out)
     rows = _read(study.out / TABLE)
+    _keep_protocol(study)
     done = {int(row["trial"]) for row in rows if row["participant"] == study.participant}
     for trial in trials_of(protocol, study.participant):
         if trial.number in done:
@@ -109,11 +111,9 @@ def run_study(
         ready(trial, bool(protocol.break_every and before and before % protocol.break_every == 0))
         rig = rigs[trial.condition]
         source = TrialSource(trial, protocol.task, protocol.trial_s)
-        place = f"{study.participant}-{trial.number:03d}-{trial.condition}"
+        place = _free(study.out, f"{study.participant}-{trial.number:03d}-{trial.condition}")
         with live(rig) as sources:
-            result = run_rig(
-                rig, out=study.out / place, scripts=[source], live=sources, **study.ways
-            )
+            result = run_rig(rig, out=place, scripts=[source], live=sources, **study.ways)
         rows.append(_row(study, trial, result, judge(trial) if protocol.ask else None))
         _write(study.out / TABLE, rows)
         if result.exit_code:
@@ -122,6 +122,31 @@ def run_study(
                 " and the same command goes on after it"
             )
     return study.out / TABLE
+
+
+def _keep_protocol(study: Study) -> None:
+    """Keep the protocol beside the table, and refuse to go on by another one."""
+    path = study.out / PROTOCOL
+    said = study.protocol.model_dump(mode="json")
+    if not path.exists():
+        write_text(path, json.dumps(said, indent=2) + "\n")
+        return
+    try:
+        before = parse_json(path.read_text(encoding="utf-8"))
+        changed = [key for key, value in said.items() if before[key] != value]
+    except (OSError, ValueError, KeyError, TypeError) as err:
+        raise ConfigError(f"{path}: is no protocol of a study; give another --out") from err
+    if changed:
+        raise ConfigError(
+            f"trials: {', '.join(changed)} changed since this study began ({path}); put it back, "
+            "or begin another study with another --out"
+        )
+
+
+def _free(out: Path, name: str) -> Path:
+    """Return a directory for a trial; one that was cut short stays where it is."""
+    tries = (out / (f"{name}-{count}" if count else name) for count in range(1000))
+    return next(path for path in tries if not path.exists())
 
 
 def _rig_of(study: Study, condition: str) -> Rig:
@@ -163,11 +188,15 @@ def _row(study: Study, trial: Trial, result: RunResult, success: bool | None) ->
 def _read(path: Path) -> list[dict[str, Any]]:
     if not path.exists():
         return []
-    with path.open(encoding="utf-8", newline="") as stream:
-        rows: list[dict[str, Any]] = list(csv.DictReader(stream))
-    if rows and not set(FIRST) <= set(rows[0]):
-        raise ConfigError(f"{path}: is no table of trials; give another --out")
-    return rows
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            table = csv.DictReader(stream)
+            rows: list[dict[str, Any]] = list(table)
+        if set(FIRST) <= set(table.fieldnames or ()) and all(int(row["trial"]) for row in rows):
+            return rows
+    except (ValueError, TypeError, csv.Error):
+        pass
+    raise ConfigError(f"{path}: is no table of trials; give another --out")
 
 
 def _write(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

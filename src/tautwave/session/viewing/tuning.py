@@ -10,7 +10,7 @@ from tautwave.config import Rig
 from tautwave.errors import ConfigError
 from tautwave.rig import Assembly
 from tautwave.rig.tuning import knobs_of, tunables
-from tautwave.runtime.control import CoupledControl
+from tautwave.runtime.control import Control
 from tautwave.runtime.loop import TIMING_COLUMNS
 from tautwave.runtime.operate.journal import Entry
 from tautwave.runtime.operate.operated import OperatedControl
@@ -24,12 +24,11 @@ def refuse_tuning(rig: Rig) -> None:
     Raises
     ------
     ConfigError
-        The rig is a scene, spans a network, or runs compiled.
+        The rig is a scene, or spans a network.
     """
     reasons = {
         "its scene is not tuned": rig.scene is not None,
         "a coupling over a network claims for both sites at once": rig.link is not None,
-        "loop.engine: compiled holds its constants": rig.loop.engine == "compiled",
     }
     for reason, holds in reasons.items():
         if holds:
@@ -42,8 +41,7 @@ def tuning_of(rig: Rig, assembly: Assembly, allowed: bool) -> Iterator[Tuning | 
     if not allowed:
         yield None
         return
-    control = assembly.control
-    assert isinstance(control, CoupledControl)
+    control: Control = assembly.control
     knobs = knobs_of(rig, control)
     tuning = Tuning(knobs, Desk(len(knobs)), rig.period_s)
     if isinstance(control, OperatedControl):

@@ -22,7 +22,7 @@ from typing import Any
 
 import tautwave.laws
 import tautwave.models
-from tautwave.controller import axis, pair, run, steps
+from tautwave.controller import axis, braking, inertia, pair, run, steps
 from tautwave.controller import records as controller_records
 from tautwave.controller import rows as controller_rows
 from tautwave.controller.steps import ALONE, Law, Steps
@@ -49,7 +49,9 @@ from tautwave.simulation.scene import steps as network_steps
 from tautwave.simulation.scene import tick as network_tick
 from tautwave.simulation.scene import tick3d
 
-CONTROLLER_MODULES = (controller_records, steps, axis, pair, controller_rows, run)
+CONTROLLER_MODULES = (
+    *(controller_records, steps, braking, inertia, axis, pair, controller_rows, run),
+)
 LINK_MODULES = (link_receiver, link_network, link_trace)
 KERNEL_MODULES = (*CONTROLLER_MODULES, *LINK_MODULES, records, device, rows, kernel, live_steps)
 MODULES_3D = (stepping3d, tension3d, straining3d, solving3d, ledger3d, tick3d)

@@ -149,6 +149,24 @@ def blank_records(kind: type[Any], count: int, **parts: Any) -> Array:
     return np.zeros(count, dtype=record_type(kind, **parts))
 
 
+class Fields:
+    """A NumPy record as an object: its fields are read and written where they are."""
+
+    __slots__ = ("_record",)
+
+    def __init__(self, record: Any) -> None:
+        object.__setattr__(self, "_record", record)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a field: a number, or the fields of a record in it."""
+        found = self._record[name]
+        return Fields(found) if isinstance(found, np.void) else found.item()
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Write a field."""
+        self._record[name] = value
+
+
 def view_of(values: Any) -> memoryview[float]:
     """Return an array's memory: indexed at a third of an array's cost."""
     return memoryview(values)

@@ -23,7 +23,7 @@ from tautwave.controller.records import (
 from tautwave.controller.stops import StopPlace
 from tautwave.runtime.control import Control, CoupledControl
 from tautwave.simulation.kernel.records import parts_of
-from tautwave.simulation.kernel.tables import blank_records, records_of, view_of
+from tautwave.simulation.kernel.tables import Fields, blank_records, records_of, view_of
 from tautwave.simulation.live.steps import ABSENT, BEGUN, END, INPUTS, KIND, SLOTS, TAKEN
 from tautwave.types import AxisCommand, JointState
 
@@ -51,6 +51,8 @@ class CompiledControl(Control):
         count = len(given.params)
         self._outcome = records_of(RunState, [self.state])
         axes = records_of(AxisState, self.axes)
+        self.axes: list[Any] = [Fields(axis) for axis in axes]
+        self._constants = records_of(AxisParams, given.params)
         self._inputs = np.zeros(INPUTS * count)
         self._outputs = np.zeros(count + SLOTS)
         self._row = np.zeros(max(len(self.columns), 1))
@@ -62,7 +64,7 @@ class CompiledControl(Control):
         tables = (
             run,
             self._outcome,
-            records_of(AxisParams, given.params),
+            self._constants,
             axes,
             blank_records(Sample, count),
             records_of(PairParams, given.pairs),
@@ -80,7 +82,7 @@ class CompiledControl(Control):
             entry("end_control", given.law), *(table.ctypes.data for table in ending)
         )
         self._given = view_of(self._inputs)
-        self._told = view_of(self._outputs)
+        self._results = view_of(self._outputs)
         self._filled = view_of(self._row)
         self._impedance = [p.impedance for p in given.params]
         self._wire = given.wire
@@ -91,7 +93,7 @@ class CompiledControl(Control):
     @property
     def end(self) -> int:
         """The slot after the last one."""
-        return int(self._told[self._end])
+        return int(self._results[self._end])
 
     def take(self, which: int, measured: JointState, slot: int) -> bool:
         """Take what an exchange brought of an axis; return whether it is a sample to be used."""
@@ -122,7 +124,7 @@ class CompiledControl(Control):
         self._fault = -1
         if self._wire is not None:
             self._wire.carry(self._floats)
-        return self._told[self._begun] != 0.0
+        return self._results[self._begun] != 0.0
 
     def fill(self, row: Row, at: int) -> None:
         """Write all columns at index `at`."""
@@ -135,7 +137,7 @@ class CompiledControl(Control):
 
     def command(self, which: int) -> AxisCommand:
         """Return the command of an axis for its driver."""
-        value = self._told[which]
+        value = self._results[which]
         return AxisCommand(value, 0.0) if self._impedance[which] else AxisCommand(0.0, value)
 
     def stop_after(self, slot: int) -> None:
@@ -150,11 +152,16 @@ class CompiledControl(Control):
 
     def fault(self, slot: int, which: int, sentence: str) -> bool:
         """Stop in this cycle since a device said so; return whether no reason is known yet."""
-        if self._told[self._kind] != FINISHED or self._fault >= 0:
+        if self._results[self._kind] != FINISHED or self._fault >= 0:
             return False
         self._fault = self._last
         self._faulty = which
         return True
+
+    def retune(self, which: int, p: AxisParams) -> None:
+        """Put other constants in place of an axis'."""
+        super().retune(which, p)
+        self._constants[which] = records_of(AxisParams, [p])[0]
 
     def error(self) -> Any:
         """Return the controller's reason to end the run early, or None."""

@@ -11,7 +11,8 @@ from collections.abc import MutableSequence, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tautwave.controller.axis import fade_axis, pass_slot, render_axis, stop_axis, take_sample
+from tautwave.controller.axis import pass_slot, render_axis, take_sample
+from tautwave.controller.braking import fade_axis, stop_axis
 from tautwave.controller.records import AxisParams, AxisState, RunParams, RunState, Sample
 from tautwave.controller.rows import fill_axis
 from tautwave.controller.run import ramp_share, stop_on_guard

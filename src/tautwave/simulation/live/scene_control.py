@@ -93,8 +93,8 @@ class CompiledSceneControl(SceneControl):
             *(count, len(floats), len(whole), len(places)),
         )
         self._ledger = model.figures
-        self._told, self._filled = view_of(self._outputs), view_of(self._row)
-        self._told[len(self.params)] = self.state.end
+        self._results, self._filled = view_of(self._outputs), view_of(self._row)
+        self._results[len(self.params)] = self.state.end
         self._begun = True
 
     def _pull(self) -> None:
@@ -113,12 +113,12 @@ class CompiledSceneControl(SceneControl):
         if self._begun:
             self._outcome[:] = records_of(RunState, [self.state])
             self._states[:] = records_of(AxisState, self.axes)
-            self._told[len(self.params)] = self.state.end
+            self._results[len(self.params)] = self.state.end
 
     @property
     def end(self) -> int:
         """The slot after the last one."""
-        return int(self._told[len(self.params)]) if self._begun else self.state.end
+        return int(self._results[len(self.params)]) if self._begun else self.state.end
 
     def take(self, which: int, measured: JointState, slot: int) -> bool:
         """Take an axis' sample from an exchange; return whether it is usable."""
@@ -153,7 +153,7 @@ class CompiledSceneControl(SceneControl):
             self._begin()
             super().fill(self._filled, 0)
             for which, axis in enumerate(self.axes):
-                self._told[which] = axis.command
+                self._results[which] = axis.command
         return begun
 
     def fill(self, row: Row, at: int) -> None:
@@ -172,7 +172,7 @@ class CompiledSceneControl(SceneControl):
         """Return the command of an axis for its driver."""
         if not self._begun:
             return super().command(which)
-        value = self._told[which]
+        value = self._results[which]
         return AxisCommand(value, 0.0) if self._impedance[which] else AxisCommand(0.0, value)
 
     def stop_after(self, slot: int) -> None:

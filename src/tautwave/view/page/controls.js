@@ -21,8 +21,11 @@ export class Controls {
     this.operated = facts.commands.length > 1;
     el("operate").hidden = !this.operated;
     el("commands").replaceChildren(
-      ...facts.commands.filter((word) => word !== "stop" && word !== "episode").map((word) => this.button(word)),
+      ...facts.commands.filter((word) => !["stop", "scale", "episode"].includes(word)).map((word) => this.button(word)),
     );
+    el("scales").hidden = !facts.commands.includes("scale");
+    this.scales = facts.scales.map((scale) => this.scaleButton(scale));
+    el("scales").querySelector(".group").replaceChildren(...this.scales);
     el("episode").onsubmit = (event) => {
       event.preventDefault();
       const name = el("episode-name").value.trim().replace(/\s+/g, "-");
@@ -44,6 +47,15 @@ export class Controls {
     return button;
   }
 
+  scaleButton(scale) {
+    const button = document.createElement("button");
+    button.textContent = plain(scale);
+    button.title = "Let go for a moment, and go on with the slave's motion times this";
+    button.value = scale;
+    button.onclick = () => this.command(`scale ${scale}`);
+    return button;
+  }
+
   command(line) {
     this.send({ op: "command", line });
   }
@@ -54,7 +66,8 @@ export class Controls {
   }
 
   // The state as the newest row has it.
-  show(state, episode) {
+  show(state, episode, scale) {
+    for (const button of this.scales) button.classList.toggle("on", Number(button.value) === scale);
     if (state === this.state && episode === this.episode) return;
     if (this.state !== null && state !== this.state) this.beep(state);
     this.state = state;
@@ -67,6 +80,7 @@ export class Controls {
     for (const button of el("commands").children) {
       button.disabled = !this.may || !possible.includes(button.dataset.word);
     }
+    for (const button of this.scales) button.disabled = !this.may || !possible.includes("scale");
     el("episode-begin").disabled = !this.may || this.episode > 0;
     for (const id of ["episode-success", "episode-failed"]) el(id).disabled = !this.may || !this.episode;
     el("apply").disabled = !this.may;
@@ -82,7 +96,7 @@ export class Controls {
       const time = document.createElement("time");
       time.textContent = `${entry.at_s.toFixed(2)} s`;
       const said = entry.text ? `: ${entry.text}` : "";
-      const bad = entry.word === "fault" || entry.word === "blocked" || / not while | refused /.test(entry.text);
+      const bad = entry.word === "fault" || entry.word === "blocked" || entry.refused;
       if (bad) item.className = "bad";
       item.append(time, `${entry.word} (${entry.source})${said}`);
       el("entries").prepend(item);

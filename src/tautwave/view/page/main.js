@@ -111,7 +111,7 @@ function frame(now) {
   const code = store.newest("operation.state");
   const state = code === undefined ? "engaged" : facts.states[code];
   badge("state", state, state === "engaged" ? "good" : "");
-  app.controls.show(state, store.newest("operation.episode") ?? 0);
+  app.controls.show(state, store.newest("operation.episode") ?? 0, store.newest("operation.scale"));
   app.controls.showTuning(store);
   app.schematic.draw();
   const episode = store.newest("operation.episode");

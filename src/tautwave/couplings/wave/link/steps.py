@@ -20,7 +20,7 @@ from tautwave.couplings.wave.link.records import (
     LinkEndParams,
     LinkPair,
 )
-from tautwave.couplings.wave.port import receive_wave
+from tautwave.couplings.wave.port import receive_wave, repeat_wave
 from tautwave.couplings.wave.rates import arrive_rated, leave_rated
 from tautwave.couplings.wave.steps import element_names as line_names
 from tautwave.couplings.wave.steps import fill_converter, fill_tank
@@ -94,11 +94,12 @@ def pass_end(
     The other end, its axis and its constants are not looked at.
     """
     half = 0.5 * period
-    wave = 0.0
     if rated:
         wave = leave_rated(s, p, due, here)
     elif here:
         wave = s.end.leaving
+    else:
+        wave = repeat_wave(s, p)
     before = e.sender.energy
     send(e.sender, period, wave)
     e.left += half * wave * wave

@@ -17,7 +17,7 @@ the last of them a host may stall for `overrun_limit` slots more. With the comma
 `blind` periods, in which the held effort may drive the device beyond its velocity limit; and the
 ramp on which `effort_rate_limit` takes the effort away. What an impulse I gives a device that it
 drives from a velocity v on is v I + I**2 / 2m, whenever it acts; the ramp goes by slots and not by
-cycles (`controller.axis.brake_axis`), so that stalls within it, none longer than the one that is
+cycles (`controller.braking.brake_axis`), so that stalls within it, none longer than the one that is
 counted already, hold no more than F (blind T + ramp / 2). Against a local wall on the same axis the
 port's share may be the limit and the wall's effort (the *true* line is then of both). A longer
 stall is left to the drive's watchdog. W is lost once only, below the reserve twice: an

@@ -1,20 +1,21 @@
 """The verdict on the wave port of an axis that takes velocity and measures effort.
 
-The proof is in the docstring of `tautwave.laws.admittance`. It rests on samples of the effort, so
-the claim is of energy as encoder and force sensor see it, and the verdict conditional.
+The proof is that of `tautwave.laws.servo.admittance`. It rests on samples of the effort, so the
+claim is of energy as encoder and force sensor see it, and the verdict conditional.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+from tautwave.analysis.claim import Claim
 from tautwave.certificate.belief import drive_lag, stated_contact
 from tautwave.certificate.data import Element, Verdict
 from tautwave.config import Rig
-from tautwave.couplings.claim import Claim
 from tautwave.couplings.wave.claim import claim_of, claimed_sentence
 from tautwave.couplings.wave.from_keys import port_impedance
 from tautwave.couplings.wave.keys import WavePair
+from tautwave.couplings.wave.servos.follower import follower_verdict
 from tautwave.rig import at_axis_rate
 from tautwave.types import CommandDelay
 
@@ -31,7 +32,7 @@ def admittance_element(rig: Rig, axis_name: str, delays: Delays, broken: str | N
     keys = rig.coupling.pairs[pair]
     assert isinstance(keys, WavePair)
     name = f"{axis_name} port"
-    upper = axis.environment_stiffness_upper or 0.0
+    upper = axis.outside_stiffness
     claim = claim_of(rig, axis_name, delays)
     assert isinstance(claim, Claim)
     numbers = {
@@ -42,7 +43,11 @@ def admittance_element(rig: Rig, axis_name: str, delays: Delays, broken: str | N
         **claim._asdict(),
         "seen_j": claim.seen(rig.claimed_s),
     }
-    passive = _passive(at_axis_rate(rig, axis_name), axis_name, delays[axis_name], upper, broken)
+    kind, judge = "admittance port", _passive
+    if axis.follower is not None:
+        kind, judge = "follower", follower_verdict
+        numbers["follower_lag_s"] = axis.follower.lag_s
+    passive = judge(at_axis_rate(rig, axis_name), axis_name, delays[axis_name], upper, broken)
     quantised = passive
     if passive.passed and claim.leak > 0.0:
         quantised = Verdict(
@@ -52,7 +57,7 @@ def admittance_element(rig: Rig, axis_name: str, delays: Delays, broken: str | N
             margin=-claim.leak,
         )
     sentences = (passive.reason, claimed_sentence(axis_name, claim, rig.claimed_s))
-    return Element(name, "admittance port", axis_name, passive, quantised, numbers, sentences)
+    return Element(name, kind, axis_name, passive, quantised, numbers, sentences)
 
 
 def _passive(
@@ -95,8 +100,8 @@ def _passive(
         )
     return Verdict(
         True,
-        f"{name}: passive by the proof in tautwave.laws.admittance for an outside stiffness up to "
-        f"{upper:.4g} {unit}.",
+        f"{name}: passive by the proof in tautwave.laws.servo.admittance for an outside stiffness "
+        f"up to {upper:.4g} {unit}.",
         (
             f"the drive of {axis_name} reaches its velocity within one period",
             f"what {axis_name} touches is a spring without a damper",

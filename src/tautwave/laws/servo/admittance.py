@@ -57,11 +57,14 @@ def admittance_params(
     impedance: float,
     stiffness: float,
     delay_periods: int,
+    extra: float = 0.0,
 ) -> AdmittanceParams:
-    """Return the constants of an admittance port; units as in `AdmittanceParams`."""
-    extra = 0.0
+    """Return the constants of an admittance port; units as in `AdmittanceParams`.
+
+    `extra` is damping beyond that of the delay, such as `laws.servo.follower.lag_damping`.
+    """
     if delay_periods > 0:
-        extra = stiffness * period * (delay_periods - 0.5)
+        extra += stiffness * period * (delay_periods - 0.5)
     divisor = impedance + 0.5 * stiffness * period + extra
     return AdmittanceParams(period, impedance, math.sqrt(2.0 * impedance), stiffness, divisor)
 

@@ -1,0 +1,101 @@
+"""`tautwave ros`: a run that is going on, on the topics of ROS 2."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+
+import click
+
+from tautwave.cli.options import PATH
+
+
+@click.command(short_help="Publish a run that is going on to ROS 2.")
+@click.argument("directory", type=PATH, metavar="DIR")
+@click.option(
+    "--rate",
+    type=click.FloatRange(0.1),
+    default=100.0,
+    show_default=True,
+    metavar="HZ",
+    help="Of joint states and wrenches; at most 100.",
+)
+@click.option(
+    "--domain",
+    type=click.IntRange(0, 232),
+    default=0,
+    envvar="ROS_DOMAIN_ID",
+    show_envvar=True,
+    show_default=True,
+    help="DDS domain.",
+)
+@click.option("--namespace", default="/", show_default=True, metavar="NS", help="As /left.")
+@click.option(
+    "--interface",
+    default="lo",
+    show_default=True,
+    metavar="NAME",
+    help="The only network interface that is used; lo: this machine alone.",
+)
+@click.option(
+    "--peer",
+    multiple=True,
+    metavar="ADDRESS",
+    help="A machine to ask where no multicast passes; repeat for more.",
+)
+@click.option(
+    "--allow-commands",
+    is_flag=True,
+    help="Engage while a Bool on /tautwave/engage is repeated as true, with an `operate` block.",
+)
+@click.option(
+    "--wait",
+    type=click.FloatRange(0.0, 3600.0),
+    default=0.0,
+    metavar="S",
+    help="Wait for a run that is still to begin [s].",
+)
+def ros(
+    directory: Path,
+    rate: float,
+    domain: int,
+    namespace: str,
+    interface: str,
+    peer: tuple[str, ...],
+    allow_commands: bool,
+    wait: float,
+) -> None:
+    """Publish the run in DIR while it is going on, for any node of ROS 2; needs no ROS here.
+
+    Joint states of both sides, wrenches at the tips of arms, and /diagnostics. It reads the run's
+    shared memory and writes nothing into it. Ctrl-C ends the publishing, not the run.
+
+    DDS has no passwords: whoever reaches the interface reads along, and commands if that is
+    allowed. So it stays on this machine unless --interface names another one.
+
+    \b
+    Examples:
+        tautwave ros runs/shift
+        tautwave ros runs/shift --interface eth0 --domain 7
+        tautwave ros runs/shift --allow-commands
+    """
+    from tautwave.clock import MonotonicClock
+    from tautwave.config import load_rig
+    from tautwave.errors import ConfigError
+
+    if any(find_spec(name) is None for name in ("cyclonedds", "rosbags")):
+        raise ConfigError("ROS 2 needs cyclonedds and rosbags; pip install 'tautwave[ros]'")
+    from tautwave.view.ros.exporter import Exporter, refuse_rate
+    from tautwave.view.ros.node import Node, check_namespace
+    from tautwave.view.watched import begun
+
+    refuse_rate(rate)
+    check_namespace(namespace)
+    clock = MonotonicClock()
+    run = begun(directory, clock, wait)
+    rig = load_rig(directory / "rig.yaml", choose=False)
+    node = Node("tautwave", namespace, domain, interface, peer)
+    exporter = Exporter(run, rig, node, rate, allow_commands=allow_commands)
+    click.echo(f"domain {domain}, {interface}: {', '.join(exporter.topics)}")
+    exporter.export(clock)
+    click.echo(f"{directory}: the run has ended; `tautwave report {directory}` has its page")

@@ -1,0 +1,61 @@
+"""How an axis of the controller stops: the certified damping in place of coupling and wall."""
+
+from __future__ import annotations
+
+from tautwave.controller.records import AxisParams, AxisState
+from tautwave.controller.steps import Steps
+from tautwave.laws.limit import clamp, limit_effort, stop_effort
+
+
+def stop_axis(s: AxisState, p: AxisParams, ceiling: float) -> None:
+    """Replace coupling and wall by the certified damping of a passive stop."""
+    brake_axis(s, p, stop_effort(p.site.limit, s.velocity), ceiling)
+
+
+def stop_coupled(s: AxisState, p: AxisParams, ceiling: float, steps: Steps) -> None:
+    """Stop an axis by as much of its damping as the coupling can answer for."""
+    brake_axis(s, p, steps.brake(s, p, stop_effort(p.site.limit, s.velocity)), ceiling)
+
+
+def brake_axis(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> None:
+    """Send a resisting effort in place of coupling and wall; an admittance axis stands.
+
+    The rate limit counts every slot since the last command: a host that stalls during the ramp
+    holds an effort longer, but the ramp ends when it would have ended.
+    """
+    s.stopping = True
+    total = 0.0
+    s.command = 0.0
+    if p.impedance:
+        slots = s.count
+        if s.valid:
+            slots = s.waited
+        last = s.total
+        total = limit_effort(p.site.limit, effort, last, ceiling)
+        slots = slots - s.ramped - 1
+        while slots > 0 and total != last:
+            last = total
+            total = limit_effort(p.site.limit, effort, last, ceiling)
+            slots = slots - 1
+        s.ramped = 0
+        if not s.valid:
+            s.ramped = s.count
+        s.command = -total
+    s.total = total
+    s.port_effort = total
+    s.wall_effort = 0.0
+    s.inertia.effort = 0.0
+
+
+def fade_axis(s: AxisState, p: AxisParams, ceiling: float) -> None:
+    """Bring the command to zero under a falling ceiling, without looking at the axis."""
+    s.stopping = True
+    total = clamp(s.total, ceiling)
+    s.total = total
+    s.port_effort = 0.0
+    s.wall_effort = 0.0
+    s.inertia.effort = 0.0
+    s.command = total
+    if p.impedance:
+        s.port_effort = total
+        s.command = -total

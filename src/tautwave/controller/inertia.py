@@ -1,0 +1,64 @@
+"""What takes inertia off a device, beside the coupling: its observer, its effort, its account."""
+
+from __future__ import annotations
+
+import math
+
+from tautwave.controller.records import AxisParams, AxisState
+from tautwave.laws.account import close_account
+from tautwave.laws.compensation import follow_play, inertia_effort
+from tautwave.laws.observer import observe
+
+
+def start_inertia(s: AxisState, p: AxisParams) -> None:
+    """Begin at rest, with the reserve."""
+    e = s.inertia
+    e.at = s.position
+    e.velocity = 0.0
+    e.push = 0.0
+    e.play = s.position
+    e.funds = p.site.inertia.account.reserve
+    e.effort = 0.0
+    e.acted = 0.0
+    e.sum = 0.0
+    e.work = 0.0
+    e.paid = 0.0
+    e.charged = 0.0
+    e.spilled = 0.0
+
+
+def close_inertia(s: AxisState, p: AxisParams, displacement: float, count: float) -> float:
+    """Observe what accelerates the device, book what acted, and return that [N m or N]."""
+    e = s.inertia
+    k = p.site.inertia
+    effort: float = e.sum
+    e.sum = 0.0
+    if count != 1.0:
+        effort = effort / count
+    at, velocity, push = observe(k.observer, e.at, e.velocity, e.push, s.position, effort, count)
+    e.at = at
+    e.velocity = velocity
+    e.push = push
+    play = follow_play(e.play, s.position, k.play)
+    paid = k.coulomb * math.fabs(play - e.play)
+    charge = count * k.account.income
+    work = effort * displacement
+    funds, spilled = close_account(k.account, e.funds, work + paid + charge)
+    e.play = play
+    e.funds = funds
+    e.work += work
+    e.paid += paid
+    e.charged -= charge
+    e.spilled += spilled
+    return effort
+
+
+def lighten(s: AxisState, p: AxisParams, coast: float, ceiling: float) -> float:
+    """Return the effort of the next period [N m or N]; `coast` is its velocity without it."""
+    e = s.inertia
+    site = p.site
+    e.effort = inertia_effort(
+        site.inertia, e.funds, e.push, coast, site.half_mobility, site.period, ceiling
+    )
+    effort: float = e.effort
+    return effort

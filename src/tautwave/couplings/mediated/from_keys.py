@@ -1,0 +1,67 @@
+"""From the keys of a mediated pair to the constants of one end, SI of each device."""
+
+from __future__ import annotations
+
+import math
+
+from tautwave.config.keys.coupling import chosen
+from tautwave.contracts import CoupledAxis
+from tautwave.couplings.mediated.contact import ContactParams
+from tautwave.couplings.mediated.fit import FitParams
+from tautwave.couplings.mediated.keys import MediatedPair
+from tautwave.couplings.mediated.model import ModelParams
+from tautwave.couplings.mediated.records import MediatedEndParams
+from tautwave.couplings.mediated.signals import SignalParams
+from tautwave.couplings.outside import outside_effort
+from tautwave.errors import ConfigError
+
+APART = 5.0
+"""Memories 1 / (1 - p) of the filter from one sample of the fit to the next: three low-passes then
+keep a tenth of white noise."""
+
+STEADY = 2.0
+"""Rendered damping over what a spring on a device without friction needs: K T (1/2 + n)."""
+
+
+def end_constants(pair: MediatedPair, side: str, axis: CoupledAxis) -> MediatedEndParams:
+    """Return the constants of one end.
+
+    Raises
+    ------
+    ConfigError
+        `effort: measured`, and the slave has no sensor.
+    """
+    follows = side == "slave"
+    measures = follows and pair.effort == "measured"
+    if measures and not axis.senses:
+        raise ConfigError(
+            "effort: measured: the slave has no effort_sensor; add one, or take effort: observed"
+        )
+    outside = outside_effort(axis, pair.observer_hz)
+    pole = outside.observer.pole
+    every = max(1.0, math.ceil(APART / (1.0 - pole)))
+    stiffest = chosen(pair, "stiffest")
+    scale = pair.position_scale
+    late = axis.delay + (1 if axis.late > 0.0 else 0)
+    span = STEADY * axis.period * (0.5 + late)
+    return MediatedEndParams(
+        follows=follows,
+        measures=measures,
+        stiffness=pair.in_device_units(side, chosen(pair, "stiffness")) if follows else 0.0,
+        damping=pair.in_device_units(side, chosen(pair, "damping")) if follows else 0.0,
+        force=pair.force_gain if follows else 0.0,
+        read_stiffness=scale,
+        read_damping=pair.sign * scale * scale / pair.effective_force_scale,
+        stiffest=pair.in_device_units(side, stiffest),
+        outside=outside,
+        signals=SignalParams(pole, 0.5 / axis.period),
+        contact=ContactParams(
+            fit=FitParams(math.exp(-every * axis.period / pair.memory_s)),
+            touch=chosen(pair, "touch"),
+            every=every,
+            sure=pair.sure,
+        ),
+        model=ModelParams(
+            share=-math.expm1(-axis.period / pair.adopt_s), span=span, most=span * stiffest
+        ),
+    )

@@ -1,0 +1,230 @@
+"""The steps of law mediated.
+
+The slave follows where it sees the master, and presses with what the master renders:
+
+    R = K (x - x_far) + B (v - v_far) - g F_far.
+
+It learns the surface that it touches, and shows that in the place of its own motion: position of
+the surface, its damping, its stiffness with the sign of its side. The master renders the surfaces
+that it has heard of.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tautwave.contracts import Row
+from tautwave.controller.records import AxisParams, AxisState
+from tautwave.controller.seen import seen_law
+from tautwave.controller.steps import Holding
+from tautwave.couplings.mediated.contact import Surface, begin_contact, clear, touch
+from tautwave.couplings.mediated.model import adopt, damping_of, depth_in, push_of, stored_in
+from tautwave.couplings.mediated.records import MediatedEnd, MediatedEndParams
+from tautwave.couplings.mediated.signals import begin_filter, begin_slope, pass_filter, pass_slope
+from tautwave.laws.limit import clamp
+from tautwave.laws.observer import observe, reaction
+
+SETTLED = 12.0
+"""Filter memories 1 / (1 - p) after a missing sample until a fit takes a sample again."""
+
+
+def begin(s: AxisState) -> None:
+    """Begin at rest, with nothing known."""
+    e = s.end
+    e.at = s.position
+    e.velocity = 0.0
+    e.push = 0.0
+    begin_filter(e.place, s.position)
+    begin_slope(e.speed)
+    begin_filter(e.force, 0.0)
+    begin_contact(e.contact)
+    clear(e.above)
+    clear(e.below)
+    e.paid = 0.0
+    e.count = 1.0
+    e.funds = math.inf
+
+
+def keep(
+    s: AxisState, p: AxisParams, displacement: float, count: float, span: float, port: float
+) -> None:
+    """Learn what is touched, or adopt what was told."""
+    if p.end.follows:
+        learn_surface(s, p, displacement, count)
+        return
+    hear_surface(s, p)
+    s.end.count = count
+    if s.end.funds == math.inf:  # no account covers it
+        render(s, p, math.inf)
+
+
+def learn_surface(s: AxisState, p: AxisParams, displacement: float, count: float) -> None:
+    """Observe the effort from outside, filter it with the motion, and learn."""
+    e = s.end
+    k = p.end
+    at, velocity, push = observe(
+        k.outside.observer, e.at, e.velocity, e.push, s.position, s.effort_sum / count, count
+    )
+    e.at = at
+    e.velocity = velocity
+    e.push = push
+    step = displacement / count
+    x = s.position - displacement
+    passed = 0.0
+    while passed < count:  # a sample that is missing lay between its neighbours
+        x += step
+        passed += 1.0
+        pass_slope(k.signals, e.speed, e.place, x)
+        pass_filter(k.signals, e.place, x)
+        pass_filter(k.signals, e.force, s.outside)
+    if count != 1.0:
+        e.contact.waited = -SETTLED / (1.0 - k.signals.pole)
+    against = -reaction(k.outside, velocity, push)
+    if k.measures:
+        against = -e.force.mean
+    touch(k.contact, e.contact, e.place.mean, e.speed.mean, against, count)
+    e.effort = 0.0
+    if e.contact.told > 0.0:
+        e.effort = e.contact.above.stiffness
+    elif e.contact.told < 0.0:
+        e.effort = -e.contact.below.stiffness
+
+
+def shown(s: AxisState) -> tuple[float, float]:
+    """Show the surface that was found last and its damping; before, position and velocity."""
+    c = s.end.contact
+    if c.told > 0.0:
+        return c.above.position, c.above.damping
+    if c.told < 0.0:
+        return c.below.position, c.below.damping
+    return s.position, s.velocity
+
+
+def hear_surface(s: AxisState, p: AxisParams) -> None:
+    """Take what the far side tells of a surface; without stiffness it tells of none."""
+    e = s.end
+    k = p.end
+    stiffness = k.read_stiffness * e.far_effort
+    if stiffness > 0.0:
+        hear(
+            e.contact.above,
+            clamp(stiffness, k.stiffest),
+            k.read_damping * e.far_velocity,
+            e.far_position,
+        )
+    elif stiffness < 0.0:
+        hear(
+            e.contact.below,
+            clamp(-stiffness, k.stiffest),
+            k.read_damping * e.far_velocity,
+            e.far_position,
+        )
+
+
+def hear(surface: Surface, stiffness: float, damping: float, position: float) -> None:
+    """Know a surface as told."""
+    surface.stiffness = stiffness
+    surface.damping = damping
+    surface.position = position
+
+
+def render(s: AxisState, p: AxisParams, funds: float) -> None:
+    """Bring both rendered surfaces towards what is known, as far as the funds [J] cover them."""
+    e = s.end
+    k = p.end
+    x = s.position
+    below = stored_in(e.below, -1.0, x)
+    e.paid += adopt(k.model, e.above, e.contact.above, 1.0, x, e.count, funds - below)
+    above = stored_in(e.above, 1.0, x)
+    e.paid += adopt(k.model, e.below, e.contact.below, -1.0, x, e.count, funds - above)
+    e.effort = e.above.stiffness * depth_in(e.above, 1.0, x)
+    e.effort -= e.below.stiffness * depth_in(e.below, -1.0, x)
+
+
+def cover(s: AxisState, p: AxisParams, funds: float) -> None:
+    """Render as much as an account covers."""
+    if not p.end.follows:
+        s.end.funds = funds
+        render(s, p, funds)
+
+
+def held(s: AxisState) -> float:
+    """Return what the rendered springs hold [J]."""
+    return stored_in(s.end.above, 1.0, s.position) + stored_in(s.end.below, -1.0, s.position)
+
+
+def effort(s: AxisState, p: AxisParams, coast: float) -> float:
+    """Return the resisting effort: of following, or of the model [N m or N]."""
+    e = s.end
+    k = p.end
+    if k.follows:
+        asked: float = k.stiffness * (s.position - e.far_position)
+        asked += k.damping * (s.velocity - e.far_velocity)
+        asked -= k.force * e.far_effort
+        return asked
+    push: float = push_of(k.model, e.above, 1.0, s.position, s.velocity)
+    return push + push_of(k.model, e.below, -1.0, s.position, s.velocity)
+
+
+def gain(end: MediatedEndParams, tracker: float, period: float) -> float:
+    """Return by how much the effort changes at most with the newest sample [N m/rad or N/m]."""
+    if end.follows:
+        return end.stiffness + tracker * end.damping / period
+    return end.stiffest + tracker * end.model.most / period
+
+
+def gain_of(p: AxisParams, surface: Surface, side: float, x: float) -> float:
+    """Return by how much the effort changes now [N m/rad or N/m]; 0 outside."""
+    if depth_in(surface, side, x) == 0.0:
+        return 0.0
+    change: float = damping_of(p.end.model, surface) * p.site.gain / p.site.period
+    return change + surface.stiffness
+
+
+def share(s: AxisState, p: AxisParams) -> float:
+    """Return the gain that a master has now, over the greatest [1]."""
+    k = p.end
+    if k.follows:
+        return 1.0
+    most = k.stiffest + p.site.gain * k.model.most / p.site.period
+    now = gain_of(p, s.end.above, 1.0, s.position) + gain_of(p, s.end.below, -1.0, s.position)
+    ratio: float = now / most
+    if ratio > 1.0:
+        return 1.0
+    return ratio
+
+
+SIGNALS = ("model_stiffness", "model_position", "model_interval", "model_paid")
+
+
+def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write the surface that a slave found last, or that a master renders."""
+    e = s.end
+    out[at + 2] = e.contact.wide_stiffness
+    out[at + 3] = e.paid
+    if p.end.follows:
+        place, _ = shown(s)
+        out[at] = e.effort
+        out[at + 1] = place
+        return at + 4
+    surface = e.above
+    side = 1.0
+    if depth_in(e.above, 1.0, s.position) == 0.0 and e.below.stiffness > 0.0:
+        surface = e.below
+        side = -1.0
+    out[at] = side * surface.stiffness
+    out[at + 1] = surface.position
+    return at + 4
+
+
+law = seen_law(
+    "mediated",
+    effort,
+    end=MediatedEnd,
+    begin=begin,
+    keep=keep,
+    shown=shown,
+    holding=Holding(cover, held, gain, share),
+    signals=SIGNALS,
+    fill_signals=fill_signals,
+)

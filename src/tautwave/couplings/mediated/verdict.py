@@ -1,0 +1,23 @@
+"""The verdict on law mediated without an account: nothing bounds what a wrong model gives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from tautwave.certificate.data import CouplingVerdict, Element, Verdict
+from tautwave.config import Rig
+from tautwave.types import CommandDelay
+
+
+def _coupling(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Iterator[Element]:
+    """Yield the verdict on one pair."""
+    head = f"coupling of {pair}"
+    verdict = Verdict(
+        False,
+        f"{head}: not passive; a model that becomes stiffer while it is pressed gives energy, and "
+        "so does a slave that follows. Give it an account (coupling.account: {}).",
+    )
+    yield Element(head, "coupling", pair, verdict, verdict, {}, (verdict.reason,))
+
+
+verdict = CouplingVerdict(_coupling, picture="a model is rendered: joules, not a picture")

@@ -1,0 +1,1 @@
+"""Verdicts on ports of devices that take velocities or positions."""

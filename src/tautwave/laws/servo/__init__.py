@@ -1,0 +1,1 @@
+"""Laws of devices that take velocities or positions."""

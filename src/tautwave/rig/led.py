@@ -1,0 +1,97 @@
+"""A rig whose master a policy takes over: virtual devices, held by virtual hands that it leads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tautwave.config import Axis, Hand, Policy, Rig
+from tautwave.config.keys.devices import Bus
+from tautwave.config.keys.operate import Operate
+from tautwave.config.keys.simulation import Simulation
+from tautwave.errors import ConfigError
+
+BUS = "policy"
+SPEED_SHARE = 0.25
+"""Speed of a hand whose rig says none, as a share of its axis' velocity limit."""
+LEVER_ARM = 0.075
+"""[m] Of a light grip on a rotary axis, as where nothing is stated."""
+SENSED = {
+    "encoder_quantum": 0.0,
+    "encoder_nonlinearity": 0.0,
+    "position_noise": 0.0,
+    "position_noise_autocorrelation": None,
+    "effort_quantum": 0.0,
+    "effort_sensor": None,
+    "compensation": None,
+    "load": None,
+}
+"""What a virtual device has not."""
+
+
+def led_by_policy(rig: Rig, fps: float = 30.0) -> Rig:
+    """Return the rig with virtual devices in place of its masters; the slaves stay what they are.
+
+    Each has the inertia and damping that are believed of the master, and a hand of the simulation's
+    grip or a light one. A rig with hands that a policy leads already keeps them.
+
+    Parameters
+    ----------
+    rig : Rig
+        Any rig with masters that take effort.
+    fps : float
+        Actions a second.
+
+    Raises
+    ------
+    ConfigError
+        A master takes velocity, or the rig has none.
+    """
+    if rig.scene is not None:
+        raise ConfigError(f"{rig.name}: a rig with a scene has no master that a policy could lead")
+    operated = rig.model_copy(update={"operate": rig.operate or Operate()})
+    hands = {} if rig.simulation is None else dict(rig.simulation.hand)
+    if any(isinstance(getattr(hand, "reference", None), Policy) for hand in hands.values()):
+        return operated
+    axes = {}
+    for number, (name, axis) in enumerate(rig.master.axes.items()):
+        if axis.inertia is None:
+            raise ConfigError(
+                f"master.axes.{name}: takes velocity; a policy leads masters that take effort"
+            )
+        axes[name] = axis.model_copy(update={**SENSED, "bus": BUS, "id": number})
+        hands[name] = _hand(axis, hands.get(name), fps)
+    used = {axis.bus for axis in rig.slave.axes.values()}
+    buses = {name: bus for name, bus in rig.buses.items() if name in used}
+    buses[BUS] = Bus(driver="loopback")
+    master = rig.master.model_copy(update={"axes": axes, "arm": None})
+    return operated.model_copy(
+        update={
+            "buses": buses,
+            "master": master,
+            "simulation": _simulation(rig, hands),
+            "calibration": _slaves_only(rig),
+        }
+    )
+
+
+def _hand(axis: Axis, given: object, fps: float) -> Hand:
+    speed = 1.0 if axis.velocity_limit is None else SPEED_SHARE * axis.velocity_limit
+    reference = Policy(type="policy", fps=fps, velocity_limit=speed, effort_limit=axis.effort_limit)
+    if isinstance(given, Hand):
+        return given.model_copy(update={"reference": reference})
+    return Hand(lever_arm=LEVER_ARM if axis.kind == "rotary" else None, reference=reference)
+
+
+def _simulation(rig: Rig, hands: Mapping[str, object]) -> Simulation:
+    old = rig.simulation or Simulation()
+    slaves = {name: one for name, one in old.axes.items() if name.startswith("slave.")}
+    arms = {side: arm for side, arm in old.arms.items() if side == "slave"}
+    return old.model_copy(update={"axes": slaves, "hand": hands, "arms": arms})
+
+
+def _slaves_only(rig: Rig) -> object:
+    found = rig.calibration
+    if found is None:
+        return None
+    axes = {name: one for name, one in found.axes.items() if name.startswith("slave.")}
+    return found.model_copy(update={"axes": axes}) if axes else None

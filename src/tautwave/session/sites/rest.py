@@ -1,0 +1,185 @@
+"""A slave between two sessions: brought into place, or held by certified damping."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple
+
+from tautwave.contracts import Row
+from tautwave.controller.run import stop_on_guard
+from tautwave.laws.alignment import align_budget
+from tautwave.laws.limit import guard_axis
+from tautwave.runtime.control import CoupledControl
+from tautwave.runtime.operate.aligning import PATIENCE_S
+from tautwave.runtime.operate.resting import (
+    Pull,
+    PullParams,
+    hold_capital,
+    hold_effort,
+    send_resting,
+    sense_resting,
+)
+from tautwave.session.sites.agreed import ALIGNED
+
+ACCOUNT = ("absorbed", "stored", "dissipated")
+
+
+class Approach(NamedTuple):
+    """What brings slaves into place.
+
+    `pulls` by pair, of those that can be; `quanta` [rad or m] are the axes' encoder steps;
+    `offsets` the pairs whose rig gives one; `tolerances` [rad or m, slave] by pair how far from its
+    place it may begin.
+    """
+
+    pulls: Mapping[int, PullParams]
+    quanta: Sequence[float]
+    offsets: Collection[str]
+    tolerances: Sequence[float]
+
+
+class Rest:
+    """The axes of a site while no coupling holds them.
+
+    Parameters
+    ----------
+    control : CoupledControl
+        Whose axes they are.
+    own : sequence of int
+        Places of this site's axes, by pair.
+    approach : Approach
+        Constants.
+    """
+
+    def __init__(self, control: CoupledControl, own: Sequence[int], approach: Approach) -> None:
+        self._control = control
+        self._own = own
+        self._approach = approach
+        self._params = [p._replace(site=p.site._replace(has_wall=False)) for p in control.params]
+        self._capital = [
+            hold_capital(p, quantum)
+            for p, quantum in zip(control.params, approach.quanta, strict=True)
+        ]
+        self._latency = max((control.params[i].delay for i in own), default=0) + 2
+        self._pulls: dict[int, Pull] = {}
+        self._limit = self._let_go = 0
+        self._seated: dict[int, bool] = {}
+        self.granted = [0.0] * len(own)
+        """[J] By pair, what all alignments and holds so far might give out."""
+        self.hindrance = ""
+        self._resting = False
+        self._taken = [0.0] * len(own)
+
+    def begin(self, *, seated: bool) -> None:
+        """Begin to rest; `seated`: the axes have been measured before."""
+        self._resting = True
+        self._seated = dict.fromkeys(self._own, seated)
+        for k, i in enumerate(self._own):
+            self.granted[k] += self._capital[i]
+            s = self._control.axes[i]
+            s.port_energy = s.gross_flow = s.uncertainty = 0.0
+
+    def aim(self, targets: Mapping[int, float], slot: int) -> None:
+        """Bring the slaves of some pairs to their places [rad or m], or on to other ones."""
+        self._let_go = 0
+        slots = 0.0
+        for k, target in targets.items():
+            params = self._approach.pulls[k]
+            pull = self._pulls.get(k)
+            if pull is None:
+                here = self._control.axes[self._own[k]].position
+                spent = -self._control.axes[self._own[k]].port_energy
+                self._pulls[k] = pull = Pull(params, here, here, spent)
+                self._grant(k, 0.0, begins=True)
+            self._grant(k, target - pull.target)
+            pull.target = target
+            law = params.law
+            way_s = math.fabs(target - pull.reference) / law.speed + law.speed / law.acceleration
+            slots = max(slots, way_s * self._slots_per_s)
+        self._limit = slot + round(2.0 * slots + PATIENCE_S * self._slots_per_s)
+
+    def _grant(self, k: int, gap: float, *, begins: bool = False) -> None:
+        """Add to a pull's budget what `gap` [rad or m] more may take."""
+        params = self._approach.pulls[k]
+        friction = params.coulomb, params.viscous, params.inertia
+        joules = align_budget(params.law, gap, *friction)
+        if not begins:
+            joules -= align_budget(params.law, 0.0, *friction)
+        self._pulls[k].budget += joules
+        self.granted[k] += joules
+
+    def release(self) -> None:
+        """Pull no more: hold."""
+        self._pulls.clear()
+        self._let_go = 0
+
+    def sense(self, slot: int, skipped: int) -> None:
+        """Close the slots that went by with the sample of this one; stop outside the limits."""
+        control = self._control
+        for i in self._own:
+            s, p, m = control.axes[i], self._params[i], control.samples[i]
+            seated = self._seated[i]
+            self._seated[i] = sense_resting(s, p, m, control.table, skipped, seated)
+            s.guard = guard_axis(p.site.limit, s.position, s.velocity) if s.valid else 0
+            stop_on_guard(control.run, control.state, control.axes, slot, i)
+
+    def arrived(self, slot: int) -> bool:
+        """Go on; return whether all are in place, and no command of before acts."""
+        axes = self._control.axes
+        far = [k for k, pull in self._pulls.items() if not pull.there(axes[self._own[k]])]
+        if self._let_go:
+            gone = all(axes[i].total == 0.0 for i in self._own)
+            return gone and slot - self._let_go >= self._latency
+        if not far:
+            self._let_go = slot
+        elif slot > self._limit:
+            spent = any(self._pulls[k].spent(axes[self._own[k]]) for k in far)
+            why = "its energy budget is used up" if spent else "something is in its way"
+            names = ", ".join(self._control.pair_names[k] for k in far)
+            self.hindrance = f"slave {names} not aligned: {why}"
+            targets = {k: pull.target for k, pull in self._pulls.items()}
+            self.release()
+            self.aim(targets, slot)  # again, with a budget of its own
+        return False
+
+    def send(self, slot: int) -> None:
+        """Send each axis its effort of the next period."""
+        control = self._control
+        ending = control.stopped or control.state.end < control.run.cycles
+        share = min(1.0, (control.state.end - slot) / max(1, control.run.release_cycles))
+        for k, i in enumerate(self._own):
+            s, p = control.axes[i], self._params[i]
+            effort = 0.0
+            if control.samples[i].valid and not self._let_go:
+                pull = None if ending else self._pulls.get(k)
+                effort = hold_effort(s, p, self._capital[i]) if pull is None else pull.effort(s)
+            send_resting(s, p, effort, share * p.ceiling)
+
+    def end(self) -> None:
+        """Rest no more; what the motors took is kept."""
+        for k in range(len(self._own)):
+            self._taken[k] += self._taking(k) if self._resting else 0.0
+        self._resting = False
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of what `fill` writes: the books of what the motors took."""
+        names = self._control.pair_names
+        return [f"{name}.{ALIGNED}.{part}" for name in names for part in ACCOUNT]
+
+    def fill(self, row: Row, at: int) -> None:
+        """Write the books' columns at index `at`."""
+        for k in range(len(self._own)):
+            taken = self._taken[k] + (self._taking(k) if self._resting else 0.0)
+            row[at], row[at + 1], row[at + 2] = taken, 0.0, taken
+            at += len(ACCOUNT)
+
+    def _taking(self, k: int) -> float:
+        """Return what the motor of a pair took out of its device since it rests [J, master]."""
+        i = self._own[k]
+        return self._params[i].weight * self._control.axes[i].port_energy
+
+    @property
+    def _slots_per_s(self) -> float:
+        return 1e9 / self._control.run.period_ns

@@ -1,0 +1,95 @@
+"""Law mediated: what is touched is found, told, rendered, paid for, and given back."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tautwave.bench.couplings.measure import run_coupling, stated_bound
+from tautwave.bench.couplings.rigs import BENCH, RIG, drawn_mediated, drawn_rig
+from tautwave.certificate import certify
+from tautwave.config import Rig
+from tautwave.config.load import parse_rig
+from tautwave.simulation import simulate
+
+WALL = 0.03
+DELAY = 0.06
+CALM = BENCH._replace(coulomb=0.0, noise=1.5e-5)
+
+
+def rig(account: str = "{tank: 0.1}", seconds: float = 1.2, **keys: Any) -> Rig:
+    """A hand at 1 kHz that presses into a wall twice, 60 ms each way; the slave turned round."""
+    keys = {"sign": -1, **keys}
+    pair = ", ".join(f"{key}: {value}" for key, value in keys.items())
+    text = RIG.format(
+        name="mediated", rate=1000.0, seconds=seconds, seed=2, late=0.0,
+        master=CALM.axis, slave=CALM.axis, true_master=CALM.truth, true_slave=CALM.truth,
+        delay=DELAY, account=account, law=f"law: mediated, pairs: {{lever: {{{pair}",
+        reference="{type: multisine, ramp_s: 0.1, components: [[1.25, 0.08, 0.0]]}",
+        contact=f"{{type: wall, position: {-WALL}, stiffness: 150, side: below}}",
+        missing=0.0, overrun=0.0,
+    )  # fmt: skip
+    return parse_rig(text, Path("mediated.yaml"))
+
+
+@cache
+def ran() -> dict[str, np.ndarray[Any, Any]]:
+    run = simulate(rig(), engine="python")
+    assert run.error is None
+    return {name: run.data[:, at] for at, name in enumerate(run.columns)}
+
+
+def test_the_slave_finds_the_wall_and_the_master_feels_it_where_it_is() -> None:
+    at = ran()
+    found, wide = at["slave.lever.model_stiffness"][-1], at["slave.lever.model_interval"][-1]
+    assert abs(-found - 150.0) < 2.0 * wide < 15.0  # below, for the slave
+    assert at["slave.lever.model_position"][-1] == pytest.approx(-WALL, abs=1e-3)
+    told = at["master.lever.model_position"][-1]
+    assert told == pytest.approx(WALL, abs=1e-3)
+    rendered = at["master.lever.model_stiffness"][-1]
+    assert rendered == pytest.approx(min(-found, 1.1e-3 / 49e-6), rel=0.05)
+    again = at["time_s"] > 0.8  # the second time it is known
+    assert np.max(at["true.master.lever.position"][~again]) > 0.05
+    assert np.max(at["true.master.lever.position"][again]) < 0.04
+    assert np.max(at["master.lever.port_effort"][again]) > 0.12
+
+
+def test_what_the_model_holds_is_always_covered_and_in_the_books() -> None:
+    at = ran()
+    held = at["lever.model_master.stored"]
+    assert np.max(held) > 1e-4
+    assert np.min(held) == 0.0
+    funds = at["lever.account_master.stored"] + held  # and the reserve
+    assert np.all(held <= np.maximum(funds + 1e-3, 1e-12))
+    elements = ("account_master", "account_slave", "credits", "model_master")
+    absorbed = sum(at[f"lever.{name}.absorbed"] for name in elements)
+    ports = at["master.lever.port_energy"] + at["slave.lever.port_energy"]
+    assert np.max(np.abs(absorbed - ports)) < 1e-12
+    for name in elements:
+        parts = (at[f"lever.{name}.{it}"] for it in ("absorbed", "stored", "dissipated"))
+        whole, stored, lost = parts
+        assert np.max(np.abs(whole - stored - lost)) < 1e-12
+    assert np.max(at["master.lever.model_paid"]) > 1e-4  # it was pressed when it was told
+
+
+def test_it_passes_by_account_and_not_without() -> None:
+    with_account = certify(rig()).as_dict()
+    assert with_account["passed"]
+    assert [it["numbers"].get("holds") for it in with_account["elements"][:2]] == ["by account"] * 2
+    bare = certify(rig(account="null")).as_dict()
+    assert not bare["passed"]
+    assert "pressed gives energy" in bare["sentences"][0]
+    stiff = certify(rig(stiffest=2000.0)).as_dict()["elements"][0]["numbers"]["leak"]
+    assert stiff > 10.0 * with_account["elements"][0]["numbers"]["leak"]
+
+
+@pytest.mark.parametrize("first", range(0, 24, 8))
+def test_no_drawn_rig_gives_more_than_its_bound(first: int) -> None:
+    for seed in range(first, first + 8):
+        drawn = drawn_rig(seed, account=True, seconds=0.08, law=drawn_mediated)
+        found = run_coupling(drawn, bound=stated_bound(drawn), engine="python")
+        assert found.excess <= 0.0, f"seed {seed}"

@@ -1,0 +1,1 @@
+"""`tautwave ros`: messages, the node, the dead-man, and foreign readers."""
