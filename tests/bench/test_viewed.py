@@ -1,4 +1,4 @@
-"""`tautwave bench view`: turns are distinguished; stopped and killed viewers cost no row."""
+"""`tautwave bench view`: turns are distinguished; stopped and killed bridges cost no row."""
 
 from __future__ import annotations
 
@@ -20,13 +20,16 @@ def test_turns_are_distinguished_by_time() -> None:
 def test_goals_are_of_the_page_against_none() -> None:
     found = Viewed(np.full(9, 30.0), np.full(9, 20.0), 0.02, 40.0, 69, {"rows_dropped": 1})
     goals = {goal.name: goal for goal in viewed_suite(found).goals}
-    assert goals["lateness with the page open against stopped, p99"].measured == 1.5
-    assert [goal.met for goal in goals.values()] == [False, True, False, True]
+    assert goals["lateness with bridges open against stopped, p99"].measured == 1.5
+    assert [goal.met for goal in goals.values()] == [False, True, False, True, True]
 
 
 @pytest.mark.slow
-def test_stopped_and_killed_viewers_cost_no_row() -> None:
+def test_stopped_and_killed_bridges_cost_no_row() -> None:
     found = viewed(turns=4, turn_s=0.5)
+    assert set(found.bridges) >= {"page", "foxglove"}
+    assert found.alive > 50, "the run goes on when they are killed"
+    assert found.missing == 0
     assert found.recording["rows_dropped"] == 0
     assert found.recording["rows_written"] == found.recording["rows_offered"]
     assert found.recording["error"] is None

@@ -158,3 +158,10 @@ def test_the_schema_asks_for_keys_only_where_no_default_can_give_them() -> None:
     spring = spring.replace("wave_impedance: 0.02", "damping: 0.1")
     assert not valid(spring)
     assert valid(spring.replace("  pairs:", "  defaults: {stiffness: 2}\n  pairs:"))
+
+
+def test_a_default_that_is_set_aside_for_one_command_is_no_mistake() -> None:
+    sets = [f"master.axes.j{n}.effort_limit=0.01" for n in SIX]
+    rig = parse_rig(arms(), "rig.yaml", sets)
+    assert {axis.effort_limit for axis in rig.master.axes.values()} == {0.01}
+    assert {axis.effort_limit for axis in rig.slave.axes.values()} == {0.06}

@@ -83,13 +83,10 @@ def test_it_passes_by_account_and_not_without() -> None:
     bare = certify(rig(account="null")).as_dict()
     assert not bare["passed"]
     assert "pressed gives energy" in bare["sentences"][0]
-    stiff = certify(rig(stiffest=2000.0)).as_dict()["elements"][0]["numbers"]["leak"]
-    assert stiff > 10.0 * with_account["elements"][0]["numbers"]["leak"]
 
 
-@pytest.mark.parametrize("first", range(0, 24, 8))
-def test_no_drawn_rig_gives_more_than_its_bound(first: int) -> None:
-    for seed in range(first, first + 8):
+def test_no_drawn_rig_gives_more_than_its_bound() -> None:
+    for seed in range(6):
         drawn = drawn_rig(seed, account=True, seconds=0.08, law=drawn_mediated)
         found = run_coupling(drawn, bound=stated_bound(drawn), engine="python")
         assert found.excess <= 0.0, f"seed {seed}"

@@ -18,7 +18,7 @@ from tautwave.view.watched import read_live
 
 RIG = Path(__file__).parents[2] / "configs" / "network-loopback.yaml"
 COMMAND = (sys.executable, "-c", "from tautwave.cli import main; main(prog_name='tautwave')")
-PATIENCE_S = 120.0
+PATIENCE_S = 250.0
 """A loaded machine is slow, and nothing here is about how slow."""
 
 

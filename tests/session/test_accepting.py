@@ -1,9 +1,11 @@
-"""The first day with real drives: each stage measures what it says, and the end is signed."""
+"""The first day with real drives: each stage measures what it says, and the end is sealed."""
 
 from __future__ import annotations
 
 import json
 import math
+import re
+import time
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +14,14 @@ import yaml
 from click.testing import CliRunner
 
 from tautwave.cli import main
-from tautwave.session.acceptance.document import FILE, verify
+from tautwave.session.acceptance.accepting import STAGES
+from tautwave.session.acceptance.document import FILE, content_digest, verify
+from tautwave.sites.certificates import make_authority
 from tests.rigs.running import Tree
-from tests.runtime.test_device_faults import STAND, servo_tree
+from tests.runtime.test_device_faults import servo_tree
+from tests.session.newcomers import Newcomer, Talk, served
 from tests.session.test_calibrating import BENCH
+from tests.session.test_newcomers import settle
 
 WAY = "[[0, 0], [1, 0], [2, 0.2], [3, 0.2], [4, -0.49], [5, 0.49], [6, 0], [99, 0]]"
 
@@ -51,29 +57,16 @@ def checks(rig: Path) -> dict[tuple[str, str], dict[str, Any]]:
     return {(one["stage"], one["what"]): one for one in content["checks"]}
 
 
-@pytest.mark.slow
-def test_by_hand_sign_scale_and_limits_are_measured(tmp_path: Path) -> None:
-    rig = bench(tmp_path)
-    answers = f"0.1\n2\n{math.degrees(0.2):.3f}\n".replace("2\n", "2 ", 1) + "5.5\n"
-    done = accept(rig, "identity,hand,limits", answers, "--axis", "master.lever")
-    assert done.exit_code == 0, done.output
-    found = checks(rig)
-    assert found["scale", "master.lever"]["measured"]["ratio"] == pytest.approx(1.0, abs=0.03)
-    assert found["limits", "master.lever"]["measured"]["highest"] > 0.45
-    content = json.loads((tmp_path / "out" / FILE).read_text())
-    assert content["accepted"]
-    assert content["signature"]["by"] == "a person"
-    assert "hand/recording.mcap" in content["files"]
-
-
 def test_a_wrong_scale_ends_the_day_before_anything_gets_torque(tmp_path: Path) -> None:
     rig = bench(tmp_path)
-    done = accept(rig, "hand,noise", "2 30 degrees\n", "--axis", "master.lever")
+    done = accept(rig, "hand,noise", "2 thirty\n", "--axis", "master.lever")
     assert done.exit_code == 6
     assert "scale master.lever" in done.output
     assert "NOT GOOD, expected 1 within 0.05" in done.output
     assert not (tmp_path / "out" / "noise").exists()
     assert json.loads((tmp_path / "out" / FILE).read_text())["ended_at"] == "hand"
+    assert checks(rig)["scale", "master.lever"]["measured"]["ratio"] is None
+    assert verify(tmp_path / "out" / FILE).wrong == []
 
 
 def test_noise_delay_and_effort_are_measured_under_torque(tmp_path: Path) -> None:
@@ -90,18 +83,6 @@ def test_noise_delay_and_effort_are_measured_under_torque(tmp_path: Path) -> Non
     assert found["effort", "slave.lever"]["measured"]["ratio"] == pytest.approx(0.3 / 0.22)
 
 
-@pytest.mark.slow
-def test_a_pulled_cable_is_noticed_and_the_devices_come_back(tmp_path: Path) -> None:
-    data = servo_tree({"kind": "unplug", "at_s": 2.0})
-    data["simulation"]["hand"]["a"]["reference"] = STAND
-    data["simulation"]["environment"] = {}
-    rig = written(tmp_path, data)
-    done = accept(rig, "watchdog", "9\n0.1\n")
-    assert done.exit_code == 0, done.output
-    assert "unplugged" in checks(rig)["watchdog", "loss"]["measured"]["said"]
-    assert (tmp_path / "out" / "watchdog" / "unplugged" / "recording.mcap").exists()
-
-
 def test_a_cable_that_was_not_pulled_is_no_pass(tmp_path: Path) -> None:
     rig = written(tmp_path, servo_tree())
     done = accept(rig, "watchdog", "0.1\n")
@@ -109,30 +90,129 @@ def test_a_cable_that_was_not_pulled_is_no_pass(tmp_path: Path) -> None:
     assert checks(rig)["watchdog", "loss"]["measured"]["said"] == "nothing was lost"
 
 
-@pytest.mark.slow
-def test_the_coupled_rig_comes_last_gently_first(tmp_path: Path) -> None:
+def test_what_was_sealed_is_verified_to_the_byte(tmp_path: Path) -> None:
+    make_authority(tmp_path / "keys", ["lab", "clinic"])
+    make_authority(tmp_path / "others", ["lab", "clinic"])
     rig = bench(tmp_path)
-    done = accept(rig, "gentle", "", "--run-s", "0.5")
+    missing = accept(rig, "identity", "0.1\n", "--keys", str(tmp_path), "--site", "lab")
+    assert "missing; make them with: tautwave keys init" in missing.output
+    keys = ["--keys", str(tmp_path / "keys")]
+    done = accept(rig, "identity", "0.1\n", *keys, "--site", "lab")
     assert done.exit_code == 0, done.output
-    ran = yaml.safe_load((tmp_path / "out" / "gentle" / "rig.yaml").read_text())
-    assert ran["slave"]["axes"]["lever"]["effort_limit"] == pytest.approx(0.11)
-    assert checks(rig)["gentle", "bench-1dof"]["measured"]["exit_code"] == 0.0
-
-
-def test_what_was_signed_is_verified_to_the_byte(tmp_path: Path) -> None:
-    rig = bench(tmp_path)
-    assert accept(rig, "identity", "0.1\n").exit_code == 0
+    assert "accepted by a person, signed with the key of site lab" in done.output
     path = tmp_path / "out" / FILE
-    assert verify(path) == []
-    assert CliRunner().invoke(main, ["accept", str(path), "--verify"]).exit_code == 0
+    assert verify(path, tmp_path / "keys") == ([], "lab")
+    done = CliRunner().invoke(main, ["accept", str(path), "--verify", *keys])
+    assert done.output == f"{path}: as it was sealed, signed with the key of site lab\n"
     text = path.read_text()
-    path.write_text(text.replace('"accepted": true', '"accepted": false'))
-    assert verify(path) == [f"{path}: was changed after it was signed"]
+    for was, now in (('"accepted": true', '"accepted": false'), ("a person", "someone else")):
+        path.write_text(text.replace(was, now))
+        assert verify(path).wrong == [f"{path}: was changed after it was sealed"]
+    changed = json.loads(text.replace("a person", "someone else"))
+    changed["seal"]["sha256"] = content_digest(changed)
+    path.write_text(json.dumps(changed))  # sealed anew, by whoever may write here
+    assert verify(path).wrong == []
+    (wrong,) = verify(path, tmp_path / "keys").wrong
+    assert "the signature is not that of its certificate's key" in wrong
+    changed = json.loads(text)
+    changed["sealed_utc"] = "2001-01-01T00:00:00+00:00"
+    del changed["seal"]["signature"]
+    path.write_text(json.dumps(changed))
+    assert "sealed, but not signed" in verify(path, tmp_path / "keys").wrong[-1]
+    changed["seal"] |= {"signature": 3}
+    path.write_text(json.dumps(changed))
+    assert "its signature cannot be read" in verify(path, tmp_path / "keys").wrong[-1]
     path.write_text(text)
+    assert "is none of" in verify(path, tmp_path / "others").wrong[0]
+    assert "no certificate of an authority" in verify(path, tmp_path).wrong[0]
     recording = tmp_path / "out" / "identity" / "recording.mcap"
     recording.write_bytes(recording.read_bytes() + b"x")
     done = CliRunner().invoke(main, ["accept", str(path), "--verify"])
     assert done.exit_code == 2
-    assert "is not the file that was signed" in done.output
+    assert "is not the file that was sealed" in done.output
     recording.unlink()
-    assert verify(path) == [f"{recording}: is gone"]
+    assert verify(path).wrong == [f"{recording}: is gone"]
+
+
+# -- all of it, against served devices ------------------------------------------------------------
+
+SERVED = ("dynamixel", "--model", "XM430-W350", "--ids", "1,11")
+KNOWN_RAD = 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_a_whole_day_with_served_servos(tmp_path: Path) -> None:
+    """Every stage in one, by typed answers and hands; the cable is pulled by ending the devices."""
+    me = Newcomer(tmp_path)
+    link = ("--link", str(tmp_path / "cable"))
+    with served(tmp_path, *SERVED, *link) as (hands, _):
+        bus = f"dynamixel --port {tmp_path / 'cable'} --baud 1000000 --protocol 2.0 --ids 1,11"
+        me.does("new", "arms.yaml", "--bus", bus, "--master", "1", "--slave", "11")
+        settle(
+            tmp_path / "arms.yaml",
+            ("missing_limit: 3, overrun_limit: 5", "missing_limit: 400, overrun_limit: 400"),
+            ("      baud: 1000000", "      watchdog_s: 2.0\n      baud: 1000000"),
+            ("position_range: [-1.5, 1.5]", "position_range: [-0.4, 0.4]"),
+        )
+        text = (tmp_path / "arms.yaml").read_text()
+        (tmp_path / "arms.yaml").write_text(re.sub("rate_hz: .*", "rate_hz: 200", text))
+        words = ("accept", "arms.yaml", "--by", "a person", "--run-s", "0.5", "--configure",
+                 "--keys", "keys", "--out", "runs/accept")  # fmt: skip
+        me.does("keys", "init", "keys")
+        with me.talks(*words) as talk:
+            no_torque(talk, hands)
+            talk.hears("pull the bus' cable now")
+            hands.child.kill()
+            hands.child.wait()
+            talk.hears("plug it in again")
+            with served(tmp_path, *SERVED, *link) as (hands, _):
+                talk.types()
+                with_torque(talk, hands)
+                talk.hears("acceptance.json: ")
+    document = tmp_path / "runs" / "accept" / FILE
+    content = json.loads(document.read_text())
+    assert content["accepted"], content["checks"]
+    assert content["stages"] == list(STAGES)
+    assert {Path(name).parts[0] for name in content["files"]} == set(STAGES)
+    found = {(one["stage"], one["what"]): one["measured"] for one in content["checks"]}
+    for axis in ("master.j1", "slave.j1"):
+        assert found["scale", axis]["ratio"] == pytest.approx(1.0, abs=0.03)
+        assert 0.0 < found["delay", axis]["answered_after_s"] < 0.3
+        assert found["limits", axis]["highest"] > 0.45
+    limits = [0.1 * 0.82, 0.82]
+    for stage, limit in zip(("gentle", "full"), limits, strict=True):
+        assert found[stage, "arms"]["exit_code"] == 0.0
+        ran = yaml.safe_load((document.parent / stage / "rig.yaml").read_text())
+        assert ran["slave"]["axes"]["j1"]["effort_limit"] == pytest.approx(limit)
+    assert found["watchdog", "loss"]["said"] != "nothing was lost"
+    assert verify(document, tmp_path / "keys") == ([], "master")
+
+
+def no_torque(talk: Talk, hands: Talk) -> None:
+    talk.hears("are these your devices")
+    talk.types()
+    for one in (1, 11):
+        talk.hears("by an angle")
+        hands.types(f"{one} {KNOWN_RAD} 0.1")
+        time.sleep(0.4)
+        talk.types(f"{math.degrees(KNOWN_RAD):.3f}")
+    talk.hears("to both ends")
+    for end in (0.5, -0.5, 0.0):
+        hands.types(f"1,11 {end} 0.1")
+        time.sleep(0.4)
+    talk.types()
+    talk.hears("let go of everything")
+    hands.types("1,11 free")
+    talk.types()
+
+
+def with_torque(talk: Talk, hands: Talk) -> None:
+    talk.hears("gets a tenth")
+    talk.types()
+    for _ in range(4):
+        asked = talk.hears("it pulls with")
+        hands.types("1,11 0 0.1")  # the scale holds it
+        talk.types()
+        talk.hears("what does the scale read")
+        talk.types(re.search(r"pulls with ([\d.]+)", asked)[1])  # type: ignore[index]

@@ -207,8 +207,13 @@ def test_positions_and_commands_are_turned_and_other_axes_are_as_they_come() -> 
     one, two = driver.read(0)
     assert one == JointState(pytest.approx(-0.3), -2.0, -3.0, True, 7)
     assert (two.position, two.effort, two.valid, two.age_ns) == (1.0, 1.0, False, 9)
-    driver.write([AxisCommand(0.5, 1.0), AxisCommand(0.5, 1.0)])
-    assert driver._driver.sent == [AxisCommand(-0.5, -1.0), AxisCommand(0.5, 1.0)]  # type: ignore[attr-defined]
+    driver.write([AxisCommand(0.5, 1.0), AxisCommand(0.5, 1.0, 0.3)])
+    first, second = driver._driver.sent  # type: ignore[attr-defined]
+    assert first[:2] == (-0.5, -1.0)
+    assert math.isnan(first.position)  # it stays where it is
+    assert second == AxisCommand(0.5, 1.0, 0.3)
+    driver.write([AxisCommand(0.0, 0.0, 0.3), AxisCommand(0.0, 0.0)])
+    assert driver._driver.sent[0].position == pytest.approx(-0.1)  # type: ignore[attr-defined]
     assert driver.notes == ("a note",)
 
 

@@ -12,14 +12,17 @@ from typing import Any
 
 import pytest
 
+from tautwave import read_recording
 from tautwave.bench.sites.order import free_port
 from tautwave.sites.certificates import make_authority
 from tautwave_sim.network import NetworkOptions, Relay
 from tests.session.programs import COMMAND, RIG, Site
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
 PATIENT = ("loop.overrun_limit=20000", "duration_s=200", "link.lost_s=60", "sites.wait_s=100")
 """A loaded machine oversleeps for longer than a rig should allow."""
+
+HELD = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0], [0.2, 0.15]]}"
 
 Start = Callable[..., Site]
 
@@ -154,11 +157,19 @@ def relay(port: int) -> Iterator[Eavesdropper]:
     made.close()
 
 
-def test_a_slave_that_is_started_anew_is_in_a_new_session(start: Start) -> None:
-    master, slave = both(start)
+def test_a_slave_that_is_started_anew_is_brought_into_place(start: Start) -> None:
+    away = "simulation.environment.lever={type: free}"
+    master, slave = both(start, HELD, away)
     slave.process.kill()
     slave.process.wait()
-    renewed(master, start("slave", name="again"))
+    again = start("slave", HELD, away, name="again")  # its device stands at 0
+    renewed(master, again)
+    link, before = again.link(), master.now("master.lever.position")
+    assert link["granted_j"]["lever"] > 0.0
+    assert abs(before) > 0.1
+    aligned = read_recording(again.out, ["link.aligning", "slave.lever.position"])
+    assert aligned["link.aligning"].max() == 1.0
+    assert abs(aligned["slave.lever.position"][-1] - before) < 0.06
 
 
 def test_of_a_master_that_is_started_anew_old_packets_are_refused(

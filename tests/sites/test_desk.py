@@ -14,7 +14,7 @@ import pytest
 from tautwave.bench.sites.order import free_port
 from tautwave.session.sites.desk_line import DeskLine, session_of
 from tautwave.sites.certificates import make_authority
-from tautwave.sites.desk import Order
+from tautwave.sites.desk import Desk, Order
 
 SHARED = {"rate_hz": 1000.0}
 Start = Callable[..., DeskLine]
@@ -100,6 +100,25 @@ def test_a_third_with_the_peers_certificate_waits_while_the_peer_is_there(start:
     assert "master is already in a session here" in heard(third, "note")
     master.send(send={"still": "here"})
     assert heard(slave, "peer") == {"still": "here"}
+
+
+def test_a_desk_that_stood_still_takes_nobody_for_gone(keys: Path) -> None:
+    order = Order("slave", "master", True, "127.0.0.1", 1, str(keys / "ours"), SHARED, {})
+    one, other = socket.socketpair()
+    with one, other:
+        desk = Desk(order, one)
+        some: Any = object()
+        desk._channel, desk._heard, desk._looked = some, 100.0, 100.0
+        desk.look(100.1)
+        desk.look(100.3)
+        assert "already in a session" in desk._taken()
+        desk.look(109.0)  # stopped by its host, as was whatever the master said meanwhile
+        assert "already in a session" in desk._taken()
+        for now in range(10):
+            desk.look(109.0 + 0.2 * now)
+        assert desk._taken() == ""
+        desk._wake.close()
+        desk._woken.close()
 
 
 def test_whoever_closes_without_a_word_is_tried_again(keys: Path) -> None:

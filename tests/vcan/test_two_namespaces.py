@@ -16,7 +16,7 @@ from tautwave.sites.certificates import make_authority
 from tests.session.programs import RIG, Site
 from tests.vcan.links import change, tool
 
-pytestmark = [pytest.mark.vcan, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.vcan, pytest.mark.timeout(400)]
 SIDES = ("slave", "master")
 AWAY = "lever.network.stored"
 HERE, THERE = "10.77.0.1", "10.77.0.2"

@@ -153,16 +153,16 @@ def inertia_tables(runs: int, first: int) -> tuple[list[Table], list[Goal]]:
     """Return what is felt, and how often an adversary got more than is claimed, with goals."""
     rows: list[list[Value]] = []
     off = 0.0
-    for law in LAWS:
+    for name in LAWS:
         for noise in (1.5e-5, 9e-5):
-            bare = felt(law, None, noise)
-            rows.append([law, 1e5 * noise, 0.0, 1e3 * bare.inertia, 0.0, 0.0, 1e3 * bare.damping,
+            bare = felt(name, None, noise)
+            rows.append([name, 1e5 * noise, 0.0, 1e3 * bare.inertia, 0.0, 0.0, 1e3 * bare.damping,
                          0.0])  # fmt: skip
             for share in (0.4, 0.8):
-                one = felt(law, {"inertia": share, "inertia_coulomb": 0.2}, noise)
+                one = felt(name, {"inertia": share, "inertia_coulomb": 0.2}, noise)
                 stated = 2.0 * share * LOWER
                 less = bare.inertia - one.inertia
-                rows.append([law, 1e5 * noise, share, 1e3 * one.inertia, 1e3 * stated, 1e3 * less,
+                rows.append([name, 1e5 * noise, share, 1e3 * one.inertia, 1e3 * stated, 1e3 * less,
                              1e3 * one.damping, 1e3 * one.given])  # fmt: skip
                 off = max(off, abs(less / stated - 1.0))
     held = [attack(seed) for seed in range(first, first + runs)]

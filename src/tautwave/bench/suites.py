@@ -160,10 +160,10 @@ def rates(*, duration_s: float = 10.0, tell: Tell = silent) -> Suite:
 
 
 def view(*, duration_s: float = 30.0, tell: Tell = silent) -> Suite:
-    """Measure what an open page costs a run, in turns of a second for `duration_s`."""
+    """Measure what bridges cost a run, in turns of a second for `duration_s`."""
     from tautwave.bench.live.viewed import viewed, viewed_suite
 
-    tell(f"a run with its page open and stopped in turns, {duration_s:g} s")
+    tell(f"a run with its bridges open and stopped in turns, {duration_s:g} s")
     return viewed_suite(viewed(turns=2 * max(1, round(duration_s / 2.0)), turn_s=1.0))
 
 

@@ -280,11 +280,14 @@ def link(duration: float, rate: float, as_json: bool) -> None:
     print_suites([_backend().link(duration_s=duration, rate_hz=rate, tell=_tell)], as_json)
 
 
-@bench.command(short_help="A run whose page is open and stopped in turns: lateness, CPU.")
+@bench.command(short_help="A run with bridges beside it, stopped in turns: lateness, CPU.")
 @duration_option
 @json_option
 def view(duration: float, as_json: bool) -> None:
-    """Run a rig whose page is open in every second turn, and compare the loop's lateness.
+    """Run a rig beside which bridges are open in every second turn, and compare its lateness.
+
+    They are the page, Foxglove and ROS 2, as far as they are installed, each with a client where it
+    needs one, and a program that polls rows.
 
     \b
     Examples:

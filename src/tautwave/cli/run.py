@@ -55,6 +55,12 @@ from tautwave.runtime.interrupts import interrupts
     help="Commands of an operated rig: a file with lines `TIME COMMAND`, or - for lines from stdin"
     " as they come.",
 )
+@click.option(
+    "--end-with-input",
+    is_flag=True,
+    help="With --commands -: stop when the input ends, as it does when the program that writes it"
+    " is killed.",
+)
 @click.option("--quiet", is_flag=True, help="Show nothing while it runs; the summary at the end.")
 @click.option(
     "--allow-tuning", is_flag=True, help="Let whoever has the page's token change tunable numbers."
@@ -81,6 +87,7 @@ def run(
     simulate: bool | tuple[str, ...],
     attach: bool,
     commands: str | None,
+    end_with_input: bool,
     quiet: bool,
     view: bool,
     allow_tuning: bool,
@@ -127,7 +134,7 @@ def run(
     with unheard(sys.stdout):
         for sentence in ways:
             click.echo(sentence)
-    scripts, live = command_sources(commands)
+    scripts, live = command_sources(commands, end_with_input=end_with_input)
     directory = fresh_directory(out, loaded.name)
     if allow_unwatched:
         click.echo(

@@ -79,6 +79,6 @@ def _put(document: Document, source: KeyPath, value: Any, path: KeyPath) -> bool
         document.take_from(source, path)
         return True
     if not (isinstance(value, dict) and isinstance(block[path[-1]], dict)):
-        return False
+        return document.mark(path).argument is not None  # --set goes first, for once
     below = [_put(document, (*source, key), inner, (*path, key)) for key, inner in value.items()]
     return any(below)

@@ -69,7 +69,15 @@ class Session:
         with tempfile.NamedTemporaryFile("w", suffix=".yaml", encoding="utf-8") as file:
             file.write(self._text)
             file.flush()
-            order = ("--quiet", "--commands", "-", "--out", str(self.directory), *self._options)
+            order = (
+                "--quiet",
+                "--commands",
+                "-",
+                "--end-with-input",
+                "--out",
+                str(self.directory),
+                *self._options,
+            )
             self._child = subprocess.Popen(
                 (*RUN, file.name, *order),
                 stdin=subprocess.PIPE,

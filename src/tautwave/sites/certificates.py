@@ -82,7 +82,14 @@ def make_authority(directory: Path, sites: Sequence[str], days: int = DAYS) -> l
     return written
 
 
-def _load() -> Any:
+def load_library() -> Any:
+    """Return `cryptography.x509`.
+
+    Raises
+    ------
+    ConfigError
+        It is not installed.
+    """
     try:
         from cryptography import x509
     except ImportError as err:
@@ -91,7 +98,7 @@ def _load() -> Any:
 
 
 def _builder(subject: str, issuer: Any, public_key: Any, days: int) -> Any:
-    x509 = _load()
+    x509 = load_library()
     from cryptography.x509.oid import NameOID
 
     name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, subject)])
@@ -108,7 +115,7 @@ def _builder(subject: str, issuer: Any, public_key: Any, days: int) -> Any:
 
 
 def _authority(days: int) -> tuple[Any, Any]:
-    x509 = _load()
+    x509 = load_library()
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
     key = Ed25519PrivateKey.generate()
@@ -127,7 +134,7 @@ def _authority(days: int) -> tuple[Any, Any]:
 
 
 def _certificate(site: str, authority_key: Any, authority: Any, days: int) -> tuple[Any, Any]:
-    x509 = _load()
+    x509 = load_library()
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
     key = Ed25519PrivateKey.generate()

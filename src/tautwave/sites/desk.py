@@ -68,7 +68,7 @@ class Desk:
         self._done: queue.SimpleQueue[tuple[Channel, Session] | LinkError] = queue.SimpleQueue()
         self._wake, self._woken = socket.socketpair()
         self._channel: Channel | None = None
-        self._heard = 0.0
+        self._heard = self._looked = 0.0
         self._busy = 0
         self._dial_at = 0.0
         self._noted = ""
@@ -88,6 +88,7 @@ class Desk:
         beat = 0.0
         while True:
             now = time.monotonic()
+            self.look(now)
             idle = listener is None and self._channel is None and not self._busy
             if idle and now >= self._dial_at:
                 self._start(lambda: self._dial(context))
@@ -110,6 +111,12 @@ class Desk:
             if self._local in ready and not self._obey():
                 return
 
+    def look(self, now: float) -> None:
+        """Count no time as silence of the other site in which this process stood still [s]."""
+        away, self._looked = now - self._looked, now
+        if away > 2.0 * BEAT_S:
+            self._heard += away
+
     # -- the other site ---------------------------------------------------------------------
 
     def _welcome(self, listener: socket.socket, context: Any) -> None:
@@ -124,7 +131,7 @@ class Desk:
 
     def _taken(self) -> str:
         """Return why no site can join now."""
-        if self._channel is None or time.monotonic() - self._heard > SILENT_S:
+        if self._channel is None or self._looked - self._heard > SILENT_S:
             return ""
         return f"{self._order.peer} is already in a session here"
 

@@ -1,8 +1,9 @@
-"""What a page costs the run that it shows: lateness with it open and without, in turns in one run.
+"""What bridges cost the run that they show: lateness with them and without, in turns in one run.
 
-The run is `tautwave run` on loopback devices, the page `tautwave view --page` with one client that
-takes every row; both are stopped (SIGSTOP) and continued in turns, and killed at the end, so that
-the recording also shows what stopped and killed viewers cost it.
+The run is `tautwave run` on loopback devices, beside it every bridge that is installed: the page
+with a client that takes every row, Foxglove's protocol with another, a program that polls rows, ROS
+2. All are stopped (SIGSTOP) and continued in turns, and killed at the end, so that the recording
+also shows what stopped and killed bridges cost it.
 """
 
 from __future__ import annotations
@@ -11,16 +12,15 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from tautwave.bench.live.bridges import CLI, beside, installed
 from tautwave.bench.result import Goal, Suite, Table, Value
 from tautwave.bench.rigs import ONE_PAIR
 from tautwave.clock import MonotonicClock
@@ -30,18 +30,6 @@ from tautwave.errors import RecordingError
 from tautwave.recordings.recording import read_recording
 from tautwave.runtime.tap import LIVE, Live, Tap
 
-CLI = (sys.executable, "-c", "from tautwave.cli import main; main()")
-CLIENT = """
-import sys
-from urllib.parse import urlsplit
-from websockets.sync.client import connect
-page = urlsplit(sys.argv[1])
-with connect(f"ws://{page.netloc}/live", origin=f"http://{page.netloc}", compression=None,
-             max_size=None) as socket:
-    print("open", flush=True)
-    for _ in socket:
-        pass
-"""
 SETTLE_S = 0.3
 """After a turn begins: what was waiting is sent in it."""
 
@@ -49,7 +37,11 @@ BEGIN_S = 60.0
 
 
 class Viewed(NamedTuple):
-    """A finished run: lateness [us] by turn, processor time of the server per time, its memory."""
+    """A finished run: lateness [us] by turn, its bridges.
+
+    `share` and `resident_mb` are the processor time per time and the memory of the page's server;
+    `cycles` those of the run, `alive` its rows that came after the bridges were killed.
+    """
 
     open_us: np.ndarray[Any, np.dtype[np.float64]]
     closed_us: np.ndarray[Any, np.dtype[np.float64]]
@@ -57,10 +49,18 @@ class Viewed(NamedTuple):
     resident_mb: float
     columns: int
     recording: dict[str, Any]
+    bridges: Sequence[str] = ("page",)
+    cycles: int = 0
+    alive: int = 0
+
+    @property
+    def missing(self) -> int:
+        """Cycles of the run without a row in the recording."""
+        return self.cycles - int(self.recording.get("rows_written", self.cycles))
 
 
 def viewed(*, turns: int, turn_s: float) -> Viewed:
-    """Run a rig with its page open in every second of `turns` turns of `turn_s` [s]."""
+    """Run a rig with its bridges open in every second of `turns` turns of `turn_s` [s]."""
     clock = MonotonicClock()
     with tempfile.TemporaryDirectory(prefix="tautwave-bench-") as folder:
         out = Path(folder) / "run"
@@ -73,7 +73,9 @@ def viewed(*, turns: int, turn_s: float) -> Viewed:
             live = _begun(run, out, clock)
             tap = Tap.of_run(live)
             marks, busy = [], []
-            with _page(out) as viewers:
+            bridges = installed()
+            with beside(out, bridges) as processes:
+                viewers = [number for some in processes.values() for number in some]
                 for turn in range(turns):
                     is_open = turn % 2 == 0
                     _signal(viewers, signal.SIGCONT if is_open else signal.SIGSTOP)
@@ -84,8 +86,10 @@ def viewed(*, turns: int, turn_s: float) -> Viewed:
                         busy.append((_cpu_s(viewers[0]) - before) / turn_s)
                 resident = _resident_mb(viewers[0])
                 marks.append(_now_s(tap, live))
+                tap.take()
                 _signal(viewers, signal.SIGKILL)
             clock.sleep_until(clock.now_ns() + 1_000_000_000)
+            alive = len(tap.take())
             tap.close()
         finally:
             run.send_signal(signal.SIGINT)
@@ -98,7 +102,10 @@ def viewed(*, turns: int, turn_s: float) -> Viewed:
     open_us, closed_us = _by_turn(found["time_s"], found["lateness_us"], marks)
     share = float(np.mean(busy))
     recording = dict(summary["recording"])
-    return Viewed(open_us, closed_us, share, resident, len(live.columns), recording)
+    return Viewed(
+        open_us, closed_us, share, resident, len(live.columns), recording,
+        [one.name for one in bridges], summary["cycles"], alive,
+    )  # fmt: skip
 
 
 def _by_turn(time_s: Any, late_us: Any, marks: Sequence[float]) -> tuple[Any, Any]:
@@ -117,23 +124,6 @@ def _begun(run: subprocess.Popen[bytes], out: Path, clock: MonotonicClock) -> Li
             return Live(**parse_json((out / LIVE).read_text(encoding="utf-8")))
         clock.sleep_until(clock.now_ns() + 50_000_000)
     raise RecordingError("the run whose page is measured did not begin")
-
-
-@contextmanager
-def _page(out: Path) -> Iterator[Sequence[int]]:
-    """Give the processes of a page: its server, and a client that takes all rows."""
-    server = subprocess.Popen([*CLI, "view", str(out), "--page"], stdout=subprocess.PIPE)
-    assert server.stdout is not None
-    url = server.stdout.readline().decode().split()[-1]
-    client = subprocess.Popen([sys.executable, "-c", CLIENT, url], stdout=subprocess.PIPE)
-    assert client.stdout is not None
-    client.stdout.readline()
-    try:
-        yield (server.pid, client.pid)
-    finally:
-        for child in (server, client):
-            child.kill()
-            child.communicate()
 
 
 def _signal(processes: Sequence[int], number: int) -> None:
@@ -168,17 +158,18 @@ def viewed_suite(found: Viewed) -> Suite:
         for name, late in (("open", found.open_us), ("stopped", found.closed_us))
     ]
     table = Table(
-        "Lateness of the loop [us], page open and stopped in turns of one run",
-        f"{found.columns} columns, every row to one client; the page's server and client are "
-        f"stopped in every second turn and killed at the end. {json.dumps(found.recording)}",
-        ("page", "rows", *figures),
+        "Lateness of the loop [us], bridges open and stopped in turns of one run",
+        f"{', '.join(found.bridges)}; {found.columns} columns. They are stopped in every second "
+        f"turn and killed at the end. {json.dumps(found.recording)}",
+        ("bridges", "rows", *figures),
         rows,
     )
     ratio = float(np.percentile(found.open_us, 99) / np.percentile(found.closed_us, 99))
     goals = [
-        Goal("lateness with the page open against stopped, p99", 1.1, "", ratio),
+        Goal("lateness with bridges open against stopped, p99", 1.1, "", ratio),
         Goal("processor time of the page's server", 5.0, "%", 100.0 * found.share),
         Goal("rows dropped from the recording", 0.0, "", float(found.recording["rows_dropped"])),
+        Goal("cycles that are not in the recording", 0.0, "", float(found.missing)),
         Goal("resident memory of the page's server", 80.0, "MB", found.resident_mb),
     ]
     return Suite("view", [table], goals)

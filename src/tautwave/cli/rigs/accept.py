@@ -1,4 +1,4 @@
-"""`tautwave accept`: the first day with real drives, led, measured, recorded and signed."""
+"""`tautwave accept`: the first day with real drives, led, measured, recorded and sealed."""
 
 from __future__ import annotations
 
@@ -21,9 +21,13 @@ from tautwave.errors import ConfigError
 STAGES = ("identity", "hand", "limits", "noise", "watchdog", "delay", "effort", "gentle", "full")
 
 
-@click.command(short_help="Lead through the first day with real drives; measure, record, sign.")
+@click.command(short_help="Lead through the first day with real drives; measure, record, seal.")
 @click.argument("rig", type=PATH)
-@click.option("--by", metavar="NAME", help="Who signs.")
+@click.option("--by", metavar="NAME", help="Who accepts.")
+@click.option("--keys", type=PATH, metavar="DIR", help="Sign with a key of tautwave keys init.")
+@click.option(
+    "--site", default="master", show_default=True, metavar="NAME", help="Whose key of --keys."
+)
 @click.option("--axis", "axes", multiple=True, metavar="NAME", help="Only this one; repeatable.")
 @click.option(
     "--stages",
@@ -52,6 +56,8 @@ def accept(
     ctx: click.Context,
     rig: Path,
     by: str | None,
+    keys: Path | None,
+    site: str,
     axes: Sequence[str],
     stages: str,
     run_s: float,
@@ -69,25 +75,28 @@ def accept(
     Without torque: identity, sign and scale by hand, limits. With torque and no effort: noise at
     rest, the watchdog by pulling the cable. With effort: delay by a step, effort by a spring scale,
     then the coupled rig at a tenth and at all of its effort. A stage that is not good ends it, with
-    exit code 6. acceptance.json has every number, and the SHA-256 of every recording and of itself.
+    exit code 6. acceptance.json has every number, and is sealed by the SHA-256 of every recording
+    and of itself; --keys signs it, and with --verify says who has signed.
 
     \b
     Examples:
         tautwave accept drives.yaml --by 'A. Person'
         tautwave accept drives.yaml --by me --stages identity,hand
-        tautwave accept runs/accept-drives/acceptance.json --verify
+        tautwave accept drives.yaml --by 'A. Person' --keys keys --site lab
+        tautwave accept runs/accept-drives/acceptance.json --verify --keys keys
     """
     from tautwave.session.acceptance import document
 
     if verify:
-        wrong = document.verify(rig)
-        for sentence in wrong:
+        found = document.verify(rig, keys)
+        for sentence in found.wrong:
             click.echo(sentence, err=True)
-        if not wrong:
-            click.echo(f"{rig}: as it was signed")
-        ctx.exit(2 if wrong else 0)
+        if not found.wrong:
+            by = f", signed with the key of site {found.signer}" if found.signer else ""
+            click.echo(f"{rig}: as it was sealed{by}")
+        ctx.exit(2 if found.wrong else 0)
     if by is None:
-        raise click.UsageError("--by NAME: who signs?")
+        raise click.UsageError("--by NAME: who accepts?")
     from tautwave.cli.rigs.calibrate import conversation
     from tautwave.cli.run import fresh_directory
     from tautwave.config import load_rig
@@ -100,7 +109,7 @@ def accept(
     if wrong:
         raise ConfigError(f"accept: --stages: {wrong[0]!r} is none of {', '.join(STAGES)}")
     loaded = load_rig(rig, choose=False)
-    asked = Acceptance(rig, axes or tuple(loaded.axes), wanted, run_s, by)
+    asked = Acceptance(rig, axes or tuple(loaded.axes), wanted, run_s, by, keys, site)
     directory = fresh_directory(out, f"accept-{loaded.name}")
     ways = Ways(clock, simulate, attach, allow_unwatched, configure)
     try:
@@ -109,5 +118,6 @@ def accept(
         with suppress(OSError):
             directory.rmdir()  # removes it only if nothing came of it
     good = sum(check.good for check in checks)
-    click.echo(f"{path}: {good} of {len(checks)} good, signed by {by}")
+    how = "sealed" if keys is None else f"signed with the key of site {site}"
+    click.echo(f"{path}: {good} of {len(checks)} good, accepted by {by}, {how}")
     ctx.exit(0 if good == len(checks) else 6)

@@ -86,11 +86,12 @@ def ros(
     if any(find_spec(name) is None for name in ("cyclonedds", "rosbags")):
         raise ConfigError("ROS 2 needs cyclonedds and rosbags; pip install 'tautwave[ros]'")
     from tautwave.view.ros.exporter import Exporter, refuse_rate
-    from tautwave.view.ros.node import Node, check_namespace
+    from tautwave.view.ros.node import Node, check_namespace, configuration
     from tautwave.view.watched import begun
 
     refuse_rate(rate)
     check_namespace(namespace)
+    configuration(interface, peer)  # refused before anything is waited for
     clock = MonotonicClock()
     run = begun(directory, clock, wait)
     rig = load_rig(directory / "rig.yaml", choose=False)

@@ -8,31 +8,39 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from tautwave.errors import ConfigError
 from tautwave.runtime.operate.commands import (
     Descriptor,
     Lines,
+    Order,
     Script,
     Source,
     read_keys,
     read_script,
 )
+from tautwave.runtime.operate.states import STOP
 
 LARGEST = 1 << 20
 """[bytes] of a file of commands."""
 
 
-def command_sources(commands: str | None) -> tuple[Sequence[Source], Sequence[Source]]:
+def command_sources(
+    commands: str | None, *, end_with_input: bool = False
+) -> tuple[Sequence[Source], Sequence[Source]]:
     """Return the sources with times and the live ones that `--commands` names.
 
     Raises
     ------
     ConfigError
-        The file cannot be read, or a line is wrong.
+        The file cannot be read, a line is wrong, or there is no input that could end.
     """
+    if end_with_input and commands != "-":
+        raise ConfigError("--end-with-input: only with --commands -")
     if commands is None:
         return (), ()
     if commands == "-":
-        return (), (Descriptor(sys.stdin.fileno(), Lines("stdin")),)
+        last = (Order(STOP, "", "end of input"),) if end_with_input else ()
+        return (), (Descriptor(sys.stdin.fileno(), Lines("stdin"), last),)
     from tautwave.config.guard import read_guarded
 
     text = read_guarded(Path(commands), "file of commands", LARGEST)

@@ -84,11 +84,17 @@ class Script:
 
 
 class Descriptor:
-    """Bytes on a file descriptor: keys of a terminal, or lines of a pipe."""
+    """Bytes on a file descriptor: keys of a terminal, or lines of a pipe; `last` at its end."""
 
-    def __init__(self, descriptor: int, read: Callable[[bytes], Sequence[Order]]) -> None:
+    def __init__(
+        self,
+        descriptor: int,
+        read: Callable[[bytes], Sequence[Order]],
+        last: Sequence[Order] = (),
+    ) -> None:
         self._descriptor = descriptor
         self._read = read
+        self._last = last
         self._open = True
 
     def take(self, now_ns: int) -> Sequence[Order]:
@@ -102,7 +108,7 @@ class Descriptor:
         except (OSError, ValueError):
             data = b""
         self._open = bool(data)
-        return self._read(data)
+        return self._read(data) if data else self._last
 
 
 def read_keys(data: bytes) -> Sequence[Order]:

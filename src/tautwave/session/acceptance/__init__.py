@@ -1,1 +1,1 @@
-"""`tautwave accept`: the first day with real drives, led, measured, recorded, signed."""
+"""`tautwave accept`: the first day with real drives, led, measured, recorded, sealed."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -9,11 +10,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, load_rig
-from tautwave.errors import ConfigError, DeviceFault, DriverError
+from tautwave.errors import ConfigError, DriverError, SafetyStop
 from tautwave.session.acceptance import guides
-from tautwave.session.acceptance.document import Check, file_digest, write_signed
+from tautwave.session.acceptance.document import Check, file_digest, write_sealed
 from tautwave.session.guided.control import GuidedControl
-from tautwave.session.guided.running import Conversation, Guided, Ways, run_guided
+from tautwave.session.guided.running import (
+    Conversation,
+    Guided,
+    Ways,
+    ask_without_devices,
+    run_guided,
+)
 from tautwave.session.running import run as run_rig
 
 STAGES = ("identity", "hand", "limits", "noise", "watchdog", "delay", "effort", "gentle", "full")
@@ -24,34 +31,48 @@ RUN_S = 5.0
 
 
 class Acceptance(NamedTuple):
-    """What is to be accepted: a rig file, its axes, stages, the length of the runs [s], who."""
+    """What is to be accepted: a rig file, its axes, stages, the length of the runs [s], who.
+
+    `keys` is the folder with the key of `site` that signs, None: sealed only.
+    """
 
     rig: Path
     axes: Sequence[str]
     stages: Sequence[str]
     run_s: float
     by: str
+    keys: Path | None = None
+    site: str = ""
 
 
 def accept(
     asked: Acceptance, talk: Conversation, *, out: Path, ways: Ways
 ) -> tuple[Path, list[Check]]:
-    """Lead a person through the stages; return the signed document and its checks.
+    """Lead a person through the stages; return the sealed document and its checks.
 
     Raises
     ------
     TautwaveError
-        The rig is refused, a device failed where it should not, or nobody answers.
+        The rig is refused, a device fails before anything was found, or nobody answers.
     """
     rig = load_rig(asked.rig)
     unknown = [name for name in asked.axes if name not in rig.axes]
     if unknown:
         raise ConfigError(f"accept: there is no axis {unknown[0]!r}; {', '.join(rig.axes)}")
+    if asked.keys is not None:
+        from tautwave.sites.certificates import identity_files
+
+        identity_files(asked.keys, asked.site)  # not only at the end of the day
     checks: list[Check] = []
     ended = ""
     for stage in asked.stages:
         talk.say(f"-- {stage}")
-        found = list(_stage(stage, rig, asked, talk, out / stage, ways))
+        try:
+            found = list(_stage(stage, rig, asked, talk, out / stage, ways))
+        except (DriverError, SafetyStop) as err:
+            if not checks:
+                raise
+            found = [Check(stage, rig.name, {"said": str(err)}, "no fault and no stop", False)]
         for check in found:
             numbers = ", ".join(
                 f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}"
@@ -67,13 +88,22 @@ def accept(
         "rig": rig.name,
         "rig_sha256": file_digest(asked.rig),
         "version": version("tautwave"),
+        "by": asked.by,
+        "sealed_utc": datetime.now(UTC).isoformat(timespec="seconds"),
         "stages": list(asked.stages),
         "ended_at": ended,
         "accepted": not ended,
-        "checks": [check._asdict() for check in checks],
+        "checks": [{**check._asdict(), "measured": _plain(check.measured)} for check in checks],
     }
-    now = datetime.now(UTC).isoformat(timespec="seconds")
-    return write_signed(out, content, asked.by, now), checks
+    return write_sealed(out, content, asked.keys, asked.site), checks
+
+
+def _plain(measured: Mapping[str, float | str]) -> dict[str, float | str | None]:
+    """Return numbers for JSON, which has none that is not finite."""
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in measured.items()
+    }
 
 
 def _stage(
@@ -117,24 +147,25 @@ def _watchdog(rig: Rig, talk: Conversation, out: Path, ways: Ways) -> Iterator[C
             rig, guides.unplugging, talk, out=out / "unplugged", torque=True, guarded=True,
             ways=ways,
         )  # fmt: skip
-    except (DriverError, DeviceFault) as err:
+    except DriverError as err:
         sentence = str(err)
     lost: dict[str, float | str] = {"said": sentence or "nothing was lost"}
     yield Check("watchdog", "loss", lost, "the loss is noticed", bool(sentence))
     if not sentence:
         return
-    again = run_guided(
-        rig,
-        lambda control: control.ask("plug it in again; does every axis turn freely? Enter"),
-        talk,
-        out=out / "back",
-        torque=False,
-        guarded=False,
-        ways=ways,
-    )
-    tripped = [note for note in again.notes if "watchdog" in note]
-    back: dict[str, float | str] = {"devices": "back", "said": "; ".join(tripped) or "nothing"}
-    yield Check("watchdog", "back", back, "all devices come back", True)
+    ask_without_devices(talk, "plug it in again; does every axis turn freely? Enter")
+    back: dict[str, float | str]
+    try:
+        again = run_guided(
+            rig, guides.coming_back, talk, out=out / "back", torque=False, guarded=False, ways=ways
+        )
+    except DriverError as err:
+        back = {"devices": "not back", "said": str(err)}
+    else:
+        tripped = [note for note in again.notes if "watchdog" in note]
+        back = {"devices": "back", "said": "; ".join(tripped) or "nothing"}
+    good = back["devices"] == "back"
+    yield Check("watchdog", "back", back, "all devices come back", good)
 
 
 def _coupled(

@@ -1,9 +1,12 @@
-"""What an acceptance leaves: every number, SHA-256 of its recordings, and who signed it."""
+"""What an acceptance leaves: every number, SHA-256 of its recordings, and its seal."""
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import json
+from collections.abc import Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,27 +33,50 @@ def file_digest(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def content_digest(content: dict[str, Any]) -> str:
-    """Return the SHA-256 of everything but the signature."""
-    body = {key: value for key, value in content.items() if key != "signature"}
+def content_digest(content: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of everything but the seal."""
+    body = {key: value for key, value in content.items() if key != "seal"}
     return hashlib.sha256(json.dumps(body, sort_keys=True).encode()).hexdigest()
 
 
-def write_signed(out: Path, content: dict[str, Any], by: str, signed_utc: str) -> Path:
-    """Write the acceptance, with the digests of all recordings below `out`, signed by a person."""
+def write_sealed(out: Path, content: dict[str, Any], keys: Path | None, site: str) -> Path:
+    """Write the acceptance, with the digests of all recordings below `out`, and its seal.
+
+    The seal is its SHA-256; with `keys`, a folder of `tautwave keys init`, it is also signed with
+    the key of a site.
+
+    Raises
+    ------
+    ConfigError
+        There is no such key.
+    """
     content["files"] = {
         str(path.relative_to(out)): file_digest(path)
         for path in sorted(out.rglob("*"))
         if path.suffix in (".mcap", ".yaml")
     }
-    signature = {"by": by, "signed_utc": signed_utc, "sha256": content_digest(content)}
+    digest = content_digest(content)
+    seal: dict[str, Any] = {"sha256": digest}
+    if keys is not None:
+        from tautwave.sites.signing import sign
+
+        made = sign(keys, site, digest.encode())
+        seal["signature"] = base64.b64encode(made.signature).decode()
+        seal["certificate"] = made.certificate.decode()
     path = out / FILE
-    write_text(path, json.dumps({**content, "signature": signature}, indent=2) + "\n")
+    write_text(path, json.dumps({**content, "seal": seal}, indent=2) + "\n")
     return path
 
 
-def verify(path: Path) -> list[str]:
-    """Return what is not as it was signed; nothing is good.
+class Verified(NamedTuple):
+    """What is wrong with an acceptance, nothing is good; and whose signature it has, '' if none."""
+
+    wrong: list[str]
+    signer: str
+
+
+def verify(path: Path, keys: Path | None = None) -> Verified:
+    """Compare an acceptance with its seal and files; with `keys` its signature, too.
 
     Raises
     ------
@@ -59,17 +85,38 @@ def verify(path: Path) -> list[str]:
     """
     try:
         content = parse_json(path.read_text(encoding="utf-8"))
-        signed = content["signature"]["sha256"]
-        files = content["files"]
-    except (OSError, ValueError, KeyError, TypeError) as err:
+        seal, files = content["seal"], content["files"]
+        sealed = seal["sha256"]
+        named = {str(name): str(digest) for name, digest in files.items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as err:
         raise ConfigError(f"{path}: is no acceptance: {err}") from err
     wrong = []
-    if content_digest(content) != signed:
-        wrong.append(f"{path}: was changed after it was signed")
-    for name, digest in files.items():
+    digest = content_digest(content)
+    if digest != sealed:
+        wrong.append(f"{path}: was changed after it was sealed")
+    for name, expected in named.items():
         there = path.parent / name
         if not there.exists():
             wrong.append(f"{there}: is gone")
-        elif file_digest(there) != digest:
-            wrong.append(f"{there}: is not the file that was signed")
-    return wrong
+        elif file_digest(there) != expected:
+            wrong.append(f"{there}: is not the file that was sealed")
+    signer = ""
+    if keys is not None:
+        try:
+            signer = _signer(seal, content, digest, keys)
+        except ConfigError as err:
+            wrong.append(f"{path}: {err}")
+    return Verified(wrong, signer)
+
+
+def _signer(seal: Mapping[str, Any], content: Mapping[str, Any], digest: str, keys: Path) -> str:
+    if "signature" not in seal:
+        raise ConfigError("is sealed, but not signed")
+    from tautwave.sites.signing import Signature, signer_of
+
+    try:
+        found = Signature(base64.b64decode(seal["signature"]), seal["certificate"].encode())
+        sealed = datetime.fromisoformat(content["sealed_utc"]).astimezone(UTC)
+    except (ValueError, KeyError, TypeError, AttributeError) as err:
+        raise ConfigError("its signature cannot be read") from err
+    return signer_of(found, digest.encode(), sealed, keys)

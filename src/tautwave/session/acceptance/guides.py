@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Sequence
 
-from tautwave.config import Rig
+from tautwave.config import Axis, Rig
 from tautwave.session.acceptance.document import Check
 from tautwave.session.calibration.by_hand import LEAST, mean_positions
 from tautwave.session.guided.control import GuidedControl
@@ -15,13 +15,14 @@ REST_S = 2.0
 NOISE_STEPS = 2.0
 """Standard deviation at rest that is allowed, in encoder steps or declared noise."""
 
-STEP_SHARE, STEP_S, PAUSE_S = 0.1, 0.06, 0.5
+STEP_SHARES, STEP_S, PAUSE_S = (0.1, 0.2, 0.4), 0.06, 0.5
 STEP_SEEN = 4.0
 """Encoder steps by which a device has to have moved to have answered."""
 
 EFFORT_SHARES = (0.1, 0.2)
 EFFORT_ERROR = 0.2
 SETTLE_S = 1.0
+BACK_S = 0.2
 
 Checks = Generator[None, None, list[Check]]
 
@@ -92,34 +93,43 @@ def noise(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
 
 
 def delays(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
-    """A small step of effort moves the device its way, soon enough."""
+    """A small step of effort moves the device its way, soon enough; dry friction gets a larger."""
     yield from control.ask(
-        f"each axis gets a tenth of its effort limit for {STEP_S:g} s; keep clear, then Enter"
+        f"each axis gets a tenth of its effort limit for {STEP_S:g} s, and up to "
+        f"{STEP_SHARES[-1]:g} of it if that does not move it; keep clear, then Enter"
     )
     checks = []
     for name in axes:
-        axis = rig.axes[name]
-        if axis.causality != "impedance":
+        if rig.axes[name].causality != "impedance":
             continue
-        yield from _wait(control, PAUSE_S)
-        start, begun = control.position(name), control.now_ns
-        control.push(name, STEP_SHARE * axis.effort_limit)
-        seen = math.nan
-        most = start
-        threshold = STEP_SEEN * max(axis.encoder_quantum, axis.position_noise, 1e-9)
-        while control.now_ns - begun < 1e9 * (STEP_S + PAUSE_S):
-            yield
-            if control.now_ns - begun >= 1e9 * STEP_S:
-                control.push(name, 0.0)
-            moved = control.position(name) - start
-            if math.isnan(seen) and abs(moved) > threshold:
-                seen = (control.now_ns - begun) * 1e-9
-            if abs(control.position(name) - start) > abs(most - start):
-                most = control.position(name)
-        numbers: dict[str, float | str] = {"answered_after_s": seen, "moved": most - start}
-        good = seen <= STEP_S + PAUSE_S and most > start
-        checks.append(Check("delay", name, numbers, "moves the positive way", good))
+        numbers: dict[str, float | str] = {}
+        for share in STEP_SHARES:
+            seen, moved = yield from _step(rig.axes[name], name, share, control)
+            numbers = {"share": share, "answered_after_s": seen, "moved": moved}
+            if math.isfinite(seen):
+                break
+        checks.append(Check("delay", name, numbers, "moves the positive way", moved > 0.0))
     return checks
+
+
+def _step(
+    axis: Axis, name: str, share: float, control: GuidedControl
+) -> Generator[None, None, tuple[float, float]]:
+    """Give an axis a step; return when it answered [s], NaN if not, and how far it went."""
+    yield from _wait(control, PAUSE_S)
+    start, begun = control.position(name), control.now_ns
+    control.push(name, share * axis.effort_limit)
+    seen, most = math.nan, 0.0
+    threshold = STEP_SEEN * max(axis.encoder_quantum, axis.position_noise, 1e-9)
+    while control.now_ns - begun < 1e9 * (STEP_S + PAUSE_S):
+        yield
+        if control.now_ns - begun >= 1e9 * STEP_S:
+            control.push(name, 0.0)
+        moved = control.position(name) - start
+        if math.isnan(seen) and abs(moved) > threshold:
+            seen = (control.now_ns - begun) * 1e-9
+        most = max(most, moved, key=abs)
+    return seen, most if math.isfinite(seen) else 0.0
 
 
 def efforts(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
@@ -153,6 +163,11 @@ def unplugging(control: GuidedControl) -> Generator[None, None, None]:
     """Wait for the cable to be pulled: the loss of its devices ends this."""
     for _ in control.ask("torque is on, without effort: pull the bus' cable now"):
         yield
+
+
+def coming_back(control: GuidedControl) -> Generator[None, None, None]:
+    """Look whether devices are there."""
+    yield from _wait(control, BACK_S)
 
 
 def _wait(control: GuidedControl, seconds: float) -> Generator[None, None, None]:

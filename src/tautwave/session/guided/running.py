@@ -7,6 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from tautwave.clock import MonotonicClock
 from tautwave.config import Rig, resolved_yaml
 from tautwave.controller.records import PIPE
 from tautwave.errors import BusBudgetError, ConfigError, TautwaveError, WritingError
@@ -38,6 +39,7 @@ LONGEST_S = 3600.0
 PATIENCE_S = 2.0
 """[s] A device without torque may be unheard."""
 
+LOOK_NS = 20_000_000
 SIMULATED_S = 600.0
 """A simulated hand is laid out for the whole run."""
 
@@ -66,6 +68,16 @@ class Guided(NamedTuple):
     result: Any
     identities: Mapping[str, Mapping[str, str]]
     notes: list[str]
+
+
+def ask_without_devices(talk: Conversation, question: str) -> str:
+    """Ask while no device is open; return the answer."""
+    clock = MonotonicClock()
+    talk.say(question)
+    talk.answers.ask(clock.now_ns())
+    while (answer := talk.answers.take(clock.now_ns())) is None:
+        clock.sleep_until(clock.now_ns() + LOOK_NS)
+    return answer
 
 
 def run_guided(
