@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tautwave.scene.network import Link
-from tautwave.scene3d import solving
+from tautwave.scene3d import live, solving
 from tautwave.scene3d.arrays import compile_network3d
 from tautwave.scene3d.live import SPACE_SCHEMES, Model3d
 from tautwave.scene3d.network import (
@@ -115,7 +115,7 @@ def test_ends_on_top_of_each_other_and_straight_through():
 @pytest.mark.parametrize("newton", [0, 2])
 def test_what_is_not_solved_turns_round_and_keeps_its_energy(monkeypatch, newton):
     """Without Newton nothing is solved, with two steps of it only pieces."""
-    monkeypatch.setattr(solving, "NEWTON", newton)
+    monkeypatch.setitem(live.ITERATIONS, "discrete_gradient", newton)
     network = free_ring(4, 5, 3e3)
     model = Model3d(network, "discrete_gradient", 2e-3)
     for _ in range(30):

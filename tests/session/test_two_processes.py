@@ -19,7 +19,7 @@ from tautwave_sim.network import NetworkOptions, Relay
 from tests.session.programs import COMMAND, RIG, Site
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
-PATIENT = ("loop.overrun_limit=20000", "duration_s=200", "link.lost_s=60", "sites.wait_s=100")
+PATIENT = ("loop.overrun_limit=20000", "duration_s=1000", "link.lost_s=60", "sites.wait_s=100")
 """A loaded machine oversleeps for longer than a rig should allow."""
 
 HELD = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0], [0.2, 0.15]]}"

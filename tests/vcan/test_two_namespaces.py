@@ -32,7 +32,7 @@ SECONDS = (3, 3, 10, 5, 4)
 HEAVY = "{value: 16e-3, lower: 11e-3, source: made up}"
 DAMPED = "{value: 20e-3, lower: 10e-3, source: made up}"
 CHANGES = (
-    "rate_hz=250", "duration_s=150", "link.lost_s=100", "link.depth_s=auto",
+    "rate_hz=250", "duration_s=600", "link.lost_s=100", "link.depth_s=auto",
     "loop.overrun_limit=500",
     "coupling.pairs.lever.wave_filter_hz=30", "simulation.environment.lever.stiffness=25",
     *(f"{side}.axes.lever.inertia={HEAVY}" for side in ("master", "slave")),

@@ -15,6 +15,7 @@ from tautwave.config.defaults import expand_defaults
 from tautwave.config.halves import leave_other_half
 from tautwave.config.inputs.chains import name_chains
 from tautwave.config.inputs.file_parts import name_file_parts, name_option_files
+from tautwave.config.inputs.meshes import name_meshes
 from tautwave.config.keys.common import AUTO
 from tautwave.config.keys.rig import UNTIL_STOPPED_S, Rig
 from tautwave.config.messages import unknown_key, validate
@@ -105,6 +106,7 @@ def finish_rig(
     name_file_parts(document)
     name_option_files(document)
     name_chains(document)
+    name_meshes(document)
     rig: Rig | None = validate(document, Rig)
     plugins = _check_drivers(document)
     check_parts(document, take_apart(document, plugins))

@@ -7,11 +7,12 @@ same arrays are lists of floats live and NumPy arrays in compiled code (`simulat
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import accumulate
+from itertools import accumulate, permutations
 from typing import Any, NamedTuple
 
 from tautwave.scene.compiling import connected, link_fields, ordered_links
 from tautwave.scene.network import Link
+from tautwave.scene3d.elements import ELEMENT_INDICES, Elements, lay_elements
 from tautwave.scene3d.network import ORIGIN, Network3d, Vector, unit
 
 Numbers = Any
@@ -32,6 +33,7 @@ class Arrays3d(NamedTuple):
     State: `x`, `v`, `force` (3 N), `pushed` (3 n); of each link `tension`, its elastic share
     `elastic`, `stretch`, `way` and `apart` (3 l: direction of the pull, and vector from b to a),
     `set_in`, and of its derivative `bend` (3 l) and `side`. Books [J] as in one dimension.
+    `elements` are the tetrahedra of tissue between the nodes.
     """
 
     count: Numbers
@@ -79,20 +81,26 @@ class Arrays3d(NamedTuple):
     mass_numeric: Numbers
     port_work: Numbers
     work: Numbers
+    elements: Elements
 
 
 INDEX_FIELDS = (
     *("count", "kind", "a", "b", "flat", "links_first", "links_of"),
     *("islands", "island_first", "axis_port"),
+    *ELEMENT_INDICES,
 )
 
 
 class Compiled3d(NamedTuple):
-    """Arrays of a network, and the names behind the indices; `links` in the order of the arrays."""
+    """Arrays of a network, and the names behind the indices; `links` in the order of the arrays.
+
+    `tissues` is the tissue of each element.
+    """
 
     arrays: Arrays3d
     masses: tuple[str, ...]
     links: tuple[str, ...]
+    tissues: tuple[str, ...]
 
 
 def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Compiled3d:
@@ -130,10 +138,15 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
                 of_node[here].append(index)
             if here < count and there < count:
                 near[here].append(there)
+    for element in network.elements:
+        inside = [at[name] for name in element.corners if at[name] < count]
+        for here, there in permutations(inside, 2):
+            near[here].append(there)
     islands = connected(near)
     size = len(links)
     apart = [tuple(x[3 * a + c] - x[3 * b + c] for c in range(3)) for a, b in ends]
     stretch = [_stretch(link, gap) for link, gap in zip(links, apart, strict=True)]
+    elements, tissues = lay_elements(network.elements, at, count)
     arrays = Arrays3d(
         count=[count, len(network.ports), size, len(axis_port)],
         mass=[mass.mass for mass in network.masses],
@@ -165,9 +178,11 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
         mass_numeric=[0.0] * count,
         port_work=[0.0] * len(network.ports),
         work=[0.0] * (ROWS * 3 * count),
+        elements=elements,
         **link_fields(links, stretch),
     )
-    return Compiled3d(arrays, tuple(names[:count]), tuple(link.name for link in links))
+    kept = tuple(link.name for link in links)
+    return Compiled3d(arrays, tuple(names[:count]), kept, tissues)
 
 
 def port_places(network: Network3d, axes_at: Sequence[float]) -> list[Vector]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tautwave.scene.ledger import Ledger, add_links
 from tautwave.scene3d.arrays import Arrays3d
+from tautwave.scene3d.straining import strain_energies
 
 
 def take_ledger3d(s: Arrays3d) -> Ledger:
@@ -33,4 +34,17 @@ def tally3d(s: Arrays3d) -> tuple[float, float, float, float, float, float, floa
         dragged += s.dragged[m]
         mass_numeric += s.mass_numeric[m]
         pumped += s.pumped[m]
-    return add_links(s, kinetic, lifted, dragged, mass_numeric, pumped)
+    energies = add_links(s, kinetic, lifted, dragged, mass_numeric, pumped)
+    if s.elements.size[0] == 0:
+        return energies
+    kept, burnt = strain_energies(s)
+    return (
+        energies[0],
+        energies[1] + kept,
+        energies[2],
+        energies[3] + burnt,
+        energies[4],
+        energies[5],
+        energies[6],
+        energies[7],
+    )

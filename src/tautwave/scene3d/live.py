@@ -10,7 +10,7 @@ from tautwave.scene.ledger import Ledger, element_books
 from tautwave.scene3d.arrays import Compiled3d, compile_network3d
 from tautwave.scene3d.ledger import kinetic_energy, take_ledger3d
 from tautwave.scene3d.network import Network3d
-from tautwave.scene3d.solving import step_gradient3d
+from tautwave.scene3d.solving import NEWTON, ONE, step_gradient3d
 from tautwave.scene3d.stepping import (
     axis_effort,
     move_port3d,
@@ -20,7 +20,8 @@ from tautwave.scene3d.stepping import (
 )
 from tautwave.scene3d.tension import jump_links, length_of, link_way
 
-SPACE_SCHEMES = ("symplectic", "discrete_gradient")
+SPACE_SCHEMES = ("symplectic", "discrete_gradient", "linearly_implicit")
+ITERATIONS = {"discrete_gradient": NEWTON, "linearly_implicit": ONE}
 
 
 class Model3d:
@@ -99,7 +100,7 @@ class Model3d:
         for port in self._ports:
             place_port(s, port, places, period)
             jump_links(s, port)
-        step_gradient3d(s, period)
+        step_gradient3d(s, period, ITERATIONS[self.scheme])
         if self.keep_books:
             self.booked = self.ledger()
         return [axis_effort(s, axis) for axis in self._axes]
@@ -137,9 +138,13 @@ class Model3d:
         return self.ledger().residual(self.start)
 
     def elements(self) -> dict[str, dict[str, float]]:
-        """Return the account of every mass, link and port [J], by name."""
+        """Return the account of every mass, link, tissue and port [J], by name."""
         s = self.arrays
         accounts = element_books(s, self.compiled.masses, self.compiled.links, kinetic_energy)
+        for e, name in enumerate(self.compiled.tissues):
+            account = accounts.setdefault(name, {"stored": 0.0, "lost": 0.0})
+            account["stored"] += s.elements.kept[e]
+            account["lost"] += s.elements.burnt[e]
         for port in self._ports:
             accounts[self.network.ports[port].name] = {"work": s.port_work[port]}
         return accounts

@@ -8,6 +8,7 @@ acts along its line. Power laws, contacts, plastic links and friction are not in
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy.typing as npt
 
 from tautwave.models.interaction import BOW, CONTACT, FRICTION, PLASTIC, SPRING
 from tautwave.scene3d.arrays import Arrays3d
+from tautwave.scene3d.straining import element_matrix
 from tautwave.scene3d.tension import length_of, link_way
 
 Matrix = npt.NDArray[np.float64]
@@ -23,13 +25,15 @@ Matrix = npt.NDArray[np.float64]
 class Tangent(NamedTuple):
     """Over the coordinates of masses and ports, 3 (n + p): `damping`, `stiffness`; `mass` (3 n).
 
-    `ways` (3 p, q) maps positions of the axes to those of the ports.
+    `ways` (3 p, q) maps positions of the axes to those of the ports. `branches` are times [s] and
+    stiffnesses (3 n, 3 n) of the parts of tissues that relax; `stiffness` is without them.
     """
 
     mass: Matrix
     damping: Matrix
     stiffness: Matrix
     ways: Matrix
+    branches: tuple[tuple[float, Matrix], ...] = ()
 
 
 def tangent(s: Arrays3d) -> Tangent:
@@ -54,11 +58,46 @@ def tangent(s: Arrays3d) -> Tangent:
                     at = np.ix_(range(3 * row, 3 * row + 3), range(3 * column, 3 * column + 3))
                     stiffness[at] += one * two * of_link
                     damping[at] += one * two * s.z[i] * along
+    own = 3 * s.count[0]
+    elements = range(s.elements.size[0])
+    stiffness[:own, :own] += _of_elements(s, dict.fromkeys(elements, (1.0, 1.0)))
+    damping[:own, :own] += _of_elements(s, {e: (s.elements.viscous[e], 0.0) for e in elements})
     ways = np.zeros((3 * s.count[1], s.count[3]))
     for axis in range(s.count[3]):
         for c in range(3):
             ways[3 * s.axis_port[axis] + c, axis] = s.axis_way[3 * axis + c]
-    return Tangent(np.repeat(np.asarray(s.mass, np.float64), 3), damping, stiffness, ways)
+    masses = np.repeat(np.asarray(s.mass, np.float64), 3)
+    return Tangent(masses, damping, stiffness, ways, tuple(_relaxing(s)))
+
+
+def _relaxing(s: Arrays3d) -> Iterator[tuple[float, Matrix]]:
+    """Yield each time in which parts of tissues relax, and their stiffness."""
+    found: dict[float, dict[int, tuple[float, float]]] = {}
+    for e in range(s.elements.size[0]):
+        for j in range(e * s.elements.size[1], (e + 1) * s.elements.size[1]):
+            if s.elements.share[j] > 0.0:
+                of_time = found.setdefault(s.elements.relax[j], {})
+                of_time[e] = (of_time.get(e, (0.0, 0.0))[0] + s.elements.share[j], 0.0)
+    for time, shares in found.items():
+        yield time, _of_elements(s, shares)
+
+
+def _of_elements(s: Arrays3d, factors: Mapping[int, tuple[float, float]]) -> Matrix:
+    """Return the sum of elements' matrices (3 n, 3 n); see `element_matrix` for the factors."""
+    t, n = s.elements, s.count[0]
+    whole = np.zeros((3 * n, 3 * n))
+    if not factors:
+        return whole
+    for at in range(len(t.tangent)):
+        t.tangent[at] = 0.0
+    for e, (kappa, bend) in factors.items():
+        element_matrix(s, e, kappa, bend)
+    for m in range(n):
+        for j in range(t.row[m], t.row[m + 1]):
+            other = t.column[j]
+            block = np.array(t.tangent[9 * j : 9 * j + 9]).reshape(3, 3)
+            whole[3 * m : 3 * m + 3, 3 * other : 3 * other + 3] = block
+    return whole
 
 
 def symplectic_share(s: Arrays3d, period: float) -> float:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from tautwave.scene.network import GROUND, Link, Mass, Network
 from tautwave.scene.pruning import prune
+from tautwave.scene3d.elements import Element
 
 Vector = tuple[float, float, float]
 ORIGIN: Vector = (0.0, 0.0, 0.0)
@@ -42,7 +43,8 @@ class Port3d(NamedTuple):
 class Network3d(NamedTuple):
     """Masses, links, ports and grounds (name, position [m]); `gravity` [m/s**2] is a vector.
 
-    `forced` are masses and the unit vectors of their external forces.
+    `forced` are masses and the unit vectors of their external forces; `elements` tetrahedra of
+    tissue between masses and grounds.
     """
 
     masses: tuple[Mass3d, ...]
@@ -52,6 +54,7 @@ class Network3d(NamedTuple):
     forced: tuple[tuple[str, Vector], ...] = ()
     recorded: tuple[str, ...] = ()
     gravity: Vector = ORIGIN
+    elements: tuple[Element, ...] = ()
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -72,11 +75,30 @@ def unit(vector: Vector) -> Vector:
     return (vector[0] / size, vector[1] / size, vector[2] / size) if size > 0.0 else ORIGIN
 
 
+BOND = "tissue "
+"""Begins the name of what stands for a tissue between two of its nodes in a skeleton."""
+
+
+def bonds(network: Network3d) -> tuple[Link, ...]:
+    """Return links that join the nodes of every tissue, each to the first of it that can move."""
+    fixed = {name for name, _ in network.grounds}
+    found: dict[str, dict[str, None]] = {}
+    for element in network.elements:
+        found.setdefault(element.tissue, {}).update(dict.fromkeys(element.corners))
+    return tuple(
+        Link(f"{BOND}{tissue} {name}", "spring", first, name, 1.0)
+        for tissue, nodes in found.items()
+        for first in [next((name for name in nodes if name not in fixed), "")]
+        for name in nodes
+        if first and name != first
+    )
+
+
 def skeleton(network: Network3d) -> Network:
     """Return the one-dimensional network with the same names, masses and links."""
     return Network(
         tuple(Mass(mass.name, mass.mass) for mass in network.masses),
-        network.links,
+        network.links + bonds(network),
         tuple(port.name for port in network.ports),
         tuple((name, 0.0) for name, _ in network.grounds),
         tuple(dict.fromkeys(name for name, _ in network.forced)),
@@ -92,10 +114,12 @@ def prune_network3d(network: Network3d, *, merge: bool = True) -> Pruned3d:
     small, left_out = prune(skeleton(network), merge=merge)
     masses = {mass.name for mass in small.masses}
     grounds = {name for name, _ in small.grounds}
+    nodes = masses | grounds
     kept = network._replace(
         masses=tuple(mass for mass in network.masses if mass.name in masses),
-        links=small.links,
+        links=tuple(link for link in small.links if not link.name.startswith(BOND)),
+        elements=tuple(e for e in network.elements if nodes.issuperset(e.corners)),
         grounds=tuple(ground for ground in network.grounds if ground[0] in grounds),
         forced=tuple(force for force in network.forced if force[0] in masses),
     )
-    return Pruned3d(kept, left_out)
+    return Pruned3d(kept, tuple(line for line in left_out if not line.startswith(f"link {BOND}")))

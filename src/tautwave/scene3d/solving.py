@@ -8,6 +8,10 @@ in a short step inertia dominates every smooth force. The last resort, for a 64t
 converge, is s = 0: all velocities of the island are reversed in place, as at a wall. That creates
 no energy.
 
+With one iteration (`ONE`) the step is linearly implicit: one linear solve from the movement without
+links, whatever its residual. The residual times the movement is the energy that this created, and
+is booked as `numeric` of the masses.
+
 Scratch rows of `work`, 3 n numbers each: 0 movement, 1 residual, 2 diagonal, 3 direction, 4 rest,
 5 Jacobian times 10, 6 correction, 7 movement without links, 8 first rest, 9 as 5 for the second
 half, 10 preconditioned. Plain Python on lists, or compiled by numba.
@@ -18,9 +22,17 @@ from __future__ import annotations
 import math
 
 from tautwave.scene3d.arrays import Arrays3d
+from tautwave.scene3d.straining import (
+    add_diagonal,
+    commit_elements,
+    pull_elements,
+    shape_matrix,
+    times_elements,
+)
 from tautwave.scene3d.tension import book_link3d, pull_link
 
 NEWTON = 30
+ONE = 1
 PIECES = 64
 _DONE = 5e-16
 _FLOOR = 1e-12
@@ -28,8 +40,17 @@ _INNER = 1e-8
 """Squared tolerance of the inner equations, relative to their initial residual."""
 
 
-def step_gradient3d(s: Arrays3d, period: float) -> int:
+def step_gradient3d(s: Arrays3d, period: float, newton: int) -> int:
     """Advance all masses by one step [s]; `force` then holds the mean force of the links in it.
+
+    Parameters
+    ----------
+    s : Arrays3d
+        The network.
+    period : float
+        T [s].
+    newton : int
+        Greatest number of iterations: NEWTON, or ONE.
 
     Returns
     -------
@@ -47,13 +68,15 @@ def step_gradient3d(s: Arrays3d, period: float) -> int:
         tries = 0
         while done < PIECES:
             share = size / PIECES
-            count, solved = solve_step3d(s, first, last, share * period)
+            count, solved = solve_step3d(s, first, last, share * period, newton)
             tries += count
             if not solved and size > 1:
                 size = size // 2
                 continue
             if not solved:
                 turn_round(s, first, last, share * period)
+            if newton == ONE:
+                book_defect(s, first, last)
             commit_step3d(s, first, last, share * period, share)
             done += size
         if tries > most:
@@ -112,6 +135,9 @@ def residual_of(s: Arrays3d, first: int, last: int, period: float) -> tuple[floa
                 if two < n:
                     work[n + two + c] -= part
                     work[2 * n + two + c] += slope
+    strained = pull_elements(s, first, last, period)
+    if strained > scale:
+        scale = strained
     for at in range(first, last):
         m = s.islands[at]
         base = _base(s, m, period)
@@ -167,6 +193,7 @@ def _times(s: Arrays3d, first: int, last: int, period: float, given: int, to: in
                 work[to * n + two] -= px
                 work[to * n + two + 1] -= py
                 work[to * n + two + 2] -= pz
+    times_elements(s, first, last, 10, to)
 
 
 def _dot(s: Arrays3d, first: int, last: int, one: int, two: int) -> float:
@@ -230,8 +257,12 @@ def correct(s: Arrays3d, first: int, last: int, period: float) -> None:
                 work[3 * n + c] = work[4 * n + c] + share * old
 
 
-def solve_step3d(s: Arrays3d, first: int, last: int, period: float) -> tuple[int, bool]:
+def solve_step3d(
+    s: Arrays3d, first: int, last: int, period: float, newton: int
+) -> tuple[int, bool]:
     """Find the movement of the masses islands[first:last] without moving them.
+
+    `newton` is the greatest number of iterations; the only one of ONE always counts as converged.
 
     Returns
     -------
@@ -250,13 +281,15 @@ def solve_step3d(s: Arrays3d, first: int, last: int, period: float) -> tuple[int
             work[7 * n + c] = free
     worst, scale = residual_of(s, first, last, period)
     tries = 0
-    while tries < NEWTON and not worst <= _DONE * scale:
+    while tries < newton and not worst <= _DONE * scale:
         tries += 1
+        shape_matrix(s, first, last, period)
+        add_diagonal(s, first, last)
         correct(s, first, last, period)
         before = worst
         _move(s, first, last, 1.0)
         worst, scale = residual_of(s, first, last, period)
-        if worst < before:
+        if worst < before or newton == ONE:
             continue
         back = 1.0
         for _ in range(10):  # overshoot: halve the step until the residual falls
@@ -271,6 +304,8 @@ def solve_step3d(s: Arrays3d, first: int, last: int, period: float) -> tuple[int
             _move(s, first, last, -back)
             worst, scale = residual_of(s, first, last, period)
             break
+    if newton == ONE:
+        return tries, worst < math.inf
     return tries, worst <= _FLOOR * scale
 
 
@@ -295,6 +330,15 @@ def turn_round(s: Arrays3d, first: int, last: int, period: float) -> None:
     residual_of(s, first, last, period)
 
 
+def book_defect(s: Arrays3d, first: int, last: int) -> None:
+    """Book the energy that a residual creates: its work in the movement [J]."""
+    n = 3 * s.count[0]
+    for at in range(first, last):
+        m = s.islands[at]
+        for c in range(3 * m, 3 * m + 3):
+            s.mass_numeric[m] += s.work[n + c] * s.work[c]
+
+
 def commit_step3d(s: Arrays3d, first: int, last: int, period: float, share: float) -> None:
     """Move the masses islands[first:last] by the solution, and book their links."""
     for at in range(first, last):
@@ -311,3 +355,4 @@ def commit_step3d(s: Arrays3d, first: int, last: int, period: float, share: floa
             i = s.links_of[j]
             if _owned(s, i, m):
                 book_link3d(s, i, period, share)
+    commit_elements(s, first, last, period)

@@ -98,6 +98,11 @@ def _scene3d(rig: Rig) -> Iterator[PlanItem]:
     yield _item(f"scheme {keys.scheme}", True, "of the scene, in three dimensions")
     size = f"{len(network.masses)} masses, {len(network.links)} links"
     yield _item("scene", True, size)
+    for name, body in keys.tissues.items():
+        count = sum(element.tissue == name for element in network.elements)
+        relax = ", ".join(f"{b.share:g} in {b.time_s:g} s" for b in body.branches)
+        what = f"{count} tetrahedra of {body.young:g} Pa" + (f", relaxing {relax}" if relax else "")
+        yield _item(f"tissue {name}", count > 0, what, "no port feels it")
     for name, port in keys.ports.items():
         yield _item(f"port {name}", True, f"moved by {', '.join(keys.axes_of(name))}")
         why = "" if port.stiffness is None else f"k_c {port.stiffness:g} to {port.to}"

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 STYLES: dict[str, tuple[str, str]] = {
     "exact": (canvas.INK, "D"),
     "discrete_gradient": (canvas.MASTER, "o"),
+    "linearly_implicit": (canvas.LINE, "h"),
     "symplectic_euler": (canvas.SLAVE, "s"),
     "implicit_midpoint": (canvas.WALL, "^"),
     "rk4": (canvas.LINE, "v"),

@@ -1,6 +1,6 @@
 """Error against run time: every scene, every scheme, step sizes over decades, and the peers.
 
-Contacts and a resonator with closed forms; the shipped teleoperation rigs; the shipped scenes.
+Contacts and a resonator with closed forms; the shipped teleoperation rigs and scenes; tissue.
 
 Compiling is not part of any figure. Times are CPU times of the best undisturbed run.
 """
@@ -31,6 +31,12 @@ from tautwave.bench.workprecision.rig import (
 )
 from tautwave.bench.workprecision.scene_points import network_scene
 from tautwave.bench.workprecision.scenes import SCENES
+from tautwave.bench.workprecision.tissue import (
+    rate_goals,
+    rate_table,
+    rates,
+    tissue_scene,
+)
 from tautwave.errors import ConfigError, WritingError
 from tautwave.simulation.kernel.schemes import with_scheme
 
@@ -53,6 +59,8 @@ _PEER_TOLERANCES = {False: (1e-3, 1e-6, 1e-9), True: (1e-2, 1e-4, 1e-6, 1e-8, 1e
 _PEER_COUNTS = {False: (9, 31, 101, 1009), True: (9, 31, 101, 331, 1009, 3301)}
 _MUJOCO_SUBSTEPS = {False: (1, 10, 100), True: (1, 2, 5, 10, 20, 50, 100)}
 _DURATION_S = {False: 4.0, True: 10.0}
+_TISSUE = {False: (4e-3, 1e-3, 2.5e-4), True: (8e-3, 4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4)}
+_TISSUE_S = {False: 0.2, True: 1.0}
 _ROUNDS = {False: 4, True: 6}
 
 Tell = Callable[[str], None]
@@ -92,17 +100,21 @@ def workprecision(
     if not has_numba():
         raise ConfigError(NO_NUMBA)
     scenes = list(_scenes(full, max_error, tell))
+    tell("tissue, rates")
+    in_real_time = rates(_TISSUE_S[full])
     charges = list(workprecision_plain.charges(scenes, _ROUNDS[full]))
     suite = Suite(
         "workprecision",
         [
             *(_scene_table(scene, max_error) for scene in scenes),
+            rate_table(in_real_time),
             _peer_table(scenes),
             workprecision_plain.mujoco_table(charges),
         ],
         [
             *workprecision_plain.mujoco_goals(charges),
             *(goal for scene in scenes for goal in _peer_goals(scene)),
+            *rate_goals(in_real_time),
         ],
     )
     if out is not None:
@@ -155,6 +167,8 @@ def _scenes(full: bool, max_error: float, tell: Tell) -> Iterable[Scene]:
     for shipped in SCENES:
         tell(f"{shipped.name} (numba compiles for half a minute where it has not yet)")
         yield _with_peers(network_scene(shipped, full, max_error, rounds, coarse))
+    tell("tissue")
+    yield tissue_scene(_TISSUE[full], max_error)
 
 
 def _with_peers(scene: Scene, *more: Iterable[Point]) -> Scene:

@@ -34,11 +34,20 @@ def network3d_map(
     k, kp, kpp = _blocks(near.stiffness, n, ways)
     z, zp, zpp = _blocks(near.damping, n, ways)
     mass, eye = np.diag(near.mass), np.eye(n)
-    # Over (x, v, last q, q); a port's speed is its axes' motion since the last sample.
-    rate = np.hstack([np.zeros((axes, 2 * n)), -np.eye(axes) / period, np.eye(axes) / period])
-    place = np.hstack([np.zeros((axes, 2 * n + axes)), np.eye(axes)])
-    at = np.hstack([eye, np.zeros((n, n + 2 * axes))])
-    speed = np.hstack([np.zeros((n, n)), eye, np.zeros((n, 2 * axes))])
+    # Over (x, v, strained, last q, q); a port's speed is its axes' motion since the last sample.
+    # What a relaxing part is strained by lags behind x.
+    own = (2 + len(near.branches)) * n
+    rate = np.hstack([np.zeros((axes, own)), -np.eye(axes) / period, np.eye(axes) / period])
+    place = np.hstack([np.zeros((axes, own + axes)), np.eye(axes)])
+    at, speed, *strained = (
+        (
+            np.hstack([np.zeros((n, first)), eye, np.zeros((n, own - n - first + 2 * axes))])
+            for first in range(0, own, n or 1)
+        )
+        if n
+        else (np.zeros((0, 2 * axes)), np.zeros((0, 2 * axes)))
+    )
+    after = []
     if scheme == "symplectic":
         pull = k @ at + kp @ place + z @ speed + zp @ rate
         faster = speed - period * pull / near.mass[:, None]
@@ -47,11 +56,19 @@ def network3d_map(
     else:
         whole = 2.0 * mass / period**2 + z / period + 0.5 * k
         given = 2.0 * mass @ speed / period - k @ at - kp @ place - zp @ rate
+        eased = [1.0 / (1.0 + 0.5 * period / time) for time, _ in near.branches]
+        for (_, stiff), part, ease in zip(near.branches, strained, eased, strict=True):
+            whole = whole + 0.5 * ease * stiff
+            given = given - ease * stiff @ part
         moved = np.asarray(np.linalg.solve(whole, given), np.float64)
         faster = 2.0 * moved / period - speed
+        after = [
+            2.0 * ease * (part + 0.5 * moved) - part
+            for part, ease in zip(strained, eased, strict=True)
+        ]
         effort = kp.T @ (at + 0.5 * moved) + kpp @ place + zp.T @ moved / period + zpp @ rate
-    whole = np.vstack([at + moved, faster, place])
-    size = 2 * n + axes
+    whole = np.vstack([at + moved, faster, *after, place])
+    size = own + axes
     return PortMap(whole[:, :size], whole[:, size:], effort[:, :size], effort[:, size:], period)
 
 

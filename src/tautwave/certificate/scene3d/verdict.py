@@ -128,6 +128,17 @@ class _Scene:
                 "small: no theorem bounds it; a run measures it (scene.hold) and stops beyond "
                 f"{self.limit:.4g} J"
             )
+        if self.network.elements:
+            conditions.append(
+                "what the tissue does as it turns and strains away from the start position stays "
+                "small: no theorem bounds it sampled; a run measures it (scene.hold) and stops "
+                f"beyond {self.limit:.4g} J"
+            )
+        if self.scheme == "linearly_implicit":
+            conditions.append(
+                "the energy that one linear solve a step creates (scene.numeric) stays small: a "
+                f"run books it, and stops beyond {self.limit:.4g} J"
+            )
         share = symplectic_share(self.arrays, self.rig.period_s)
         if self.scheme == "symplectic" and share >= 1.0:
             rate = _rate_for(self.arrays, self.rig.rate_hz)
@@ -170,6 +181,7 @@ def _network(scene: _Scene) -> Element:
     numbers = {
         "masses": float(len(network.masses)),
         "links": float(len(network.links)),
+        "tetrahedra": float(len(network.elements)),
         "least_stiffness_per_mass": scene.least,
         "symplectic_share": symplectic_share(scene.arrays, scene.rig.period_s),
     }
@@ -177,8 +189,9 @@ def _network(scene: _Scene) -> Element:
     if verdict is None:
         verdict = Verdict(
             True,
-            "network: every link has a potential or only dissipates, along its line, so the "
-            "network is passive in continuous time at any position"
+            "network: every link has a potential or only dissipates, along its line, "
+            + ("every tetrahedron has a potential and dissipates, " if network.elements else "")
+            + "so the network is passive in continuous time at any position"
             + ("." if network.gravity == (0.0, 0.0, 0.0) else ", except for the work of gravity."),
         )
     return Element("network", "network", "scene", verdict, verdict, numbers, (verdict.reason,))

@@ -8,10 +8,12 @@ from typing import Any
 
 from tautwave.config.checks.scene import check_between, named_ends
 from tautwave.config.inputs.sounds import check_sound
-from tautwave.config.keys.scene3d import Scene3d
+from tautwave.config.keys.scene3d import Scene3d, mesh_of
 from tautwave.config.pieces import Parts
 from tautwave.config.text.document import Document, nearest, show_path
 from tautwave.config.text.yaml12 import KeyPath
+from tautwave.errors import ConfigError
+from tautwave.models.tissue.mesh import on_faces, shape_of
 
 GROUND = "ground"
 SPACE_ONLY = ("directions", "axes", "normal", "direction", "rows", "row_spacing", "clamped")
@@ -50,7 +52,9 @@ def _spatial(scene: dict[str, Any]) -> Iterator[KeyPath]:
 
 def check_scene3d(document: Document, parts: Parts, scene: Scene3d) -> None:
     """Note mistakes between the blocks of a 3D scene, each of which is valid on its own."""
-    known = [*scene.masses, *scene.ports, GROUND, *scene.grounds]
+    if not _check_tissues(document, scene):
+        return
+    known = [*scene.masses, *scene.tissues, *scene.ports, GROUND, *scene.grounds]
     _check_names(document, scene)
     touched: set[str] = set()
     for path, name in named_ends(scene):
@@ -58,7 +62,11 @@ def check_scene3d(document: Document, parts: Parts, scene: Scene3d) -> None:
         if scene.group_of(name) not in known:
             hint = nearest(name, known) or "."
             document.report(path, f"unknown node {name!r}{hint} Nodes: {', '.join(known)}")
-    for kind, block in (("masses", scene.masses), ("ports", scene.ports)):
+    for kind, block in (
+        ("masses", scene.masses),
+        ("tissues", scene.tissues),
+        ("ports", scene.ports),
+    ):
         for name in block:
             if name not in touched:
                 document.report(("scene", kind, name), "no link ends at it; add one, or remove it")
@@ -70,15 +78,45 @@ def check_scene3d(document: Document, parts: Parts, scene: Scene3d) -> None:
             document.report(("buses", bus, "divisor"), "a scene runs at a single rate; remove it")
 
 
+def _check_tissues(document: Document, scene: Scene3d) -> bool:
+    """Return whether every tissue has a mesh; note those that have none, or a bad one."""
+    good = True
+    for name, keys in scene.tissues.items():
+        path: KeyPath = ("scene", "tissues", name)
+        if (keys.block is None) == (keys.mesh is None):
+            document.report(path, "give either block or mesh")
+            good = False
+            continue
+        try:
+            mesh = mesh_of(keys)
+            for number, corners in enumerate(mesh.tetrahedra):
+                shape_of([mesh.nodes[node] for node in corners], f"tetrahedron {number + 1}")
+        except (ConfigError, ValueError) as err:
+            document.report((*path, "block" if keys.mesh is None else "mesh"), str(err))
+            good = False
+            continue
+        if len(on_faces(mesh, keys.clamped)) == len(mesh.nodes):
+            document.report((*path, "clamped"), "every node is fixed; clamp fewer faces")
+            good = False
+    if scene.tissues and scene.scheme == "symplectic":
+        document.report(
+            ("scene", "scheme"),
+            "symplectic does not run tissues; use discrete_gradient or linearly_implicit",
+        )
+    return good
+
+
 def _check_names(document: Document, scene: Scene3d) -> None:
     seen = {GROUND}
     for kind, block in (
         ("masses", scene.masses),
+        ("tissues", scene.tissues),
         ("ports", scene.ports),
         ("grounds", scene.grounds),
     ):
         for name in block:
-            nodes = {name, *scene.nodes_of(name)} if kind == "masses" else {name}
+            grouped = kind in ("masses", "tissues")
+            nodes = {name, *scene.nodes_of(name)} if grouped else {name}
             for node in sorted(nodes & seen)[:1]:
                 document.report(("scene", kind, name), f"another node is named {node!r} already")
             seen |= nodes
@@ -89,6 +127,8 @@ def _check_links(document: Document, scene: Scene3d) -> None:
     for name, link in scene.links.items():
         check_between(document, scene, name)
         one, two = link.between
+        if link.chain and one in scene.tissues:
+            document.report(("scene", "links", name, "chain"), "only masses are linked in a row")
         still = {end for end in (one, two) if end in fixed or end in scene.rim_of(end)}
         if still == {one, two}:
             document.report(("scene", "links", name, "between"), "neither end can move")
@@ -187,16 +227,17 @@ def _check_directions(document: Document, scene: Scene3d, name: str) -> None:
 
 
 def _check_forces(document: Document, parts: Parts, scene: Scene3d) -> None:
-    listed = f"Masses: {', '.join(scene.masses) or 'none'}"
+    bodies = [*scene.masses, *scene.tissues]
+    listed = f"Masses: {', '.join(bodies) or 'none'}"
     for name, force in scene.forces.items():
         path: KeyPath = ("scene", "forces", name)
-        if scene.group_of(force.on) not in scene.masses:
-            hint = nearest(force.on, list(scene.masses)) or "."
+        if scene.group_of(force.on) not in bodies:
+            hint = nearest(force.on, bodies) or "."
             document.report((*path, "on"), f"no mass is named {force.on!r}{hint} {listed}")
         _check_length(document, (*path, "direction"), force.direction)
         if force.type == "sound" and parts.rate_hz is not None:
             check_sound(document, path, force, parts.rate_hz)
     for at, name in enumerate(scene.record):
-        if scene.group_of(name) not in scene.masses:
-            hint = nearest(name, list(scene.masses)) or "."
+        if scene.group_of(name) not in bodies:
+            hint = nearest(name, bodies) or "."
             document.report(("scene", "record", at), f"no mass is named {name!r}{hint} {listed}")

@@ -6,6 +6,8 @@ coordinate; z points upwards. Groups may have rows, which makes a net of them.
 
 from __future__ import annotations
 
+import functools
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -30,9 +32,13 @@ from tautwave.config.keys.scene import (
     SpringLink,
     TapForce,
 )
+from tautwave.errors import ConfigError
+from tautwave.models.tissue.gmsh import gmsh_mesh
+from tautwave.models.tissue.mesh import Mesh, block, on_faces, placed
 
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
+Count = Annotated[int, Field(ge=1, le=1000)]
 
 
 class Mass3d(Block):
@@ -54,6 +60,47 @@ class Mass3d(Block):
     damping: NonNegative = Field(default=0.0, description="[N s/m] Damping of each to ground.")
     clamped: bool = Field(
         default=False, description="Its rim is fixed: both ends of a row, all four sides of a net."
+    )
+
+
+class Cells(Block):
+    """A box cut into cells, each of five tetrahedra."""
+
+    size: tuple[Positive, Positive, Positive] = Field(description="[m] Edges along x, y and z.")
+    cells: tuple[Count, Count, Count] = Field(description="How many cells along each.")
+
+
+class Branch(Block):
+    """A spring in series with a damper, beside the tissue's own spring."""
+
+    share: Positive = Field(description="Its moduli, as a share of the tissue's own.")
+    time_s: Positive = Field(description="[s] Time in which its stress falls to 1/e.")
+
+
+class Tissue3d(Block):
+    """A soft body of tetrahedra that turn with their motion; its nodes are NAME1, NAME2, ..."""
+
+    block: Cells | None = Field(default=None, description="A box; or give `mesh`.")
+    mesh: str | None = Field(
+        default=None,
+        description="Gmsh file (.msh, format 2.2, ASCII) of tetrahedra; or give `block`.",
+    )
+    scale: Positive = Field(default=1.0, description="[m] Length of the mesh file's unit.")
+    position: Vector = Field(default=ZERO, description="[m] Where the mesh's origin is.")
+    young: Positive = Field(description="[Pa] Young's modulus, once all branches have relaxed.")
+    poisson: Annotated[float, Field(ge=0.0, le=0.49)] = Field(description="Poisson's ratio.")
+    density: Positive = Field(description="[kg/m^3] Density.")
+    viscous_s: NonNegative = Field(
+        default=0.0, description="[s] Damping inside, as a share of the stiffness."
+    )
+    branches: list[Branch] = Field(
+        default_factory=list, description="Relaxation: one for Kelvin and Boltzmann's solid."
+    )
+    damping: NonNegative = Field(
+        default=0.0, description="[1/s] Damping to ground, as a share of the mass."
+    )
+    clamped: list[Literal["-x", "+x", "-y", "+y", "-z", "+z"]] = Field(
+        default_factory=list, description="Faces of the box around it whose nodes are fixed."
     )
 
 
@@ -144,10 +191,11 @@ class Scene3d(Block):
     """A network of points in three dimensions under the hand."""
 
     dimension: Literal[3] = Field(description="3: points in space; leave it out for one dimension.")
-    scheme: Literal["symplectic", "discrete_gradient"] = Field(
+    scheme: Literal["symplectic", "discrete_gradient", "linearly_implicit"] = Field(
         default="discrete_gradient",
         description="symplectic: the standard one, w T < 2; discrete_gradient: keeps energy, "
-        "momentum and angular momentum at any stiffness.",
+        "momentum and angular momentum at any stiffness; linearly_implicit: the same with one "
+        "linear solve a step, what energy that creates is booked.",
     )
     engine: Literal["auto", "python", "compiled"] = Field(
         default="auto", description="Execution engine; results are bit-identical."
@@ -156,6 +204,9 @@ class Scene3d(Block):
         default=0.0, description="[m/s^2] A number: downward, along -z; or a vector."
     )
     masses: dict[Name, Mass3d] = Field(default_factory=dict, description="By name.")
+    tissues: dict[Name, Tissue3d] = Field(
+        default_factory=dict, description="Soft bodies of tetrahedra, by name."
+    )
     grounds: dict[Name, Vector] = Field(
         default_factory=dict, description="[m] Fixed nodes by name; `ground` is at the origin."
     )
@@ -177,6 +228,8 @@ class Scene3d(Block):
 
     def size_of(self, name: str) -> int:
         """Return how many nodes a name stands for."""
+        if name in self.tissues:
+            return len(mesh_of(self.tissues[name]).nodes)
         mass = self.masses.get(name)
         return 1 if mass is None else mass.count * mass.rows
 
@@ -198,6 +251,10 @@ class Scene3d(Block):
     def rim_of(self, name: str) -> set[str]:
         """Return the nodes of a group, or of a node's group, that are clamped."""
         name = self.group_of(name)
+        if name in self.tissues:
+            keys_of = self.tissues[name]
+            fixed = on_faces(mesh_of(keys_of), keys_of.clamped)
+            return {f"{name}{node + 1}" for node in fixed}
         keys = self.masses.get(name)
         if keys is None or not keys.clamped:
             return set()
@@ -217,6 +274,35 @@ class Scene3d(Block):
     def axes(self) -> list[str]:
         """Return the axes of all ports."""
         return [axis for name in self.ports for axis in self.axes_of(name)]
+
+
+def mesh_of(keys: Tissue3d) -> Mesh:
+    """Return the mesh of a tissue in the scene, of which either `block` or `mesh` is given.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, or is no mesh of tetrahedra.
+    """
+    if keys.mesh is not None:
+        path = Path(keys.mesh)
+        try:
+            mesh = _read_mesh(path, path.stat().st_mtime_ns)
+        except OSError as err:
+            raise ConfigError(f"{path.name} cannot be read: {err.strerror}") from err
+        except UnicodeDecodeError as err:
+            wanted = "save it from Gmsh as version 2 ASCII"
+            raise ConfigError(f"{path.name} is binary; {wanted}") from err
+        except ValueError as err:
+            raise ConfigError(str(err)) from err
+        return placed(mesh, keys.scale, keys.position)
+    assert keys.block is not None
+    return block(keys.block.size, keys.block.cells, keys.position)
+
+
+@functools.lru_cache(maxsize=8)
+def _read_mesh(path: Path, _: int) -> Mesh:
+    return gmsh_mesh(path.read_text(encoding="ascii"), path.name)
 
 
 def scene_kind(value: Any) -> str:

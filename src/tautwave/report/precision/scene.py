@@ -171,7 +171,14 @@ def _model(stage: Stage, period: float, inputs: Inputs, state: Any = None) -> Mo
 def _take_state(model: Model, other: Model) -> None:
     """Start a model in the state of another one with the same masses and links."""
     if not _strings(model):
-        model.arrays = type(other.arrays)(*(list(values) for values in other.arrays))
+        model.arrays = _copy(other.arrays)
+
+
+def _copy(arrays: Any) -> Any:
+    """Return arrays as lists of their own; those of tissues are a tuple of lists inside."""
+    return type(arrays)(
+        *(_copy(part) if isinstance(part, tuple) else list(part) for part in arrays)
+    )
 
 
 def _strings(model: Model) -> bool:
@@ -186,7 +193,7 @@ def _base(model: Model, inputs: Inputs, engine: str, seconds: float) -> tuple[Pl
     states: list[Any] = []
     spent = 0.0
     for first in range(0, len(inputs.ports), _BLOCK):
-        states.append(type(model.arrays)(*(list(values) for values in model.arrays)))
+        states.append(_copy(model.arrays))
         part = inputs.part(first, first + _BLOCK)
         parts.append(play(model, part.ports, part.pushes, engine=engine))
         spent += parts[-1].cpu_s

@@ -1,7 +1,8 @@
 """A 3D scene as a picture, seen obliquely from above, and as an animation (GIF).
 
-Threads turn from grey to orange as they stretch; a contact is drawn as its ball or plane, on the
-port or mass that has it. Nearer objects are drawn later. Pillow, as for scenes of one dimension.
+Threads and the skin of tissues turn from grey to orange as they stretch; a contact is drawn as its
+ball or plane, on the port or mass that has it. Nearer objects are drawn later. Pillow, as for
+scenes of one dimension.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from tautwave.report.scene.drawing import (
     save_frames,
     still_png,
 )
+from tautwave.report.scene3d.tissue import Triangle, edges_at_rest, strain_of, surface_of
 from tautwave.report.scene3d.view import View3d, project
 
 DRAWN = ("spring", "nonlinear", "plastic", "damper")
@@ -38,6 +40,7 @@ class _Frame(NamedTuple):
     """Scale from metres to pixels, range of stretch, balls by node, corners of planes.
 
     `height` is the picture's [pixel of the animation]: a tall scene gets a tall picture.
+    `skin` are the triangles of tissues, `rest` their edges [m], `worst` their greatest strain.
     """
 
     left: float
@@ -48,6 +51,9 @@ class _Frame(NamedTuple):
     tight: float
     balls: dict[str, float]
     planes: list[Floats]
+    skin: list[Triangle]
+    rest: dict[frozenset[str], float]
+    worst: float
 
     def pixels(self, seen: Floats) -> tuple[float, float]:
         x = _MARGIN * WIDTH * OVER + (float(seen[0]) - self.left) * self.scale
@@ -77,6 +83,7 @@ def still3d(view: View3d, dark: bool) -> bytes:
 
 def _used(view: View3d) -> list[str]:
     used = {end for link in view.network.links for end in (link.a, link.b)}
+    used |= {node for element in view.network.elements for node in element.corners}
     return [name for name in view.at if name in used]
 
 
@@ -110,7 +117,14 @@ def _layout(view: View3d, rows: slice) -> _Frame:
     stretches = np.concatenate(drawn) if drawn else np.zeros(1)
     stretches = stretches[np.isfinite(stretches)]
     slack, tight = (float(stretches.min()), float(stretches.max())) if len(stretches) else (0, 0)
-    return _Frame(float(middle[0]), float(middle[1]), scale, height, slack, tight, balls, planes)
+    skin = [corners for corners in surface_of(view.network) if view.at.keys() >= set(corners)]
+    rest = edges_at_rest(view.network)
+    cut = {name: view.at[name][rows] for corners in skin for name in corners}
+    strains = [float(np.nanmax(strain_of(corners, cut, rest))) for corners in skin]
+    return _Frame(
+        *(float(middle[0]), float(middle[1]), scale, height, slack, tight, balls, planes),
+        *(skin, rest, max(strains, default=0.0)),
+    )
 
 
 def _lengths(view: View3d, a: str, b: str, rows: slice) -> Floats:
@@ -170,17 +184,32 @@ def _draw(view: View3d, frame: _Frame, row: int, title: str, hue: Colours = LIGH
             share = min(max(share, 0.0), 1.0)
             nearness = 0.5 * float(seen[link.a][2] + seen[link.b][2])
             shapes.append((nearness, "link", (link.a, link.b), share))
-    shapes += [(float(place[2]), "node", (name,), 0.0) for name, place in seen.items()]
+    now = {name: view.at[name][row : row + 1] for face in frame.skin for name in face}
+    for face in frame.skin:
+        if seen.keys() >= set(face):
+            share = float(strain_of(face, now, frame.rest)[0]) / (frame.worst or 1.0)
+            nearness = sum(float(seen[name][2]) for name in face) / 3.0
+            shapes.append((nearness, "skin", face, min(share, 1.0)))
+    inside = {name for face in frame.skin for name in face}
+    shapes += [
+        (float(place[2]), "node", (name,), 0.0)
+        for name, place in seen.items()
+        if name not in inside
+    ]
     ports = {port.name for port in view.network.ports}
     fixed = {name for name, _ in view.network.grounds}
     # A knot is a point: draw it small, so that knots do not hide the ball.
     dot = max(1.2, min(2.4, 12.0 / math.sqrt(max(len(seen), 1)))) * OVER
     for _, kind, names, share in sorted(shapes):
         ends = [frame.pixels(seen[name]) for name in names]
-        if kind == "link":
+        if kind in ("link", "skin"):
             colour = tuple(
                 round(one + share * (two - one)) for one, two in zip(slack, tight, strict=True)
             )
+        if kind == "skin":
+            pen.polygon(ends, fill=colour, outline=hue[EDGE], width=OVER)
+            continue
+        if kind == "link":
             pen.line(ends, fill=colour, width=round(1.5 * OVER))
             continue
         (x, y), name = ends[0], names[0]

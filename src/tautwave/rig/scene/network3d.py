@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tautwave.config import Link3d, Rig, Scene3d, Vector
+from tautwave.config.keys.scene3d import Tissue3d, mesh_of
+from tautwave.models.tissue.mesh import on_faces
 from tautwave.rig.scene.network import (
     coupling_springs,
     hold_account,
@@ -19,6 +21,7 @@ from tautwave.rig.truth import SEED_WORD
 from tautwave.runtime.scene.axes import MOST_NODES, SceneControl
 from tautwave.scene.network import GROUND, Link
 from tautwave.scene.signals import force_signal
+from tautwave.scene3d.elements import Element
 from tautwave.scene3d.live import Model3d
 from tautwave.scene3d.network import (
     ORIGIN,
@@ -30,6 +33,7 @@ from tautwave.scene3d.network import (
     prune_network3d,
     unit,
 )
+from tautwave.scene3d.tissue import Material, tissue_of
 from tautwave.types import CommandDelay
 
 
@@ -53,6 +57,13 @@ def whole_network3d(rig: Rig) -> Network3d:
                 grounds.append((node, place))
             else:
                 masses.append(Mass3d(node, keys.mass, place, keys.velocity, keys.damping))
+    elements: list[Element] = []
+    for name, body in scene.tissues.items():
+        mesh = mesh_of(body)
+        made = tissue_of(name, mesh, material_of(body), on_faces(mesh, body.clamped))
+        masses += made.masses
+        grounds += made.grounds
+        elements += made.elements
     links = [link for name, keys in scene.links.items() for link in _links(scene, name, keys)]
     links += coupling_springs(scene)
     moving = {mass.name for mass in masses}
@@ -81,7 +92,14 @@ def whole_network3d(rig: Rig) -> Network3d:
             node for name in scene.record for node in scene.nodes_of(name) if node in moving
         ),
         gravity=down if isinstance(down, tuple) else (0.0, 0.0, -down),
+        elements=tuple(elements),
     )
+
+
+def material_of(keys: Tissue3d) -> Material:
+    """Return the material of a tissue."""
+    branches = tuple((branch.share, branch.time_s) for branch in keys.branches)
+    return Material(keys.young, keys.poisson, keys.density, keys.viscous_s, branches, keys.damping)
 
 
 def pruned_network3d(rig: Rig) -> Pruned3d:

@@ -39,6 +39,7 @@ from tautwave.scene.schemes import tension as pulling
 from tautwave.scene3d import ledger as ledger3d
 from tautwave.scene3d import solving as solving3d
 from tautwave.scene3d import stepping as stepping3d
+from tautwave.scene3d import straining as straining3d
 from tautwave.scene3d import tension as tension3d
 from tautwave.simulation.kernel import device, records, rows
 from tautwave.simulation.kernel import run as kernel
@@ -53,7 +54,7 @@ CONTROLLER_MODULES = (
 )
 LINK_MODULES = (link_receiver, link_network, link_trace)
 KERNEL_MODULES = (*CONTROLLER_MODULES, *LINK_MODULES, records, device, rows, kernel, live_steps)
-MODULES_3D = (stepping3d, tension3d, solving3d, ledger3d, tick3d)
+MODULES_3D = (stepping3d, tension3d, straining3d, solving3d, ledger3d, tick3d)
 SCENE_MODULES = (
     *(stepping, pulling, islands, gradient, kutta, ledger, batch),
     *(network_steps, network_tick, hold, live_scene),

@@ -8,8 +8,9 @@ from __future__ import annotations
 from typing import Any
 
 from tautwave.scene3d.arrays import Arrays3d
+from tautwave.scene3d.elements import Elements
 from tautwave.scene3d.ledger import tally3d
-from tautwave.scene3d.solving import step_gradient3d
+from tautwave.scene3d.solving import NEWTON, ONE, step_gradient3d
 from tautwave.scene3d.stepping import (
     axis_effort,
     move_port3d,
@@ -21,6 +22,7 @@ from tautwave.scene3d.tension import jump_links
 
 SYMPLECTIC = 0
 GRADIENT = 1
+LINEARLY = 2
 
 
 def tick_network3d(f: Any, w: Any, at: Any, scheme: int, period: float) -> int:
@@ -29,13 +31,13 @@ def tick_network3d(f: Any, w: Any, at: Any, scheme: int, period: float) -> int:
     Parameters
     ----------
     f, w : floats, ints
-        The fields of `Arrays3d` in order, then the positions of the axes [m], the external forces
-        [N], their directions, the resisting efforts [N] and the ledger [J], which are filled, and
-        in `w` the indices of the pushed masses' velocities.
+        The fields of `Arrays3d` and of its `elements` in order, then the positions of the axes
+        [m], the external forces [N], their directions, the resisting efforts [N] and the ledger
+        [J], which are filled, and in `w` the indices of the pushed masses' velocities.
     at : (2 * fields,) ints
         Start and end of each field in its block.
     scheme : int
-        SYMPLECTIC or GRADIENT.
+        SYMPLECTIC, GRADIENT or LINEARLY.
     period : float
         T [s].
 
@@ -90,13 +92,37 @@ def tick_network3d(f: Any, w: Any, at: Any, scheme: int, period: float) -> int:
         f[at[84] : at[85]],
         f[at[86] : at[87]],
         f[at[88] : at[89]],
+        Elements(
+            w[at[90] : at[91]],
+            w[at[92] : at[93]],
+            w[at[94] : at[95]],
+            w[at[96] : at[97]],
+            w[at[98] : at[99]],
+            w[at[100] : at[101]],
+            f[at[102] : at[103]],
+            f[at[104] : at[105]],
+            f[at[106] : at[107]],
+            f[at[108] : at[109]],
+            f[at[110] : at[111]],
+            f[at[112] : at[113]],
+            f[at[114] : at[115]],
+            f[at[116] : at[117]],
+            f[at[118] : at[119]],
+            f[at[120] : at[121]],
+            f[at[122] : at[123]],
+            f[at[124] : at[125]],
+            f[at[126] : at[127]],
+            f[at[128] : at[129]],
+            f[at[130] : at[131]],
+            f[at[132] : at[133]],
+        ),
     )
-    axes_at = f[at[90] : at[91]]
-    pushes = f[at[92] : at[93]]
-    ways = f[at[94] : at[95]]
-    efforts = f[at[96] : at[97]]
-    ledger = f[at[98] : at[99]]
-    forced = w[at[100] : at[101]]
+    axes_at = f[at[134] : at[135]]
+    pushes = f[at[136] : at[137]]
+    ways = f[at[138] : at[139]]
+    efforts = f[at[140] : at[141]]
+    ledger = f[at[142] : at[143]]
+    forced = w[at[144] : at[145]]
     tries = 0
     for j in range(len(forced)):
         for c in range(3):
@@ -112,7 +138,7 @@ def tick_network3d(f: Any, w: Any, at: Any, scheme: int, period: float) -> int:
         for port in range(s.count[1]):
             place_port(s, port, axes_at, period)
             jump_links(s, port)
-        tries = step_gradient3d(s, period)
+        tries = step_gradient3d(s, period, ONE if scheme == LINEARLY else NEWTON)
     for axis in range(s.count[3]):
         efforts[axis] = axis_effort(s, axis)
     balance = tally3d(s)

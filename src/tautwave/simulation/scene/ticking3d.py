@@ -8,13 +8,18 @@ from typing import Any
 
 from tautwave.scene.ledger import Ledger
 from tautwave.scene3d.arrays import INDEX_FIELDS, Arrays3d
+from tautwave.scene3d.elements import Elements
 from tautwave.scene3d.live import Model3d
 from tautwave.scene3d.network import Network3d
 from tautwave.simulation.kernel import compiled
 from tautwave.simulation.kernel.blocks import lay_out, put
 from tautwave.simulation.scene import tick3d
 
-SCHEMES = {"symplectic": tick3d.SYMPLECTIC, "discrete_gradient": tick3d.GRADIENT}
+SCHEMES = {
+    "symplectic": tick3d.SYMPLECTIC,
+    "discrete_gradient": tick3d.GRADIENT,
+    "linearly_implicit": tick3d.LINEARLY,
+}
 
 
 @functools.cache
@@ -45,7 +50,7 @@ class CompiledModel3d(Model3d):
         super().reset(positions)
         axes = len(self.network.axes)
         given: dict[str, Any] = {
-            **self.arrays._asdict(),
+            **_numbers(self.arrays),
             "axes_at": list(positions),
             "pushes": [0.0] * len(self._forced),
             "ways": [part for _, way in self._forced for part in way],
@@ -55,7 +60,9 @@ class CompiledModel3d(Model3d):
         }
         blocks = lay_out(given, (*INDEX_FIELDS, "forced"))
         views = blocks.views
-        self.arrays = Arrays3d(*(views[name] for name in Arrays3d._fields))
+        elements = Elements(*(views[name] for name in Elements._fields))
+        own = {name: views[name] for name in Arrays3d._fields if name != "elements"}
+        self.arrays = Arrays3d(**own, elements=elements)
         self._axes_in, self._pushes = views["axes_at"], views["pushes"]
         self._efforts, self._ledger = views["efforts"], views["ledger"]
         number = SCHEMES[self.scheme]
@@ -63,9 +70,10 @@ class CompiledModel3d(Model3d):
 
     def take_state(self, model: Model3d) -> None:
         """Continue from the state of another model of the same network."""
-        for values, others in zip(self.arrays, model.arrays, strict=True):
-            for at, value in enumerate(others):
-                values[at] = value
+        own, others = _numbers(self.arrays), _numbers(model.arrays)
+        for name, values in others.items():
+            for at, value in enumerate(values):
+                own[name][at] = value
         self.start, self.booked = model.start, model.booked
 
     def advance(self, positions: Sequence[float], pushes: Sequence[float] = ()) -> list[float]:
@@ -75,3 +83,10 @@ class CompiledModel3d(Model3d):
         self._tick(*self._given)
         self.booked = Ledger(*self._ledger)
         return list(self._efforts)
+
+
+def _numbers(arrays: Arrays3d) -> dict[str, Any]:
+    """Return the lists of a network by name, those of its elements last."""
+    own = arrays._asdict()
+    elements: Elements = own.pop("elements")
+    return {**own, **elements._asdict()}

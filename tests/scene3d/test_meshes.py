@@ -1,0 +1,98 @@
+"""Mesh files of tissues, and keys of tissues that are refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tautwave.config import load_rig, parse_rig
+from tautwave.errors import ConfigError
+from tautwave.models.tissue.gmsh import gmsh_mesh
+from tautwave.models.tissue.mesh import block, shape_of
+from tautwave.rig.scene.network3d import pruned_network3d
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+BLOCK = "block: {size: [0.1, 0.02, 0.02], cells: [4, 1, 1]}"
+
+
+def gmsh(mesh, head="2.2 0 8", kind=4):
+    """Return a mesh as Gmsh writes it: a surface triangle first, numbers with a gap, one unused."""
+    nodes = [f"{7 * at + 3} {x!r} {y!r} {z!r}" for at, (x, y, z) in enumerate(mesh.nodes)]
+    nodes.append("1000 9 9 9")
+    lines = ["1 2 2 0 1 3 10 17"]
+    for at, corners in enumerate(mesh.tetrahedra):
+        numbers = [7 * node + 3 for node in corners]
+        if at % 2:
+            numbers[0], numbers[1] = numbers[1], numbers[0]  # inverted: to be righted
+        lines.append(f"{at + 2} {kind} 2 0 1 {' '.join(map(str, numbers))}")
+    parts = [("MeshFormat", [head]), ("Nodes", [str(len(nodes)), *nodes]),
+             ("Elements", [str(len(lines)), *lines])]  # fmt: skip
+    return "\n".join(line for name, body in parts for line in (f"${name}", *body, f"$End{name}"))
+
+
+def volumes(mesh):
+    return [shape_of([mesh.nodes[node] for node in one], "")[1] for one in mesh.tetrahedra]
+
+
+def test_a_gmsh_file_is_the_same_body(tmp_path):
+    mesh = block((0.1, 0.02, 0.02), (4, 1, 1))
+    found = gmsh_mesh(gmsh(mesh), "it.msh")
+    assert found.nodes == mesh.nodes
+    assert volumes(found) == pytest.approx(volumes(mesh), rel=1e-13)
+    (tmp_path / "beam.msh").write_text(gmsh(block((100.0, 20.0, 20.0), (4, 1, 1))))
+    text = (CONFIGS / "scene-tissue.yaml").read_text()
+    rig = parse_rig(text.replace(BLOCK, "mesh: beam.msh\n      scale: 0.001"), tmp_path / "r.yaml")
+    one, two = (
+        pruned_network3d(it).network for it in (rig, load_rig(CONFIGS / "scene-tissue.yaml"))
+    )
+    assert [m.mass for m in one.masses] == pytest.approx([m.mass for m in two.masses], rel=1e-12)
+    assert one.links == two.links
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t: t.replace("2.2 0 8", "4.1 0 8"), "format 4.1 0; save it from Gmsh as version 2"),
+        (lambda t: t.replace("2.2 0 8", "2.2 1 8"), "format 2.2 1"),
+        (lambda t: "solid cube", "format none"),
+        (lambda t: t.replace(" 4 2 0 1 ", " 5 2 0 1 "), "holds hexahedra: only linear tetrahedra"),
+        (lambda t: t.replace(" 4 2 0 1 ", " 11 2 0 1 "), "second-order tetrahedra"),
+        (lambda t: t.replace(" 4 2 0 1 ", " 2 2 0 1 "), "holds no tetrahedra"),
+        (lambda t: t.replace("3 0.0 0.0 0.0", "3 nan 0.0 0.0"), "node 3 is not finite"),
+        (lambda t: t.replace("3 0.0 0.0 0.0", "3 zero 0.0 0.0"), "is damaged"),
+        (lambda t: t[: t.index("$Elements") + 40], "cut off|damaged|no tetrahedra"),
+    ],
+)  # fmt: skip
+def test_other_meshes_are_refused_by_name(change, said):
+    with pytest.raises(ValueError, match=said):
+        gmsh_mesh(change(gmsh(block((1.0, 1.0, 1.0), (1, 1, 1)))), "it.msh")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ((BLOCK, "mesh: none.msh"), "none.msh cannot be read: No such file"),
+        ((BLOCK, "scale: 1"), "give either block or mesh"),
+        (("size: [0.1, 0.02, 0.02]", "size: [1.0, 0.02, 1.0e-9]"), "tetrahedron 1: it is flat"),
+        (("size: [0.1, 0.02, 0.02]", "size: [0.1, -0.02, 0.02]"), "greater than 0"),
+        (('clamped: ["-x"]', 'clamped: ["-x", "+x", "-z", "+z"]'), "every node is fixed"),
+        (("  gravity: 9.81", "  scheme: symplectic"), "symplectic does not run tissues"),
+        (("poisson: 0.4", "poisson: 0.5"), "less than or equal to 0.49"),
+        (("between: [probe, beam13]", "between: [beam, beam], chain: true"), "only masses are"),
+        (("between: [probe, beam13]", "between: [probe, beam21]"), "unknown node 'beam21'"),
+    ],
+)  # fmt: skip
+def test_wrong_keys_of_a_tissue_are_refused(change, said):
+    text = (CONFIGS / "scene-tissue.yaml").read_text()
+    assert change[0] in text
+    with pytest.raises(ConfigError, match=said):
+        parse_rig(text.replace(*change), CONFIGS / "it.yaml")
+
+
+def test_flat_inverted_and_infinite_tetrahedra_are_refused():
+    good = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    for corner, said in (((0.3, 0.3, 1e-9), "it is flat"), ((0.0, 0.0, -1.0), "it is inverted"),
+                         ((0.0, 0.0, float("nan")), "not all finite")):  # fmt: skip
+        with pytest.raises(ValueError, match=said):
+            shape_of((*good[:3], corner), "one")
