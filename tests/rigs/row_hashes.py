@@ -41,8 +41,9 @@ SHIPPED = tuple(
     for path in sorted((ROOT / "configs").glob("*.yaml"))
     if (simulated := path.read_text().partition("\nsimulation:")[2])
     and "\n  arm:\n" not in simulated
+    and "\n  tissues:\n" not in path.read_text()
 )
-"""Arms are left out: a cycle of theirs takes milliseconds, and sines decide its last bits."""
+"""Arms and tissues are left out: a cycle takes milliseconds, and sines decide an arm's last bits."""
 ENGINES = ("live", "compiled", "python")
 SHORT_S = 2.5
 """All of a run is simulated compiled; so much of it in Python."""

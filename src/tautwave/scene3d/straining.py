@@ -23,7 +23,7 @@ from tautwave.models.tissue.algebra import (
 from tautwave.models.tissue.element import mean_pull, strain_energy, stress
 from tautwave.scene3d.arrays import Arrays3d
 
-ROUNDING = 16.0
+ROUNDING = 1.0
 """Rounding of an element's force, in units of its force at a strain of 1."""
 
 

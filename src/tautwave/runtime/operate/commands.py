@@ -108,7 +108,7 @@ class Descriptor:
         except (OSError, ValueError):
             data = b""
         self._open = bool(data)
-        return self._read(data) if data else self._last
+        return self._read(data) if data else list(self._last)
 
 
 def read_keys(data: bytes) -> Sequence[Order]:
