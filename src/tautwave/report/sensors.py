@@ -22,11 +22,7 @@ SURELY = 1.5
 """Times the friction believed in, what a device at rest may hold at most."""
 
 LEAST_SHARE = 0.02
-<<<<<<< HEAD
-"""Of the effort limit, what it may hold at least: friction is not known better."""
-=======
 """Of the effort limit, what it may hold at least, whatever is believed."""
->>>>>>> main
 
 PLAY = 6.0
 """Standard deviations that positions of an axis at rest may lie apart."""
