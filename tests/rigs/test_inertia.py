@@ -150,6 +150,7 @@ def test_python_and_compiled_are_one_to_the_bit() -> None:
     built = load_rig(
         CONFIGS / "bench-position-coupling.yaml",
         [f"{side}.axes.lever.compensation={{inertia: 0.5, coulomb: 0.3}}" for side in SIDES]
+        + [f"{side}.axes.lever.velocity_limit=20" for side in SIDES]
         + ["buses.bench.options={command_delay_s: 0.0012}", "duration_s=0.3"],
     )
     rows = [simulate(built, engine=engine).data for engine in ("python", "compiled")]
