@@ -20,10 +20,9 @@ from tautwave.truth import ArmModel, AxisModel, PositionLoop
 from tautwave.types import JointState
 from tautwave_sim.loaded import ArmPhysics, JointPhysics, LoadedPhysics
 from tautwave_sim.physics import (
-    FoamPhysics,
+    ContactPhysics,
     ImposedPhysics,
     OutsidePhysics,
-    PartPhysics,
     Physics,
     PlantPhysics,
     PushedPhysics,
@@ -48,9 +47,9 @@ def make_physics(truth: AxisModel) -> Physics:
     if truth.servo is not None:
         return ServoPhysics(truth.servo, truth.start_position)
     if truth.part is not None:
-        return PartPhysics(truth.plant, truth.part, truth.start_position)
+        return ContactPhysics(truth.plant, truth.part, truth.start_position)
     if truth.foam is not None:
-        return FoamPhysics(truth.plant, truth.foam, truth.start_position)
+        return ContactPhysics(truth.plant, truth.foam, truth.start_position)
     return PlantPhysics(truth.plant, truth.period, truth.start_position)
 
 

@@ -5,7 +5,8 @@ All offer `step`, `stored` and `forces`; works and losses are running totals [J]
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any, Protocol
 
 from tautwave.models.foam import FoamParams, foam_forces, foam_stored
 from tautwave.models.integrators.schemes import integrate_step
@@ -74,12 +75,15 @@ class PlantPhysics:
         return plant_forces(self._params, self.x, self.v, reference, rate)
 
 
-class FoamPhysics:
-    """An impedance device at a contact, by the integrator its parameters name."""
+class ContactPhysics:
+    """An impedance device at a foam, by the integrator its parameters name, or at a part."""
 
-    def __init__(self, params: PlantParams, foam: FoamParams, x: float) -> None:
+    def __init__(self, params: PlantParams, contact: FoamParams | PartContact, x: float) -> None:
         self._params = params
-        self._foam = foam
+        self._contact: Any = contact
+        self._functions: tuple[Callable[..., Any], ...] = (part_step, part_stored, part_forces)
+        if isinstance(contact, FoamParams):
+            self._functions = (integrate_step, foam_stored, foam_forces)
         self.x = x
         self.v = 0.0
         self.hand_work = self.motor_work = 0.0
@@ -88,8 +92,8 @@ class FoamPhysics:
     def step(self, command: float, reference: float, rate: float, h: float) -> None:
         """Move by `h` under a held effort."""
         before = self.x
-        self.x, self.v, work, grip, viscous, coulomb, environment = integrate_step(
-            self._params, self._foam, before, self.v, command, reference, rate, h
+        self.x, self.v, work, grip, viscous, coulomb, environment = self._functions[0](
+            self._params, self._contact, before, self.v, command, reference, rate, h
         )
         self.motor_work += command * (self.x - before)
         self.hand_work += work
@@ -100,44 +104,17 @@ class FoamPhysics:
 
     def stored(self, reference: float) -> tuple[float, float, float]:
         """Return kinetic, grip and contact energy."""
-        return foam_stored(self._params, self._foam, self.x, self.v, reference)
+        found: tuple[float, float, float] = self._functions[1](
+            self._params, self._contact, self.x, self.v, reference
+        )
+        return found
 
     def forces(self, reference: float, rate: float) -> tuple[float, float]:
         """Return the efforts of hand and contact."""
-        return foam_forces(self._params, self._foam, self.x, self.v, reference, rate)
-
-
-class PartPhysics:
-    """An impedance device at an environment that is a part."""
-
-    def __init__(self, params: PlantParams, part: PartContact, x: float) -> None:
-        self._params = params
-        self._part = part
-        self.x = x
-        self.v = 0.0
-        self.hand_work = self.motor_work = 0.0
-        self.grip_loss = self.viscous_loss = self.coulomb_loss = self.environment_loss = 0.0
-
-    def step(self, command: float, reference: float, rate: float, h: float) -> None:
-        """Move by `h` under a held effort."""
-        before = self.x
-        self.x, self.v, work, grip, viscous, coulomb, environment = part_step(
-            self._params, self._part, before, self.v, command, reference, rate, h
+        found: tuple[float, float] = self._functions[2](
+            self._params, self._contact, self.x, self.v, reference, rate
         )
-        self.motor_work += command * (self.x - before)
-        self.hand_work += work
-        self.grip_loss += grip
-        self.viscous_loss += viscous
-        self.coulomb_loss += coulomb
-        self.environment_loss += environment
-
-    def stored(self, reference: float) -> tuple[float, float, float]:
-        """Return kinetic, grip and environment energy."""
-        return part_stored(self._params, self._part, self.x, self.v, reference)
-
-    def forces(self, reference: float, rate: float) -> tuple[float, float]:
-        """Return the efforts of hand and environment."""
-        return part_forces(self._params, self._part, self.x, self.v, reference, rate)
+        return found
 
 
 class ServoPhysics:

@@ -43,7 +43,7 @@ SHIPPED = tuple(
     and "\n  arm:\n" not in simulated
     and "\n  tissues:\n" not in path.read_text()
 )
-"""Arms and tissues are left out: a cycle takes milliseconds, and sines decide an arm's last bits."""
+"""Arms and tissues are left out: a cycle takes ms, and sines decide an arm's last bits."""
 ENGINES = ("live", "compiled", "python")
 SHORT_S = 2.5
 """All of a run is simulated compiled; so much of it in Python."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -20,6 +21,7 @@ from tests.session.newcomers import Newcomer, Talk, served, shows, wait_for
 
 MOVE_S = 0.15
 DAY = "runs/day"
+TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorials" / "two-arms.md"
 STALLS = ("--set", "loop.overrun_limit=200", "--set", "loop.missing_limit=200")
 """A machine under load is no fault here."""
 
@@ -112,17 +114,41 @@ def judged(me: Newcomer) -> None:
     assert re.search(r"^calibration:\n  file: ", rig, re.M)
 
 
+def page_commands() -> list[list[str]]:
+    """Return the commands of the tutorial, in its order."""
+    lines = TUTORIAL.read_text(encoding="utf-8").splitlines()
+    return [shlex.split(line)[1:] for line in lines if line.startswith("    tautwave ")]
+
+
 def two_arms(folder: Path, joints: int, model: str) -> Newcomer:
+    """Walk the tutorial by its own commands, with other ids and another model."""
     me = Newcomer(folder)
     sides = [list(range(base + 1, base + 1 + joints)) for base in (0, 10)]
     master, slave = (",".join(str(one) for one in side) for side in sides)
-    ids = f"{master},{slave}"
-    with served(folder, "dynamixel", "--model", model, "--ids", ids) as (hands, said):
-        line = f"--port {said['endpoint']} --baud 1000000 --protocol 2.0 --ids {ids}"
-        words = ("--bus", f"dynamixel {line}", "--master", master, "--slave", slave)
-        me.does("new", "arms.yaml", *words)
-        a_day(me, "arms.yaml", hands, sides, "--configure")
+    sim, new, calibrate, check, run, export = page_commands()
+    swap = {"11-16": slave, "1-6": master, "XL330-M077": model}
+
+    def mine(words: Sequence[str]) -> list[str]:
+        found = list(words)
+        for said, here in swap.items():
+            found = [word.replace(said, here) for word in found]
+        return found
+
+    assert sim.pop() == "--hand"
+    with served(folder, *mine(sim[1:])) as (hands, said):
+        swap["/dev/pts/5"] = said["endpoint"]
+        me.does(*mine(new))
+        rig = new[1]
+        assert calibrate[:2] == ["calibrate", rig]
+        assert (check, run) == (["check", rig], ["run", rig, "--view"])
+        assert (export[0], export[2:]) == ("export", ["--to", "csv"])
+        a_day(me, rig, hands, sides, *calibrate[2:])
     return me
+
+
+def test_the_tutorial_has_the_commands_that_are_walked() -> None:
+    words = [command[0] for command in page_commands()]
+    assert words == ["sim", "new", "calibrate", "check", "run", "export"]
 
 
 @pytest.mark.slow

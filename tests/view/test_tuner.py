@@ -42,6 +42,7 @@ def run_with(desk: Desk) -> Any:
         ({K: "1"}, r"0 to 90 x \(got '1'\)"),
         ({K: True}, "got True"),
         ({K: float("nan")}, "got nan"),
+        ({K: 10**400}, "got 1000"),
         ({K: None}, "got None"),
         ({"coupling.pairs.lever.wave_impedance": 0.1}, "only between runs"),
         ({"master.axes.lever.inertia.value": 1.0}, "is never tuned"),

@@ -11,7 +11,40 @@ from lerobot_robot_tautwave.config_tautwave import TautwaveMasterConfig, Tautwav
 from lerobot_robot_tautwave.site import Site
 
 
-class TautwaveSlave(Robot):
+class _InRun:
+    """What both have to do with the run, which the first to connect begins."""
+
+    name: str
+    config: Any
+    _site: Site
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether it looks at a run."""
+        return self._site.joined(self.name)
+
+    @property
+    def is_calibrated(self) -> bool:
+        """The rig file says where zero is."""
+        return True
+
+    def connect(self, calibrate: bool = True) -> None:
+        """Begin the run, unless the other has."""
+        del calibrate
+        self._site.join(self.name, self.config.out, self.config.engage)
+
+    def calibrate(self) -> None:
+        """Nothing: see `tautwave check`."""
+
+    def configure(self) -> None:
+        """Nothing: drives are set up by the run."""
+
+    def disconnect(self) -> None:
+        """Let go of the run."""
+        self._site.leave(self.name)
+
+
+class TautwaveSlave(_InRun, Robot):
     """The slave: observations are position, velocity and effort of its axes, SI units.
 
     It moves as the operator leads it, by the rig's own controller. An action that did not come from
@@ -39,27 +72,6 @@ class TautwaveSlave(Robot):
         """Names of an action: what the master gives."""
         return dict.fromkeys(self._site.signals().action.values(), float)
 
-    @property
-    def is_connected(self) -> bool:
-        """Whether it looks at a run."""
-        return self._site.joined(self.name)
-
-    @property
-    def is_calibrated(self) -> bool:
-        """The rig file says where zero is."""
-        return True
-
-    def connect(self, calibrate: bool = True) -> None:
-        """Begin the run, unless the master has."""
-        del calibrate
-        self._site.join(self.name, self.config.out, self.config.engage)
-
-    def calibrate(self) -> None:
-        """Nothing: see `tautwave check`."""
-
-    def configure(self) -> None:
-        """Nothing: drives are set up by the run."""
-
     def get_observation(self) -> dict[str, float]:
         """Return what the slave measured in one cycle, the same as the next action's."""
         row = self._site.row(self.name)
@@ -76,12 +88,8 @@ class TautwaveSlave(Robot):
             self._site.check(action)
         return action
 
-    def disconnect(self) -> None:
-        """Let go of the run."""
-        self._site.leave(self.name)
 
-
-class TautwaveMaster(Teleoperator):
+class TautwaveMaster(_InRun, Teleoperator):
     """The master: an action is where the operator holds it, SI units.
 
     Force comes back by the rig's own controller. `feedback_features` is empty on purpose: LeRobot
@@ -107,27 +115,6 @@ class TautwaveMaster(Teleoperator):
         """Nothing."""
         return {}
 
-    @property
-    def is_connected(self) -> bool:
-        """Whether it looks at a run."""
-        return self._site.joined(self.name)
-
-    @property
-    def is_calibrated(self) -> bool:
-        """The rig file says where zero is."""
-        return True
-
-    def connect(self, calibrate: bool = True) -> None:
-        """Begin the run, unless the slave has."""
-        del calibrate
-        self._site.join(self.name, self.config.out, self.config.engage)
-
-    def calibrate(self) -> None:
-        """Nothing: see `tautwave check`."""
-
-    def configure(self) -> None:
-        """Nothing: drives are set up by the run."""
-
     def get_action(self) -> dict[str, float]:
         """Return where the master was, in the cycle of the last observation."""
         row = self._site.row(self.name)
@@ -135,7 +122,3 @@ class TautwaveMaster(Teleoperator):
 
     def send_feedback(self, feedback: dict[str, Any]) -> None:
         """Nothing: forces do not pass through LeRobot."""
-
-    def disconnect(self) -> None:
-        """Let go of the run."""
-        self._site.leave(self.name)

@@ -9,7 +9,6 @@ in any number, and smaller ones need no more of the device than greater ones do.
 from __future__ import annotations
 
 import asyncio
-import math
 import sys
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -74,7 +73,7 @@ def asked_of(run: Watched, row: Sequence[float], values: Mapping[str, Any]) -> A
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 async def tune(run: Watched, rig: Rig, asked: Asked) -> str:

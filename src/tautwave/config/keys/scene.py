@@ -227,6 +227,17 @@ class SoundForce(Block):
 SceneForce = Annotated[SineForce | NoiseForce | TapForce | SoundForce, Field(discriminator="type")]
 
 
+HoldLimit = Annotated[
+    Positive | None,
+    Field(
+        description="[J] Energy that held efforts may create before the run stops. Default: that "
+        "of the devices at a tenth of their velocity limits, at most 10 mJ an axis."
+    ),
+]
+FadeIn = Annotated[NonNegative, Field(description="[s] Fade-in time of the scene's efforts.")]
+FadeOut = Annotated[NonNegative, Field(description="[s] Fade-out time of the scene's efforts.")]
+
+
 class SceneOutput(Block):
     """Audio output: the force on a port, high-passed, as output.wav of a run."""
 
@@ -271,17 +282,9 @@ class Scene(Block):
         description="Masses to keep and record even if they affect no port.",
     )
     output: SceneOutput = Field(default_factory=SceneOutput, description="Audio output.")
-    hold_limit_j: Positive | None = Field(
-        default=None,
-        description="[J] Energy that held efforts may create before the run stops. Default: that "
-        "of the devices at a tenth of their velocity limits, at most 10 mJ an axis.",
-    )
-    engage_ramp_s: NonNegative = Field(
-        default=0.2, description="[s] Fade-in time of the scene's efforts."
-    )
-    release_ramp_s: NonNegative = Field(
-        default=0.2, description="[s] Fade-out time of the scene's efforts."
-    )
+    hold_limit_j: HoldLimit = None
+    engage_ramp_s: FadeIn = 0.2
+    release_ramp_s: FadeOut = 0.2
 
     def size_of(self, name: str) -> int:
         """Return how many nodes a name stands for."""

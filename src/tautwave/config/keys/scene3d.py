@@ -18,7 +18,10 @@ from tautwave.config.keys.scene import (
     ContactLink,
     DamperLink,
     EnergySourceLink,
+    FadeIn,
+    FadeOut,
     FrictionLink,
+    HoldLimit,
     NegativeDamperLink,
     NoiseForce,
     NonlinearLink,
@@ -219,17 +222,9 @@ class Scene3d(Block):
         description="Masses to keep and record even if they affect no port.",
     )
     output: SceneOutput = Field(default_factory=SceneOutput, description="Audio output.")
-    hold_limit_j: Positive | None = Field(
-        default=None,
-        description="[J] Energy that held efforts may create before the run stops. Default: that "
-        "of the devices at a tenth of their velocity limits, at most 10 mJ an axis.",
-    )
-    engage_ramp_s: NonNegative = Field(
-        default=0.2, description="[s] Fade-in time of the scene's efforts."
-    )
-    release_ramp_s: NonNegative = Field(
-        default=0.2, description="[s] Fade-out time of the scene's efforts."
-    )
+    hold_limit_j: HoldLimit = None
+    engage_ramp_s: FadeIn = 0.2
+    release_ramp_s: FadeOut = 0.2
 
     def size_of(self, name: str) -> int:
         """Return how many nodes a name stands for."""
