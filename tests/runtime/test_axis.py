@@ -63,8 +63,8 @@ def test_its_books_are_those_of_an_independent_count(
 
 def test_a_missing_sample_lets_the_last_wave_leave_again_and_pays_for_it() -> None:
     axis = site()
-    step(axis, 1e-3, 0.2)
-    step(axis, 2e-3, 0.2)
+    for k in range(4):  # one slot in five may be repeated
+        step(axis, k * 1e-3, 0.2)
     command, account, gap, wave = axis.command, axis.account, axis.gap, axis.leaving
     assert wave != 0.0
     axis.pass_slot()
@@ -75,6 +75,21 @@ def test_a_missing_sample_lets_the_last_wave_leave_again_and_pays_for_it() -> No
     axis.receive(0.2)
     step(axis, 4e-3, 0.2)
     assert axis.valid
+
+
+def test_where_most_samples_are_lost_nothing_leaves_in_their_place() -> None:
+    """A wave that goes on without a look drives the other end on: no more than eight slots."""
+    axis = site()
+    for k in range(100):
+        step(axis, k * 1e-5, 0.2)
+    left = []
+    for _ in range(12):
+        axis.pass_slot()
+        axis.miss()
+        left.append(axis.leaving)
+        axis.receive(0.2)
+    assert all(wave != 0.0 for wave in left[:8])
+    assert left[8:] == [0.0] * 4
 
 
 def test_the_gap_is_closed_as_a_whole() -> None:

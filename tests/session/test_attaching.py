@@ -26,7 +26,7 @@ from tautwave.session.registration import (
     find_server,
     registered,
 )
-from tests.commands import keep_in_one_process, tautwave
+from tests.commands import AT_200_HZ, keep_in_one_process, tautwave
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 MAIN = "from tautwave.cli import main; main(prog_name='tautwave')"
@@ -198,11 +198,11 @@ def test_drives_on_a_shared_can_interface_have_one_server(run: Any) -> None:
 def test_drives_on_vcan_are_attached_to_and_served(run: Any) -> None:
     rig = config("bench-canopen-vcan")
     with sim(rig):
-        reported, summary, _ = run(rig, "--attach")
+        reported, summary, _ = run(rig, "--attach", *AT_200_HZ)
         assert finished(reported, summary)
         assert summary["buses"]["can"]["endpoint"] == "socketcan:vcan0"
         assert summary["buses"]["can"]["way"] == "simulated elsewhere"
-    reported, summary, _ = run(rig)
+    reported, summary, _ = run(rig, *AT_200_HZ)
     assert finished(reported, summary)
     assert summary["buses"]["can"]["words"] == (
         "simulated here, served by this run at socketcan:vcan0"
@@ -215,11 +215,11 @@ def test_after_a_run_on_vcan_was_killed_the_next_one_comes_up(run: Any, tmp_path
     """Drives that were left enabled, and those of the killed run itself."""
     rig = config("bench-canopen-vcan")
     with sim(rig):
-        kill_a_run(rig, "--attach", cwd=tmp_path)
-        reported, summary, _ = run(rig, "--attach")
+        kill_a_run(rig, "--attach", *AT_200_HZ, cwd=tmp_path)
+        reported, summary, _ = run(rig, "--attach", *AT_200_HZ)
         assert finished(reported, summary)
-    kill_a_run(rig, cwd=tmp_path)
-    reported, summary, _ = run(rig)
+    kill_a_run(rig, *AT_200_HZ, cwd=tmp_path)
+    reported, summary, _ = run(rig, *AT_200_HZ)
     assert finished(reported, summary)
 
 

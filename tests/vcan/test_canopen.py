@@ -21,7 +21,7 @@ from tautwave.contracts import BusSpec
 from tautwave.errors import BusTimeout, DriverError
 from tautwave.types import AxisCommand, Fault, JointState
 from tautwave_drivers.canopen import plugin
-from tests.commands import assert_ran_to_its_end
+from tests.commands import AT_200_HZ, assert_ran_to_its_end
 from tests.drivers.canopen import golden
 from tests.drivers.canopen.benches import block, bus_of, driver_options, node
 from tests.vcan.links import down, netem, tool
@@ -172,15 +172,15 @@ def test_scan_lists_the_drives_of_another_process(drives: None) -> None:
     ]
 
 
-def test_a_wave_rig_runs_10_s_at_500_hz(tmp_path: Path) -> None:
-    words = ["run", str(CONFIG), "--out", str(tmp_path / "out")]
+def test_a_wave_rig_runs_10_s(tmp_path: Path) -> None:
+    words = ["run", str(CONFIG), "--out", str(tmp_path / "out"), *AT_200_HZ]
     done = subprocess.run(
         [sys.executable, "-c", MAIN, *words], env=environment(), capture_output=True, text=True
     )
     summary = assert_ran_to_its_end(done.returncode, tmp_path / "out", done.stdout + done.stderr)
     print({key: summary[key] for key in ("cycles", "missed_cycles", "axes", "energy_j")})
-    assert summary["cycles"] + summary["missed_cycles"] > 4900  # some slots may pass at the end
-    assert summary["cycles"] > 500
+    assert summary["cycles"] + summary["missed_cycles"] > 1950  # some slots may pass at the end
+    assert summary["cycles"] > 200
     energy = summary["energy_j"]
     assert energy["gross_flow"] > 1e-3
     assert energy["residual"] < 1e-9 * energy["gross_flow"]

@@ -31,6 +31,9 @@ DECOUPLED = 0.1
 OWED_PERIODS = 2.0
 """A gap of the waves of so many periods is felt: on a short line that is all of a held force."""
 
+REPEATS, MOST_REPEATS = 0.25, 8.0
+"""Slots without a sample that a sample allows, and as many at most: a fifth, eight in a row."""
+
 SHRUNK = 0.99
 """A gap below this share of what it was is being repaid."""
 
@@ -61,6 +64,7 @@ def start_end(s: AxisState, p: AxisParams, gap: float) -> None:
     e.least_gap = 0.0
     e.owing = 0
     e.leaving = 0.0
+    e.repeats = 0.0
     e.wave_in = 0.0
     e.arrived = 0.0
     e.wave_sum = 0.0
@@ -159,6 +163,8 @@ def close(
         e.damper_dissipated += burnt
     e.wave_sum = 0.0
     e.wave_energy = 0.0
+    if e.repeats < MOST_REPEATS:
+        e.repeats += REPEATS
 
 
 def listen_to(s: AxisState, displacement: float, count: float) -> None:
@@ -269,11 +275,13 @@ def repeat_wave(s: AxisState, p: AxisParams) -> float:
     """Return the wave of the last sample for a slot without one, if the tank has it.
 
     A null wave in the middle of a held force is a blow at the other end: with one slot in a hundred
-    lost or skipped, all that is felt is chatter, and the coupling is lost in seconds.
+    lost or skipped, all that is felt is chatter, and the coupling is lost in seconds. Where most
+    are lost, repeating would be a hold, which pushes on without looking: null waves are right then.
     """
     e = s.end
-    if s.stopping or s.count >= p.blind:
+    if s.stopping or s.count >= p.blind or e.repeats < 1.0:
         return 0.0
+    e.repeats -= 1.0
     wave, e.account, e.gap = port_repeat(p.end.port, e.account, e.gap, e.filtered)
     e.port_absorbed -= p.end.port.half_period * wave * wave
     leaving: float = wave / p.end.wave

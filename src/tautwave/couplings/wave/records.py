@@ -53,7 +53,8 @@ class WaveEnd:
     squares of the waves and what of them was not paid, and the gap; `cut_before`, `gap_before` of
     the second before; `owing` the periods for which a large gap was not below `least_gap`;
     `watched` whether any of these is at work, and `third_sum`, `third_count` the third differences
-    of the samples meanwhile, from the last displacements `moved`, `moved_before`. `wave_sum` and
+    of the samples meanwhile, from the last displacements `moved`, `moved_before`. `repeats`: slots
+    without a sample in which the last wave may leave again. `wave_sum` and
     `wave_energy` are of the waves whose commands acted since the last sample. The `rate_` fields
     are the rate converter of a slow axis.
     """
@@ -72,6 +73,7 @@ class WaveEnd:
     gap_sum: float = 0.0
     gap_before: float = 0.0
     leaving: float = 0.0
+    repeats: float = 0.0
     wave_in: float = 0.0
     arrived: float = 0.0
     wave_sum: float = 0.0
