@@ -68,7 +68,7 @@ PATIENT = ("--set", "loop.missing_limit=10000", "--set", "loop.overrun_limit=100
 
 
 AT_200_HZ = ("--set", "rate_hz=200", "--set", "coupling.pairs.lever.wave_filter_hz=12")
-"""Changes of `bench-canopen-vcan`: on some machines a guest kernel takes a 500 Hz period a cycle."""
+"""Changes of `bench-canopen-vcan`: a guest kernel may take the 2 ms of a period for one cycle."""
 
 
 def assert_ran_to_its_end(code: int, directory: Path, said: str) -> dict[str, Any]:

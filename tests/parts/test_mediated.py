@@ -1,4 +1,4 @@
-"""Law mediated: what is touched is found, told, rendered, paid for, and given back."""
+"""Law mediated: what is touched is found, rendered, paid for, and given back."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def test_the_slave_finds_the_wall_and_the_master_feels_it_where_it_is() -> None:
     found, wide = at["slave.lever.model_stiffness"][-1], at["slave.lever.model_interval"][-1]
     assert abs(-found - 150.0) < 2.0 * wide < 15.0  # below, for the slave
     assert at["slave.lever.model_position"][-1] == pytest.approx(-WALL, abs=1e-3)
-    told = at["master.lever.model_position"][-1]
-    assert told == pytest.approx(WALL, abs=1e-3)
+    believed = at["master.lever.model_position"][-1]
+    assert believed == pytest.approx(WALL, abs=1e-3)
     rendered = at["master.lever.model_stiffness"][-1]
     assert rendered == pytest.approx(min(-found, 1.1e-3 / 49e-6), rel=0.05)
     again = at["time_s"] > 0.8  # the second time it is known
@@ -73,7 +73,7 @@ def test_what_the_model_holds_is_always_covered_and_in_the_books() -> None:
         parts = (at[f"lever.{name}.{it}"] for it in ("absorbed", "stored", "dissipated"))
         whole, stored, lost = parts
         assert np.max(np.abs(whole - stored - lost)) < 1e-12
-    assert np.max(at["master.lever.model_paid"]) > 1e-4  # it was pressed when it was told
+    assert np.max(at["master.lever.model_paid"]) > 1e-4  # it was pressed when it was sent
 
 
 def test_it_passes_by_account_and_not_without() -> None:
