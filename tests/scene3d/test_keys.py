@@ -62,7 +62,7 @@ def test_one_dimension_loads_nothing_of_three():
         ("scene.masses.knot.position=0.1", "Input should be a list (got 0.1)"),
         ("scene.masses.knot.mass=0", "Input should be greater than 0 (got 0)"),
         ("scene.dimension=2", "a scene has dimension 1 or 3"),
-        ("scene.scheme=exact", "Input should be 'symplectic' or 'discrete_gradient'"),
+        ("scene.scheme=exact", "'symplectic', 'discrete_gradient' or 'linearly_implicit'"),
         ("scene.strings.g={impedance: 1, frequency_hz: 100}", "unknown key 'strings'"),
         ("scene.ports.finger.axes=[right, away, upp]",
          "there is no master axis 'upp'; did you mean 'up'?"),

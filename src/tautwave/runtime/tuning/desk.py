@@ -80,11 +80,17 @@ def leave(address: dict[str, Any], values: Sequence[float]) -> None:
     RecordingError
         The run has ended, or belongs to another user.
     """
-    with _opened(address) as descriptor, _mapped(descriptor, len(values)) as memory:
-        odd = WORD.unpack_from(memory)[0] | 1
-        WORD.pack_into(memory, 0, odd)
+    with (
+        _opened(address) as descriptor,
+        _mapped(descriptor, len(values)) as memory,
+        memoryview(memory).cast("Q") as word,
+    ):
+        # As one store each: `pack_into` clears the bytes first, and a loop that looked then would
+        # take the last set for a new one.
+        odd = word[0] | 1
+        word[0] = odd
         struct.pack_into(f"<{len(values)}d", memory, VALUES_AT, *values)
-        WORD.pack_into(memory, 0, odd + 1)
+        word[0] = odd + 1
 
 
 @contextmanager
