@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from typing import Any
 
 import numpy as np
 
@@ -73,3 +74,10 @@ def momenta(s) -> np.ndarray:
     x, v = (np.array(values[: 3 * n]).reshape(n, 3) for values in (s.x, s.v))
     p = np.array(s.mass)[:, None] * v
     return np.concatenate([p.sum(axis=0), np.cross(x, p).sum(axis=0)])
+
+
+def flat(values: Any) -> list[float]:
+    """Return the numbers of nested lists, tuples and arrays, in their order."""
+    if not hasattr(values, "__len__"):
+        return [float(values)]
+    return [number for value in values for number in flat(value)]
