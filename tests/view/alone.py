@@ -214,7 +214,7 @@ def main(directory: Path, looked_at: bool) -> None:
         found["buttons"]["single"] = single
         fire(browser, "master.lever.position", 99.0, "off")
         found["buttons"] |= look_around(browser, directory)
-        found["refused"] = tune(browser)
+        found["refused"] = tune(browser, 20.0)
         found["tuned"] = tune(browser, 3.1)
         found["acts"] = browser.wait(
             "Math.abs(tautwave.store.newest('tuning.slave.lever.wall_stiffness') - 3.1) < 1e-9"
