@@ -33,8 +33,8 @@ def held_by(control: CoupledControl, scaled: Scaled) -> str:
 def take_scale(control: CoupledControl, scaled: Scaled, *, holding: bool) -> None:
     """Take the constants of a scale in one slot; what was tuned stays.
 
-    `holding`: while the pairs hold, for which `held_by` found nothing; then slaves go on from where
-    they are, by new offsets.
+    `holding`: while the pairs hold, for which `held_by` found nothing; new offsets then leave the
+    slaves where they are.
     """
     law = control.law.rescaling
     params = list(control.params)
