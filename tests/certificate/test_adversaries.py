@@ -65,7 +65,7 @@ def test_no_tuned_hand_destabilises_a_passive_wall(
 
 
 @pytest.mark.slow
-@settings(CALM, max_examples=1200)
+@settings(CALM, max_examples=400)
 @given(walls(), st.floats(1.0, 1.5))
 def test_many_passive_walls(drawn: tuple[SampledWall, float], share: float) -> None:
     hold_walls(drawn, share)

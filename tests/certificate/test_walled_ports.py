@@ -99,9 +99,8 @@ def test_a_pressed_wall_beside_a_certified_port_feeds_no_wave() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-def test_thousands_of_walls_beside_certified_ports(seed: int) -> None:
-    assert hold(100 + seed, 400) > 500
+def test_hundreds_of_walls_beside_certified_ports() -> None:
+    assert hold(100, 150) > 300
 
 
 def test_a_heavy_device_at_rest_on_its_wall_stays_at_rest() -> None:
