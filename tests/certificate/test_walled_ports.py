@@ -13,7 +13,6 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from tautwave.analysis.ports.loop_modes import spectral_radius
 from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site
 from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.analysis.walls.sampled import SampledWall, wall_transfer
@@ -29,6 +28,7 @@ from tautwave.config import local_wall
 from tautwave.laws.observer import observer_params, plain_observer
 from tautwave.laws.port import port_params
 from tautwave.simulation import simulate
+from tests.analysis.ends import spectral_radius
 from tests.certificate.rigs import PAIR, element, rig
 from tests.rigs.running import rig_of, tree
 
