@@ -41,7 +41,7 @@ def check_sites(document: Document, parts: Parts, law: CouplingPlugin | None) ->
             ("sites",), f"law {coupling.law} works in one process only; use law wave, or remove it"
         )
     for name, pair in (parts.pairs or {}).items():
-        for key, value in pair:
+        for key, value in pair or ():
             if value == "auto" and not key.endswith(OF_ONE_END):
                 document.report(
                     ("coupling", "pairs", name),
