@@ -192,7 +192,8 @@ class SiteControl(CoupledControl):
         self._ends = []
         for state, q in zip(self.states, self.pairs, strict=True):
             w, k = state.link, q.link
-            both = (w.master, k.master, k.slave), (w.slave, k.slave, k.master)
+            one, two = self._site.ends(w)
+            both = (one, k.master, k.slave), (two, k.slave, k.master)
             self._ends.append(both[self._side])
 
     def _bank(self) -> None:
