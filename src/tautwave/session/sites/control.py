@@ -191,8 +191,7 @@ class SiteControl(CoupledControl):
         """Find the own end of each pair: its state, its constants, those of the far one."""
         self._ends = []
         for state, q in zip(self.states, self.pairs, strict=True):
-            w, k = state.link, q.link
-            one, two = self._site.ends(w)
+            (one, two), k = self._site.ends(state.link), q.link
             both = (one, k.master, k.slave), (two, k.slave, k.master)
             self._ends.append(both[self._side])
 
