@@ -37,10 +37,12 @@ def test_a_run_that_a_guard_ends_counts_until_then_and_is_reported(
     def slowed(pairs: int, rate_hz: int, engine: str) -> Rig:
         given = plain(pairs, rate_hz, engine).model_dump(mode="json", exclude_unset=True)
         given["master"]["axes"]["lever1"]["velocity_limit"] = 0.05
+        reference = given["simulation"]["hand"]["lever1"]["reference"]
+        reference["waypoints"] = [[0.02, 0.0], [0.1, 0.5]]
         return parse_rig(json.dumps(given))
 
     monkeypatch.setattr(rate, "pairs_rig", slowed)
-    found = measure(0.4, 1, pairs=(1,), rates_hz=(1000,), engines=("python",))
+    found = measure(0.3, 1, pairs=(1,), rates_hz=(1000,), engines=("python",))
     [reason] = found["cases"][0]["stopped"]["python"]
     assert "master.lever1" in reason
     [table] = rate_suite(found).tables
