@@ -28,6 +28,7 @@ from tautwave.couplings.wave.port import (
 )
 from tautwave.couplings.wave.rates import exchange_rated, exchange_waves, stored_in_converter
 from tautwave.couplings.wave.records import WaveEnd, WaveLink
+from tautwave.couplings.wave.rescaling import rescaling
 
 
 def start(
@@ -218,4 +219,5 @@ law = Law(
         ),
     },
     rings=2,
+    rescaling=rescaling,
 )

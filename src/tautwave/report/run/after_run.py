@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.sensors import sensor_sentences
 from tautwave.report.units import number
 from tautwave.rig import pair_scale
+from tautwave.rig.operation import scaled
 
 ROUNDING = 1e-12
 """Of all that passed to and fro: sums of doubles are no better."""
@@ -39,6 +41,11 @@ def recheck_run(run: Run) -> dict[str, Any]:
     try:
         rig, tuned = worst_rig(run)
         after = recheck(rig, measured_of(run, rig))
+        for at_scale in acted_scales(run, rig):
+            other = recheck(at_scale, measured_of(run, at_scale))
+            if other["passed"] is False:
+                said = [f"{at_scale.name}: {sentence}" for sentence in other["sentences"]]
+                after |= {"passed": False, "sentences": [*after["sentences"], *said]}
     except TautwaveError as err:
         after, tuned = {"passed": None, "error": str(err)}, []
     after["invalidated"] = certificate.get("passed") is True and after["passed"] is False
@@ -66,6 +73,13 @@ def recheck_run(run: Run) -> dict[str, Any]:
     certificate["after_run"] = after
     summary["certificate"] = certificate
     return summary
+
+
+def acted_scales(run: Run, rig: Rig) -> Iterator[Rig]:
+    """Yield the rig at each other scale that a person chose in its run."""
+    for scale in np.unique(run.read("operation.scale").get("operation.scale", [])):
+        if scale != 1.0:
+            yield scaled(rig, float(scale))
 
 
 def worst_rig(run: Run) -> tuple[Rig, list[str]]:
