@@ -12,6 +12,7 @@ from tautwave.runtime.operate.states import (
     FAULT,
     HOLDING,
     IDLE,
+    PARTED,
     SCALE,
     STATES,
     STOP,
@@ -59,7 +60,7 @@ def drawing() -> str:
     """Return the picture as SVG."""
     words: dict[tuple[str, str], list[str]] = defaultdict(list)
     for (state, word), after in TRANSITIONS.items():
-        if word not in (STOP, FAULT, SCALE) and (state, after) != (CLUTCHED, IDLE):
+        if word not in (STOP, FAULT, SCALE, PARTED) and (state, after) != (CLUTCHED, IDLE):
             words[state, after].append(word)
     parts = [
         '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 760 360" font-family="sans-serif"'
@@ -82,7 +83,8 @@ def drawing() -> str:
         '<text x="45" y="312" fill="#333">stop: from every state to stopping</text>'
         '<text x="315" y="312" fill="#333">fault: from every state but stopping to holding</text>'
         '<text x="315" y="330" fill="#333">rest: from clutched to idle, too</text>'
-        '<text x="315" y="346" fill="#333">scale: from engaged to aligning</text></svg>'
+        '<text x="315" y="346" fill="#333">scale: stays; parted: from engaged to aligning</text>'
+        "</svg>"
     )
     return "\n".join(parts) + "\n"
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site
+import numpy as np
+
+from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Matrix, Site
 from tautwave.analysis.wave_port.port_loop import wave_end
 from tautwave.laws.observer import observer_params, plain_observer
 from tautwave.laws.port import port_params
@@ -40,3 +42,13 @@ def port_end(
     if pole is not None:
         seen = observer_params(period, mass, pole)
     return wave_end(device, site, port, seen)
+
+
+def spectral_radius(matrix: Matrix) -> float:
+    """Return the greatest |eigenvalue| [1]."""
+    return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+
+def reflecting_end(reflection: float) -> LinearEnd:
+    """Return an end that sends back `reflection` times what arrived a slot before [1]."""
+    return LinearEnd(np.zeros((1, 1)), np.ones(1), np.full(1, reflection), ("arrived",))

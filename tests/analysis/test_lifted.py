@@ -7,12 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.analysis.ports.loop_modes import spectral_radius
 from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, close_loop, position_end
 from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.errors import ConfigError
-from tests.analysis.ends import site_of
+from tests.analysis.ends import site_of, spectral_radius
 from tests.analysis.reference.lifted import (
     PairLaw,
     damping_curve,

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,17 +16,34 @@ from tautwave.analysis.ports.networks import (
     GROUND,
     Damper,
     Mass,
+    Matrix,
     Part,
     Spring,
+    _assemble,
     admittance,
     impedance,
-    matrices,
     nodes_of,
 )
 from tautwave.errors import ConfigError
 
 values = st.sampled_from([0.001, 0.143, 0.5, 2.0, 5.0, 538.0, 14200.0])
 NODES = ("a", "b", "c", "d")
+
+
+def _as_array(rows: list[list[Fraction]]) -> Matrix:
+    return np.array([[float(c) for c in row] for row in rows]).reshape(len(rows), len(rows))
+
+
+def matrices(parts: Sequence[Part]) -> tuple[Matrix, Matrix, Matrix]:
+    """Return mass, damping and stiffness matrix, each (n, n) in the order of `nodes_of`.
+
+    Raises
+    ------
+    ConfigError
+        If a value is negative: such a part is not passive.
+    """
+    mass, damping, stiffness = _assemble(parts)
+    return _as_array(mass), _as_array(damping), _as_array(stiffness)
 
 
 @st.composite

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from tautwave.analysis.ports.loop_modes import least_damped, loop_roots, mode_of, spectral_radius
+from tautwave.analysis.ports.loop_modes import least_damped, loop_roots, mode_of
 from tautwave.analysis.ports.sampled_loop import (
     Device,
     LinearEnd,
     close_loop,
     position_end,
-    reflecting_end,
 )
-from tests.analysis.ends import port_end, site_of
+from tests.analysis.ends import port_end, reflecting_end, site_of, spectral_radius
 from tests.analysis.reference.boundary import stability_boundary, stability_crossings
 
 T = 1e-3

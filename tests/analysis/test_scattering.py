@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from tautwave.analysis.ports.loop_modes import loop_roots
-from tautwave.analysis.ports.sampled_loop import Device, reflecting_end
+from tautwave.analysis.ports.sampled_loop import Device
 from tautwave.analysis.walls.sampled import PulseTransfer
 from tautwave.laws.servo.admittance import admittance_params
 from tautwave.laws.wave_filter import filter_gain, filter_step
-from tests.analysis.ends import port_end, site_of
+from tests.analysis.ends import port_end, reflecting_end, site_of
 from tests.analysis.reference.admittance import admittance_scattering, filter_transfer
 from tests.analysis.reference.scattering import greatest_gain
 

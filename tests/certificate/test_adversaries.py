@@ -12,7 +12,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tautwave.analysis.ports.loop_modes import spectral_radius
 from tautwave.analysis.ports.sampled_loop import Device
 from tautwave.analysis.walls.limits import is_passive
 from tautwave.analysis.walls.passivity import wall_leak
@@ -21,6 +20,7 @@ from tautwave.analysis.walls.stability import wall_matrix, wall_mode
 from tautwave.couplings.wave.claim import claimed_joules
 from tautwave.rig import command_delays
 from tautwave.simulation import simulate
+from tests.analysis.ends import spectral_radius
 from tests.certificate.adversaries import tuned
 from tests.rigs.drawing import magnitudes
 from tests.rigs.running import rig_of, tree
@@ -65,7 +65,7 @@ def test_no_tuned_hand_destabilises_a_passive_wall(
 
 
 @pytest.mark.slow
-@settings(CALM, max_examples=1200)
+@settings(CALM, max_examples=400)
 @given(walls(), st.floats(1.0, 1.5))
 def test_many_passive_walls(drawn: tuple[SampledWall, float], share: float) -> None:
     hold_walls(drawn, share)

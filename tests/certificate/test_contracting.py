@@ -52,14 +52,15 @@ def agree(seed: int, rigs: int) -> int:
     return passed
 
 
+@pytest.mark.usefixtures("without_advice")
 def test_a_passive_pair_is_stable_with_what_is_stated() -> None:
     assert agree(21, 2) == 1
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
-def test_more_passive_pairs_are_stable_with_what_is_stated(seed: int) -> None:
-    assert agree(10 + seed, 40) > 8
+@pytest.mark.usefixtures("without_advice")
+def test_more_passive_pairs_are_stable_with_what_is_stated() -> None:
+    assert agree(10, 60) > 15
 
 
 def test_what_stands_in_the_way_of_a_stiffer_contact_is_named() -> None:

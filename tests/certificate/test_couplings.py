@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from tautwave.analysis.ports.loop_modes import least_damped
-from tautwave.analysis.ports.sampled_loop import Device, close_loop, reflecting_end
+from tautwave.analysis.ports.sampled_loop import Device, close_loop
 from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.analysis.walls.stability import wall_mode
 from tautwave.analysis.wave_port.admittance_loop import Outside, admittance_end
 from tautwave.certificate.belief import declared_delays
 from tautwave.certificate.loops import believed_end
 from tautwave.laws.servo.admittance import admittance_params, greatest_stiffness, rigid_port
-from tests.analysis.ends import port_end, site_of
+from tests.analysis.ends import port_end, reflecting_end, site_of
 from tests.certificate.rigs import NO_QUANTUM, NO_WALLS, PAIR, certified, element, rig, wall
 
 BARE = (*NO_WALLS, *NO_QUANTUM, f"{PAIR}.wave_filter_hz=")

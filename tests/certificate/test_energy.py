@@ -14,6 +14,7 @@ from tests.rigs.running import Tree, pair_of, rig_of, run_rig
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_advice")
 @settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
 @given(rigs(cycles=250), st.sampled_from([0.0, 0.5, 5.0, 50.0]))
 def test_motors_give_no_more_than_they_took(data: Tree, damping: float) -> None:

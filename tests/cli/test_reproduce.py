@@ -53,11 +53,13 @@ def test_a_name_writes_table_and_figures(tautwave_cli: Cli, tmp_path: Path) -> N
 def test_without_a_name_all_go_into_a_directory(
     tautwave_cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(reproduce, "CHAPTERS", {k: CHAPTERS[k] for k in ("wall", "positive-real")})
+    monkeypatch.setattr(
+        reproduce, "CHAPTERS", {k: CHAPTERS[k] for k in ("resonator", "positive-real")}
+    )
     done = tautwave_cli("reproduce", "--out", "all")
     assert done.exit_code == 0, done.output
     assert {path.stem for path in (tmp_path / "all").iterdir()} == {
-        "wall", "wall-damping", "wall-stability", "positive-real"
+        "resonator", "resonator-bode", "resonator-nyquist", "positive-real"
     }  # fmt: skip
 
 

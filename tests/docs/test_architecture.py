@@ -43,3 +43,9 @@ def test_a_row_that_leads_nowhere_is_noticed() -> None:
     assert wrong_rows("| walls | `src/tautwave/laws/wall.py` | `wall_effort` |") == []
     assert wrong_rows("| walls | `src/tautwave/laws/wall.py` | `wal_effort` |") == ["walls"]
     assert wrong_rows("| walls | `src/tautwave/wall.py` | `wall_effort` |") == ["walls"]
+
+
+def test_every_decision_has_a_number_of_its_own() -> None:
+    pages = sorted(path.name for path in (ROOT / "docs" / "decisions").glob("0*.md"))
+    numbers = [name.split("-")[0] for name in pages]
+    assert len(set(numbers)) == len(numbers), pages[-4:]

@@ -28,7 +28,7 @@ def test_the_states_are_drawn_as_their_table_has_them() -> None:
 def test_a_transition_that_is_new_in_the_table_cannot_be_left_out() -> None:
     from _tools.states import BESIDE
 
-    words = (st.STOP, st.FAULT, st.SCALE)
+    words = (st.STOP, st.FAULT, st.SCALE, st.PARTED)
     left_to_words = {(state, after) for (state, word), after in st.TRANSITIONS.items()
                      if word in words} | {(st.CLUTCHED, st.IDLE)}  # fmt: skip
     everything = {(state, after) for (state, _), after in st.TRANSITIONS.items()}

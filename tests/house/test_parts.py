@@ -11,7 +11,7 @@ from tests.house.test_source import ROOT, SOURCES
 
 PARTS = ROOT / "src/tautwave/couplings"
 ASKED = re.compile(
-    r"""\blaw["'\])]* *(==|!=|\bin\b) *[("'\[{A-Z]"""
+    r"""\blaw["'](?:, *["']\w+["'])?\) *(==|!=)|\blaw["'\])]* *(==|!=|\bin\b) *[("'\[{A-Z]"""
     r"""|["'](wave|position)["'] *(==|!=) *[\w.]*law|match .*\blaw\b"""
 )
 
@@ -29,6 +29,7 @@ def asking(source: str) -> list[str]:
         'if law in ("wave", "position"):',
         'held = block(run.rig, "coupling")["law"] == "wave"',
         'if "position" == keys.law:',
+        'if coupling.get("law", "wave") == "wave":',
         "match rig.coupling.law:",
     ],
 )

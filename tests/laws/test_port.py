@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tautwave.analysis.wave_port.sensor_noise import noise_power
 from tautwave.laws.observer import observe
-from tautwave.laws.port import plain_drain, port_close, port_effort
+from tautwave.laws.port import plain_drain, port_close, port_effort, port_rescale
 from tests.laws.ports import MASS, PERIOD, Attack, Ends, compiled, ends
 
 LIMIT = 1.1
@@ -319,3 +319,44 @@ def test_after_a_starved_time_the_gap_is_repaid() -> None:
     assert apart[4000:12000].max() > 0.05
     assert apart[-1] < 0.3 * apart.max()
     assert apart[-1] < 0.8 * apart[-20_000]
+
+
+# -- another scale --------------------------------------------------------------------------------
+
+
+def drawn_by_scales(rescale: Any, rounds: int) -> tuple[float, float]:
+    """Fill a tank at a quarter of the power, empty it at the whole; return joules in and out."""
+    port = ends().port._replace(reserve=1.0, leak=0.0, filter_gain=1.0, kept=0.0)
+    account = into = out = 0.0
+    for _ in range(rounds):
+        _, account, *_ = port_close(port, account, 0, 0, 0.1, 0, 1, 1.0, 0, 0, False)
+        into += 0.1
+        account = rescale(account, 4.0)
+        wave, account, *_ = port_close(port, account, 0, 0, 0, 1.0, 1, 0.0, 0, 0, False)
+        out += port.half_period * wave * wave
+        account = rescale(account, 0.25)
+    return into, out
+
+
+def test_a_change_of_scale_makes_no_energy_out_of_a_tank() -> None:
+    """The pump of one change, and of a hundred: naively 0.1 J in and 0.4 J out each time."""
+    into, out = drawn_by_scales(lambda account, ratio: ratio * account, 1)
+    assert (into, out) == pytest.approx((0.1, 0.4))
+    for rounds in (1, 100):
+        into, out = drawn_by_scales(
+            lambda account, ratio: port_rescale(account, 0, 0, ratio)[0], rounds
+        )
+        assert out <= into * (1.0 + 1e-12)
+        assert out == pytest.approx(into)
+
+
+@given(st.floats(0.0, 1e3), st.floats(0.01, 100.0))
+def test_what_a_scale_takes_from_a_tank_is_booked_and_waves_stay_on_the_line(
+    account: float, ratio: float
+) -> None:
+    kept, gap, filtered, lost = port_rescale(account, 2.0, 3.0, ratio)
+    assert kept <= account  # in the device's joules,
+    assert kept <= ratio * account  # and in the pair's
+    assert kept + lost == pytest.approx(ratio * account)
+    # a device's wave is root(ratio) of the line's
+    assert (gap / 2.0, filtered / 3.0) == pytest.approx((math.sqrt(ratio),) * 2)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tautwave.bench.couplings.measure import run_coupling, stated_bound
-from tautwave.bench.couplings.rigs import BENCH, RIG, drawn_mediated, drawn_rig
+from tautwave.bench.couplings.rigs import BENCH, RIG, _between, drawn_rig
 from tautwave.certificate import certify
 from tautwave.config import Rig
 from tautwave.config.load import parse_rig
@@ -83,6 +83,17 @@ def test_it_passes_by_account_and_not_without() -> None:
     bare = certify(rig(account="null")).as_dict()
     assert not bare["passed"]
     assert "pressed gives energy" in bare["sentences"][0]
+
+
+def drawn_mediated(draw: np.random.Generator) -> str:
+    """Return law mediated with keys drawn at random: models that are not sure, and too stiff."""
+    keys = f"stiffness: {_between(draw, 0.5, 100.0)!r}, damping: {_between(draw, 0.005, 0.5)!r}"
+    keys += f", force_gain: {_between(draw, 0.1, 3.0)!r}, sure: {_between(draw, 0.1, 1.0)!r}"
+    keys += f", observer_hz: {_between(draw, 20.0, 200.0)!r}, touch: {_between(draw, 0.01, 0.1)!r}"
+    keys += f", adopt_s: {_between(draw, 1e-3, 0.1)!r}, stiffest: {_between(draw, 5.0, 500.0)!r}"
+    if draw.random() < 0.3:
+        keys += f", position_scale: {_between(draw, 0.3, 3.0)!r}, sign: {draw.choice((1, -1))}"
+    return f"law: mediated, pairs: {{lever: {{{keys}"
 
 
 def test_no_drawn_rig_gives_more_than_its_bound() -> None:

@@ -20,7 +20,6 @@ from tautwave.runtime.operate.commands import (
     read_script,
 )
 from tautwave.runtime.operate.journal import Journal
-from tautwave.session.checking import check
 from tests.runtime.operating import BARE, FREE, STANDING, STILL, Operated, bench, operate
 from tests.runtime.sequences import judge, random_day
 
@@ -35,13 +34,13 @@ def state_code(name: str) -> float:
 # -- the table ------------------------------------------------------------------------------------
 
 TABLE = """
-          engage   clutch   hold    rest stop     scale    aligned blocked fault   released
-idle      aligning .        holding .    stopping idle     .       .       holding .
-aligning  .        .        holding idle stopping .        engaged holding holding holding
-engaged   .        clutched holding .    stopping aligning .       .       holding holding
-clutched  aligning .        holding idle stopping clutched .       .       holding .
-holding   aligning .        .       idle stopping holding  .       .       holding .
-stopping  .        .        .       .    .        .        .       .       .       .
+          engage   clutch   hold    rest stop     scale    aligned blocked fault   released parted
+idle      aligning .        holding .    stopping idle     .       .       holding .        .
+aligning  .        .        holding idle stopping .        engaged holding holding holding  .
+engaged   .        clutched holding .    stopping engaged  .       .       holding holding  aligning
+clutched  aligning .        holding idle stopping clutched .       .       holding .        .
+holding   aligning .        .       idle stopping holding  .       .       holding .        .
+stopping  .        .        .       .    .        .        .       .       .       .        .
 """
 
 
@@ -180,56 +179,6 @@ def test_a_clutch_keeps_the_present_offset_and_a_rest_does_not() -> None:
     master, slave = (done.columns[f"{side}.lever.position"] for side in ("master", "slave"))
     at = int(np.flatnonzero(np.diff(done.columns["operation.engagement"]))[-1]) + 1
     assert last == pytest.approx(slave[at] - master[at], abs=1e-9)
-
-
-def test_forces_fall_as_fast_as_they_may_before_a_scale_changes() -> None:
-    """What the old scale still commands must not act on the new one's books."""
-    way = "[[0, 0], [0.5, 0], [1.2, 0.25], [9, 0.25]]"
-    push = f"simulation.hand.lever.reference={{type: minimum_jerk, waypoints: {way}}}"
-    rate = [f"{side}.axes.lever.effort_rate_limit=1.0" for side in ("master", "slave")]
-    stop = "simulation.environment.lever={type: spring, stiffness: 2, position: 0}"
-    done = operate(
-        bench(push, stop, *BARE, *rate, "operate.scales=[0.5]"), "0.1 engage\n1.5 scale 0.5", 2.5
-    )
-    assert done.result.error is None
-    effort = done.columns["slave.lever.commanded"]
-    assert abs(effort[1495]) > 0.02  # it takes 20 slots to fall
-    assert np.abs(np.diff(effort)).max() <= 1.0e-3 + 1e-12
-    assert np.abs(done.residual()).max() <= 1e-12
-
-
-def test_check_certifies_every_scale_and_states_the_greatest_claims() -> None:
-    found = check(bench("operate={scales: [0.5]}"))
-    assert found.exit_code == 3  # as it is for `run`
-    (why,) = found.failures
-    assert why.startswith("bench-1dof at scale 0.5: slave.lever port: ")
-    poles = [f"coupling.pairs.lever.pole_{side}=0.2" for side in ("master", "slave")]
-    found = check(bench("operate={scales: [0.5]}", *poles))
-    alone = check(bench(*poles))
-    assert found.failures == []
-    assert found.claims[0] == alone.claims[0]
-    assert found.claims[1].claim_j > alone.claims[1].claim_j  # the slave's, at half the scale
-
-
-def test_a_scale_changes_in_one_slot_with_nothing_stored_and_no_jump() -> None:
-    way = "[[0, 0], [1, 0], [4, 0.25]]"
-    slow = f"simulation.hand.lever.reference={{type: minimum_jerk, waypoints: {way}}}"
-    rig = bench(slow, FREE, *BARE, "operate.scales=[0.5, 2]", "coupling.delay_s=0.02")
-    done = operate(rig, "0.1 engage\n2.0 scale 0.5\n3.0 scale 3\n3.2 scale 1", 4.0)
-    assert done.result.error is None
-    assert done.words()[2:] == [
-        ("scale", "aligning"), ("aligned", "engaged"), ("scale", "engaged"),
-        ("scale", "aligning"), ("aligned", "engaged"),
-    ]  # fmt: skip
-    assert done.control.journal.entries[4].text == "scale: one of 1, 0.5, 2 (got '3')"
-    assert np.abs(done.residual()).max() <= 1e-12
-    scale, state = done.columns["operation.scale"], done.columns["operation.state"]
-    assert set(np.unique(scale)) == {0.5, 1.0}
-    assert np.count_nonzero(state[1500:] == state_code(st.ALIGNING)) <= 20  # slots without force
-    master, slave = (done.columns[f"{side}.lever.position"] for side in ("master", "slave"))
-    ratio = (slave[3150] - slave[2600]) / (master[3150] - master[2600])
-    assert ratio == pytest.approx(0.5, abs=0.05)
-    assert np.abs(np.diff(slave)).max() < 1e-3  # no jump at a change
 
 
 # -- faults ---------------------------------------------------------------------------------------

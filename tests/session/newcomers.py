@@ -7,9 +7,17 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager, suppress
 from pathlib import Path
 from typing import Any
+
+from click.testing import CliRunner
+
+from tautwave.cli import main
+from tautwave.errors import TautwaveError
+from tautwave.runtime.operate.states import STATES
+from tautwave.runtime.tap import Tap
+from tautwave.view.watched import read_live
 
 TAUTWAVE = (sys.executable, "-c", "from tautwave.cli import main; main()")
 PATIENCE_S = 60.0
@@ -23,12 +31,11 @@ class Newcomer:
         self.commands: list[str] = []
 
     def does(self, *words: str) -> str:
-        """Run a command to its end; return what it printed."""
+        """Run a command to its end; return what it printed. Here: a process takes its time."""
         self.commands.append(words[0])
-        done = subprocess.run(
-            (*TAUTWAVE, *words), cwd=self.folder, capture_output=True, text=True, timeout=120
-        )
-        assert done.returncode == 0, f"{words}: {done.stdout[-2000:]}{done.stderr[-2000:]}"
+        with chdir(self.folder):
+            done = CliRunner().invoke(main, words)
+        assert done.exit_code == 0, f"{words}: {done.output[-2000:]}"
         return done.stdout
 
     @contextmanager
@@ -110,22 +117,17 @@ def shows(talk: Talk, hands: Talk, sides: Sequence[Sequence[int]], move_s: float
         talk.types()
 
 
-def state_of(directory: Path) -> str:
-    """Return the state of a run that is going on, '' before its first row."""
-    done = subprocess.run(
-        (*TAUTWAVE, "view", str(directory), "--json"), capture_output=True, text=True
-    )
-    if done.returncode:
-        return ""
-    from tautwave.runtime.operate.states import STATES
-
-    return STATES[int(json.loads(done.stdout)["operation.state"])]
-
-
 def wait_for(directory: Path, state: str) -> bool:
     """Wait until a run is in a state."""
-    until = time.monotonic() + PATIENCE_S
-    while time.monotonic() < until:
-        if state_of(directory) == state:
-            return True
+    code, until = STATES.index(state), time.monotonic() + PATIENCE_S
+    with suppress(TautwaveError):  # it has ended
+        while time.monotonic() < until:
+            if (directory / "live.json").exists():
+                live = read_live(directory)
+                tap, at = Tap.of_run(live), live.columns.index("operation.state")
+                while time.monotonic() < until and not tap.closed:
+                    if any(row[at] == code for row in tap.take()):
+                        return True
+                    time.sleep(0.01)
+            time.sleep(0.05)
     return False

@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 
 from tautwave.analysis.ports.loop_modes import least_damped
+from tautwave.analysis.ports.multirate import common_slots, period_matrix
+from tautwave.analysis.ports.sampled_loop import Matrix, close_loop
 from tautwave.config import Rig, load_rig
 from tautwave.controller import run
 from tautwave.controller.records import AxisState
 from tautwave.errors import ConfigError
-from tautwave.rig import build_rig, end_constants
+from tautwave.rig import build_rig, end_constants, line_delay
 from tautwave.runtime.loop import Loop
 from tautwave.sweep.measure import growth_of, is_bounded, moving_energy, scales_of
-from tautwave.sweep.predict import pair_ends, pair_matrix, pair_mode
+from tautwave.sweep.predict import pair_ends, pair_mode, rated_ends
 from tautwave.sweep.rows import Simulator
 from tautwave.types import CommandDelay
 from tests.analysis.reference.boundary import stability_boundary
@@ -41,6 +43,17 @@ def growth(rig: Rig, duration: float = 10.0) -> tuple[float, bool]:
     energy = moving_energy(scales_of(rig, "cart"), columns)
     found = growth_of(energy, rig.period_s)
     return found.rate, outcome == "finished" and is_bounded(energy, found)
+
+
+def pair_matrix(rig: Rig, name: str) -> Matrix:
+    """Return the closed-loop state matrix of one pair, shape (n, n).
+
+    It is that of a cycle or, with a slow bus, of all cycles until both sides are in phase again.
+    """
+    one, two = rated_ends(rig, name)
+    if common_slots(one, two) > 1:
+        return period_matrix(one, two, line_delay(rig).samples)
+    return close_loop(one.end, two.end, line_delay(rig).samples)
 
 
 def predicted_motion(rig: Rig, cycles: int) -> np.ndarray[Any, Any]:

@@ -63,20 +63,23 @@ def test_a_run_that_allows_no_tuning_says_how() -> None:
 
 
 def test_the_set_and_the_corner_of_the_way_are_certified(monkeypatch: pytest.MonkeyPatch) -> None:
-    certified: list[Mapping[str, float]] = []
+    certified: list[tuple[str, float, float]] = []
 
-    async def certify(rig: Rig, values: Mapping[str, float], hardware: Any) -> None:
-        certified.append(values)
-        if values[K] * values[B] > 2e-3:
+    async def certify(rig: Rig, changed: Rig, hardware: Any) -> None:
+        wall = changed.coupling.pairs["lever"].wall_slave
+        assert wall is not None
+        certified.append((changed.name, wall.stiffness, wall.damping))
+        if wall.stiffness * wall.damping > 2e-3:
             raise NotCertifiedError("too much")
 
     monkeypatch.setattr(tuner, "_certify", certify)
-    rig, desk = load_rig(BENCH), Desk(4)
+    rig, desk = load_rig(BENCH, ["operate.scales=[0.5]"]), Desk(4)
     run = run_with(desk)
     leave(desk.address, [2.0, 4e-4, 1.1, 100.0])  # on its way to 2.0 already
     asked = asked_of(run, ROW, {B: 5e-4, FILTER: 50.0})
     assert "damping 0.0005" in asyncio.run(tune(run, rig, asked))
-    assert certified == [{K: 2.0, B: 5e-4, FILTER: 50.0}, {K: 3.0, B: 5e-4, FILTER: 50.0}]
+    names = ("bench-1dof", "bench-1dof at scale 0.5")
+    assert certified == [(name, k, 5e-4) for k in (2.0, 3.0) for name in names]
     assert last_left(desk.address, 4) == (2.0, 5e-4, 1.1, 50.0)
     with pytest.raises(NotCertifiedError, match=r"not on the way: lower first.*too much"):
         asyncio.run(tune(run, rig, asked_of(run, ROW, {B: 8e-4})))

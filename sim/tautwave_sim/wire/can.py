@@ -84,11 +84,6 @@ def frame_bits(can_id: int, data: bytes) -> int:
     return PLAIN + 8 * len(data) + stuff_bits(can_id, data)
 
 
-def worst_frame_bits(size: int) -> int:
-    """Return the most bits that a classic data frame of `size` bytes can have."""
-    return PLAIN + 8 * size + (33 + 8 * size) // 4
-
-
 def fd_size(size: int) -> int:
     """Return the smallest size of a FD frame that holds `size` bytes."""
     return next(step for step in FD_SIZES if step >= size)

@@ -323,7 +323,11 @@ def view(duration: float, as_json: bool) -> None:
     is_flag=True,
     help="Delays of 0.2 to 0.5 s instead: what a hand feels of a free, a soft and a rigid slave.",
 )
-@click.option("--quick", is_flag=True, help="With --frontier: one hand each, two settings.")
+@click.option(
+    "--quick",
+    is_flag=True,
+    help="One delay, 0.6 s each, nothing compiled; with --frontier: one hand each, two settings.",
+)
 @out_option("Directory for the figure of --frontier; default: none.")
 @json_option
 def couplings(
@@ -357,7 +361,7 @@ def couplings(
         print_suites([suite], as_json)
         return
     suite = _backend().couplings(
-        rigs=rigs, first=first, hand=hand, recordings=recordings, tell=_tell
+        rigs=rigs, first=first, hand=hand, recordings=recordings, quick=quick, tell=_tell
     )
     print_suites([suite], as_json)
 

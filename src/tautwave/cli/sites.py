@@ -114,14 +114,17 @@ def test(
 
 
 def _compliance(rig: Any, delay: float) -> Iterator[str]:
-    for name, pair in rig.coupling.pairs.items():
-        impedance = getattr(pair, "wave_impedance", None)
-        if isinstance(impedance, float):
-            rotary = rig.master.axes[name].kind == "rotary"
-            unit = "mrad per N m" if rotary else "mm per N"
+    from tautwave.registry import coupling_messages
+    from tautwave.rig import command_delays
+
+    messages, delays = coupling_messages(rig.coupling.law), command_delays(rig)
+    for name in rig.coupling.pairs:
+        offset = messages.standing(rig, name, delays, delay).offset
+        if offset > 0.0:
+            unit = "mrad per N m" if rig.master.axes[name].kind == "rotary" else "mm per N"
             yield (
-                f"pair {name}: a line of {1e3 * delay:.3g} ms each way at wave_impedance "
-                f"{impedance:g} gives {1e3 * delay / impedance:.3g} {unit} (tau / b)"
+                f"pair {name}: over {1e3 * delay:.3g} ms each way, a steady force sets master and "
+                f"slave {1e3 * offset:.3g} {unit} apart"
             )
 
 

@@ -7,6 +7,9 @@ from typing import Any
 from tautwave.config.text.document import Document
 
 SIDES = ("master", "slave")
+OF_ONE_END = tuple(f"_{side}" for side in SIDES)
+"""Endings of the keys of a pair that concern one end only: the sites need not agree on them."""
+
 STAND_IN = "loopback"
 """Driver in place of the other half's: it is always installed, and nothing of it is opened."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import BaseModel
 
 from tautwave import formats
-from tautwave.config.keys.coupling import Coupling, Pair
+from tautwave.config.keys.coupling import Coupling, Pair, pair_block
 from tautwave.config.text.document import Document
 
 _REPLACED: tuple[tuple[type[BaseModel], str, str], ...] = (
@@ -41,7 +41,9 @@ def take_older(document: Document) -> None:
     if version != 1 or isinstance(version, bool):
         return
     document.value["format"] = formats.RIG
-    if not isinstance(coupling, dict) or coupling.get("law", "wave") == "wave":
+    if not isinstance(coupling, dict):
+        return
+    if "wave_filter_hz" in pair_block(Coupling.model_for(coupling)).model_fields:
         return
     coupling.pop("wave_filter_hz", None)
     pairs = coupling.get("pairs")

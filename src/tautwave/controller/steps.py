@@ -188,6 +188,20 @@ class Holding(NamedTuple):
     share: Callable[..., float]
 
 
+class Rescaling(NamedTuple):
+    """How running ends of a law change to the constants of another scale, those of both sides.
+
+    `ratio` [1] is the device's energy per energy of the pair, the new over the old. `hindrance(s,
+    p, new end's constants, ratio)`: why it cannot now, as a clause, or ''. `keep(old constants,
+    new)`: the new ones with what was tuned. `carry(s, p, ratio, table)`: change the state; what it
+    gives up is booked as dissipated, and the device's books are then in the new scale's energy.
+    """
+
+    hindrance: Callable[..., str]
+    keep: Callable[[Any, Any], Any]
+    carry: Callable[..., None]
+
+
 class Law(NamedTuple):
     """A coupling as the controller runs it: its steps, its state, its columns.
 
@@ -195,7 +209,8 @@ class Law(NamedTuple):
     with defaults. `guards` are by the code that a step leaves in `alarm`, from `OWN_GUARDS` on.
     `rings`: places of the delay line in the table per slot of delay. `spring`: of a law that
     `controller.seen` makes, its stiffness for the books, and what a side shows for position and
-    velocity; None for any other. `holding`: of a law that renders something by itself.
+    velocity; None for any other. `holding`: of a law that renders something by itself. `rescaling`:
+    of one whose scale may change while it runs.
     """
 
     name: str = ""
@@ -209,21 +224,24 @@ class Law(NamedTuple):
     spring: Callable[[PairParams, AxisParams, AxisParams], float] | None = None
     shown: Callable[[AxisState], tuple[float, float]] | None = None
     holding: Holding | None = None
+    rescaling: Rescaling | None = None
 
 
 class SiteLaw(NamedTuple):
     """A law at one of two sites that a network joins.
 
     `law` passes waves of the own end only. `patient(constants)` are those of a link that never
-    gives up by itself; `begin(link)`: the next start is that of a new session. `take(end,
-    constants, table, slot, line)`: a line of a packet came; `said(constants of the other end,
-    table)` returns the last slot and its line; `owed(end, constants, table, axis, its constants)`
-    the motion that was not given out, or not sent, yet [rad or m, master]. `debts`: guards that
-    end a session which has known a silence, and not the run.
+    gives up by itself; `ends(link)` are its master's and its slave's; `begin(link)`: the next
+    start is that of a new session. `take(end, constants, table, slot, line)`: a line of a packet
+    came; `said(constants of the other end, table)` returns the last slot and its line; `owed(end,
+    constants, table, axis, its constants)` the motion that was not given out, or not sent, yet
+    [rad or m, master]. `debts`: guards that end a session which has known a silence, and not the
+    run.
     """
 
     law: Law
     patient: Callable[..., Any]
+    ends: Callable[..., tuple[Any, Any]]
     begin: Callable[..., None]
     take: Callable[..., None]
     said: Callable[..., Any]

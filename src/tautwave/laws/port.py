@@ -308,6 +308,21 @@ def port_repeat(
     return filtered, account - energy, gap - p.period * filtered
 
 
+def port_rescale(
+    account: float, gap: float, filtered: float, ratio: float
+) -> tuple[float, float, float, float]:
+    """Take a port over to another scale: (account, gap, filter state, energy lost).
+
+    `ratio` is the device's energy per energy of the pair, the new over the old. Waves and what they
+    owe stay as they are on the line, so positions do. The tank [J of the device] grows neither in
+    the device's joules, in which the port claims, nor in the pair's, in which the books close:
+    account' = account min(1, ratio). What is lost [J, new units] is dissipated.
+    """
+    root = math.sqrt(ratio)
+    kept = account * min(1.0, ratio)
+    return kept, root * gap, root * filtered, ratio * account - kept
+
+
 def repayment(p: PortParams, account: float, gap: float, filtered: float) -> float:
     """Return what is added to the leaving wave for waves that were cut before [W**0.5]."""
     wanted = filtered + p.repay * gap / p.period

@@ -138,8 +138,6 @@ def run(
         refuse_uncertified(rig, certificate)
     rig = certified_rig(as_taken(rig, ways), certificate)
     for at_scale in scales_of(rig):
-        if allow_tuning:
-            raise ConfigError("--allow-tuning: not with operate.scales; leave one of them")
         if not allow_uncertified:
             refuse_uncertified(at_scale, certificate_of(at_scale, ways))
     engine = None

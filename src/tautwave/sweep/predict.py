@@ -12,14 +12,11 @@ from tautwave.analysis.ports.multirate import (
     RatedEnd,
     common_slots,
     least_damped_rated,
-    period_matrix,
 )
 from tautwave.analysis.ports.sampled_loop import (
     Device,
     LinearEnd,
-    Matrix,
     Site,
-    close_loop,
 )
 from tautwave.config import Rig, SolidWall
 from tautwave.errors import ConfigError
@@ -92,17 +89,6 @@ def linear_of(rig: Rig) -> str:
             f"so nothing can be predicted"
         )
     return named
-
-
-def pair_matrix(rig: Rig, name: str, *, contact: bool = False) -> Matrix:
-    """Return the closed-loop state matrix of one pair, shape (n, n); see `pair_ends`.
-
-    It is that of a cycle or, with a slow bus, of all cycles until both sides are in phase again.
-    """
-    one, two = rated_ends(rig, name, contact=contact)
-    if common_slots(one, two) > 1:
-        return period_matrix(one, two, line_delay(rig).samples)
-    return close_loop(one.end, two.end, line_delay(rig).samples)
 
 
 def pair_mode(rig: Rig, name: str, *, samples: int | None = None, contact: bool = False) -> Mode:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, parse_rig, resolved_yaml
@@ -18,6 +18,7 @@ from tautwave.config.guard import parse_json
 from tautwave.errors import ConfigError, NotCertifiedError
 from tautwave.runtime.tuning.desk import last_left, leave
 from tautwave.session.facts import port_claims
+from tautwave.session.operating import scales_of
 from tautwave.types import CommandDelay
 from tautwave.view.watched import Watched
 
@@ -89,11 +90,13 @@ async def tune(run: Watched, rig: Rig, asked: Asked) -> str:
     changed = [path for path, value in asked.wanted.items() if value != asked.way[path]]
     if any(path in wanted for path in changed):
         sets = [wanted] if corner == wanted else [wanted, corner]
-        jobs = (_certify(rig, values, facts["hardware"]) for values in sets)
-        there, *on_the_way = await asyncio.gather(*jobs, return_exceptions=True)
-        if there is not None:
-            raise there
-        for error in filter(None, on_the_way):
+        rigs = (one for values in sets for one in at_every_scale(rig, values))
+        jobs = (_certify(*one, facts["hardware"]) for one in rigs)
+        found = await asyncio.gather(*jobs, return_exceptions=True)
+        there = len(found) // len(sets)
+        for error in filter(None, found[:there]):
+            raise error
+        for error in filter(None, found[there:]):
             raise NotCertifiedError(
                 f"certified there, but not on the way: lower first, then raise. {error}"
             ) from error
@@ -112,8 +115,13 @@ def with_values(rig: Rig, values: Mapping[str, float]) -> Rig:
     return parse_rig(resolved_yaml(rig), rig.source or "rig.yaml", overrides)
 
 
-async def _certify(rig: Rig, values: Mapping[str, float], hardware: Sequence[str]) -> None:
+def at_every_scale(rig: Rig, values: Mapping[str, float]) -> Iterator[tuple[Rig, Rig]]:
+    """Yield a rig as it is and as it would be, at each scale that a person may choose."""
     changed = with_values(rig, values)
+    yield from zip((rig, *scales_of(rig)), (changed, *scales_of(changed)), strict=True)
+
+
+async def _certify(rig: Rig, changed: Rig, hardware: Sequence[str]) -> None:
     _keep_claims(rig, changed)
     child = await asyncio.create_subprocess_exec(
         sys.executable, "-m", "tautwave.certificate", *hardware,

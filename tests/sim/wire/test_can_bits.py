@@ -7,16 +7,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave_sim.wire.can import (
+    PLAIN,
     CanTiming,
     crc15,
     frame_bits,
     stuff_bits,
     worst_fd_bits,
-    worst_frame_bits,
 )
 
 ids = st.integers(0, 0x7FF)
 payloads = st.binary(max_size=8)
+
+
+def worst_frame_bits(size: int) -> int:
+    """Return the most bits that a classic data frame of `size` bytes can have."""
+    return PLAIN + 8 * size + (33 + 8 * size) // 4
 
 
 def bits_of(can_id: int, data: bytes) -> list[int]:

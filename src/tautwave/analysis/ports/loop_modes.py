@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.analysis.ports.sampled_loop import LinearEnd, Matrix, close_loop
+from tautwave.analysis.ports.sampled_loop import LinearEnd, close_loop
 
 
 class Mode(NamedTuple):
@@ -26,11 +26,6 @@ class Mode(NamedTuple):
 
 OFFSET = 1e-7
 """Eigenvalues this near to 1 are positions that nothing holds, not motion."""
-
-
-def spectral_radius(matrix: Matrix) -> float:
-    """Return the greatest |eigenvalue| [1]."""
-    return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
 def mode_of(roots: npt.NDArray[np.complex128], period: float) -> Mode:

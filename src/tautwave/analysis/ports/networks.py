@@ -58,18 +58,6 @@ def nodes_of(parts: Sequence[Part]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for name in names if name != GROUND))
 
 
-def matrices(parts: Sequence[Part]) -> tuple[Matrix, Matrix, Matrix]:
-    """Return mass, damping and stiffness matrix, each (n, n) in the order of `nodes_of`.
-
-    Raises
-    ------
-    ConfigError
-        If a value is negative: such a part is not passive.
-    """
-    mass, damping, stiffness = _assemble(parts)
-    return _as_array(mass), _as_array(damping), _as_array(stiffness)
-
-
 def impedance(parts: Sequence[Part], node: str) -> Rational:
     """Return force over velocity at `node`, without external forces on all other nodes.
 
@@ -149,7 +137,3 @@ def _determinant(p: list[list[Poly]]) -> Poly:
                 rows[i][j] = poly.divide(cross, last)[0]
         last = rows[k][k]
     return poly.scale(rows[-1][-1], sign) if rows else (Fraction(1),)
-
-
-def _as_array(rows: list[list[Fraction]]) -> Matrix:
-    return np.array([[float(c) for c in row] for row in rows]).reshape(len(rows), len(rows))

@@ -134,11 +134,6 @@ def position_end(
     )
 
 
-def reflecting_end(reflection: float) -> LinearEnd:
-    """Return an end that sends back `reflection` times what arrived a slot before [1]."""
-    return LinearEnd(np.zeros((1, 1)), np.ones(1), np.full(1, reflection), ("arrived",))
-
-
 def close_loop(master: LinearEnd, slave: LinearEnd, samples: int) -> Matrix:
     """Return the state matrix of two ends joined by a delay of `samples` slots each way.
 

@@ -37,7 +37,7 @@ class Likeness(NamedTuple):
         return self.ours / self.recorded
 
 
-def likeness(hand: Hand, folder: Path) -> Likeness:
+def likeness(hand: Hand, folder: Path, engine: str = "compiled") -> Likeness:
     """Impose a recorded motion on the simulated bench, without noise."""
     assert hand.recorded is not None
     reference = f"{{type: recording, file: {hand.write(folder)}, column: hand, repeat: false}}"
@@ -51,7 +51,7 @@ def likeness(hand: Hand, folder: Path) -> Likeness:
         coulomb=COULOMB,
         viscous=VISCOUS,
     )
-    run = simulate(rig)
+    run = simulate(rig, engine=engine)
     first, last = (round(it / PERIOD) for it in (SETTLED_S, RELEASED_S))
     lead, count = round(LEAD_S / PERIOD), len(hand.positions)
     ours = rms(run["lever.position_error"][lead + first : lead + count - last])

@@ -133,17 +133,6 @@ def drawn_law(draw: np.random.Generator) -> str:
     return f"law: {name}, pairs: {{lever: {{{keys}"
 
 
-def drawn_mediated(draw: np.random.Generator) -> str:
-    """Return law mediated with keys drawn at random: models that are not sure, and too stiff."""
-    keys = f"stiffness: {_between(draw, 0.5, 100.0)!r}, damping: {_between(draw, 0.005, 0.5)!r}"
-    keys += f", force_gain: {_between(draw, 0.1, 3.0)!r}, sure: {_between(draw, 0.1, 1.0)!r}"
-    keys += f", observer_hz: {_between(draw, 20.0, 200.0)!r}, touch: {_between(draw, 0.01, 0.1)!r}"
-    keys += f", adopt_s: {_between(draw, 1e-3, 0.1)!r}, stiffest: {_between(draw, 5.0, 500.0)!r}"
-    if draw.random() < 0.3:
-        keys += f", position_scale: {_between(draw, 0.3, 3.0)!r}, sign: {draw.choice((1, -1))}"
-    return f"law: mediated, pairs: {{lever: {{{keys}"
-
-
 def drawn_device(draw: np.random.Generator, noise: float) -> Device:
     """Return a lever; what is believed of it is true."""
     inertia = _between(draw, 3e-4, 1e-2)

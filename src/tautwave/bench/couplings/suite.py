@@ -21,6 +21,7 @@ Tell = Callable[[str], None]
 
 DELAYS = (0.0, 0.01, 0.05)
 SECONDS = 5.0
+SHORT_S = 0.6
 OWN_ACCOUNT = ("wave", "wave_augmented")
 """Have accounts of their own, and stand in the table once."""
 
@@ -35,6 +36,7 @@ def couplings(
     first: int = 0,
     hand: Path | None = None,
     recordings: Path | None = None,
+    quick: bool = False,
     tell: Tell = silent,
 ) -> Suite:
     """Run every law on the laboratory's bench, and laws, rigs and delays drawn at random.
@@ -49,6 +51,8 @@ def couplings(
         CSV file with the column hand_reference [rad]; default: a multisine.
     recordings : Path, optional
         Folder of recorded hands, as for `tautwave bench port`: adds how credible the bench is.
+    quick : bool
+        One delay, 0.6 s each, nothing compiled.
     tell : callable
         Called with the name of each measurement as it starts.
     """
@@ -57,10 +61,12 @@ def couplings(
         reference = f"{{type: recording, file: {hand.resolve()}, column: hand_reference}}"
     rows: list[list[Value]] = []
     kept = 0.0
+    engine = "python" if quick else "compiled"
+    seconds = SHORT_S if quick else SECONDS
     for name in LAWS:
         for account in (False,) if name in OWN_ACCOUNT else (False, True):
             tell(f"{name}{', account' if account else ''}")
-            for delay in DELAYS:
+            for delay in DELAYS[1:2] if quick else DELAYS:
                 for contact in CONTACTS:
                     found = run_coupling(
                         bench_rig(
@@ -69,22 +75,24 @@ def couplings(
                             account=account,
                             contact=contact,
                             reference=reference,
-                            seconds=SECONDS,
-                        )
+                            seconds=seconds,
+                        ),
+                        engine=engine,
                     )
                     kept = max(kept, found.made) if account else kept
                     rows.append(
                         [name, "account" if account else "bare", *_cells(delay, contact, found)]
                     )
     tell(f"{rigs} rigs drawn at random")
-    drawn = _drawn_rows(range(first, first + rigs))
+    drawn = _drawn_rows(range(first, first + rigs), engine)
     more, goals = _credible(recordings, tell)
     return Suite(
         "couplings",
         [
             Table(
                 "Couplings on the bench",
-                "The 1-DoF bench at 2 kHz with noise of 9e-5 rad, a hand for 5 s. Tracking rms, "
+                "The 1-DoF bench at 2 kHz with noise of 9e-5 rad, a hand for "
+                f"{seconds:g} s. Tracking rms, "
                 "standard deviation of the master's effort, rms of hand and contact together (0: "
                 "the hand feels the contact alone), share of motion power above 8 Hz (worse "
                 "side), and the most energy that both motors had given, in truth.",
@@ -141,13 +149,13 @@ def _cells(delay: float, contact: str, found: Outcome) -> list[Value]:
     ]
 
 
-def _drawn_rows(seeds: range) -> list[list[Value]]:
+def _drawn_rows(seeds: range, engine: str) -> list[list[Value]]:
     beyond, most, share, early = [0, 0], [0.0, 0.0], [0.0, 0.0], [0, 0]
     for seed in seeds:
         rig = drawn_rig(seed, account=True)
         bound = stated_bound(rig)
         for bare, drawn in enumerate((rig, without_account(rig))):
-            found = run_coupling(drawn, bound=bound)
+            found = run_coupling(drawn, bound=bound, engine=engine)
             beyond[bare] += found.excess > 0.0
             most[bare] = max(most[bare], found.made)
             share[bare] = max(share[bare], found.made / bound)

@@ -11,7 +11,7 @@ from pathlib import Path
 from tautwave import canvas
 from tautwave.bench.port.cost import port_costs
 from tautwave.bench.port.figure import held_figure
-from tautwave.bench.port.hands import CONTACTS, Hand, recorded_hands, synthetic_hands
+from tautwave.bench.port.hands import CONTACTS, SYNTHETIC_S, Hand, recorded_hands, synthetic_hands
 from tautwave.bench.port.hold import RESTING_S, Held, hold
 from tautwave.bench.port.line import line_table
 from tautwave.bench.port.rigs import FILTER_HZ, IMPEDANCE, LAWS, POLE
@@ -22,6 +22,7 @@ Tell = Callable[[str], None]
 
 NOISES = (9e-5, 1.5e-5)
 HOLD_S, SHORT_S = 60.0, 10.0
+QUICK_S = 2.5
 WORSE = {"free": 0.5, "foam": 0.5, "spring": 0.75, "rigid": 0.75}
 """Goals for the median error over that of the laboratory's recording."""
 
@@ -49,7 +50,7 @@ def port(
     recordings : Path, optional
         Folder of recorded hands; synthetic ones if not given.
     quick : bool
-        One hand per contact, one noise, 10 s of holding.
+        One hand per contact, one noise, 10 s of holding; synthetic hands move for 2.5 s.
     cost : bool
         Measure CPU time as well.
     out : Path, optional
@@ -62,7 +63,8 @@ def port(
     ConfigError
         The folder has no recordings.
     """
-    hands = synthetic_hands() if recordings is None else recorded_hands(recordings)
+    seconds = QUICK_S if quick else SYNTHETIC_S
+    hands = synthetic_hands(seconds) if recordings is None else recorded_hands(recordings)
     if quick:
         hands = [next(h for h in hands if h.contact == c) for c in CONTACTS
                  if any(h.contact == c for h in hands)]  # fmt: skip
@@ -78,7 +80,7 @@ def port(
                 goals += _gripped_goals(scores)
         moved = imposed(hands, folder, tell)
         tables.append(_imposed_table(moved, hands, whose))
-        goals += _imposed_goals(moved, hands)
+        goals += imposed_goals(moved, hands)
     seconds = SHORT_S if quick else HOLD_S
     held = {}
     for noise in noises:
@@ -156,7 +158,8 @@ def _imposed_table(
     )
 
 
-def _imposed_goals(moved: Mapping[str, Mapping[str, Score]], hands: Sequence[Hand]) -> list[Goal]:
+def imposed_goals(moved: Mapping[str, Mapping[str, Score]], hands: Sequence[Hand]) -> list[Goal]:
+    """Return the goals of law `after` against what the laboratory recorded."""
     shares: dict[str, list[float]] = {}
     for hand in hands:
         if hand.recorded is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -94,10 +94,12 @@ def gripped(
     return found
 
 
-def imposed(hands: Sequence[Hand], folder: Path, tell: Tell) -> dict[str, dict[str, Score]]:
+def imposed(
+    hands: Sequence[Hand], folder: Path, tell: Tell, laws: Collection[str] = LAWS
+) -> dict[str, dict[str, Score]]:
     """Return, per hand and law, the scores with the master's motion imposed, without noise."""
     found = {}
     for hand in hands:
         tell(f"imposed motion, {hand.name}")
-        found[hand.name] = {port: score(hand, port, 0.0, folder, IMPOSED) for port in LAWS}
+        found[hand.name] = {port: score(hand, port, 0.0, folder, IMPOSED) for port in laws}
     return found

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from tautwave.config.halves import SIDES, buses_of
+from tautwave.config.halves import OF_ONE_END, SIDES, buses_of
 from tautwave.config.keys.sites import Sites
 from tautwave.config.messages import salvage
 from tautwave.config.pieces import Parts
 from tautwave.config.text.document import Document
 from tautwave.contracts import CouplingPlugin
-
-FOR_BOTH = ("wave_impedance", "wave_filter_hz")
-"""Keys of a pair that both sites have to take alike, where `auto` looks at both devices."""
 
 
 def check_sites(document: Document, parts: Parts, law: CouplingPlugin | None) -> None:
@@ -39,13 +36,16 @@ def check_sites(document: Document, parts: Parts, law: CouplingPlugin | None) ->
     coupling = parts.coupling
     if coupling is None:
         return
-    if law is not None and (not law.at_sites or coupling.account is not None):
+    kept = coupling.account is not None and law is not None and law.over_link
+    if law is not None and not law.at_sites and not kept:
         document.report(
-            ("sites",), f"law {coupling.law} works in one process only; use law wave, or remove it"
+            ("sites",),
+            f"law {coupling.law} without an account works in one process only; add "
+            "coupling.account, or use law wave",
         )
     for name, pair in (parts.pairs or {}).items():
-        for key in FOR_BOTH:
-            if getattr(pair, key, None) == "auto":
+        for key, value in pair or ():
+            if value == "auto" and not key.endswith(OF_ONE_END):
                 document.report(
                     ("coupling", "pairs", name),
                     f"{key}: two sites need a value, for auto looks at both devices",

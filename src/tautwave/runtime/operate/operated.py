@@ -34,6 +34,7 @@ from tautwave.runtime.operate.constants import Operation
 from tautwave.runtime.operate.engagement import begin_session, drop_commands, end_session
 from tautwave.runtime.operate.inbox import Inbox
 from tautwave.runtime.operate.journal import Entry, Journal
+from tautwave.runtime.operate.rescaling import held_by, take_scale
 from tautwave.runtime.operate.resting import (
     hold_capital,
     hold_effort,
@@ -200,9 +201,8 @@ class OperatedControl(CoupledControl):
             self._note(word, order.source, "the devices are reset")
         elif (after := st.follow(self.standing, word)) is None:
             self._note(word, order.source, st.refusal(self.standing, word), refused=True)
-        elif word == st.SCALE and not self._rescale(order.argument, after):
-            text = self.operation.no_scale(order.argument)
-            self._note(word, order.source, text, refused=True)
+        elif word == st.SCALE:
+            self._rescale(order)
         elif word == st.ENGAGE and (loose := self.inbox.loose()):
             text = f"engage: hold the dead-man first: {', '.join(loose)}"
             self._note(word, order.source, text, refused=True)
@@ -210,18 +210,24 @@ class OperatedControl(CoupledControl):
             self._enter(after)
             self._note(word, order.source)
 
-    def _rescale(self, argument: str, after: st.Standing) -> bool:
-        """Let go if engaged, and take another scale's constants; return whether there is one."""
-        scale = self.operation.called(argument)
+    def _rescale(self, order: Order) -> None:
+        """Take another scale's constants: while the pairs hold, or else they let go first."""
+        scale = self.operation.called(order.argument)
         if scale is None:
-            return False
-        self._enter(after)
-        self._count_anew()
+            why = self.operation.no_scale(order.argument)
+            self._note(order.word, order.source, why, refused=True)
+            return
+        scaled = self.operation.scales[scale]
+        hindered = held_by(self, scaled) if self._coupled else ""
+        self._note(order.word, order.source, f"{scale:g}")
+        if hindered:
+            self._event(st.PARTED, hindered)
+        if not self._coupled:
+            self._count_anew()
+        take_scale(self, scaled, holding=self._coupled)
         self.scale = scale
-        self.params, self.pairs = self.operation.scales[self.scale]
         self._free = [p._replace(site=p.site._replace(has_wall=False)) for p in self.params]
         self.alignment.pairs = self.pairs
-        return True
 
     def _event(self, word: str, text: str = "") -> None:
         after = st.follow(self.standing, word)
@@ -351,17 +357,15 @@ class OperatedControl(CoupledControl):
 
     # -- books --------------------------------------------------------------------------------
 
-    def _raw(self) -> list[float]:
-        row = [0.0] * self._plain_columns
-        super().fill(row, 0)
-        return row
-
     def _bank(self) -> None:
         """Keep the accounts of the session that ends; each begins at 0 again."""
-        self._books.bank(self._raw())
+        row = [0.0] * self._plain_columns
+        super().fill(row, 0)
+        self._books.bank(row)
         if not self._coupled:
             self.granted += sum(self.capital)
-            self._count_outside()
+            for k in range(len(self.pairs)):
+                self._outside[k] += self._now_outside(k)
 
     def _count_anew(self) -> None:
         """Begin the budgets of a new state at 0."""
@@ -371,10 +375,6 @@ class OperatedControl(CoupledControl):
     def _clear_energies(self) -> None:
         for s in self.axes:
             s.port_energy = s.gross_flow = s.uncertainty = 0.0
-
-    def _count_outside(self) -> None:
-        for k in range(len(self.pairs)):
-            self._outside[k] += self._now_outside(k)
 
     def _now_outside(self, k: int) -> float:
         """Return what both motors took out of the devices since the last count [J]."""

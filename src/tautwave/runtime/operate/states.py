@@ -28,8 +28,9 @@ ALIGNED = "aligned"
 BLOCKED = "blocked"
 FAULT = "fault"
 RELEASED = "released"
-EVENTS = (ALIGNED, BLOCKED, FAULT, RELEASED)
-"""What the controller finds."""
+PARTED = "parted"
+EVENTS = (ALIGNED, BLOCKED, FAULT, RELEASED, PARTED)
+"""What the controller finds; parted: the pairs cannot take another scale while they hold."""
 
 TRANSITIONS: dict[tuple[str, str], str] = {
     (IDLE, ENGAGE): ALIGNING,
@@ -47,8 +48,8 @@ TRANSITIONS: dict[tuple[str, str], str] = {
     (CLUTCHED, REST): IDLE,
     (HOLDING, ENGAGE): ALIGNING,
     (HOLDING, REST): IDLE,
-    (ENGAGED, SCALE): ALIGNING,
-    **{(state, SCALE): state for state in (IDLE, CLUTCHED, HOLDING)},
+    (ENGAGED, PARTED): ALIGNING,
+    **{(state, SCALE): state for state in (IDLE, ENGAGED, CLUTCHED, HOLDING)},
     **{(state, STOP): STOPPING for state in STATES if state != STOPPING},
     **{(state, FAULT): HOLDING for state in STATES if state != STOPPING},
 }

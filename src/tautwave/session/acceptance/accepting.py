@@ -27,7 +27,6 @@ STAGES = ("identity", "hand", "limits", "noise", "watchdog", "delay", "effort", 
 """In rising risk: nothing has torque in the first three, nothing is commanded up to the fifth."""
 
 GENTLE = 0.1
-RUN_S = 5.0
 
 
 class Acceptance(NamedTuple):

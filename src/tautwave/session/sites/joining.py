@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from tautwave import registry
 from tautwave.config import Rig
+from tautwave.config.halves import OF_ONE_END
 from tautwave.errors import LinkError
 from tautwave.rig import Assembly, coupling_part
 from tautwave.rig.operation import quantum_of, site_pulls
@@ -28,11 +29,8 @@ from tautwave.sites.desk import Order
 from tautwave.sites.path import parse_address
 
 SIDES = ("master", "slave")
-OWN_KEYS = {
-    *("pole_master", "pole_slave", "matched_master", "matched_slave"),
-    *("wall_master", "wall_slave", "engage_tolerance"),
-}
-"""Keys of a pair that concern one end, or only when to begin."""
+OWN_KEYS = ("engage_tolerance", *OF_ONE_END)
+"""How keys of a pair end that concern one end, or only when to begin."""
 
 
 class Joined(NamedTuple):
@@ -53,7 +51,7 @@ def shared_keys(rig: Rig) -> dict[str, Any]:
     """Return what both sites must have alike, as JSON."""
     coupling = rig.coupling.model_dump(mode="json")
     coupling["pairs"] = {
-        name: {key: value for key, value in pair.items() if key not in OWN_KEYS}
+        name: {key: value for key, value in pair.items() if not key.endswith(OWN_KEYS)}
         for name, pair in coupling["pairs"].items()
     }
     axes = {

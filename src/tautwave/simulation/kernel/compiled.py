@@ -210,12 +210,17 @@ def register(entry: Callable[..., Any], functions: Iterable[Callable[..., Any]])
     for function in functions:
         if function is not entry and function not in _registered:
             # Said of each, since numba hands the option down to whatever is called.
-            extending.register_jitable(forceinline=function in INLINED, **OPTIONS)(function)
+            extending.register_jitable(forceinline=function in INLINED, **OPTIONS, **INTERNAL)(
+                function
+            )
             _registered.add(function)
 
 
 OPTIONS = {"error_model": "numpy", "_nrt": False}
 """Nothing is allocated in a run: without numba's run time no table is counted at every call."""
+
+INTERNAL = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Nothing but compiled code calls these: without doors to Python and C compiling is quicker."""
 
 _registered: set[Callable[..., Any]] = set()
 

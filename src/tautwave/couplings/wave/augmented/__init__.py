@@ -123,6 +123,7 @@ def augmented_law(law: Law) -> Law:
         name=f"{law.name} with force augmentation",
         steps=law.steps._replace(start=bound(start, inside), close=bound(close, inside)),
         end=record_with(law.end, "augmented", Augmented),
+        rescaling=None,
     )
 
 
