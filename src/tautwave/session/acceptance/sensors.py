@@ -47,7 +47,7 @@ def rest_now(
     sensor = rig.axes[name].effort_sensor
     if sensor is None:
         return []
-    values = []
+    values: list[float] = []
     until = control.now_ns + 1e9 * SECONDS
     while control.now_ns < until or not values:
         values.append(control.outside(name))
