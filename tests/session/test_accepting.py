@@ -91,6 +91,31 @@ def test_noise_delay_and_effort_are_measured_under_torque(tmp_path: Path) -> Non
     assert found["effort", "slave.lever"]["measured"]["ratio"] == pytest.approx(0.3 / 0.22)
 
 
+@pytest.mark.parametrize(
+    ("truth", "wrong"),
+    [
+        ("{}", ""),
+        ("{effort_sensor: {noise: 0.001, offset: 0.1}}", "sensor offset"),
+        pytest.param(
+            "{effort_sensor: {noise: 0.001, scale: 2.0}}", "sensor scale", marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_an_effort_sensor_is_compared_with_the_motor_before_anything_is_coupled(
+    tmp_path: Path, truth: str, wrong: str
+) -> None:
+    rig = bench(tmp_path, environment={"type": "spring", "stiffness": 8.0, "position": 0.0})
+    data = yaml.safe_load(rig.read_text())
+    data["slave"]["axes"]["lever"]["effort_sensor"] = {"quantum": 1e-4, "noise": 1e-3}
+    data["simulation"]["axes"]["slave.lever"] |= yaml.safe_load(truth)
+    written(tmp_path, data)
+    answers = "0.1\n0.1\n0.1 0.11\n0.1\n0.1 0.22\n"
+    accept(rig, "noise,effort", answers, "--axis", "slave.lever")
+    bad = [what for (_, what), check in checks(rig).items() if not check["good"]]
+    assert bad == ([f"slave.lever {wrong}"] if wrong else [])
+    assert any(what.endswith("sensor offset") for _, what in checks(rig))
+
+
 def test_a_cable_that_was_not_pulled_is_no_pass(tmp_path: Path) -> None:
     rig = written(tmp_path, servo_tree())
     done = accept(rig, "watchdog", "0.1\n")
