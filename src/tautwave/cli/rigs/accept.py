@@ -119,5 +119,6 @@ def accept(
             directory.rmdir()  # removes it only if it is empty
     good = sum(check.good for check in checks)
     how = "sealed" if keys is None else f"signed with the key of site {site}"
-    click.echo(f"{path}: {good} of {len(checks)} good, accepted by {by}, {how}")
+    ended = "accepted" if good == len(checks) else "NOT accepted"
+    click.echo(f"{path}: {good} of {len(checks)} good, {ended} by {by}, {how}")
     ctx.exit(0 if good == len(checks) else 6)

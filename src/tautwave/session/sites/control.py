@@ -191,8 +191,8 @@ class SiteControl(CoupledControl):
         """Find the own end of each pair: its state, its constants, those of the far one."""
         self._ends = []
         for state, q in zip(self.states, self.pairs, strict=True):
-            w, k = state.link, q.link
-            both = (w.master, k.master, k.slave), (w.slave, k.slave, k.master)
+            (one, two), k = self._site.ends(state.link), q.link
+            both = (one, k.master, k.slave), (two, k.slave, k.master)
             self._ends.append(both[self._side])
 
     def _bank(self) -> None:
