@@ -123,6 +123,14 @@ def test_a_cable_that_was_not_pulled_is_no_pass(tmp_path: Path) -> None:
     assert checks(rig)["watchdog", "loss"]["measured"]["said"] == "nothing was lost"
 
 
+@pytest.mark.parametrize("text", ["", "[]", '{"seal": 3}', '{"seal": {"sha256": 5}, "files": [1]}'])
+def test_what_is_no_acceptance_is_said(tmp_path: Path, text: str) -> None:
+    (tmp_path / FILE).write_text(text)
+    done = CliRunner().invoke(main, ["accept", str(tmp_path / FILE), "--verify"])
+    assert done.exit_code == 2
+    assert "is not the acceptance.json that `tautwave accept` wrote" in done.output
+
+
 def test_what_was_sealed_is_verified_to_the_byte(tmp_path: Path) -> None:
     make_authority(tmp_path / "keys", ["lab", "clinic"])
     make_authority(tmp_path / "others", ["lab", "clinic"])
@@ -156,7 +164,7 @@ def test_what_was_sealed_is_verified_to_the_byte(tmp_path: Path) -> None:
     path.write_text(json.dumps(changed))
     assert "its signature cannot be read" in verify(path, tmp_path / "keys").wrong[-1]
     path.write_text(text)
-    assert "is none of" in verify(path, tmp_path / "others").wrong[0]
+    assert "is not one of" in verify(path, tmp_path / "others").wrong[0]
     assert "no certificate of an authority" in verify(path, tmp_path).wrong[0]
     recording = tmp_path / "out" / "identity" / "recording.mcap"
     recording.write_bytes(recording.read_bytes() + b"x")
