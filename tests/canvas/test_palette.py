@@ -112,5 +112,5 @@ def test_a_dark_page_has_a_rule_for_every_colour():
     for light, dark in DARK.items():
         for what in ("fill", "stroke"):
             one = f'[{what}="{light}"]'
-            assert f'figure {one}, path{one} {{ {what}: {dark}; }}' in rules
+            assert f"figure {one}, path{one} {{ {what}: {dark}; }}" in rules
     assert len(set(DARK)) == len(set(DARK.values())) == len(DARK)
