@@ -22,10 +22,10 @@ from tautwave.certificate.belief import (
     broken_damping,
     broken_inertia,
     delay_in_periods,
-    stated_hand,
 )
 from tautwave.certificate.data import Element, Verdict
 from tautwave.config import Rig, Wall, local_wall
+from tautwave.rig.scene.hands import stated_hand
 from tautwave.types import CommandDelay
 
 FREE_FLIGHT = (
