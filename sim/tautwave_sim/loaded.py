@@ -13,22 +13,20 @@ from tautwave.models.chain.motion import Flows, chain_step, kinetic_energy, plac
 from tautwave.models.load import LoadParams, load_effort, load_energy
 from tautwave.models.plant_params import PlantParams
 from tautwave.truth import ArmModel
-from tautwave_sim.physics import Physics
+from tautwave_sim.physics import Physics, PhysicsAround
 
 
-class LoadedPhysics:
+class LoadedPhysics(PhysicsAround):
     """A device with a load beside its motor, held over a step as it is half-way.
 
     What that is wrong by is booked: as a loss of the environment, of either sign.
     """
 
     def __init__(self, bare: Physics, load: LoadParams) -> None:
-        self._bare = bare
+        super().__init__(bare)
         self._load = load
-        self._work = 0.0
         self._defect = 0.0
         self._height = load_energy(load, bare.x)
-        self._show()
 
     def step(self, command: float, reference: float, rate: float, h: float) -> None:
         """Move by `h` under a held effort and the load."""
@@ -40,18 +38,7 @@ class LoadedPhysics:
         self._work += work
         self._defect += work + height - self._height
         self._height = height
-        self._show()
-
-    def _show(self) -> None:
-        bare = self._bare
-        self.x = bare.x
-        self.v = bare.v
-        self.hand_work = bare.hand_work
-        self.motor_work = bare.motor_work - self._work
-        self.grip_loss = bare.grip_loss
-        self.viscous_loss = bare.viscous_loss
-        self.coulomb_loss = bare.coulomb_loss
-        self.environment_loss = bare.environment_loss - self._defect
+        self._show(self._defect)
 
     def stored(self, reference: float) -> tuple[float, float, float]:
         """Return kinetic, grip and environment energy, with the load's potential."""

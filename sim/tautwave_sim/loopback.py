@@ -69,15 +69,23 @@ class LoopbackSimulator:
                 axis.pass_slot()
             self._slot += 1
 
+    def measure(self) -> list[JointState]:
+        """Return what every axis measures at this slot."""
+        return [axis.measure() for axis in self.axes]
+
+    def command(self, values: Sequence[float]) -> None:
+        """Hand one number to every axis."""
+        for axis, value in zip(self.axes, values, strict=True):
+            axis.command(value)
+
     def close(self) -> None:
         """Nothing to release."""
 
 
-def _taken(spec: AxisSpec) -> str:
+def _taken(spec: AxisSpec) -> int:
     """Return which number of a command an axis takes."""
-    if spec.takes_position:
-        return "position"
-    return "velocity" if spec.causality == "admittance" else "effort"
+    name = "velocity" if spec.causality == "admittance" else "effort"
+    return AxisCommand._fields.index("position" if spec.takes_position else name)
 
 
 class LoopbackDriver:
@@ -92,8 +100,7 @@ class LoopbackDriver:
     ) -> None:
         self._world = transport if transport is not None else LoopbackSimulator((), ())
         self._clock = clock
-        takes = [_taken(spec) for spec in bus.axes]
-        self._targets = list(zip(self._world.axes, takes, strict=False))
+        self._taken = [_taken(spec) for _, spec in zip(self._world.axes, bus.axes, strict=False)]
         self._enabled = False
         period = 1.0 / bus.rate_hz
         delay = options.command_delay_s
@@ -121,18 +128,18 @@ class LoopbackDriver:
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Return what every axis measures at this slot; `deadline_ns` is never needed."""
-        return [axis.measure() for axis in self._world.axes]
+        return self._world.measure()
 
     def write(self, commands: Sequence[AxisCommand]) -> None:
         """Hand one command to every axis; ignored while not enabled."""
-        if len(commands) != len(self._targets):
+        if len(commands) != len(self._taken):
             raise DriverError(
-                f"loopback: {len(commands)} commands for {len(self._targets)} axes; "
+                f"loopback: {len(commands)} commands for {len(self._taken)} axes; "
                 "write one command per axis, in the order of the rig file"
             )
         if self._enabled:
-            for (axis, taken), command in zip(self._targets, commands, strict=True):
-                axis.command(getattr(command, taken))
+            taken = zip(commands, self._taken, strict=True)
+            self._world.command([command[which] for command, which in taken])
 
     def faults(self) -> Sequence[Fault]:
         """Nothing fails here by itself."""
@@ -140,7 +147,7 @@ class LoopbackDriver:
 
     def disable(self) -> None:
         """Zero command on every axis, then ignore commands."""
-        self.write([SAFE_COMMAND] * len(self._targets))
+        self.write([SAFE_COMMAND] * len(self._taken))
         self._enabled = False
 
     def close(self) -> None:

@@ -197,25 +197,15 @@ class OutsidePhysics(ImposedPhysics):
         self.x, self.v = x, v
 
 
-class PushedPhysics:
-    """A device on which an effort acts that does not depend on it; `push` is that of this slot."""
+class PhysicsAround:
+    """A device beside whose motor an effort acts; its books, less what that did."""
 
-    def __init__(self, bare: Physics, *, servo: bool) -> None:
+    def __init__(self, bare: Physics) -> None:
         self._bare = bare
-        self._servo = servo
         self._work = 0.0
-        self.push = 0.0
-        self._show()
+        self._show(0.0)
 
-    def step(self, command: float, reference: float, rate: float, h: float) -> None:
-        """Move by `h`; a drive that takes velocities feels the effort and gives no way."""
-        before = self.x
-        total = command if self._servo else command + self.push
-        self._bare.step(total, reference, rate, h)
-        self._work += self.push * (self._bare.x - before)
-        self._show()
-
-    def _show(self) -> None:
+    def _show(self, lost: float) -> None:
         bare = self._bare
         self.x = bare.x
         self.v = bare.v
@@ -224,7 +214,24 @@ class PushedPhysics:
         self.grip_loss = bare.grip_loss
         self.viscous_loss = bare.viscous_loss
         self.coulomb_loss = bare.coulomb_loss
-        self.environment_loss = bare.environment_loss - self._work
+        self.environment_loss = bare.environment_loss - lost
+
+
+class PushedPhysics(PhysicsAround):
+    """A device on which an effort acts that does not depend on it; `push` is that of this slot."""
+
+    def __init__(self, bare: Physics, *, servo: bool) -> None:
+        super().__init__(bare)
+        self._servo = servo
+        self.push = 0.0
+
+    def step(self, command: float, reference: float, rate: float, h: float) -> None:
+        """Move by `h`; a drive that takes velocities feels the effort and gives no way."""
+        before = self.x
+        total = command if self._servo else command + self.push
+        self._bare.step(total, reference, rate, h)
+        self._work += self.push * (self._bare.x - before)
+        self._show(self._work)
 
     def stored(self, reference: float) -> tuple[float, float, float]:
         """Return kinetic, grip and environment energy."""

@@ -11,18 +11,10 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from tautwave.contracts import (
-    Budget,
-    BusSpec,
-    Clock,
-    DriverPlugin,
-    Endpoint,
-    ScanProgress,
-    SimulatorPlugin,
-    no_progress,
-)
+from tautwave.contracts import Budget, BusSpec, Clock, SimulatorPlugin
 from tautwave.errors import ConfigError
 from tautwave.types import Imposed
+from tautwave_sim import loopback
 from tautwave_sim.loopback import LoopbackDriver, LoopbackOptions, LoopbackSimulator
 
 
@@ -104,10 +96,6 @@ def _imposed(options: ReplayOptions, bus: BusSpec) -> list[Imposed]:
     return found
 
 
-def _make(options: ReplayOptions, bus: BusSpec, clock: Clock, transport: Any) -> ReplayDriver:
-    return ReplayDriver(options, bus, clock, transport)
-
-
 def _simulate(
     options: ReplayOptions, bus: BusSpec, physics: Sequence[Any], clock: Clock
 ) -> LoopbackSimulator:
@@ -118,18 +106,12 @@ def _budget(options: ReplayOptions, bus: BusSpec) -> Budget:
     return Budget(0.0, float("inf"), "no bus: a file is played")
 
 
-def _scan(options: Any, progress: ScanProgress = no_progress) -> Sequence[dict[str, Any]]:
-    return ()
-
-
-plugin = DriverPlugin(
+plugin = loopback.plugin._replace(
     options=ReplayOptions,
-    make=_make,
+    make=ReplayDriver,
     budget=_budget,
-    scan=_scan,
-    hardware=False,
     summary="axes that move as recorded in a file",
-    endpoint=lambda options: Endpoint("none"),
+    positions=False,
     files=(("devices", "*", "file"),),
     imposed=_imposed,
 )

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
+import pytest
+
+from tautwave.bench.live import child, rate
 from tautwave.bench.live.rate import measure, pairs_rig, rate_suite
+from tautwave.config import Rig, parse_rig
+from tautwave.errors import TautwaveError
 
 
 def test_pairs_are_alike_but_for_their_names() -> None:
@@ -22,6 +29,33 @@ def test_a_case_is_measured_beside_an_empty_loop() -> None:
     assert found["seconds"] == 0.2
 
 
+def test_a_run_that_a_guard_ends_counts_until_then_and_is_reported(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plain = pairs_rig
+
+    def slowed(pairs: int, rate_hz: int, engine: str) -> Rig:
+        given = plain(pairs, rate_hz, engine).model_dump(mode="json", exclude_unset=True)
+        given["master"]["axes"]["lever1"]["velocity_limit"] = 0.05
+        reference = given["simulation"]["hand"]["lever1"]["reference"]
+        reference["waypoints"] = [[0.02, 0.0], [0.1, 0.5]]
+        return parse_rig(json.dumps(given))
+
+    monkeypatch.setattr(rate, "pairs_rig", slowed)
+    found = measure(0.3, 1, pairs=(1,), rates_hz=(1000,), engines=("python",))
+    [reason] = found["cases"][0]["stopped"]["python"]
+    assert "master.lever1" in reason
+    [table] = rate_suite(found).tables
+    assert table.rows[0][-1] == 1
+    assert reason in table.what
+    assert "1 run was ended early" in table.what
+
+
+def test_a_measuring_process_that_fails_is_one_sentence() -> None:
+    with pytest.raises(TautwaveError, match=r"its measuring process nothing.*No mod"):
+        child._answer("nothing.here")
+
+
 def test_goals_are_those_of_the_compiled_loop() -> None:
     quick = {"p50": 0.1, "p99": 0.2, "p999": 0.3, "max": 0.9}
     cases = [
@@ -30,6 +64,7 @@ def test_goals_are_those_of_the_compiled_loop() -> None:
             "rate_hz": rate,
             "missed_share": {"python": 0.5, "compiled": missed, "empty": empty},
             "compute_share": {"python": quick, "compiled": quick},
+            "stopped": {"python": [], "compiled": []},
         }
         for pairs, rate, missed, empty in ((1, 10000, 0.002, 0.001), (6, 4000, 0.0, 0.0),
                                            (2, 1000, 0.0, 0.0))

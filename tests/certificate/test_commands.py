@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from tautwave.analysis.claim import joules
 from tautwave.certificate.after import Measured, recheck
 from tests.certificate.rigs import CONFIGS, PAIR, README_RIG, rig, wall
 from tests.commands import keep_in_one_process, page_of, tautwave
@@ -190,7 +191,8 @@ def test_a_derated_wall_is_what_runs(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("one_process")
 def test_overruns_in_a_wall_that_let_energy_out_break_the_certificate(tmp_path: Path) -> None:
-    done = tautwave("run", README_RIG, *QUICK, *INTO_THE_WALL, *overruns(8), cwd=tmp_path)
+    slow = [f"--set={side}.axes.lever.effort_rate_limit=500" for side in ("master", "slave")]
+    done = tautwave("run", README_RIG, *QUICK, *INTO_THE_WALL, *overruns(8), *slow, cwd=tmp_path)
     assert done.exit_code == 3, done.stderr
     certificate = summary_of(tmp_path)["certificate"]
     after = certificate["after_run"]
@@ -203,6 +205,19 @@ def test_overruns_in_a_wall_that_let_energy_out_break_the_certificate(tmp_path: 
     assert "held for 9 ms" in done.stderr
     assert re.search(r"A contact gave \S+ J more than it took\.", done.stderr)
     assert "invalidates its certificate" in page_of(tmp_path / "out")
+
+
+@pytest.mark.usefixtures("one_process")
+def test_a_wall_that_pays_back_what_a_stall_let_out_keeps_its_claim(tmp_path: Path) -> None:
+    done = tautwave("run", README_RIG, *QUICK, *INTO_THE_WALL, *overruns(8), cwd=tmp_path)
+    assert done.exit_code == 0, done.stderr
+    summary = summary_of(tmp_path)
+    before = summary["certificate"]["elements"]
+    held = summary["certificate"]["after_run"]["walls"]["slave.lever"]
+    assert held["balance_j"] < 0.0
+    stated = f"gives at most {joules(held['claim_j'])} more than it took"
+    assert any(stated in sentence for sentence in before["slave wall"]["sentences"])
+    assert re.search(r"J more than it took\. It claims \S+ J for that", held["sentence"])
 
 
 @pytest.mark.usefixtures("one_process")

@@ -221,3 +221,61 @@ def test_loss_is_what_came_in_less_what_the_spring_holds() -> None:
     # A spring alone, its effort held over the period: the leak is K dx**2 / 2.
     leak = wall_loss(p, wall_effort(p, before, 0.0), after - before, before, after)
     assert leak == pytest.approx(-0.5 * K * (after - before) ** 2)
+
+
+HELD, FASTEST = 0.051, 5.0
+"""[s] and [m/s] Of a stall: how long an effort is held, and the device's limit."""
+
+
+def indebted(reserve: float) -> WallParams:
+    drift = 0.5 * HELD * HELD / MASS
+    return wall(controlled=True)._replace(reserve=reserve, reach=FASTEST * HELD, drift=drift)
+
+
+@given(st.floats(1e-6, 50.0), st.floats(0.0, 1.0), st.floats(1.0, 1e4))
+def test_a_walls_push_is_what_a_stall_may_cost(reserve: float, share: float, push: float) -> None:
+    """Closed form: F (v h + F h**2 / 2m) is what is left of the reserve, or F is as requested."""
+    p = indebted(reserve)
+    left = reserve * (1.0 - share)
+    into = FASTEST + 1e6  # deep inward: the period's own rule allows any push
+    got = control_wall(p, push, -share * reserve, into, 1e-9, T)
+    spent = got * (FASTEST * HELD + got * HELD * HELD / (2.0 * MASS))
+    assert got <= push
+    assert spent == pytest.approx(left, rel=1e-9, abs=1e-9 * reserve) or (
+        got == push and spent <= left * (1.0 + 1e-12)
+    )
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(0.0, 2e3), st.floats(-5.0, 5.0), st.integers(0, 50), st.floats(-1, 1)),
+        min_size=1,
+        max_size=80,
+    )
+)
+def test_stalls_whenever_they_come_leave_no_more_than_the_reserve(
+    script: list[tuple[float, float, int, float]],
+) -> None:
+    """The adversary chooses pushes, speeds, stalls and where the device goes in them."""
+    p = indebted(3.0)
+    energy, least = 0.0, 0.0
+    for push, coast, skipped, way in script:
+        got = control_wall(p, push, energy, coast, T / (2.0 * MASS), T)
+        held = T * (skipped + 1)
+        out = way * (FASTEST * held + got * held * held / (2.0 * MASS))
+        energy -= got * out
+        least = min(least, energy)
+        if way > 0.0:  # it has left the wall
+            energy = min(energy, 0.0)
+    assert least >= -3.0 * (1.0 + 1e-12)
+
+
+def test_without_a_reserve_the_same_stalls_take_any_amount() -> None:
+    """What the bound is for: cut out, ten stalls on the way in take ten times as much."""
+    bare, kept = wall(controlled=True), indebted(3.0)
+    for p, most in ((bare, math.inf), (kept, 3.0)):
+        energy = 0.0
+        for _ in range(10):
+            push = control_wall(p, 40.0, energy, FASTEST, 1e-9, T)
+            energy -= push * FASTEST * HELD
+        assert (-energy > 30.0) if p is bare else (0.0 < -energy <= most)

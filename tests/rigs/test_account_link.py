@@ -166,8 +166,10 @@ def test_bare_over_a_network_nothing_is_certified() -> None:
     assert "over a network its delay is not known" in found.passive.reason
 
 
-def test_two_sites_and_laws_with_nothing_to_say_are_refused() -> None:
-    found = data("position", {}, BAD)
+def test_two_sites_without_an_account_are_refused() -> None:
+    found = data("position", None, BAD)
     found["sites"] = {"serves": "slave", "slave": {"address": "127.0.0.1"}}
-    with pytest.raises(ConfigError, match="law position works in one process only"):
+    with pytest.raises(
+        ConfigError, match="law position without an account works in one process only"
+    ):
         rig_of(found)

@@ -363,12 +363,14 @@ class Bench(ListSink):
         super().__init__(len(self.columns))
         self._on_commit = on_commit
         self.clock = FakeClock(oversleep=oversleep)
+        self.begun: list[int] = []
         self.loop = Loop(
             self.clock,
             [LoopBus("hand", self.hand, ["master.a"]), LoopBus("arm", self.arm, ["slave.a"])],
             source,
             [source],
             self,
+            begun=self.begun.append,
         )
 
     def commit(self) -> None:

@@ -234,3 +234,27 @@ def test_the_walls_observer_begins_anew_with_each_contact() -> None:
     step(axis, -1e-3)
     assert axis.wall_contact_energy == 0.0
     assert axis.wall_absorbed != 0.0
+    assert not axis.wall_owes
+
+
+def test_a_wall_owes_what_a_held_effort_gave_until_it_is_paid() -> None:
+    axis = site(wall=WALL, mass=1e9, b=1e-6)
+    for x in (1e-3, 2e-3, 3e-3):
+        step(axis, x)
+    for _ in range(7):
+        axis.pass_slot()
+    step(axis, -0.05)
+    owed = -axis.wall_contact_energy
+    assert axis.wall_owes
+    assert owed > 0.0
+    step(axis, -0.04)
+    assert axis.wall_contact_energy == -owed  # it is carried to the next contact
+    for x in (1e-3, 2e-3, 1e-3):
+        step(axis, x)
+    assert axis.wall_effort == 0.0  # in debt it gives nothing on the way out
+    assert -owed < axis.wall_contact_energy < 0.0
+    x = 1e-3
+    while axis.wall_owes:
+        x += 1e-3
+        step(axis, x)
+    assert axis.wall_contact_energy >= 0.0

@@ -36,6 +36,13 @@ def test_one_row_per_cycle_on_the_grid_of_slots() -> None:
     assert set(bench.column("skipped_slots")) == {0.0}
 
 
+def test_a_run_begins_at_its_first_slot_when_all_drives_are_on() -> None:
+    bench = Bench(cycles=7, arm={"enable_steps": 20})
+    bench.loop.run()
+    assert bench.begun == [bench.clock.now_ns() - 7 * PERIOD_NS]
+    assert bench.begun[0] >= 19 * PERIOD_NS
+
+
 def test_two_runs_on_the_fake_clock_are_equal_to_the_bit() -> None:
     runs = []
     for _ in range(2):

@@ -16,12 +16,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from tautwave.errors import RecordingError
 from tautwave.recordings.recording import Recording, read_recording
 from tautwave.runtime import recorder as recorder_module
 from tautwave.runtime.recorder import Recorder
 from tautwave.runtime.ring import HEAD, TAIL, WRITTEN
+from tautwave.runtime.tap import Tap
+from tautwave.view.watched import read_live
 
 COLUMNS = ("time_s", "cycle", "square")
 LOOP = Path(__file__).with_name("recording_loop.py")
@@ -101,6 +104,26 @@ def test_what_is_put_in_comes_back(tmp_path: Path) -> None:
         "rows_dropped": "0",
         "ended_by": "the loop closed the recording",
     }
+
+
+def test_time_begins_with_the_first_slot_not_with_the_file(tmp_path: Path) -> None:
+    recorder = make(tmp_path / "r.mcap", lossless=True, rate_hz=1000.0, live={})
+    recorder.start()
+    tap = Tap.of_run(read_live(tmp_path))
+    assert tap.begun_ns == 0
+    time.sleep(0.05)  # buses open, drives are enabled
+    before = time.time_ns()
+    recorder.begin(777)
+    after = time.time_ns()
+    assert tap.begun_ns == 777
+    epoch_ns = tap.epoch_ns
+    tap.close()
+    assert before <= epoch_ns <= after
+    put(recorder, range(3))
+    recorder.close()
+    with open(tmp_path / "r.mcap", "rb") as file:
+        times = [message.log_time for _, _, message in make_reader(file).iter_messages()]
+    assert times == [epoch_ns + 1_000_000 * k for k in range(3)]
 
 
 @pytest.mark.parametrize("rows", [2, 7, 1000])

@@ -1,13 +1,20 @@
-"""The first day with real drives: each stage measures what it says, and the end is sealed."""
+"""The first day with real drives: each stage measures what it says, and the end is sealed.
+
+`python -m tests.session.test_accepting servos cia402 modbus` walks all of it with each kind.
+"""
 
 from __future__ import annotations
 
 import json
 import math
 import re
+import socket
+import sys
+import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 import yaml
@@ -21,7 +28,7 @@ from tests.rigs.running import Tree
 from tests.runtime.test_device_faults import servo_tree
 from tests.session.newcomers import Newcomer, Talk, served
 from tests.session.test_calibrating import BENCH
-from tests.session.test_newcomers import settle
+from tests.session.test_newcomers import EDS, own_drive, settle
 
 WAY = "[[0, 0], [1, 0], [2, 0.2], [3, 0.2], [4, -0.49], [5, 0.49], [6, 0], [99, 0]]"
 
@@ -62,6 +69,7 @@ def test_a_wrong_scale_ends_the_day_before_anything_gets_torque(tmp_path: Path) 
     done = accept(rig, "hand,noise", "2 thirty\n", "--axis", "master.lever")
     assert done.exit_code == 6
     assert "scale master.lever" in done.output
+    assert "NOT accepted by a person" in done.output
     assert "NOT GOOD, expected 1 within 0.05" in done.output
     assert not (tmp_path / "out" / "noise").exists()
     assert json.loads((tmp_path / "out" / FILE).read_text())["ended_at"] == "hand"
@@ -83,11 +91,44 @@ def test_noise_delay_and_effort_are_measured_under_torque(tmp_path: Path) -> Non
     assert found["effort", "slave.lever"]["measured"]["ratio"] == pytest.approx(0.3 / 0.22)
 
 
+@pytest.mark.parametrize(
+    ("truth", "wrong"),
+    [
+        ("{}", ""),
+        ("{effort_sensor: {noise: 0.001, offset: 0.1}}", "sensor offset"),
+        pytest.param(
+            "{effort_sensor: {noise: 0.001, scale: 2.0}}", "sensor scale", marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_an_effort_sensor_is_compared_with_the_motor_before_anything_is_coupled(
+    tmp_path: Path, truth: str, wrong: str
+) -> None:
+    rig = bench(tmp_path, environment={"type": "spring", "stiffness": 8.0, "position": 0.0})
+    data = yaml.safe_load(rig.read_text())
+    data["slave"]["axes"]["lever"]["effort_sensor"] = {"quantum": 1e-4, "noise": 1e-3}
+    data["simulation"]["axes"]["slave.lever"] |= yaml.safe_load(truth)
+    written(tmp_path, data)
+    answers = "0.1\n0.1\n0.1 0.11\n0.1\n0.1 0.22\n"
+    accept(rig, "noise,effort", answers, "--axis", "slave.lever")
+    bad = [what for (_, what), check in checks(rig).items() if not check["good"]]
+    assert bad == ([f"slave.lever {wrong}"] if wrong else [])
+    assert any(what.endswith("sensor offset") for _, what in checks(rig))
+
+
 def test_a_cable_that_was_not_pulled_is_no_pass(tmp_path: Path) -> None:
     rig = written(tmp_path, servo_tree())
     done = accept(rig, "watchdog", "0.1\n")
     assert done.exit_code == 6
     assert checks(rig)["watchdog", "loss"]["measured"]["said"] == "nothing was lost"
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"seal": 3}', '{"seal": {"sha256": 5}, "files": [1]}'])
+def test_what_is_no_acceptance_is_said(tmp_path: Path, text: str) -> None:
+    (tmp_path / FILE).write_text(text)
+    done = CliRunner().invoke(main, ["accept", str(tmp_path / FILE), "--verify"])
+    assert done.exit_code == 2
+    assert "is not the acceptance.json that `tautwave accept` wrote" in done.output
 
 
 def test_what_was_sealed_is_verified_to_the_byte(tmp_path: Path) -> None:
@@ -123,7 +164,7 @@ def test_what_was_sealed_is_verified_to_the_byte(tmp_path: Path) -> None:
     path.write_text(json.dumps(changed))
     assert "its signature cannot be read" in verify(path, tmp_path / "keys").wrong[-1]
     path.write_text(text)
-    assert "is none of" in verify(path, tmp_path / "others").wrong[0]
+    assert "is not one of" in verify(path, tmp_path / "others").wrong[0]
     assert "no certificate of an authority" in verify(path, tmp_path).wrong[0]
     recording = tmp_path / "out" / "identity" / "recording.mcap"
     recording.write_bytes(recording.read_bytes() + b"x")
@@ -136,83 +177,155 @@ def test_what_was_sealed_is_verified_to_the_byte(tmp_path: Path) -> None:
 
 # -- all of it, against served devices ------------------------------------------------------------
 
-SERVED = ("dynamixel", "--model", "XM430-W350", "--ids", "1,11")
 KNOWN_RAD = 0.3
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(300)
-def test_a_whole_day_with_served_servos(tmp_path: Path) -> None:
-    """Every stage in one, by typed answers and hands; the cable is pulled by ending the devices."""
-    me = Newcomer(tmp_path)
-    link = ("--link", str(tmp_path / "cable"))
-    with served(tmp_path, *SERVED, *link) as (hands, _):
-        bus = f"dynamixel --port {tmp_path / 'cable'} --baud 1000000 --protocol 2.0 --ids 1,11"
-        me.does("new", "arms.yaml", "--bus", bus, "--master", "1", "--slave", "11")
-        settle(
-            tmp_path / "arms.yaml",
-            ("missing_limit: 3, overrun_limit: 5", "missing_limit: 400, overrun_limit: 400"),
-            ("      baud: 1000000", "      watchdog_s: 2.0\n      baud: 1000000"),
-            ("position_range: [-1.5, 1.5]", "position_range: [-0.4, 0.4]"),
-        )
-        text = (tmp_path / "arms.yaml").read_text()
-        (tmp_path / "arms.yaml").write_text(re.sub("rate_hz: .*", "rate_hz: 200", text))
-        words = ("accept", "arms.yaml", "--by", "a person", "--run-s", "0.5", "--configure",
+class Drives(NamedTuple):
+    """Served devices, their ids, and how their rig is written and settled."""
+
+    served: Sequence[str]
+    ids: tuple[int, int]
+    new: Sequence[str]
+    changes: Sequence[tuple[str, str]]
+    rate_hz: int = 200
+
+
+def servos(folder: Path) -> Drives:
+    cable = str(folder / "cable")
+    bus = f"dynamixel --port {cable} --baud 1000000 --protocol 2.0 --ids 1,11"
+    return Drives(
+        ("dynamixel", "--model", "XM430-W350", "--ids", "1,11", "--link", cable),
+        (1, 11),
+        ("--bus", bus, "--master", "1", "--slave", "11"),
+        [("      baud: 1000000", "      watchdog_s: 2.0\n      baud: 1000000")],
+    )
+
+
+def cia402(folder: Path) -> Drives:
+    place = ("--interface", "udp_multicast", "--channel", "239.74.163.82")
+    (folder / "drive.eds").write_text(EDS.format(vendor=0, product=0))
+    return Drives(
+        ("canopen", *place, "--inertia", "6e-4", "--damping", "3e-3"),
+        (1, 2),
+        ("--eds", "drive.eds"),
+        [("socketcan", "udp_multicast"), ("can0", place[-1])],
+    )
+
+
+def modbus(folder: Path) -> Drives:
+    (folder / "my-drive.yaml").write_text(own_drive())
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        here = f"127.0.0.1:{free.getsockname()[1]}"
+    body = ("--inertia", "0.006", "--damping", "0.03")
+    return Drives(
+        ("modbus", "--profile", "my-drive.yaml", "--tcp", here, "--units", "1,2", *body),
+        (1, 2),
+        ("--profile", "my-drive.yaml"),
+        [("192.168.1.20:502", here)],
+        100,
+    )
+
+
+def whole_day(folder: Path, drives: Drives) -> dict[str, Any]:
+    """Walk all stages by typed answers and hands; return the sealed document.
+
+    The cable is pulled by ending the devices.
+    """
+    me = Newcomer(folder)
+    rig = folder / "drives.yaml"
+    with served(folder, *drives.served) as (hands, _):
+        me.does("new", rig.name, *drives.new)
+        settle(rig, *drives.changes)
+        text = rig.read_text()
+        for pattern, value in (
+            (r"rate_hz: .*", f"rate_hz: {drives.rate_hz}"),
+            (r"missing_limit: \d+, overrun_limit: \d+", "missing_limit: 400, overrun_limit: 400"),
+            (r"position_range: .*?]", "position_range: [-0.4, 0.4]"),
+        ):
+            text, count = re.subn(pattern, value, text)
+            assert count, pattern
+        rig.write_text(text)
+        words = ("accept", rig.name, "--by", "a person", "--run-s", "0.5", "--configure",
                  "--keys", "keys", "--out", "runs/accept")  # fmt: skip
         me.does("keys", "init", "keys")
         with me.talks(*words) as talk:
-            no_torque(talk, hands)
+            no_torque(talk, hands, drives.ids)
             talk.hears("pull the bus' cable now")
             hands.child.kill()
             hands.child.wait()
             talk.hears("plug it in again")
-            with served(tmp_path, *SERVED, *link) as (hands, _):
+            with served(folder, *drives.served) as (hands, _):
                 talk.types()
-                with_torque(talk, hands)
+                with_torque(talk, hands, drives.ids)
                 talk.hears("acceptance.json: ")
-    document = tmp_path / "runs" / "accept" / FILE
-    content = json.loads(document.read_text())
+    content: dict[str, Any] = json.loads((folder / "runs" / "accept" / FILE).read_text())
+    return content
+
+
+def judge(folder: Path, content: dict[str, Any]) -> None:
+    """Look at every stage's numbers."""
     assert content["accepted"], content["checks"]
-    assert content["stages"] == list(STAGES)
     assert {Path(name).parts[0] for name in content["files"]} == set(STAGES)
     found = {(one["stage"], one["what"]): one["measured"] for one in content["checks"]}
     for axis in ("master.j1", "slave.j1"):
         assert found["scale", axis]["ratio"] == pytest.approx(1.0, abs=0.03)
         assert 0.0 < found["delay", axis]["answered_after_s"] < 0.3
         assert found["limits", axis]["highest"] > 0.45
-    limits = [0.1 * 0.82, 0.82]
-    for stage, limit in zip(("gentle", "full"), limits, strict=True):
-        assert found[stage, "arms"]["exit_code"] == 0.0
-        ran = yaml.safe_load((document.parent / stage / "rig.yaml").read_text())
-        assert ran["slave"]["axes"]["j1"]["effort_limit"] == pytest.approx(limit)
+    (name,) = [what for stage, what in found if stage == "full"]
+    limits = []
+    for stage in ("gentle", "full"):
+        assert found[stage, name]["exit_code"] == 0.0
+        ran = yaml.safe_load((folder / "runs" / "accept" / stage / "rig.yaml").read_text())
+        limits.append(ran["slave"]["axes"]["j1"]["effort_limit"])
+    assert limits[0] == pytest.approx(0.1 * limits[1])
     assert found["watchdog", "loss"]["said"] != "nothing was lost"
-    assert verify(document, tmp_path / "keys") == ([], "master")
+    document = folder / "runs" / "accept" / FILE
+    assert verify(document, folder / "keys") == ([], "master")
 
 
-def no_torque(talk: Talk, hands: Talk) -> None:
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_a_whole_day_with_served_drives(tmp_path: Path) -> None:
+    judge(tmp_path, whole_day(tmp_path, cia402(tmp_path)))
+
+
+def no_torque(talk: Talk, hands: Talk, ids: tuple[int, int]) -> None:
     talk.hears("are these your devices")
     talk.types()
-    for one in (1, 11):
+    for one in ids:
         talk.hears("by an angle")
         hands.types(f"{one} {KNOWN_RAD} 0.1")
         time.sleep(0.4)
         talk.types(f"{math.degrees(KNOWN_RAD):.3f}")
+    both = ",".join(str(one) for one in ids)
     talk.hears("to both ends")
     for end in (0.5, -0.5, 0.0):
-        hands.types(f"1,11 {end} 0.1")
+        hands.types(f"{both} {end} 0.1")
         time.sleep(0.4)
     talk.types()
     talk.hears("let go of everything")
-    hands.types("1,11 free")
+    hands.types(f"{both} free")
     talk.types()
 
 
-def with_torque(talk: Talk, hands: Talk) -> None:
+def with_torque(talk: Talk, hands: Talk, ids: tuple[int, int]) -> None:
     talk.hears("gets a tenth")
     talk.types()
     for _ in range(4):
         asked = talk.hears("it pulls with")
-        hands.types("1,11 0 0.1")  # the scale holds it
+        hands.types(f"{ids[0]},{ids[1]} 0 0.1")  # the scale holds it
         talk.types()
         talk.hears("what does the scale read")
         talk.types(re.search(r"pulls with ([\d.]+)", asked)[1])  # type: ignore[index]
+
+
+if __name__ == "__main__":
+    for kind in sys.argv[1:]:
+        with tempfile.TemporaryDirectory() as name:
+            place = Path(name)
+            day = whole_day(
+                place, {"servos": servos, "cia402": cia402, "modbus": modbus}[kind](place)
+            )
+            judge(place, day)
+            print(f"{kind}: {len(day['checks'])} checks good, in {len(day['stages'])} stages")

@@ -175,11 +175,16 @@ def two_drives(tmp_path: Path) -> Newcomer:
     return me
 
 
-def own_profile(tmp_path: Path) -> Newcomer:
+def own_drive() -> str:
+    """Return the profile of the tutorial."""
     page = Path(__file__).parents[2] / "docs" / "tutorials" / "modbus-profile.md"
     profile = re.search(r"```yaml\n(# my-drive.*?)```", page.read_text(), re.S)
     assert profile is not None
-    (tmp_path / "my-drive.yaml").write_text(profile[1])
+    return profile[1]
+
+
+def own_profile(tmp_path: Path) -> Newcomer:
+    (tmp_path / "my-drive.yaml").write_text(own_drive())
     me = Newcomer(tmp_path)
     served_as = ("--profile", "my-drive.yaml", "--tcp", "127.0.0.1:0", "--units", "1,2")
     body = ("--inertia", "0.006", "--damping", "0.03")

@@ -63,8 +63,16 @@ def together(*sites: Site, slots: int = 300) -> None:
         site.until(lambda site=site, begun=begun: site.now("link.slot") > begun + slots)  # type: ignore[misc]
 
 
-def test_both_end_together_and_their_books_close(start: Start, tmp_path: Path) -> None:
-    master, slave = both(start)
+ACCOUNT = (
+    "coupling={law: position, account: {}, pairs: {lever: {stiffness: 8.0, damping: 0.05}}}",
+)
+
+
+@pytest.mark.parametrize("law", [(), ACCOUNT], ids=["wave", "account"])
+def test_both_end_together_and_their_books_close(
+    start: Start, tmp_path: Path, law: tuple[str, ...]
+) -> None:
+    master, slave = both(start, *law)
     master.interrupt()
     assert (master.ended(), slave.ended()) == (0, 0)
     words = [*COMMAND, "report", str(master.out), str(slave.out), "--out", str(tmp_path / "both")]
@@ -111,7 +119,7 @@ def test_who_is_stopped_for_a_while_goes_on_or_begins_anew(
         assert "Traceback" not in site.said()
     if seconds > 0.3:
         why = [one["why"] for one in master.link()["sessions"][0]["silences"]]
-        assert any("this program stood still for" in one for one in why)
+        assert any("this program was suspended for" in one for one in why)
 
 
 def test_who_stood_still_for_longer_than_its_claim_allows_stops_and_says_so(start: Start) -> None:

@@ -36,7 +36,7 @@ def test_devices_pass_to_the_slot_that_is_nearest(monkeypatch: pytest.MonkeyPatc
     period, start = round(1e9 * model.period), 7_000_000
     devices.advance(start)
     devices.advance(start + period + period // 3)
-    devices.take(0, 0.5)
+    devices.command([0.5])
     devices.advance(start + 3 * period - period // 3)
     devices.advance(start + 2 * period)  # never back
     assert taken == [(0, 0), (1, 0), (1, 1), (3, 0), (3, 0)]

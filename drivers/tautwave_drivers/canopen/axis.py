@@ -49,12 +49,15 @@ class Axis:
         TPDOs are missing, and the next may belong to an older SYNC.
     late, short, lost : int
         TPDOs for an older SYNC, with too few bytes, or missing.
+    torque_before : int or None
+        6072h as it was found, if it was lowered.
     """
 
     def __init__(self, spec: AxisSpec, node: Node, options: CanopenOptions, rate_hz: float) -> None:
         self.spec = spec
         self.node = node
         self.label = f"{spec.name} (node {node.id})"
+        self.torque_before: int | None = None
         self.scale = scale(node, spec)
         self.mapping = mapping_of(spec.causality, node)
         self.servo = spec.causality == "admittance"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -37,6 +38,9 @@ class Measured(NamedTuple):
     balance_j : mapping of str to float
         By axis: the least that wall and device's damping had taken in a contact, at any moment of
         it [J]; no key where that is not known.
+    debt_j, claim_j : mapping of str to float
+        By axis: what a wall that pays its debts was in debt at most, and may have been [J]; no key
+        where that is not known.
     """
 
     period_s: float
@@ -47,6 +51,8 @@ class Measured(NamedTuple):
     lost: Mapping[str, int]
     late: Mapping[str, int]
     balance_j: Mapping[str, float] = MappingProxyType({})
+    debt_j: Mapping[str, float] = MappingProxyType({})
+    claim_j: Mapping[str, float] = MappingProxyType({})
 
 
 def recheck(rig: Rig, measured: Measured) -> dict[str, Any]:
@@ -56,7 +62,8 @@ def recheck(rig: Rig, measured: Measured) -> dict[str, Any]:
     the leak of a held effort, K T / 2, grows with that time. This is the worst case over all
     motions. If the loop's slots are also the devices', the energy of a held effort is known, its
     force times the displacement between two samples; then a wall also passes if at no moment of a
-    contact more energy had come out than went in. Skipped slots and lost samples out of contact
+    contact more energy had come out than went in, or never more than the debt that it claims.
+    Skipped slots and lost samples out of contact
     cost a wall nothing, and a wave port keeps its account over them.
 
     Returns
@@ -119,7 +126,10 @@ def _wall(
     regular = longest <= rig.period_s + RESOLUTION_S and periods == delay
     balance = measured.balance_j.get(axis_name) if measured.latched and periods == delay else None
     kept = balance is not None and balance >= 0.0
-    passed = needed <= present or (wall.passivity_control and regular) or kept
+    claim = measured.claim_j.get(axis_name, math.inf)
+    debt = measured.debt_j.get(axis_name, math.inf) if measured.latched else math.inf
+    within = math.isfinite(claim) and debt <= claim
+    passed = needed <= present or (wall.passivity_control and regular) or kept or within
     unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
     sentence = (
         f"{wall_name(rig, axis_name)}: its effort was held for {1e3 * longest:.4g} ms at most, "
@@ -133,6 +143,8 @@ def _wall(
             if kept
             else f" A contact gave {-balance:.2g} J more than it took."
         )
+        if within and not kept:
+            sentence += f" It claims {claim:.2g} J for that."
     if not passed:
         sentence += (
             " Sampling may have created energy: lower K, or make the loop keep its deadlines."
@@ -140,6 +152,7 @@ def _wall(
     return {
         "held_s": held,
         "balance_j": balance,
+        "claim_j": claim if math.isfinite(claim) else None,
         "needed_damping": needed,
         "damping": present,
         "passed": passed,

@@ -6,9 +6,11 @@ damping, so the wall may use all of it; the rest is left for the port when a han
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
+from tautwave.analysis.claim import joules
 from tautwave.analysis.walls.messages import (
     passivity_sentence,
     quantum_sentence,
@@ -21,10 +23,12 @@ from tautwave.certificate.belief import (
     broken_coulomb,
     broken_damping,
     broken_inertia,
+    declared_delays,
     delay_in_periods,
 )
 from tautwave.certificate.data import Element, Verdict
-from tautwave.config import Rig, Wall, local_wall
+from tautwave.config import Rig, Wall, greatest_push, local_wall
+from tautwave.rig import at_axis_rate, wall_params
 from tautwave.rig.scene.hands import stated_hand
 from tautwave.types import CommandDelay
 
@@ -111,13 +115,19 @@ def wall_element(
     if not passive.passed:
         sentences += adversary(rig, axis_name, wall, delays[axis_name], name)
     sentences += [quantum, stability_sentence(found, name, rotary=rotary)]
+    claim = wall_claim(rig, axis_name, wall, found.wall.delay)
+    if math.isfinite(claim):
+        sentences.append(
+            f"{name}: gives at most {joules(claim)} more than it took, in a host's stalls of up to "
+            f"{rig.overrun_limit} slots; it pays that before it gives again, and weakens with it."
+        )
     return Element(
         name,
         "wall",
         axis_name,
         passive,
         _quantised(rig, axis_name, passive, found, quantum),
-        _numbers(found, asked),
+        _numbers(found, asked) | ({"claim_j": claim} if math.isfinite(claim) else {}),
         tuple(sentences),
     )
 
@@ -149,6 +159,31 @@ def adversary(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay, name: s
         " is unstable against this hand"
     )
     return [f"{name}: unstable against this hand on the device{numbers[2]}."]
+
+
+def wall_claims(rig: Rig) -> dict[str, float]:
+    """Return, by axis, the greatest debt of each wall that is bounded [J]."""
+    delays = declared_delays(rig)
+    found = {}
+    for name in rig.axes:
+        wall = local_wall(rig, name)
+        if wall is not None and rig.axes[name].causality == "impedance":
+            delay = delay_in_periods(at_axis_rate(rig, name), delays[name])
+            found[name] = wall_claim(rig, name, wall, delay)
+    return {name: claim for name, claim in found.items() if math.isfinite(claim)}
+
+
+def wall_claim(rig: Rig, axis_name: str, wall: Wall, delay: float) -> float:
+    """Return the greatest debt of a wall after stalls of the host [J]; inf: no bound.
+
+    What makes it pay is exact without command delay only, and must be able to take the effort away.
+    """
+    axis = rig.axes[axis_name]
+    limit = axis.effort_rate_limit
+    prompt = limit is None or limit * rig.period_s >= greatest_push(axis, wall)
+    if delay > 0.0 or not prompt:
+        return math.inf
+    return wall_params(rig, axis_name).reserve
 
 
 def _quantised(
@@ -190,12 +225,12 @@ def _passive(
     if broken is not None:
         return Verdict(False, f"{name}: {broken}", margin=found.margin)
     limit = axis.effort_rate_limit
-    if limit is not None and limit * rig.period_s < axis.effort_limit:
+    if limit is not None and limit * rig.period_s < greatest_push(axis, wall):
         return Verdict(
             False,
             f"{sentence} Its passivity control must remove the effort at once, but "
             f"effort_rate_limit allows a drop of only {limit * rig.period_s:.4g} per period; "
-            f"raise that to {axis.effort_limit * rig.rate_hz:.4g}.",
+            f"raise that to {greatest_push(axis, wall) * rig.rate_hz:.4g}.",
             margin=found.margin,
         )
     unit = "N m/rad" if rotary else "N/m"

@@ -91,6 +91,15 @@ def at_site(overrides: tuple[str, ...], site: str | None) -> tuple[str, ...]:
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 
 
+wait_option = click.option(
+    "--wait",
+    type=click.FloatRange(0.0, 3600.0),
+    default=0.0,
+    metavar="S",
+    help="Wait for a run that is still to begin [s].",
+)
+
+
 def out_option(text: str) -> Callable[[Any], Any]:
     """`--out DIR` with its own help text."""
     return click.option("--out", type=PATH, metavar="DIR", help=text)

@@ -64,6 +64,7 @@ def start_axis(s: AxisState, p: AxisParams, position: float, outside: float) -> 
     s.wall_absorbed = 0.0
     s.wall_dissipated = 0.0
     s.wall_contact_energy = 0.0
+    s.wall_owes = False
     s.help_absorbed = 0.0
     start_inertia(s, p)
 
@@ -194,8 +195,15 @@ def close_axis(s: AxisState, p: AxisParams, position: float, outside: float, ste
             taken = wall * displacement
             s.wall_absorbed += taken
             s.wall_dissipated += wall_loss(site.wall, wall, displacement, before, after)
-            if after > 0.0:
-                s.wall_contact_energy += taken
+            # What an effort held over a gap between samples gave too much is owed, and is carried
+            # from contact to contact; what a contact left over is not.
+            balance = s.wall_contact_energy + taken
+            if balance >= 0.0:
+                s.wall_owes = False
+            elif s.count > 1:
+                s.wall_owes = True
+            if after > 0.0 or s.wall_owes:
+                s.wall_contact_energy = balance
             else:
                 s.wall_contact_energy = 0.0
     s.port_energy += energy
@@ -252,7 +260,9 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
     coast = s.velocity - site.half_mobility * (s.impulse + 2.0 * pending)
     wall = 0.0
     if site.has_wall:
-        wall = render_wall(site, s.wall_contact_energy, s.position, s.wall_velocity, coast, ceiling)
+        energy = s.wall_contact_energy
+        paying = s.wall_owes
+        wall = render_wall(site, energy, paying, s.position, s.wall_velocity, coast, ceiling)
     known = wall
     support = 0.0
     if site.compensates:

@@ -176,6 +176,7 @@ class AxisState:
     allowed: float = 0.0
     valid: bool = False
     stopping: bool = False
+    wall_owes: bool = False
     inertia: InertiaState = field(default_factory=InertiaState)
     end: Any = None
 

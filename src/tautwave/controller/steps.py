@@ -231,15 +231,17 @@ class SiteLaw(NamedTuple):
     """A law at one of two sites that a network joins.
 
     `law` passes waves of the own end only. `patient(constants)` are those of a link that never
-    gives up by itself; `begin(link)`: the next start is that of a new session. `take(end,
-    constants, table, slot, line)`: a line of a packet came; `said(constants of the other end,
-    table)` returns the last slot and its line; `owed(end, constants, table, axis, its constants)`
-    the motion that was not given out, or not sent, yet [rad or m, master]. `debts`: guards that
-    end a session which has known a silence, and not the run.
+    gives up by itself; `ends(link)` are its master's and its slave's; `begin(link)`: the next
+    start is that of a new session. `take(end, constants, table, slot, line)`: a line of a packet
+    came; `said(constants of the other end, table)` returns the last slot and its line; `owed(end,
+    constants, table, axis, its constants)` the motion that was not given out, or not sent, yet
+    [rad or m, master]. `debts`: guards that end a session which has known a silence, and not the
+    run.
     """
 
     law: Law
     patient: Callable[..., Any]
+    ends: Callable[..., tuple[Any, Any]]
     begin: Callable[..., None]
     take: Callable[..., None]
     said: Callable[..., Any]

@@ -44,6 +44,7 @@ class SiteParams(NamedTuple):
 def render_wall(
     p: SiteParams,
     energy: float,
+    owes: bool,
     position: float,
     velocity: float,
     coast: float,
@@ -56,7 +57,9 @@ def render_wall(
     p : SiteParams
         Constants; there is a wall.
     energy : float
-        Energy absorbed by the wall since contact began [J].
+        Energy absorbed by the wall since contact began, less what it owed then [J].
+    owes : bool
+        An effort held over a gap between samples gave energy that is not paid back yet.
     position : float
         Measured position [rad or m].
     velocity : float
@@ -70,7 +73,7 @@ def render_wall(
     if not depth > 0.0:
         return 0.0
     wall = clamp(wall_effort(p.wall, depth, velocity), effort_bound(p.limit, ceiling))
-    if p.wall.controlled:
+    if p.wall.controlled or owes:
         wall = control_wall(p.wall, wall, energy, coast, p.half_mobility, p.period)
     return wall
 

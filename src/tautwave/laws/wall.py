@@ -14,7 +14,9 @@ from typing import NamedTuple
 class WallParams(NamedTuple):
     """Wall constants: position; side +1.0 (fills x > position) or -1.0; stiffness K; damping B.
 
-    `controlled` turns on the passivity controller.
+    `controlled` turns on the passivity controller; without it that acts on a wall in debt only.
+    reserve: the greatest debt [J]; reach: how far the device may go while a stalled host holds an
+    effort [rad or m]; drift: how much farther each unit of that effort takes it [rad/(N m) or m/N].
     """
 
     position: float
@@ -22,6 +24,9 @@ class WallParams(NamedTuple):
     stiffness: float
     damping: float
     controlled: bool
+    reserve: float = math.inf
+    reach: float = 0.0
+    drift: float = 0.0
 
 
 def wall_depth(p: WallParams, position: float) -> float:
@@ -67,6 +72,10 @@ def control_wall(
     move by T (c - mu F) in the acting period, c the coasting velocity and mu = T / (2 mass lower
     bound); the greatest F that keeps energy + F T (c - mu F) >= 0 is the positive root.
 
+    A host that stalls holds F for longer, and the wall may be in debt after that. It pays before it
+    gives again, and pushes no harder than another stall may cost: the greatest F with
+    F (reach + drift F) <= reserve + min(energy, 0), so that the debt never exceeds the reserve.
+
     Parameters
     ----------
     p : WallParams
@@ -74,7 +83,7 @@ def control_wall(
     effort : float
         Resisting effort of the wall [N m or N].
     energy : float
-        Energy absorbed since contact began [J].
+        Energy absorbed since contact began, less what was owed then [J].
     coast : float
         Predicted mean velocity without the wall's effort [rad/s or m/s].
     half_mobility : float
@@ -89,6 +98,14 @@ def control_wall(
     """
     push = p.side * effort
     retreat = -p.side * coast
+    left = p.reserve
+    if energy < 0.0:
+        left = left + energy
+    if push > 0.0 and push * (p.reach + p.drift * push) > left:
+        if left <= 0.0:
+            return 0.0
+        push = 2.0 * left / (p.reach + math.sqrt(p.reach * p.reach + 4.0 * p.drift * left))
+        effort = p.side * push
     if push <= 0.0 or energy + push * period * (-retreat - half_mobility * push) >= 0.0:
         return effort
     if energy <= 0.0:

@@ -195,8 +195,8 @@ class Away(NamedTuple):
 
 def _under_way(master: Run, slave: Run, pair: str, common: Common) -> Away | None:
     """Return what was between the sites at every offset of both clocks that may be."""
-    name = f"{pair}.network.stored"
-    halves = [run.read(name).get(name) for run in (master, slave)]
+    names = [f"{pair}.{element}.stored" for element in ("network", "credits")]
+    halves = [next(iter(run.read(*names).values()), None) for run in (master, slave)]
     if any(half is None or not len(half) for half in halves):
         return None
     tried = np.linspace(-common.doubt, common.doubt, 1 + 2 * math.ceil(common.doubt / STEP))

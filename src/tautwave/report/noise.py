@@ -21,6 +21,9 @@ WINDOW = 200
 TOLERATED = 1.15
 """Times the declared deviation: what is above it is reported."""
 
+SLIPPED = 0.1
+"""Of an encoder's step or noise: how far a device may go while the host samples it late."""
+
 COEFFICIENTS = (20.0, -30.0, 12.0, -2.0)
 """Variance of a third difference per autocovariance of lag 0, 1, 2, 3."""
 
@@ -51,17 +54,21 @@ def measured_deviation(run: Run, axis: str, keys: dict[str, Any]) -> float | Non
 
     `keys` are the axis', whose declared colour is believed.
     """
-    moved, lasted, _ = motion(run, axis)
+    moved, lasted, good = motion(run, axis)
     if not len(lasted):
         return None
-    # Across a lost sample or a skipped slot a motion does not cancel.
-    even = lasted < 1.5 * lasted.min()
+    quantum = number(keys.get("encoder_quantum")) or 0.0
+    # Across a lost sample or a skipped slot a motion does not cancel, nor does one that was sampled
+    # early and late: a late host is no noise of an encoder.
+    late = np.nan_to_num(run.read("lateness_us").get("lateness_us", np.zeros(len(good))))[good]
+    slip = np.abs(moved / lasted * np.diff(1e-6 * late))
+    shown = max(quantum, number(keys.get("position_noise")) or 0.0)
+    even = (lasted < 1.5 * lasted.min()) & (slip <= SLIPPED * shown)
     thirds = np.diff(moved, 2)[even[2:] & even[1:-1] & even[:-2]]
     windows = len(thirds) // WINDOW
     if windows < 2:
         return None
     squares = thirds[: windows * WINDOW].reshape(windows, WINDOW) ** 2
-    quantum = number(keys.get("encoder_quantum")) or 0.0
     lags = (1.0, *(keys.get("position_noise_autocorrelation") or ()), 0.0, 0.0, 0.0)
     per_variance = sum(c * r for c, r in zip(COEFFICIENTS, lags, strict=False))
     beyond = float(np.median(squares.mean(axis=1))) - 16.0 * quantum * quantum

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tautwave import registry
-from tautwave.config import Axis, Rig, Wall
+from tautwave.config import Axis, Rig, greatest_push, local_wall
 from tautwave.contracts import CoupledAxis, CouplingPlugin
 from tautwave.controller.records import NEVER, PIPE, AxisParams, PairParams, RunParams
 from tautwave.controller.steps import Law, NoParams
@@ -136,14 +136,30 @@ def velocity_gain(rig: Rig, axis: Axis) -> float:
     return period / (period + axis.velocity_filter_s)
 
 
-def wall_params(keys: Wall | None) -> WallParams:
-    """Return a wall's constants."""
+def wall_params(rig: Rig, axis_name: str) -> WallParams:
+    """Return the constants of an axis' wall.
+
+    It may be in debt by what its greatest effort can give while a stalled host holds it, the device
+    going at its velocity limit and driven by that effort. Nothing bounds that on an axis without a
+    velocity limit, nor then the debt.
+    """
+    keys = local_wall(rig, axis_name)
     if keys is None:
         return NO_WALL
     side = 1.0 if keys.side == "above" else -1.0
-    return WallParams(
+    wall = WallParams(
         keys.position, side, keys.stiffness, keys.damping, controlled=keys.passivity_control
     )
+    axis = rig.axes[axis_name]
+    if axis.velocity_limit is None or axis.inertia is None:
+        return wall
+    push = greatest_push(axis, keys)
+    held = (
+        rig.loop.missing_limit + math.ceil(rig.overrun_limit / rig.axis_divisor(axis_name)) + 1
+    ) * rig.axis_period_s(axis_name)
+    reach = axis.velocity_limit * held
+    drift = 0.5 * held * held / axis.inertia.lower
+    return wall._replace(reserve=push * (reach + drift * push), reach=reach, drift=drift)
 
 
 def limit_params(rig: Rig, axis: Axis) -> LimitParams:
@@ -171,7 +187,7 @@ def site_params(rig: Rig, axis_name: str) -> SiteParams:
     keys = rig.coupling.pairs[name]
     wall = keys.wall_master if side == "master" else keys.wall_slave
     return bare_site(rig, axis_name)._replace(
-        wall=wall_params(wall),
+        wall=wall_params(rig, axis_name),
         velocity_quantum=axis.velocity_quantum if axis.causality == "admittance" else 0.0,
         has_wall=wall is not None,
         compensation=compensation_params(axis, rig.axis_period_s(axis_name)),

@@ -124,6 +124,10 @@ class Control(ABC):
     def fill(self, row: Row, at: int) -> None:
         """Write all columns at index `at`."""
 
+    def commands(self, first: int, count: int) -> list[AxisCommand]:
+        """Return the commands of some axes for their driver."""
+        return [self.command(which) for which in range(first, first + count)]
+
     def command(self, which: int) -> AxisCommand:
         """Return the command of an axis for its driver."""
         value = self.axes[which].command

@@ -72,6 +72,8 @@ class Loop:
         Called now and then with the fraction done and a short text.
     torque : bool
         Enable the devices; else they are only read.
+    begun : callable, optional
+        Called with the time of the first slot [ns] when it is there.
     """
 
     def __init__(
@@ -84,6 +86,7 @@ class Loop:
         progress: Callable[[float, str], None] | None = None,
         *,
         torque: bool = True,
+        begun: Callable[[int], None] | None = None,
     ) -> None:
         self._clock = clock
         self._buses = buses
@@ -96,6 +99,7 @@ class Loop:
         self._sink = sink
         self._progress = progress
         self._torque = torque
+        self._begun = begun
         self._sensing = Sensing(buses, control)
         self._firsts = first_axes(buses)
         self._patience_ns = int(READ_SHARE * control.run.period_ns)
@@ -200,6 +204,8 @@ class Loop:
         control = self._control
         period = control.run.period_ns
         deadline = clock.now_ns()
+        if self._begun is not None:
+            self._begun(deadline)
         slot = cycles = missed = skipped = 0
         self._last_wake_ns = deadline - period
         while slot < control.end:

@@ -54,10 +54,14 @@ class McapFile:
 
     Parameters
     ----------
-    path The new file; an existing one is replaced. columns
+    path
+        The new file; an existing one is replaced.
+    columns
         Names; one of them is `time_s`.
-    metadata, attachments Written before the rows, so that a truncated file has them too. epoch_ns
-        Unix time [ns] of `time_s` = 0.
+    metadata, attachments
+        Written before the rows, so that a truncated file has them too.
+    epoch_ns
+        Unix time [ns] of `time_s` = 0; it may be set until the first row.
     """
 
     def __init__(
@@ -71,7 +75,7 @@ class McapFile:
         layout = message_layout(columns)
         self._order = None if layout.order == tuple(range(len(columns))) else list(layout.order)
         self._time_column = list(columns).index("time_s")
-        self._epoch_ns = epoch_ns
+        self.epoch_ns = epoch_ns
         self._last_time = epoch_ns
         self._type = record_type(len(columns))
         self.rows_per_chunk = max(1, CHUNK_BYTES // self._type.itemsize)
@@ -209,7 +213,7 @@ class McapFile:
         """Unix time [ns] of each row; a row whose time is NaN gets its predecessor's."""
         good = np.abs(time_s) < 4e9
         offsets = np.rint(np.where(good, time_s, 0.0) * 1e9).astype(np.int64)
-        times = np.maximum(self._epoch_ns + offsets, 0)
+        times = np.maximum(self.epoch_ns + offsets, 0)
         if not good.all():
             for index in np.flatnonzero(~good):
                 times[index] = times[index - 1] if index else self._last_time
@@ -235,19 +239,19 @@ class McapFile:
     def _add_attachment(self, name: str, content: bytes) -> None:
         media = "application/yaml" if name.endswith((".yaml", ".yml")) else "text/plain"
         attachment = Attachment(
-            create_time=self._epoch_ns,
+            create_time=self.epoch_ns,
             data=content,
-            log_time=self._epoch_ns,
+            log_time=self.epoch_ns,
             media_type=media,
             name=name,
         )
         encoded = _encode(attachment)
         self._attachment_indexes.append(
             AttachmentIndex(
-                create_time=self._epoch_ns,
+                create_time=self.epoch_ns,
                 data_size=len(content),
                 length=len(encoded),
-                log_time=self._epoch_ns,
+                log_time=self.epoch_ns,
                 media_type=media,
                 name=name,
                 offset=self.length,

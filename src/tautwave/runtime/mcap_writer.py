@@ -99,6 +99,8 @@ def drain(order: Order, ring: Ring, file: Any) -> None:
                 if ended:
                     raise RuntimeError(f"row {tail} of the ring was counted but never copied")
                 break  # its stores became visible later than its count: check again after the wait
+            if mark < 0.0:
+                file.epoch_ns = ring.words[words.EPOCH]  # said before the first row was
             file.append(block)
             mark = block[-1, -1]
             tail += count

@@ -66,7 +66,7 @@ class Recorder:
     live
         Written into `live.json` beside the file while rows come, for viewers; None: no such file.
     epoch_ns
-        Unix time [ns] of `time_s` = 0; now by default.
+        Unix time [ns] of `time_s` = 0; by default that at which the loop says `begin`.
 
     Attributes
     ----------
@@ -109,6 +109,7 @@ class Recorder:
             self._ring = Ring(rows, len(self.columns))
         except OSError as error:
             raise WritingError(f"no shared memory for the recording: {error}") from error
+        self._ring.words[words.EPOCH] = time.time_ns() if epoch_ns is None else epoch_ns
         if lossless:
             self._ring.wait_for_room = self._wait_for_room
         self.row: memoryview[float] = self._ring.row
@@ -130,7 +131,7 @@ class Recorder:
             rows=self._ring.rows,
             metadata=self._metadata,
             attachments=self._attachments,
-            epoch_ns=time.time_ns() if self._epoch_ns is None else self._epoch_ns,
+            epoch_ns=self._ring.words[words.EPOCH],
             parent=os.getpid(),
         )
         # The child imports modules from this process' path, not from its directory.
@@ -152,6 +153,15 @@ class Recorder:
             self._end_writer()
             self._ring.close()
             raise WritingError(error)
+
+    def begin(self, now_ns: int) -> None:
+        """Take this moment, `now_ns` by the loop's clock, for the first slot's: `time_s` = 0.
+
+        Not that of `start`: buses open and drives are enabled in between, which takes seconds.
+        """
+        if self._epoch_ns is None:
+            self._ring.words[words.EPOCH] = time.time_ns()
+        self._ring.words[words.BEGUN] = now_ns
 
     def tell(self, text: str) -> None:
         """Leave news for viewers; they see the last ones only."""
@@ -185,8 +195,9 @@ class Recorder:
         if self._live is None or self.writer_pid is None:
             return
         rate_hz = float(self._metadata["rate_hz"])
-        facts = {**self._live, "epoch_ns": order.epoch_ns}
-        found = Live(self.writer_pid, order.descriptor, self.columns, order.rows, rate_hz, facts)
+        found = Live(
+            self.writer_pid, order.descriptor, self.columns, order.rows, rate_hz, {**self._live}
+        )
         with contextlib.suppress(WritingError):
             write_text(self._live_path, found.text())
 

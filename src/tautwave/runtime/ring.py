@@ -29,6 +29,8 @@ WRITTEN = 32  # rows in the file
 FILE_BYTES = 40  # length of the file
 FINISHED = 48  # 1: the file is complete
 NEWS = 56  # of the loop's news for viewers: grows by 2 with each, odd while they are written
+EPOCH = 64  # Unix time [ns] of the first slot
+BEGUN = 72  # the same by the loop's clock [ns]; 0: the loop has not begun
 ERROR_AT, ERROR_BYTES = 1024, 1024  # in bytes: the writer's error message, UTF-8, zero padded
 NEWS_AT, NEWS_BYTES = 2048, 2048  # the same for news
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from tautwave.contracts import Driver
 from tautwave.errors import DeviceFault, DriverError
 from tautwave.runtime.control import Control
-from tautwave.types import AxisCommand, Fault, JointState
+from tautwave.types import AxisCommand, Fault
 
 
 class LoopBus(NamedTuple):
@@ -39,7 +39,7 @@ def first_axes(buses: Sequence[LoopBus]) -> list[int]:
 
 def bus_commands(control: Control, bus: LoopBus, first: int) -> list[AxisCommand]:
     """Return the commands of a bus' axes, of which the first has the number `first`."""
-    return [control.command(which) for which in range(first, first + len(bus.axes))]
+    return control.commands(first, len(bus.axes))
 
 
 class Sensing:
@@ -93,8 +93,12 @@ class Sensing:
                     f"bus {bus.name!r}: {len(measured)} samples for {len(bus.axes)} axes; "
                     "its driver must return one per axis, valid or not"
                 )
+            take, stale_ns = control.take, self._period_ns * bus.divisor
             for which, state in enumerate(measured, first):
-                self._take(which, bus, state, slot)
+                if not take(which, state, slot):
+                    self.lost[which] += 1
+                elif state.age_ns > stale_ns:
+                    self.late[which] += 1
             for fault in bus.driver.faults():
                 who = fault.axis or bus.name
                 named = fault.text.startswith((f"{who} ", f"{who}:"))
@@ -117,9 +121,3 @@ class Sensing:
         if on_time and self._asked[number] < 0:
             bus.driver.request()
             self._asked[number] = exchange
-
-    def _take(self, which: int, bus: LoopBus, state: JointState, slot: int) -> None:
-        if not self._control.take(which, state, slot):
-            self.lost[which] += 1
-        elif state.age_ns > self._period_ns * bus.divisor:
-            self.late[which] += 1

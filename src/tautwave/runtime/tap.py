@@ -102,6 +102,16 @@ class Tap:
         """Whether the loop has finished."""
         return bool(self._words[words.CLOSED])
 
+    @property
+    def epoch_ns(self) -> int:
+        """Unix time [ns] of the run's `time_s` = 0; provisional until it has `begun_ns`."""
+        return self._words[words.EPOCH]
+
+    @property
+    def begun_ns(self) -> int:
+        """The same moment by the loop's clock [ns], or 0: the first slot is still to come."""
+        return self._words[words.BEGUN]
+
     def take(self) -> list[list[float]]:
         """Return the whole rows since the last call, oldest first; never waits.
 

@@ -286,6 +286,7 @@ def _move(
         assembly.sources,
         recorder,
         progress,
+        begun=recorder.begin,
     )
     with interrupts() as heard, heard.calling(loop.stop):
         recorder.start()

@@ -92,7 +92,7 @@ class FoxgloveViewer(Viewer):
         assert run is not None
         width = 8 * len(run.live.columns)
         at = run.live.columns.index("time_s")
-        epoch_ns = int(run.facts.get("epoch_ns", 0))
+        epoch_ns = run.tap.epoch_ns
         for start in range(0, len(rows), width):
             row = rows[start : start + width]
             values = memoryview(row).cast("d")

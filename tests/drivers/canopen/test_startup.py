@@ -153,6 +153,8 @@ def test_everything_written_is_read_back_and_reported() -> None:
     rig.driver.close()
     assert rig.devices()[0].nmt == NMT_PRE_OPERATIONAL
     assert rig.devices()[0].objects.number(0x1016, 1) == 0  # disarmed: nobody feeds it now
+    # given back: else the next rig, with a higher effort_limit, would be refused
+    assert rig.devices()[0].objects.number(0x6072, 0) == 3000
 
 
 def test_lasting_settings_are_stored_only_when_asked_for() -> None:

@@ -79,7 +79,6 @@ def test_joints_diagnostics_and_the_end_arrive(tmp_path: Path, node: Node) -> No
     readers = [subscribe(node, kind, "/left/slave/joint_states", JointState) for kind in kinds]
     diagnostics = subscribe(node, kinds[1], "/diagnostics", DiagnosticArray)
     with exported(tmp_path, node) as run:
-        began = time.time()
         commit(run, 0.6)
     for reader in readers:
         states = [one for one in reader.take(200) if one.sample_info.valid_data]
@@ -90,7 +89,8 @@ def test_joints_diagnostics_and_the_end_arrive(tmp_path: Path, node: Node) -> No
         assert all(number % 2 for number in numbers)  # never a row without a sample
         stamps = [state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec for state in states]
         assert stamps[-1] - stamps[0] == pytest.approx(0.002 * (numbers[-1] - numbers[0]))
-        assert began - 0.1 < stamps[0] < began + 2.0
+        epoch_s = 1e-9 * Run.recorder_epoch_ns
+        assert stamps[0] == pytest.approx(epoch_s + 0.002 * numbers[0], abs=1e-6)
     told = [{one.name: one.message for one in array.status} for array in taken(diagnostics)]
     assert told[0]["bench: lever"].startswith("tracking error")
     assert told[-1] == {"bench: run": "the run has ended"}

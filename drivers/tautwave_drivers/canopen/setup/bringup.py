@@ -252,7 +252,7 @@ def _measure_response_times(
 
 
 def shut_down(net: PolledNetwork, axes: Sequence[Axis], bus: BusSpec) -> list[str]:
-    """Disarm the watchdogs of drives that are off, then NMT pre-operational.
+    """Disarm the watchdogs of drives that are off, give 6072h back, then NMT pre-operational.
 
     A drive that is not verified to be off keeps its watchdogs: they end its torque once this
     program is silent. Returns a note for each of those.
@@ -267,9 +267,10 @@ def shut_down(net: PolledNetwork, axes: Sequence[Axis], bus: BusSpec) -> list[st
         except DriverError as err:
             doubtful.append(f"{axis.label} keeps its watchdogs armed: {err}")
             continue
-        for entry in (c.rpdo(1).timer, c.CONSUMER_HEARTBEAT):
+        before = [] if axis.torque_before is None else [(o.MAX_TORQUE, axis.torque_before)]
+        for entry, value in (*before, (c.rpdo(1).timer, 0), (c.CONSUMER_HEARTBEAT, 0)):
             try:
-                settle(drive, entry, 0)
+                settle(drive, entry, value)
             except DriverError:
                 break
         drive.nmt(NMT_PRE_OPERATIONAL)

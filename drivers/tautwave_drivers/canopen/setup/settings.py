@@ -267,7 +267,7 @@ def check_sync(drive: RemoteDrive, options: CanopenOptions) -> list[str]:
 
 
 def limit_torque(drive: RemoteDrive, axis: Axis) -> list[str]:
-    """Lower 6072h to the rig's effort_limit; refuse a drive with less.
+    """Lower 6072h to the rig's effort_limit until the bus is closed; refuse a drive with less.
 
     Raises
     ------
@@ -285,8 +285,11 @@ def limit_torque(drive: RemoteDrive, axis: Axis) -> list[str]:
         raise DeviceFault(
             f"{drive.name}: 6072:00 max torque {held} per mille is {held * step:.4g}, below the "
             f"rig's effort_limit {axis.spec.effort_limit:g}; lower effort_limit, or raise 6072h "
-            "with the drive's tool if motor and mechanics allow it"
+            "with the drive's tool if motor and mechanics allow it; a run that was killed leaves "
+            "its own limit until the drive is switched off and on"
         )
+    if held > wanted:
+        axis.torque_before = held
     return [settle(drive, o.MAX_TORQUE, wanted).text]
 
 

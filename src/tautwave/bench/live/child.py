@@ -12,6 +12,7 @@ from statistics import median
 from typing import Any
 
 from tautwave.bench.chunks import Cost, calibrate, summary
+from tautwave.errors import TautwaveError
 
 MAIN = "from tautwave.cli import main; main(prog_name='tautwave')"
 
@@ -29,11 +30,14 @@ def rates(seconds: float, rounds: int) -> dict[str, Any]:
 def _answer(*words: str) -> dict[str, Any]:
     done = subprocess.run(
         [sys.executable, "-m", *words],
-        stdout=subprocess.PIPE,
+        capture_output=True,
         text=True,
-        check=True,
+        check=False,
         env=_environment(),
     )
+    if done.returncode != 0:
+        last = (done.stderr.strip() or f"exit code {done.returncode}").splitlines()[-1]
+        raise TautwaveError(f"bench: its measuring process {words[0]} failed: {last}")
     result: dict[str, Any] = json.loads(done.stdout)
     return result
 

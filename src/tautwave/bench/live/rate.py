@@ -17,6 +17,7 @@ from tautwave.bench.result import Goal, Suite, Table
 from tautwave.bench.rigs import ONE_PAIR
 from tautwave.clock import MonotonicClock
 from tautwave.config import Rig, parse_rig
+from tautwave.errors import SafetyStop
 from tautwave.rig import build_rig
 from tautwave.runtime.loop import Loop
 from tautwave.runtime.machine import quiet_collector, realtime
@@ -31,13 +32,17 @@ GOALS = ((1, 10000), (6, 4000))
 
 
 class Paced(NamedTuple):
-    """A case: time of computing, slots run and missed by engine; those of the empty loop."""
+    """A case: time of computing, slots run and missed by engine; those of the empty loop.
+
+    `stopped`: why runs of an engine ended early. What they measured until then counts.
+    """
 
     pairs: int
     rate_hz: int
     compute: dict[str, Histogram]
     ran: dict[str, int]
     missed: dict[str, int]
+    stopped: dict[str, list[str]]
 
 
 def pairs_rig(pairs: int, rate_hz: int, engine: str) -> Rig:
@@ -87,7 +92,9 @@ def _run(paced: Paced, engine: str, seconds: float) -> None:
     with recorded(rig, built, lossless=False) as recorder, quiet_collector():
         loop = Loop(built.clock, built.buses, built.control, built.sources, recorder)
         result = loop.run()
-    if result.error is not None:
+    if isinstance(result.error, SafetyStop):  # a host that stands still is no fault of the loop
+        paced.stopped[engine].append(str(result.error))
+    elif result.error is not None:
         raise result.error
     paced.compute[engine].add_all(loop.compute)
     paced.ran[engine] += result.cycles
@@ -109,9 +116,9 @@ def measure(
         for count in pairs:
             for rate_hz in rates_hz:
                 zero = dict.fromkeys((*engines, "empty"), 0)
-                paced = Paced(
-                    count, rate_hz, {name: Histogram() for name in engines}, dict(zero), dict(zero)
-                )
+                times = {name: Histogram() for name in engines}
+                why: dict[str, list[str]] = {name: [] for name in engines}
+                paced = Paced(count, rate_hz, times, dict(zero), dict(zero), why)
                 for _ in range(rounds):
                     ran, missed = empty_loop(rate_hz, seconds)
                     paced.ran["empty"] += ran
@@ -128,12 +135,25 @@ def _figures(paced: Paced) -> dict[str, Any]:
     return {
         "pairs": paced.pairs,
         "rate_hz": paced.rate_hz,
-        "missed_share": {name: paced.missed[name] / slots[name] for name in slots},
+        "missed_share": {name: paced.missed[name] / max(slots[name], 1) for name in slots},
+        "stopped": paced.stopped,
         "compute_share": {
             name: {key: value / period_us for key, value in times.summary().items()}
             for name, times in paced.compute.items()
         },
     }
+
+
+def _why(measured: dict[str, Any]) -> str:
+    """Return why runs ended early, as a clause; nothing if none did."""
+    reasons = [why for case in measured["cases"] for it in case["stopped"].values() for why in it]
+    if not reasons:
+        return ""
+    runs = "1 run was" if len(reasons) == 1 else f"{len(reasons)} runs were"
+    return (
+        f"; {runs} ended early by a guard, as when the machine stands still for a while, and count "
+        f"until then: {reasons[0]}"
+    )
 
 
 def rate_suite(measured: dict[str, Any]) -> Suite:
@@ -152,6 +172,7 @@ def rate_suite(measured: dict[str, Any]) -> Suite:
                     *(100.0 * share[key] for key in ("p50", "p99", "p999")),
                     100.0 * missed,
                     100.0 * empty,
+                    len(case["stopped"][engine]),
                 ]
             )
             if engine == "compiled" and (case["pairs"], case["rate_hz"]) in GOALS:
@@ -170,10 +191,11 @@ def rate_suite(measured: dict[str, Any]) -> Suite:
                 "Compute time as a share of the period, and slots missed",
                 "wall time of a cycle on the machine's clock, loopback devices and recording "
                 f"included, in bins of 1 us; {measured['seconds']:g} s of each, engines and an "
-                f"empty sleeping loop taking turns; {'; '.join(measured['realtime'])}",
+                f"empty sleeping loop taking turns; {'; '.join(measured['realtime'])}"
+                f"{_why(measured)}",
                 (
                     "pairs", "rate_hz", "engine", "p50_percent", "p99_percent", "p999_percent",
-                    "missed_percent", "empty_missed_percent",
+                    "missed_percent", "empty_missed_percent", "stopped_runs",
                 ),
                 rows,
             )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tautwave.cli.options import PATH
+from tautwave.cli.options import PATH, wait_option
 
 
 @click.command(short_help="Publish a run that is going on to ROS 2.")
@@ -48,13 +48,7 @@ from tautwave.cli.options import PATH
     is_flag=True,
     help="Engage while a Bool on /tautwave/engage is repeated as true, with an `operate` block.",
 )
-@click.option(
-    "--wait",
-    type=click.FloatRange(0.0, 3600.0),
-    default=0.0,
-    metavar="S",
-    help="Wait for a run that is still to begin [s].",
-)
+@wait_option
 def ros(
     directory: Path,
     rate: float,
@@ -70,7 +64,7 @@ def ros(
     Joint states of both sides, wrenches at the tips of arms, and /diagnostics. It reads the run's
     shared memory and writes nothing into it. Ctrl-C ends the publishing, not the run.
 
-    DDS has no passwords: whoever reaches the interface reads along, and commands if that is
+    DDS has no passwords: anyone who reaches the interface can read, and command if that is
     allowed. So it stays on this machine unless --interface names another one.
 
     \b

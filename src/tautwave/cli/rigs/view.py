@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tautwave.cli.options import PATH, echo_json
+from tautwave.cli.options import PATH, echo_json, wait_option
 
 LOOK_NS = 200_000_000
 PATIENCE_NS = 5_000_000_000
@@ -32,13 +32,7 @@ PATIENCE_NS = 5_000_000_000
     metavar="URL",
     help="Origin of a Foxglove or Lichtblick that is a web page; repeat for more.",
 )
-@click.option(
-    "--wait",
-    type=click.FloatRange(0.0, 3600.0),
-    default=0.0,
-    metavar="S",
-    help="Wait for a run that is still to begin [s].",
-)
+@wait_option
 def view(
     directory: Path,
     once: bool,

@@ -36,9 +36,12 @@ def check_sites(document: Document, parts: Parts, law: CouplingPlugin | None) ->
     coupling = parts.coupling
     if coupling is None:
         return
-    if law is not None and (not law.at_sites or coupling.account is not None):
+    kept = coupling.account is not None and law is not None and law.over_link
+    if law is not None and not law.at_sites and not kept:
         document.report(
-            ("sites",), f"law {coupling.law} works in one process only; use law wave, or remove it"
+            ("sites",),
+            f"law {coupling.law} without an account works in one process only; add "
+            "coupling.account, or use law wave",
         )
     for name, pair in (parts.pairs or {}).items():
         for key, value in pair or ():

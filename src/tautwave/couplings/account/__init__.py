@@ -10,14 +10,24 @@ from typing import Any
 
 from tautwave.config.keys.coupling import Account
 from tautwave.contracts import CoupledAxis, CouplingPlugin
+from tautwave.controller.steps import Law, SiteLaw
 from tautwave.controller.wrapping import params_with
 from tautwave.couplings.account.from_keys import account_params, quick_level
-from tautwave.couplings.account.law import NO_LINK, law_with_account, sample_gain
+from tautwave.couplings.account.law import GUARDS, NO_LINK, law_with_account, sample_gain
 from tautwave.couplings.account.messages import messages_with_account
 from tautwave.couplings.over_link import LINKED
+from tautwave.couplings.over_link.site import site_laws
 from tautwave.couplings.over_link.steps import linked_law
 from tautwave.registry import load_named
 from tautwave.wording import CouplingMessages
+
+
+def sites_with_account(bare: Law) -> dict[str, SiteLaw]:
+    """Return a law in an account at either of two sites; an overdrawn one ends their session."""
+    return {
+        side: site._replace(law=law_with_account(site.law, side), debts=frozenset(GUARDS))
+        for side, site in site_laws(bare).items()
+    }
 
 
 def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
@@ -32,7 +42,8 @@ def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
     make = load_named(plugin.end_constants)
     whole = law_with_account(bare)
     seen = bare.spring is not None
-    over_link = law_with_account(linked_law(bare), over_link=True) if seen else ""
+    over_link = law_with_account(linked_law(bare), "link") if seen else ""
+    at_sites = sites_with_account(bare) if seen else ""
 
     def end_constants(pair: Any, side: str, axis: CoupledAxis) -> Any:
         """Return the constants of one end: the law's, and `account`."""
@@ -49,7 +60,7 @@ def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
         law=whole,
         over_link=over_link,
         linked=LINKED,
-        at_sites="",
+        at_sites=at_sites,
         end_constants=end_constants,
         causalities=("impedance",),
         divisors=False,

@@ -33,8 +33,17 @@ NO_LINK = NoParams()
 FREE = LimitParams(INF, INF, 0.0, INF, -INF, INF, 0.0)
 
 
-def law_with_account(law: Law, *, over_link: bool = False) -> Law:
-    """Return a law in an account; `over_link`: it is one of `couplings.over_link`.
+EXCHANGES = {
+    "": own.exchange,
+    "link": own.exchange_over_link,
+    "master": own.exchange_at_master,
+    "slave": own.exchange_at_slave,
+}
+"""By what is between the sides: a line, a simulated network, or a real one, seen from one side."""
+
+
+def law_with_account(law: Law, over: str = "") -> Law:
+    """Return a law in an account; `over`, of `EXCHANGES`: it is one of `couplings.over_link`.
 
     Raises
     ------
@@ -45,7 +54,7 @@ def law_with_account(law: Law, *, over_link: bool = False) -> Law:
         raise ConfigError(
             f"coupling.account: law {law.name} keeps accounts of its own; remove the block"
         )
-    steps, elements = _steps(law.steps, law.rings, law.holding, over_link=over_link)
+    steps, elements = _steps(law.steps, law.rings, law.holding, over)
     return Law(
         name=f"{law.name} with account",
         steps=steps,
@@ -54,18 +63,18 @@ def law_with_account(law: Law, *, over_link: bool = False) -> Law:
         signals=law.signals,
         elements=elements,
         guards={**law.guards, **GUARDS},
-        rings=0 if over_link else law.rings + own.RINGS,
+        rings=0 if over else law.rings + own.RINGS,
         holding=law.holding,
     )
 
 
 @lru_cache(maxsize=64)
 def _steps(
-    inner: Steps, rings: int, holding: Holding | None, *, over_link: bool
+    inner: Steps, rings: int, holding: Holding | None, over: str
 ) -> tuple[Steps, Callable[..., Sequence[str]]]:
     """Return the account's steps around a law's and its elements; the same for the same law."""
     passing = inner.exchange
-    if over_link:
+    if over:
         said = {"law_credit": own.credit, "law_level": own.level, "law_hear": own.hear}
         passing = bound(inner.exchange, said)
     law: dict[str, Any] = {
@@ -84,13 +93,13 @@ def _steps(
             "law_held": holding.held,
             "law_share": holding.share,
         }
-    names = own.element_names_over_link if over_link else own.element_names
-    fill = own.fill_elements_over_link if over_link else own.fill_elements
+    names = own.element_names_over_link if over else own.element_names
+    fill = own.fill_elements_over_link if over else own.fill_elements
     steps = inner._replace(
         start=bound(own.start, law),
         engage=bound(own.engage, law),
         close=bound(own.close, law),
-        exchange=bound(own.exchange_over_link if over_link else own.exchange, law),
+        exchange=bound(EXCHANGES[over], law),
         think=bound(own.think, law),
         brake=bound(own.brake, law),
         fill_elements=bound(fill, law),

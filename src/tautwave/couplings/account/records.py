@@ -9,13 +9,15 @@ from dataclasses import dataclass
 class AccountEnd:
     """One end's tank and books [J, own units].
 
-    `funds` in the tank; `far_level` of the other end as reported, a share of full; `sent` all
-    credit ever sent, `counter` the far one's as last received [J, pair's]; `taken` what came of it;
-    `work` what the law took from the device; `spilled` from a full tank, `granted` for noise.
-    `passed` is the last effort let through [N m or N], `due` what noise takes from it [J].
+    `funds` in the tank, `reserve` of them from the start, 0 before; `far_level` of the other end as
+    reported, a share of full; `sent` all credit ever sent, `counter` the far one's as last received
+    [J, pair's]; `taken` what came of it; `work` what the law took from the device; `spilled` from a
+    full tank, `granted` for noise. `passed` is the last effort let through [N m or N], `due` what
+    noise takes from it [J].
     """
 
     funds: float = 0.0
+    reserve: float = 0.0
     far_level: float = 0.0
     sent: float = 0.0
     counter: float = 0.0

@@ -66,6 +66,7 @@ def start_account(s: AxisState, p: AxisParams) -> None:
     e = s.end.account
     k = p.end.account
     e.funds = k.reserve
+    e.reserve = k.reserve
     e.far_level = k.reserve / k.full
     e.sent = 0.0
     e.counter = 0.0
@@ -227,6 +228,42 @@ def exchange_over_link(
     law_exchange(c, q, one, two, p1, p2, table, here, due_one, due_two)
 
 
+def exchange_at_master(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+    here: bool,
+    due_one: bool,
+    due_two: bool,
+) -> None:
+    """As over a network, at the master's site: the slave's account is elsewhere."""
+    if here:
+        send_credit(one, p1, law_held(one))
+    law_exchange(c, q, one, two, p1, p2, table, here, due_one, due_two)
+
+
+def exchange_at_slave(
+    c: PairState,
+    q: PairParams,
+    one: AxisState,
+    two: AxisState,
+    p1: AxisParams,
+    p2: AxisParams,
+    table: MutableSequence[float],
+    here: bool,
+    due_one: bool,
+    due_two: bool,
+) -> None:
+    """As over a network, at the slave's site: the master's account is elsewhere."""
+    if here:
+        send_credit(two, p2, law_held(two))
+    law_exchange(c, q, one, two, p1, p2, table, here, due_one, due_two)
+
+
 def credit(s: AxisState, p: AxisParams) -> float:
     """Return all credit that an end ever sent [J, pair's]."""
     sent: float = p.weight * s.end.account.sent
@@ -299,7 +336,7 @@ def fill_account(out: Row, at: int, s: AxisState, p: AxisParams, held: float) ->
     e = s.end.account
     w = p.weight
     absorbed = e.work + e.taken - e.sent - held
-    stored = e.funds - p.end.account.reserve - held
+    stored = e.funds - e.reserve - held
     return fill_element(out, at, w * absorbed, w * stored, w * (e.spilled - e.granted))
 
 

@@ -44,6 +44,7 @@ def linked(
                 repeated=0,
                 silence=round(link.silence_s / period),
                 lost=round(link.lost_s / period),
+                position=1.0 if direction else 1.0 / pair.position_scale,
             )
         )
     if trace:

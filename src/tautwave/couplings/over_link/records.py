@@ -16,6 +16,7 @@ class NewsEndParams(NamedTuple):
     with `days` slots that the other end sent, and what of them is under way (`link.network`);
     `last`: the last slot of those. A packet repeats no slots: `repeated` is 0. `silence` and
     `lost`: slots without a packet until the far side counts as standing, and until the run stops.
+    `position`: master units of what is said to it.
     """
 
     network: NetworkParams
@@ -27,6 +28,7 @@ class NewsEndParams(NamedTuple):
     repeated: int
     silence: int
     lost: int
+    position: float = 1.0
 
 
 class NewsParams(NamedTuple):

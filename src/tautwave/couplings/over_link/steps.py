@@ -14,7 +14,7 @@ from collections.abc import MutableSequence
 
 from tautwave.contracts import Row
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
-from tautwave.controller.seen import book_spring, no_spring, where_it_is
+from tautwave.controller.seen import SeenEnd, book_spring, no_spring, where_it_is
 from tautwave.controller.steps import OWN_GUARDS, Guard, Law, fill_no_signals, no_start
 from tautwave.controller.wrapping import bound, record_with
 from tautwave.couplings.over_link.records import Heard, News, NewsEnd, NewsEndParams
@@ -123,6 +123,24 @@ def listen(e: NewsEnd, k: NewsEndParams, table: MutableSequence[float]) -> int:
     return k.post + SENT * (slot % k.days)
 
 
+def see_slave(
+    e: SeenEnd, q: PairParams, offset: float, table: MutableSequence[float], at: int
+) -> None:
+    """Turn what the slave said, at `at` in the table, into the master's units."""
+    e.far_position = q.to_master * (motion_heard(int(table[at])) - offset)
+    e.far_velocity = q.to_master * motion_heard(int(table[at + 1]))
+    e.far_effort = q.sign * effort_heard(int(table[at + 3])) / q.force_scale
+
+
+def see_master(
+    e: SeenEnd, q: PairParams, offset: float, table: MutableSequence[float], at: int
+) -> None:
+    """Turn what the master said, at `at` in the table, into the slave's units."""
+    e.far_position = q.ratio * motion_heard(int(table[at])) + offset
+    e.far_velocity = q.ratio * motion_heard(int(table[at + 1]))
+    e.far_effort = q.sign * q.force_scale * effort_heard(int(table[at + 3]))
+
+
 def credit_heard(e: NewsEnd, counter: int) -> float:
     """Return what a counter adds to the credit that was heard of [J]; an older one nothing."""
     new = apart(counter, e.credit)
@@ -171,18 +189,14 @@ def exchange(
         book_spring(c, q, one, two, law_spring(q, p1, p2))
     at = listen(w.master, k.master, table)
     if at >= 0:
-        one.end.far_position = q.to_master * (motion_heard(int(table[at])) - c.offset)
-        one.end.far_velocity = q.to_master * motion_heard(int(table[at + 1]))
-        word = int(table[at + 3])
-        one.end.far_effort = q.sign * effort_heard(word) / q.force_scale
-        law_hear(one, p1, credit_heard(w.master, int(table[at + 2])), level_heard(word))
+        see_slave(one.end, q, c.offset, table, at)
+        level = level_heard(int(table[at + 3]))
+        law_hear(one, p1, credit_heard(w.master, int(table[at + 2])), level)
     at = listen(w.slave, k.slave, table)
     if at >= 0:
-        two.end.far_position = q.ratio * motion_heard(int(table[at])) + c.offset
-        two.end.far_velocity = q.ratio * motion_heard(int(table[at + 1]))
-        word = int(table[at + 3])
-        two.end.far_effort = q.sign * q.force_scale * effort_heard(word)
-        law_hear(two, p2, credit_heard(w.slave, int(table[at + 2])), level_heard(word))
+        see_master(two.end, q, c.offset, table, at)
+        level = level_heard(int(table[at + 3]))
+        law_hear(two, p2, credit_heard(w.slave, int(table[at + 2])), level)
     slot = w.master.slot
     pass_time(w.master, k.master, one, q.period)
     pass_time(w.slave, k.slave, two, q.period)

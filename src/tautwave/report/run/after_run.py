@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 
 from tautwave.certificate.after import Measured, recheck
+from tautwave.certificate.walls import wall_claims
 from tautwave.config import Rig, local_wall, replace_wall
 from tautwave.errors import TautwaveError
 from tautwave.registry import load_driver
 from tautwave.report.ends import ends_of
+from tautwave.report.figures.envelope import Floats
 from tautwave.report.link import kept_of
+from tautwave.report.motors import Rows
 from tautwave.report.noise import noise_sentences
 from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.sensors import sensor_sentences
@@ -125,6 +128,8 @@ def measured_of(run: Run, rig: Rig) -> Measured:
             for name in rig.axes
             if (balance := wall_balance(run, rig, name)) is not None
         },
+        debt_j={name: debt for name in rig.axes if (debt := wall_debt(run, rig, name)) is not None},
+        claim_j=wall_claims(run.checked_rig),
     )
 
 
@@ -156,6 +161,42 @@ def wall_balance(run: Run, rig: Rig, axis: str) -> float | None:
     never will. Each contact begins at nothing: what one took does not pay for the next. 0: it was
     never touched.
     """
+    found = _contacts(run, rig, axis)
+    if found is None:
+        return None
+    taken, damped, pushed = found
+    if not pushed.any():
+        return 0.0
+    total = np.cumsum(np.where(pushed, taken + damped, 0.0))
+    begins = pushed & ~np.concatenate([[False], pushed[:-1]])
+    before = np.concatenate([[0.0], total[:-1]])
+    last = np.maximum.accumulate(np.where(begins, np.arange(len(total)), 0))
+    least = float((total - before[last])[pushed].min())
+    rounding = ROUNDING * float(np.abs(taken).sum())
+    return 0.0 if abs(least) <= rounding else least
+
+
+def wall_debt(run: Run, rig: Rig, axis: str) -> float | None:
+    """Return what a wall had given beyond what it took, at most [J]; None: unknown.
+
+    A debt is carried from contact to contact, what a contact left over is not. What the device's
+    damping took at least is counted in, as in `wall_balance`.
+    """
+    found = _contacts(run, rig, axis)
+    if found is None:
+        return None
+    taken, damped, pushed = found
+    taken = taken + damped
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], pushed, [False]])))
+    balance = least = 0.0
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        total = min(balance, 0.0) + np.cumsum(taken[begin:end])
+        balance, least = float(total[-1]), min(least, float(total.min()))
+    return -least
+
+
+def _contacts(run: Run, rig: Rig, axis: str) -> tuple[Floats, Floats, Rows] | None:
+    """Return, between samples, what wall and damping took [J] and where the wall pushed."""
     side, _, pair = axis.partition(".")
     names = ("skipped_slots", f"{axis}.valid", f"{axis}.position", f"{axis}.wall_effort")
     columns = run.read(*names, f"{pair}.wall_{side}.absorbed")
@@ -169,13 +210,4 @@ def wall_balance(run: Run, rig: Rig, axis: str) -> float | None:
     taken = np.diff(absorbed[fresh]) / weight
     spans = np.diff(slots[fresh]) * rig.period_s
     damped = rig.axes[axis].damping.lower * np.diff(position[fresh]) ** 2 / spans
-    pushed = (effort[fresh][:-1] != 0.0) | (taken != 0.0)
-    if not pushed.any():
-        return 0.0
-    total = np.cumsum(np.where(pushed, taken + damped, 0.0))
-    begins = pushed & ~np.concatenate([[False], pushed[:-1]])
-    before = np.concatenate([[0.0], total[:-1]])
-    last = np.maximum.accumulate(np.where(begins, np.arange(len(total)), 0))
-    least = float((total - before[last])[pushed].min())
-    rounding = ROUNDING * float(np.abs(taken).sum())
-    return 0.0 if abs(least) <= rounding else least
+    return taken, damped, (effort[fresh][:-1] != 0.0) | (taken != 0.0)

@@ -44,6 +44,7 @@ def end_session(control: CoupledControl) -> None:
         s.depth = 0.0
         s.wall_stored_at_start = 0.0
         s.wall_absorbed = s.wall_dissipated = s.wall_contact_energy = 0.0
+        s.wall_owes = False
 
 
 def drop_commands(control: CoupledControl) -> None:

@@ -139,7 +139,7 @@ def run_guided(
         )
         loop = Loop(
             assembly.clock, assembly.buses, assembly.control, assembly.sources, recorder,
-            torque=torque,
+            torque=torque, begun=recorder.begin,
         )  # fmt: skip
         with interrupts() as heard, heard.calling(loop.stop):
             recorder.start()

@@ -310,7 +310,7 @@ def record_excitation(
         )  # fmt: skip
         loop = Loop(
             assembly.clock, assembly.buses, assembly.control, assembly.sources,
-            recorder, progress,
+            recorder, progress, begun=recorder.begin,
         )  # fmt: skip
         with interrupts() as heard, heard.calling(loop.stop):
             recorder.start()

@@ -11,6 +11,10 @@ SUMMED = (".port_energy", ".gross_flow", ".uncertainty", ".absorbed", ".dissipat
 """Columns that go on over sessions; what was stored at the end of one counts as dissipated."""
 
 
+BETWEEN = ("network", "credits")
+"""Elements of a pair that both sites have a part of: what left less what came."""
+
+
 class SiteRows:
     """What a site records of the rows of whole pairs.
 
@@ -61,6 +65,6 @@ def kept_columns(columns: Sequence[str], side: str) -> list[int]:
         own_axis = parts[0] == side
         element = parts[1] if len(parts) == 3 else ""
         other = parts[0] in SIDES
-        if own_axis or (not other and (element.endswith(f"_{side}") or element == "network")):
+        if own_axis or (not other and (element.endswith(f"_{side}") or element in BETWEEN)):
             found.append(at)
     return found

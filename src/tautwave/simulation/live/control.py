@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import struct
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
@@ -26,6 +28,10 @@ from tautwave.simulation.kernel.records import parts_of
 from tautwave.simulation.kernel.tables import Fields, blank_records, records_of, view_of
 from tautwave.simulation.live.steps import ABSENT, BEGUN, END, INPUTS, KIND, SLOTS, TAKEN
 from tautwave.types import AxisCommand, JointState
+
+_put = struct.Struct(f"{INPUTS}d").pack_into
+SIZE = 8 * INPUTS
+_made = tuple.__new__
 
 
 class CompiledControl(Control):
@@ -98,12 +104,8 @@ class CompiledControl(Control):
     def take(self, which: int, measured: JointState, slot: int) -> bool:
         """Take what an exchange brought of an axis; return whether it is a sample to be used."""
         given = self._given
-        at = INPUTS * which
         position, _, effort, valid, _ = measured
-        given[at] = position
-        given[at + 1] = effort
-        given[at + 2] = valid
-        given[at + 3] = TAKEN
+        _put(given, SIZE * which, position, effort, valid, TAKEN)
         self._last = which + 1
         if not valid:
             return False
@@ -135,10 +137,18 @@ class CompiledControl(Control):
         for place, value in enumerate(filled, at):
             row[place] = value
 
+    def commands(self, first: int, count: int) -> list[AxisCommand]:
+        """Return the commands of some axes for their driver."""
+        after = first + count
+        values = self._results[first:after].tolist()
+        return [  # as AxisCommand(...) does, at half the time
+            _made(AxisCommand, (value, 0.0, math.nan) if effort else (0.0, value, math.nan))
+            for value, effort in zip(values, self._impedance[first:after], strict=True)
+        ]
+
     def command(self, which: int) -> AxisCommand:
-        """Return the command of an axis for its driver."""
-        value = self._results[which]
-        return AxisCommand(value, 0.0) if self._impedance[which] else AxisCommand(0.0, value)
+        """Return the command of an axis."""
+        return self.commands(which, 1)[0]
 
     def stop_after(self, slot: int) -> None:
         """Ramp down from the next slot on, if nothing ends the run before."""

@@ -17,41 +17,31 @@ from tautwave.simulation.kernel.tables import blank_records, records_of, view_of
 from tautwave.truth import AxisModel
 from tautwave.types import JointState
 
+_made = tuple.__new__
+
 
 class CompiledAxis:
     """One device of `CompiledDevices`, as a loopback driver and the recording see it."""
 
-    def __init__(self, name: str, place: int, world: CompiledDevices, hand: bool) -> None:
+    def __init__(self, name: str, world: CompiledDevices, hand: bool) -> None:
         self.name = name
-        self._values = world.values
         self._row = world.row
-        self._at = 3 * place
-        self._place = place
-        self._world = world
         names = ["position", "velocity", *(["reference", "hand_effort"] if hand else [])]
         books = ["hand_work", "motor_work", "kinetic", "grip_stored", "environment_stored"]
         books += ["grip_loss", "viscous_loss", "coulomb_loss", "environment_loss"]
         self.columns = [f"true.{name}.{it}" for it in (*names, "environment_effort")]
         self.columns += [f"plant.{name}.{it}" for it in books]
-        self._first = 0
+        self._part = world.row[:0]
 
     def place_after(self, first: int) -> int:
         """Fill from column `first` of the bus on; return the next one."""
-        self._first = first
-        return first + len(self.columns)
-
-    def measure(self) -> JointState:
-        """Return what the drive reports at this slot."""
-        values, at = self._values, self._at
-        return JointState(values[at], math.nan, values[at + 1], values[at + 2] != 0.0, 0)
-
-    def command(self, value: float) -> None:
-        """Take an effort or a velocity for the slots to come."""
-        self._world.take(self._place, value)
+        after = first + len(self.columns)
+        self._part = self._row[first:after]
+        return after
 
     def fill(self, row: Row, at: int) -> None:
         """Write the truth at this slot into `row` from index `at` on."""
-        part = self._row[self._first : self._first + len(self.columns)]
+        part = self._part
         if isinstance(row, memoryview):
             row[at : at + len(part)] = part
             return
@@ -88,7 +78,7 @@ class CompiledDevices:
         row = np.zeros(15 * max(count, 1))
         self.row = view_of(row)
         self.axes = [
-            CompiledAxis(spec.name, place, self, hand=params[place].last >= 0)
+            CompiledAxis(spec.name, self, hand=params[place].last >= 0)
             for place, spec in enumerate(specs)
         ]
         first = 0
@@ -116,9 +106,17 @@ class CompiledDevices:
         """Hold still: the next `advance` begins a new grid at its own time."""
         self._origin_ns = None
 
-    def take(self, place: int, value: float) -> None:
-        """Keep the command of a device until all have theirs."""
-        self._commands[place] = value
+    def measure(self) -> list[JointState]:
+        """Return what the drives report at this slot."""
+        each = iter(self.values[: 3 * self._count].tolist())
+        return [  # as JointState(...) does, at half the time
+            _made(JointState, (position, math.nan, effort, valid != 0.0, 0))
+            for position, effort, valid in zip(each, each, each, strict=True)
+        ]
+
+    def command(self, values: Sequence[float]) -> None:
+        """Take an effort or a velocity of each device for the slots to come."""
+        self._commands[:] = values
         self._commanded = True
 
     def advance(self, to_ns: int) -> None:

@@ -28,7 +28,6 @@ from tautwave.view.watched import Watched
 SOURCE = "ros"
 FASTEST_HZ = 100.0
 LOOK_NS = 10_000_000
-MAPPED_ROWS, MAPPED_NS = 50, 2_000_000
 DIAGNOSED_NS = 1_000_000_000
 SETTLE_NS = 200_000_000
 """After the last message, before the node goes: for readers to fetch it."""
@@ -96,7 +95,6 @@ class Exporter:
         self._dead_man = DeadMan(self._send)
         self._every_ns = round(1e9 / rate_hz)
         self._time = list(columns).index("time_s")
-        self._epoch_ns = 0
 
     def _publisher(self, topic: str, message: Any) -> Any:
         self.topics.append(self.node.full(topic))
@@ -104,7 +102,6 @@ class Exporter:
 
     def export(self, clock: MonotonicClock) -> None:
         """Publish until the run has ended."""
-        self._epoch_ns = self._mapped(clock)
         look_ns = publish_ns = diagnose_ns = clock.now_ns()
         recent: list[list[float]] = []
         fresh: list[list[float]] = []
@@ -132,29 +129,17 @@ class Exporter:
         self._tell(ended(self.run.live, news))
         clock.sleep_until(clock.now_ns() + SETTLE_NS)
 
-    def _mapped(self, clock: MonotonicClock) -> int:
-        """Return the wall time [ns] at which the run's time was 0, by the rows seen soonest.
-
-        The recording's own begins before buses are opened, which may take seconds.
-        """
-        epochs: list[int] = []
-        while len(epochs) < MAPPED_ROWS and not self.run.ended:
-            rows = self.run.tap.take()
-            epochs += [time.time_ns() - round(1e9 * row[self._time]) for row in rows[-1:]]
-            clock.sleep_until(clock.now_ns() + MAPPED_NS)
-        return min(epochs, default=int(self.run.facts.get("epoch_ns", 0)))
-
     def _publish(self, rows: Sequence[Sequence[float]]) -> None:
         """Publish of each device the newest row that has all its samples; nothing is held."""
         for joints, writer in self._joints:
             row = _newest(rows, joints.valid)
             if row is not None:
-                at = stamp(row[self._time], self._epoch_ns)
+                at = stamp(row[self._time], self.run.tap.epoch_ns)
                 writer.write(joint_state(joints, row, at))
         for frame, tip, writer in self._tips:
             row = _newest(rows, tip.valid)
             if row is not None:
-                at = stamp(row[self._time], self._epoch_ns)
+                at = stamp(row[self._time], self.run.tap.epoch_ns)
                 writer.write(wrench(tip, row, at, frame))
 
     def _diagnose(self, rows: Sequence[Sequence[float]]) -> None:

@@ -64,6 +64,11 @@ def patient(k: LinkParams) -> LinkParams:
     return k._replace(master=k.master._replace(lost=NEVER), slave=k.slave._replace(lost=NEVER))
 
 
+def ends(w: LinkPair) -> tuple[LinkEnd, LinkEnd]:
+    """Return the master's end and the slave's."""
+    return w.master, w.slave
+
+
 def begin(w: LinkPair) -> None:
     """Let the next start be that of a new session."""
     w.used = False
@@ -107,6 +112,7 @@ site_laws = {
     side: SiteLaw(
         law._replace(steps=law.steps._replace(exchange=exchange)),
         patient,
+        ends,
         begin,
         take,
         said,
