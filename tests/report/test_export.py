@@ -94,6 +94,7 @@ def test_bad_input_is_one_sentence(
 def test_no_run_is_said(tmp_path: Path) -> None:
     done = CliRunner().invoke(main, ["export", str(tmp_path / "none")])
     assert done.exit_code != 0
+    assert not (tmp_path / "none").exists()  # nor a folder made
     assert done.output.count("\n") == 1
 
 

@@ -91,11 +91,44 @@ def test_noise_delay_and_effort_are_measured_under_torque(tmp_path: Path) -> Non
     assert found["effort", "slave.lever"]["measured"]["ratio"] == pytest.approx(0.3 / 0.22)
 
 
+@pytest.mark.parametrize(
+    ("truth", "wrong"),
+    [
+        ("{}", ""),
+        ("{effort_sensor: {noise: 0.001, offset: 0.1}}", "sensor offset"),
+        pytest.param(
+            "{effort_sensor: {noise: 0.001, scale: 2.0}}", "sensor scale", marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_an_effort_sensor_is_compared_with_the_motor_before_anything_is_coupled(
+    tmp_path: Path, truth: str, wrong: str
+) -> None:
+    rig = bench(tmp_path, environment={"type": "spring", "stiffness": 8.0, "position": 0.0})
+    data = yaml.safe_load(rig.read_text())
+    data["slave"]["axes"]["lever"]["effort_sensor"] = {"quantum": 1e-4, "noise": 1e-3}
+    data["simulation"]["axes"]["slave.lever"] |= yaml.safe_load(truth)
+    written(tmp_path, data)
+    answers = "0.1\n0.1\n0.1 0.11\n0.1\n0.1 0.22\n"
+    accept(rig, "noise,effort", answers, "--axis", "slave.lever")
+    bad = [what for (_, what), check in checks(rig).items() if not check["good"]]
+    assert bad == ([f"slave.lever {wrong}"] if wrong else [])
+    assert any(what.endswith("sensor offset") for _, what in checks(rig))
+
+
 def test_a_cable_that_was_not_pulled_is_no_pass(tmp_path: Path) -> None:
     rig = written(tmp_path, servo_tree())
     done = accept(rig, "watchdog", "0.1\n")
     assert done.exit_code == 6
     assert checks(rig)["watchdog", "loss"]["measured"]["said"] == "nothing was lost"
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"seal": 3}', '{"seal": {"sha256": 5}, "files": [1]}'])
+def test_what_is_no_acceptance_is_said(tmp_path: Path, text: str) -> None:
+    (tmp_path / FILE).write_text(text)
+    done = CliRunner().invoke(main, ["accept", str(tmp_path / FILE), "--verify"])
+    assert done.exit_code == 2
+    assert "is not the acceptance.json that `tautwave accept` wrote" in done.output
 
 
 def test_what_was_sealed_is_verified_to_the_byte(tmp_path: Path) -> None:
@@ -131,7 +164,7 @@ def test_what_was_sealed_is_verified_to_the_byte(tmp_path: Path) -> None:
     path.write_text(json.dumps(changed))
     assert "its signature cannot be read" in verify(path, tmp_path / "keys").wrong[-1]
     path.write_text(text)
-    assert "is none of" in verify(path, tmp_path / "others").wrong[0]
+    assert "is not one of" in verify(path, tmp_path / "others").wrong[0]
     assert "no certificate of an authority" in verify(path, tmp_path).wrong[0]
     recording = tmp_path / "out" / "identity" / "recording.mcap"
     recording.write_bytes(recording.read_bytes() + b"x")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Generator, Sequence
 from pathlib import Path
 from typing import Any
@@ -308,7 +309,7 @@ def test_a_script_is_answers_after_their_questions() -> None:
 
 def test_mistakes_of_the_command_line_are_sentences(bench: Path) -> None:
     for options, words in (
-        (["--steps", "jump"], "'jump' is none of zero"),
+        (["--steps", "jump"], "'jump' is not one of zero"),
         (["--stop", "master.lever=up"], "write AXIS=POSITION"),
         (["--stop", "master.lever=0"], "does not say which way"),
         (["--axis", "master.wrist"], "there is no axis 'master.wrist'"),
@@ -317,6 +318,16 @@ def test_mistakes_of_the_command_line_are_sentences(bench: Path) -> None:
         assert done.exit_code == 2
         assert words in done.output
     assert not (bench.parent / "refused").exists()
+
+
+def test_a_folder_that_may_not_be_written_is_said_before_anything_is_asked(
+    bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "access", lambda place, mode: place != bench.parent)
+    done = calibrate(bench, "--out", str(bench.parent / "refused"))
+    assert done.exit_code == 2
+    assert "may not be written, and the calibration goes beside the rig" in done.output
+    assert "bring" not in done.output
 
 
 def test_the_digest_of_a_file_is_that_of_its_bytes() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from tautwave.analysis.identification.sensor_balance import (
     SensorBalance,
     find_rests,
+    most_at_rest,
     sensor_balance,
 )
 from tautwave.report.run.rundir import SIDES, Run, block, served_rows
@@ -17,12 +18,6 @@ from tautwave.report.units import number
 
 WINDOW_S = 0.05
 """[s] Of a rest."""
-
-SURELY = 1.5
-"""Times the friction believed in, what a device at rest may hold at most."""
-
-LEAST_SHARE = 0.02
-"""Of the effort limit, what it may hold at least, whatever is believed."""
 
 PLAY = 6.0
 """Standard deviations that positions of an axis at rest may lie apart."""
@@ -41,7 +36,7 @@ def sensor_sentences(run: Run) -> Iterator[str]:
 def greatest_friction(keys: Mapping[str, Any]) -> float:
     """Return what an axis at rest may hold [N m or N]."""
     believed = number(block(keys, "coulomb").get("value")) or 0.0
-    return max(SURELY * believed, LEAST_SHARE * (number(keys.get("effort_limit")) or 0.0))
+    return most_at_rest(believed, number(keys.get("effort_limit")) or 0.0)
 
 
 def balance_of(run: Run, axis: str, keys: Mapping[str, Any]) -> SensorBalance | None:

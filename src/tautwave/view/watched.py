@@ -31,8 +31,10 @@ def read_live(directory: Path) -> Live:
         return Live(**{name: fields[name] for name in Live._fields})
     except FileNotFoundError as error:
         raise RecordingError(f"{directory}: no run is going on here") from error
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise RecordingError(f"{path}: cannot be read ({error})") from error
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read ({error.strerror})") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise RecordingError(f"{path}: is not what a run leaves here, or was damaged") from error
 
 
 class Watched:

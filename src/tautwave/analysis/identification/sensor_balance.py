@@ -26,6 +26,12 @@ Floats = NDArray[np.float64]
 
 DEVIATIONS = 4.0
 
+SURELY = 1.5
+"""Times the friction believed in, what a device at rest may hold at most."""
+
+LEAST_SHARE = 0.02
+"""Of the effort limit, what it may hold at least, whatever is believed."""
+
 
 class Interval(NamedTuple):
     """What is possible; `middle` of it where it is bounded."""
@@ -58,6 +64,11 @@ class SensorBalance(NamedTuple):
     scale: Interval
     at: float
     rests: int
+
+
+def most_at_rest(coulomb: float, effort_limit: float) -> float:
+    """Return the greatest friction of a device at rest, from what is believed [N m or N]."""
+    return max(SURELY * coulomb, LEAST_SHARE * effort_limit)
 
 
 def find_rests(

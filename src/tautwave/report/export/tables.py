@@ -52,9 +52,10 @@ def export_tables(
         Something cannot be written.
     """
     content = TABLES[to]
+    found = list(episodes(directory))  # before a folder is made for what is not there
     make_directory(out)
     written, lines = [], []
-    for episode in episodes(directory):
+    for episode in found:
         rows = read_recording(directory, columns, rows=episode.rows)
         times = read_recording(directory, ["time_s"], rows=episode.rows).time_s
         path = out / f"{episode.stem}.{to}"

@@ -88,8 +88,12 @@ def verify(path: Path, keys: Path | None = None) -> Verified:
         seal, files = content["seal"], content["files"]
         sealed = seal["sha256"]
         named = {str(name): str(digest) for name, digest in files.items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as err:
-        raise ConfigError(f"{path}: is no acceptance: {err}") from err
+    except OSError as err:
+        raise ConfigError(f"{path}: cannot be read: {err.strerror}") from err
+    except (ValueError, KeyError, TypeError, AttributeError) as err:
+        raise ConfigError(
+            f"{path}: is not the acceptance.json that `tautwave accept` wrote, or was damaged"
+        ) from err
     wrong = []
     digest = content_digest(content)
     if digest != sealed:

@@ -7,6 +7,7 @@ from collections.abc import Generator, Sequence
 
 from tautwave.config import Axis, Rig
 from tautwave.session.acceptance.document import Check
+from tautwave.session.acceptance.sensors import rest_now, sensor_checks
 from tautwave.session.calibration.by_hand import LEAST, mean_positions
 from tautwave.session.guided.control import GuidedControl
 
@@ -74,7 +75,7 @@ def ranges(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
 
 def noise(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
     """Devices that stand still are as quiet as the rig says; torque is on, without effort."""
-    yield from control.ask("torque goes on, without effort: let go of everything; then Enter")
+    yield from control.ask("torque comes on, without effort: take your hands off, then press Enter")
     slots = max(2, round(REST_S * 1e9 / control.run.period_ns))
     kept: dict[str, list[float]] = {name: [] for name in axes}
     for _ in range(slots):
@@ -82,6 +83,9 @@ def noise(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
         for name in axes:
             kept[name].append(control.position(name))
     checks = []
+    for name in axes:
+        rests = yield from rest_now(rig, name, 0.0, control)
+        checks += sensor_checks(rig, name, "noise", rests)
     for name, values in kept.items():
         mean = sum(values) / len(values)
         spread = math.sqrt(sum((value - mean) ** 2 for value in values) / (len(values) - 1))
@@ -140,6 +144,7 @@ def efforts(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
         if axis.causality != "impedance":
             continue
         unit = "N m" if axis.kind == "rotary" else "N"
+        rests = []
         for share in EFFORT_SHARES:
             effort = share * axis.effort_limit
             yield from control.ask(
@@ -148,6 +153,7 @@ def efforts(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
             )
             control.push(name, effort)
             yield from _wait(control, SETTLE_S)
+            rests += yield from rest_now(rig, name, effort, control)
             answer = yield from control.ask(f"{name}: what does the scale read, in {unit}?")
             control.push(name, 0.0)
             read = _number(answer)
@@ -156,6 +162,7 @@ def efforts(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
             }  # fmt: skip
             good = abs(read / effort - 1.0) <= EFFORT_ERROR
             checks.append(Check("effort", name, numbers, f"1 within {EFFORT_ERROR:g}", good))
+        checks += sensor_checks(rig, name, "effort", rests)
     return checks
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -56,7 +57,7 @@ def calibrate(
         The rig is refused, a device failed, or nobody answers.
     """
     rig = _load(path, talk)
-    _check(rig, asked)
+    _check(path, rig, asked)
     bare = uncalibrated(rig)
     axes = read_calibration(rig, path)
     done = run_guided(
@@ -128,13 +129,19 @@ def uncalibrated(rig: Rig) -> Rig:
     return rig.model_copy(update={"calibration": None, **sides})
 
 
-def _check(rig: Rig, asked: Asked) -> None:
+def _check(path: Path, rig: Rig, asked: Asked) -> None:
     unknown = [name for name in (*asked.axes, *asked.stops) if name not in rig.axes]
     if unknown:
         raise ConfigError(f"calibrate: there is no axis {unknown[0]!r}; {', '.join(rig.axes)}")
     for name, at in asked.stops.items():
         if at == 0.0:
             raise ConfigError(f"calibrate: --stop {name}=0 does not say which way its stop is")
+    for place in (path, path.parent):
+        if not os.access(place, os.W_OK):  # not only at the end of all the questions
+            raise ConfigError(
+                f"calibrate: {place} may not be written, and the calibration goes beside the rig, "
+                "which names it; use a copy of the rig in a folder of yours"
+            )
 
 
 def _with_ends(measured: Measured, found: Mapping[str, Any]) -> Measured:

@@ -90,6 +90,10 @@ class GuidedControl(Control):
         """Return an axis' velocity [rad/s or m/s]."""
         return self.axes[self._places[name]].velocity
 
+    def outside(self, name: str) -> float:
+        """Return what an axis' effort sensor shows, less its offset [N m or N]."""
+        return self.axes[self._places[name]].outside
+
     def push(self, name: str, effort: float) -> None:
         """Push an axis along its position [N m or N], until the next call."""
         self._push[self._places[name]] = effort
