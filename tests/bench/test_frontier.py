@@ -43,7 +43,12 @@ def test_the_figure_shows_every_family_and_what_is_asked_for() -> None:
                   for at, it in enumerate(SETTINGS)]
         for contact in CONTACTS
     }  # fmt: skip
-    drawn = canvas.svg(frontier_figure(points, 1.5e-5), "frontier")
+    figure = frontier_figure(points, 1.5e-5)
+    places = {(it.over_lab, it.share) for it in points[next(iter(CONTACTS))] if it.setting == BEST}
+    for panel in figure.axes[: len(CONTACTS)]:
+        circled = [line for line in panel.lines if line.get_label() == "one setting for all"]
+        assert {(*line.get_xdata(), *line.get_ydata()) for line in circled} == places
+    drawn = canvas.svg(figure, "frontier")
     for said in ("wave", "position, account", "laboratory", "one setting for all", *CONTACTS):
         assert f">{said}<" in drawn
 

@@ -111,5 +111,6 @@ def test_a_dark_page_has_a_rule_for_every_colour():
     rules = dark_rules("figure")
     for light, dark in DARK.items():
         for what in ("fill", "stroke"):
-            assert f'figure [{what}="{light}"] {{ {what}: {dark}; }}' in rules
+            one = f'[{what}="{light}"]'
+            assert f"figure {one}, path{one} {{ {what}: {dark}; }}" in rules
     assert len(set(DARK)) == len(set(DARK.values())) == len(DARK)

@@ -166,12 +166,12 @@ def test_a_matched_port_on_a_blocked_device_returns_nothing() -> None:
     for arriving in (1.0, -0.3, 1e-6):
         effort = port_effort(p, RICH, 0.0, 0.0, 0.0, arriving)
         energy = 0.5 * T * arriving**2
-        leaving, _, _, _, absorbed, burnt, _ = port_close(
+        leaving, _, _, _, absorbed, dissipated, _ = port_close(
             p, RICH, 0.0, 0.0, 0.0, 0.0, 1.0, effort, arriving, energy, False
         )
         assert abs(leaving) <= 1e-12 * abs(arriving)
-        assert burnt == pytest.approx(energy, rel=1e-12)
-        assert abs(absorbed + burnt - energy) <= 1e-12 * burnt
+        assert dissipated == pytest.approx(energy, rel=1e-12)
+        assert abs(absorbed + dissipated - energy) <= 1e-12 * dissipated
 
 
 @pytest.mark.parametrize("delay", [0, 1])
@@ -197,10 +197,10 @@ def test_nothing_leaves_that_the_tank_cannot_pay(
     p = port_params(T, b, mass, matched=matched, reserve=1.0)
     energy = 0.5 * T * wave * wave
     span = periods * T
-    leaving, after, _, _, absorbed, burnt, spilled = port_close(
+    leaving, after, _, _, absorbed, dissipated, spilled = port_close(
         p, account, gap, 0.0, moved, moved, float(periods), effort, wave, energy, cut
     )
-    flow = abs(account) + abs(effort * moved) + burnt + energy
+    flow = abs(account) + abs(effort * moved) + dissipated + energy
     funds = account + effort * (moved - span * p.slip * effort) + energy
     if funds <= 0.0:
         assert leaving == 0.0
@@ -209,7 +209,8 @@ def test_nothing_leaves_that_the_tank_cannot_pay(
         assert after >= -1e-12 * flow
     # Its own books: what came in is what is held or spilled.
     assert abs(absorbed - (after - account) - spilled) <= 1e-12 * flow
-    assert abs(absorbed + burnt + 0.5 * T * leaving**2 - effort * moved - energy) <= 1e-12 * flow
+    left = absorbed + dissipated + 0.5 * T * leaving**2
+    assert abs(left - effort * moved - energy) <= 1e-12 * flow
 
 
 @given(

@@ -149,6 +149,16 @@ def test_both_are_found_by_their_names(plugin: ModuleType) -> None:
         assert one.name in _Config.known
 
 
+def test_either_alone_engages_the_run_unless_a_person_shall(plugin: ModuleType) -> None:
+    for kind in ("Slave", "Master"):
+        made, settings = (vars(plugin)[f"Tautwave{kind}{end}"] for end in ("", "Config"))
+        for wish, calls in (({}, ["engage"]), ({"engage": False}, [])):
+            one = made(settings(rig=str(RIG), **wish))
+            one.connect()
+            assert Session.begun[-1].calls == calls, (kind, wish)
+            one.disconnect()
+
+
 def test_features_are_the_keys_that_come(plugin: ModuleType) -> None:
     slave, master = devices(plugin)
     assert not slave.is_connected

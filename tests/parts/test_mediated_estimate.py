@@ -152,7 +152,7 @@ def test_a_surface_is_found_and_goes_where_the_device_does() -> None:
     s = Contact()
     begin_contact(s)
     press(s, 0.08, 200.0, 0.085)
-    assert s.told == 1.0
+    assert s.reported == 1.0
     assert s.above.stiffness == pytest.approx(200.0, rel=0.02)
     assert s.above.position == pytest.approx(0.08, abs=1e-4)
     assert s.below.stiffness == 0.0
@@ -183,5 +183,5 @@ def test_nothing_is_told_of_what_is_not_sure() -> None:
     s = Contact()
     begin_contact(s)
     press(s, 0.08, 200.0, 0.0802, noise=0.02)
-    assert s.told == 0.0
+    assert s.reported == 0.0
     assert s.above.stiffness == 0.0

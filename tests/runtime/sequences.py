@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tautwave.rig.assembly import command_delays
+from tautwave.rig.ways import command_delays
 from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.commands import WORDS
 from tautwave.runtime.operate.operated import OperatedControl

@@ -13,15 +13,10 @@ from tautwave.analysis.walls.passivity import needed_damping
 from tautwave.analysis.walls.sampled import PulseTransfer
 from tautwave.certificate import certify
 from tautwave.certificate.picture import certificate_figure, draw_certificate
-from tautwave.certificate.scene.maps import (
-    leak_over,
-    linear_scene,
-    loop_poles,
-    needed,
-    own_radius,
-)
+from tautwave.certificate.scene.maps import leak_over, needed, own_radius
 from tautwave.config import load_rig
 from tautwave.scene.network import Link, Mass, Network
+from tautwave.scene.sampled import linear_scene, loop_poles
 from tests.scene.networks import RESONATOR
 
 CONFIGS = Path(__file__).parents[2] / "configs"

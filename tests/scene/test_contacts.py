@@ -13,8 +13,7 @@ import pytest
 from tautwave import simulate
 from tautwave.certificate import Certificate, certify
 from tautwave.certificate.scene.contacts import Press, pressed, regimes, together
-from tautwave.certificate.scene.joint import PortMap, responses
-from tautwave.certificate.scene.maps import linear_scene, loop_poles
+from tautwave.certificate.scene.joint import responses
 from tautwave.config import load_rig
 from tautwave.errors import SafetyStop
 from tautwave.models.linear import flow_rows
@@ -22,6 +21,7 @@ from tautwave.rig.scene.network import hold_claim, hold_limit, pruned_network
 from tautwave.runtime.scene.hold import HoldAccount
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Link
+from tautwave.scene.sampled import PortMap, linear_scene, loop_poles
 from tautwave.types import CommandDelay
 from tests.commands import tautwave
 

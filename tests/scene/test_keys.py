@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import yaml
 
-from tautwave.certificate.scene.maps import linear_part
 from tautwave.config import load_rig, parse_rig, resolved_yaml, rig_schema
 from tautwave.errors import ConfigError
 from tautwave.rig.scene.network import pruned_network, scene_forces, whole_network
 from tautwave.scene.compiling import compile_network
+from tautwave.scene.sampled import linear_part
 from tautwave.scene.schemes.exact import linear_matrices
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -13,12 +13,13 @@ from tautwave.certificate import certify
 from tautwave.certificate.picture import draw_certificate
 from tautwave.certificate.scene.contacts import curved_links
 from tautwave.certificate.scene.joint import joint_poles, needed_together, radius_of
-from tautwave.certificate.scene.maps import linear_scene, loop_poles, needed
+from tautwave.certificate.scene.maps import needed
 from tautwave.certificate.scene3d.contacts import together3d
 from tautwave.certificate.scene3d.maps import network3d_map
 from tautwave.config import load_rig
 from tautwave.rig.scene.network3d import pruned_network3d
 from tautwave.scene.network import Link, Mass, Network
+from tautwave.scene.sampled import linear_scene, loop_poles
 from tautwave.scene3d.arrays import compile_network3d
 from tautwave.scene3d.live import Model3d
 from tautwave.scene3d.matrices import steepest, symplectic_share, tangent

@@ -164,7 +164,7 @@ def test_what_was_sealed_is_verified_to_the_byte(tmp_path: Path) -> None:
     path.write_text(json.dumps(changed))
     assert "its signature cannot be read" in verify(path, tmp_path / "keys").wrong[-1]
     path.write_text(text)
-    assert "is none of" in verify(path, tmp_path / "others").wrong[0]
+    assert "is not one of" in verify(path, tmp_path / "others").wrong[0]
     assert "no certificate of an authority" in verify(path, tmp_path).wrong[0]
     recording = tmp_path / "out" / "identity" / "recording.mcap"
     recording.write_bytes(recording.read_bytes() + b"x")

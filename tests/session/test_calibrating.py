@@ -309,7 +309,7 @@ def test_a_script_is_answers_after_their_questions() -> None:
 
 def test_mistakes_of_the_command_line_are_sentences(bench: Path) -> None:
     for options, words in (
-        (["--steps", "jump"], "'jump' is none of zero"),
+        (["--steps", "jump"], "'jump' is not one of zero"),
         (["--stop", "master.lever=up"], "write AXIS=POSITION"),
         (["--stop", "master.lever=0"], "does not say which way"),
         (["--axis", "master.wrist"], "there is no axis 'master.wrist'"),

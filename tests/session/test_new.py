@@ -195,7 +195,7 @@ def test_a_drives_own_numbers_are_taken() -> None:
         "node": 5, "device": "drive", "vendor": "0x1", "product": "0x2", "rated_torque": 640,
         "increments": 20_000, "revolutions": 2, "gear_motor": 5, "gear_shaft": 1, "max_speed": 3000,
     }  # fmt: skip
-    silent = {"node": 6, "device": "heard, but no SDO response"}
+    silent = {"node": 6, "device": "present, but no SDO response"}
     (found,) = canopen.survey.propose(CanScan(), [drive, silent])
     (device,) = found.devices
     assert device.options["rated_torque"] == pytest.approx(0.64)

@@ -74,7 +74,7 @@ def test_who_stays_away_is_lost_with_who_when_and_why(pair: Make) -> None:
         two.run(1, two.slave)
     error, place = two.slave.control.error(), two.slave.control.place()
     assert isinstance(error, LinkError)
-    assert "master is lost since 0.600 s: nothing came of it; not back within 1 s" in str(error)
+    assert "master is lost since 0.600 s: nothing came from it; not back within 1 s" in str(error)
     assert place is not None
     assert place.reason == "peer_lost"
     assert abs(two.slave["slave.lever.commanded"][-1]) < 1e-3  # the end of its ramp
@@ -128,7 +128,7 @@ def test_a_site_that_stood_still_goes_on_or_begins_anew(
     silences = two.master.control.sessions[0].get("silences", [])
     assert bool(silences) is (slots > 100)
     if silences:
-        assert silences[0]["why"] == f"this program stood still for {1e-3 * slots:.3g} s"
+        assert silences[0]["why"] == f"this program was suspended for {1e-3 * slots:.3g} s"
 
 
 @pytest.mark.parametrize("silent", [True, False])

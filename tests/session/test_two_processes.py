@@ -119,7 +119,7 @@ def test_who_is_stopped_for_a_while_goes_on_or_begins_anew(
         assert "Traceback" not in site.said()
     if seconds > 0.3:
         why = [one["why"] for one in master.link()["sessions"][0]["silences"]]
-        assert any("this program stood still for" in one for one in why)
+        assert any("this program was suspended for" in one for one in why)
 
 
 def test_who_stood_still_for_longer_than_its_claim_allows_stops_and_says_so(start: Start) -> None:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from tautwave.bench.sites.order import free_port
 from tautwave.session.sites.desk_line import DeskLine, session_of
+from tautwave.sites import desk
 from tautwave.sites.certificates import make_authority
 from tautwave.sites.desk import Desk, Order
 
@@ -119,6 +123,34 @@ def test_a_desk_that_stood_still_takes_nobody_for_gone(keys: Path) -> None:
         assert desk._taken() == ""
         desk._wake.close()
         desk._woken.close()
+
+
+def test_a_site_that_says_nothing_is_dropped_and_not_before(
+    keys: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(desk, "GONE_S", 0.6)
+    order = Order("slave", "master", True, "127.0.0.1", 1, str(keys / "ours"), SHARED, {})
+    one, other = socket.socketpair()
+    end, far = socket.socketpair()
+    listener = socket.create_server(("127.0.0.1", 0))
+    said: list[Any] = []
+    with one, other, end, far, listener:
+        kept = Desk(order, one)
+        silent: Any = SimpleNamespace(
+            fileno=end.fileno, send=said.append, poll=lambda: None, close=lambda: None
+        )
+        kept._channel, kept._heard = silent, time.monotonic()
+        kept._looked = kept._heard
+        work = threading.Thread(target=kept._work, args=(listener,))
+        work.start()
+        other.settimeout(30.0)
+        assert json.loads(other.recv(1000)) == {"lost": "master was not heard for 0.6 s"}
+        assert time.monotonic() - kept._heard > 0.6
+        assert said[0] == {"beat": True}
+        other.close()
+        work.join(30.0)
+        kept._wake.close()
+        kept._woken.close()
 
 
 def test_whoever_closes_without_a_word_is_tried_again(keys: Path) -> None:

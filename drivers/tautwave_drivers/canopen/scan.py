@@ -107,7 +107,7 @@ def _row(
 ) -> dict[str, Any]:
     row: dict[str, Any] = {"node": node, "nmt": state_text(state)}
     if not answers:
-        return {**row, "device": "heard, but no SDO response"}
+        return {**row, "device": "present, but no SDO response"}
     from tautwave_drivers.canopen.bus.network import EndlessError
 
     drive = net.remote(node, f"node {node}")

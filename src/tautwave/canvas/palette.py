@@ -66,10 +66,11 @@ def dark_rules(scope: str = "svg") -> str:
     """CSS that maps every colour of a figure to its dark counterpart.
 
     A figure's SVG has its colours as attributes: a rule overrides them, and a program without CSS
-    ignores the rule.
+    ignores the rule. A marker is a path that is used many times: in its copies a browser sees no
+    ancestor, so paths are named without the scope.
     """
     return "\n".join(
-        f'{scope} [{what}="{light}"] {{ {what}: {dark}; }}'
+        f'{scope} [{what}="{light}"], path[{what}="{light}"] {{ {what}: {dark}; }}'
         for light, dark in DARK.items()
         for what in ("fill", "stroke")
     )

@@ -5,21 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from tautwave.config import Axis, Foam, Rig, SolidWall, Spring, simulation_of
-from tautwave.models.hand import PAPER_HAND, Hand, rotary_hand
 from tautwave.rig import command_delays, true_delay_s
+from tautwave.rig.scene.hands import stated_hand
 from tautwave.types import CommandDelay
 
-LEVER_ARM = 0.075
-"""[m] Lever arm of the seed's linear hand on a rotary axis without a stated hand."""
-
 SIDES = ("master", "slave")
-
-
-class StatedHand(NamedTuple):
-    """A hand in SI of its axis, and where it comes from."""
-
-    hand: Hand
-    text: str
 
 
 class Contact(NamedTuple):
@@ -38,23 +28,6 @@ def declared_delays(rig: Rig) -> dict[str, CommandDelay]:
 def delay_in_periods(rig: Rig, delay: CommandDelay) -> float:
     """Return a command delay in periods, with its fraction."""
     return delay.periods + delay.remainder_s / rig.period_s
-
-
-def stated_hand(rig: Rig, pair: str) -> StatedHand:
-    """Return the hand on a pair's master: the simulation's, else the seed's."""
-    rotary = rig.master.axes[pair].kind == "rotary"
-    given = None if rig.simulation is None else rig.simulation.hand.get(pair)
-    mass, damping, stiffness = PAPER_HAND
-    lever, whose = LEVER_ARM, "the seed's hand"
-    if given is not None:
-        mass, damping, stiffness = given.mass, given.damping, given.stiffness
-        lever, whose = given.lever_arm or 1.0, "the simulation's hand"
-    text = f"{whose}: {mass:g} kg, {damping:g} N s/m, {stiffness:g} N/m"
-    if not rotary:
-        return StatedHand(Hand(mass, damping, stiffness), text)
-    return StatedHand(
-        rotary_hand(mass, damping, stiffness, lever), f"{text} at a lever arm of {lever:g} m"
-    )
 
 
 def stated_environment(rig: Rig, pair: str) -> Contact | None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from tautwave.certificate.belief import stated_hand
 from tautwave.certificate.data import Element, Verdict
 from tautwave.config import Policy, Rig, bus_spec
 from tautwave.registry import load_driver
+from tautwave.rig.scene.hands import stated_hand
 from tautwave.types import CommandDelay
 
 

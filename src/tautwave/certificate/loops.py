@@ -20,12 +20,10 @@ from tautwave.analysis.wave_port.admittance_loop import Outside, admittance_end
 from tautwave.certificate.belief import (
     SIDES,
     Contact,
-    StatedHand,
     assumed,
     delay_in_periods,
     drive_lag,
     stated_environment,
-    stated_hand,
 )
 from tautwave.certificate.couplings import coupling_verdict, is_silent, silence
 from tautwave.certificate.data import LoopCase, PairLoop, Verdict
@@ -36,6 +34,7 @@ from tautwave.rig import (
     end_constants,
     velocity_gain,
 )
+from tautwave.rig.scene.hands import StatedHand, stated_hand
 from tautwave.types import CommandDelay
 
 STABLE = 1e-9

@@ -25,11 +25,11 @@ from tautwave.certificate.belief import (
     broken_inertia,
     declared_delays,
     delay_in_periods,
-    stated_hand,
 )
 from tautwave.certificate.data import Element, Verdict
 from tautwave.config import Rig, Wall, greatest_push, local_wall
 from tautwave.rig import at_axis_rate, wall_params
+from tautwave.rig.scene.hands import stated_hand
 from tautwave.types import CommandDelay
 
 FREE_FLIGHT = (

@@ -262,7 +262,7 @@ def network(
     print_suites([suite], as_json)
 
 
-@bench.command(short_help="Two loops over sealed datagrams, against bare ones.")
+@bench.command(short_help="Two loops over sealed datagrams, compared with unsealed ones.")
 @duration_option
 @click.option(
     "--rate", type=click.FloatRange(50.0, 5000.0), default=1000.0, show_default=True, help="[Hz]"

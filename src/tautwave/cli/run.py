@@ -63,7 +63,7 @@ from tautwave.runtime.interrupts import interrupts
 )
 @click.option("--quiet", is_flag=True, help="Show nothing while it runs; the summary at the end.")
 @click.option(
-    "--allow-tuning", is_flag=True, help="Let whoever has the page's token change tunable numbers."
+    "--allow-tuning", is_flag=True, help="Let anyone with the page's token change tunable numbers."
 )
 @click.option("--view", is_flag=True, help="Serve its page while it runs, and print the address.")
 @click.option(

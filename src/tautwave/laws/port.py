@@ -26,8 +26,8 @@ is under way brings A to -E0 - W at most, as in the run. So the bound holds to t
 however late or noisy the velocity that is damped.
 
 A matched end's damper takes F**2 T / b out of the tank in a period and gives nothing back. In the
-last n + 1 periods that lowers A, and raises what the damper has burnt, by the same: for the end,
-port and damper together, it cancels, and W has no such term. In a stop the damper is not there.
+last n + 1 periods that lowers A, and raises what the damper has dissipated, by the same: for the
+end, port and damper together, it cancels, and W has no such term. In a stop there is no damper.
 
 Credit before the clip, never after: noise has no mean, and a tank clipped at zero turns its dips
 into lost waves. Repaying only out of what stands above half the reserve: else a starved port

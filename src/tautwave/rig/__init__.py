@@ -3,7 +3,6 @@
 from tautwave.rig.assembly import (
     Assembly,
     build_rig,
-    command_delays,
     make_clock,
 )
 from tautwave.rig.controller import (
@@ -44,6 +43,7 @@ from tautwave.rig.ways import (
     as_taken,
     bus_ways,
     choose_way,
+    command_delays,
     overlaid,
     real_buses,
     without_truth,

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tautwave.clock import FakeClock, MonotonicClock
 from tautwave.config import Rig, bus_spec, has_loads
-from tautwave.contracts import BusSpec, Clock, DriverPlugin, RowSource, Simulator
-from tautwave.errors import ConfigError
+from tautwave.contracts import BusSpec, Clock, RowSource, Simulator
 from tautwave.registry import load_driver, load_simulator
 from tautwave.rig.arms import side_loads
 from tautwave.rig.calibrated import calibrated
@@ -158,34 +157,6 @@ def _simulate(
     simulator = load_simulator(driver)
     models = [axis_model(rig, axis.name, cycles) for axis in spec.axes]
     return simulator.make(simulator.options.model_validate(options), spec, models, clock)
-
-
-def command_delays(rig: Rig) -> dict[str, CommandDelay]:
-    """Return the command delay that each axis' driver declares.
-
-    Raises
-    ------
-    ConfigError
-        One is longer than `LATEST` periods of its axis.
-    """
-    clock = FakeClock()
-    delays = {}
-    for bus_name, bus in rig.buses.items():
-        plugin: DriverPlugin = load_driver(bus.driver)
-        spec = bus_spec(rig, bus_name)
-        driver = plugin.make(plugin.options.model_validate(bus.options), spec, clock, None)
-        if driver.command_delay.periods > LATEST:
-            raise ConfigError(
-                f"bus {bus_name}: its commands act {driver.command_delay.periods} periods late, "
-                f"and more than {LATEST} are not coupled; check its options (command_delay_s?), "
-                "or lower rate_hz"
-            )
-        delays.update({axis.name: driver.command_delay for axis in spec.axes})
-    return delays
-
-
-LATEST = 20
-"""Periods until a command acts, at most: what was decided before it has to be kept and summed."""
 
 
 def make_clock(rig: Rig, clock: str) -> Clock:

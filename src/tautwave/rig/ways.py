@@ -6,10 +6,12 @@ from collections.abc import Collection, Mapping
 from enum import Enum
 from typing import Any, NamedTuple
 
-from tautwave.config import Rig
+from tautwave.clock import FakeClock
+from tautwave.config import Rig, bus_spec
 from tautwave.contracts import DriverPlugin, Endpoint
 from tautwave.errors import ConfigError
 from tautwave.registry import load_driver, load_simulator
+from tautwave.types import CommandDelay
 
 NO_OPTIONS: Mapping[str, Any] = {}
 Simulate = bool | Collection[str]
@@ -271,3 +273,31 @@ def without_truth(rig: Rig, buses: Collection[str]) -> Rig:
         }
     )
     return rig.model_copy(update={"simulation": left})
+
+
+LATEST = 20
+"""Periods until a command acts, at most: what was decided before it has to be kept and summed."""
+
+
+def command_delays(rig: Rig) -> dict[str, CommandDelay]:
+    """Return the command delay that each axis' driver declares.
+
+    Raises
+    ------
+    ConfigError
+        One is longer than `LATEST` periods of its axis.
+    """
+    clock = FakeClock()
+    delays = {}
+    for bus_name, bus in rig.buses.items():
+        plugin: DriverPlugin = load_driver(bus.driver)
+        spec = bus_spec(rig, bus_name)
+        driver = plugin.make(plugin.options.model_validate(bus.options), spec, clock, None)
+        if driver.command_delay.periods > LATEST:
+            raise ConfigError(
+                f"bus {bus_name}: its commands act {driver.command_delay.periods} periods late, "
+                f"and more than {LATEST} are not coupled; check its options (command_delay_s?), "
+                "or lower rate_hz"
+            )
+        delays.update({axis.name: driver.command_delay for axis in spec.axes})
+    return delays

@@ -45,7 +45,7 @@ class Elements(NamedTuple):
     `stiff` (force at a strain of 1 [N]); `share`, `relax` (e b).
 
     State: `turn` (9 e), `strain` (6 e), `held` (6 e b) before the step, `next_turn` and
-    `next_strain` at its end; `tangent` (9 for each block); books `kept`, `burnt` [J].
+    `next_strain` at its end; `tangent` (9 for each block); books `kept`, `dissipated` [J].
     """
 
     size: Numbers
@@ -69,7 +69,7 @@ class Elements(NamedTuple):
     next_strain: Numbers
     tangent: Numbers
     kept: Numbers
-    burnt: Numbers
+    dissipated: Numbers
 
 
 ELEMENT_INDICES = ("size", "corner", "owned", "row", "column", "place")
@@ -153,6 +153,6 @@ def lay_elements(
         next_strain=[0.0] * (6 * count),
         tangent=[0.0] * (9 * row[-1]),
         kept=[0.0] * count,
-        burnt=[0.0] * count,
+        dissipated=[0.0] * count,
     )
     return laid, tuple(element.tissue for _, _, element in kept)

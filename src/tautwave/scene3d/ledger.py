@@ -37,12 +37,12 @@ def tally3d(s: Arrays3d) -> tuple[float, float, float, float, float, float, floa
     energies = add_links(s, kinetic, lifted, dragged, mass_numeric, pumped)
     if s.elements.size[0] == 0:
         return energies
-    kept, burnt = strain_energies(s)
+    kept, dissipated = strain_energies(s)
     return (
         energies[0],
         energies[1] + kept,
         energies[2],
-        energies[3] + burnt,
+        energies[3] + dissipated,
         energies[4],
         energies[5],
         energies[6],

@@ -144,7 +144,7 @@ class Model3d:
         for e, name in enumerate(self.compiled.tissues):
             account = accounts.setdefault(name, {"stored": 0.0, "lost": 0.0})
             account["stored"] += s.elements.kept[e]
-            account["lost"] += s.elements.burnt[e]
+            account["lost"] += s.elements.dissipated[e]
         for port in self._ports:
             accounts[self.network.ports[port].name] = {"work": s.port_work[port]}
         return accounts

@@ -293,7 +293,7 @@ def commit_elements(s: Arrays3d, first: int, last: int, period: float) -> None:
             mu = t.mu[e]
             lam = t.lam[e]
             kept = strain_energy(mu, lam, after)
-            burnt = 2.0 * t.viscous[e] / period * strain_energy(mu, lam, change)
+            dissipated = 2.0 * t.viscous[e] / period * strain_energy(mu, lam, change)
             for j in range(t.size[1]):
                 b = e * t.size[1] + j
                 mean = branch_mean(s, e, j, change, period)
@@ -302,9 +302,9 @@ def commit_elements(s: Arrays3d, first: int, last: int, period: float) -> None:
                     t.held[6 * b + c] = 2.0 * mean[c] - held[c]
                 kept += t.share[b] * strain_energy(mu, lam, symmetric_at(t.held, b))
                 lost = 2.0 * period / t.relax[b] * strain_energy(mu, lam, mean)
-                burnt += t.share[b] * lost
+                dissipated += t.share[b] * lost
             t.kept[e] = t.volume[e] * kept
-            t.burnt[e] += t.volume[e] * burnt
+            t.dissipated[e] += t.volume[e] * dissipated
             for c in range(9):
                 t.turn[9 * e + c] = t.next_turn[9 * e + c] = r[c]
             for c in range(6):
@@ -312,10 +312,10 @@ def commit_elements(s: Arrays3d, first: int, last: int, period: float) -> None:
 
 
 def strain_energies(s: Arrays3d) -> tuple[float, float]:
-    """Return what all elements hold and have burnt [J]."""
+    """Return what all elements hold and have dissipated [J]."""
     kept = 0.0
-    burnt = 0.0
+    dissipated = 0.0
     for e in range(s.elements.size[0]):
         kept += s.elements.kept[e]
-        burnt += s.elements.burnt[e]
-    return kept, burnt
+        dissipated += s.elements.dissipated[e]
+    return kept, dissipated

@@ -44,7 +44,7 @@ def receiver_words(rig: Rig) -> str:
     """Say how waves are played out, and what happens where none come."""
     link = link_of(rig)
     if coupling_part(rig).carries != "waves":
-        words = "the newest word of the other side counts"
+        words = "the newest state of the other side counts"
     elif link.play_out == "newest":
         words = "what came last is played out"
     elif link.depth_s == AUTO:

@@ -85,6 +85,8 @@ def _scene(rig: Rig) -> Iterator[PlanItem]:
     for name, port in keys.ports.items():
         why = "" if port.stiffness is None else f"k_c {port.stiffness:g} to {port.to}"
         yield _item(f"coupling spring of {name}", port.to is not None, why, "links are at the axis")
+    if keys.discretise == "with_device":
+        yield _item("discretised with the device", True, "other numbers, so that its modes hold")
     yield _item("gravity", keys.gravity != 0.0, f"{keys.gravity:g} m/s^2", "0")
     yield from _around(keys, pruned.left_out)
 

@@ -46,6 +46,7 @@ from tautwave.session.operating import (
 from tautwave.session.plan import left_out, rig_plan
 from tautwave.session.reporting import recording_block, report_run
 from tautwave.session.sites.agreed import claim_sessions
+from tautwave.session.viewing.cameras import cameras_of
 from tautwave.session.viewing.facts import facts_of, mailbox_of, tell_end, tell_viewers
 from tautwave.session.viewing.tuning import refuse_tuning, tuning_facts, tuning_of, with_tuning
 from tautwave.types import CommandDelay
@@ -184,7 +185,10 @@ def run(
             assembly = with_site(rig, assembly, link)
         if engine is not None:
             assembly = use_engine(assembly, engine.name)
-        with tuning_of(rig, assembly, allow_tuning) as tuning:
+        with (
+            tuning_of(rig, assembly, allow_tuning) as tuning,
+            cameras_of(rig, clock, directory) as cameras,
+        ):
             assembly = with_tuning(assembly, tuning)
             facts["tuning"] = tuning_facts(rig, tuning, sorted(real_buses(ways)))
             moved = _move(rig, clock, directory, text, assembly, progress, keep, facts)
@@ -218,6 +222,8 @@ def run(
         "pairs": _pairs(rig, assembly, result.cycles + result.missed_cycles),
         **operation_block(assembly, (result.cycles + result.missed_cycles) * rig.period_s),
     }
+    if cameras:
+        summary["cameras"] = cameras
     if tuning is not None:
         summary["tuning"] = tuning.summary()
     if assembly.scene is not None:

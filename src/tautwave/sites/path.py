@@ -143,7 +143,7 @@ def _asked(facts: Any) -> Asked:
     except (KeyError, TypeError, ValueError) as err:
         raise LinkError("the other site did not say at which rate and for how long") from err
     if not (1.0 <= asked.rate_hz <= 10000.0 and 1.0 <= asked.duration_s <= 3600.0):
-        raise LinkError(f"the other site asked for {asked.rate_hz:g} Hz, {asked.duration_s:g} s")
+        raise LinkError(f"the other site requested {asked.rate_hz:g} Hz, {asked.duration_s:g} s")
     return asked
 
 
@@ -154,7 +154,7 @@ def _swap(channel: Channel, heard: Heard, asked: Asked) -> tuple[Way, Way]:
     try:
         return here, Way(**channel.receive(15.0)["way"])
     except (KeyError, TypeError) as err:
-        raise LinkError("the other site did not say what it heard") from err
+        raise LinkError("the other site did not report what it received") from err
 
 
 def table(found: Found, site: str, peer: str) -> Iterator[str]:

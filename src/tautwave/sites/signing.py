@@ -62,7 +62,7 @@ def signer_of(found: Signature, data: bytes, signed: datetime.datetime, director
         certificate = x509.load_pem_x509_certificate(found.certificate)
         certificate.verify_directly_issued_by(authority)
     except (ValueError, TypeError, InvalidSignature) as err:
-        raise ConfigError(f"the certificate of who signed is none of {path}") from err
+        raise ConfigError(f"the signer's certificate is not one of {path}") from err
     key = certificate.public_key()
     try:
         assert isinstance(key, Ed25519PublicKey)

@@ -115,7 +115,7 @@ class CouplingContract:
             absorbed, stored, lost = (driven.column(f"wrist.{element}.{it}")[-1] for it in PARTS)
             assert absorbed == pytest.approx(stored + lost, abs=1e-9 * flow), element
             taken += stored + lost
-        assert flow > 0.0, "it asked for nothing"
+        assert flow > 0.0, "it commanded nothing"
         assert given == pytest.approx(taken, abs=1e-9 * flow)
 
     def test_it_gives_no_energy(self, bench: CouplingBench) -> None:

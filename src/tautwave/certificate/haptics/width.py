@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from tautwave.analysis.walls.limits import greatest_stiffness
 from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.analysis.walls.stability import held_device, stable_stiffness
-from tautwave.certificate.belief import delay_in_periods, stated_hand
+from tautwave.certificate.belief import delay_in_periods
 from tautwave.config import Rig, local_wall
 from tautwave.models.hand import Hand
 from tautwave.rig import at_axis_rate
+from tautwave.rig.scene.hands import stated_hand
 from tautwave.types import CommandDelay
 
 Floats = NDArray[np.float64]

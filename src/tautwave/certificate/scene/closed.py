@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tautwave.certificate.belief import stated_hand
 from tautwave.certificate.data import Element, LoopCase, PairLoop, Verdict
 from tautwave.certificate.scene.contacts import (
     Maps,
@@ -19,9 +18,11 @@ from tautwave.certificate.scene.contacts import (
     steepness,
     worst_need,
 )
-from tautwave.certificate.scene.joint import Matrix, PortMap
+from tautwave.certificate.scene.joint import Matrix
 from tautwave.config import Rig
+from tautwave.rig.scene.hands import stated_hand
 from tautwave.rig.scene.network import hold_limit
+from tautwave.scene.sampled import PortMap
 from tautwave.types import CommandDelay
 
 STABLE = 1e-9

@@ -22,12 +22,12 @@ import numpy as np
 from tautwave.certificate.scene.joint import (
     JointNeed,
     Matrix,
-    PortMap,
     joint_poles,
     needed_together,
     radius_of,
 )
 from tautwave.scene.network import Link
+from tautwave.scene.sampled import PortMap
 
 CURVED = ("contact", "nonlinear", "plastic")
 """Links that are linear only piece by piece, and have a steepest piece."""

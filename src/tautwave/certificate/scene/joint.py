@@ -14,21 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.models.linear import flow_rows
+from tautwave.scene.sampled import PortMap
 
 Matrix = npt.NDArray[np.float64]
-
-
-class PortMap(NamedTuple):
-    """s' = a s + b q, u = c s + d q: positions of the axes in, resisting efforts out, in SI.
-
-    The state is positions and velocities of the masses, and the axes' last positions.
-    """
-
-    a: Matrix
-    b: Matrix
-    c: Matrix
-    d: Matrix
-    period: float
 
 
 class JointNeed(NamedTuple):

@@ -23,10 +23,11 @@ from tautwave.canvas import (
     text_panel,
 )
 from tautwave.certificate.panels import SCENE, decades
-from tautwave.certificate.scene.maps import law_over, leak_over, linear_scene, needed
+from tautwave.certificate.scene.maps import law_over, leak_over, needed
 from tautwave.certificate.scene.verdict import LARGE
 from tautwave.config import Rig
 from tautwave.rig.scene.network import pruned_network, scene_of
+from tautwave.scene.sampled import linear_scene
 from tautwave.types import CommandDelay
 
 if TYPE_CHECKING:

@@ -17,13 +17,7 @@ import numpy as np
 
 from tautwave.analysis.exact.positive_real import positive_real
 from tautwave.analysis.ports import networks
-from tautwave.certificate.belief import (
-    assumed,
-    broken_damping,
-    broken_delay,
-    broken_inertia,
-    stated_hand,
-)
+from tautwave.certificate.belief import assumed, broken_damping, broken_delay, broken_inertia
 from tautwave.certificate.data import (
     Certificate,
     Element,
@@ -48,25 +42,33 @@ from tautwave.certificate.scene.contacts import (
     is_wall,
     regimes,
 )
-from tautwave.certificate.scene.joint import PortMap
-from tautwave.certificate.scene.maps import (
+from tautwave.certificate.scene.maps import closed_part, needed, own_radius
+from tautwave.config import Rig
+from tautwave.rig.scene.hands import stated_hand
+from tautwave.rig.scene.network import (
+    hold_limit,
+    press_energy,
+    pruned_network,
+    scene_of,
+    whole_network,
+)
+from tautwave.rig.scene.with_device import tuned_scene
+from tautwave.scene.compiling import compile_network
+from tautwave.scene.network import ACTIVE, LINEAR, Link, Network
+from tautwave.scene.pruning import prune
+from tautwave.scene.sampled import (
     LinearScene,
-    closed_part,
+    PortMap,
     linear_part,
     linear_scene,
     loop_poles,
-    needed,
-    own_radius,
     scene_map,
 )
-from tautwave.config import Rig
-from tautwave.rig.scene.network import hold_limit, press_energy, pruned_network, scene_of
-from tautwave.scene.compiling import compile_network
-from tautwave.scene.network import ACTIVE, LINEAR, Link, Network
 from tautwave.scene.schemes.exact import linear_matrices
 from tautwave.types import CommandDelay
 
 if TYPE_CHECKING:
+    from tautwave.scene.with_device import Tuned
     from tautwave.scene3d.network import Network3d
 
 STABLE_PORTS = "every port is stable with the stated hand, its contacts open and closed."
@@ -81,7 +83,7 @@ def scene_elements(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Ele
     """Yield the network, then each of its ports with every contact open."""
     network = pruned_network(rig).network
     curved = _curved(network, hold_limit(rig, network.ports))
-    yield _network(network, curved)
+    yield _network(network, curved, tuned_scene(rig, prune(whole_network(rig)).network))
     for name in network.ports:
         yield _port(rig, network, name, delays[f"master.{name}"], curved)
 
@@ -151,7 +153,7 @@ def active_links(network: Network | Network3d) -> Verdict | None:
     )
 
 
-def _network(network: Network, curved: tuple[str, ...]) -> Element:
+def _network(network: Network, curved: tuple[str, ...], tuned: Tuned | None = None) -> Element:
     """Return the element for the network without sampling."""
     bad = active_links(network)
     masses = len(network.masses)
@@ -172,17 +174,58 @@ def _network(network: Network, curved: tuple[str, ...]) -> Element:
             linear += f"; its impedance is {exact}"
         why = f"network: {linear}, so its linear part is passive in continuous time."
         verdict = Verdict(True, why, curved)
+        if tuned is not None and _gives(network):
+            verdict = Verdict(
+                False,
+                "network: discretised with the device it has dampers below zero, which give what "
+                "sampling takes: by itself it is not passive in continuous time, and how the "
+                "sampled port is passive is said there.",
+            )
     else:
         verdict = bad
     sentences = [verdict.reason, *(f"network: if {c}." for c in verdict.conditions)]
+    if tuned is not None:
+        numbers["mode_error"] = tuned.error
+        sentences += _modes(tuned)
     return Element("network", "network", "scene", verdict, verdict, numbers, tuple(sentences))
+
+
+def _gives(network: Network) -> bool:
+    """Return whether a damper is below zero."""
+    masses = [mass.damping for mass in network.masses]
+    return min((*masses, *(link.damping for link in network.links)), default=0.0) < 0.0
+
+
+def _modes(tuned: Tuned) -> Iterator[str]:
+    """Yield the modes that a scene discretised with its device has, and its numbers."""
+
+    def listed(modes: tuple[complex, ...]) -> str:
+        return ", ".join(f"{s.imag / (2 * math.pi):.6g} Hz ({-s.real:.4g} 1/s)" for s in modes)
+
+    yield (
+        f"network: discretised with device and hand; sampled, its modes are "
+        f"{listed(tuned.found)}, the ideal's within {tuned.error:.0e}; "
+        f"with the file's numbers {listed(tuned.plain)}."
+    )
+    springs = [
+        f"{link.name} {link.stiffness:.6g} N/m"
+        + (f" and {link.damping:.4g} N s/m" if link.damping else "")
+        for link in tuned.network.links
+        if link.stiffness
+    ]
+    masses = [f"{mass.name} {mass.damping:.4g} N s/m" for mass in tuned.network.masses]
+    yield f"network: it runs with {', '.join((*springs, *masses))}."
 
 
 def _exact(network: Network) -> str | None:
     """Return the exact-arithmetic result for the impedance at the first port, if it is small."""
     linear = linear_part(network)
     port = linear.ports[0]
-    if len(linear.masses) > SMALL or not any(port in (link.a, link.b) for link in linear.links):
+    if (
+        _gives(linear)
+        or len(linear.masses) > SMALL
+        or not any(port in (link.a, link.b) for link in linear.links)
+    ):
         return None
     moving = {mass.name for mass in linear.masses} | {port}
 

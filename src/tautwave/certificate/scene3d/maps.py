@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.certificate.scene.contacts import Pressed
-from tautwave.certificate.scene.joint import PortMap
+from tautwave.scene.sampled import PortMap
 from tautwave.scene3d.arrays import Arrays3d
 from tautwave.scene3d.matrices import Tangent, tangent
 

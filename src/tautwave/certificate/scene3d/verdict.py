@@ -12,13 +12,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from tautwave.certificate.belief import (
-    assumed,
-    broken_damping,
-    broken_delay,
-    broken_inertia,
-    stated_hand,
-)
+from tautwave.certificate.belief import assumed, broken_damping, broken_delay, broken_inertia
 from tautwave.certificate.data import (
     Certificate,
     Element,
@@ -39,7 +33,6 @@ from tautwave.certificate.scene.closed import (
 from tautwave.certificate.scene.contacts import Regime
 from tautwave.certificate.scene.joint import (
     JointNeed,
-    PortMap,
     joint_poles,
     needed_together,
     radius_of,
@@ -49,9 +42,11 @@ from tautwave.certificate.scene.verdict import active_links, joined
 from tautwave.certificate.scene3d.contacts import regimes3d
 from tautwave.certificate.scene3d.maps import network3d_map
 from tautwave.config import Rig
+from tautwave.rig.scene.hands import stated_hand
 from tautwave.rig.scene.network import hold_limit, press_energy
 from tautwave.rig.scene.network3d import axis_scales, pruned_network3d, scene3d_of
 from tautwave.scene.network import ACTIVE, LINEAR
+from tautwave.scene.sampled import PortMap
 from tautwave.scene3d.arrays import Arrays3d, compile_network3d
 from tautwave.scene3d.matrices import symplectic_share, tangent
 from tautwave.scene3d.network import Network3d

@@ -70,7 +70,7 @@ def accept(
     allow_unwatched: bool,
     configure: bool,
 ) -> None:
-    """Accept the devices of RIG, stage by stage in rising risk; Enter goes on.
+    """Accept the devices of RIG, stage by stage in rising risk; press Enter to continue.
 
     Without torque: identity, sign and scale by hand, limits. With torque and no effort: noise at
     rest, the watchdog by pulling the cable. With effort: delay by a step, effort by a spring scale,
@@ -107,7 +107,7 @@ def accept(
     wanted = [stage.strip() for stage in stages.split(",")]
     wrong = [stage for stage in wanted if stage not in STAGES]
     if wrong:
-        raise ConfigError(f"accept: --stages: {wrong[0]!r} is none of {', '.join(STAGES)}")
+        raise ConfigError(f"accept: --stages: {wrong[0]!r} is not one of {', '.join(STAGES)}")
     loaded = load_rig(rig, choose=False)
     asked = Acceptance(rig, axes or tuple(loaded.axes), wanted, run_s, by, keys, site)
     directory = fresh_directory(out, f"accept-{loaded.name}")
@@ -116,7 +116,7 @@ def accept(
         path, checks = lead(asked, conversation(script), out=directory, ways=ways)
     finally:
         with suppress(OSError):
-            directory.rmdir()  # removes it only if nothing came of it
+            directory.rmdir()  # removes it only if it is empty
     good = sum(check.good for check in checks)
     how = "sealed" if keys is None else f"signed with the key of site {site}"
     ended = "accepted" if good == len(checks) else "NOT accepted"

@@ -77,7 +77,7 @@ def calibrate(
     allow_unwatched: bool,
     configure: bool,
 ) -> None:
-    """Calibrate the devices of RIG, led step by step; Enter goes on.
+    """Calibrate the devices of RIG, led step by step; press Enter to continue.
 
     Zero is a pose that you hold, direction and range what you move by hand; no device has torque
     meanwhile. --stop takes an axis to its mechanical stop instead, and identify excites each axis.
@@ -100,7 +100,7 @@ def calibrate(
     wanted = [step.strip() for step in steps.split(",")]
     wrong = [step for step in wanted if step not in STEPS]
     if wrong:
-        raise ConfigError(f"calibrate: --steps: {wrong[0]!r} is none of {', '.join(STEPS)}")
+        raise ConfigError(f"calibrate: --steps: {wrong[0]!r} is not one of {', '.join(STEPS)}")
     loaded = load_rig(rig, choose=False)
     asked = Asked(axes or tuple(loaded.axes), wanted, _stops(stops), identify_s)
     directory = fresh_directory(out, f"calibrate-{loaded.name}")
@@ -112,7 +112,7 @@ def calibrate(
             )
     finally:
         with suppress(OSError):
-            directory.rmdir()  # removes it only if nothing came of it
+            directory.rmdir()  # removes it only if it is empty
     for name, one in found.items():
         low, high = one.get("position_range", ("?", "?"))
         span = f", range {low:.3f} to {high:.3f}" if "position_range" in one else ""

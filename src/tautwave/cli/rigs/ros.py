@@ -64,7 +64,7 @@ def ros(
     Joint states of both sides, wrenches at the tips of arms, and /diagnostics. It reads the run's
     shared memory and writes nothing into it. Ctrl-C ends the publishing, not the run.
 
-    DDS has no passwords: whoever reaches the interface reads along, and commands if that is
+    DDS has no passwords: anyone who reaches the interface can read, and command if that is
     allowed. So it stays on this machine unless --interface names another one.
 
     \b

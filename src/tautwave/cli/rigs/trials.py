@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @click.command(short_help="Run a user study by its protocol, and write its table.")
 @click.argument("protocol", type=PATH)
-@click.option("--participant", required=True, metavar="NAME", help="Who takes part, one word.")
+@click.option("--participant", required=True, metavar="NAME", help="The participant, one word.")
 @out_option("Directory of runs and table; default: runs/NAME-OF-THE-PROTOCOL.")
 @click.option("--list", "only_list", is_flag=True, help="Show the participant's order, and end.")
 @click.option("--yes", is_flag=True, help="Begin each trial at once, and ask nothing.")
@@ -87,8 +87,8 @@ def trials(
         table = run_study(study, ready, judge, lambda rig: keys_of(rig, clock, None))
     except click.Abort as err:
         raise ConfigError(
-            "trials: nobody answers (the input has ended); the same command goes on from here, "
-            "--yes asks nothing"
+            "trials: the input has ended, so nobody can answer; run the same command "
+            "to continue, or use --yes"
         ) from err
     count = f"{len(order)} trial{'s'[: len(order) != 1]}"
     click.echo(f"{table}: all {count} of {participant} done")

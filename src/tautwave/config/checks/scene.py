@@ -160,6 +160,17 @@ def _check_spring(document: Document, path: KeyPath, port: ScenePort) -> None:
         document.report((*path, "to"), "required key is missing: where the spring ends")
 
 
+def _check_with_device(document: Document, scene: Scene, curved: list[str]) -> None:
+    path: KeyPath = ("scene", "discretise")
+    if scene.scheme == "auto":
+        document.report(path, "with_device needs a named scheme: its numbers are chosen for it")
+    if len(scene.ports) > 1:
+        document.report(path, f"with_device is for one port (there are {len(scene.ports)})")
+    others = [f"links.{name}" for name in curved] + [f"strings.{name}" for name in scene.strings]
+    if others:
+        document.report(path, f"with_device is for springs and dampers; {others[0]} is neither")
+
+
 def _check_scheme(document: Document, parts: Parts, scene: Scene) -> None:
     path: KeyPath = ("scene", "scheme")
     if scene.strings and scene.scheme not in ("auto", "discrete_gradient"):
@@ -174,6 +185,8 @@ def _check_scheme(document: Document, parts: Parts, scene: Scene) -> None:
         document.report(
             path, f"rk4 does not support plastic links; links.{plastic[0]} needs discrete_gradient"
         )
+    if scene.discretise == "with_device":
+        _check_with_device(document, scene, curved)
     rate = parts.rate_hz
     for name, string in scene.strings.items():
         if rate is not None and string.frequency_hz > rate / 12.0:

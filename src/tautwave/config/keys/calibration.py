@@ -14,7 +14,7 @@ class AxisCalibration(Block):
 
     device: dict[str, str] = Field(
         default_factory=dict,
-        description="What the device said of itself; one that says something else is refused.",
+        description="What the device reported of itself; one that reports otherwise is refused.",
     )
     zero: float = Field(
         default=0.0, description="[rad | m] The device's own position where the axis is at 0."

@@ -27,8 +27,8 @@ class KeyDevice(Block):
     """A HID device whose keys give commands: a keyboard, a foot pedal, a button."""
 
     device: Annotated[str, Field(min_length=1)] = Field(
-        description="Its file, such as `/dev/input/by-id/usb-...-event-kbd`; nobody else gets its "
-        "keys meanwhile."
+        description="Its file, such as `/dev/input/by-id/usb-...-event-kbd`; no other program gets "
+        "its keys meanwhile."
     )
     keys: dict[KeyName, Word] = Field(
         default_factory=dict,

@@ -259,6 +259,12 @@ class Scene(Block):
         "rk4: fourth order, w T < 2.8, no plastic links; "
         "discrete_gradient: keeps the energy at any stiffness.",
     )
+    discretise: Literal["alone", "with_device"] = Field(
+        default="alone",
+        description="with_device: springs and dampers get the numbers with which the sampled loop "
+        "of hand, device and network has the modes meant; for one port, a spring to each mass. "
+        "`check` prints them, and what the device's damping has to pay.",
+    )
     engine: Literal["auto", "python", "compiled"] = Field(
         default="auto",
         description="Execution engine; results are bit-identical. auto: compiled (numba) on the "

@@ -45,15 +45,15 @@ class Surface:
 class Contact:
     """Which side is touched, +1: above, -1: below, 0: none; what was found.
 
-    `origin` [rad or m] where it began, `waited` periods since the last sample of the fit; `told`:
-    the side of which something was found last; half-widths of the intervals of stiffness, damping
-    and of the surface's position.
+    `origin` [rad or m] where it began, `waited` periods since the last sample of the fit;
+    `reported`: the side of which something was found last; half-widths of the intervals of
+    stiffness, damping and of the surface's position.
     """
 
     side: float = 0.0
     origin: float = 0.0
     waited: float = 0.0
-    told: float = 0.0
+    reported: float = 0.0
     wide_stiffness: float = 0.0
     wide_damping: float = 0.0
     wide_position: float = 0.0
@@ -74,7 +74,7 @@ def begin_contact(s: Contact) -> None:
     s.side = 0.0
     s.origin = 0.0
     s.waited = 0.0
-    s.told = 0.0
+    s.reported = 0.0
     s.wide_stiffness = 0.0
     s.wide_damping = 0.0
     s.wide_position = 0.0
@@ -100,7 +100,7 @@ def take_fit(p: ContactParams, s: Contact, surface: Surface) -> None:
     s.wide_stiffness = wide
     s.wide_damping = half_width(fit, fit.c22)
     s.wide_position = half_width(fit, surface_variance(fit))
-    s.told = s.side
+    s.reported = s.side
     surface.stiffness = clamp(stiffness, STIFFEST)
     surface.damping = fit.damping if fit.damping > 0.0 else 0.0
     surface.position = s.origin - fit.offset / stiffness
@@ -111,7 +111,7 @@ def leave_behind(p: ContactParams, s: Contact, surface: Surface, side: float, x:
     beyond = side * (x - surface.position)
     if surface.stiffness > 0.0 and beyond * surface.stiffness > p.touch:
         surface.position = x
-        s.told = side
+        s.reported = side
 
 
 def touch(p: ContactParams, s: Contact, x: float, v: float, effort: float, periods: float) -> None:

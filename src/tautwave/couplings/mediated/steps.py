@@ -48,7 +48,7 @@ def begin(s: AxisState) -> None:
 def keep(
     s: AxisState, p: AxisParams, displacement: float, count: float, span: float, port: float
 ) -> None:
-    """Learn what is touched, or adopt what was told."""
+    """Learn what is touched, or adopt what was reported."""
     if p.end.follows:
         learn_surface(s, p, displacement, count)
         return
@@ -84,18 +84,18 @@ def learn_surface(s: AxisState, p: AxisParams, displacement: float, count: float
         against = -e.force.mean
     touch(k.contact, e.contact, e.place.mean, e.speed.mean, against, count)
     e.effort = 0.0
-    if e.contact.told > 0.0:
+    if e.contact.reported > 0.0:
         e.effort = e.contact.above.stiffness
-    elif e.contact.told < 0.0:
+    elif e.contact.reported < 0.0:
         e.effort = -e.contact.below.stiffness
 
 
 def shown(s: AxisState) -> tuple[float, float]:
     """Show the surface that was found last and its damping; before, position and velocity."""
     c = s.end.contact
-    if c.told > 0.0:
+    if c.reported > 0.0:
         return c.above.position, c.above.damping
-    if c.told < 0.0:
+    if c.reported < 0.0:
         return c.below.position, c.below.damping
     return s.position, s.velocity
 
@@ -122,7 +122,7 @@ def hear_surface(s: AxisState, p: AxisParams) -> None:
 
 
 def hear(surface: Surface, stiffness: float, damping: float, position: float) -> None:
-    """Know a surface as told."""
+    """Know a surface as reported."""
     surface.stiffness = stiffness
     surface.damping = damping
     surface.position = position

@@ -131,7 +131,7 @@ def close(
         slipped = q.slip * port * span
         displacement += slipped
         advance += slipped
-    leaving, account, gap, filtered, absorbed, burnt, spilled = port_close(
+    leaving, account, gap, filtered, absorbed, dissipated, spilled = port_close(
         q,
         e.account,
         e.gap,
@@ -159,8 +159,8 @@ def close(
     e.port_absorbed += absorbed
     e.leaked += count * q.leak
     e.spilled += spilled
-    if burnt != 0.0 and not s.stopping:
-        e.damper_dissipated += burnt
+    if dissipated != 0.0 and not s.stopping:
+        e.damper_dissipated += dissipated
     e.wave_sum = 0.0
     e.wave_energy = 0.0
     if e.repeats < MOST_REPEATS:

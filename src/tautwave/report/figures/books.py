@@ -130,7 +130,7 @@ def _period(panel: Axes, periods: Floats, budget: float) -> None:
     panel.set_ylim(bottom=0.7)
     panel.set_xlim(least, most)
     if np.isfinite(budget):
-        label = "period asked for"
+        label = "required period"
         panel.axvline(budget, color=LIMIT, linewidth=1.3, linestyle="-.", label=label)
     # Stacked: side by side they fit only in a wide figure.
     for beyond, text, at, side in (

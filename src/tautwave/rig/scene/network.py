@@ -22,6 +22,7 @@ from tautwave.rig.controller import (
     controlled_axis,
     run_params,
 )
+from tautwave.rig.scene.with_device import tuned_scene
 from tautwave.rig.truth import SEED_WORD
 from tautwave.runtime.scene.axes import MOST_NODES, SceneControl, SceneRun, guarded
 from tautwave.runtime.scene.hold import HoldAccount
@@ -123,7 +124,9 @@ def whole_network(rig: Rig) -> Network:
 
 def pruned_network(rig: Rig) -> Pruned:
     """Return the network as it runs, and the elements left out."""
-    return prune(whole_network(rig))
+    pruned = prune(whole_network(rig))
+    tuned = tuned_scene(rig, pruned.network)
+    return pruned if tuned is None else pruned._replace(network=tuned.network)
 
 
 def _links(scene: Scene, name: str, keys: SceneLink) -> list[Link]:

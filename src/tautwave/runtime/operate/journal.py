@@ -19,7 +19,7 @@ MOST = 10_000
 class Entry(NamedTuple):
     """A command or event at a time [s], the state after it, and a sentence if there is one.
 
-    `refused`: nothing came of it, and the sentence says why.
+    `refused`: it had no effect, and the sentence says why.
     """
 
     at_s: float

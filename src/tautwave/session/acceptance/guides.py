@@ -75,7 +75,7 @@ def ranges(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
 
 def noise(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
     """Devices that stand still are as quiet as the rig says; torque is on, without effort."""
-    yield from control.ask("torque goes on, without effort: let go of everything; then Enter")
+    yield from control.ask("torque comes on, without effort: take your hands off, then press Enter")
     slots = max(2, round(REST_S * 1e9 / control.run.period_ns))
     kept: dict[str, list[float]] = {name: [] for name in axes}
     for _ in range(slots):

@@ -63,8 +63,8 @@ def find_stops(
         An axis finds no stop.
     """
     yield from control.ask(
-        f"{', '.join(ways)}: torque goes on, and each goes to its stop in turn; keep clear, then "
-        "Enter"
+        f"{', '.join(ways)}: torque comes on, and each axis moves to its stop in turn; keep clear, "
+        "then press Enter"
     )
     found = {}
     for name, way in ways.items():

@@ -61,7 +61,7 @@ def priority(wanted: int) -> Finding:
     """Ask for SCHED_FIFO at `wanted`, and give it back."""
     what = "priority"
     if wanted == 0:
-        return Finding(what, GOOD, "none asked for (loop.fifo_priority: 0)")
+        return Finding(what, GOOD, "not requested (loop.fifo_priority: 0)")
     before, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(wanted))
@@ -81,7 +81,7 @@ def priority(wanted: int) -> Finding:
 def memory(wanted: bool, limit: int, root_user: bool) -> Finding:
     """Judge the limit [bytes] of locked memory; -1 is none."""
     if not wanted:
-        return Finding("locked memory", GOOD, "none asked for (loop.lock_memory: false)")
+        return Finding("locked memory", GOOD, "not requested (loop.lock_memory: false)")
     if limit == resource.RLIM_INFINITY or limit >= LOCKED_BYTES or root_user:
         return Finding("locked memory", GOOD, "allowed")
     return Finding(

@@ -86,7 +86,7 @@ def can_interface(channel: str, root: Path, bitrate: int | None, links: Links) -
     state = details.get("linkinfo", {}).get("info_data", {}).get("state", "")
     if state in ("ERROR-PASSIVE", "BUS-OFF"):
         yield Finding(
-            channel, BARS, f"state {state}", "nobody acknowledges its frames: wiring, termination",
+            channel, BARS, f"state {state}", "no node acknowledges its frames: wiring, termination",
             f"sudo ip link set {channel} down; {up} restart-ms 100",
         )  # fmt: skip
     queue = _read(net / "tx_queue_len")

@@ -266,9 +266,9 @@ class SiteControl(CoupledControl):
         if self._held_from < 0:
             silent = self._now_ns() - self._endpoint.heard_ns > self._limits.silence_ns
             if stood > self._limits.silence_ns:  # the motors held their last commands so long
-                self._hold(slot, f"this program stood still for {stood * 1e-9:.3g} s")
+                self._hold(slot, f"this program was suspended for {stood * 1e-9:.3g} s")
             elif silent or self._left:
-                self._hold(slot, self._left or "nothing came of it")
+                self._hold(slot, self._left or "nothing came from it")
         elif came and not self._left:
             owed = max(
                 abs(self._site.owed(end, k, self.table, self.axes[i], self.params[i]))
@@ -328,7 +328,7 @@ class SiteControl(CoupledControl):
             return
         begun = f"{since * self.run.period_ns * 1e-9:.3f} s"
         limit = f"within {limit_ns * 1e-9:g} s"
-        why = f"{self.peer} is lost since {begun}: {self._left or 'nothing came of it'}; not back"
+        why = f"{self.peer} is lost since {begun}: {self._left or 'nothing came from it'}; not back"
         if there:
             why = self._meeting.hindrance
             why = f"{why}; not ready" if why else f"{self.peer} was not ready"

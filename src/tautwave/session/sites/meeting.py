@@ -3,7 +3,7 @@
 The master says where it stands, and again where it has moved since. The slave goes to where that
 wants it, unless it is there, and says for which place of the master's it is ready. The master
 begins if it still stands there. A pair whose rig has no offset keeps, over all sessions of a run,
-the one with which it first engaged; who is started anew is told.
+the one with which it first engaged; a site that is started anew gets it from the other.
 """
 
 from __future__ import annotations
@@ -105,8 +105,8 @@ class Meeting:
 
     def known(self) -> list[int]:
         """Return the pairs whose slaves have a place to be in."""
-        told = {} if self._peer is None else self._peer.offsets
-        have, pulls = {*self._approach.offsets, *self.offsets, *told}, self._approach.pulls
+        theirs = {} if self._peer is None else self._peer.offsets
+        have, pulls = {*self._approach.offsets, *self.offsets, *theirs}, self._approach.pulls
         return [k for k, name in enumerate(self._names) if name in have and k in pulls]
 
     def arrived(self, slot: int) -> bool:

@@ -36,7 +36,7 @@ class Protocol(Block):
     seed: int = Field(default=0, description="Of the order.")
     trial_s: Positive = Field(description="[s] After which a trial ends by itself.")
     break_every: Annotated[int, Field(ge=0)] = Field(
-        default=0, description="A break after so many trials; 0: none."
+        default=0, description="Trials between breaks; 0: no breaks."
     )
     break_s: NonNegative = Field(default=0.0, description="[s] A break lasts so long at least.")
     ask: bool = Field(default=True, description="Ask after each trial whether it was a success.")

@@ -118,8 +118,8 @@ def run_study(
         _write(study.out / TABLE, rows)
         if result.exit_code:
             raise ENDS.get(result.exit_code, TautwaveError)(
-                f"trial {trial.number}: {result.summary['outcome']['sentence']}; the table has it,"
-                " and the same command goes on after it"
+                f"trial {trial.number}: {result.summary['outcome']['sentence']}; it is in the "
+                "table, and the same command continues after it"
             )
     return study.out / TABLE
 

@@ -2,7 +2,7 @@
 
 DDS has no sessions, so one that is held looks as one that was forgotten. The rig therefore engages
 only on a `true` that follows a `false`, and after a silence a new `false` is needed. The run
-itself keeps the time of what it is told: it lets go in half a second if this process is killed.
+itself times what it receives: it lets go in half a second if this process is killed.
 """
 
 from __future__ import annotations
