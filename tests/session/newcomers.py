@@ -105,7 +105,7 @@ def shows(talk: Talk, hands: Talk, sides: Sequence[Sequence[int]], move_s: float
         talk.hears("into the pose")
         talk.types()
         for one in ids:
-            talk.hears("direction that is to be positive")
+            talk.hears("positive direction")
             hands.types(f"{one} 0.5 {move_s}")
             time.sleep(2.0 * move_s)
             talk.types()

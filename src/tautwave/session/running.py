@@ -22,6 +22,7 @@ from tautwave.runtime.operate.commands import Source
 from tautwave.runtime.recorder import Recorder, RecorderStats
 from tautwave.session.certified import (
     certificate_of,
+    certificates_of,
     certified_rig,
     refuse_uncertified,
     summary_block,
@@ -45,6 +46,7 @@ from tautwave.session.operating import (
 from tautwave.session.plan import left_out, rig_plan
 from tautwave.session.reporting import recording_block, report_run
 from tautwave.session.sites.agreed import claim_sessions
+from tautwave.session.viewing.cameras import cameras_of
 from tautwave.session.viewing.facts import facts_of, mailbox_of, tell_end, tell_viewers
 from tautwave.session.viewing.tuning import refuse_tuning, tuning_facts, tuning_of, with_tuning
 from tautwave.types import CommandDelay
@@ -137,9 +139,9 @@ def run(
     if not allow_uncertified:
         refuse_uncertified(rig, certificate)
     rig = certified_rig(as_taken(rig, ways), certificate)
-    for at_scale in scales_of(rig):
-        if not allow_uncertified:
-            refuse_uncertified(at_scale, certificate_of(at_scale, ways))
+    scales = [] if allow_uncertified else scales_of(rig)
+    for at_scale, found in zip(scales, certificates_of(scales, ways), strict=True):
+        refuse_uncertified(at_scale, found)
     engine = None
     if rig.scene is not None:
         from tautwave.session.scene_pace import choose_engine, use_engine
@@ -183,7 +185,10 @@ def run(
             assembly = with_site(rig, assembly, link)
         if engine is not None:
             assembly = use_engine(assembly, engine.name)
-        with tuning_of(rig, assembly, allow_tuning) as tuning:
+        with (
+            tuning_of(rig, assembly, allow_tuning) as tuning,
+            cameras_of(rig, clock, directory) as cameras,
+        ):
             assembly = with_tuning(assembly, tuning)
             facts["tuning"] = tuning_facts(rig, tuning, sorted(real_buses(ways)))
             moved = _move(rig, clock, directory, text, assembly, progress, keep, facts)
@@ -217,6 +222,8 @@ def run(
         "pairs": _pairs(rig, assembly, result.cycles + result.missed_cycles),
         **operation_block(assembly, (result.cycles + result.missed_cycles) * rig.period_s),
     }
+    if cameras:
+        summary["cameras"] = cameras
     if tuning is not None:
         summary["tuning"] = tuning.summary()
     if assembly.scene is not None:

@@ -300,3 +300,24 @@ class Side(Block):
         default=None,
         description="The axes are the joints of a serial chain, in their order from base to tip.",
     )
+
+
+Pixels = Annotated[int, Field(ge=16, le=8192, multiple_of=2)]
+
+
+class Camera(Block):
+    """A camera, read by a process of its own into `camera-NAME.mcap` of the run directory."""
+
+    driver: Literal["v4l2", "synthetic"] = Field(
+        default="v4l2",
+        description="A camera of this machine (Video4Linux), or pictures of a moving bar that are "
+        "computed.",
+    )
+    device: Annotated[str, Field(pattern="^/dev/")] = Field(
+        default="/dev/video0", description="Device of a camera; not used by `synthetic`."
+    )
+    width: Pixels = Field(default=640, description="Pixels in a line; even.")
+    height: Pixels = Field(default=480, description="Lines of a picture; even.")
+    fps: Annotated[Positive, Field(le=1000)] = Field(
+        default=30.0, description="[Hz] Pictures a second that are asked for."
+    )

@@ -14,7 +14,7 @@ from tautwave.config.keys.arm import Chain
 from tautwave.config.keys.calibration import AxisCalibration, Calibration
 from tautwave.config.keys.common import Block, Name, Positive
 from tautwave.config.keys.coupling import AnyCoupling, Coupling, Loop
-from tautwave.config.keys.devices import Axis, Bus, EffortSensor, Side
+from tautwave.config.keys.devices import Axis, Bus, Camera, EffortSensor, Side
 from tautwave.config.keys.link import Link
 from tautwave.config.keys.load import TrueLoad
 from tautwave.config.keys.operate import Operate
@@ -105,6 +105,7 @@ class Rig(Block):
     sites: Sites | None = Field(
         default=None, description="Master and slave on two machines; omit where one runs both."
     )
+    cameras: dict[Name, Camera] | None = Field(default=None, description="Pictures beside a run.")
     simulation: Simulation | None = Field(
         default=None, description="The simulated plant that replaces hardware; omit on a real rig."
     )

@@ -56,7 +56,7 @@ def _side(
 ) -> Generator[None, None, None]:
     if ZERO in steps or DIRECTION in steps:
         yield from control.ask(
-            f"{side}: bring {_listed(own)} into the pose that is to be zero, and hold; then Enter"
+            f"{side}: bring {_listed(own)} to the zero pose and hold; then press Enter"
         )
         poses = yield from mean_positions(own, control)
         for name, pose in poses.items():
@@ -92,7 +92,7 @@ def _direction(
     why = ""
     while True:
         yield from control.ask(
-            f"{why}{name}: move it in the direction that is to be positive, and hold; then Enter"
+            f"{why}{name}: move it in its positive direction and hold; then press Enter"
         )
         now = yield from mean_positions(own, control)
         moved = {one: now[one] - before[one] for one in own}
