@@ -95,3 +95,17 @@ def test_an_older_word_changes_nothing() -> None:
         assert control._site.owed(end, k, control.table, None, None) == 0.0
         two.run(1)
         assert control.axes[control._own[0]].end.account.funds == pytest.approx(funds, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_a_model_crosses_in_scaled_and_turned_units() -> None:
+    keys = f"{GAINS}, touch: 0.03, stiffest: 100, position_scale: 0.5, sign: -1"
+    two = Pair(f"coupling={{law: mediated, account: {{}}, pairs: {{lever: {{{keys}}}}}}}")
+    try:
+        two.run(700)
+        master, slave = two.master["master.lever.position"], two.slave["slave.lever.position"]
+        assert np.ptp(master) > 0.05
+        assert np.max(np.abs(master[-200:] + 2.0 * slave[-200:])) < 0.01
+        books_close(two)
+    finally:
+        two.close()

@@ -16,6 +16,7 @@ from click.testing import CliRunner
 from tautwave.cli import main
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.report.figures.sweep import write_sweep_figure
+from tautwave.simulation.kernel import compiled
 from tautwave.sweep import runs as sweep_module
 from tautwave.sweep.file import load_sweep
 from tautwave.sweep.runs import run_sweep, table_header
@@ -197,6 +198,23 @@ def test_interrupted_sweep_goes_on_where_it_stopped(
     assert second.table.read_text() == whole.table.read_text()
     third = run_sweep(plan, out)
     assert third.resumed == 8
+
+
+def test_a_compile_is_announced_before_it_begins(
+    write: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the points are simulated in this process, one after the other."""
+    done: list[str] = []
+
+    def progress(_: float, said: str) -> None:
+        done.append(said)
+        raise RuntimeError
+
+    monkeypatch.setattr(compiled, "is_cached", lambda *_: False)
+    monkeypatch.setattr(sweep_module, "simulate", lambda *_, **__: done.append("compiled"))
+    with pytest.raises(RuntimeError):
+        run_sweep(load_sweep(write(GOOD)), tmp_path / "out", engine="compiled", progress=progress)
+    assert done == ["compiling for half a minute a law, once per machine and version"]
 
 
 @pytest.mark.slow

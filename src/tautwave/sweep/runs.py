@@ -97,7 +97,7 @@ def run_sweep(
             name = engine or sweep_engine((total - done) * cycles)
             begin = functools.partial(_Piecework, points, header, plan.sweep.measures, name)
             run = executor or (in_process if here else ProcessPool(min(jobs, len(pieces))))
-            if name == "compiled" and pieces and executor is None and not here:
+            if name == "compiled" and pieces and executor is None:
                 _compile_once(plan, progress)
             interrupted = False
             left = total - resumed  # resumed points do not count towards the time left
