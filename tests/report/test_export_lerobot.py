@@ -11,9 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from mcap.reader import make_reader
 
 from tautwave.cli import main
 from tautwave.runtime.recorder import Recorder
+from tautwave.view.camera.file import CameraFile
+from tautwave.view.camera.v4l2 import jpeg_of
 
 pq = pytest.importorskip("pyarrow.parquet")
 
@@ -173,3 +176,64 @@ def test_what_cannot_be_is_refused_in_one_sentence(run: Path, tmp_path: Path) ->
     assert (tmp_path / "set.part" / "mine").exists()
     done = CliRunner().invoke(main, ["export", str(run), "--fps", "3"])
     assert "--fps is for --to lerobot" in done.output
+
+
+def filmed(folder: Path, lost: range = range(0)) -> Path:
+    """Record as above, with a camera at 50 Hz whose pictures are as bright as their number."""
+    run = recorded(folder)
+    with open(run / "recording.mcap", "rb") as file:
+        first = next(iter(make_reader(file).iter_messages()))[2].log_time
+    camera = CameraFile(run / "camera-wrist.mcap", "wrist", 50.0, first, 0)
+    for k in (k for k in range(-1, 125) if k not in lost):
+        grey = np.full((32, 48, 3), k + 1, np.uint8)
+        camera.add(20_000_000 * k + 1_000_000, jpeg_of(grey, "RGB"), k + 1)
+    camera.close()
+    return run
+
+
+def test_cameras_become_videos_frame_by_frame(tmp_path: Path) -> None:
+    pytest.importorskip("av")
+    import av
+
+    out = tmp_path / "set"
+    code, said = export(filmed(tmp_path / "run"), "--fps", FPS, "--task", "rest", "--out", out)
+    assert (code, said) == (0, f"{out}: 2 episodes, 43 frames at 30 fps\n")
+    key = "observation.images.wrist"
+    info = json.loads((out / "meta/info.json").read_text())
+    feature = info["features"][key]
+    assert (feature["dtype"], feature["shape"]) == ("video", [32, 48, 3])
+    assert feature["names"] == ["height", "width", "channels"]
+    place = info["video_path"].format(video_key=key, chunk_index=0, file_index=0)
+    with av.open(str(out / place)) as video:
+        seen = [frame.to_ndarray(format="rgb24").mean() for frame in video.decode(video=0)]
+        assert float(video.streams.video[0].average_rate) == FPS
+    starts, lengths = [20, 120], [19, 24]
+    at = [(start + int(k * RATE / FPS + 1e-9)) / RATE for start, length in
+          zip(starts, lengths, strict=True) for k in range(length)]  # fmt: skip
+    newest = [math.floor((one - 0.001) / 0.02 + 1e-9) for one in at]
+    assert seen == pytest.approx([k + 1 for k in newest], abs=2.0)
+    assert all(0.001 + 0.02 * k <= one + 1e-9 for k, one in zip(newest, at, strict=True))
+    episodes = pq.read_table(out / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    times = [(one[f"videos/{key}/from_timestamp"], one[f"videos/{key}/to_timestamp"])
+             for one in episodes]  # fmt: skip
+    assert times == [(0.0, 19 / FPS), (19 / FPS, 43 / FPS)]
+    stats = json.loads((out / "meta/stats.json").read_text())[key]
+    assert np.shape(stats["mean"]) == (3, 1, 1)
+    assert stats["count"] == [43]
+    assert stats["max"][0][0][0] == pytest.approx((max(newest) + 1) / 255, abs=0.01)
+    table = pq.read_table(out / "data/chunk-000/file-000.parquet")
+    assert "\n".join(f"{one.name}: {one.type}" for one in table.schema) == SCHEMA
+
+
+def test_a_picture_that_stands_is_none(tmp_path: Path) -> None:
+    pytest.importorskip("av")
+    run = filmed(tmp_path / "run", lost=range(20, 30))
+    code, said = export(run, "--task", "rest", "--out", tmp_path / "set")
+    assert code != 0
+    assert "frames of episode a miss a sample or a picture" in said
+    code, said = export(run, "--task", "rest", "--out", tmp_path / "set", "--missing", "cut")
+    assert code == 0
+    assert "frames without a sample left out" in said
+    code, said = export(run, "--task", "rest", "--out", tmp_path / "bare", "--no-video")
+    assert said.endswith("2 episodes, 43 frames at 30 fps\n")
+    assert json.loads((tmp_path / "bare/meta/info.json").read_text())["video_path"] is None

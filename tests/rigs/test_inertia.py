@@ -66,6 +66,17 @@ def test_a_steady_acceleration_is_helped_by_exactly_the_share_that_is_taken_off(
     assert efforts[-1] == pytest.approx(-0.5e-3 * 30.0, rel=1e-5)
 
 
+def test_what_was_before_an_engagement_is_forgotten_in_the_next() -> None:
+    p = axis_of()
+    used, _ = moved(p, (0.5 * 30.0 * (PERIOD * np.arange(40)) ** 2).tolist())
+    start_inertia(used, p)
+    fresh = AxisState(position=used.position)
+    start_inertia(fresh, p)
+    assert used.inertia == fresh.inertia
+    close_inertia(fresh, p, 0.0, 1.0)
+    assert lighten(fresh, p, 0.0, INF) == 0.0
+
+
 def test_who_shakes_it_gets_no_more_than_is_claimed_and_more_without_the_account() -> None:
     """`tautwave bench compensation --runs 10000` tries more."""
     for seed in range(12):

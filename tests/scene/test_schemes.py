@@ -64,6 +64,11 @@ def test_every_kind_of_link_keeps_its_books(scheme):
     reported = model.ledger()
     assert reported.made > 0.01
     assert reported.lost > 0.01
+    elements = model.elements()
+    assert {link.name for link in network.links} <= set(elements)
+    for key in ("made", "lost"):
+        total = math.fsum(element.get(key, 0.0) for element in elements.values())
+        assert total == pytest.approx(getattr(reported, key), rel=1e-9)
     assert min(element.get("lost", 0.0) for element in model.elements().values()) > -1e-4
     if scheme == "discrete_gradient":
         assert reported.numeric == 0.0

@@ -10,12 +10,14 @@ import pytest
 from PIL import Image
 
 from tautwave.certificate import certify
+from tautwave.certificate.belief import declared_delays
 from tautwave.certificate.picture import draw_certificate
 from tautwave.certificate.scene.contacts import curved_links
 from tautwave.certificate.scene.joint import joint_poles, needed_together, radius_of
 from tautwave.certificate.scene.maps import needed
 from tautwave.certificate.scene3d.contacts import together3d
 from tautwave.certificate.scene3d.maps import network3d_map
+from tautwave.certificate.scene3d.verdict import _ports, _Scene
 from tautwave.config import load_rig
 from tautwave.rig.scene.network3d import pruned_network3d
 from tautwave.scene.network import Link, Mass, Network
@@ -329,3 +331,12 @@ def test_at_once_a_ball_reaches_the_knots_around_one_place():
     assert sorted(len(group) for group in groups) == [1, 1, 4]
     loops = certify(rig).loops
     assert len(loops[1].cases) == 3 * 3 * 3 * 2  # groups, ways, forces, bounds of the inertia
+
+
+def test_tissue_at_the_axes_is_evaluated_with_what_relaxes_in_it():
+    rig = load_rig(CONFIGS / "scene-tissue.yaml")
+    found = {one.name: one for one in _ports(_Scene(rig, declared_delays(rig)))}
+    pull = found["port axis pull"].numbers["needed_damping"]
+    # The clip's spring held for a period, as at a wall, and its damper: k T/2 + z is 0.15.
+    assert 0.05 < pull < 0.15
+    assert found["all axes"].passive.passed

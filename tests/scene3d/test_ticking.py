@@ -19,13 +19,16 @@ from tests.scene3d.networks import everything, flat
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 # Numba compiles for half a minute of a processor, and others want it too.
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(900),
+    pytest.mark.usefixtures("compiled3d"),
+]
 
 
 @pytest.mark.parametrize("name", ["net", "everything"])
 @pytest.mark.parametrize("scheme", SPACE_SCHEMES)
 def test_compiled_ticks_are_the_live_steps_to_the_bit(name, scheme):
-    pytest.importorskip("numba")
     from tautwave.simulation.scene.ticking3d import CompiledModel3d
 
     network, period = everything(), 1e-4
@@ -49,8 +52,6 @@ def test_compiled_ticks_are_the_live_steps_to_the_bit(name, scheme):
 
 
 def test_a_network_is_played_on_by_either_engine():
-    pytest.importorskip("numba")
-
     ports = 0.01 * np.sin(np.linspace(0.0, 3.0, 300))[:, None] * np.ones((1, 3))
     models = [Model3d(everything(), "symplectic", 1e-4) for _ in range(2)]
     for model in models:
@@ -66,8 +67,6 @@ def test_a_network_is_played_on_by_either_engine():
 
 
 def test_simulate_takes_them_and_gives_the_same_rows():
-    pytest.importorskip("numba")
-
     rig = load_rig(CONFIGS / "scene-net.yaml")
     one = simulate(rig, duration_s=0.2, engine="compiled")
     two = simulate(rig, duration_s=0.2, engine="python")
@@ -75,7 +74,6 @@ def test_simulate_takes_them_and_gives_the_same_rows():
 
 
 def test_what_a_cycle_costs_is_measured_by_either_engine():
-    pytest.importorskip("numba")
     rig = load_rig(CONFIGS / "scene-net.yaml")
     for engine in ("python", "compiled"):  # which is quicker is `bench`'s business
         assert 0.0 < scene_pace(rig, engine).cycle_s < math.inf

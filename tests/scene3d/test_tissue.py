@@ -330,10 +330,10 @@ def test_an_inverted_element_pushes_back_and_keeps_the_energy():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("compiled3d")
 def test_undamped_its_energy_drifts_by_less_than_1e_12_in_100_000_steps():
     from tautwave.simulation.scene.ticking3d import CompiledModel3d
 
-    pytest.importorskip("numba")
     model = CompiledModel3d(tissue((1, 1, 1), speed=bent), "discrete_gradient", 1e-3)
     peak = worst = 0.0
     for _ in range(100_000):

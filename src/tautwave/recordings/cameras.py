@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tautwave.errors import RecordingError
 
@@ -22,6 +22,22 @@ class Picture(NamedTuple):
     jpeg: bytes
 
 
+def camera_names(directory: Path) -> tuple[str, ...]:
+    """Return the cameras of a run, by their files."""
+    found = directory.glob(FILE.format(name="*"))
+    return tuple(sorted(path.stem.removeprefix("camera-") for path in found))
+
+
+def camera_fps(directory: Path, name: str) -> float:
+    """Return the rate that was asked for [Hz]; RecordingError where the file does not say."""
+    from mcap.records import Metadata
+
+    for record in _records(directory / FILE.format(name=name)):
+        if isinstance(record, Metadata) and record.name == METADATA and "fps" in record.metadata:
+            return float(record.metadata["fps"])
+    raise RecordingError(f"{directory / FILE.format(name=name)}: it holds no camera")
+
+
 def pictures(directory: Path, name: str) -> Iterator[Picture]:
     """Give a camera's pictures in their order; those that are whole, of a file that was cut off.
 
@@ -30,19 +46,23 @@ def pictures(directory: Path, name: str) -> Iterator[Picture]:
     RecordingError
         There is no such file.
     """
-    from mcap.exceptions import McapError
     from mcap.records import Message, Metadata
+
+    epoch_ns = 0
+    for record in _records(directory / FILE.format(name=name)):
+        if isinstance(record, Metadata) and record.name == METADATA:
+            epoch_ns = int(record.metadata["epoch_ns"])
+        if isinstance(record, Message):
+            yield Picture((record.log_time - epoch_ns) * 1e-9, jpeg_in(record.data))
+
+
+def _records(path: Path) -> Iterator[Any]:
+    from mcap.exceptions import McapError
     from mcap.stream_reader import StreamReader
 
-    path = directory / FILE.format(name=name)
-    epoch_ns = 0
     try:
         with open(path, "rb") as file:
-            for record in StreamReader(file).records:
-                if isinstance(record, Metadata) and record.name == METADATA:
-                    epoch_ns = int(record.metadata["epoch_ns"])
-                if isinstance(record, Message):
-                    yield Picture((record.log_time - epoch_ns) * 1e-9, jpeg_in(record.data))
+            yield from StreamReader(file).records
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read ({error.strerror})") from error
     except (McapError, EOFError, struct.error):  # its process was killed

@@ -8,7 +8,8 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from tautwave.config import Rig, render_stiffness, resolved_yaml
@@ -48,6 +49,14 @@ def certificate_of(rig: Rig, ways: Mapping[str, BusWay]) -> dict[str, Any]:
         return _none(rig, why)
     found: dict[str, Any] = json.loads(child.stdout)
     return found
+
+
+def certificates_of(rigs: Sequence[Rig], ways: Mapping[str, BusWay]) -> list[dict[str, Any]]:
+    """Return the certificates of several rigs, computed beside each other."""
+    if not rigs:
+        return []
+    with ThreadPoolExecutor(len(rigs)) as pool:
+        return list(pool.map(lambda rig: certificate_of(rig, ways), rigs))
 
 
 def _none(rig: Rig, why: str) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from tautwave.runtime.operate.commands import Source
 from tautwave.runtime.recorder import Recorder, RecorderStats
 from tautwave.session.certified import (
     certificate_of,
+    certificates_of,
     certified_rig,
     refuse_uncertified,
     summary_block,
@@ -138,9 +139,9 @@ def run(
     if not allow_uncertified:
         refuse_uncertified(rig, certificate)
     rig = certified_rig(as_taken(rig, ways), certificate)
-    for at_scale in scales_of(rig):
-        if not allow_uncertified:
-            refuse_uncertified(at_scale, certificate_of(at_scale, ways))
+    scales = [] if allow_uncertified else scales_of(rig)
+    for at_scale, found in zip(scales, certificates_of(scales, ways), strict=True):
+        refuse_uncertified(at_scale, found)
     engine = None
     if rig.scene is not None:
         from tautwave.session.scene_pace import choose_engine, use_engine

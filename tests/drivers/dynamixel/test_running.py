@@ -227,6 +227,25 @@ def test_leaving_tells_all_at_once_before_it_asks_anybody() -> None:
     assert not any(one.torque_on for one in made.world.servos)
 
 
+def test_the_first_thing_sent_on_leaving_takes_all_torque_off() -> None:
+    """Also where nothing that follows arrives."""
+    made = bench(spec(1), spec(2))
+    made.enable()
+    made.cycle(0.2, 0.2)
+    sent = []
+    write = made.world.transport.write
+
+    def once(data: bytes) -> None:
+        sent.append(data)
+        if len(sent) == 1:
+            write(data)
+
+    made.world.transport.write = once
+    made.driver.disable()
+    assert len(sent) > 1
+    assert not any(one.torque_on for one in made.world.servos)
+
+
 def keep_enabling(made: Bench, steps: int) -> None:
     for _ in range(steps):
         if made.driver.enable_step():

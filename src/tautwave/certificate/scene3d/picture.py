@@ -23,7 +23,7 @@ from tautwave.canvas import (
 from tautwave.certificate.panels import SCENE, decades
 from tautwave.certificate.scene.joint import leak_together, needed_together, seen
 from tautwave.certificate.scene3d.maps import network3d_map
-from tautwave.certificate.scene3d.verdict import FELT, LARGE
+from tautwave.certificate.scene3d.verdict import LARGE
 from tautwave.config import Rig
 from tautwave.rig.scene.network3d import axis_scales, pruned_network3d, scene3d_of
 from tautwave.scene3d.arrays import compile_network3d
@@ -53,8 +53,8 @@ def scene3d_certificate(rig: Rig, delays: Mapping[str, CommandDelay]) -> Figure:
             compile_network3d(network).arrays, scene3d_of(rig).scheme, rig.period_s, scales
         )
         law = seen(law)
-    if law is None or len(law.a) > 6 * FELT + len(names):
-        missing = f"more than {LARGE if law is None else FELT} masses: not evaluated"
+    if law is None:
+        missing = f"more than {LARGE} masses: not evaluated"
     elif not np.any(law.d) and not len(law.a):
         missing = "no linear link at any axis, contacts open"
     else:

@@ -55,9 +55,6 @@ from tautwave.types import CommandDelay
 LARGE = 60
 """Masses above which the linear part is not turned into matrices."""
 
-FELT = 20
-"""Number of masses that the ports feel linearly, above which their condition is not searched."""
-
 
 class _Scene:
     """A rig's network near its start, and the data all its verdicts share."""
@@ -200,8 +197,8 @@ def _ports(scene: _Scene) -> Iterator[Element]:
     late = [d.periods + d.remainder_s / rig.period_s for d in scene.delays]
     felt = 0 if scene.law is None else len(seen(scene.law).a)
     why = ""
-    if scene.large or felt > 6 * FELT + len(scene.axes):
-        why = f"more than {LARGE if scene.large else FELT} masses are not evaluated"
+    if scene.large:
+        why = f"more than {LARGE} masses are not evaluated"
     elif scene.law is not None:
         need = needed_together(scene.law, damping, np.array(late))
     for at, name in enumerate(scene.axes):

@@ -27,6 +27,7 @@ from tautwave.cli.options import PATH, out_option
     type=click.Choice(["refuse", "cut"]),
     help="LeRobot: frames that miss a sample; default: refuse.",
 )
+@click.option("--no-video", is_flag=True, help="LeRobot: leave out what cameras saw.")
 @out_option("Output directory; default: DIR/export. A dataset's must not exist.")
 def export(
     directories: tuple[Path, ...],
@@ -36,6 +37,7 @@ def export(
     task: str | None,
     velocities: bool,
     missing: str | None,
+    no_video: bool,
     out: Path | None,
 ) -> None:
     """Write the rows of runs, one file an episode, and episodes.csv, which lists them.
@@ -49,7 +51,8 @@ def export(
         tautwave export runs/shift --columns time_s,master.lever.position --out table
         tautwave export runs/shift runs/next --to lerobot --fps 30 --task "insert the peg" --out peg
     """
-    only = {"--fps": fps, "--task": task, "--velocities": velocities, "--missing": missing}
+    only = {"--fps": fps, "--task": task, "--velocities": velocities, "--missing": missing,
+            "--no-video": no_video}  # fmt: skip
     given = [name for name, value in only.items() if value]
     if to == "lerobot":
         if columns is not None:
@@ -61,7 +64,15 @@ def export(
         where = directories[0] / "export" if out is None else out
         cut = missing == "cut"
         click.echo(
-            export_dataset(directories, where, fps or 30, task, velocities=velocities, cut=cut)
+            export_dataset(
+                directories,
+                where,
+                fps or 30,
+                task,
+                velocities=velocities,
+                cut=cut,
+                video=not no_video,
+            )
         )
         return
     if given:

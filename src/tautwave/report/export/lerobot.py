@@ -18,9 +18,11 @@ import numpy.typing as npt
 
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.files import make_directory, write_text, writing
+from tautwave.recordings.cameras import camera_names
 from tautwave.recordings.recording import Recording, read_recording
 from tautwave.report.export.episodes import Episode, axis_blocks, episodes
 from tautwave.report.export.lerobot_files import Dataset, Frames
+from tautwave.report.export.lerobot_video import Camera
 from tautwave.report.units import plural
 
 SLACK_S = 1e-9
@@ -29,12 +31,13 @@ EFFORT = {"rotary": "torque", "linear": "force"}
 
 
 class Signals(NamedTuple):
-    """Columns that become action and observation, and the names a dataset has for them."""
+    """Columns that become action and observation, the names a dataset has for them, cameras."""
 
     robot: str
     action: dict[str, str]
     state: dict[str, str]
     units: dict[str, str]
+    cameras: tuple[str, ...] = ()
 
 
 def signals(robot: str, axes: Mapping[str, Mapping[str, Any]], velocities: bool) -> Signals:
@@ -110,6 +113,7 @@ def export_dataset(
     *,
     velocities: bool = False,
     cut: bool = False,
+    video: bool = True,
 ) -> str:
     """Write the episodes of runs as one dataset, and return a sentence that counts.
 
@@ -128,7 +132,9 @@ def export_dataset(
     velocities : bool
         Whether the master's velocities are part of the action.
     cut : bool
-        Leave out frames that miss a sample, instead of refusing.
+        Leave out frames that miss a sample or a picture, instead of refusing.
+    video : bool
+        Whether pictures of the runs' cameras are part of it.
 
     Raises
     ------
@@ -141,13 +147,13 @@ def export_dataset(
     """
     if out.exists():
         raise ConfigError(f"{out} exists; a dataset is written to a new directory: choose --out")
-    wanted, origins = _plan(runs, fps, velocities)
+    wanted, origins = _plan(runs, fps, velocities, video)
     draft = out.with_name(f"{out.name}.part")
     if draft.exists():
         raise ConfigError(f"{draft} exists, left by an export that was killed; remove it first")
     make_directory(draft)
     try:
-        dataset = Dataset(draft, fps, wanted.robot, wanted.action, wanted.state)
+        dataset = Dataset(draft, fps, wanted.robot, wanted.action, wanted.state, wanted.cameras)
         for run in runs:
             for frames in _episodes_of(run, wanted, fps, task, cut):
                 dataset.add(frames)
@@ -166,6 +172,7 @@ def export_dataset(
 def _episodes_of(
     run: Path, wanted: Signals, fps: int, task: str | None, cut: bool
 ) -> Iterator[Frames]:
+    cameras = [Camera.of_run(run, name) for name in wanted.cameras]
     for episode in episodes(run):
         rows = read_recording(run, ["time_s", *wanted.action, *wanted.state], rows=episode.rows)
         text = episode.task or task
@@ -173,36 +180,49 @@ def _episodes_of(
             raise ConfigError(
                 f"{run}: {_name(episode)} has no task; say what was done with --task TEXT"
             )
-        data = rows.data[frame_rows(rows.time_s, fps), 1:]
+        taken = frame_rows(rows.time_s, fps)
+        data = rows.data[taken, 1:]
         whole: npt.NDArray[np.bool_] = np.all(np.isfinite(data), axis=1)
+        also = " or a picture" if cameras else ""
+        filmed = [camera.numbers(rows.time_s[taken]) for camera in cameras]
+        for seen in filmed:
+            whole &= seen >= 0
         missing = len(data) - int(np.count_nonzero(whole))
         if missing and not cut:
             raise RecordingError(
-                f"{run}: {missing} of {len(data)} frames of {_name(episode)} miss a sample, and a "
-                "held value would be invented; --missing cut leaves these frames out"
+                f"{run}: {missing} of {len(data)} frames of {_name(episode)} miss a sample{also}, "
+                "and a held value would be invented; --missing cut leaves these frames out"
             )
         if not whole.any():
             raise RecordingError(f"{run}: {_name(episode)} has no frame with all samples")
         kept = data[whole].astype(np.float32)
         split = len(wanted.action)
-        yield Frames(kept[:, :split], kept[:, split:], text, missing)
+        pictures = {
+            camera.name: camera.jpegs(seen[whole].tolist())
+            for camera, seen in zip(cameras, filmed, strict=True)
+        }
+        yield Frames(kept[:, :split], kept[:, split:], text, missing, pictures)
 
 
 def _name(episode: Episode) -> str:
     return f"episode {episode.name}" if episode.number else "the run"
 
 
-def _plan(runs: Sequence[Path], fps: int, velocities: bool) -> tuple[Signals, list[str]]:
+def _plan(
+    runs: Sequence[Path], fps: int, velocities: bool, video: bool
+) -> tuple[Signals, list[str]]:
     """Return what all runs have alike, and a line on the origin of each."""
     first: Signals | None = None
     origins = []
     for run in runs:
         head = read_recording(run, rows=slice(0, 1))
         wanted = _recorded(head, velocities)
+        wanted = wanted._replace(cameras=camera_names(run) if video else ())
         first = first or wanted
         if wanted != first:
             raise RecordingError(
-                f"{run}: its rig, axes or units are not those of {runs[0]}; a dataset has one robot"
+                f"{run}: its rig, axes, units or cameras are not those of {runs[0]}; a dataset "
+                "has one robot"
             )
         rate = float(head.metadata.get("rate_hz", "nan"))
         if not fps <= rate:

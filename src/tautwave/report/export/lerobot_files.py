@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from tautwave.errors import ConfigError
 from tautwave.files import make_directory, write_text, writing
+from tautwave.report.export.lerobot_video import VIDEO, Video
 
 VERSION = "v3.0"
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
@@ -31,12 +32,16 @@ Floats = npt.NDArray[np.float32]
 
 
 class Frames(NamedTuple):
-    """An episode: action and observation, shape (frames, signals); how many were left out."""
+    """An episode: action and observation, shape (frames, signals); how many were left out.
+
+    `pictures` are a JPEG for each frame, by camera.
+    """
 
     action: Floats
     state: Floats
     task: str
     cut: int
+    pictures: Mapping[str, Iterator[bytes]]
 
 
 class Dataset:
@@ -52,10 +57,18 @@ class Dataset:
         Name of the robot.
     action, state : mapping
         Whose values are the names of the signals.
+    cameras : sequence of str
+        Their names.
     """
 
     def __init__(
-        self, root: Path, fps: int, robot: str, action: Mapping[str, str], state: Mapping[str, str]
+        self,
+        root: Path,
+        fps: int,
+        robot: str,
+        action: Mapping[str, str],
+        state: Mapping[str, str],
+        cameras: Sequence[str] = (),
     ) -> None:
         self._arrow, self._parquet = _pyarrow()
         self._root, self._fps, self._robot = root, fps, robot
@@ -63,6 +76,7 @@ class Dataset:
             key: {"dtype": "float32", "shape": [len(names)], "names": list(names.values())}
             for key, names in (("action", action), ("observation.state", state))
         } | {key: {"dtype": kind, "shape": [1], "names": None} for key, kind in OWN.items()}
+        self._videos = {name: Video(root, f"observation.images.{name}", fps) for name in cameras}
         self._schema = self._make_schema()
         self._writer: Any = None
         self._file, self._bytes = 0, 0
@@ -102,11 +116,24 @@ class Dataset:
                 f"stats/{key}/{name}": value
                 for key, values in data.items() for name, value in statistics(values).items()
             }
+            | self._filmed(episode, count)
             | {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
         )  # fmt: skip
         self._all.append(data)
         self.frames += count
         self.cut += episode.cut
+
+    def _filmed(self, episode: Frames, count: int) -> dict[str, Any]:
+        """Append its pictures to the videos, and return what its row says of them."""
+        found: dict[str, Any] = {}
+        for name, video in self._videos.items():
+            begin = video.frames / self._fps
+            stats = video.add(episode.pictures[name], count)
+            where = {"chunk_index": 0, "file_index": 0, "from_timestamp": begin,
+                     "to_timestamp": video.frames / self._fps}  # fmt: skip
+            found |= {f"videos/{video.key}/{key}": value for key, value in where.items()}
+            found |= {f"stats/{video.key}/{key}": value for key, value in stats.items()}
+        return found
 
     def _write(self, data: dict[str, npt.NDArray[Any]]) -> None:
         size = sum(values.nbytes for values in data.values())
@@ -155,10 +182,9 @@ class Dataset:
         meta = self._root / "meta"
         make_directory(meta)
         whole = {key: np.concatenate([one[key] for one in self._all]) for key in self._features}
-        write_text(
-            meta / "stats.json",
-            json.dumps({key: statistics(values) for key, values in whole.items()}, indent=4),
-        )
+        stats: dict[str, Any] = {key: statistics(values) for key, values in whole.items()}
+        stats |= {video.key: video.close() for video in self._videos.values()}
+        write_text(meta / "stats.json", json.dumps(stats, indent=4))
         write_text(meta / "info.json", json.dumps(self._info(), indent=4))
         with writing(meta):
             self._parquet.write_table(self._task_table(), meta / "tasks.parquet")
@@ -179,8 +205,9 @@ class Dataset:
             "fps": self._fps,
             "splits": {"train": f"0:{len(self._rows)}"},
             "data_path": DATA,
-            "video_path": None,
-            "features": self._features,
+            "video_path": VIDEO if self._videos else None,
+            "features": self._features
+            | {video.key: video.feature() for video in self._videos.values()},
         }
 
     def _task_table(self) -> Any:

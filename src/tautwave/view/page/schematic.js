@@ -23,7 +23,7 @@ export function watts(value) {
 function joules(value) {
   const size = Math.abs(value);
   if (!(size >= 1e-9)) return "0 J";
-  const [by, unit] = size >= 1 ? [1, "J"] : size >= 1e-3 ? [1e3, "mJ"] : [1e6, "µJ"];
+  const [by, unit] = size >= 1 ? [1, "J"] : size >= 1e-3 ? [1e3, "mJ"] : size >= 1e-6 ? [1e6, "µJ"] : [1e9, "nJ"];
   return `${(value * by).toPrecision(3)} ${unit}`.replace("-", "−");
 }
 
