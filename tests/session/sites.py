@@ -15,7 +15,10 @@ import numpy as np
 from tautwave.clock import FakeClock
 from tautwave.config import Rig, load_rig
 from tautwave.rig import build_rig
+from tautwave.runtime.operate.commands import Order
+from tautwave.runtime.operate.states import STATES
 from tautwave.runtime.sensing import Sensing, bus_commands, first_axes
+from tautwave.session.operating import with_operation
 from tautwave.session.sites.control import SiteControl
 from tautwave.session.sites.joining import Joined, with_site
 from tautwave.sites.control import Session
@@ -40,7 +43,7 @@ class Line:
     def send(self, **message: Any) -> None:
         if "send" in message:
             self.pair.sites[FAR[self.side]].line.inbox.append({"peer": message["send"]})
-        if "renew" in message:
+        if "renew" in message and message["of"] == self.pair.used[-1].hex():
             self.pair.renew(str(message["renew"]))
 
 
@@ -55,7 +58,10 @@ class Half:
         clock: Any = built.clock
         clock.now_ns = pair.clock.now_ns
         joined = Joined(self.line, sock, pair.session(FAR[side]), where)  # type: ignore[arg-type]
-        self.built = with_site(self.rig, built, joined)
+        self.asked: list[Order] = []
+        self.built = with_operation(self.rig, built, [self], [], joined) if self.rig.operate else (
+            with_site(self.rig, built, joined)
+        )  # fmt: skip
         control = self.built.control
         assert isinstance(control, SiteControl)
         self.control = control
@@ -65,6 +71,20 @@ class Half:
         for bus in self.built.buses:
             bus.driver.open()
             bus.driver.enable_step()
+
+    def take(self, now_ns: int) -> list[Order]:
+        """Return what `ask` was asked, as a source of commands."""
+        due, self.asked = self.asked, []
+        return due
+
+    def ask(self, word: str, argument: str = "") -> None:
+        """Have a person here give a command in the next slot."""
+        self.asked.append(Order(word, argument, "key"))
+
+    @property
+    def state(self) -> str:
+        """The state of an operated site."""
+        return STATES[int(self.rows[-1][self.control.columns.index("operation.state")])]
 
     def cycle(self, skipped: int = 0) -> bool:
         """Run one cycle after `skipped` slots that went by; False where the run is over."""
