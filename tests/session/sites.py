@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import secrets
 import socket
 from collections import deque
@@ -30,19 +31,43 @@ FAR = {"master": "slave", "slave": "master"}
 CALM = ("simulation.axes.master.lever.position_noise=0", "link.lost_s=1", "link.depth_s=0")
 
 
+class Inbox(deque[Mapping[str, Any]]):
+    """What a desk has for its loop; a message waits for its `late` slot, as do those after it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.due: deque[int] = deque()
+        self.late = 0
+
+    def append(self, message: Mapping[str, Any]) -> None:
+        super().append(json.loads(json.dumps(message)))
+        self.due.append(self.late)
+
+    def popleft(self) -> Mapping[str, Any]:
+        self.due.popleft()
+        return super().popleft()
+
+    def clear(self) -> None:
+        super().clear()
+        self.due.clear()
+
+
 class Line:
     """A desk's line without a desk: what one site says, the other hears in its next slot."""
 
     def __init__(self, pair: Pair, side: str) -> None:
         self.pair, self.side = pair, side
-        self.inbox: deque[Mapping[str, Any]] = deque()
+        self.inbox = Inbox()
 
     def poll(self) -> Mapping[str, Any] | None:
-        return self.inbox.popleft() if self.inbox else None
+        inbox = self.inbox
+        return inbox.popleft() if inbox and inbox.due[0] <= self.pair.slot else None
 
     def send(self, **message: Any) -> None:
         if "send" in message:
-            self.pair.sites[FAR[self.side]].line.inbox.append({"peer": message["send"]})
+            far = self.pair.sites[FAR[self.side]].line.inbox
+            far.late = self.pair.slot + self.pair.lag()
+            far.append({"peer": message["send"]})
         if "renew" in message and message["of"] == self.pair.used[-1].hex():
             self.pair.renew(str(message["renew"]))
 
@@ -126,6 +151,8 @@ class Pair:
         self.clock = FakeClock(10**12)
         self._next = secrets.token_bytes(8), secrets.token_bytes(32)
         self.slot = 0
+        self.lag: Callable[[], int] = int
+        """Slots that a message takes; none overtakes another."""
         self.used: list[bytes] = [self._next[0]]
         serving, dialling = open_socket("127.0.0.1", 0), open_socket("127.0.0.1", 0)
         self.sockets = serving, dialling
@@ -143,6 +170,7 @@ class Pair:
         self._next = secrets.token_bytes(8), secrets.token_bytes(32)
         self.used.append(self._next[0])
         for side, half in self.sites.items():
+            half.line.inbox.late = self.slot + self.lag()
             session = self.session(FAR[side])
             half.line.inbox.append({"lost": why})
             half.line.inbox.append({"joined": {

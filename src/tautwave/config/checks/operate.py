@@ -17,8 +17,8 @@ def check_operate(document: Document, parts: Parts) -> None:
         if document.get(("operate", "scales")):
             text = "two sites cannot change both ends in one slot; remove it"
             document.report(("operate", "scales"), text)
-        for key in Aligning.model_fields:
-            if document.get(("operate", key)) is not None:
+        for key, field in Aligning.model_fields.items():
+            if document.get(("operate", key)) not in (None, field.default):  # as in a kept rig
                 document.report(("operate", key), f"with two sites it is sites.{key}; remove it")
     if document.get(("loop", "engine")) == "compiled":
         document.report(("loop", "engine"), "an operated rig runs in plain Python: remove it")

@@ -121,7 +121,7 @@ class Meeting:
     def arrived(self, slot: int) -> bool:
         """Go on towards the goal; return whether all is in place, and rests."""
         there = self.rest.arrived(slot)
-        if self.rest.hindrance != self.hindrance:
+        if self._side == 1 and self.rest.hindrance != self.hindrance:
             self.hindrance = self.rest.hindrance
             self._say({"hindered": self.hindrance})
         return there
@@ -220,6 +220,8 @@ class Meeting:
 
     def _keep_offsets(self) -> None:
         """Have pairs without an offset of their own take the one that the run has."""
+        if self._keeps:
+            return
         kept = []
         for k, (name, q) in enumerate(zip(self._names, self._pairs, strict=True)):
             if q.at_engage and name in self.offsets and k in self._approach.pulls:

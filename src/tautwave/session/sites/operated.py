@@ -49,11 +49,13 @@ class OperatedSite(SiteControl):
         self._accord = Accord()
         self._heard: Accord | None = None
         self._program, self._peers_program = secrets.token_hex(8), ""
+        self._why = {"word": "", "source": "", "text": ""}
         self._renewing = self._suspect = False
         self._command = self._say_at = 0
         super().__init__(*given)
         self._engages = people.engage_at_start
-        self._meeting.rest.free = True
+        self._meeting.rest.free = self._resting = True
+        self._meeting.rest.begin(seated=False)
         self._plain_columns = len(self.columns)
         self._repeat = max(1, round(REPEAT_S * 1e9 / self.run.period_ns))
         self.columns += STATE_COLUMNS
@@ -125,9 +127,6 @@ class OperatedSite(SiteControl):
             self._mark(order.argument, order.source)
             said = {"episode": order.argument, "runs": self.journal.running > 0}
             self._line.send(send={**said, "source": order.source})
-        elif word == st.STOP:
-            self.stop_after(self._slot)
-            self._note(word, order.source)
         elif word == st.REST and self._suspect and now.state == st.HOLDING:
             self.wants_reset = True
             self._note(word, order.source, "the devices are reset")
@@ -172,15 +171,16 @@ class OperatedSite(SiteControl):
     ) -> None:
         """Go over to what was asked for or found here, and tell the other site."""
         accord = self._accord.changed(self._side, after, keep=keep)
-        self._tell(accord, word=word, source=source, text=text)
+        self._why = {"word": word, "source": source, "text": text}
+        self._tell(accord)
         self._enter(accord)
 
-    def _tell(self, accord: Accord | None = None, **why: str) -> None:
+    def _tell(self, accord: Accord | None = None) -> None:
         """Tell the other site what this one is to do, and whether it should answer."""
         found = self._accord if accord is None else accord
         self._say_at = self._slot + self._repeat
         said = {"accord": found, "program": self._program, "asks": self._heard != found}
-        self._line.send(send={**said, **why})
+        self._line.send(send={**said, **self._why})
 
     def _hear(self, said: Mapping[str, Any]) -> None:
         """Take what the other site is to do, and settle what both are."""
@@ -221,9 +221,10 @@ class OperatedSite(SiteControl):
         end_session(self)
         self._find_ends()
         self._engaged, self._held_from = False, -1
-        self._resting = self._renewing = True
+        self._resting, self._renewing = True, not self._left
         self._meeting.rest.begin(seated=True)
-        self._line.send(renew=why, of=self.sessions[-1]["id"])
+        if self._renewing:
+            self._line.send(renew=why, of=self.sessions[-1]["id"])
 
     def _count_anew(self) -> None:
         """Begin the budgets of a new state at 0."""
@@ -235,8 +236,6 @@ class OperatedSite(SiteControl):
 
     def _wait(self, slot: int, skipped: int) -> None:
         """Rest, and engage once both are to, and can."""
-        if not self._resting:
-            self._rest(slot, skipped)
         if self._left:
             self._count_down(slot)
         elif self._accord.state == st.ALIGNING:
@@ -304,6 +303,9 @@ class OperatedSite(SiteControl):
         kind = self.state.kind
         if kind in (FINISHED, LINK) or self.standing.state == st.STOPPING:
             return
+        if not self._engaged and not self._resting:  # what was about to begin was banked
+            self._resting = True
+            self._meeting.rest.begin(seated=True)
         silent = self._engaged and "silences" in self.sessions[-1]
         owes = kind == GUARD and self.state.code in self._site.debts
         self._forgive(st.LOST if silent and owes else st.FAULT)
