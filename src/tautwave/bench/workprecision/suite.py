@@ -168,7 +168,7 @@ def _scenes(full: bool, max_error: float, tell: Tell) -> Iterable[Scene]:
         tell(f"{shipped.name} (numba compiles for half a minute where it has not yet)")
         yield _with_peers(network_scene(shipped, full, max_error, rounds, coarse))
     tell("tissue")
-    yield tissue_scene(_TISSUE[full], max_error)
+    yield _with_peers(tissue_scene(_TISSUE[full], max_error, rounds))
 
 
 def _with_peers(scene: Scene, *more: Iterable[Point]) -> Scene:
