@@ -10,26 +10,19 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from tautwave.bench.peers.mujoco import fine, ignore
 from tautwave.bench.peers.scipy_control import missing
 from tautwave.bench.workprecision.points import Point, cpu_time
-from tautwave.bench.workprecision.tissue import CLAMPED, NAME, SOFT, SPAN_S, Array, speed_at
+from tautwave.bench.workprecision.tissue import CLAMPED, NAME, SOFT, SPAN_S, Array, Flexed, speed_at
 from tautwave.models.tissue.mesh import Mesh, on_faces
 from tautwave.scene3d.tissue import tissue_of
 
 INTEGRATORS = ("Euler", "RK4", "discrete")
 """MuJoCo's explicit steps, and the one that takes a flex implicitly."""
-
-
-class Flexed(NamedTuple):
-    """MuJoCo's points, and how far its fine run ends from ours, as a share of the motion."""
-
-    points: tuple[Point, ...]
-    apart: float
 
 
 def flex_text(mesh: Mesh, step: float, integrator: str) -> str:

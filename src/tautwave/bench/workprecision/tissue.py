@@ -7,6 +7,8 @@ run of the discrete gradient at a sixteenth of the shortest step, as a share of 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -72,13 +74,19 @@ def throw(network: Network3d, scheme: str, step: float, span: float) -> tuple[Ar
     return np.array(model.arrays.x[: 3 * model.arrays.count[0]]), made, spent
 
 
-def tissue_scene(steps: tuple[float, ...], max_error: float, rounds: int) -> Scene:
-    """Return error and run time of both steps at `steps` [s], the beam of 50 tetrahedra.
+class Flexed(NamedTuple):
+    """A peer's points, and how far its fine run ends from ours, as a share of the motion."""
 
-    MuJoCo's flex is beside where it is installed, timed `rounds` times.
-    """
-    from tautwave.bench.peers.mujoco_flex import flex_points  # which knows this beam
+    points: tuple[Point, ...]
+    apart: float
 
+
+Peer = Callable[[Mesh, Sequence[float], Array, float], Flexed | None]
+"""Runs the beam of a mesh at some steps [s], given our fine run's end and how far it moves [m]."""
+
+
+def tissue_scene(steps: tuple[float, ...], max_error: float, peer: Peer) -> Scene:
+    """Return error and run time of both steps and a peer at `steps` [s], 50 tetrahedra."""
     network = beam(50)
     start = np.array([part for mass in network.masses for part in mass.position])
     fine, _, _ = throw(network, "discrete_gradient", min(steps) / 16.0, SPAN_S)
@@ -97,7 +105,7 @@ def tissue_scene(steps: tuple[float, ...], max_error: float, rounds: int) -> Sce
         f"moved, {1e3 * moved:.3g} mm"
     )
     notes = []
-    flexed = flex_points(beam_mesh(50), steps, fine, moved, rounds)
+    flexed = peer(beam_mesh(50), steps, fine, moved)
     if flexed is not None:
         points += flexed.points
         notes.append(
