@@ -239,9 +239,11 @@ def joined_page(master: Run, slave: Run, found: dict[str, Any]) -> str:
 def _body(master: Run, slave: Run, found: dict[str, Any]) -> Iterator[str]:
     yield f"<h1>{escape(master.name)}: both sites</h1>"
     names = " and ".join(str(run.directory.resolve().name) for run in (master, slave))
+    many = "" if len(found["sessions"]) == 1 else "s"
     yield (
         f'<p class="soft">{escape(names)}, joined by slot: {found["slots"]} slots of '
-        f"{len(found['sessions'])} common sessions ({escape(', '.join(found['sessions']))}).</p>"
+        f"{len(found['sessions'])} common session{many} ({escape(', '.join(found['sessions']))})."
+        " Each site's times count from the start of its own run.</p>"
     )
     if not found["same_rig"]:
         yield '<p class="note">The keys that both need alike are not equal in both summaries.</p>'

@@ -362,7 +362,7 @@ class SiteControl(CoupledControl):
         elif "left" in said:
             self._left = self._left or str(said["left"])
         elif "ended" in said:
-            self.ended = f"{self.peer} ended the session at {self._seconds():g} s"
+            self.ended = f"{self.peer} ended the session at {self._seconds():g} s of this run"
             self.stop_after(self._slot)
 
     def _take_leave(self, slot: int) -> None:

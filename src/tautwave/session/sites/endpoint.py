@@ -77,6 +77,7 @@ class Endpoint:
         self._newest = -1
         self._echo_ns = self._came_ns = 0
         self._best = ()
+        self._line = (0.0, 0.0)
         self.heard_ns = self._now_ns()
         self._looked_ns = self.heard_ns - round((TURN_S - FIRST_S) * 1e9)
 
@@ -100,9 +101,11 @@ class Endpoint:
                 self._echo_ns, self._came_ns = found.clock_ns, now
                 if found.echo_ns:
                     timed = exchange(now, found.clock_ns, found.echo_ns, found.held_ns)
+                    if not self._best:
+                        self._line = (timed.offset, 0.0)
                     self._best = keep_best(self._best, timed)
-                offset, _ = self._line
-                self.delay = (now - found.clock_ns) * 1e-9 + offset
+                if self._best:
+                    self.delay = (now - found.clock_ns) * 1e-9 + self.offset
         return came
 
     def greet(self) -> None:
