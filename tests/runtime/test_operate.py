@@ -306,12 +306,12 @@ def test_episodes_are_marked_and_the_last_one_ends_with_the_run() -> None:
 def test_an_effort_sensor_that_friction_cannot_balance_blocks_an_alignment(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("tautwave.runtime.operate.aligning.PATIENCE_S", 0.1)
+    monkeypatch.setattr("tautwave.runtime.operate.aligning.PATIENCE_S", 0.3)
     law = "coupling={law: position_force, pairs: {lever: {effort: measured}}}"
     sensors = "slave.axes.lever.effort_sensor={}", "simulation.axes.slave.lever.effort_sensor=%s"
     for offset in (0.4, 0.0):
         true = sensors[1] % f"{{offset: {offset}}}"
-        done = operate(bench(law, sensors[0], true, STILL, FREE), "0 engage", 0.5)
+        done = operate(bench(law, sensors[0], true, STILL, FREE), "0 engage", 0.6)
         assert ("blocked" if offset else "aligned") in [word for word, _ in done.words()]
         said = [entry.text for entry in done.control.journal.entries if entry.word == st.BLOCKED]
         assert bool(said) == (offset > 0.0)
