@@ -7,6 +7,8 @@ import pytest
 
 from tautwave.bench.live.viewed import Viewed, _by_turn, viewed, viewed_suite
 
+pytestmark = pytest.mark.realtime
+
 
 def test_turns_are_distinguished_by_time() -> None:
     time_s = np.arange(0.0, 4.0, 0.1)

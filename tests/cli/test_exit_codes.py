@@ -22,7 +22,7 @@ from tautwave.session import running
 from tautwave.session.reporting import final_code, lost_rows
 from tests.commands import PATIENT, child_of, keep_in_one_process, tautwave
 
-pytestmark = pytest.mark.usefixtures("no_bytecode")
+pytestmark = [pytest.mark.realtime, pytest.mark.usefixtures("no_bytecode")]
 
 RIG = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
 STOPPED = "master.axes.lever.velocity_limit=0.05"

@@ -10,6 +10,8 @@ import pytest
 from tests.docs.blocks import KINDS, ROOT, Block, agrees, blocks, commands, pages
 from tests.docs.running import Page
 
+pytestmark = pytest.mark.realtime
+
 PAGES = [page for page in pages() if any(blocks(page))]
 
 

@@ -16,6 +16,8 @@ from tests.commands import PATIENT, assert_ran_to_its_end
 from tests.rigs.running import Run, Tree, books, run_rig, tree
 from tests.rigs.test_dynamixel_rows import ONE, TWO, axis, rig_tree, servos
 
+pytestmark = pytest.mark.realtime
+
 CONFIGS = Path(__file__).parents[2] / "configs"
 
 

@@ -26,6 +26,8 @@ from tests.rigs.test_modbus_rows import (
 )
 from tests.sim.modbus.served import served
 
+pytestmark = pytest.mark.realtime
+
 FOLDER = Path(__file__).parents[2] / "drivers" / "tautwave_drivers" / "modbus" / "profiles"
 
 

@@ -34,14 +34,14 @@ def state_code(name: str) -> float:
 # -- the table ------------------------------------------------------------------------------------
 
 TABLE = """
-          engage   clutch   hold    rest stop     scale    aligned blocked fault   released parted
-idle      aligning .        holding .    stopping idle     .       .       holding .        .
-aligning  .        .        holding idle stopping .        engaged holding holding holding  .
-engaged   .        clutched holding .    stopping engaged  .       .       holding holding  aligning
-clutched  aligning .        holding idle stopping clutched .       .       holding .        .
-holding   aligning .        .       idle stopping holding  .       .       holding .        .
-stopping  .        .        .       .    .        .        .       .       .       .        .
-"""
+         engage   clutch   hold    rest stop     scale    aligned blocked fault   released parted   lost
+idle     aligning .        holding .    stopping idle     .       .       holding .        .        .
+aligning .        .        holding idle stopping .        engaged holding holding holding  .        holding
+engaged  .        clutched holding .    stopping engaged  .       .       holding holding  aligning holding
+clutched aligning .        holding idle stopping clutched .       .       holding .        .        .
+holding  aligning .        .       idle stopping holding  .       .       holding .        .        .
+stopping .        .        .       .    .        .        .       .       .       .        .        .
+"""  # noqa: E501
 
 
 def test_every_state_takes_every_word_as_the_table_in_the_docs_says() -> None:

@@ -30,6 +30,8 @@ from tests.session.newcomers import Newcomer, Talk, served
 from tests.session.test_calibrating import BENCH
 from tests.session.test_newcomers import EDS, own_drive, settle
 
+pytestmark = pytest.mark.realtime
+
 WAY = "[[0, 0], [1, 0], [2, 0.2], [3, 0.2], [4, -0.49], [5, 0.49], [6, 0], [99, 0]]"
 
 

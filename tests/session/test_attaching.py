@@ -28,6 +28,8 @@ from tautwave.session.registration import (
 )
 from tests.commands import AT_200_HZ, keep_in_one_process, tautwave
 
+pytestmark = pytest.mark.realtime
+
 CONFIGS = Path(__file__).parents[2] / "configs"
 MAIN = "from tautwave.cli import main; main(prog_name='tautwave')"
 GROUP = f"239.74.{os.getpid() >> 8 & 0xFF}.{os.getpid() & 0xFF}"

@@ -24,6 +24,8 @@ from tautwave.session.calibration.file import named_in
 from tautwave.session.guided.answers import read_answers
 from tautwave.types import AxisCommand, CommandDelay, JointState
 
+pytestmark = pytest.mark.realtime
+
 BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
 WAY = "[[0, 0.2], [1, 0.2], [2, -0.1], [3, -0.3], [4, 0.3]]"
 HAND = f"reference: {{type: minimum_jerk, waypoints: {WAY}}}"

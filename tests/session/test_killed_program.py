@@ -14,6 +14,8 @@ RIG = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
 PROGRAM = """
 import sys, time
 from tautwave import Session, load_rig
+
+pytestmark = pytest.mark.realtime
 rig = load_rig(sys.argv[1], ["operate={}", "loop.overrun_limit=20000", "duration_s=600"])
 with Session(rig, out=sys.argv[2]) as session:
     session.engage()

@@ -25,6 +25,8 @@ from tautwave_drivers.canopen.scan import ScanOptions as CanScan
 from tautwave_drivers.dynamixel.plugin import plugin as dynamixel
 from tautwave_drivers.dynamixel.scan import ScanOptions
 
+pytestmark = pytest.mark.realtime
+
 EDS = """\
 [DeviceInfo]
 VendorName=a vendor

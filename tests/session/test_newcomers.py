@@ -19,6 +19,8 @@ import pytest
 
 from tests.session.newcomers import Newcomer, Talk, served, shows, wait_for
 
+pytestmark = pytest.mark.realtime
+
 MOVE_S = 0.15
 DAY = "runs/day"
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorials" / "two-arms.md"

@@ -10,6 +10,8 @@ from tautwave import Session, load_rig
 from tautwave.config import Rig
 from tautwave.errors import ConfigError, RecordingError
 
+pytestmark = pytest.mark.realtime
+
 BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
 QUIET = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0], [1, 0.1]]}"
 

@@ -22,6 +22,8 @@ from tautwave.runtime.operate.trigger import TriggerLine
 from tautwave.session.trials.protocol import read_protocol, trials_of
 from tautwave.session.trials.running import FIRST, _free
 
+pytestmark = pytest.mark.realtime
+
 BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
 STUDY = """
 rig: bench.yaml

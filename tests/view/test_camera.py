@@ -30,6 +30,8 @@ from tautwave.view.camera.synthetic import Synthetic
 from tautwave.view.camera.v4l2 import V4l2
 from tests.view.served import BENCH, Run
 
+pytestmark = pytest.mark.realtime
+
 SMALL = Camera(driver="v4l2", width=32, height=16, fps=100.0)
 
 

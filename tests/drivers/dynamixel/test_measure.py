@@ -6,6 +6,8 @@ import pytest
 
 from tautwave_drivers.dynamixel.plugin import plugin
 
+pytestmark = pytest.mark.realtime
+
 
 @pytest.mark.slow
 def test_every_figure_has_its_floor_and_the_loops_have_their_goal() -> None:

@@ -25,6 +25,8 @@ from tautwave_drivers.dynamixel.scan import ScanOptions, scan
 from tautwave_drivers.serial_port import SerialPort
 from tests.drivers.dynamixel.parts import bus_of, options_of, servo, spec
 
+pytestmark = pytest.mark.realtime
+
 MAIN = "from tautwave.cli import main; main(prog_name='tautwave')"
 PERIOD_NS = 20_000_000
 TIOCGEXCL = 0x80045440  # asm-generic/ioctls.h

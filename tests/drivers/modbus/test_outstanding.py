@@ -22,6 +22,8 @@ from tests.drivers.modbus.parts import bench, bus_of, device, queued, spec
 from tests.drivers.modbus.test_links import RESPONSE, Stub
 from tests.sim.modbus.served import served
 
+pytestmark = pytest.mark.realtime
+
 UNITS = (1, 2, 3)
 MBAP = 12  # bytes of a request that reads
 

@@ -11,6 +11,8 @@ from tautwave.types import JointState
 from tautwave_drivers.modbus.protocol import frames
 from tests.drivers.modbus.parts import FAST_RTU, Bench, bench, spec
 
+pytestmark = pytest.mark.realtime
+
 KINDS = (
     "request_lost", "answer_lost", "answer_late", "noise", "wrong_unit", "truncated", "corrupted",
     "exception",

@@ -9,6 +9,8 @@ from tautwave_drivers.modbus.measure import measure
 from tautwave_drivers.modbus.scan import ScanOptions, scan, units_of
 from tests.sim.modbus.served import served
 
+pytestmark = pytest.mark.realtime
+
 
 def test_scan_over_tcp_tells_unit_profile_and_state() -> None:
     with served("--tcp", "127.0.0.1:0", "--units", "3,7") as drives:

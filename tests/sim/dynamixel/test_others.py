@@ -34,6 +34,8 @@ from dynamixel_sdk import (
     PortHandler,
 )
 
+pytestmark = pytest.mark.realtime
+
 TIOCGEXCL = 0x80045440  # asm-generic/ioctls.h
 COMMAND = [sys.executable, "-c", "from tautwave.cli import main; main()", "sim", "dynamixel"]
 

@@ -13,6 +13,8 @@ from tautwave_sim.modbus.wire.framing import open_rtu, rtu_frame
 from tests.sim.modbus.masters import read_write
 from tests.sim.modbus.served import mbpoll, served
 
+pytestmark = pytest.mark.realtime
+
 pymodbus_client = pytest.importorskip("pymodbus.client")
 
 # 8N2: a pseudo-terminal has no parity, and pyserial's second try to set one is an EINVAL.

@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from tests.view.test_page import ALONE, ROOT, can_be_alone
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.slow, pytest.mark.realtime, pytest.mark.timeout(300)]
 SOURCE = Path(__file__).with_name("peer.cpp")
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
 JOINTS, NODES = "sensor_msgs/msg/JointState", "rmw_dds_common/msg/ParticipantEntitiesInfo"
