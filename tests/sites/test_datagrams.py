@@ -103,6 +103,21 @@ def test_a_flood_costs_no_more_than_is_looked_at(
     assert sum(port.opener.refused.values()) == MOST_AT_ONCE
 
 
+def test_answers_go_to_where_the_newest_datagram_came_from(
+    ends: tuple[socket.socket, socket.socket],
+) -> None:
+    own, before = ends
+    agreed = session("master", random.Random(1))
+    port, sealer = DataPort(own, agreed, "slave", None), Sealer(agreed.secret, agreed.id, "master")
+    late, newest = sealer.seal(b"late"), sealer.seal(b"newest")
+    with open_socket(HOST, 0) as now:
+        now.sendto(newest, own.getsockname())
+        before.sendto(late, own.getsockname())
+        assert [payload for payload, _ in port.receive(MOST_AT_ONCE)] == [b"newest", b"late"]
+        port.send(b"answer")
+        assert now.recv(2048)
+
+
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 5)), max_size=12))
 def test_no_nonce_twice_with_a_key_over_any_order_of_sessions(
     plan: list[tuple[int, int]],
