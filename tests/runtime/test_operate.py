@@ -303,3 +303,19 @@ def test_episodes_are_marked_and_the_last_one_ends_with_the_run() -> None:
     one, two = journal.summary(5.0)["episodes"]
     assert (one["name"], one["task"], one["success"]) == ("pick", "the red one", False)
     assert (two["name"], two["end_s"], two["success"]) == ("episode-2", 5.0, None)
+
+
+def test_an_effort_sensor_that_friction_cannot_balance_blocks_an_alignment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("tautwave.runtime.operate.aligning.PATIENCE_S", 0.3)
+    law = "coupling={law: position_force, pairs: {lever: {effort: measured}}}"
+    sensors = "slave.axes.lever.effort_sensor={}", "simulation.axes.slave.lever.effort_sensor=%s"
+    for offset in (0.4, 0.0):
+        true = sensors[1] % f"{{offset: {offset}}}"
+        done = operate(bench(law, sensors[0], true, STILL, FREE), "0 engage", 0.6)
+        assert ("blocked" if offset else "aligned") in [word for word, _ in done.words()]
+        said = [entry.text for entry in done.control.journal.entries if entry.word == st.BLOCKED]
+        assert bool(said) == (offset > 0.0)
+        if said:
+            assert "slave.lever: its effort sensor shows +0.4 N m" in said[0]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from tautwave.contracts import Row
-from tautwave.controller.axis import is_calm
 from tautwave.controller.records import (
     BROKEN,
     FINISHED,
@@ -259,7 +258,8 @@ class OperatedControl(CoupledControl):
         alignment = self.alignment
         alignment.start(slot)
         if alignment.is_late(slot):
-            self._event(st.BLOCKED, alignment.hindrance(self.pair_names))
+            why = alignment.hindrance(self.pair_names, self.names, self.params)
+            self._event(st.BLOCKED, why)
         elif alignment.let_go:
             if self._all_at_rest(slot):
                 self._engage(slot)
@@ -271,7 +271,7 @@ class OperatedControl(CoupledControl):
         if any(s.total != 0.0 for s in self.axes):
             self.alignment.let_go = slot
         share = self.run.arm_share
-        calm = all(is_calm(s, p, share) for s, p in zip(self.axes, self.params, strict=True))
+        calm = self.alignment.is_calm(self.params, share)
         return calm and slot - self.alignment.let_go >= self._latency
 
     def _engage(self, slot: int) -> None:
