@@ -21,6 +21,8 @@ from tautwave.view.watched import read_live
 
 TAUTWAVE = (sys.executable, "-c", "from tautwave.cli import main; main()")
 PATIENCE_S = 60.0
+HEARTBEATS = ("      bitrate: ", "      heartbeat_timeout_ms: 2000\n      bitrate: ")
+"""Of drives that a busy machine serves: they are silent for longer than any drive is."""
 
 
 class Newcomer:
