@@ -7,7 +7,7 @@ import re
 import subprocess
 import sys
 import tomllib
-from importlib.metadata import entry_points, version
+from importlib.metadata import entry_points, packages_distributions, version
 from pathlib import Path
 
 import pytest
@@ -16,6 +16,7 @@ import tautwave
 from tautwave.contracts import CouplingPlugin, DriverPlugin, SimulatorPlugin
 
 ROOT = Path(__file__).parents[2]
+KNOWN = packages_distributions()
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
@@ -82,3 +83,36 @@ def test_importing_tautwave_imports_nothing_heavy() -> None:
     code = "import sys, tautwave; print(*{m.partition('.')[0] for m in sys.modules})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert not heavy & set(done.stdout.split())
+
+
+SOURCES = {"src": (), "sim": (), "drivers/tautwave_drivers": (),
+           **{f"drivers/tautwave_drivers/{name}": (name,)
+              for name in ("canopen", "dynamixel", "modbus")}}  # fmt: skip
+"""Folders, and the only extras that their modules may import, if not any."""
+
+
+def declared(extras: tuple[str, ...]) -> set[str]:
+    """Return the names of the distributions that these extras bring, or all of run time."""
+    listed = PROJECT["optional-dependencies"]
+    wanted = extras or tuple(set(listed) - {"all", "dev", "docs"})
+    lines = [*PROJECT["dependencies"], *(line for name in wanted for line in listed[name])]
+    return {re.split(r"[^\w.-]", line)[0].lower().replace("_", "-") for line in lines}
+
+
+IMPORT = re.compile(r"""^\s*(?:import|from)\ (\w+)|import_module\("(\w+)""", re.MULTILINE)
+
+
+def imported(folder: str) -> set[str]:
+    """Return the top names of all that the modules of a folder import, anywhere in them."""
+    texts = [path.read_text() for path in (ROOT / folder).rglob("*.py")]
+    names = {one[1] or one[2] for text in texts for one in IMPORT.finditer(text)}
+    own = {"tautwave", "tautwave_drivers", "tautwave_sim", *sys.stdlib_module_names}
+    return {name for name in names if name in KNOWN} - own
+
+
+@pytest.mark.parametrize(("folder", "extras"), SOURCES.items())
+def test_what_is_imported_is_declared(folder: str, extras: tuple[str, ...]) -> None:
+    brought = declared(extras)
+    for name in imported(folder):
+        makers = {one.lower().replace("_", "-") for one in KNOWN[name]}
+        assert makers & brought, f"{folder} imports {name}, of {makers}, which nothing declares"

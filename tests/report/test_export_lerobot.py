@@ -178,12 +178,12 @@ def test_what_cannot_be_is_refused_in_one_sentence(run: Path, tmp_path: Path) ->
     assert "--fps is for --to lerobot" in done.output
 
 
-def filmed(folder: Path, lost: range = range(0)) -> Path:
+def filmed(folder: Path, lost: range = range(0), late_ns: int = 0) -> Path:
     """Record as above, with a camera at 50 Hz whose pictures are as bright as their number."""
     run = recorded(folder)
     with open(run / "recording.mcap", "rb") as file:
         first = next(iter(make_reader(file).iter_messages()))[2].log_time
-    camera = CameraFile(run / "camera-wrist.mcap", "wrist", 50.0, first, 0)
+    camera = CameraFile(run / "camera-wrist.mcap", "wrist", 50.0, first + late_ns, 0)
     for k in (k for k in range(-1, 125) if k not in lost):
         grey = np.full((32, 48, 3), k + 1, np.uint8)
         camera.add(20_000_000 * k + 1_000_000, jpeg_of(grey, "RGB"), k + 1)
@@ -237,3 +237,13 @@ def test_a_picture_that_stands_is_none(tmp_path: Path) -> None:
     code, said = export(run, "--task", "rest", "--out", tmp_path / "bare", "--no-video")
     assert said.endswith("2 episodes, 43 frames at 30 fps\n")
     assert json.loads((tmp_path / "bare/meta/info.json").read_text())["video_path"] is None
+
+
+def test_pictures_of_another_run_are_refused(tmp_path: Path) -> None:
+    run = filmed(tmp_path / "run", late_ns=1)
+    code, said = export(run, "--task", "rest", "--out", tmp_path / "set")
+    assert code != 0
+    assert "camera-wrist.mcap: its pictures are of another run" in said
+    assert not (tmp_path / "set").exists()
+    code, said = export(run, "--task", "rest", "--out", tmp_path / "set", "--no-video")
+    assert code == 0

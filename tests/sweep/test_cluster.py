@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import functools
-import json
 import os
 import pickle
 import signal
-import subprocess
-import sys
-import time
+import weakref
 from collections.abc import Iterator
-from contextlib import suppress
+from concurrent.futures import Future
+from itertools import cycle, repeat
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -22,8 +21,9 @@ from tautwave.errors import ConfigError, LinkError
 from tautwave.sweep import cluster as module
 from tautwave.sweep.cluster import Cluster, about, work
 from tautwave.sweep.file import SweepPlan, load_sweep
-from tautwave.sweep.pool import Piece, Worker, in_process
+from tautwave.sweep.pool import AHEAD, Piece, Worker, in_process
 from tautwave.sweep.runs import run_sweep
+from tests.sweep.serving import Serving
 from tests.sweep.test_sweep import GOOD
 
 pytest.importorskip("distributed")
@@ -31,6 +31,10 @@ pytest.importorskip("distributed")
 
 def times_ten() -> Worker:
     return lambda piece: 10 * piece[0]
+
+
+def one_over() -> Worker:
+    return lambda piece: 100 // piece[0]
 
 
 def die_once(mark: Path) -> Worker:
@@ -65,6 +69,64 @@ def test_a_worker_has_to_be_like_the_process_that_asks() -> None:
     assert work("a", content, about()._replace(numpy="0"), (6, 7)) == 60  # asked once
 
 
+class Told:
+    """A client of distributed whose pieces end at once, some with an error; counts its futures."""
+
+    status = "running"
+
+    def __init__(self, threads: Iterator[int]) -> None:
+        self.threads, self.alive, self.most = threads, weakref.WeakSet[Future[Any]](), 0
+
+    def nthreads(self) -> dict[str, int]:
+        return {"worker": next(self.threads)}
+
+    def map(
+        self, do: Worker, pieces: list[Piece], *, pure: bool, retries: int
+    ) -> list[Future[Any]]:
+        assert not pure
+        assert retries
+        futures = []
+        for piece in pieces:
+            future: Future[Any] = Future()
+            self.alive.add(future)
+            try:
+                future.set_result(do(piece))
+                future.status = "finished"  # type: ignore[attr-defined]
+            except ArithmeticError as err:
+                future.set_exception(err)
+                future.status = "error"  # type: ignore[attr-defined]
+            futures.append(future)
+        self.most = max(self.most, len(self.alive))
+        return futures
+
+    def gather(self, futures: list[Future[Any]]) -> list[Any]:
+        return [future.result() for future in futures]
+
+
+def told(monkeypatch: pytest.MonkeyPatch, threads: Iterator[int]) -> tuple[Cluster, Told]:
+    """Return a cluster that counts its workers before each piece, and its client."""
+    client = Told(threads)
+    monkeypatch.setattr(Cluster, "_connect", lambda *_: client)
+    monkeypatch.setattr(module, "COUNT_S", -1.0)
+    return Cluster("told"), client
+
+
+def test_a_long_sweep_holds_a_window_of_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    cluster, client = told(monkeypatch, cycle([5, 3, 1]))  # workers go, and come again
+    results = list(cluster(times_ten, ((k, k + 1) for k in range(5000))))
+    assert sorted(results) == list(range(0, 50_000, 10))
+    assert client.most <= 2 * AHEAD * 5  # those that are waited for, and those just taken
+    assert not client.alive
+
+
+def test_what_ended_beside_a_failure_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    cluster, _ = told(monkeypatch, repeat(4))
+    results = cluster(one_over, [(2, 3), (0, 1), (4, 5)])
+    assert [next(results), next(results)] == [50, 25]
+    with pytest.raises(LinkError, match="failed at its part: ZeroDivisionError"):
+        next(results)
+
+
 @pytest.mark.parametrize(
     ("where", "part"),
     [("tcp://127.0.0.1:1", "no scheduler answers"), ("none.json", "no such scheduler file")],
@@ -72,50 +134,13 @@ def test_a_worker_has_to_be_like_the_process_that_asks() -> None:
 def test_no_scheduler_is_one_sentence(
     where: str, part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "PATIENCE_S", 1)
+    monkeypatch.setattr(module, "ANSWER_S", 1)
     (tmp_path / "sweep.yaml").write_text(GOOD)
     words = ["sweep", str(tmp_path / "sweep.yaml"), "--out", str(tmp_path), "--scheduler", where]
     done = CliRunner().invoke(main, words)
     assert done.exit_code == 5
     assert part in done.output
     assert "Traceback" not in done.output
-
-
-class Serving:
-    """A scheduler and two workers as processes of their own."""
-
-    def __init__(self, folder: Path) -> None:
-        self.file = folder / "scheduler.json"
-        quiet = ["--no-dashboard", "--host", "127.0.0.1", "--scheduler-file", str(self.file)]
-        self.scheduler = self._start("dask_scheduler", "--port", "0", "--no-show", *quiet)
-        self.others = [
-            self._start("dask_worker", "--scheduler-file", str(self.file), "--nthreads", "1",
-                        "--no-dashboard", "--local-directory", str(folder), "--death-timeout", "60")
-            for _ in range(2)
-        ]  # fmt: skip
-        until = time.monotonic() + 60.0
-        while not self._is_written() and time.monotonic() < until:
-            time.sleep(0.05)
-
-    def _is_written(self) -> bool:
-        """Return whether the scheduler's file is there, and whole."""
-        with suppress(FileNotFoundError, ValueError):
-            return "address" in json.loads(self.file.read_text())
-        return False
-
-    def _start(self, tool: str, *words: str) -> subprocess.Popen[bytes]:
-        root = str(Path(__file__).parents[2])
-        path = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
-        return subprocess.Popen(
-            [sys.executable, "-m", f"distributed.cli.{tool}", *words],
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
-            env=os.environ | {"PYTHONPATH": path},
-        )  # fmt: skip
-
-    def end(self) -> None:
-        for process in (*self.others, self.scheduler):
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
 
 
 @pytest.fixture
@@ -149,6 +174,9 @@ def test_a_cluster_makes_the_same_bytes_and_outlives_its_workers(
     mark = tmp_path / "died"
     assert sorted(cluster(functools.partial(die_once, mark), pieces)) == list(range(20))
     assert mark.exists()
+    assert (
+        len(cluster._client.futures) <= AHEAD * 2
+    )  # released as the loop of distributed gets to it
     cluster.close()
 
 
@@ -156,8 +184,8 @@ def test_a_cluster_makes_the_same_bytes_and_outlives_its_workers(
 def test_a_scheduler_that_dies_ends_the_work_with_a_sentence(
     served: Serving, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(module, "ANSWER_S", 3)  # it is asked for results until then
     cluster = Cluster(str(served.file))
-    monkeypatch.setattr(module, "PATIENCE_S", 3)
     work = cluster(functools.partial(kill, served.scheduler.pid), [(k, k + 1) for k in range(99)])
     with pytest.raises(LinkError, match=r"is gone.*resumes"):
         list(work)

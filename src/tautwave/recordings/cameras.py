@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tautwave.errors import RecordingError
+from tautwave.recordings import RUN
 
 METADATA = "tautwave camera"
 SCHEMA = "sensor_msgs/msg/CompressedImage"
@@ -28,14 +29,50 @@ def camera_names(directory: Path) -> tuple[str, ...]:
     return tuple(sorted(path.stem.removeprefix("camera-") for path in found))
 
 
+def refuse_others(directory: Path, first_s: float) -> None:
+    """Refuse pictures that another run left in the same directory.
+
+    Parameters
+    ----------
+    directory : Path
+        Of the run.
+    first_s : float
+        `time_s` of its first row.
+
+    Raises
+    ------
+    RecordingError
+        A camera's time zero is not that of the recording.
+    """
+    from mcap.records import Message
+
+    names = camera_names(directory)
+    if not names:
+        return
+    rows = (one.log_time for one in _records(directory / RUN) if isinstance(one, Message))
+    epoch_ns = next(rows, 0) - round(1e9 * first_s)
+    for name in names:
+        path = directory / FILE.format(name=name)
+        if int(_said(path)["epoch_ns"]) != epoch_ns:
+            raise RecordingError(
+                f"{path}: its pictures are of another run than {RUN} beside it; move it away, or"
+                " export with --no-video"
+            )
+
+
 def camera_fps(directory: Path, name: str) -> float:
     """Return the rate that was asked for [Hz]; RecordingError where the file does not say."""
+    return float(_said(directory / FILE.format(name=name))["fps"])
+
+
+def _said(path: Path) -> dict[str, str]:
+    """Return what the file says of its camera."""
     from mcap.records import Metadata
 
-    for record in _records(directory / FILE.format(name=name)):
-        if isinstance(record, Metadata) and record.name == METADATA and "fps" in record.metadata:
-            return float(record.metadata["fps"])
-    raise RecordingError(f"{directory / FILE.format(name=name)}: it holds no camera")
+    for record in _records(path):
+        if isinstance(record, Metadata) and record.name == METADATA:
+            return record.metadata
+    raise RecordingError(f"{path}: it holds no camera")
 
 
 def pictures(directory: Path, name: str) -> Iterator[Picture]:

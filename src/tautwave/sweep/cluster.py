@@ -9,6 +9,7 @@ were made, and is refused.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib
 import math
@@ -19,6 +20,7 @@ import time
 import uuid
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,8 +30,10 @@ from tautwave import __version__
 from tautwave.errors import ConfigError, LinkError
 from tautwave.sweep.pool import AHEAD, Piece, Worker
 
+ANSWER_S = 10
+"""[s] How long a scheduler may take to answer."""
 PATIENCE_S = 30
-"""[s] How long a scheduler may take to answer, and to have a worker."""
+"""[s] How long it may take to have a worker."""
 COUNT_S = 5.0
 """[s] How often the workers are counted, for as many pieces as keep them busy."""
 RETRIES = 2
@@ -97,7 +101,7 @@ class Cluster:
                 raise LinkError(f"{scheduler}: no such scheduler file; is the scheduler running?")
             named = {"scheduler_file": scheduler}
         try:
-            client = self._dask.Client(**named, timeout=PATIENCE_S, set_as_default=False)
+            client = self._dask.Client(**named, timeout=ANSWER_S, set_as_default=False)
         except (OSError, ValueError, TimeoutError, KeyError) as err:
             raise LinkError(
                 f"no scheduler answers at {scheduler} ({err}); start one with `dask scheduler`, "
@@ -136,30 +140,29 @@ class Cluster:
         LinkError
             The scheduler is gone, or a worker cannot do a piece.
         """
-        client, here = self._client, about()
-        token, content = uuid.uuid4().hex, pickle.dumps(begin)
+        client = self._client
+        do = functools.partial(work, uuid.uuid4().hex, pickle.dumps(begin), about())
         ahead: Iterator[Piece] = iter(pieces)
         finished: queue.SimpleQueue[Any] = queue.SimpleQueue()
         waiting: set[Any] = set()
 
         def fill() -> None:
             self._count()
-            while len(waiting) < AHEAD * self.jobs:
-                piece = next(ahead, None)
-                if piece is None:
-                    return
-                future = client.submit(
-                    work, token, content, here, piece, pure=False, retries=RETRIES
-                )
+            more = list(islice(ahead, max(0, AHEAD * self.jobs - len(waiting))))
+            for future in client.map(do, more, pure=False, retries=RETRIES) if more else ():
                 waiting.add(future)
                 future.add_done_callback(finished.put)
 
         try:
             fill()
             while waiting:
-                future = self._next(finished)
-                yield future.result()
-                waiting.discard(future)
+                ended = self._next(finished)
+                good = [one for one in ended if one.status == "finished"]
+                yield from client.gather(good)
+                for one in ended:
+                    if one.status != "finished":
+                        one.result()  # raises what befell it
+                waiting.difference_update(ended)
                 fill()
         except (ConfigError, LinkError):
             raise
@@ -175,11 +178,14 @@ class Cluster:
                 with suppress(Exception):
                     future.cancel()
 
-    def _next(self, finished: queue.SimpleQueue[Any]) -> Any:
-        """Wait for a piece; a scheduler that is gone never sends it."""
+    def _next(self, finished: queue.SimpleQueue[Any]) -> list[Any]:
+        """Wait for a piece, take all that have ended; a scheduler that is gone never sends one."""
         while True:
             with suppress(queue.Empty):
-                return finished.get(timeout=1.0)
+                ended = [finished.get(timeout=1.0)]
+                while not finished.empty():
+                    ended.append(finished.get())
+                return ended
             if self._client.status != "running":
                 raise self._lost()
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.files import make_directory, write_text, writing
-from tautwave.recordings.cameras import camera_names
+from tautwave.recordings.cameras import camera_names, refuse_others
 from tautwave.recordings.recording import Recording, read_recording
 from tautwave.report.export.episodes import Episode, axis_blocks, episodes
 from tautwave.report.export.lerobot_files import Dataset, Frames
@@ -217,6 +217,8 @@ def _plan(
     for run in runs:
         head = read_recording(run, rows=slice(0, 1))
         wanted = _recorded(head, velocities)
+        if video and run.is_dir():
+            refuse_others(run, float(head.time_s[0]))
         wanted = wanted._replace(cameras=camera_names(run) if video else ())
         first = first or wanted
         if wanted != first:
