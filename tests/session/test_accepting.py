@@ -306,7 +306,7 @@ def no_torque(talk: Talk, hands: Talk, ids: tuple[int, int]) -> None:
         hands.types(f"{both} {end} 0.1")
         time.sleep(0.4)
     talk.types()
-    talk.hears("let go of everything")
+    talk.hears("take your hands off")
     hands.types(f"{both} free")
     talk.types()
 
