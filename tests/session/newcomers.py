@@ -104,7 +104,7 @@ def shows(talk: Talk, hands: Talk, sides: Sequence[Sequence[int]], move_s: float
     """Show poses, directions and ranges, one side after the other."""
     for ids in sides:
         everyone = ",".join(str(one) for one in ids)
-        talk.hears("into the pose")
+        talk.hears("the zero pose")
         talk.types()
         for one in ids:
             talk.hears("positive direction")
