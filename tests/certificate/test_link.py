@@ -94,3 +94,8 @@ def test_the_budget_adds_up_to_the_delay_of_the_pair() -> None:
     assert facts["delay of lever"].startswith("26 ms each way = 1 sensing + 3 bus + 10 link + 10")
     assert "an outage of 0.5 s after 5 s" in facts["network"]
     assert "hold after 0.1 s without a packet, stop after 3 s" in facts["receivers"]
+
+
+def test_what_a_site_reads_of_the_network_is_no_statement_about_the_real_one() -> None:
+    words = dict(check(rig("sites.here=slave", name=NAME)).facts)["network"]
+    assert words.startswith("the real one; delays as if it were: 10 ms each way")

@@ -187,6 +187,16 @@ def test_recording_given_in_the_shell_starts_at_the_current_folder(
     assert reference.file == str(tmp_path / "hand.csv")
 
 
+def test_a_place_where_a_recording_is_not_is_named_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    override = f"simulation.hand.wrist.reference={RECORDING}"
+    with pytest.raises(ValueError, match="no such file") as caught:
+        parse_rig(BENCH, tmp_path / "rig.yaml", [override])
+    assert f"(tried {tmp_path}/hand.csv);" in str(caught.value)
+
+
 def test_missing_recording_says_where_it_looked_and_what_to_give(tmp_path: Path) -> None:
     path = tmp_path / "rig.yaml"
     text = BENCH.replace("{type: minimum_jerk, waypoints: [[0, 0], [1, 0.3]]}", RECORDING)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tautwave.errors import ConfigError, LinkError
+from tautwave.link.clocks import Exchange
 from tautwave.link.packet import Packet, write_packet
 from tautwave.sites.datagrams import DataPort, open_socket
 from tautwave.sites.seal import Sealer
@@ -166,7 +167,9 @@ def test_who_ends_ends_the_other_without_a_fault(pair: Make) -> None:
     while two.slave.slot < two.slave.control.end:
         two.run(1)
     assert two.slave.control.error() is None
-    assert "master ended the session at 0." in two.slave.control.ended
+    ended = two.slave.control.ended
+    assert ended.startswith("master ended the session at 0.")
+    assert ended.endswith(" s of this run")
     assert two.slave.slot < 1000  # of ten thousand
 
 
@@ -226,6 +229,33 @@ def test_the_followers_slots_are_stretched_by_200_ppm_at_most(pair: Make) -> Non
         moved.append(pace.trimmed - before)
     assert moved == pytest.approx([-2e-4, 2e-4, -3e-5], abs=2e-8)
     assert two.slave.control.trim_ns == 0
+
+
+def test_a_leader_whose_clock_begins_anew_is_followed_in_the_next_session(pair: Make) -> None:
+    two = pair()
+    two.run(100)
+    slave, anew = two.slave.control, two.clock.now_ns()
+    slave._now_ns = slave._endpoint._now_ns = lambda: two.clock.now_ns() - anew
+    slave._endpoint.heard_ns = 0
+    two.renew("its program ended")
+    two.run(50)
+    two.master.control._endpoint._looked_ns = 0
+    two.run(50)
+    assert len(two.used) == 2
+    assert abs(two.master.control._pace.stretch) < 1e-6
+    assert np.abs(two.master["link.delay_s"]).max() < 2e-3
+
+
+def test_a_leader_whose_clock_stood_still_is_not_chased(pair: Make) -> None:
+    two = pair()
+    two.run(100)
+    endpoint, pace = two.master.control._endpoint, two.master.control._pace
+    endpoint._looked_ns = -(10**9)
+    pace.join()
+    for second, offset in enumerate((0.0, 1e-4, 5.0, 5.0)):
+        endpoint._best = (Exchange(float(second), offset, 1e-3),)
+        pace.step(second * 10**9, -1)
+        assert pace.stretch == pytest.approx(-1e-5 if second == 1 else 0.0, abs=1e-6)
 
 
 def test_a_half_is_not_simulated_alone(pair: Make) -> None:

@@ -22,8 +22,12 @@ def link_of(rig: Rig) -> Link:
 
 
 def network_words(rig: Rig) -> str:
-    """Say what a network does to packets."""
-    link = link_of(rig)
+    """Say what a network does to packets: at a site, what the rig takes the real one to be."""
+    words = _simulated(link_of(rig))
+    return words if rig.site is None else f"the real one; delays as if it were: {words}"
+
+
+def _simulated(link: Link) -> str:
     if link.trace is not None:
         return f"as recorded in {Path(link.trace).name}, again and again"
     words = [f"{1e3 * link.delay_s:.4g} ms each way"]

@@ -78,7 +78,9 @@ class DataPort:
             except OSError:  # such as "connection refused" of an earlier send
                 continue
             now = self._now_ns()
+            newest = self.opener.newest
             payload = self.opener.open(datagram)
             if payload is not None:
-                self._peer = address
+                if self.opener.newest > newest:
+                    self._peer = address  # a late one may come from where the other was before
                 yield payload, now

@@ -143,6 +143,11 @@ class Opener:
         self.accepted = 0
         self.refused = dict.fromkeys(REFUSALS, 0)
 
+    @property
+    def newest(self) -> int:
+        """Return the greatest sequence number that was opened, 0 before the first."""
+        return self._window.top
+
     def open(self, datagram: bytes) -> bytes | None:
         """Return the payload of a datagram, None if it is refused; never raises."""
         if len(datagram) < OVERHEAD or datagram[0] != KIND:

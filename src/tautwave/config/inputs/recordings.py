@@ -31,7 +31,8 @@ def require_file(document: Document, at: KeyPath, file: str) -> Path | None:
     """Return what `find_recording` does, and note a file that is not there."""
     found = find_recording(document, at, file)
     if found is None:
-        tried = " and ".join(str(c.absolute()) for c in _candidates(document, at, file))
+        places = dict.fromkeys(str(c.absolute()) for c in _candidates(document, at, file))
+        tried = " and ".join(places)
         document.report(
             at, f"no such file (tried {tried}); give another with --set {show_path(at)}=PATH"
         )

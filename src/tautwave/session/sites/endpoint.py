@@ -17,6 +17,8 @@ SETTLE_S = 10.0
 """Time in which the follower's slots make up for being late [s]."""
 TURN_S = 1.0
 """Time between two looks at the clocks [s]."""
+FIRST_S = 0.25
+"""And from the beginning of a session to the first one [s]."""
 HELLO = b"hello"
 """Shorter than any packet: it says where the dialling site is, and nothing else."""
 
@@ -75,7 +77,9 @@ class Endpoint:
         self._newest = -1
         self._echo_ns = self._came_ns = 0
         self._best = ()
+        self._line = (0.0, 0.0)
         self.heard_ns = self._now_ns()
+        self._looked_ns = self.heard_ns - round((TURN_S - FIRST_S) * 1e9)
 
     def receive(self, take: Take | None) -> bool:
         """Hand over the lines of each packet that came; return whether any did."""
@@ -97,9 +101,11 @@ class Endpoint:
                 self._echo_ns, self._came_ns = found.clock_ns, now
                 if found.echo_ns:
                     timed = exchange(now, found.clock_ns, found.echo_ns, found.held_ns)
+                    if not self._best:
+                        self._line = (timed.offset, 0.0)
                     self._best = keep_best(self._best, timed)
-                offset, _ = self._line
-                self.delay = (now - found.clock_ns) * 1e-9 + offset
+                if self._best:
+                    self.delay = (now - found.clock_ns) * 1e-9 + self.offset
         return came
 
     def greet(self) -> None:

@@ -9,6 +9,9 @@ from tautwave.session.sites.endpoint import Endpoint
 MOST_AHEADS = 31
 """Looks at both counts of slots, of which the median is taken."""
 
+GREATEST_LATE_S = 0.1
+"""Slots that are further behind [s] stay so: a clock stood still, as that of a machine asleep."""
+
 
 class Pace:
     """Clocks of both sites, looked at now and then.
@@ -28,15 +31,17 @@ class Pace:
         self._period_ns = period_ns
         self._follows = follows
         self._aheads: list[float] = []
-        self._phase = self._residue = self.stretch = 0.0
+        self._phase: float | None = None
+        self._residue = self.stretch = 0.0
         self.trimmed = 0.0
         """By how much all slots so far were longer together [s]."""
         self.ahead: float | None = None
         """By how many slots the own count is ahead of the other's in this session."""
 
     def join(self) -> None:
-        """Begin a session: its slots are counted anew."""
+        """Begin a session: its slots are counted anew, maybe by another clock."""
         self._aheads, self.ahead = [], None
+        self._phase, self.stretch = None, 0.0
 
     @property
     def shift(self) -> float:
@@ -54,7 +59,7 @@ class Pace:
             return 0
         if looked:
             phase = endpoint.offset + self.trimmed
-            if self._phase == 0.0:
+            if self._phase is None or abs(phase - self._phase) > GREATEST_LATE_S:
                 self._phase = phase
             self.stretch = endpoint.stretch(phase - self._phase)
         self._residue += self.stretch * self._period_ns
