@@ -96,6 +96,19 @@ def test_both_may_start_engaged(pair: Make) -> None:
 
 
 @SLOW
+def test_a_word_of_an_engage_that_was_taken_back_begins_nothing(pair: Make) -> None:
+    two = pair(STILL)
+    two.slave.ask("engage")
+    two.run(5, two.slave)
+    stands = {"at": {"lever": 0.0}, "to": None, "offsets": {}}
+    for said, state in ([1, 1], "aligning"), ([0, 1], "engaged"):
+        for kind in ("stands", "began"):
+            two.slave.line.inbox.append({"peer": {kind: stands, "for": said}})
+        two.run(10, two.slave)
+        assert two.slave.state == state
+
+
+@SLOW
 def test_no_word_of_the_other_site_ends_a_run(pair: Make) -> None:
     two = pair(STILL)
     engage(two, two.master)
