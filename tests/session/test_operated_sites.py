@@ -86,6 +86,28 @@ def test_commands_of_either_site_are_done_at_both_and_recorded_at_both(pair: Mak
         ]
 
 
+@SLOW
+def test_both_may_start_engaged(pair: Make) -> None:
+    two = pair(STILL, "operate={start: engaged}")
+    two.lag = lambda: 10
+    two.run(60)
+    assert both(two, "engaged")
+    assert {one.control.journal.engagements for one in (two.master, two.slave)} == {1}
+
+
+@SLOW
+def test_no_word_of_the_other_site_ends_a_run(pair: Make) -> None:
+    two = pair(STILL)
+    engage(two, two.master)
+    for said in (
+        5, "accord", [], {"accord": 5}, {"accord": ["engaged", 1, 2, 3]}, {"episode": None},
+        {"accord": ["holding", False, False, [0]]}, {"for": 3, "began": 4}, {"stands": []},
+    ):  # fmt: skip
+        two.slave.line.inbox.append({"peer": said})
+        two.run(2)
+    assert both(two, "engaged")
+
+
 def test_engage_and_hold_that_cross_are_a_hold_at_both(pair: Make) -> None:
     two = pair(STILL)
     two.run(5)
@@ -98,6 +120,7 @@ def test_engage_and_hold_that_cross_are_a_hold_at_both(pair: Make) -> None:
     engage(two, two.slave)
 
 
+@SLOW
 def test_a_clutch_keeps_the_offset_that_there_is(pair: Make) -> None:
     two = pair(AWAY, *PLACE, "sites.wait_s=10")
     engage(two, two.master)
@@ -114,6 +137,7 @@ def test_a_clutch_keeps_the_offset_that_there_is(pair: Make) -> None:
     assert summary["pairs"]["lever"]["claim_j"]["slave"] == 2.0 + granted
 
 
+@SLOW
 def test_a_fault_at_one_site_holds_both_until_a_person_at_either_rests(pair: Make) -> None:
     two = pair(STILL)
     engage(two, two.master)
@@ -140,6 +164,7 @@ def test_a_fault_at_one_site_holds_both_until_a_person_at_either_rests(pair: Mak
     assert two.slave.residual() < 1e-9
 
 
+@SLOW
 def test_a_dead_man_at_either_site_holds_both(pair: Make) -> None:
     two = pair(STILL)
     pedal = Held()
