@@ -85,10 +85,12 @@ def test_without_a_summary_the_rows_still_say_where_episodes_are(run: Path, tmp_
 def test_bad_input_is_one_sentence(
     run: Path, tmp_path: Path, more: tuple[str, ...], said: str
 ) -> None:
-    done = CliRunner().invoke(main, ["export", str(run), "--out", str(tmp_path), *more])
+    out = tmp_path / "new"
+    done = CliRunner().invoke(main, ["export", str(run), "--out", str(out), *more])
     assert done.exit_code != 0
     assert "Traceback" not in done.output
     assert said in done.output
+    assert not out.exists()
 
 
 def test_a_table_that_is_there_is_kept(run: Path, tmp_path: Path) -> None:

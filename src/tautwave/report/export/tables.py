@@ -59,6 +59,7 @@ def export_tables(
     there = next(filter(Path.exists, paths), None)
     if there is not None:
         raise ConfigError(f"{there} exists; choose another --out, or remove it first")
+    read_recording(directory, columns, rows=slice(0, 1))  # an unknown column leaves no directory
     make_directory(out)
     written, lines = [], []
     for episode, path in zip(found, paths, strict=True):
