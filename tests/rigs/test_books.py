@@ -64,7 +64,7 @@ def test_every_delay_and_impedance_closes(samples: int, b: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("samples", "b"),
-    [(0, 0.3), (1, 3000.0), (7, 30.0), (50, 3.0), (500, 300.0), (500, 0.3), (0, 3000.0)],
+    [(0, 0.3), (50, 3.0), (500, 300.0)],
 )
 def test_a_minute_at_one_kilohertz_closes(samples: int, b: float) -> None:
     features = ALL if (samples + round(b)) % 2 else (WALLS, FRICTION)
@@ -250,7 +250,7 @@ def test_the_books_of_any_rig_close(data: Tree) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)  # shrinking a counterexample takes its time
-@settings(max_examples=150, suppress_health_check=list(HealthCheck))
+@settings(max_examples=80, suppress_health_check=list(HealthCheck))
 @given(rigs(cycles=600))
 def test_the_books_of_many_rigs_close(data: Tree) -> None:
     check_any(data)
