@@ -93,7 +93,7 @@ def test_columns_of_the_shipped_rigs_are_explained() -> None:
     kept = ["coupling={law: mediated, account: {}, pairs: {lever: {}}}"]
     parts += _columns(load_rig(CONFIGS / "bench-1dof-2khz.yaml", kept))
     parts += _columns(load_rig(CONFIGS / "arms" / "planar.yaml"))
-    parts += [*LINK_COLUMNS, f"lever.{ALIGNED}.absorbed"]
+    parts += [*LINK_COLUMNS, *(f"lever.{name}.absorbed" for name in ALIGNED.values())]
     # of elements, the page spells out the three columns of the first only
     plain = {
         re.sub(r"\.(stored|dissipated)$", ".absorbed", part)

@@ -13,6 +13,7 @@ from tautwave.laws.account import (
     credit_due,
     credit_received,
     gate_bounds,
+    level_friction,
     level_missing,
 )
 
@@ -109,6 +110,13 @@ def test_a_full_account_spills() -> None:
     held, spilled = close_account(P, 9e-3, 3e-3)
     assert held == P.capacity
     assert spilled == pytest.approx(2e-3)
+
+
+def test_a_leader_resists_with_friction_from_its_slip_on_and_a_drag_beside_it() -> None:
+    p = P._replace(friction=0.05, slip=0.1, drag=0.2)
+    found = [level_friction(p, v) for v in (0.0, 0.05, 0.1, 1.0, -1.0)]
+    assert found == pytest.approx([0.0, 0.035, 0.07, 0.25, -0.25])
+    assert level_friction(P, 3.0) == 0.0
 
 
 def test_a_level_beyond_full_or_below_empty_is_none() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import secrets
 import socket
 from collections import deque
@@ -15,7 +16,10 @@ import numpy as np
 from tautwave.clock import FakeClock
 from tautwave.config import Rig, load_rig
 from tautwave.rig import build_rig
+from tautwave.runtime.operate.commands import Order
+from tautwave.runtime.operate.states import STATES
 from tautwave.runtime.sensing import Sensing, bus_commands, first_axes
+from tautwave.session.operating import with_operation
 from tautwave.session.sites.control import SiteControl
 from tautwave.session.sites.joining import Joined, with_site
 from tautwave.sites.control import Session
@@ -27,20 +31,44 @@ FAR = {"master": "slave", "slave": "master"}
 CALM = ("simulation.axes.master.lever.position_noise=0", "link.lost_s=1", "link.depth_s=0")
 
 
+class Inbox(deque[Mapping[str, Any]]):
+    """What a desk has for its loop; a message waits for its `late` slot, as do those after it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.due: deque[int] = deque()
+        self.late = 0
+
+    def append(self, message: Mapping[str, Any]) -> None:
+        super().append(json.loads(json.dumps(message)))
+        self.due.append(self.late)
+
+    def popleft(self) -> Mapping[str, Any]:
+        self.due.popleft()
+        return super().popleft()
+
+    def clear(self) -> None:
+        super().clear()
+        self.due.clear()
+
+
 class Line:
     """A desk's line without a desk: what one site says, the other hears in its next slot."""
 
     def __init__(self, pair: Pair, side: str) -> None:
         self.pair, self.side = pair, side
-        self.inbox: deque[Mapping[str, Any]] = deque()
+        self.inbox = Inbox()
 
     def poll(self) -> Mapping[str, Any] | None:
-        return self.inbox.popleft() if self.inbox else None
+        inbox = self.inbox
+        return inbox.popleft() if inbox and inbox.due[0] <= self.pair.slot else None
 
     def send(self, **message: Any) -> None:
         if "send" in message:
-            self.pair.sites[FAR[self.side]].line.inbox.append({"peer": message["send"]})
-        if "renew" in message:
+            far = self.pair.sites[FAR[self.side]].line.inbox
+            far.late = self.pair.slot + self.pair.lag()
+            far.append({"peer": message["send"]})
+        if "renew" in message and message["of"] == self.pair.used[-1].hex():
             self.pair.renew(str(message["renew"]))
 
 
@@ -55,7 +83,10 @@ class Half:
         clock: Any = built.clock
         clock.now_ns = pair.clock.now_ns
         joined = Joined(self.line, sock, pair.session(FAR[side]), where)  # type: ignore[arg-type]
-        self.built = with_site(self.rig, built, joined)
+        self.asked: list[Order] = []
+        self.built = with_operation(self.rig, built, [self], [], joined) if self.rig.operate else (
+            with_site(self.rig, built, joined)
+        )  # fmt: skip
         control = self.built.control
         assert isinstance(control, SiteControl)
         self.control = control
@@ -65,6 +96,20 @@ class Half:
         for bus in self.built.buses:
             bus.driver.open()
             bus.driver.enable_step()
+
+    def take(self, now_ns: int) -> list[Order]:
+        """Return what `ask` was asked, as a source of commands."""
+        due, self.asked = self.asked, []
+        return due
+
+    def ask(self, word: str, argument: str = "") -> None:
+        """Have a person here give a command in the next slot."""
+        self.asked.append(Order(word, argument, "key"))
+
+    @property
+    def state(self) -> str:
+        """The state of an operated site."""
+        return STATES[int(self.rows[-1][self.control.columns.index("operation.state")])]
 
     def cycle(self, skipped: int = 0) -> bool:
         """Run one cycle after `skipped` slots that went by; False where the run is over."""
@@ -106,6 +151,8 @@ class Pair:
         self.clock = FakeClock(10**12)
         self._next = secrets.token_bytes(8), secrets.token_bytes(32)
         self.slot = 0
+        self.lag: Callable[[], int] = int
+        """Slots that a message takes; none overtakes another."""
         self.used: list[bytes] = [self._next[0]]
         serving, dialling = open_socket("127.0.0.1", 0), open_socket("127.0.0.1", 0)
         self.sockets = serving, dialling
@@ -123,6 +170,7 @@ class Pair:
         self._next = secrets.token_bytes(8), secrets.token_bytes(32)
         self.used.append(self._next[0])
         for side, half in self.sites.items():
+            half.line.inbox.late = self.slot + self.lag()
             session = self.session(FAR[side])
             half.line.inbox.append({"lost": why})
             half.line.inbox.append({"joined": {

@@ -363,6 +363,11 @@ def stored_in_wall(s: AxisState, p: AxisParams) -> float:
     return wall_stored(p.site.wall, s.depth)
 
 
+def is_balanced(s: AxisState, p: AxisParams) -> bool:
+    """Return whether friction alone may balance what is measured, while no motor acts."""
+    return s.outside * s.outside <= p.rest_effort * p.rest_effort
+
+
 def is_calm(s: AxisState, p: AxisParams, share: float) -> bool:
     """Return True if the wall's effort at the axis' position is below `share` of the limit."""
     if p.site.has_wall:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -17,6 +18,9 @@ NOT_ARMED = 6
 FAULT = 7
 LINK = 8
 """Ways in which a run ends: `RunState.kind`."""
+
+UNBALANCED = 1
+"""`RunState.code` of `NOT_ARMED`: an effort sensor shows more than friction balances."""
 
 
 PIPE = 5
@@ -82,7 +86,8 @@ class AxisParams(NamedTuple):
     exchange to the next; `half_slot` is half a slot [s]. `end` are the constants of the coupling's
     end here. `blind`: periods without a sample, skipped slots included, after which it stops.
     `senses`: an impedance axis whose outside effort is measured: what is shown less `sensor_zero`,
-    times `sensor_gain`.
+    times `sensor_gain`. `rest_effort`: the most that a device at rest can balance by its friction,
+    where what is measured drives the coupling [N m or N].
     """
 
     site: SiteParams
@@ -100,6 +105,7 @@ class AxisParams(NamedTuple):
     senses: bool = False
     sensor_zero: float = 0.0
     sensor_gain: float = 1.0
+    rest_effort: float = math.inf
 
 
 @dataclass(slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import MutableSequence, Sequence
 
-from tautwave.controller.axis import is_calm, start_axis
+from tautwave.controller.axis import is_balanced, is_calm, start_axis
 from tautwave.controller.pair import cycle_pair, engage_pair, mismatch, start_pair
 from tautwave.controller.records import (
     BROKEN,
@@ -14,6 +14,7 @@ from tautwave.controller.records import (
     MISMATCH,
     MISSING,
     NOT_ARMED,
+    UNBALANCED,
     AxisParams,
     AxisState,
     PairParams,
@@ -138,9 +139,11 @@ def start_pairs(
 ) -> bool:
     """Start the pairs at the measured positions; return whether all their efforts are small there.
 
-    A pair that starts too far from its offset ends the run: `MISMATCH`.
+    A pair that starts too far from its offset ends the run: `MISMATCH`. An effort sensor that shows
+    more than friction balances keeps them from starting: somebody pushes, or its offset is wrong.
     """
     armed = True
+    o.code = 0
     for k in range(r.pairs):
         q = pairs[k]
         master = samples[q.master]
@@ -162,6 +165,12 @@ def start_pairs(
         p2 = params[q.slave]
         start_pair(states[k], q, one, two, p1, p2, master, slave, table, steps)
         armed = is_calm(one, p1, r.arm_share) and is_calm(two, p2, r.arm_share) and armed
+        for which in (q.master, q.slave):
+            if not is_balanced(axes[which], params[which]):
+                armed = False
+                o.code = UNBALANCED
+                o.which = which
+                o.found = axes[which].outside
     return armed
 
 

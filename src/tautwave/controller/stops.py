@@ -18,6 +18,7 @@ from tautwave.controller.records import (
     MISSING,
     NOT_ARMED,
     OVERRUN,
+    UNBALANCED,
     AxisParams,
     PairParams,
     RunParams,
@@ -85,7 +86,7 @@ def stop_place(
     which = -1
     if o.kind == MISMATCH:
         which = pairs[o.which].slave
-    elif o.kind in (MISSING, BROKEN, GUARD, FAULT):
+    elif o.kind in (MISSING, BROKEN, GUARD, FAULT) or (o.kind, o.code) == (NOT_ARMED, UNBALANCED):
         which = o.which
     reason = guard_word(o.code, law) if o.kind == GUARD else REASONS[o.kind]
     at_s = round(o.slot * r.period_ns * 1e-9, 9)
@@ -109,6 +110,9 @@ def stop_error(
         name = names[pair.master].name.partition(".")[2]
         unit = names[pair.slave].unit
         return SafetyStop(mismatch_sentence(name, o.first, pair.tolerance, unit))
+    if o.kind == NOT_ARMED and o.code == UNBALANCED:
+        shown = unbalanced_sentence(names[o.which], params[o.which], o.found)
+        return SafetyStop(f"not engaged after {ARM_TIMEOUT_S:g} s: {shown}")
     if o.kind == NOT_ARMED:
         limits = [(it.name, it.unit, p.site.limit) for it, p in zip(names, params, strict=True)]
         return SafetyStop(unarmed_sentence(limits))
@@ -218,6 +222,20 @@ def unarmed_sentence(axes: Iterable[tuple[str, str, LimitParams]]) -> str:
         f"not engaged after {ARM_TIMEOUT_S:g} s: an axis is not measured, or asks for more than "
         f"{ARM_SHARE:.0%} of its effort limit ({limits}) while standing; move the axes out of "
         "their walls"
+    )
+
+
+def unbalanced_sentence(axis: AxisName, p: AxisParams, shown: float) -> str:
+    """Say what is wrong with the effort sensor of an axis at rest, which shows `shown` [N m or N].
+
+    What it shows of nothing may be wrong by up to what friction balances without being noticed.
+    """
+    unit = _effort(axis.unit)
+    raw = p.sensor_zero + shown / p.sensor_gain
+    return (
+        f"{axis.name}: its effort sensor shows {shown:+.3g} {unit} while no motor acts, and "
+        f"at rest friction balances at most {p.rest_effort:.3g} {unit}; let go of it, or, if "
+        f"nothing touches it, set effort_sensor.offset to about {raw:.3g}"
     )
 
 

@@ -69,7 +69,9 @@ class AccountParams(NamedTuple):
     level_income, edge_income [J per period]: what noise takes while the law's effort passes, the
     level control's in full, or a bound of the gate; share of the funds that a command may plan to
     give, less than 1 where others are on their way; level_damping, 0 at a follower, and edge
-    [N m s/rad or N s/m]; quantum [N m or N] of the drive.
+    [N m s/rad or N s/m]; quantum [N m or N] of the drive. `friction` [N m or N], whole from `slip`
+    [rad/s or m/s] on, and `drag` [N m s/rad or N s/m] of the level control on a velocity that is
+    smoothed with the gain `smoothing` [1].
     """
 
     reserve: float
@@ -85,6 +87,10 @@ class AccountParams(NamedTuple):
     level_damping: float
     edge: float
     quantum: float
+    friction: float = 0.0
+    slip: float = 1.0
+    drag: float = 0.0
+    smoothing: float = 1.0
 
 
 def planned_share(late: int) -> float:
@@ -132,6 +138,20 @@ def level_missing(far_level: float) -> float:
     if missing > 1.0:
         return 1.0
     return missing
+
+
+def level_friction(p: AccountParams, velocity: float) -> float:
+    """Return what a leader resists with while the far tank is empty [N m or N], noise aside.
+
+    A follower's friction takes power at any speed, a damper at the leader little at a low one. On a
+    smoothed velocity noise makes so little of it that nothing is granted for it.
+    """
+    share = velocity / p.slip
+    if share > 1.0:
+        share = 1.0
+    elif share < -1.0:
+        share = -1.0
+    return p.friction * share + p.drag * velocity
 
 
 def close_account(p: AccountParams, funds: float, income: float) -> tuple[float, float]:

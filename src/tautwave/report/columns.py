@@ -133,6 +133,11 @@ SECTIONS = {
             "J",
             "what the slave's motor took out of its device meanwhile; negative: it gave",
         ),
+        Column(
+            "PAIR.hold_master.absorbed",
+            "J",
+            "of an operated rig: what the master's motor took while not engaged",
+        ),
     ),
     "A pair": (
         Column("PAIR.position_error", "rad, m", "master less slave, in the master's units"),

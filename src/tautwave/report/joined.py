@@ -68,7 +68,9 @@ def common_sessions(master: Run, slave: Run) -> Iterator[Common]:
         known = [sign * one for sign, one in zip((1.0, -1.0), seen, strict=True) if one is not None]
         ahead = sum(known) / len(known) if known else 0.0
         doubt = 1.0 + max((abs(one - ahead) for one in known), default=0.0)
-        if len(known) < 2:  # only the way of one side's packets is known, and not for how long
+        if not known:  # too short to know, and what was under way at a time is not known either
+            doubt = math.inf
+        elif len(known) < 2:  # only the way of one side's packets is known, and not for how long
             doubt = 1.0 + 2.0 * max(_unknown(run) * run.rate_hz for run in (master, slave))
         slots, places, begins, ends = [], [], [], []
         for run, count, less in ((master, at, ahead), (slave, other_at, 0.0)):
@@ -129,7 +131,8 @@ def joined_summary(master: Run, slave: Run) -> dict[str, Any]:
         flow = sum(one["gross_flow"] for one in books)
         away = [_under_way(master, slave, pair, one) for one in sessions]
         known = [one for one in away if one is not None]
-        least = [min(one.least) for one in known], [max(one.least) for one in known]
+        least = zip(*((min(one.least), max(one.least)) for one in known if one.least), strict=True)
+        span = [min(one) for one in least]
         pairs[pair] = {
             "kind": kind_of(master, pair),
             "position_error": None if not error.size else {
@@ -140,7 +143,7 @@ def joined_summary(master: Run, slave: Run) -> dict[str, Any]:
             "dissipated": sum(one["dissipated"] for one in books),
             "residual": sum(one["residual"] for one in books),
             "gross_flow": flow,
-            "under_way_least": [min(one) for one in least] if known else None,
+            "under_way_least": span or None,
             "under_way_at_end": min((one.at_end for one in known), default=None),
         }  # fmt: skip
     return {
@@ -160,7 +163,7 @@ def _position_error(master: Run, slave: Run, pair: str, common: Common) -> Float
     keys = pair_settings(master, pair)
     ratio_of, given = _ratio(master, pair), keys.get("offset")
     offset = common.offset.get(pair, 0.0)
-    if isinstance(given, int | float):
+    if isinstance(given, int | float) and pair not in common.offset:
         offset = -ratio_of * float(given)
     found: Floats = one[common.rows[0]] - (two[common.rows[1]] - offset) / ratio_of
     return found
@@ -199,7 +202,9 @@ def _under_way(master: Run, slave: Run, pair: str, common: Common) -> Away | Non
     halves = [next(iter(run.read(*names).values()), None) for run in (master, slave)]
     if any(half is None or not len(half) for half in halves):
         return None
-    tried = np.linspace(-common.doubt, common.doubt, 1 + 2 * math.ceil(common.doubt / STEP))
+    tried: Any = ()
+    if math.isfinite(common.doubt):
+        tried = np.linspace(-common.doubt, common.doubt, 1 + 2 * math.ceil(common.doubt / STEP))
     found = [_least_away(halves, common, float(later)) for later in tried]
     least = [one for one in found if one is not None]
     ends = [
@@ -207,7 +212,7 @@ def _under_way(master: Run, slave: Run, pair: str, common: Common) -> Away | Non
         for half, rows in zip(halves, common.all_rows, strict=True)
         if half is not None and len(rows)
     ]
-    return Away(least, sum(ends)) if least else None
+    return Away(least, sum(ends)) if ends else None
 
 
 def _least_away(halves: Sequence[Any], common: Common, later: float) -> float | None:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tautwave import registry
+from tautwave.analysis.identification.sensor_balance import DEVIATIONS, most_at_rest
 from tautwave.config import Axis, Rig, greatest_push, local_wall
 from tautwave.contracts import CoupledAxis, CouplingPlugin
 from tautwave.controller.records import NEVER, PIPE, AxisParams, PairParams, RunParams
@@ -226,11 +227,28 @@ def bare_site(rig: Rig, axis_name: str) -> SiteParams:
     )
 
 
+def rest_effort(rig: Rig, axis_name: str, end: Any) -> float:
+    """Return the most that an axis' effort sensor may show before the pairs engage [N m or N].
+
+    Of a coupling that is fed by it (`measures` of its end). Unknown where a load or an arm is
+    carried. Sites engage again in mid-run, with hands on them: there the report says it.
+    """
+    side = axis_name.partition(".")[0]
+    axis = rig.axes[axis_name]
+    sensor = axis.effort_sensor
+    carries = axis.load is not None or getattr(rig, side).arm is not None
+    if sensor is None or carries or rig.sites is not None or not getattr(end, "measures", False):
+        return math.inf
+    doubt = (DEVIATIONS * sensor.noise + 0.5 * sensor.quantum) / sensor.scale
+    return most_at_rest(axis.coulomb.value, axis.effort_limit) + doubt
+
+
 def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> AxisParams:
     """Return all constants of one axis; its commands wait in the table from `pipe` on."""
     side, name = axis_name.split(".")
     scale = pair_scale(rig.coupling.pairs[name])
     keys = rig.axes[axis_name].compensation
+    end = end_constants(rig, axis_name, delay)
     return controlled_axis(
         rig,
         axis_name,
@@ -241,9 +259,9 @@ def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> Axi
         ),
         pipe,
         weight=1.0 if side == "master" else 1.0 / scale.power,
-        end=end_constants(rig, axis_name, delay),
+        end=end,
         blind=rig.loop.missing_limit if side in rig.own_sides else NEVER,
-    )
+    )._replace(rest_effort=rest_effort(rig, axis_name, end))
 
 
 def controlled_axis(

@@ -47,17 +47,16 @@ def operation_of(rig: Rig, plain: CoupledControl, delays: Mapping[str, CommandDe
     if rig.operate is None:
         raise ValueError("the rig has no operate block")
     pulls = {
-        k: _pull(rig, rig.operate, name, plain.params[q.slave], q.tolerance)
+        k: _pull(rig, rig.sites or rig.operate, name, plain.params[q.slave], q.tolerance)
         for k, (name, q) in enumerate(zip(plain.pair_names, plain.pairs, strict=True))
         if not q.at_engage
     }
     quanta = [quantum_of(rig, name.name) for name in plain.names]
-    look = max(1, round(rig.rate_hz / LOOK_HZ))
     scales = {1.0: (plain.params, plain.pairs)}
     for factor in rig.operate.scales:
         other = make_control(scaled(rig, factor), delays, plain.run.cycles)
         scales[factor] = (other.params, other.pairs)
-    return Operation(pulls, quanta, rig.operate.start == "engaged", look, scales)
+    return Operation(pulls, quanta, scales)
 
 
 def site_pulls(rig: Rig, plain: CoupledControl) -> tuple[Mapping[int, PullParams], Sequence[float]]:

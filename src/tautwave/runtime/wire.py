@@ -24,6 +24,10 @@ class Wire:
         self._ends = [q.link.slave for q in pairs], [q.link.master for q in pairs]
         self._sent = [-1, -1]
 
+    def begin(self) -> None:
+        """Let a session begin: its slots are counted from 0 on."""
+        self._sent = [-1, -1]
+
     def carry(self, table: MutableSequence[float]) -> None:
         """Write and read the packets of this slot; what was read is what will arrive.
 

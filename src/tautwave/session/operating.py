@@ -11,11 +11,13 @@ from tautwave.config.keys.key_codes import CODES
 from tautwave.config.keys.rig import CLAIMED_S, UNTIL_STOPPED_S
 from tautwave.errors import ConfigError
 from tautwave.rig import Assembly, BusWay
-from tautwave.rig.operation import operation_of, scaled
+from tautwave.rig.operation import LOOK_HZ, operation_of, scaled
 from tautwave.rig.ways import Way
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.loop import TIMING_COLUMNS
 from tautwave.runtime.operate.commands import DeadMan, Source, Watcher
+from tautwave.runtime.operate.inbox import Inbox, People
+from tautwave.runtime.operate.journal import Journalled
 from tautwave.runtime.operate.key_device import KeyDevice
 from tautwave.runtime.operate.lead import Lead, Leading, Leads
 from tautwave.runtime.operate.mailbox import Kept
@@ -39,10 +41,10 @@ def refuse_endless(rig: Rig, ways: Sequence[BusWay]) -> None:
         raise ConfigError("duration_s is missing: simulated devices need an end; give --duration")
 
 
-def with_operation(
+def people_of(
     rig: Rig, assembly: Assembly, scripts: Sequence[Source], live: Sequence[Source]
-) -> Assembly:
-    """Return the assembly behind a table of states, if the rig is operated.
+) -> People | None:
+    """Return what people give an operated rig; None for a rig that is not operated.
 
     Raises
     ------
@@ -57,10 +59,7 @@ def with_operation(
         if inputs or scripts:
             what = "enable_input" if inputs else "--commands"
             raise ConfigError(f"{what}: the rig has no `operate` block; write `operate: {{}}`")
-        return assembly
-    plain = assembly.control
-    assert isinstance(plain, CoupledControl)
-    watchers = [one for one in scripts if isinstance(one, Watcher)]
+        return None
     keys = [
         KeyDevice(
             one.device,
@@ -71,19 +70,48 @@ def with_operation(
     ]
     port = rig.operate.trigger
     lines = [] if port is None else [TriggerLine(port.port, port.command or "")]
-    delays = {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
-    operation = operation_of(rig, plain, delays)
+    look = max(1, round(rig.rate_hz / LOOK_HZ))
     sent: list[DeadMan] = [one for one in live if isinstance(one, Kept)]
     leads = _leads(assembly)
     if leads is not None:
         scripts, live = ([Leading(one, leads) for one in some] for some in (scripts, live))
         sent.append(leads)
-        operation = operation._replace(look=max(1, operation.look // OFTENER))
-    control = OperatedControl(
-        plain, operation, scripts, [*live, *keys, *lines], [*keys, *sent, *inputs], lines
-    )
-    for source in watchers:
-        source.sees(control)
+        look = max(1, look // OFTENER)
+    dead_men = [*keys, *sent, *inputs]
+    inbox = Inbox(rig.period_ns, look, scripts, [*live, *keys, *lines], dead_men)
+    return People(inbox, lines, rig.operate.start == "engaged")
+
+
+def with_operation(
+    rig: Rig,
+    assembly: Assembly,
+    scripts: Sequence[Source],
+    live: Sequence[Source],
+    link: Any = None,
+) -> Assembly:
+    """Return the assembly behind a table of states if the rig is operated.
+
+    `link`: a `Joined` of one of two sites; its controller becomes that, operated or not. Errors are
+    those of `people_of`.
+    """
+    people = people_of(rig, assembly, scripts, live)
+    if link is not None:
+        from tautwave.session.sites.joining import with_site
+
+        assembly = with_site(rig, assembly, link, people)
+    elif people is not None:
+        assembly = _with_table(rig, assembly, people)
+    for source in scripts:
+        if isinstance(source, Watcher):
+            source.sees(assembly.control)
+    return assembly
+
+
+def _with_table(rig: Rig, assembly: Assembly, people: People) -> Assembly:
+    plain = assembly.control
+    assert isinstance(plain, CoupledControl)
+    delays = {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
+    control = OperatedControl(plain, operation_of(rig, plain, delays), people)
     sources = [control, *assembly.sources[1:]]
     columns = [*TIMING_COLUMNS, *(name for source in sources for name in source.columns)]
     return assembly._replace(control=control, sources=sources, columns=columns)
@@ -103,7 +131,7 @@ def _leads(assembly: Assembly) -> Leads | None:
 def operation_block(assembly: Assembly, duration_s: float) -> dict[str, Any]:
     """Let go of key devices; return the summary's `operation` of an operated rig, else {}."""
     control = assembly.control
-    if not isinstance(control, OperatedControl):
+    if not isinstance(control, Journalled):
         return {}
     for one in (*control.inbox.dead_men, *control.lamps):
         if isinstance(one, KeyDevice | TriggerLine):

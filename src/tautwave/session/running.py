@@ -178,11 +178,7 @@ def run(
         )
         posted = () if mailbox is None else (mailbox.source,)
         sources = [*live, *posted]
-        assembly = with_operation(rig, with_engine(rig, assembly), scripts, sources)
-        if link is not None:
-            from tautwave.session.sites.joining import with_site
-
-            assembly = with_site(rig, assembly, link)
+        assembly = with_operation(rig, with_engine(rig, assembly), scripts, sources, link)
         if engine is not None:
             assembly = use_engine(assembly, engine.name)
         with (

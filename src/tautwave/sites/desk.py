@@ -3,8 +3,8 @@
 `python -m tautwave.sites.desk FD < ORDER.json`: FD is one end of a pair of local sockets, on which
 every packet is one message of JSON. To the loop: `joined` (a session), `lost` (why), `peer` (a
 message of the other loop), `note` (a sentence for people), `refused` (there is no use in waiting).
-From it: `send` (a message for the other loop), `renew` (why this session ends), `bye`. The loop
-never waits for any of it, and what comes over its own UDP socket does not pass here.
+From it: `send` (a message for the other loop), `renew` (why the session `of` an id ends), `bye`.
+The loop never waits for any of it, and what comes over its own UDP socket does not pass here.
 """
 
 from __future__ import annotations
@@ -68,6 +68,7 @@ class Desk:
         self._done: queue.SimpleQueue[tuple[Channel, Session] | LinkError] = queue.SimpleQueue()
         self._wake, self._woken = socket.socketpair()
         self._channel: Channel | None = None
+        self._session = ""
         self._heard = self._looked = 0.0
         self._busy = 0
         self._dial_at = 0.0
@@ -177,6 +178,7 @@ class Desk:
             if self._channel is not None:
                 self._drop(f"{self._order.peer} joined anew")
             self._channel, session = found
+            self._session = session.id.hex()
             self._heard = time.monotonic()
             self._noted = ""
             self._tell("joined", {
@@ -227,9 +229,10 @@ class Desk:
         message = json.loads(order)
         if "send" in message:
             self._say({"peer": message["send"]})
-        if "renew" in message and self._channel is not None:
+        renews = "renew" in message and message.get("of", self._session) == self._session
+        if renews:
             self._say({"peer": {"left": message["renew"]}})
-        if "renew" in message and self._channel is not None:
+        if renews and self._channel is not None:
             self._channel.close()
             self._channel = None
             self._tell("lost", message["renew"])

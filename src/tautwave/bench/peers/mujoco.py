@@ -62,12 +62,12 @@ def make_model(
         'iterations="50" tolerance="1e-12"><flag eulerdamp="disable"/></option>'
         f"<worldbody>{''.join(bodies)}</worldbody>{more}</mujoco>"
     )
-    mujoco.set_mju_user_warning(_ignore)  # else it writes a log file where it stands
+    mujoco.set_mju_user_warning(ignore)  # else it writes a log file where it stands
     model = mujoco.MjModel.from_xml_string(text)
     return mujoco, model, mujoco.MjData(model)
 
 
-def _ignore(_: str) -> None:
+def ignore(_: str) -> None:
     """Suppress the message: errors are read from the data."""
 
 

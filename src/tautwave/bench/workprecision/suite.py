@@ -11,12 +11,14 @@ import csv
 import json
 import math
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tautwave.bench.compiled import NO_NUMBA, has_numba
 from tautwave.bench.peers import mujoco as peers_mujoco
 from tautwave.bench.peers import scipy_control as peers
+from tautwave.bench.peers.mujoco_flex import flex_points
 from tautwave.bench.result import Goal, Suite, Table, Value, machine
 from tautwave.bench.workprecision import plain as workprecision_plain
 from tautwave.bench.workprecision.contact import HERTZ, WALL, contact_scene
@@ -168,7 +170,7 @@ def _scenes(full: bool, max_error: float, tell: Tell) -> Iterable[Scene]:
         tell(f"{shipped.name} (numba compiles for half a minute where it has not yet)")
         yield _with_peers(network_scene(shipped, full, max_error, rounds, coarse))
     tell("tissue")
-    yield tissue_scene(_TISSUE[full], max_error)
+    yield _with_peers(tissue_scene(_TISSUE[full], max_error, partial(flex_points, rounds=rounds)))
 
 
 def _with_peers(scene: Scene, *more: Iterable[Point]) -> Scene:

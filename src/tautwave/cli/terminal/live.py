@@ -32,19 +32,22 @@ def watch_health(rows: Sequence[Sequence[float]], live: Live, before: Health) ->
 def live_lines(row: Sequence[float], live: Live, health: Health, missed: int) -> list[str]:
     """Return what is shown of a row: a headline, a line a pair, the loop.
 
-    Positions in the pair's own units, effort as commanded to the master [N m or N].
+    Positions in the pair's own units, effort as commanded to the master [N m or N], at a slave's
+    site to the slave.
     """
     values = dict(zip(live.columns, row, strict=True))
     units: Mapping[str, Any] = live.facts.get("units", {})
     state = values.get("operation.state")
     word = "engaged" if state is None else STATES[int(state)]
+    word = "no other site" if values.get("link.holding") else word
     lines = [HEAD]
     for name, unit in units.items():
         ends = [f"{side}.{name}" for side in ("master", "slave")]
         lost = [end for end in ends if not values.get(f"{end}.valid", 1.0)]
         places = [_number(values.get(f"{end}.position")) for end in ends]
         error = _number(values.get(f"{name}.position_error"))
-        effort = _number(values.get(f"{ends[0]}.commanded"))
+        own = ends[0] if f"{ends[0]}.commanded" in values else ends[1]  # of one of two sites
+        effort = _number(values.get(f"{own}.commanded"))
         force = "N m" if unit == "rad" else "N"
         shown = word if not lost else f"no sample of {lost[0].partition('.')[0]}"
         lines.append(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tautwave.config.keys.operate import Aligning
 from tautwave.config.pieces import Parts
 from tautwave.config.text.document import Document
 
@@ -12,10 +13,13 @@ def check_operate(document: Document, parts: Parts) -> None:
         return
     if document.get(("scene",)) is not None:
         document.report(("operate",), "engages pairs, and a scene has none; remove it")
-    if document.get(("link",)) is not None:
-        document.report(("operate",), "does not work over a network yet; remove it or the link")
     if document.get(("sites",)) is not None:
-        document.report(("operate",), "works on one machine, not on two sites; remove it")
+        if document.get(("operate", "scales")):
+            text = "two sites cannot change both ends in one slot; remove it"
+            document.report(("operate", "scales"), text)
+        for key, field in Aligning.model_fields.items():
+            if document.get(("operate", key)) not in (None, field.default):  # as in a kept rig
+                document.report(("operate", key), f"with two sites it is sites.{key}; remove it")
     if document.get(("loop", "engine")) == "compiled":
         document.report(("loop", "engine"), "an operated rig runs in plain Python: remove it")
     for name, bus in parts.buses.items():

@@ -52,8 +52,6 @@ def check_sites(document: Document, parts: Parts, law: CouplingPlugin | None) ->
                 )
     if document.get(("loop", "engine")) == "compiled" and document.get(("sites", "here")) in SIDES:
         document.report(("loop", "engine"), "one of two sites runs in Python only; remove it")
-    if document.get(("operate",)) is not None and document.get(("sites", "here")) in SIDES:
-        document.report(("operate",), "one of two sites engages with the other; remove it")
     if document.get(("require",)) == "coupled_stable":
         document.report(
             ("require",), "a site knows neither the other's device nor the network; use passive"

@@ -157,6 +157,13 @@ class Account(Block):
         description="[N m s/rad | N s/m] Of the leader, while the other's tank is empty; default: "
         "inertia.lower / (50 T).",
     )
+    level_friction: NonNegative | None = Field(
+        default=None,
+        description="[N m | N] Of the leader, while the other's tank is empty: friction at any "
+        "speed, and a drag of 2 inertia.lower / 10 ms beside it, for laws that leave the leader "
+        "alone, such as position_force; there by default 2 coulomb.value, at least 0.01 "
+        "effort_limit, else 0: neither.",
+    )
 
 
 class Coupling(Block):

@@ -49,12 +49,13 @@ def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
         """Return the constants of one end: the law's, and `account`."""
         given = make(pair, side, axis)
         assert axis.inertia is not None
-        gain = sample_gain(bare, given, NO_LINK, axis.period, axis.gain, axis.inertia)
-        mine = keys
+        known = bare, given, NO_LINK, axis.period, axis.gain, axis.inertia
+        gain = sample_gain(*known)
+        mine, alone = keys, bare.holding is None and sample_gain(*known, still=True) == 0.0
         if bare.holding is not None:
             gain = max(gain, bare.holding.gain(given, axis.gain, axis.period))
             mine = quick_level(keys, axis)
-        return params_with(given, "account", account_params(mine, side, axis, gain))
+        return params_with(given, "account", account_params(mine, side, axis, gain, alone=alone))
 
     return plugin._replace(
         law=whole,

@@ -17,6 +17,16 @@ QUICK = 7.0
 moves the follower then comes of level damping."""
 
 
+SMOOTHED_S = 0.01
+"""What a leader's friction follows is slower than this: beyond what a hand moves by will."""
+
+FRICTIONS = 2.0
+"""Times its own Coulomb friction, what a leader resists with for a law that leaves it alone."""
+
+LEAST_SHARE = 0.01
+"""Of its effort limit, what it resists with at least; its friction may not be identified."""
+
+
 def late_periods(axis: CoupledAxis) -> int:
     """Return the whole periods until a command acts, a fraction rounded up."""
     return axis.delay + (1 if axis.late > 0.0 else 0)
@@ -43,6 +53,30 @@ def quick_level(keys: Account, axis: CoupledAxis) -> Account:
     return keys.model_copy(update={"level_damping": axis.inertia / (QUICK * axis.period)})
 
 
+def level_resistance(keys: Account, axis: CoupledAxis, *, alone: bool) -> dict[str, float]:
+    """Return friction and drag of a leader on its smoothed velocity, as in `AccountParams`.
+
+    By default there are none, but for a law that leaves the leader `alone`: what feeds the follower
+    has to come from the hand somehow. Both together damp the device to a fifth of critical at
+    least, late as they are.
+    """
+    assert axis.inertia is not None
+    friction = keys.level_friction
+    if friction is None:
+        least = LEAST_SHARE * axis.effort_limit
+        friction = max(FRICTIONS * axis.coulomb, least) if alone else 0.0
+    if friction == 0.0:
+        return {}
+    return {
+        "friction": friction,
+        "slip": max(
+            friction * SMOOTHED_S / (4.0 * axis.inertia), 2.0 * axis.position_noise / SMOOTHED_S
+        ),
+        "drag": 2.0 * axis.inertia / SMOOTHED_S,
+        "smoothing": axis.period / (axis.period + SMOOTHED_S),
+    }
+
+
 def noise_taken(axis: CoupledAxis) -> float:
     """Return what noise takes in a period per gain of an effort [rad**2 or m**2].
 
@@ -56,8 +90,13 @@ def noise_taken(axis: CoupledAxis) -> float:
     return axis.position_noise**2 * (1.0 - follows)
 
 
-def account_params(keys: Account, side: str, axis: CoupledAxis, gain: float) -> AccountParams:
+def account_params(
+    keys: Account, side: str, axis: CoupledAxis, gain: float, *, alone: bool = False
+) -> AccountParams:
     """Return the constants of one end, in its device's own units.
+
+    `gain`: by how much the law's effort changes with its newest sample [N m/rad or N/m]; `alone`:
+    it has no effort at all for where its own device is.
 
     Raises
     ------
@@ -75,9 +114,10 @@ def account_params(keys: Account, side: str, axis: CoupledAxis, gain: float) -> 
     full = max(FULL * reserve, TANK_SHARE * kinetic if keys.tank is None else keys.tank)
     leads = side == keys.leader
     slow = axis.inertia / (SLOW * axis.period)
-    level = 0.0
+    level, resistance = 0.0, {}
     if leads:
         level = slow if keys.level_damping is None else keys.level_damping
+        resistance = level_resistance(keys, axis, alone=alone)
     late = late_periods(axis)
     edge = min(max(abs(gain) * axis.period, slow, level), axis.inertia / axis.period)
     taken = noise_taken(axis)
@@ -95,6 +135,7 @@ def account_params(keys: Account, side: str, axis: CoupledAxis, gain: float) -> 
         level_damping=level,
         edge=edge,
         quantum=1.001 * axis.effort_quantum + 1e-12,
+        **resistance,
     )
 
 

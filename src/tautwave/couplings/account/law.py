@@ -107,7 +107,9 @@ def _steps(
     return steps, bound(names, law)
 
 
-def sample_gain(law: Law, end: Any, link: Any, period: float, gain: float, mass: float) -> float:
+def sample_gain(
+    law: Law, end: Any, link: Any, period: float, gain: float, mass: float, *, still: bool = False
+) -> float:
     """Return by how much a law's effort changes with its newest sample [N m/rad or N/m].
 
     Parameters
@@ -118,6 +120,8 @@ def sample_gain(law: Law, end: Any, link: Any, period: float, gain: float, mass:
         Constants of its ends, and between them.
     period, gain, mass : float
         Period [s], gain of the velocity tracker, lower bound of the inertia [kg m**2 or kg].
+    still : bool
+        Take the sample for a place, and no motion: what is found is stiffness alone.
     """
     off = 1e-6
     site = SiteParams(period, 0.5 * period / mass, NO_WALL, FREE, gain, 0.0, has_wall=False)
@@ -131,7 +135,7 @@ def sample_gain(law: Law, end: Any, link: Any, period: float, gain: float, mass:
         law.steps.start(c, q, one, two, p, p, 0.0, [])
         law.steps.engage(c, q, one, two, p, p, [])
         one.position = sample
-        one.velocity = track_velocity(gain, 0.0, sample, period)
+        one.velocity = 0.0 if still else track_velocity(gain, 0.0, sample, period)
         one.count = two.count = 1
         law.steps.close(one, p, sample, 1.0, period, 0.0)
         law.steps.close(two, p, 0.0, 1.0, period, 0.0)

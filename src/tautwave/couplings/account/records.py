@@ -13,7 +13,7 @@ class AccountEnd:
     reported, a share of full; `sent` all credit ever sent, `counter` the far one's as last received
     [J, pair's]; `taken` what came of it; `work` what the law took from the device; `spilled` from a
     full tank, `granted` for noise. `passed` is the last effort let through [N m or N], `due` what
-    noise takes from it [J].
+    noise takes from it [J]; `smooth` the device's velocity, smoothed [rad/s or m/s].
     """
 
     funds: float = 0.0
@@ -27,6 +27,7 @@ class AccountEnd:
     granted: float = 0.0
     due: float = 0.0
     passed: float = 0.0
+    smooth: float = 0.0
 
 
 @dataclass(slots=True)

@@ -23,6 +23,7 @@ from tautwave.laws.account import (
     credit_due,
     credit_received,
     gate_bounds,
+    level_friction,
     level_missing,
 )
 
@@ -74,6 +75,7 @@ def start_account(s: AxisState, p: AxisParams) -> None:
     e.work = 0.0
     e.due = 0.0
     e.passed = 0.0
+    e.smooth = 0.0
     e.spilled = 0.0
     e.granted = 0.0
 
@@ -288,7 +290,8 @@ def think(s: AxisState, p: AxisParams, coast: float) -> float:
     k = p.end.account
     wanted = law_think(s, p, coast)
     missing = level_missing(e.far_level)
-    wanted += missing * k.level_damping * coast
+    e.smooth += k.smoothing * (coast - e.smooth)
+    wanted += missing * (k.level_damping * coast + level_friction(k, e.smooth))
     due = k.income * law_share(s, p) + missing * k.level_income
     low, high = gate_bounds(k, k.share * e.funds, coast, p.site.half_mobility, p.site.period)
     if wanted < low:

@@ -6,14 +6,15 @@ import math
 
 from tautwave.config import Rig
 from tautwave.config.keys.common import AUTO
-from tautwave.couplings.states.keys import ServoPair
+from tautwave.couplings.states.keys import PositionForcePair, ServoPair
 from tautwave.types import Choice
 
 FASTEST = 100.0
 """[rad/s] 16 Hz: beyond what a hand moves by will."""
 
 PER_RATE = 2.0 * math.pi / 100.0
-PER_DELAY = 0.1
+PER_DELAY = 1.0
+BY_DELAY = "1 over the delay there and back"
 DAMPED = 0.7
 MORE = 1.1
 
@@ -40,8 +41,10 @@ def _gains(rig: Rig, name: str, pair: ServoPair) -> dict[str, Choice]:
     bounds = {
         "16 Hz": FASTEST,
         "a hundredth of the rate": PER_RATE * rig.rate_hz,
-        "0.1 over the delay there and back": PER_DELAY / both,
+        BY_DELAY: PER_DELAY / both,
     }
+    if isinstance(pair, PositionForcePair):
+        del bounds[BY_DELAY]  # its spring closes no loop over the line
     which = min(bounds, key=lambda it: bounds[it])
     stiffness = pair.stiffness
     if stiffness == AUTO:

@@ -17,8 +17,9 @@ class ServoPair(Pair):
     stiffness: Gain = Field(
         default=AUTO,
         description="[N m/rad | N/m] Of the spring, in master units. auto: the lighter device on "
-        "it swings at 16 Hz, at a hundredth of the rate, or 0.1 over the delay there and back, "
-        "whichever is slowest.",
+        "it swings at 16 Hz, at a hundredth of the rate, or (in rad/s; not position_force, whose "
+        "spring closes no loop over the line) 1 over the delay there and back, whichever is "
+        "slowest.",
     )
     damping: Gain = Field(
         default=AUTO,

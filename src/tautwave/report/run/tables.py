@@ -31,7 +31,8 @@ ELEMENT = {
     "wall": "local virtual wall",
     "damper": "matched termination",
     "operate": "both motors while not engaged",
-    "align_slave": "the slave's motor while it is brought into place",
+    "align_slave": "the slave's motor while it is brought into place or held",
+    "hold_master": "the master's motor while it is held",
     "coupler": "spring and damper between the devices",
 }
 _PLANT = {

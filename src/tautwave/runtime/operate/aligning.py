@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from tautwave.controller.records import AxisState, PairParams
+from tautwave.controller.axis import is_balanced, is_calm
+from tautwave.controller.records import AxisParams, AxisState, PairParams
+from tautwave.controller.stops import AxisName, unbalanced_sentence
 from tautwave.laws.alignment import align_budget
 from tautwave.runtime.operate.resting import Pull, PullParams, is_still
 
@@ -98,9 +100,21 @@ class Alignment:
             return True
         return all(self._there(k) for k in self.pulls) and self._is_still(slot)
 
-    def hindrance(self, names: Sequence[str]) -> str:
+    def is_calm(self, params: Sequence[AxisParams], share: float) -> bool:
+        """Return whether no wall pushes, and no effort sensor is off where all has to stand."""
+        return all(
+            is_calm(s, p, share) and (self._moving or is_balanced(s, p))
+            for s, p in zip(self._axes, params, strict=True)
+        )
+
+    def hindrance(
+        self, names: Sequence[str], axes: Sequence[AxisName], params: Sequence[AxisParams]
+    ) -> str:
         """Say why the pairs `names` cannot engage."""
         far = [k for k in self.pulls if not self._there(k)]
+        for axis, s, p in zip(axes, self._axes, params, strict=True):
+            if self.let_go and not is_balanced(s, p):
+                return unbalanced_sentence(axis, p, s.outside)
         if not far:
             return "an axis moves, or is in its wall; keep the devices still to engage"
         spent = any(self.pulls[k].spent(self._slave(k)) for k in far)

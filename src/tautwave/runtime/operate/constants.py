@@ -13,14 +13,12 @@ class Operation(NamedTuple):
     """What a rig's `operate` block comes to.
 
     `pulls` by pair, of those with an offset of their own; `quanta` [rad or m] are the encoder steps
-    of the axes; `look` slots lie between two looks at a terminal or pipe. `scales` are the
-    constants of axes and pairs at each factor on the pairs' scale; their places are the same.
+    of the axes. `scales` are the constants of axes and pairs at each factor on the pairs' scale;
+    their places are the same.
     """
 
     pulls: Mapping[int, PullParams]
     quanta: Sequence[float]
-    engage_at_start: bool
-    look: int
     scales: Mapping[float, tuple[Sequence[AxisParams], Sequence[PairParams]]] = {}
 
     def called(self, text: str) -> float | None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
-from tautwave.runtime.operate.commands import DeadMan, Order, Source
+from tautwave.runtime.operate.commands import DeadMan, Lamp, Order, Source
 
 
 class Inbox:
@@ -46,3 +47,14 @@ class Inbox:
     def loose(self) -> list[str]:
         """Return the names of dead-men that nobody holds."""
         return [one.name for one in self.dead_men if not one.held()]
+
+
+class People(NamedTuple):
+    """What people give a rig and get from it: commands and dead-men, lamps.
+
+    `engage_at_start`: the rig gives itself that command.
+    """
+
+    inbox: Inbox
+    lamps: Sequence[Lamp]
+    engage_at_start: bool

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 NEWEST = 6
 """Entries that viewers get; more come only faster than anyone reads."""
@@ -92,3 +92,12 @@ class Journal:
                 for one in self.episodes
             ],
         }
+
+
+@runtime_checkable
+class Journalled(Protocol):
+    """A controller that people operate: it keeps a journal of what they gave it."""
+
+    journal: Journal
+    inbox: Any
+    lamps: Sequence[Any]

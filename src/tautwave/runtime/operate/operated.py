@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from tautwave.contracts import Row
-from tautwave.controller.axis import is_calm
 from tautwave.controller.records import (
     BROKEN,
     FINISHED,
@@ -21,18 +18,10 @@ from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.aligning import Alignment
 from tautwave.runtime.operate.books import Books
-from tautwave.runtime.operate.commands import (
-    EPISODE,
-    TOGGLE,
-    WORDS,
-    DeadMan,
-    Lamp,
-    Order,
-    Source,
-)
+from tautwave.runtime.operate.commands import EPISODE, TOGGLE, WORDS, Order
 from tautwave.runtime.operate.constants import Operation
 from tautwave.runtime.operate.engagement import begin_session, drop_commands, end_session
-from tautwave.runtime.operate.inbox import Inbox
+from tautwave.runtime.operate.inbox import People
 from tautwave.runtime.operate.journal import Entry, Journal
 from tautwave.runtime.operate.rescaling import held_by, take_scale
 from tautwave.runtime.operate.resting import (
@@ -63,32 +52,26 @@ class OperatedControl(CoupledControl):
         The controller that runs while engaged; this one takes its parts over.
     operation : Operation
         Constants.
-    scripts, live : sequence of Source
-        Where commands come from: looked at in every slot, and now and then.
-    dead_men : sequence of DeadMan
-        All have to be held while aligning and engaged.
-    lamps : sequence of Lamp
-        On while an episode runs.
+    people : People
+        Commands, dead-men that have to be held while aligning and engaged, and lamps that are on
+        while an episode runs.
     """
 
     def __init__(
         self,
         plain: CoupledControl,
         operation: Operation,
-        scripts: Sequence[Source] = (),
-        live: Sequence[Source] = (),
-        dead_men: Sequence[DeadMan] = (),
-        lamps: Sequence[Lamp] = (),
+        people: People,
     ) -> None:
         super().__init__(
             plain.run, plain.names, plain.params, plain.pair_names, plain.pairs, plain.table,
-            plain.law,
+            plain.law, plain.wire,
         )  # fmt: skip
         self.operation = operation
         self.standing = st.Standing()
         self.journal = Journal()
-        self.lamps = lamps
-        self.inbox = Inbox(self.run.period_ns, operation.look, scripts, live, dead_men)
+        self.lamps, self.inbox = people.lamps, people.inbox
+        self._engages = people.engage_at_start
         self._free = [p._replace(site=p.site._replace(has_wall=False)) for p in plain.params]
         self.capital = [
             hold_capital(p, quantum)
@@ -136,6 +119,8 @@ class OperatedControl(CoupledControl):
                 self.run, self.state, self.quick, self.axes, self.samples, self.quick_pairs,
                 self.states, self.table, slot, skipped, self.steps,
             )  # fmt: skip
+            if self.wire is not None:
+                self.wire.carry(self.table)
             if self.state.kind == GUARD and self.standing.state != st.STOPPING:
                 self._forgive(device=False)
             return going
@@ -150,7 +135,8 @@ class OperatedControl(CoupledControl):
         return True
 
     def _take_orders(self, slot: int) -> None:
-        if slot == 0 and self.operation.engage_at_start:
+        if self._engages:
+            self._engages = False
             self._obey(Order(st.ENGAGE, "", "rig"))
         for order in self.inbox.take(slot):
             self._obey(order)
@@ -272,7 +258,8 @@ class OperatedControl(CoupledControl):
         alignment = self.alignment
         alignment.start(slot)
         if alignment.is_late(slot):
-            self._event(st.BLOCKED, alignment.hindrance(self.pair_names))
+            why = alignment.hindrance(self.pair_names, self.names, self.params)
+            self._event(st.BLOCKED, why)
         elif alignment.let_go:
             if self._all_at_rest(slot):
                 self._engage(slot)
@@ -284,13 +271,15 @@ class OperatedControl(CoupledControl):
         if any(s.total != 0.0 for s in self.axes):
             self.alignment.let_go = slot
         share = self.run.arm_share
-        calm = all(is_calm(s, p, share) for s, p in zip(self.axes, self.params, strict=True))
+        calm = self.alignment.is_calm(self.params, share)
         return calm and slot - self.alignment.let_go >= self._latency
 
     def _engage(self, slot: int) -> None:
         """Begin a new session of the coupling where the axes stand; nothing stored crosses."""
         self._bank()
         begin_session(self, slot, keep_offset=self.alignment.keep_offset)
+        if self.wire is not None:
+            self.wire.begin()
         self._coupled = True
         self.journal.engagements += 1
         self._event(st.ALIGNED)

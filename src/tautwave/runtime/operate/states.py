@@ -29,8 +29,13 @@ BLOCKED = "blocked"
 FAULT = "fault"
 RELEASED = "released"
 PARTED = "parted"
-EVENTS = (ALIGNED, BLOCKED, FAULT, RELEASED, PARTED)
-"""What the controller finds; parted: the pairs cannot take another scale while they hold."""
+LOST = "lost"
+EVENTS = (ALIGNED, BLOCKED, FAULT, RELEASED, PARTED, LOST)
+"""What the controller finds.
+
+parted: the pairs cannot take another scale while they hold; lost: a session with the other site is
+over.
+"""
 
 TRANSITIONS: dict[tuple[str, str], str] = {
     (IDLE, ENGAGE): ALIGNING,
@@ -40,9 +45,11 @@ TRANSITIONS: dict[tuple[str, str], str] = {
     (ALIGNING, HOLD): HOLDING,
     (ALIGNING, REST): IDLE,
     (ALIGNING, RELEASED): HOLDING,
+    (ALIGNING, LOST): HOLDING,
     (ENGAGED, CLUTCH): CLUTCHED,
     (ENGAGED, HOLD): HOLDING,
     (ENGAGED, RELEASED): HOLDING,
+    (ENGAGED, LOST): HOLDING,
     (CLUTCHED, ENGAGE): ALIGNING,
     (CLUTCHED, HOLD): HOLDING,
     (CLUTCHED, REST): IDLE,

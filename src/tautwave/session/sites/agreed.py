@@ -14,8 +14,8 @@ LINK_COLUMNS = (
     "link.delay_s",
     "link.aligning",
 )
-ALIGNED = "align_slave"
-"""Element of the books: the slave's motor while no coupling holds it."""
+ALIGNED = {"master": "hold_master", "slave": "align_slave"}
+"""Elements of the books: a side's motor while no coupling holds it."""
 
 
 class SiteLimits(NamedTuple):
@@ -47,6 +47,15 @@ def claim_sessions(summary: dict[str, Any]) -> None:
     count = sum("engaged_s" in session for session in link["sessions"])
     for name, pair in summary["pairs"].items():
         claims = pair.get("claim_j", {})
-        pair["claim_j"] = {side: max(1, count) * claim for side, claim in claims.items()}
-        if "slave" in claims:  # what brought it into place
-            pair["claim_j"]["slave"] += link["granted_j"][name]
+        granted = link["granted_j"][name]  # what brought it into place, and held it
+        pair["claim_j"] = {s: max(1, count) * claim + granted for s, claim in claims.items()}
+
+
+def lost_words(peer: str, since_s: float, why: str) -> str:
+    """Say since when [s] and why the other site is lost."""
+    return f"{peer} is lost since {since_s:.3f} s: {why or 'nothing came from it'}; not back"
+
+
+def unready_words(peer: str, hindrance: str) -> str:
+    """Say what was not ready for a session."""
+    return f"{hindrance}; not ready" if hindrance else f"{peer} was not ready"

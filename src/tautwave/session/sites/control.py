@@ -29,13 +29,13 @@ from tautwave.errors import LinkError, TautwaveError
 from tautwave.link.packet import Line
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.operate.engagement import end_session
-from tautwave.session.sites.agreed import LINK_COLUMNS, SiteLimits
+from tautwave.session.sites.agreed import LINK_COLUMNS, SiteLimits, lost_words, unready_words
 from tautwave.session.sites.desk_line import DeskLine, session_of
 from tautwave.session.sites.endpoint import Endpoint
 from tautwave.session.sites.meeting import Meeting
 from tautwave.session.sites.pace import Pace
 from tautwave.session.sites.rest import Approach
-from tautwave.session.sites.rows import SiteRows
+from tautwave.session.sites.rows import SIDES, SiteRows
 from tautwave.sites.control import Session
 
 GREETING_SLOTS = 20
@@ -64,6 +64,9 @@ class SiteControl(CoupledControl):
         The loop's clock [ns].
     """
 
+    master_rests = False
+    """Whether a master's axes rest between sessions, too."""
+
     def __init__(
         self,
         given: CoupledControl,
@@ -91,11 +94,12 @@ class SiteControl(CoupledControl):
         self._find_ends()
         self._own = [(q.master, q.slave)[side] for q in self.pairs]
         self._far = [(q.slave, q.master)[side] for q in self.pairs]
-        self._rows = SiteRows(self.columns, ("master", "slave")[side])
-        self._meeting = Meeting(self, side, approach, lambda said: line.send(send=said))
+        self._rows = SiteRows(self.columns, SIDES[side])
+        self._meeting = Meeting(self, side, approach, self._speak)
         self._pace = Pace(endpoint, self.run.period_ns, follows=limits.follows)
         self._measured = self._resting = False
-        books = self._meeting.rest.columns if side == 1 else []
+        self._rests = self.master_rests or side == 1
+        books = self._meeting.rest.columns(SIDES[side]) if self._rests else []
         self.columns = [*self._rows.names, *LINK_COLUMNS, *books]
         self._slot = 0
         self._engaged = False
@@ -134,8 +138,7 @@ class SiteControl(CoupledControl):
             self._meeting.rest.send(slot)
         else:
             going = super().step(slot, skipped)
-            if self.state.kind == GUARD and self.state.code in self._site.debts:
-                self._forgive(slot, end)
+        self._settle(slot, end)
         if engaging:
             self._begin(slot)
         if self._engaged and self._link_slot() >= 0:  # the first exchange is one slot later
@@ -159,7 +162,7 @@ class SiteControl(CoupledControl):
         row[at + 4] = self._endpoint.delay
         row[at + 5] = 1.0 if self._resting else 0.0
         at += len(LINK_COLUMNS)
-        if self._side == 1:
+        if self._rests:
             self._meeting.rest.fill(row, at)
 
     def error(self) -> TautwaveError | None:
@@ -173,8 +176,7 @@ class SiteControl(CoupledControl):
 
     def _say(self) -> tuple[int, tuple[Line, ...]]:
         """Return the last slot and its lines."""
-        table = self.table
-        found = [self._site.said(far, table) for _, _, far in self._ends]
+        found = [self._site.said(far, self.table) for _, _, far in self._ends]
         return found[0][0], tuple(line for _, line in found)
 
     # -- sessions ---------------------------------------------------------------------------
@@ -285,21 +287,25 @@ class SiteControl(CoupledControl):
         self._held_from = slot
         for s in self.axes:
             s.stopping = True
-        silence = {"at_s": self._seconds(), "why": why}
-        self.sessions[-1].setdefault("silences", []).append(silence)
+        silences = self.sessions[-1].setdefault("silences", [])
+        silences.append({"at_s": self._seconds(), "why": why})
 
     def _renew(self, why: str) -> None:
         """Have another session begun, into which nothing crosses; hold until then."""
         if not self._left:
             self._left = why
-            self._line.send(renew=why)
+            self._line.send(renew=why, of=self.sessions[-1]["id"])
 
-    def _forgive(self, slot: int, end: int) -> None:
+    def _speak(self, said: Mapping[str, Any]) -> None:
+        self._line.send(send=said)
+
+    def _settle(self, slot: int, end: int) -> None:
         """Let a port that cannot repay what a silence has left end the session, not the run.
 
         What it claims counts sessions. `end` is that of the run without this guard.
         """
-        if self._engaged and "silences" not in self.sessions[-1]:
+        owes = self.state.kind == GUARD and self.state.code in self._site.debts
+        if not owes or (self._engaged and "silences" not in self.sessions[-1]):
             return
         why = str(self.error())
         forget_stop(self.state, end)
@@ -311,9 +317,8 @@ class SiteControl(CoupledControl):
             self._renew(why)
 
     def _go_on(self, slot: int) -> None:
-        self.sessions[-1]["silences"][-1]["for_s"] = (
-            (slot - self._held_from) * self.run.period_ns * 1e-9
-        )
+        held_s = (slot - self._held_from) * self.run.period_ns * 1e-9
+        self.sessions[-1]["silences"][-1]["for_s"] = held_s
         self._held_from = -1
         for s in self.axes:
             s.stopping = False
@@ -326,13 +331,10 @@ class SiteControl(CoupledControl):
         limit_ns = self._limits.ready_ns if there else self._limits.lost_ns
         if (slot - since) * self.run.period_ns <= limit_ns:
             return
-        begun = f"{since * self.run.period_ns * 1e-9:.3f} s"
-        limit = f"within {limit_ns * 1e-9:g} s"
-        why = f"{self.peer} is lost since {begun}: {self._left or 'nothing came from it'}; not back"
+        why = lost_words(self.peer, since * self.run.period_ns * 1e-9, self._left)
         if there:
-            why = self._meeting.hindrance
-            why = f"{why}; not ready" if why else f"{self.peer} was not ready"
-        self._gone = f"{why} {limit}, stopped at {self._seconds():.3f} s"
+            why = unready_words(self.peer, self._meeting.hindrance)
+        self._gone = f"{why} within {limit_ns * 1e-9:g} s, stopped at {self._seconds():.3f} s"
         begin_stop(self.run, self.state, self.axes, slot, LINK, 0, 0)
 
     # -- the other site's words ---------------------------------------------------------------
@@ -344,7 +346,7 @@ class SiteControl(CoupledControl):
             self._left = self._left or str(message.get("lost", message.get("refused")))
         elif "note" in message:
             self.sessions[-1].setdefault("notes", []).append(message["note"])
-        elif "peer" in message:
+        elif isinstance(message.get("peer"), Mapping):
             self._listen(message["peer"])
 
     def _rejoin(self, session: Session) -> None:
@@ -377,9 +379,7 @@ class SiteControl(CoupledControl):
     # -- counts ---------------------------------------------------------------------------------
 
     def _link_slot(self) -> int:
-        if not self._engaged:
-            return -1
-        return int(self._ends[0][0].slot) - 1
+        return int(self._ends[0][0].slot) - 1 if self._engaged else -1
 
     def _seconds(self) -> float:
         return round(self._slot * self.run.period_ns * 1e-9, 9)

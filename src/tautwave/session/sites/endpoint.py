@@ -17,6 +17,8 @@ SETTLE_S = 10.0
 """Time in which the follower's slots make up for being late [s]."""
 TURN_S = 1.0
 """Time between two looks at the clocks [s]."""
+FIRST_S = 0.25
+"""And from the beginning of a session to the first one [s]."""
 HELLO = b"hello"
 """Shorter than any packet: it says where the dialling site is, and nothing else."""
 
@@ -77,6 +79,7 @@ class Endpoint:
         self._best = ()
         self._line = (0.0, 0.0)
         self.heard_ns = self._now_ns()
+        self._looked_ns = self.heard_ns - round((TURN_S - FIRST_S) * 1e9)
 
     def receive(self, take: Take | None) -> bool:
         """Hand over the lines of each packet that came; return whether any did."""

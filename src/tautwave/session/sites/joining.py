@@ -18,10 +18,12 @@ from tautwave.errors import LinkError
 from tautwave.rig import Assembly, coupling_part
 from tautwave.rig.operation import quantum_of, site_pulls
 from tautwave.runtime.control import CoupledControl
+from tautwave.runtime.operate.inbox import People
 from tautwave.session.sites.agreed import SiteLimits
 from tautwave.session.sites.control import SiteControl
 from tautwave.session.sites.desk_line import DeskLine
 from tautwave.session.sites.endpoint import Endpoint
+from tautwave.session.sites.operated import OperatedSite
 from tautwave.session.sites.rest import Approach
 from tautwave.sites.control import Session
 from tautwave.sites.datagrams import open_socket
@@ -58,9 +60,10 @@ def shared_keys(rig: Rig) -> dict[str, Any]:
         name: {"kind": axis.kind, "causality": axis.causality, "divisor": rig.axis_divisor(name)}
         for name, axis in rig.axes.items()
     }
+    operated = {} if rig.operate is None else {"operate": True}
     return {
         "tautwave": version("tautwave"), "rig": rig.name, "rate_hz": rig.rate_hz,
-        "coupling": coupling, "axes": axes,
+        "coupling": coupling, "axes": axes, **operated,
     }  # fmt: skip
 
 
@@ -136,8 +139,8 @@ def resolved(host: str, port: int) -> tuple[str, int]:
     return str(found[0]), int(found[1])
 
 
-def with_site(rig: Rig, assembly: Assembly, link: Joined) -> Assembly:
-    """Return the assembly with its controller as one of two sites."""
+def with_site(rig: Rig, assembly: Assembly, link: Joined, people: People | None = None) -> Assembly:
+    """Return the assembly with its controller as one of two sites, operated by `people` if any."""
     control = assembly.control
     assert isinstance(control, CoupledControl)
     assert rig.sites is not None
@@ -160,10 +163,11 @@ def with_site(rig: Rig, assembly: Assembly, link: Joined) -> Assembly:
          if not q.at_engage},
         tolerances,
     )  # fmt: skip
-    site = SiteControl(
+    given = (
         control, law, side, limits, approach, endpoint, link.line, link.session, link.peer,
         assembly.clock.now_ns,
     )  # fmt: skip
+    site = SiteControl(*given) if people is None else OperatedSite(people, *given)
     sources = [site, *assembly.sources[1:]]
     columns = [*assembly.columns[: -sum(len(s.columns) for s in assembly.sources)]]
     columns += [name for source in sources for name in source.columns]

@@ -77,6 +77,7 @@ class Meeting:
         self._own = [(q.master, q.slave)[side] for q in control.pairs]
         self.offsets: dict[str, float] = {}
         """Of pairs whose rig gives none, once known [rad or m, slave]."""
+        self._keeps = False
         self.rest = Rest(control, self._own, approach)
         self.hindrance = ""
         """Why a slave is not in its place, as a sentence."""
@@ -90,6 +91,12 @@ class Meeting:
         self._said_at = -SAY_SLOTS
         self._goal: Mapping[str, float] | None = None
         self.rest.release()
+
+    def meet(self, *, keep: bool) -> None:
+        """Begin to meet as if for the first time: at the rig's offsets, or those there are."""
+        self.join()
+        self.offsets, self.hindrance, self._keeps = {}, "", keep
+        self._control.pairs = [q._replace(at_engage=q.at_engage or keep) for q in self._pairs]
 
     def hear(self, said: Mapping[str, Any]) -> None:
         """Take what the other site says of where it stands, of what hinders it, of its begin."""
@@ -105,6 +112,8 @@ class Meeting:
 
     def known(self) -> list[int]:
         """Return the pairs whose slaves have a place to be in."""
+        if self._keeps:
+            return []
         theirs = {} if self._peer is None else self._peer.offsets
         have, pulls = {*self._approach.offsets, *self.offsets, *theirs}, self._approach.pulls
         return [k for k, name in enumerate(self._names) if name in have and k in pulls]
@@ -112,7 +121,7 @@ class Meeting:
     def arrived(self, slot: int) -> bool:
         """Go on towards the goal; return whether all is in place, and rests."""
         there = self.rest.arrived(slot)
-        if self.rest.hindrance != self.hindrance:
+        if self._side == 1 and self.rest.hindrance != self.hindrance:
             self.hindrance = self.rest.hindrance
             self._say({"hindered": self.hindrance})
         return there
@@ -121,6 +130,11 @@ class Meeting:
         """Go on; return where the other site's axes stand [rad or m] if this one is to begin."""
         at = self._places()
         return self._lead(slot, at) if self._side == 0 else self._follow(slot, at)
+
+    @property
+    def heard(self) -> bool:
+        """Whether the other site has said where it stands."""
+        return self._peer is not None
 
     def new_goal(self) -> bool:
         """Return whether the master stands elsewhere than it did so far; the slave looks there."""
@@ -206,6 +220,8 @@ class Meeting:
 
     def _keep_offsets(self) -> None:
         """Have pairs without an offset of their own take the one that the run has."""
+        if self._keeps:
+            return
         kept = []
         for k, (name, q) in enumerate(zip(self._names, self._pairs, strict=True)):
             if q.at_engage and name in self.offsets and k in self._approach.pulls:

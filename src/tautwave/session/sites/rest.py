@@ -70,15 +70,36 @@ class Rest:
         self.hindrance = ""
         self._resting = False
         self._taken = [0.0] * len(own)
+        self._floor = [0.0] * len(own)
+        self._late = 0
+        self.free = False
+        """Whether nothing holds the axes."""
+        self.dead: set[int] = set()
+        """Places of axes whose device is in fault: they get no effort."""
 
     def begin(self, *, seated: bool) -> None:
         """Begin to rest; `seated`: the axes have been measured before."""
         self._resting = True
         self._seated = dict.fromkeys(self._own, seated)
+        self._late = 0
+        self._floor = [0.0] * len(self._own)
         for k, i in enumerate(self._own):
             self.granted[k] += self._capital[i]
             s = self._control.axes[i]
             s.port_energy = s.gross_flow = s.uncertainty = 0.0
+
+    def anew(self) -> None:
+        """Count what the motors take from 0 on; axes stay seated."""
+        seated, pulled = self._seated, bool(self._pulls)
+        self.release()
+        self.begin(seated=False)
+        self._seated = seated
+        # What the last pulls still give out, by commands that act late, was granted to them.
+        self._late = self._latency if pulled else 0
+
+    def unseat(self) -> None:
+        """Have the axes measured anew: their devices were enabled anew."""
+        self._seated = dict.fromkeys(self._own, False)
 
     def aim(self, targets: Mapping[int, float], slot: int) -> None:
         """Bring the slaves of some pairs to their places [rad or m], or on to other ones."""
@@ -151,10 +172,18 @@ class Rest:
         for k, i in enumerate(self._own):
             s, p = control.axes[i], self._params[i]
             effort = 0.0
-            if control.samples[i].valid and not self._let_go:
+            free = self.free or self._let_go or i in self.dead
+            if self._late:
+                self._floor[k] = min(self._floor[k], s.port_energy)
+            if control.samples[i].valid and not free:
                 pull = None if ending else self._pulls.get(k)
-                effort = hold_effort(s, p, self._capital[i]) if pull is None else pull.effort(s)
+                effort = (
+                    hold_effort(s, p, self._capital[i] - self._floor[k])
+                    if pull is None
+                    else pull.effort(s)
+                )
             send_resting(s, p, effort, share * p.ceiling)
+        self._late = max(0, self._late - 1)
 
     def end(self) -> None:
         """Rest no more; what the motors took is kept."""
@@ -162,11 +191,10 @@ class Rest:
             self._taken[k] += self._taking(k) if self._resting else 0.0
         self._resting = False
 
-    @property
-    def columns(self) -> list[str]:
-        """Names of what `fill` writes: the books of what the motors took."""
+    def columns(self, side: str) -> list[str]:
+        """Return the names of what `fill` writes at a side: the books of what the motors took."""
         names = self._control.pair_names
-        return [f"{name}.{ALIGNED}.{part}" for name in names for part in ACCOUNT]
+        return [f"{name}.{ALIGNED[side]}.{part}" for name in names for part in ACCOUNT]
 
     def fill(self, row: Row, at: int) -> None:
         """Write the books' columns at index `at`."""

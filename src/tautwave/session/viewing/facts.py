@@ -12,9 +12,8 @@ from tautwave.config import Rig
 from tautwave.controller.stops import position_unit
 from tautwave.rig import Assembly
 from tautwave.runtime.loop import LoopResult
-from tautwave.runtime.operate.journal import Entry
+from tautwave.runtime.operate.journal import Entry, Journalled
 from tautwave.runtime.operate.mailbox import Mailbox
-from tautwave.runtime.operate.operated import OperatedControl
 from tautwave.runtime.recorder import Recorder
 
 MOST_TEXT = 300
@@ -50,7 +49,7 @@ def tell_end(assembly: Assembly, recorder: Recorder, result: LoopResult) -> None
         return
     at_s = (result.cycles + result.missed_cycles) * assembly.control.run.period_ns * 1e-9
     entry = Entry(round(at_s, 9), "fault", "run", "ended", str(result.error)[:MOST_TEXT])
-    if isinstance(assembly.control, OperatedControl):
+    if isinstance(assembly.control, Journalled):
         assembly.control.journal.note(entry)
     else:
         recorder.tell(json.dumps([(1, entry._asdict())]))
@@ -58,5 +57,5 @@ def tell_end(assembly: Assembly, recorder: Recorder, result: LoopResult) -> None
 
 def tell_viewers(assembly: Assembly, recorder: Recorder) -> None:
     """Let viewers read the newest entries of an operated rig's journal."""
-    if isinstance(assembly.control, OperatedControl):
+    if isinstance(assembly.control, Journalled):
         assembly.control.journal.tell = recorder.tell
