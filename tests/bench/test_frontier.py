@@ -48,6 +48,8 @@ def test_the_figure_shows_every_family_and_what_is_asked_for() -> None:
     for panel in figure.axes[: len(CONTACTS)]:
         circled = [line for line in panel.lines if line.get_label() == "one setting for all"]
         assert {(*line.get_xdata(), *line.get_ydata()) for line in circled} == places
+        named = {text.get_text() for text in panel.texts}
+        assert named == {it.name for it in SETTINGS if it.family == LAB}
     drawn = canvas.svg(figure, "frontier")
     for said in ("wave", "position, account", "laboratory", "one setting for all", *CONTACTS):
         assert f">{said}<" in drawn

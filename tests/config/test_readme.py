@@ -1,8 +1,10 @@
-"""configs/README.md names every key and every shipped rig."""
+"""configs/README.md names every key and every shipped rig, and states the keys' own defaults."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -22,6 +24,34 @@ def _all_keys() -> set[str]:
 @pytest.mark.parametrize("key", sorted(_all_keys()))
 def test_key_is_explained(key: str) -> None:
     assert re.search(rf"`[^`]*\b{key}\b[^`]*`", README)
+
+
+def _stated() -> Iterator[tuple[str, float]]:
+    """Yield each key of the tables whose default is a number, with it."""
+    for line in README.splitlines():
+        names, given, *_ = (*(cell.strip() for cell in line.split("|")[1:-1]), "", "")
+        keys = re.findall(r"`([a-z_0-9]+)`", names)
+        numbers = [number.strip() for number in given.split(",")]
+        if len(keys) == len(numbers):
+            for key, number in zip(keys, numbers, strict=True):
+                with suppress(ValueError):
+                    yield key, float(number)
+
+
+@pytest.mark.installed
+def test_defaults_stated_as_numbers_are_those_of_the_keys() -> None:
+    blocks = [(schema := rig_schema()), *schema["$defs"].values()]
+    found: dict[str, set[object]] = {}
+    for block in blocks:
+        for key, keys in block.get("properties", {}).items():
+            default = keys.get("default")
+            if default is None or isinstance(default, int | float):
+                found.setdefault(key, set()).add(default)
+    stated = list(_stated())
+    assert len(stated) > 70
+    # One that depends on other keys is None in the schema.
+    wrong = [(key, number) for key, number in stated if not {number, None} & found[key]]
+    assert wrong == []
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.name)

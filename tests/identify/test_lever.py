@@ -131,8 +131,15 @@ def test_a_late_force_is_not_taken_for_negative_damping(tmp_path: Path) -> None:
     assert any("lags the motion by" in note for note in found.notes)
 
 
-def test_the_grip_of_a_hand_that_moves_is_found_from_what_it_wanted(tmp_path: Path) -> None:
-    mass, damping, stiffness = 8e-4, 0.03, 3.0
+@pytest.mark.parametrize(
+    ("sign", "damping"),
+    [(1.0, 0.03), (-1e-4, -0.005)],
+    ids=["as mounted", "the other way, of a tiny hand that pushes on"],
+)
+def test_the_grip_of_a_hand_that_moves_is_found_from_what_it_wanted(
+    tmp_path: Path, sign: float, damping: float
+) -> None:
+    mass, stiffness = 8e-4, 3.0
     wanted = 0.2 * np.sin(2 * np.pi * 1.3 * TIMES) + 0.05 * np.sin(2 * np.pi * 6.0 * TIMES)
     x, v = np.empty(COUNT), 0.0
     at, force, rate = 0.0, np.empty(COUNT), np.gradient(wanted, T)
@@ -143,12 +150,13 @@ def test_the_grip_of_a_hand_that_moves_is_found_from_what_it_wanted(tmp_path: Pa
         force[k] = grip - mass * bent
         v += T * bent
         at += T * v
-    file = csv(tmp_path / "a.csv", angle_rad=x, wanted=wanted, force_nm=force + 0.02)
+    file = csv(tmp_path / "a.csv", angle_rad=x, wanted=wanted, force_nm=sign * (force + 0.02))
     found = identify_recording(file, intent="wanted").chosen.parameters
-    assert found["stiffness"].value == pytest.approx(stiffness, rel=0.02)
-    assert found["damping"].value == pytest.approx(damping, rel=0.05)
-    assert found["mass"].value == pytest.approx(mass, rel=0.05)
-    assert found["offset"].value == pytest.approx(0.02, abs=2e-3)
+    scale = abs(sign)
+    assert found["stiffness"].value == pytest.approx(scale * stiffness, rel=0.02)
+    assert found["damping"].value == pytest.approx(scale * damping, rel=0.05)
+    assert found["mass"].value == pytest.approx(scale * mass, rel=0.05)
+    assert found["offset"].value == pytest.approx(sign * 0.02, rel=0.1)
 
 
 @pytest.mark.slow

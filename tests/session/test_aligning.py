@@ -161,6 +161,7 @@ def test_a_peer_that_goes_while_the_slave_is_on_its_way_leaves_it_held(pair: Mak
     two.run(100)
     two.slave.line.inbox.append({"lost": "its program ended"})
     two.run(100, two.slave)
+    assert not two.slave.control._meeting.rest._pulls
     here = place_of(two.slave, "slave")
     while two.slave.slot < two.slave.control.end:
         two.run(1, two.slave)

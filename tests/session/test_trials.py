@@ -20,7 +20,7 @@ from tautwave.recordings.recording import read_recording
 from tautwave.runtime.operate import trigger
 from tautwave.runtime.operate.trigger import TriggerLine
 from tautwave.session.trials.protocol import read_protocol, trials_of
-from tautwave.session.trials.running import FIRST, _free
+from tautwave.session.trials.running import FIRST, TrialSource, _free
 
 pytestmark = pytest.mark.realtime
 
@@ -131,6 +131,11 @@ def test_a_study_goes_on_only_by_its_own_protocol_and_table(tmp_path: Path) -> N
     (out / "trials.csv").unlink()
     (out / "protocol.json").write_text("[]")
     assert "is no protocol of a study" in trials(study(tmp_path), "--out", str(out)).output
+
+
+def test_a_trial_orders_nothing_before_it_sees_its_rig(tmp_path: Path) -> None:
+    protocol = read_protocol(study(tmp_path))
+    assert list(TrialSource(trials_of(protocol, "P1")[0], "reach", 0.4).take(0)) == []
 
 
 def test_what_a_trial_that_was_cut_short_left_is_not_written_over(tmp_path: Path) -> None:

@@ -89,6 +89,11 @@ def test_rows_that_a_viewer_does_not_take_are_left_out_and_counted(
     assert sent == [(0, 2, b"rows"), (60, 32, b"rows")]
 
 
+def test_what_waits_for_a_viewer_holds_seconds_of_rows_and_no_more_than_a_socket_should() -> None:
+    rows = 8 * 100 * 1000  # bytes a second, of 100 columns at 1 kHz
+    assert 4 * rows < viewers.MOST_WAITING < 6 * rows
+
+
 def pem(folder: Path) -> tuple[Path, Path]:
     """Make a certificate for 127.0.0.1 and its key."""
     from cryptography import x509

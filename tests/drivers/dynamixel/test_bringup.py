@@ -9,6 +9,7 @@ import pytest
 from tautwave.contracts import AxisSpec
 from tautwave.errors import ConfigError, DeviceFault, DriverError
 from tautwave.types import AxisCommand
+from tautwave_drivers.dynamixel.plugin import plugin
 from tests.drivers.dynamixel.parts import Bench, bench, servo, spec
 
 EEPROM_END = 64
@@ -242,6 +243,7 @@ def test_a_follower_holds_where_torque_found_it_until_it_is_sent_somewhere() -> 
         made.clock.sleep_until(made.clock.now_ns() + 1_000_000)
     assert made.peek(0, "Goal Position") == held, "no position was commanded"
     assert made.peek(1, "Goal Current") > 0
+    assert plugin.positions, "a rig may say so"
     for _ in range(2):
         made.driver.request()
         made.driver.read(made.clock.now_ns() + 700_000)
