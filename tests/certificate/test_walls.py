@@ -92,7 +92,7 @@ def test_passivity_control_stands_in_for_damping() -> None:
     control, free = "passivity_control: true", "slave.axes.lever.effort_rate_limit="
     limited = element(certified(wall(40.0, 0.0, control)), "slave wall").passive
     assert not limited.passed
-    assert "effort_rate_limit allows a drop of only 0.5 per period; raise that to 1100" in (
+    assert "effort_rate_limit allows a drop of only 0.7 per period; raise that to 1100" in (
         limited.reason
     )
     certificate = certified(wall(40.0, 0.0, control), "slave.axes.lever.effort_rate_limit=2000")

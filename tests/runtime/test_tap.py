@@ -135,7 +135,7 @@ def test_another_process_descriptor_is_no_ring(tmp_path: Path) -> None:
     with open(tmp_path / "x", "wb") as file, pytest.raises(RecordingError, match="has ended"):
         Tap.of_run(Live(os.getpid(), file.fileno(), COLUMNS, 64, 1.0, {}))
     (tmp_path / "live.json").write_text("[]")
-    with pytest.raises(RecordingError, match="cannot be read"):
+    with pytest.raises(RecordingError, match="is not what a run leaves here"):
         read_live(tmp_path)
 
 

@@ -80,6 +80,8 @@ def test_joints_diagnostics_and_the_end_arrive(tmp_path: Path, node: Node) -> No
     diagnostics = subscribe(node, kinds[1], "/diagnostics", DiagnosticArray)
     with exported(tmp_path, node) as run:
         commit(run, 0.6)
+        while not diagnostics.read(1):
+            commit(run, 0.2)
     for reader in readers:
         states = [one for one in reader.take(200) if one.sample_info.valid_data]
         assert len(states) >= 10
