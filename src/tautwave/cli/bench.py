@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import importlib
-import os
 import sys
 from pathlib import Path
 from typing import Any
 
 import click
 
-from tautwave.cli.options import json_option, out_option, positive
+from tautwave.cli.options import jobs_option, json_option, keep_option, out_option, positive
 from tautwave.cli.terminal.measured import print_suites
 
 QUICK_REALTIME_S = 5.0
@@ -25,15 +24,6 @@ duration_option = click.option(
     callback=positive,
     metavar="S",
     help="Duration of the real-time loop [s]; 60 for quotable figures.",
-)
-
-jobs_option = click.option(
-    "--jobs", type=click.IntRange(1), help="Processes [default: one for each processor core]."
-)
-keep_option = click.option(
-    "--keep",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="File of what is done of the random part, from which an interrupted run resumes.",
 )
 
 
@@ -241,7 +231,7 @@ def networks(as_json: bool) -> None:
 @keep_option
 @json_option
 def network(
-    patterns: int, first: int, hour: bool, jobs: int | None, keep: Path | None, as_json: bool
+    patterns: int, first: int, hour: bool, jobs: int, keep: Path | None, as_json: bool
 ) -> None:
     """Run a pair over random networks with our receiver, and with those in common use.
 
@@ -258,7 +248,7 @@ def network(
         patterns=patterns,
         first=first,
         hour=hour,
-        jobs=_processes(jobs),
+        jobs=jobs,
         keep=keep,
         tell=_tell,
     )
@@ -343,7 +333,7 @@ def couplings(
     frontier: bool,
     delays: bool,
     quick: bool,
-    jobs: int | None,
+    jobs: int,
     keep: Path | None,
     out: Path | None,
     as_json: bool,
@@ -373,7 +363,7 @@ def couplings(
         hand=hand,
         recordings=recordings,
         quick=quick,
-        jobs=_processes(jobs),
+        jobs=jobs,
         keep=keep,
         tell=_tell,
     )
@@ -388,21 +378,15 @@ def couplings(
 @jobs_option
 @keep_option
 @json_option
-def compensation(runs: int, first: int, jobs: int | None, keep: Path | None, as_json: bool) -> None:
+def compensation(runs: int, first: int, jobs: int, keep: Path | None, as_json: bool) -> None:
     """Measure free motion by share of friction and inertia taken off, and random runs against it.
 
     \b
     Examples:
         tautwave bench compensation --runs 10000 --keep runs.jsonl
     """
-    suite = _backend().compensation(
-        runs=runs, first=first, jobs=_processes(jobs), keep=keep, tell=_tell
-    )
+    suite = _backend().compensation(runs=runs, first=first, jobs=jobs, keep=keep, tell=_tell)
     print_suites([suite], as_json)
-
-
-def _processes(jobs: int | None) -> int:
-    return jobs or len(os.sched_getaffinity(0))
 
 
 def _backend() -> Any:
