@@ -176,6 +176,8 @@ class ArmSimulator:
                 f"bus {bus.name}: an arm is simulated on a loopback bus only; write bus: "
                 f"{{driver: loopback}} (got {options.bus.driver})"
             )
+        for axis, model in zip(bus.axes, models, strict=True):
+            _refuse_what_no_tip_has(axis.name, model)
         believed = options.home or (0.0,) * len(options.joints)
         turn = roll_pitch_yaw(*options.frame)
         axes = tuple(row[column] for column in range(3) for row in turn)
@@ -226,6 +228,20 @@ class ArmSimulator:
 
     def close(self) -> None:
         """Nothing to release."""
+
+
+def _refuse_what_no_tip_has(axis: str, model: AxisModel) -> None:
+    name = axis.partition(".")[2]
+    refused = {
+        f"simulation.environment.{name}: the tip of a simulated arm touches free, spring or wall "
+        "environments only": model.foam or model.part or len(model.push),
+        f"simulation.hand.{name}: the tip of a simulated arm is led by a hand with a reference "
+        "only": model.grasp or model.lead or model.imposed,
+        f"{axis}.effort_sensor: a simulated arm has none at its tip; remove it": model.sensor,
+    }
+    for text, found in refused.items():
+        if found:
+            raise ConfigError(text)
 
 
 def _motor(joint: _Joint, truth: _JointTruth) -> PlantParams:

@@ -178,11 +178,11 @@ def waypoint_positions(waypoints: Sequence[Sequence[float]], times: Array) -> Ar
             raise ConfigError(f"minimum_jerk waypoint times must increase: {t1:g} s after {t0:g} s")
     starts = np.array([t for t, _ in points])
     legs = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, max(len(points) - 2, 0))
-    result: Array = np.empty_like(times)
-    for i, (t, leg) in enumerate(zip(times, legs, strict=True)):
-        t0, x0 = points[leg]
-        t1, x1 = points[min(leg + 1, len(points) - 1)]
-        result[i] = minimum_jerk_position(float(t), t0, x0, t1, x1)
+    result: Array = np.full_like(times, points[-1][1])  # an hour is mostly after the last
+    for i in np.flatnonzero(times < starts[-1]):
+        t0, x0 = points[legs[i]]
+        t1, x1 = points[min(legs[i] + 1, len(points) - 1)]
+        result[i] = minimum_jerk_position(float(times[i]), t0, x0, t1, x1)
     return result
 
 

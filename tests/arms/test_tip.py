@@ -283,6 +283,7 @@ def test_what_an_arm_does_not_have_is_refused(more: str, name: str, said: str) -
     assert said in element.passive.reason
 
 
+DISC = "buses.hand.options.walls.disc"
 WRONG = (
     ("master.axes.x.id=7", "an axis of an arm is 1, 2, 3 (x, y, z of its tip)"),
     ("master.axes.x.id=4", "coordinate rx of an arm is rotary, got linear"),
@@ -296,6 +297,21 @@ WRONG = (
         "mesh needs points and triangles",
     ),
     ("slave.axes.y.bus=hand", "is taken by master.axes.y"),
+    ("buses.hand.options.joints.elbow.id=1", "joints shoulder and elbow have the same id"),
+    ("buses.hand.options.bus.driver=arm", "on a bus of their own driver"),
+    ("buses.hand.options.bus.driver=none", "bus.driver: unknown driver 'none'"),
+    ("buses.hand.options.bus.options={speed: 1}", "bus.options.speed: Extra inputs"),
+    (f"{DISC}={{shape: convex, planes: [], stiffness: 1}}", "convex needs a plane or more"),
+    (f"{DISC}={{shape: path, points: [[0, 0, 0]], stiffness: 1}}", "path needs two points"),
+    (
+        f"{DISC}={{shape: path, points: [[0, 0, 0], [0, 0, 0]], stiffness: 1}}",
+        "two points of a path in a row are the same",
+    ),
+    (
+        f"{DISC}={{shape: mesh, points: [[0, 0, 0], [1, 1, 1], [2, 2, 2]], "
+        "triangles: [[0, 1, 2]], stiffness: 1}",
+        "triangle 0 has no area",
+    ),
 )
 
 
@@ -304,6 +320,22 @@ def test_wrong_keys_are_refused(more: str, said: str) -> None:
     with pytest.raises(ConfigError) as caught:
         load_rig(PLANAR, [more])
     assert said in str(caught.value.problems)
+
+
+POLICY = "simulation.hand.x.reference={type: policy, velocity_limit: 1, effort_limit: 1}"
+SPARE = (
+    ("simulation.environment.x={type: foam, stiffness: 1, position: 0}", "free, spring or wall"),
+    ("simulation.axes.master.x.inertia=0.5", "in buses.hand.options.truth, and remove it"),
+    ("simulation.integrator={scheme: exact}", "a simulated arm has its own"),
+    (f"{POLICY};operate={{}}", "led by a hand with a reference"),
+    ("simulation.axes.slave.x.load.constant=1.0", "slave.x.load: what moves a simulated tip"),
+)
+
+
+@pytest.mark.parametrize(("more", "said"), SPARE)
+def test_what_a_simulated_tip_would_leave_out_is_refused(more: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        simulate(load_rig(PLANAR, more.split(";")), duration_s=0.01)
 
 
 def test_home_has_a_place_along_the_frames_axes() -> None:

@@ -58,14 +58,14 @@ def test_no_user_draws_more_from_a_certified_rig_than_its_verdict_says(seed: int
 
 
 @pytest.mark.slow
-@settings(CALM, max_examples=28)
+@settings(CALM, max_examples=12)
 @given(SEEDS)
 def test_hundreds_of_certified_rigs(seed: int) -> None:
     hold_rig(seed, 400, count=12)
 
 
 @pytest.mark.slow
-@settings(CALM, max_examples=14)
+@settings(CALM, max_examples=6)
 @given(SEEDS)
 def test_nothing_more_comes_with_time(seed: int) -> None:
     hold_rig(seed, 20_000)

@@ -100,7 +100,7 @@ def test_a_pressed_wall_beside_a_certified_port_feeds_no_wave() -> None:
 
 @pytest.mark.slow
 def test_hundreds_of_walls_beside_certified_ports() -> None:
-    assert hold(100, 150) > 300
+    assert hold(100, 50) > 100
 
 
 def test_a_heavy_device_at_rest_on_its_wall_stays_at_rest() -> None:

@@ -63,8 +63,9 @@ def test_all_holds_every_run_time_extra() -> None:
     extras = PROJECT["optional-dependencies"]
     (spelled,) = extras["all"]
     named = set(re.findall(r"\w+", spelled.partition("[")[2]))
-    # sound: a way out where the system has no player; it needs PortAudio of the system
-    assert named == set(extras) - {"all", "test", "dev", "docs", "bench", "sound"}
+    # sound: a way out where the system has no player; it needs PortAudio of the system.
+    # mujoco: for a world of one's own.
+    assert named == set(extras) - {"all", "test", "dev", "docs", "bench", "sound", "mujoco"}
 
 
 @pytest.mark.parametrize("name", tautwave.__all__)

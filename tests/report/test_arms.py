@@ -77,6 +77,19 @@ def test_arms_are_drawn_side_by_side_light_and_dark(height: float, tmp_path: Pat
         assert moving.n_frames == 3  # type: ignore[attr-defined]
 
 
+def test_captions_arrows_and_shadows_keep_clear_of_each_other() -> None:
+    view = a_view(0.3)
+    push = np.zeros((3, 3))
+    push[1] = (0.0, 0.0, 9.0)  # up, where the arm is highest
+    tall = view.arms[0]._replace(forces={"coupling": push}, walls={})
+    drawn = Image.open(io.BytesIO(arms_still(view._replace(arms=[tall]), False)))
+    pixels = np.asarray(drawn).astype(int)
+    ink = (pixels != pixels[0, 0]).any(axis=2)
+    assert not ink[23 * OVER : 29 * OVER].any()  # between the caption and the arrow
+    assert ink[29 * OVER : 60 * OVER].any()
+    assert not ink[-5 * OVER :, 80 * OVER :].any()  # beside the time: the shadow is whole
+
+
 def test_a_row_without_a_sample_repeats_the_last() -> None:
     options: Any = load_driver("arm").options.model_validate(load_rig(PLANAR).buses["hand"].options)
     q = np.array([[0.0, 0.0], [np.nan, 0.0], [0.0, np.pi / 2]])

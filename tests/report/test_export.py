@@ -85,10 +85,24 @@ def test_without_a_summary_the_rows_still_say_where_episodes_are(run: Path, tmp_
 def test_bad_input_is_one_sentence(
     run: Path, tmp_path: Path, more: tuple[str, ...], said: str
 ) -> None:
-    done = CliRunner().invoke(main, ["export", str(run), "--out", str(tmp_path), *more])
+    out = tmp_path / "new"
+    done = CliRunner().invoke(main, ["export", str(run), "--out", str(out), *more])
     assert done.exit_code != 0
     assert "Traceback" not in done.output
     assert said in done.output
+    assert not out.exists()
+
+
+def test_a_table_that_is_there_is_kept(run: Path, tmp_path: Path) -> None:
+    (tmp_path / "002-place.csv").write_text("mine")
+    done = CliRunner().invoke(main, ["export", str(run), "--out", str(tmp_path)])
+    assert done.exit_code == 2
+    assert "002-place.csv exists" in done.output
+    assert (tmp_path / "002-place.csv").read_text() == "mine"
+    assert not (tmp_path / "001-pick-x.csv").exists()
+    named = ["export", str(run), "--to", "npz", "--out", str(tmp_path / "a.npz")]
+    assert "tables go into a directory" in CliRunner().invoke(main, named).output
+    assert not (tmp_path / "a.npz").exists()
 
 
 def test_no_run_is_said(tmp_path: Path) -> None:

@@ -231,8 +231,10 @@ def test_a_stop_ramps_down_from_every_state(before: str) -> None:
 
 @pytest.mark.slow
 def test_random_sequences_close_their_books_within_budgets_and_stay_in_the_table() -> None:
-    for seed in range(150):
+    for seed in range(60):
         judge(random_day(seed))
+    for seed in range(12):
+        judge(random_day(seed, linked=True), linked=True)
 
 
 # -- commands -------------------------------------------------------------------------------------

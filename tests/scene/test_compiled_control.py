@@ -48,7 +48,6 @@ def rows_of(engine: str, name: str, changes: list[str], asked: int) -> tuple[Any
     [
         ("scene-resonator", [], 0, "None"),
         ("scene-granular", [], 1000, "None"),
-        ("scene-drum", [], 0, "None"),
         ("scene-resonator", ["simulation.faults.missing_probability=0.1"], 0, "None"),
         (
             "scene-resonator",

@@ -46,7 +46,11 @@ def test_without_sampling_the_modes_are_those_of_the_two_masses():
 
 @pytest.mark.parametrize(
     ("scheme", "period", "delay"),
-    [("exact", 5e-4, 0), ("symplectic", 1e-4, 1), ("discrete_gradient", 5e-4, 0)],
+    [
+        ("exact", 5e-4, 0),
+        ("symplectic", 1e-4, 1),
+        pytest.param("discrete_gradient", 5e-4, 0, marks=pytest.mark.slow),
+    ],
 )
 def test_the_chosen_numbers_give_the_modes_that_are_meant(scheme, period, delay):
     found = tune(resonator(), scheme, period, HAND._replace(delay=delay))
@@ -61,6 +65,7 @@ def test_two_masses_and_a_scaled_port_as_well():
     assert tune(resonator(2), "exact", 1e-4, held).error < 1e-9
 
 
+@pytest.mark.slow
 def test_right_modes_may_leak_more_than_wrong_ones():
     # At 0.1 ms the exact step leaks an eighth of what it did, the symplectic one twice as much.
     leaks = {}
@@ -80,7 +85,7 @@ def rig_of(*more: str, rate: int = 2000):
         RESONATOR,
         [
             f"rate_hz={rate}",
-            "duration_s=0.5",
+            "duration_s=0.25",
             "scene.forces={}",
             "scene.engage_ramp_s=0",
             "simulation.axes.master.stylus={inertia: 0.05, damping: 0.5}",
@@ -129,7 +134,7 @@ def test_check_says_the_modes_and_that_such_a_network_gives_energy():
     ("more", "says"),
     [
         (["scene.links.second={type: spring, between: [object, ground], stiffness: 10}"], "spring"),
-        (["rate_hz=500"], "no numbers"),
+        pytest.param(["rate_hz=500"], "no numbers", marks=pytest.mark.slow),
     ],
 )
 def test_what_has_no_such_numbers_is_refused(more, says):

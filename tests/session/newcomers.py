@@ -21,6 +21,8 @@ from tautwave.view.watched import read_live
 
 TAUTWAVE = (sys.executable, "-c", "from tautwave.cli import main; main()")
 PATIENCE_S = 60.0
+HEARTBEATS = ("      bitrate: ", "      heartbeat_timeout_ms: 2000\n      bitrate: ")
+"""Of drives that a busy machine serves: they are silent for longer than any drive is."""
 
 
 class Newcomer:
@@ -102,7 +104,7 @@ def shows(talk: Talk, hands: Talk, sides: Sequence[Sequence[int]], move_s: float
     """Show poses, directions and ranges, one side after the other."""
     for ids in sides:
         everyone = ",".join(str(one) for one in ids)
-        talk.hears("into the pose")
+        talk.hears("the zero pose")
         talk.types()
         for one in ids:
             talk.hears("positive direction")

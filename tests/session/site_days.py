@@ -57,7 +57,8 @@ def random_day(seed: int, slots: int = SLOTS) -> Day:
             two.run(draw.choice((3, 12)), two.slave if half is two.master else two.master)
         cut -= 1
         two.run(1, cut=cut > 0)
-    two.run(100)  # every word arrives, and is repeated where it was lost
+    # Every word arrives, and is repeated where it was lost; an alignment may end in a hold, too.
+    two.until(lambda: two.master.control._accord == two.slave.control._accord, 300)
     residual = max(half.residual() for half in (two.master, two.slave))
     given = max(_given(half) for half in (two.master, two.slave))
     two.close()

@@ -26,7 +26,7 @@ from tautwave.session.acceptance.document import FILE, content_digest, verify
 from tautwave.sites.certificates import make_authority
 from tests.rigs.running import Tree
 from tests.runtime.test_device_faults import servo_tree
-from tests.session.newcomers import Newcomer, Talk, served
+from tests.session.newcomers import HEARTBEATS, Newcomer, Talk, served
 from tests.session.test_calibrating import BENCH
 from tests.session.test_newcomers import EDS, own_drive, settle
 
@@ -210,7 +210,7 @@ def cia402(folder: Path) -> Drives:
         ("canopen", *place, "--inertia", "6e-4", "--damping", "3e-3"),
         (1, 2),
         ("--eds", "drive.eds"),
-        [("socketcan", "udp_multicast"), ("can0", place[-1])],
+        [("socketcan", "udp_multicast"), ("can0", place[-1]), HEARTBEATS],
     )
 
 
@@ -306,7 +306,7 @@ def no_torque(talk: Talk, hands: Talk, ids: tuple[int, int]) -> None:
         hands.types(f"{both} {end} 0.1")
         time.sleep(0.4)
     talk.types()
-    talk.hears("let go of everything")
+    talk.hears("take your hands off")
     hands.types(f"{both} free")
     talk.types()
 

@@ -91,6 +91,7 @@ def test_whatever_both_command_and_whatever_is_lost_they_agree_on_the_calmest(
             assert not (first.faulted and first.state == st.ALIGNING)
 
 
+@pytest.mark.slow
 def test_two_changes_in_a_row_at_one_side_and_one_at_the_other_agree_too() -> None:
     for begin in STANDINGS:
         start = Accord(st.ALIGNING if begin.state == st.ENGAGED else begin.state, begin.faulted)

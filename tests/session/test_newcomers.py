@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.session.newcomers import Newcomer, Talk, served, shows, wait_for
+from tests.session.newcomers import HEARTBEATS, Newcomer, Talk, served, shows, wait_for
 
 pytestmark = pytest.mark.realtime
 
@@ -172,7 +172,7 @@ def two_drives(tmp_path: Path) -> Newcomer:
         (tmp_path / "drive.eds").write_text(EDS.format(**names))
         me.does("new", "drives.yaml", "--eds", "drive.eds")
         bus = ("socketcan", "udp_multicast"), ("can0", place[-1])
-        settle(tmp_path / "drives.yaml", *bus, ("rate_hz: 1000", "rate_hz: 200"))
+        settle(tmp_path / "drives.yaml", *bus, HEARTBEATS, ("rate_hz: 1000", "rate_hz: 100"))
         a_day(me, "drives.yaml", hands, ((1,), (2,)))
     return me
 

@@ -96,6 +96,18 @@ def test_a_session_that_is_given_up_is_followed_by_another(start: Start) -> None
     assert session_of(heard(master, "joined")).id != first.id
 
 
+def test_a_late_word_of_the_session_before_does_not_end_the_next_one(start: Start) -> None:
+    slave, master = start("slave"), start("master")
+    first = session_of(heard(slave, "joined")).id.hex()
+    heard(master, "joined")
+    slave.send(renew="clutched", of=first)
+    heard(slave, "joined")
+    heard(master, "joined")
+    master.send(renew="clutched", of=first)
+    master.send(send={"still": "here"})
+    assert heard(slave, "peer") == {"still": "here"}
+
+
 def test_a_third_with_the_peers_certificate_waits_while_the_peer_is_there(start: Start) -> None:
     slave, master = start("slave"), start("master")
     heard(slave, "joined")

@@ -70,7 +70,7 @@ def test_the_shipped_comparison_is_valid_and_its_figure_has_a_column_for_each_co
     assert not looks["position"].dashed
     rows = [
         {**plan.points.row(at), **dict.fromkeys(plan.sweep.measures, "0.1")}
-        for at in range(len(plan.points))
+        for at in range(0, len(plan.points), 7)  # 7 divides the length of no key: all values come
     ]
     assert plan.sweep.figure is not None
     drawn = across_drawing(plan.sweep, plan.sweep.figure, rows)

@@ -6,17 +6,18 @@ import json
 import math
 from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from tautwave.config.inputs.chains import chain_constants, chain_links
 from tautwave.config.keys.arm import Chain, Point
 from tautwave.config.keys.common import Block, Name, NonNegative, Positive
 from tautwave.contracts import AxisSpec, BusSpec
-from tautwave.errors import ConfigError
+from tautwave.errors import ConfigError, TautwaveError
 from tautwave.models.chain.build import roll_pitch_yaw
 from tautwave.models.chain.params import ChainParams
 from tautwave.models.chain.task import COORDINATES, TaskParams, at_home
+from tautwave.registry import load_driver
 from tautwave_drivers.arm.walls import ArmWall
 
 NAMES = ("x", "y", "z", "rx", "ry", "rz")
@@ -122,6 +123,31 @@ class ArmOptions(Block):
                 raise PydanticCustomError(
                     "chain", "joint {name}: home is not in its position_range", {"name": name}
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _check_bus(self) -> Self:
+        ids = [joint.id for joint in self.joints.values()]
+        twice = [name for name, joint in self.joints.items() if ids.count(joint.id) > 1]
+        if twice:
+            raise PydanticCustomError(
+                "bus", "joints {names} have the same id", {"names": " and ".join(twice)}
+            )
+        driver = self.bus.driver
+        if driver == "arm":
+            raise PydanticCustomError(
+                "bus", "the joints of an arm are on a bus of their own driver"
+            )
+        try:
+            load_driver(driver).options.model_validate(self.bus.options)
+        except ValidationError as err:
+            first = err.errors()[0]
+            place = ".".join(("bus.options", *(str(key) for key in first["loc"])))
+            raise PydanticCustomError(
+                "bus", "{place}: {text}", {"place": place, "text": first["msg"]}
+            ) from err
+        except TautwaveError as err:
+            raise PydanticCustomError("bus", "bus.driver: {text}", {"text": str(err)}) from err
         return self
 
     @classmethod

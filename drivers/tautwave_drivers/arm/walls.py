@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -84,6 +86,20 @@ class ArmWall(Block):
         points = self.points or ()
         if any(corner >= len(points) for face in self.triangles or () for corner in face):
             raise PydanticCustomError("shape", "a triangle names a point that is not given")
+        for shape, parts, what in (
+            ("convex", self.planes, "a plane"),
+            ("mesh", self.triangles, "a triangle"),
+            ("path", points[1:], "two points"),
+        ):
+            if self.shape == shape and not parts:
+                raise PydanticCustomError("shape", f"{shape} needs {what} or more")
+        if self.shape == "path" and any(a == b for a, b in itertools.pairwise(points)):
+            raise PydanticCustomError("shape", "two points of a path in a row are the same")
+        for number, face in enumerate(self.triangles or ()):
+            if _is_flat(*(points[corner] for corner in face)):
+                raise PydanticCustomError(
+                    "shape", "triangle {number} has no area", {"number": number}
+                )
         for vector in (self.normal, self.axis, *(face[:3] for face in self.planes or ())):
             if vector is not None and not any(vector):
                 raise PydanticCustomError("shape", "a direction of length 0")
@@ -114,6 +130,14 @@ class ArmWall(Block):
         if self.shape == "mesh":
             return mesh(self.points or (), self.triangles or ())
         return path(self.points or (), self.radius or 0.0)
+
+
+def _is_flat(a: Point, b: Point, c: Point) -> bool:
+    """Return whether three corners are in a line."""
+    ux, uy, uz = (p - q for p, q in zip(b, a, strict=True))
+    vx, vy, vz = (p - q for p, q in zip(c, a, strict=True))
+    across = (uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx)
+    return math.hypot(*across) <= 1e-9 * math.hypot(ux, uy, uz) * math.hypot(vx, vy, vz)
 
 
 OWN = ("normal", "axis", "radius", "length", "size", "planes", "points", "triangles")

@@ -73,6 +73,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
     assert rig.simulation is not None
     side, name = axis_name.split(".")
     axis = rig.axes[axis_name]
+    _refuse_spare_truth(rig, axis_name)
     truth = simulation_of(rig, axis_name)
     period = rig.axis_period_s(axis_name)
     hand = rig.simulation.hand.get(name) if side == "master" else None
@@ -178,6 +179,25 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         else PositionLoop(truth.servo_stiffness, truth.servo_damping),
         lead=lead,
     )
+
+
+def _refuse_spare_truth(rig: Rig, axis_name: str) -> None:
+    """Refuse what is stated of an axis that its driver makes of others: they have the truth."""
+    assert rig.simulation is not None
+    bus = rig.axes[axis_name].bus
+    if not registry.load_driver(rig.buses[bus].driver).plain:
+        return
+    others = {name: keys for name, keys in rig.simulation.axes.items() if name != axis_name}
+    bare = rig.simulation.model_copy(update={"axes": others})
+    believed = simulation_of(rig.model_copy(update={"simulation": bare}), axis_name)._asdict()
+    for key, value in simulation_of(rig, axis_name)._asdict().items():
+        if value != believed[key]:
+            raise ConfigError(
+                f"simulation.axes.{axis_name}.{key}: what moves a simulated tip is its joints; "
+                f"state theirs in buses.{bus}.options.truth, and remove it"
+            )
+    if rig.simulation.integrator is not None:
+        raise ConfigError("simulation.integrator: a simulated arm has its own; remove it")
 
 
 def _lead_params(axis: Axis, keys: Policy, stiffness: float) -> LeadParams:

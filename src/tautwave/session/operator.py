@@ -57,7 +57,7 @@ class Session:
         self.directory = Path(out)
         self.exit_code: int | None = None
         self._text = resolved_yaml(rig)
-        self._options = tuple(options)
+        self._options = (*options, *_site_options(rig))
         self._child: subprocess.Popen[bytes] | None = None
         self._live: Live | None = None
         self._tap: Tap | None = None
@@ -216,3 +216,12 @@ class Session:
             self._child.terminate()
         self.wait()
         raise ConfigError(self._said or f"{self.directory}: the run did not begin")
+
+
+def _site_options(rig: Rig) -> tuple[str, ...]:
+    """Return what one of two sites needs: its keys are beside the rig file, not the run's copy."""
+    if rig.site is None:
+        return ()
+    folder = rig.source.parent if rig.source is not None else Path()
+    keys = (folder / getattr(rig.sites, rig.site).keys).resolve()
+    return ("--set", f"sites.{rig.site}.keys={keys}")

@@ -34,6 +34,8 @@ ANSWER_S = 10
 """[s] How long a scheduler may take to answer."""
 PATIENCE_S = 30
 """[s] How long it may take to have a worker."""
+KEPT = 16
+"""Messages of the last ones that the client keeps, of its 1000."""
 COUNT_S = 5.0
 """[s] How often the workers are counted, for as many pieces as keep them busy."""
 RETRIES = 2
@@ -100,8 +102,11 @@ class Cluster:
             if not Path(scheduler).is_file():
                 raise LinkError(f"{scheduler}: no such scheduler file; is the scheduler running?")
             named = {"scheduler_file": scheduler}
+        settings = importlib.import_module("dask.config")
         try:
-            client = self._dask.Client(**named, timeout=ANSWER_S, set_as_default=False)
+            # It keeps what it sent last, and a piece carries what makes its worker.
+            with settings.set({"distributed.admin.low-level-log-length": KEPT}):
+                client = self._dask.Client(**named, timeout=ANSWER_S, set_as_default=False)
         except (OSError, ValueError, TimeoutError, KeyError) as err:
             raise LinkError(
                 f"no scheduler answers at {scheduler} ({err}); start one with `dask scheduler`, "

@@ -14,6 +14,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
+from tautwave.session.viewing.cameras import PROGRAM
+
 CLI = (sys.executable, "-c", "from tautwave.cli import main; main()")
 
 PAGE = """
@@ -89,6 +91,13 @@ def beside(out: Path, bridges: Sequence[Bridge]) -> Iterator[Mapping[str, Sequen
     """Give the processes of bridges, the server first; each has opened, all are killed after it."""
     with ExitStack() as stack:
         yield {one.name: tuple(_start(one, out, stack)) for one in bridges}
+
+
+def cameras_beside(run: int) -> list[int]:
+    """Return the processes that write the pictures of a run's cameras; `run` is its process."""
+    children = Path(f"/proc/{run}/task/{run}/children").read_text().split()
+    words = {int(one): Path(f"/proc/{one}/cmdline").read_bytes() for one in children}
+    return [number for number, line in words.items() if PROGRAM.encode() in line]
 
 
 def _start(bridge: Bridge, out: Path, stack: ExitStack) -> Iterator[int]:

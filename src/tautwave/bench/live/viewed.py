@@ -2,8 +2,8 @@
 
 The run is `tautwave run` on loopback devices, beside it every bridge that is installed: the page
 with a client that takes every row, Foxglove's protocol with another, a program that polls rows, ROS
-2. All are stopped (SIGSTOP) and continued in turns, and killed at the end, so that the recording
-also shows what stopped and killed bridges cost it.
+2, a camera. All are stopped (SIGSTOP) and continued in turns, and killed at the end, so that the
+recording also shows what stopped and killed bridges cost it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tautwave.bench.live.bridges import CLI, beside, installed
+from tautwave.bench.live.bridges import CLI, beside, cameras_beside, installed
 from tautwave.bench.result import Goal, Suite, Table, Value
 from tautwave.bench.rigs import ONE_PAIR
 from tautwave.clock import MonotonicClock
@@ -34,6 +34,7 @@ SETTLE_S = 0.3
 """After a turn begins: what was waiting is sent in it."""
 
 BEGIN_S = 60.0
+SETS = ("loop.overrun_limit=20000", "cameras={camera: {driver: synthetic}}")
 
 
 class Viewed(NamedTuple):
@@ -66,8 +67,8 @@ def viewed(*, turns: int, turn_s: float) -> Viewed:
         out = Path(folder) / "run"
         rig = Path(folder) / "rig.yaml"
         rig.write_text(resolved_yaml(ONE_PAIR.load()), encoding="utf-8")
-        loose = ("--set", "loop.overrun_limit=20000")
-        words = ("run", str(rig), *loose, "--duration", "3600", "--out", str(out), "--quiet")
+        sets = [word for one in SETS for word in ("--set", one)]
+        words = ("run", str(rig), *sets, "--duration", "3600", "--out", str(out), "--quiet")
         run = subprocess.Popen([*CLI, *words], stdout=subprocess.DEVNULL)
         try:
             live = _begun(run, out, clock)
@@ -76,6 +77,7 @@ def viewed(*, turns: int, turn_s: float) -> Viewed:
             bridges = installed()
             with beside(out, bridges) as processes:
                 viewers = [number for some in processes.values() for number in some]
+                viewers += cameras_beside(run.pid)
                 for turn in range(turns):
                     is_open = turn % 2 == 0
                     _signal(viewers, signal.SIGCONT if is_open else signal.SIGSTOP)
@@ -104,7 +106,7 @@ def viewed(*, turns: int, turn_s: float) -> Viewed:
     recording = dict(summary["recording"])
     return Viewed(
         open_us, closed_us, share, resident, len(live.columns), recording,
-        [one.name for one in bridges], summary["cycles"], alive,
+        [*(one.name for one in bridges), *summary["cameras"]], summary["cycles"], alive,
     )  # fmt: skip
 
 

@@ -21,9 +21,12 @@ from tautwave.report.figures.envelope import Floats
 from tautwave.report.scene.drawing import OVER, Colours, ground, save_frames
 
 PANEL, HEIGHT = 360, 360
-MARGIN = 0.1
+MARGIN, TOP = 0.1, 30
 ARROW = 0.2
 FONT = 13
+
+ROUNDS = 6
+"""Arrows are as long in pixels whatever the scale, which they have a part in: it settles."""
 
 
 class _Panel(NamedTuple):
@@ -54,27 +57,58 @@ def write_arms_animation(view: ArmsView, path: Path) -> None:
 
 def _panels(view: ArmsView) -> list[_Panel]:
     found = []
+    strongest = _strongest(view)
+    room = np.array([(1.0 - 2.0 * MARGIN) * PANEL, (1.0 - MARGIN) * HEIGHT - TOP]) * OVER
     for number, arm in enumerate(view.arms):
         places = [arm.seen(arm.joints).reshape(-1, 3)]
+        if not arm.flat:
+            places.append(arm.seen(_floor(arm.joints)).reshape(-1, 3))
         places += [
             arm.seen(part)
             for wall in arm.walls.values()
             for part in wall.lines  # a plane's patch may be cut
         ]
-        seen = np.concatenate(places)[:, :2]
-        low, high = seen.min(axis=0), seen.max(axis=0)
-        size = float(max((high - low).max(), 1e-6))
-        room = (1.0 - 2.0 * MARGIN) * PANEL * OVER
-        scale = room / size
-        corner = 0.5 * (low + high) - 0.5 * size
+        low, high = _corners(places)
+        scale = _scale(low, high, room)
+        for _ in range(ROUNDS if strongest > 0.0 else 0):
+            longest = ARROW * PANEL * OVER / scale / strongest  # m/N
+            heads = [
+                arm.seen(arm.joints[:, -1] + np.nan_to_num(force) * longest)
+                for force in arm.forces.values()
+            ]
+            low, high = _corners([*places, *heads])
+            scale = _scale(low, high, room)
+        corner = 0.5 * (low + high) - 0.5 * room / scale
         found.append(_Panel(number * PANEL * OVER, corner, scale))
     return found
 
 
+def _strongest(view: ArmsView) -> float:
+    """Return the greatest force of the run [N]."""
+    forces = [f for arm in view.arms for f in arm.forces.values()]
+    return max((float(np.nanmax(np.linalg.norm(f, axis=1))) for f in forces), default=0.0)
+
+
+def _corners(places: list[Floats]) -> tuple[Floats, Floats]:
+    seen = np.concatenate(places)[:, :2]
+    return seen.min(axis=0), seen.max(axis=0)
+
+
+def _scale(low: Floats, high: Floats, room: Floats) -> float:
+    """Return the pixels per metre at which all has room."""
+    return float((room / np.maximum(high - low, 1e-6)).min())
+
+
+def _floor(places: Floats) -> Floats:
+    """Return joints on the floor of their base."""
+    floor = places.copy()
+    floor[..., 2] = min(0.0, float(places[..., 2].min()))
+    return floor
+
+
 def _draw(view: ArmsView, panels: list[_Panel], row: int, hue: Colours) -> Image.Image:
     image = Image.new("RGB", (PANEL * OVER * len(view.arms), HEIGHT * OVER), hue[PAPER])
-    forces = [f for arm in view.arms for f in arm.forces.values()]
-    strongest = max((float(np.nanmax(np.linalg.norm(f, axis=1))) for f in forces), default=0.0)
+    strongest = _strongest(view)
     for arm, panel in zip(view.arms, panels, strict=True):
         part = Image.new("RGB", (PANEL * OVER, HEIGHT * OVER), hue[PAPER])
         _arm(ImageDraw.Draw(part), arm, panel._replace(left=0.0), row, hue, strongest)
@@ -110,7 +144,9 @@ def _arm(
     pen.line(way, fill=hue[SHADE], width=OVER)
     places = arm.joints[row]
     if not arm.flat:
-        _shadow(pen, arm, panel, places, hue)
+        # The shadow: how far it reaches is seen by it.
+        shadow = panel.pixels(arm.seen(_floor(places)))
+        pen.line(shadow, fill=hue[GRID], width=5 * OVER, joint="curve")
     spots = panel.pixels(arm.seen(places))
     pen.line(spots, fill=hue[EDGE], width=6 * OVER, joint="curve")
     x, y = spots[0]
@@ -136,15 +172,6 @@ def _caption(arm: ArmView, row: int) -> str:
         if size >= 0.05:
             parts.append(f"{name} {size:.1f} N")
     return ",  ".join(parts)
-
-
-def _shadow(
-    pen: ImageDraw.ImageDraw, arm: ArmView, panel: _Panel, places: Floats, hue: Colours
-) -> None:
-    """Draw the arm's shadow on the floor of its base: how far it reaches is seen by it."""
-    floor = places.copy()
-    floor[:, 2] = min(0.0, float(places[:, 2].min()))
-    pen.line(panel.pixels(arm.seen(floor)), fill=hue[GRID], width=5 * OVER, joint="curve")
 
 
 def _disc(

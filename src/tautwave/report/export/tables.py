@@ -33,7 +33,7 @@ def export_tables(
     to : str
         One of `TABLES`.
     out : Path
-        Created if needed; files of the same names are replaced.
+        Created if needed. No table in it is replaced.
     columns : sequence of str, optional
         Columns to write; all by default.
 
@@ -47,18 +47,24 @@ def export_tables(
     RecordingError
         There is no recording, or a column is unknown.
     ConfigError
-        A library is not installed.
+        A library is not installed, a table exists already, or `out` is named as a file.
     WritingError
         Something cannot be written.
     """
     content = TABLES[to]
     found = list(episodes(directory))  # before a folder is made for what is not there
+    if out.suffix == f".{to}":
+        raise ConfigError(f"{out}: tables go into a directory, one for each episode; name that")
+    paths = [out / f"{episode.stem}.{to}" for episode in found]
+    there = next(filter(Path.exists, paths), None)
+    if there is not None:
+        raise ConfigError(f"{there} exists; choose another --out, or remove it first")
+    read_recording(directory, columns, rows=slice(0, 1))  # an unknown column leaves no directory
     make_directory(out)
     written, lines = [], []
-    for episode in found:
+    for episode, path in zip(found, paths, strict=True):
         rows = read_recording(directory, columns, rows=episode.rows)
         times = read_recording(directory, ["time_s"], rows=episode.rows).time_s
-        path = out / f"{episode.stem}.{to}"
         write_bytes(path, content(rows, units(rows.columns, rows.attachments)))
         written.append(path)
         success = "" if episode.success is None else str(episode.success).lower()

@@ -346,7 +346,7 @@ class SiteControl(CoupledControl):
             self._left = self._left or str(message.get("lost", message.get("refused")))
         elif "note" in message:
             self.sessions[-1].setdefault("notes", []).append(message["note"])
-        elif "peer" in message:
+        elif isinstance(message.get("peer"), Mapping):
             self._listen(message["peer"])
 
     def _rejoin(self, session: Session) -> None:

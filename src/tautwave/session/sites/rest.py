@@ -70,6 +70,8 @@ class Rest:
         self.hindrance = ""
         self._resting = False
         self._taken = [0.0] * len(own)
+        self._floor = [0.0] * len(own)
+        self._late = 0
         self.free = False
         """Whether nothing holds the axes."""
         self.dead: set[int] = set()
@@ -79,6 +81,8 @@ class Rest:
         """Begin to rest; `seated`: the axes have been measured before."""
         self._resting = True
         self._seated = dict.fromkeys(self._own, seated)
+        self._late = 0
+        self._floor = [0.0] * len(self._own)
         for k, i in enumerate(self._own):
             self.granted[k] += self._capital[i]
             s = self._control.axes[i]
@@ -86,10 +90,12 @@ class Rest:
 
     def anew(self) -> None:
         """Count what the motors take from 0 on; axes stay seated."""
-        seated = self._seated
+        seated, pulled = self._seated, bool(self._pulls)
         self.release()
         self.begin(seated=False)
         self._seated = seated
+        # What the last pulls still give out, by commands that act late, was granted to them.
+        self._late = self._latency if pulled else 0
 
     def unseat(self) -> None:
         """Have the axes measured anew: their devices were enabled anew."""
@@ -167,10 +173,17 @@ class Rest:
             s, p = control.axes[i], self._params[i]
             effort = 0.0
             free = self.free or self._let_go or i in self.dead
+            if self._late:
+                self._floor[k] = min(self._floor[k], s.port_energy)
             if control.samples[i].valid and not free:
                 pull = None if ending else self._pulls.get(k)
-                effort = hold_effort(s, p, self._capital[i]) if pull is None else pull.effort(s)
+                effort = (
+                    hold_effort(s, p, self._capital[i] - self._floor[k])
+                    if pull is None
+                    else pull.effort(s)
+                )
             send_resting(s, p, effort, share * p.ceiling)
+        self._late = max(0, self._late - 1)
 
     def end(self) -> None:
         """Rest no more; what the motors took is kept."""
