@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from tautwave.bench.couplings.measure import run_coupling, stated_bound
+from tautwave.bench.couplings import drawn
+from tautwave.bench.couplings.measure import Outcome, run_coupling, stated_bound
 from tautwave.bench.couplings.recorded import likeness, median_ratio
 from tautwave.bench.couplings.rigs import LAWS, bench_rig, drawn_rig, without_account
 from tautwave.bench.couplings.suite import OWN_ACCOUNT
@@ -28,6 +29,43 @@ def test_in_an_account_no_drawn_rig_gives_more_than_its_bound(first: int) -> Non
         rig = drawn_rig(seed, account=True, seconds=0.08)
         found = run_coupling(rig, bound=stated_bound(rig), engine="python")
         assert found.excess <= 0.0, f"seed {seed}"
+
+
+def test_many_rigs_go_on_where_they_were_interrupted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ran: list[int] = []
+
+    def run(rig: int, *, bound: float, engine: str) -> Outcome:
+        ran.append(rig)
+        if len(ran) == 5:
+            raise KeyboardInterrupt
+        made = 0.1 * abs(rig)
+        return Outcome(0.0, 0.0, 0.0, 0.0, 0.0, made, made - bound, rig == 3)
+
+    monkeypatch.setattr(drawn, "PIECE", 2)
+    monkeypatch.setattr(drawn, "drawn_rig", lambda seed, account: seed)
+    monkeypatch.setattr(drawn, "without_account", lambda rig: -rig)
+    monkeypatch.setattr(drawn, "stated_bound", lambda rig: 0.45)
+    monkeypatch.setattr(drawn, "run_coupling", run)
+    monkeypatch.setattr(drawn, "laws_now", lambda: "these")
+    said: list[str] = []
+
+    def many() -> list[drawn.Tally]:
+        keep = tmp_path / "rigs.jsonl"
+        return drawn.run_many(0, 8, "python", jobs=1, keep=keep, tell=said.append)
+
+    with pytest.raises(KeyboardInterrupt):
+        many()
+    kept, bare = many()
+    assert len(ran) == 5 + 12  # of 16, the four of the first piece were kept
+    assert (kept.rigs, kept.beyond, kept.early, bare.early) == (8, 3, 1, 0)
+    assert kept.made == pytest.approx(0.7)
+    assert kept.share == pytest.approx(0.7 / 0.45)
+    assert said[-1] == "rigs drawn at random, 1 of 4 pieces left"
+    monkeypatch.setattr(drawn, "laws_now", lambda: "others")
+    many()
+    assert len(ran) == 5 + 12 + 16
 
 
 @pytest.mark.parametrize("seed", BEYOND)

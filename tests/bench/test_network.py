@@ -103,7 +103,7 @@ def test_what_is_done_is_kept_and_not_done_again(
     with pytest.raises(KeyboardInterrupt):
         many.run_many(0, 12, keep=keep)
     with keep.open("a") as file:
-        file.write('{"laws": "cut of')
+        file.write('{"command": "cut of')
     ran.clear()
     most = 1000
     found = many.run_many(0, 12, keep=keep)

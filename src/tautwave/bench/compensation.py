@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+import functools
+import hashlib
+import inspect
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from tautwave.bench.inertia import inertia_tables
+from tautwave.bench import inertia as inertia_bench
+from tautwave.bench.inertia import Attacks, attacks_of, inertia_tables
+from tautwave.bench.pieces import Work, run_pieces
 from tautwave.bench.port.rigs import IMPOSED, bench_rig
 from tautwave.bench.result import Goal, Suite, Table, Value
+from tautwave.controller import inertia as inertia_laws
+from tautwave.laws import account as account_laws
+from tautwave.laws import compensation as compensation_laws
 from tautwave.laws.compensation import CompensationParams, compensation_effort
+from tautwave.models import plant
 from tautwave.models.plant import plant_step
 from tautwave.models.plant_params import PlantParams, plant_cache
 from tautwave.simulation import simulate
+from tautwave.sweep.pool import Piece
 
 Tell = Callable[[str], None]
 
@@ -26,6 +37,9 @@ CERTAIN, TRUE = 0.02, 0.025
 SECONDS, BEGUN_S = 6.0, 1.0
 PERIOD, STEPS = 1e-3, 200
 KINDS = ("law", "law, late", "helping", "late", "random sign")
+PIECE = 250
+"""Runs of a piece."""
+
 ROUNDING = 1e-12
 """[J] Energies of some millijoules are summed to that."""
 
@@ -113,13 +127,77 @@ def surplus(seed: int, gain: float) -> float:
     return most
 
 
-def compensation(*, runs: int, first: int, tell: Tell) -> Suite:
+class Surpluses(NamedTuple):
+    """Of many runs: how many had a surplus, and the greatest [J]."""
+
+    beyond: int = 0
+    most: float = 0.0
+
+    def with_other(self, other: Surpluses) -> Surpluses:
+        """Return the tally of both."""
+        return Surpluses(self.beyond + other.beyond, max(self.most, other.most))
+
+
+class Found(NamedTuple):
+    """Of some seeds: surpluses of held efforts, adversaries of the inertia's account.
+
+    Of all that may be and of 1.2 times that; with the account and without it.
+    """
+
+    held: Surpluses = Surpluses()
+    over: Surpluses = Surpluses()
+    kept: Attacks = Attacks()
+    open: Attacks = Attacks()
+
+
+def run_piece(piece: Piece) -> Found:
+    """Run the seeds of a piece."""
+    seeds = range(*piece)
+    held, over = (
+        functools.reduce(
+            Surpluses.with_other,
+            (Surpluses(int(it > ROUNDING), it) for it in (surplus(seed, g) for seed in seeds)),
+        )
+        for g in (1.0, 1.2)
+    )
+    return Found(held, over, attacks_of(seeds, account=True), attacks_of(seeds, account=False))
+
+
+def _worker() -> Callable[[Piece], Found]:
+    return run_piece
+
+
+def run_many(runs: int, first: int, jobs: int, keep: Path | None, tell: Tell) -> Found:
+    """Return the tallies of many seeds; see `pieces.run_pieces`."""
+    sources = (compensation_laws, inertia_laws, account_laws, plant, inertia_bench)
+    text = b"".join(inspect.getsource(it).encode() for it in (*sources, surplus))
+    same = {"laws": hashlib.sha256(text).hexdigest()[:16]}
+    work = Work("tautwave bench compensation", "random runs", PIECE, _worker, same)
+    found = Found()
+    for piece in run_pieces(work, first, runs, jobs=jobs, keep=keep, tell=tell):
+        held, over, kept, open_ = piece
+        found = Found(
+            found.held.with_other(Surpluses(*held)),
+            found.over.with_other(Surpluses(*over)),
+            found.kept.with_other(Attacks(*kept)),
+            found.open.with_other(Attacks(*open_)),
+        )
+    return found
+
+
+def compensation(
+    *, runs: int, first: int, tell: Tell, jobs: int = 1, keep: Path | None = None
+) -> Suite:
     """Measure what is taken off: free motion by share, random runs against friction and account.
 
     Parameters
     ----------
     runs, first : int
         How many random runs, and the seed of the first.
+    jobs : int
+        Processes for them.
+    keep : Path, optional
+        File of those that are done, from which an interrupted run goes on.
     tell : callable
         Called with the name of each measurement as it starts.
     """
@@ -134,22 +212,18 @@ def compensation(*, runs: int, first: int, tell: Tell) -> Suite:
              1e3 * one.error, 1e3 * 0.5 * stated / 25.4, 1e3 * (bare.error - one.error),
              1e3 * one.given]
         )  # fmt: skip
-    tell(f"{runs} random runs")
-    seeds = range(first, first + runs)
-    held = [surplus(seed, 1.0) for seed in seeds]
-    over = [surplus(seed, 1.2) for seed in seeds]
-    beyond = [sum(each > ROUNDING for each in made) for made in (held, over)]
+    many = run_many(runs, first, jobs, keep, tell)
     random: list[list[Value]] = [
-        [name, runs, count, 1e6 * max(made, default=0.0)]
-        for name, count, made in zip(
-            ("all of c.lower", "1.2 times c.lower"), beyond, (held, over), strict=True
+        [name, runs, made.beyond, 1e6 * made.most]
+        for name, made in zip(
+            ("all of c.lower", "1.2 times c.lower"), (many.held, many.over), strict=True
         )
     ]
     stated = 2.0 * 0.8 * CERTAIN
     fallen = (bare.drag - found[0.8].drag) / stated
     closer = (bare.error - found[0.8].error) / (0.5 * stated / 25.4)
     tell("inertia")
-    lighter, goals = inertia_tables(runs, first)
+    lighter, goals = inertia_tables(runs, (many.kept, many.open))
     return Suite(
         "compensation",
         [
@@ -173,8 +247,8 @@ def compensation(*, runs: int, first: int, tell: Tell) -> Suite:
             *lighter,
         ],
         [
-            Goal("runs with a surplus", 0.0, "", float(beyond[0])),
-            Goal("runs with a surplus at 1.2 times", 1.0, "", float(beyond[1]), at_least=True),
+            Goal("runs with a surplus", 0.0, "", float(many.held.beyond)),
+            Goal("runs with a surplus at 1.2 times", 1, "", float(many.over.beyond), at_least=True),
             Goal("drag: less over stated, off 1, at 0.8", 0.1, "", abs(fallen - 1.0)),
             Goal("error: less over stated, off 1, at 0.8", 0.1, "", abs(closer - 1.0)),
             *goals,

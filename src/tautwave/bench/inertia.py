@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -149,8 +150,31 @@ def attack(seed: int, *, account: bool = True) -> Attack:
     return Attack(most, funds + unseen + drawn)
 
 
-def inertia_tables(runs: int, first: int) -> tuple[list[Table], list[Goal]]:
-    """Return what is felt, and how often an adversary got more than is claimed, with goals."""
+class Attacks(NamedTuple):
+    """Of many adversaries: how many got more than the claim, and the greatest share of it."""
+
+    over: int = 0
+    share: float = 0.0
+
+    def with_other(self, other: Attacks) -> Attacks:
+        """Return the tally of both."""
+        return Attacks(self.over + other.over, max(self.share, other.share))
+
+
+def attacks_of(seeds: range, *, account: bool) -> Attacks:
+    """Return what some adversaries got."""
+    found = Attacks()
+    for seed in seeds:
+        one = attack(seed, account=account)
+        found = found.with_other(Attacks(int(one.given > one.claimed), one.given / one.claimed))
+    return found
+
+
+def inertia_tables(runs: int, made: Sequence[Attacks]) -> tuple[list[Table], list[Goal]]:
+    """Return what is felt, and how often an adversary got more than is claimed, with goals.
+
+    `made` of so many `runs` with the account, and without it.
+    """
     rows: list[list[Value]] = []
     off = 0.0
     for name in LAWS:
@@ -165,14 +189,9 @@ def inertia_tables(runs: int, first: int) -> tuple[list[Table], list[Goal]]:
                 rows.append([name, 1e5 * noise, share, 1e3 * one.inertia, 1e3 * stated, 1e3 * less,
                              1e3 * one.damping, 1e3 * one.given])  # fmt: skip
                 off = max(off, abs(less / stated - 1.0))
-    held = [attack(seed) for seed in range(first, first + runs)]
-    open_ = [attack(seed, account=False) for seed in range(first, first + runs)]
-    over = [sum(one.given > one.claimed for one in made) for made in (held, open_)]
     attacks: list[list[Value]] = [
-        [name, runs, count, max((one.given / one.claimed for one in made), default=0.0)]
-        for name, count, made in zip(
-            ("with its account", "without"), over, (held, open_), strict=True
-        )
+        [name, runs, one.over, one.share]
+        for name, one in zip(("with its account", "without"), made, strict=True)
     ]
     tables = [
         Table(
@@ -193,7 +212,7 @@ def inertia_tables(runs: int, first: int) -> tuple[list[Table], list[Goal]]:
     ]  # fmt: skip
     goals = [
         Goal("inertia: less over stated, off 1", 0.1, "", off),
-        Goal("adversaries over the claim", 0.0, "", float(over[0])),
-        Goal("adversaries over it without the account", 1.0, "", float(over[1]), at_least=True),
+        Goal("adversaries over the claim", 0.0, "", float(made[0].over)),
+        Goal("adversaries over it without the account", 1, "", float(made[1].over), at_least=True),
     ]
     return tables, goals

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import importlib
-import os
 import sys
 from pathlib import Path
 from typing import Any
 
 import click
 
-from tautwave.cli.options import json_option, out_option, positive
+from tautwave.cli.options import jobs_option, json_option, keep_option, out_option, positive
 from tautwave.cli.terminal.measured import print_suites
 
 QUICK_REALTIME_S = 5.0
@@ -228,17 +227,11 @@ def networks(as_json: bool) -> None:
     "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first one."
 )
 @click.option("--hour", is_flag=True, help="Move a pair for an hour, too: half a minute more.")
-@click.option(
-    "--jobs", type=click.IntRange(1), help="Processes [default: one for each processor core]."
-)
-@click.option(
-    "--keep",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="File of finished random patterns, from which an interrupted run resumes.",
-)
+@jobs_option
+@keep_option
 @json_option
 def network(
-    patterns: int, first: int, hour: bool, jobs: int | None, keep: Path | None, as_json: bool
+    patterns: int, first: int, hour: bool, jobs: int, keep: Path | None, as_json: bool
 ) -> None:
     """Run a pair over random networks with our receiver, and with those in common use.
 
@@ -255,7 +248,7 @@ def network(
         patterns=patterns,
         first=first,
         hour=hour,
-        jobs=jobs or len(os.sched_getaffinity(0)),
+        jobs=jobs,
         keep=keep,
         tell=_tell,
     )
@@ -328,6 +321,8 @@ def view(duration: float, as_json: bool) -> None:
     is_flag=True,
     help="One delay, 0.6 s each, nothing compiled; with --frontier: one hand each, two settings.",
 )
+@jobs_option
+@keep_option
 @out_option("Directory for the figure of --frontier; default: none.")
 @json_option
 def couplings(
@@ -338,6 +333,8 @@ def couplings(
     frontier: bool,
     delays: bool,
     quick: bool,
+    jobs: int,
+    keep: Path | None,
     out: Path | None,
     as_json: bool,
 ) -> None:
@@ -349,7 +346,7 @@ def couplings(
     \b
     Examples:
         tautwave bench couplings --rigs 200
-        tautwave bench couplings --rigs 10000 --hand hand_reference.csv
+        tautwave bench couplings --rigs 10000 --keep rigs.jsonl
         tautwave bench couplings --frontier --recordings teleop-1dof --out pictures
         tautwave bench couplings --delays
     """
@@ -361,7 +358,14 @@ def couplings(
         print_suites([suite], as_json)
         return
     suite = _backend().couplings(
-        rigs=rigs, first=first, hand=hand, recordings=recordings, quick=quick, tell=_tell
+        rigs=rigs,
+        first=first,
+        hand=hand,
+        recordings=recordings,
+        quick=quick,
+        jobs=jobs,
+        keep=keep,
+        tell=_tell,
     )
     print_suites([suite], as_json)
 
@@ -371,15 +375,18 @@ def couplings(
 @click.option(
     "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first run."
 )
+@jobs_option
+@keep_option
 @json_option
-def compensation(runs: int, first: int, as_json: bool) -> None:
+def compensation(runs: int, first: int, jobs: int, keep: Path | None, as_json: bool) -> None:
     """Measure free motion by share of friction and inertia taken off, and random runs against it.
 
     \b
     Examples:
-        tautwave bench compensation --runs 10000
+        tautwave bench compensation --runs 10000 --keep runs.jsonl
     """
-    print_suites([_backend().compensation(runs=runs, first=first, tell=_tell)], as_json)
+    suite = _backend().compensation(runs=runs, first=first, jobs=jobs, keep=keep, tell=_tell)
+    print_suites([suite], as_json)
 
 
 def _backend() -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -116,3 +117,20 @@ def echo_json(value: Any) -> None:
     """Print `value` as readable JSON."""
     with unheard(sys.stdout, BrokenPipeError):
         click.echo(json.dumps(value, indent=2, ensure_ascii=False))
+
+
+def _all_cores(_context: object, _option: object, value: int | None) -> int:
+    return value or len(os.sched_getaffinity(0))
+
+
+jobs_option = click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    callback=_all_cores,
+    help="Processes [default: one for each processor core].",
+)
+keep_option = click.option(
+    "--keep",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="File of what is done of the random part, from which an interrupted run resumes.",
+)

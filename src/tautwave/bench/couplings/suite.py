@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from tautwave.bench.couplings.measure import Outcome, run_coupling, stated_bound
+from tautwave.bench.couplings.drawn import Tally, run_many
+from tautwave.bench.couplings.measure import Outcome, run_coupling
 from tautwave.bench.couplings.recorded import likenesses, median_ratio
 from tautwave.bench.couplings.rigs import (
     CONTACTS,
     HAND,
     LAWS,
     bench_rig,
-    drawn_rig,
-    without_account,
 )
 from tautwave.bench.result import Goal, Suite, Table, Value
 
@@ -37,6 +36,8 @@ def couplings(
     hand: Path | None = None,
     recordings: Path | None = None,
     quick: bool = False,
+    jobs: int = 1,
+    keep: Path | None = None,
     tell: Tell = silent,
 ) -> Suite:
     """Run every law on the laboratory's bench, and laws, rigs and delays drawn at random.
@@ -53,6 +54,10 @@ def couplings(
         Folder of recorded hands, as for `tautwave bench port`: adds how credible the bench is.
     quick : bool
         One delay, 0.6 s each, nothing compiled.
+    jobs : int
+        Processes for the rigs that are drawn.
+    keep : Path, optional
+        File of those that are done, from which an interrupted run goes on.
     tell : callable
         Called with the name of each measurement as it starts.
     """
@@ -83,8 +88,7 @@ def couplings(
                     rows.append(
                         [name, "account" if account else "bare", *_cells(delay, contact, found)]
                     )
-    tell(f"{rigs} rigs drawn at random")
-    drawn = _drawn_rows(range(first, first + rigs), engine)
+    drawn = _drawn_rows(run_many(first, rigs, engine, jobs=jobs, keep=keep, tell=tell))
     more, goals = _credible(recordings, tell)
     return Suite(
         "couplings",
@@ -149,18 +153,8 @@ def _cells(delay: float, contact: str, found: Outcome) -> list[Value]:
     ]
 
 
-def _drawn_rows(seeds: range, engine: str) -> list[list[Value]]:
-    beyond, most, share, early = [0, 0], [0.0, 0.0], [0.0, 0.0], [0, 0]
-    for seed in seeds:
-        rig = drawn_rig(seed, account=True)
-        bound = stated_bound(rig)
-        for bare, drawn in enumerate((rig, without_account(rig))):
-            found = run_coupling(drawn, bound=bound, engine=engine)
-            beyond[bare] += found.excess > 0.0
-            most[bare] = max(most[bare], found.made)
-            share[bare] = max(share[bare], found.made / bound)
-            early[bare] += found.stopped
-    names = ("in an account", "bare")
+def _drawn_rows(found: list[Tally]) -> list[list[Value]]:
     return [
-        [names[it], len(seeds), beyond[it], 1e3 * most[it], share[it], early[it]] for it in (0, 1)
+        [name, one.rigs, one.beyond, 1e3 * one.made, one.share, one.early]
+        for name, one in zip(("in an account", "bare"), found, strict=True)
     ]

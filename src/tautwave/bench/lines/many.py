@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import functools
-import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tautwave.bench.lines import pair, rejected
 from tautwave.bench.lines import patterns as patterns_module
@@ -18,11 +17,10 @@ from tautwave.bench.lines.patterns import (
     is_free,
     run_pattern,
 )
-from tautwave.config.guard import parse_json, read_guarded
-from tautwave.errors import ConfigError
+from tautwave.bench.pieces import Work, run_pieces
 from tautwave.link import network, receiver
 from tautwave.simulation.kernel.compiled import source_hash
-from tautwave.sweep.pool import Piece, ProcessPool, in_process
+from tautwave.sweep.pool import Piece
 
 OURS = ("play-out", "auto depth", "newest")
 CLEAN = "play-out, clean lines"
@@ -30,7 +28,6 @@ MOST = 1000
 """Patterns that show what the other receivers do, and clean lines."""
 PIECE = 250
 """Patterns of a piece."""
-LARGEST = 1 << 28
 MADE = 1e-9
 """Energy [J] from which on a receiver counts as having made some."""
 
@@ -75,7 +72,7 @@ def together(one: Tally, two: Tally) -> Tally:
     )
 
 
-def run_piece(most: int, piece: Piece) -> tuple[int, dict[str, Tally]]:
+def run_piece(most: int, piece: Piece) -> dict[str, Tally]:
     """Run the patterns of some seeds; those from `most` on with our receivers only."""
     found = {name: Tally() for name in (*RECEIVERS, CLEAN)}
     for seed in range(*piece):
@@ -86,10 +83,10 @@ def run_piece(most: int, piece: Piece) -> tuple[int, dict[str, Tally]]:
                 found[name] = with_outcome(found[name], run_pattern(x, name)[0], free)
         if free and seed < most:
             found[CLEAN] = with_outcome(found[CLEAN], run_pattern(clean_of(x))[0], free)
-    return piece[0], found
+    return found
 
 
-def _worker(most: int) -> Callable[[Piece], tuple[int, dict[str, Tally]]]:
+def _worker(most: int) -> Callable[[Piece], dict[str, Tally]]:
     return functools.partial(run_piece, most)
 
 
@@ -119,67 +116,22 @@ def run_many(
     ConfigError
         The file is something else, or cannot be written.
     """
-    end = first + patterns
-    pieces = [(at, min(at + PIECE, end)) for at in range(first, end, PIECE)]
     run_pattern(draw_pattern(first)._replace(rest=0.1, end=0.1))  # compiled before there are others
     most = first + MOST
     laws = source_hash(more=(rejected, pair, patterns_module, receiver, network))
-    done = _read(keep, laws, most) if keep is not None else {}
-    left = [piece for piece in pieces if piece not in done]
-    work = (ProcessPool(min(jobs, len(left))) if jobs > 1 and len(left) > 1 else in_process)(
-        functools.partial(_worker, most), left
-    )
-    ends = dict(pieces)
-    tenth = max(1, len(pieces) // 10)
-    try:
-        for count, (at, found) in enumerate(work):
-            if count % tenth == 0:
-                tell(f"random patterns, {len(left) - count} pieces of {PIECE} left")
-            done[at, ends[at]] = found
-            if keep is not None:
-                _append(keep, {"laws": laws, "most": most, "piece": (at, ends[at]), "found": found})
-    finally:
-        work.close()
-    return {name: _sum(done[piece][name] for piece in pieces) for name in (*RECEIVERS, CLEAN)}
+    same = {"laws": laws, "most": most}
+    begin = functools.partial(_worker, most)
+    work = Work("tautwave bench network", "random patterns", PIECE, begin, same)
+    found = list(run_pieces(work, first, patterns, jobs=jobs, keep=keep, tell=tell))
+    names = (*RECEIVERS, CLEAN)
+    return {name: _sum(_tally(piece[name]) for piece in found) for name in names}
+
+
+def _tally(values: Iterable[Any]) -> Tally:
+    """Return a tally, also one that was kept."""
+    tally = Tally(*values)
+    return tally._replace(rest=tuple(tally.rest))
 
 
 def _sum(tallies: Iterable[Tally]) -> Tally:
     return functools.reduce(together, tallies, Tally())
-
-
-def _append(keep: Path, line: Mapping[str, object]) -> None:
-    try:
-        with keep.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(line) + "\n")
-    except OSError as err:
-        raise ConfigError(f"{keep}: cannot be written: {err.strerror}") from err
-
-
-def _read(keep: Path, laws: str, most: int) -> dict[Piece, dict[str, Tally]]:
-    """Return the pieces that a file has of these laws; a last line that was cut off is left out."""
-    found: dict[Piece, dict[str, Tally]] = {}
-    for number, line in _lines(keep):
-        try:
-            one = parse_json(line)
-            if (one["laws"], one["most"]) != (laws, most):
-                continue
-            first, end = one["piece"]
-            tallies = {name: Tally(*values) for name, values in one["found"].items()}
-            found[first, end] = {
-                name: tally._replace(rest=tuple(tally.rest)) for name, tally in tallies.items()
-            }
-        except (ValueError, KeyError, TypeError) as err:
-            raise ConfigError(
-                f"{keep}:{number}: no piece of `tautwave bench network --keep`; name another file"
-            ) from err
-    return found
-
-
-def _lines(keep: Path) -> Iterator[tuple[int, str]]:
-    if not keep.exists():
-        return
-    text = read_guarded(keep, "file of patterns that are done", LARGEST)
-    whole = text[: text.rfind("\n") + 1]
-    if whole != text:
-        keep.write_text(whole, encoding="utf-8")
-    yield from enumerate(whole.splitlines(), 1)
