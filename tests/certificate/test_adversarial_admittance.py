@@ -110,4 +110,4 @@ def test_hundreds_of_rigs_with_an_admittance_slave() -> None:
 
 @pytest.mark.slow
 def test_nothing_more_comes_of_an_admittance_slave_with_time() -> None:
-    hold(range(1000, 1006), 20_000, 3)
+    hold(range(1010, 1018), 20_000, 3)
