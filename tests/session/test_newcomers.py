@@ -163,7 +163,7 @@ def test_the_tutorials_servos_are_found_in_its_words() -> None:
     place = shlex.split(new[new.index("--bus") + 1])
     sought = parse_model(ScanOptions, place[1:], "new")
     sides = [numbers(new[new.index(side) + 1], side) for side in ("--master", "--slave")]
-    assert options.ids == sought.ids == sum(sides, []) == [*range(1, 7), *range(11, 17)]
+    assert options.ids == sought.ids == [*sides[0], *sides[1]] == [*range(1, 7), *range(11, 17)]
 
 
 @pytest.mark.slow
