@@ -214,7 +214,7 @@ def _csv(path: Path, wanted: Sequence[str], holes: bool) -> dict[str, Array]:
             for row in rows:
                 if not any(cell.strip() for cell in row):
                     continue
-                numbers = []
+                numbers: list[float] = []
                 for name, index in zip(wanted, places, strict=True):
                     cell = row[index].strip() if index < len(row) else ""
                     number = _number(cell, separator) if cell else math.nan

@@ -215,7 +215,8 @@ def with_beside(
     good = np.isfinite(raw.effort) & raw.known
     if np.count_nonzero(good) < 3:
         raise RecordingError(f"{source}: {column} holds no numbers")
-    grid = series.start_s + series.period * np.arange(len(series.position))
+    slots: Array = np.arange(len(series.position), dtype=np.float64)
+    grid = series.start_s + series.period * slots
     known = series.known & _near(grid, times[good], series.period)
     return series._replace(known=known), np.interp(grid, times[good], raw.effort[good])
 
