@@ -85,6 +85,8 @@ def test_both_end_together_and_their_books_close(
     assert least <= most
     assert most >= -2e-6
     assert pair["position_error"]["rms"] < 0.03
+    assert 0.0 <= pair["given"] <= pair["claimed"]
+    assert (tmp_path / "both" / "joined-lever.svg").stat().st_size > 10_000
     assert len(found["sessions"]) == 1
 
 

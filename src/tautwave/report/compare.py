@@ -6,20 +6,24 @@ import json
 from collections.abc import Callable, Iterator
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from tautwave.canvas import alone, svg
 from tautwave.files import make_directory, write_text
-from tautwave.report.html import badge, banner, page, picture, table, verdict_rows
+from tautwave.report.html import (
+    badge,
+    banner,
+    file_stem,
+    kept_picture,
+    page,
+    table,
+    verdict_rows,
+)
 from tautwave.report.joined import joined_page, joined_summary, sites_of
 from tautwave.report.run.loading import load_run
 from tautwave.report.run.rundir import Run, block
 from tautwave.report.run.tables import Table
 from tautwave.report.run.verdicts import outcome, units_of, verdicts
 from tautwave.report.units import count, microseconds, number, plural, quantity, significant
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Show = Callable[[Any], str]
 Line = tuple[str, Show, tuple[str, ...]]
@@ -47,7 +51,7 @@ def compare_reports(a: Path, b: Path, out: Path) -> Path:
     if both is not None:
         found = joined_summary(*both)
         write_text(target.with_suffix(".json"), json.dumps(found, indent=2) + "\n")
-        write_text(target, joined_page(*both, found))
+        write_text(target, joined_page(*both, found, target.parent))
         return target
     labels = _labels(runs)
     title = f"{labels[0]} against {labels[1]} – tautwave"
@@ -94,7 +98,7 @@ def _body(runs: tuple[Run, Run], labels: tuple[str, str], folder: Path) -> Itera
 
     figure = timing_overlay(runs, labels)
     if figure is not None:
-        yield _keep(folder, "compare-timing", figure, "histograms of both runs")
+        yield kept_picture(folder, "compare-timing", figure, "histograms of both runs")
     yield "<h2>All differences between the summaries</h2>"
     yield _differences(_changes(_plain(runs[0].summary), _plain(runs[1].summary)), labels)
 
@@ -126,23 +130,17 @@ def _pictures(
         Overlay("Position error, master − slave", position, both(f"{pair}.position_error")),
         Overlay("Effort error: sum of both port efforts", effort, both(f"{pair}.effort_error")),
     ]
-    stem = "".join(c if c.isascii() and c.isalnum() else "-" for c in pair)
+    stem = file_stem(pair)
     figure = overlay_figure(f"Tracking of {pair}", shown, labels)
     if figure is not None:
-        yield _keep(folder, f"compare-{stem}-tracking", figure, f"tracking of {pair}")
+        yield kept_picture(folder, f"compare-{stem}-tracking", figure, f"tracking of {pair}")
     shown = [
         Overlay("Stored in all elements", "J", energies(1)),
         Overlay("Dissipated in all elements since the start", "J", energies(2)),
     ]
     figure = overlay_figure(f"Energy of {pair}", shown, labels)
     if figure is not None:
-        yield _keep(folder, f"compare-{stem}-energy", figure, f"energy of {pair}")
-
-
-def _keep(folder: Path, name: str, figure: Figure, alt: str) -> str:
-    drawn = svg(figure, name, alt)
-    write_text(folder / f"{name}.svg", alone(drawn))
-    return picture(drawn)
+        yield kept_picture(folder, f"compare-{stem}-energy", figure, f"energy of {pair}")
 
 
 def _tracking(run: Run, pair: str) -> list[Line]:

@@ -5,11 +5,17 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterable
 from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from tautwave.canvas import DARK, INK, PAPER, dark_rules
+from tautwave.canvas import DARK, INK, PAPER, alone, dark_rules, svg
 from tautwave.canvas.paint import DARK_QUERY
+from tautwave.files import write_text
 from tautwave.report.run.tables import Table
 from tautwave.report.run.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 STYLE = """
 :root { color-scheme: light dark; --paper: #ffffff; --ink: #1b1f23; --soft: #57606a;
@@ -219,4 +225,16 @@ def folded(title: str, parts: Iterable[str]) -> Iterable[str]:
 
 def anchor(text: str) -> str:
     """A safe identifier for a heading, whatever the name of the pair."""
-    return "part-" + "".join(c if c.isascii() and c.isalnum() else "-" for c in text)
+    return "part-" + file_stem(text)
+
+
+def file_stem(name: str) -> str:
+    """A pair's name as a part of a file's."""
+    return "".join(c if c.isascii() and c.isalnum() else "-" for c in name)
+
+
+def kept_picture(folder: Path, name: str, figure: Figure, alt: str) -> str:
+    """A figure for the page that is kept as `name`.svg in `folder` as well."""
+    drawn = svg(figure, name, alt)
+    write_text(folder / f"{name}.svg", alone(drawn))
+    return picture(drawn)

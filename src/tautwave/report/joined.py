@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from html import escape
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from tautwave.report.figures.envelope import Floats
-from tautwave.report.html import page, table
+from tautwave.report.html import file_stem, kept_picture, page, table
 from tautwave.report.run.rebuild import element_books
 from tautwave.report.run.rundir import Run, block, kind_of, pair_settings
 from tautwave.report.run.tables import Table
@@ -124,8 +125,8 @@ def joined_summary(master: Run, slave: Run) -> dict[str, Any]:
     sessions = list(common_sessions(master, slave))
     pairs = {}
     for pair in master.pairs:
-        errors = [_position_error(master, slave, pair, one) for one in sessions]
-        errors = [one for one in errors if one.size]
+        places = [positions(master, slave, pair, one) for one in sessions]
+        errors = [one - two for one, two in places if one.size]
         error = np.concatenate(errors) if errors else np.zeros(0)
         books = [_books(run, side, pair) for run, side in zip((master, slave), SIDES, strict=True)]
         flow = sum(one["gross_flow"] for one in books)
@@ -141,6 +142,8 @@ def joined_summary(master: Run, slave: Run) -> dict[str, Any]:
             "entered": sum(one["entered"] for one in books),
             "stored": sum(one["stored"] for one in books),
             "dissipated": sum(one["dissipated"] for one in books),
+            "given": _of_motors((master, slave), pair, "worst"),
+            "claimed": _of_motors((master, slave), pair, "stated_debt"),
             "residual": sum(one["residual"] for one in books),
             "gross_flow": flow,
             "under_way_least": span or None,
@@ -155,18 +158,18 @@ def joined_summary(master: Run, slave: Run) -> dict[str, Any]:
     }
 
 
-def _position_error(master: Run, slave: Run, pair: str, common: Common) -> Floats:
+def positions(master: Run, slave: Run, pair: str, common: Common) -> tuple[Floats, Floats]:
+    """Return the positions of both devices in a session, slot by slot [master's rad or m]."""
     one = master.read(f"master.{pair}.position").get(f"master.{pair}.position")
     two = slave.read(f"slave.{pair}.position").get(f"slave.{pair}.position")
     if one is None or two is None:
-        return np.zeros(0)
+        return np.zeros(0), np.zeros(0)
     keys = pair_settings(master, pair)
     ratio_of, given = _ratio(master, pair), keys.get("offset")
     offset = common.offset.get(pair, 0.0)
     if isinstance(given, int | float) and pair not in common.offset:
         offset = -ratio_of * float(given)
-    found: Floats = one[common.rows[0]] - (two[common.rows[1]] - offset) / ratio_of
-    return found
+    return one[common.rows[0]], (two[common.rows[1]] - offset) / ratio_of
 
 
 def _books(run: Run, side: str, pair: str) -> dict[str, float]:
@@ -187,6 +190,15 @@ def _books(run: Run, side: str, pair: str) -> dict[str, float]:
         "residual": float(np.max(np.abs(entered - stored - lost))),
         "gross_flow": float(read[names[1]][-1]),
     }
+
+
+def _of_motors(runs: tuple[Run, Run], pair: str, key: str) -> float | None:
+    """Return the sum over both sites of what their motors gave at most, or claimed [J]."""
+    found = [
+        number(block(block(block(run.summary, "pairs"), pair), "motors").get(key)) for run in runs
+    ]
+    known = [one for one in found if one is not None]
+    return sum(known) if len(known) == len(runs) else None
 
 
 class Away(NamedTuple):
@@ -230,13 +242,13 @@ def _least_away(halves: Sequence[Any], common: Common, later: float) -> float | 
     return float(np.min(total[known])) if known.any() else None
 
 
-def joined_page(master: Run, slave: Run, found: dict[str, Any]) -> str:
-    """Return the page of both sites."""
+def joined_page(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> str:
+    """Return the page of both sites; its figures are kept in `folder` too."""
     title = f"{master.name}: both sites – tautwave"
-    return page(title, _body(master, slave, found))
+    return page(title, _body(master, slave, found, folder))
 
 
-def _body(master: Run, slave: Run, found: dict[str, Any]) -> Iterator[str]:
+def _body(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> Iterator[str]:
     yield f"<h1>{escape(master.name)}: both sites</h1>"
     names = " and ".join(str(run.directory.resolve().name) for run in (master, slave))
     many = "" if len(found["sessions"]) == 1 else "s"
@@ -255,7 +267,9 @@ def _body(master: Run, slave: Run, found: dict[str, Any]) -> Iterator[str]:
             (
                 pair, quantity(error.get("rms"), unit), quantity(error.get("max"), unit),
                 quantity(books["entered"], "J"), quantity(books["stored"], "J"),
-                quantity(books["dissipated"], "J"), quantity(books["residual"], "J"),
+                quantity(books["dissipated"], "J"),
+                quantity(books["given"], "J"), quantity(books["claimed"], "J"),
+                quantity(books["residual"], "J"),
                 ratio(books["residual"] / books["gross_flow"]) if books["gross_flow"] else "",
                 " to ".join(quantity(one, "J") for one in books["under_way_least"] or ()),
                 quantity(books["under_way_at_end"], "J"),
@@ -271,18 +285,33 @@ def _body(master: Run, slave: Run, found: dict[str, Any]) -> Iterator[str]:
                 "entered",
                 "stored",
                 "dissipated",
+                "given",
+                "claimed",
                 "residual",
                 "of gross flow",
                 "least under way",
                 "at the end",
             ),
             tuple(rows),
-            "Entered: through both devices. The residual is the greatest that both books "
+            "Entered: through both devices. Dissipated is below 0 where ports gave more out of "
+            "their reserves than they took. Given: what both sites' motors gave at most, and what "
+            "was claimed of them before. The residual is the greatest that both books "
             "together did not account for. Under way: sent by one site and not yet received; "
             "its least lies between two numbers, for the clocks are not known better. That at the "
             "end of a session needs no clock.",
         )
     )
+    from tautwave.report.figures.joined import joined_figure
+
+    sessions = list(common_sessions(master, slave))
+    for pair, books in found["pairs"].items():
+        lines = [positions(master, slave, pair, one) for one in sessions]
+        figure = None
+        if master.time is not None:
+            times = [master.time[one.rows[0]] for one in sessions]
+            figure = joined_figure(pair, axis_units(books["kind"])[0], times, lines)
+        if figure is not None:
+            yield kept_picture(folder, f"joined-{file_stem(pair)}", figure, f"tracking of {pair}")
     for run, side in zip((master, slave), SIDES, strict=True):
         yield f"<h2>{side}</h2>"
         yield table(session_table(run), "text")

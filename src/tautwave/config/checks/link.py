@@ -36,6 +36,12 @@ def _check_keys(document: Document, link: Link) -> None:
             if getattr(link, key) != Link.model_fields[key].default:  # the kept rig names them all
                 document.report(("link", key), "a trace takes its place; remove one of them")
         require_file(document, ("link", "trace"), link.trace)
+    if 0.0 < link.outage_every_s <= link.outage_s:
+        document.report(
+            ("link", "outage_every_s"),
+            f"an outage would begin before the last one ended; give more than outage_s, "
+            f"{link.outage_s:g} s (got {link.outage_every_s:g})",
+        )
     deepest = link.deepest_s if link.depth_s == AUTO else float(link.depth_s)
     if link.play_out == "fixed" and link.silence_s < deepest:
         document.report(

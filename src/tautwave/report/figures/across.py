@@ -114,6 +114,7 @@ def _draw(
                     linestyle="none",
                 )
     if figure.scale == "log":
+        axis.locator_params(axis="x", numticks=9)
         axis.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
 
 
