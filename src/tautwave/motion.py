@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from tautwave.errors import ConfigError
 from tautwave.models.reference import minimum_jerk, minimum_jerk_position, ramp_gain, sine_position
-from tautwave.recordings.columns import read_column, read_columns
+from tautwave.recordings.columns import MEND, read_columns
 
 Array = npt.NDArray[np.float64]
 
@@ -24,6 +24,7 @@ _KAISER = 9.0  # some -90 dB beyond the transition band
 _EDGE = 0.92  # of the new Nyquist frequency: where a low-pass ends when going down
 _KEPT = 1_000_000  # samples of a motion that is cached for the next run
 _EXTRA = 2.5  # slots beyond its end that a recording is held for, not repeated
+_GAP_S, _GAP = 0.05, 20.0  # longest gap in a recording that is played, or this many steps of it
 _SEAM_S = 0.5  # longest blend from the end of a recording into its beginning
 
 
@@ -79,8 +80,8 @@ def _sampled(
         )
     if kind == "recording":
         path = base_directory / str(reference["file"])
-        recorded, values = read_column(
-            path, str(reference["column"]), str(reference.get("time_column", "time_s"))
+        recorded, (values,) = _played(
+            path, [str(reference["column"])], str(reference.get("time_column", "time_s"))
         )
         scaled = values * float(reference.get("scale", 1.0)) + float(reference.get("offset", 0.0))
         return recorded_positions(recorded, scaled, times, bool(reference.get("repeat", True)))
@@ -95,11 +96,9 @@ def _sampled(
 def _intended(path: Path, reference: Mapping[str, Any], times: Array) -> Array:
     """What a recorded hand wanted, at new times, with the `grip` (mass, damping, stiffness)."""
     names = [str(reference[key]) for key in ("position", "effort")]
-    clock = str(reference.get("time_column", "time_s"))
-    read = read_columns(path, names, clock)
-    recorded = read[clock]
+    recorded, columns = _played(path, names, str(reference.get("time_column", "time_s")))
     grid = np.linspace(recorded[0], recorded[-1], len(recorded))
-    position, effort = (np.interp(grid, recorded, read[name]) for name in names)
+    position, effort = (np.interp(grid, recorded, values) for values in columns)
     effort = effort * float(reference.get("effort_scale", 1.0))
     wanted = wanted_motion(
         position,
@@ -109,6 +108,26 @@ def _intended(path: Path, reference: Mapping[str, Any], times: Array) -> Array:
         filter_hz=float(reference.get("filter_hz", 20.0)),
     )
     return recorded_positions(grid, wanted, times, bool(reference.get("repeat", True)))
+
+
+def _played(path: Path, names: Sequence[str], time_column: str) -> tuple[Array, list[Array]]:
+    """Return times and columns of a recording without gaps, over which a motion would be made up.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be read, or has a gap.
+    """
+    read = read_columns(path, names, time_column)
+    times = read[time_column]
+    steps = np.diff(times)
+    at = int(np.argmax(steps))
+    if steps[at] > max(_GAP_S, _GAP * float(np.median(steps))):
+        raise ConfigError(
+            f"{path}: row {at + 2}: nothing was recorded for {steps[at]:.3g} s, from "
+            f"{times[at]:.6g} s on; {MEND}"
+        )
+    return times, [read[name] for name in names]
 
 
 def wanted_motion(
@@ -161,7 +180,7 @@ def recorded_efforts(
     path: Path, column: str, time_column: str, times: Array, *, repeat: bool
 ) -> Array:
     """Efforts of a recording at new times; without `repeat` none after its end."""
-    recorded, values = read_column(path, column, time_column)
+    recorded, (values,) = _played(path, [column], time_column)
     found = recorded_positions(recorded, values, times, repeat)
     if not repeat:
         found[times > recorded[-1] - recorded[0]] = 0.0

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from tautwave import canvas
 from tautwave.bench.couplings.frontier import BEST, LAB, SETTINGS, Point, frontier
 from tautwave.bench.couplings.frontier_suite import BARS, frontier_figure
+from tautwave.bench.couplings.recorded import controllers
 from tautwave.bench.port.hands import CONTACTS, recorded_hands, synthetic_hands
 from tautwave.cli import main
 
@@ -21,6 +22,11 @@ def test_the_first_setting_is_the_laboratorys_and_the_best_is_one_of_them() -> N
     assert SETTINGS[0].family == LAB
     assert BEST in SETTINGS
     assert set(BARS) == set(CONTACTS)
+
+
+def test_a_recording_is_measured_by_the_law_that_made_it() -> None:
+    names = ("m1_a_foam", "m2_d_rigid", "set3_e_free_motion", "m1_c_spring", "multisine_foam")
+    assert [controllers(name) for name in names] == ["ad", "ad", "be", "cf", ""]
 
 
 @pytest.mark.slow

@@ -83,7 +83,7 @@ def _installed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_sim_announces_one_line_of_json(tautwave_cli: Cli) -> None:
-    result = tautwave_cli("sim", "acme", "--model", "X", "--ids", "1,2,7")
+    result = tautwave_cli("sim", "acme", "--model", "X", "--ids", "1-2,7")
     assert result.exit_code == 0, result.output
     found = json.loads(result.stdout)
     assert found == {"driver": "acme", "endpoint": "/dev/acme", "ids": [1, 2, 7]}

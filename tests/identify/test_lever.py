@@ -90,6 +90,27 @@ def test_a_sensor_of_what_touched_it_is_compared_with_the_motor(tmp_path: Path) 
     assert any("one unit of force is -0.5 units" in note for note in found.notes)
     without = identify_lever(file)
     assert any("something else (a hand, a contact) acts" in note for note in without.notes)
+    assert ("inertia: {" in without.snippet) == (without.fit.inertia.lower > 0.0)
+
+
+def test_what_is_missing_is_left_out_and_said(tmp_path: Path) -> None:
+    """A sensor that begins late, samples without a number, and a gap spoil nothing."""
+    shown, effort, outside = moved(stiffness=2.0)
+    force = outside.copy()
+    force[:300] = np.nan
+    shown[1500:1530] = np.nan
+    file = csv(tmp_path / "a.csv", angle_rad=shown, motor_nm=effort, force=force)
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join(lines[:4000] + lines[4400:]))
+    found = identify_lever(file, outside="force")
+    assert found.fit.inertia.value == pytest.approx(INERTIA, rel=0.05)
+    assert found.fit.outside is not None
+    assert found.fit.outside.value == pytest.approx(1.0, rel=0.02)
+    assert found.noise.value == pytest.approx(1e-5, rel=0.15)
+    assert any("30 of" in note and "were left out" in note for note in found.notes)
+    none = csv(tmp_path / "n.csv", angle_rad=outside, motor_nm=effort, force=force * np.nan)
+    with pytest.raises(RecordingError, match="force holds no numbers"):
+        identify_lever(none, outside="force")
 
 
 def test_a_lever_that_stands_is_refused(tmp_path: Path) -> None:

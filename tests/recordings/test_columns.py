@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tautwave.errors import ConfigError
-from tautwave.recordings.columns import column_names, read_column, read_columns
+from tautwave.recordings.columns import column_names, read_column, read_columns, time_columns
 
 T = 1e-3 * np.arange(50)
 X = np.sin(T)
@@ -58,3 +58,58 @@ def test_what_is_no_matlab_file_is_said(tmp_path: Path) -> None:
     (tmp_path / "a.mat").write_text("hello")
     with pytest.raises(ConfigError, match="cannot be read as a MATLAB file"):
         column_names(tmp_path / "a.mat")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t,x,y\n0,1.5,2\n0.5,-1,3\n",
+        "t;x;y\r\n0;1,5;2\r\n0,5;-1;3\r\n",
+        "t\tx\ty\n0\t1,5\t2\n0.5\t-1\t3\n",
+        "# a bench\n# of ours\nt;x;y\n0;1.5;2\n0.5;-1;3\n",
+        '\ufeff"t","x","y"\n0,1.5,2\n\n0.5,-1,3\n',
+    ],
+)
+def test_csv_of_other_programs_is_read(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(text, encoding="utf-8", newline="")
+    assert column_names(path) == ["t", "x", "y"]
+    found = read_columns(path, ["y", "x"], "t")
+    assert [found[name].tolist() for name in "txy"] == [[0.0, 0.5], [1.5, -1.0], [2.0, 3.0]]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0,1\n0.5,2\n", "a.csv:1: starts with numbers"),
+        ("t,x\n0,1\n0.5,\n", "a.csv:3: column 'x' holds '', not a finite number; fill the gap"),
+        ("# unit\nt,x\ns,rad\n0,1\n", "a.csv:3: column 't' holds 's'"),
+        ("# unit\nt,x\n1,1\n0,1\n", "a.csv:4: time must increase"),
+        ("t_ms,x\n0,1\n1,2\n", "'t_ms' is not in seconds"),
+    ],
+)
+def test_what_is_no_table_of_numbers_is_said(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as refused:
+        read_column(path, "x", column_names(path)[0])
+    assert said in str(refused.value)
+
+
+def test_values_may_be_missing_where_gaps_are_allowed_and_times_never(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t,x\n0,1\n0.5,NaN\n1,\n1.5,2\n")
+    found = read_columns(path, ["x"], "t", holes=True)["x"]
+    np.testing.assert_array_equal(found, [1.0, np.nan, np.nan, 2.0])
+    late = np.where(np.arange(len(X)) < 10, np.nan, X)
+    whole = read_columns(mat(tmp_path / "a.mat", t=T, x=late), ["x"], "t", holes=True)
+    np.testing.assert_array_equal(whole["x"], late)
+    path.write_text("t,x\n0,1\nnan,2\n1,2\n")
+    with pytest.raises(ConfigError, match=r"a\.csv:3: column 't'"):
+        read_columns(path, ["x"], "t", holes=True)
+
+
+def test_a_time_is_found_by_its_name() -> None:
+    assert time_columns(["x", "Time [s]", "log.t"]) == ["Time [s]", "log.t"]
+    assert time_columns(["t", "time_s"]) == ["time_s"]
+    assert time_columns(["time_ms", "torque"]) == []

@@ -162,3 +162,12 @@ def test_what_cannot_be_replayed_is_refused_in_a_sentence(
     with pytest.raises(ConfigError) as refused:
         simulate(replayed(file, change), engine="python")
     assert said in str(refused.value)
+
+
+def test_no_motion_is_made_up_over_a_gap(file: Path) -> None:
+    lines = file.read_text().splitlines()
+    gap = round(0.1 / PERIOD)
+    file.write_text("\n".join(lines[:200] + lines[200 + gap :]))
+    with pytest.raises(ConfigError, match=r"row 200: nothing was recorded for 0\.1 s") as refused:
+        simulate(replayed(file), engine="python")
+    assert "fill the gap or cut" in str(refused.value)

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from tautwave.errors import ConfigError
+from tautwave.rig import build_rig
+from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.commands import (
     Descriptor,
@@ -20,6 +22,7 @@ from tautwave.runtime.operate.commands import (
     read_script,
 )
 from tautwave.runtime.operate.journal import Journal
+from tautwave.runtime.operate.resting import Holds
 from tests.runtime.operating import BARE, FREE, STANDING, STILL, Operated, bench, operate
 from tests.runtime.sequences import judge, random_day
 
@@ -172,6 +175,53 @@ def test_an_obstacle_blocks_it_and_it_says_so() -> None:
     assert done.control.journal.engagements == 0
 
 
+@pytest.mark.parametrize(
+    ("keys", "script", "state", "delay_s"),
+    [
+        ((STILL, ALIGNED, NEAR), "0.1 engage\n0.4 hold", st.HOLDING, 0.0025),
+        ((STANDING,), "0.05 engage\n0.5 hold", st.HOLDING, 0.0),
+        ((STANDING,), "0.05 engage\n0.5 clutch", st.CLUTCHED, 0.0025),
+    ],
+)
+def test_a_hold_damps_whatever_pushed_before_it(
+    keys: Sequence[str], script: str, state: str, delay_s: float
+) -> None:
+    """Commands on their way used to take a new hold's whole capital, and it damped nothing."""
+    late = f"buses.arm.options={{command_delay_s: {delay_s}}}"
+    done = operate(bench(*keys, FREE, *BARE, late), script, 0.6)
+    held = np.flatnonzero(done.columns["operation.state"] == state_code(state))
+    pushed = np.diff(done.columns["lever.operate.absorbed"])[held[0] - 1 : held[0] + 4]
+    assert pushed.min() < -2.0 * done.control.holds.capital[1]  # the worst case is met
+    speed = done.columns["slave.lever.velocity"][held]
+    sent = done.columns["slave.lever.commanded"][held]
+    assert np.abs(speed).max() > 0.05
+    assert np.allclose(sent, -2.0e-3 * speed, atol=1e-9)
+    assert np.abs(done.residual()).max() <= 1e-12
+
+
+def test_a_hold_that_gives_out_its_capital_lets_go() -> None:
+    rig = bench(STILL, FREE, *BARE)
+    control = build_rig(rig, clock="fake").control
+    assert isinstance(control, CoupledControl)
+    s, p = control.axes[1], control.params[1]._replace(delay=1, late=0.5)
+    holds = Holds([p], [2.094e-5])
+    s.velocity = 1.0
+    (capital,) = holds.capital
+    for slot, energy, damps in (
+        (4, -1.0, True), (5, -2.0, True), (6, -3.0, True),  # what acts late is not the hold's
+        (7, -3.0 - 0.9 * capital, True), (8, -3.0 - 1.1 * capital, False), (9, -2.0, True),
+    ):  # fmt: skip
+        s.port_energy = energy
+        assert (holds.effort(0, slot, s, p) != 0.0) is damps
+    holds.begin()
+    s.port_energy = -5.0  # no sample until slot 19, and what acted late with it
+    assert holds.effort(0, 10, s, p) != 0.0
+    s.port_energy = -6.0
+    assert holds.effort(0, 19, s, p) != 0.0
+    s.port_energy = -6.0 - 1.1 * capital
+    assert holds.effort(0, 20, s, p) == 0.0
+
+
 def test_a_clutch_keeps_the_present_offset_and_a_rest_does_not() -> None:
     done = aligned(script="0.1 engage\n1.8 clutch\n1.9 engage", duration_s=2.4)
     assert done.words()[-1] == ("aligned", "engaged")
@@ -303,6 +353,21 @@ def test_episodes_are_marked_and_the_last_one_ends_with_the_run() -> None:
     one, two = journal.summary(5.0)["episodes"]
     assert (one["name"], one["task"], one["success"]) == ("pick", "the red one", False)
     assert (two["name"], two["end_s"], two["success"]) == ("episode-2", 5.0, None)
+
+
+def test_who_presses_the_same_button_as_another_undoes_nothing() -> None:
+    script = "0.1 episode success\n0.2 episode pick\n0.3 episode pick\n0.4 episode failed\n"
+    done = operate(bench(STILL), script + "0.41 episode failed\n0.5 scale 0.5", 0.6)
+    (episode,) = done.control.journal.episodes
+    assert (episode.name, episode.begin_s, episode.end_s, episode.success) == (
+        "pick", 0.2, 0.4, False
+    )  # fmt: skip
+    assert [one.text for one in done.control.journal.entries if one.refused] == [
+        "episode success: no episode is running",
+        "episode 1 is running; end it first, with success or failed",
+        "episode failed: no episode is running",
+        "scale: this rig has its own only; others are listed in operate.scales",
+    ]
 
 
 def test_an_effort_sensor_that_friction_cannot_balance_blocks_an_alignment(

@@ -17,6 +17,10 @@ from pathlib import Path
 
 import pytest
 
+from tautwave.cli.terminal.model_options import parse_model
+from tautwave.session.new.choosing import numbers
+from tautwave_drivers.dynamixel.scan import ScanOptions
+from tautwave_sim.dynamixel.options import BenchOptions
 from tests.session.newcomers import HEARTBEATS, Newcomer, Talk, served, shows, wait_for
 
 pytestmark = pytest.mark.realtime
@@ -126,7 +130,7 @@ def two_arms(folder: Path, joints: int, model: str) -> Newcomer:
     """Walk the tutorial by its own commands, with other ids and another model."""
     me = Newcomer(folder)
     sides = [list(range(base + 1, base + 1 + joints)) for base in (0, 10)]
-    master, slave = (",".join(str(one) for one in side) for side in sides)
+    master, slave = (f"{side[0]}-{side[-1]}" for side in sides)
     sim, new, calibrate, check, run, export = page_commands()
     swap = {"11-16": slave, "1-6": master, "XL330-M077": model}
 
@@ -151,6 +155,15 @@ def two_arms(folder: Path, joints: int, model: str) -> Newcomer:
 def test_the_tutorial_has_the_commands_that_are_walked() -> None:
     words = [command[0] for command in page_commands()]
     assert words == ["sim", "new", "calibrate", "check", "run", "export"]
+
+
+def test_the_tutorials_servos_are_found_in_its_words() -> None:
+    sim, new, *_ = page_commands()
+    options = parse_model(BenchOptions, [word for word in sim[2:] if word != "--hand"], "sim")
+    place = shlex.split(new[new.index("--bus") + 1])
+    sought = parse_model(ScanOptions, place[1:], "new")
+    sides = [numbers(new[new.index(side) + 1], side) for side in ("--master", "--slave")]
+    assert options.ids == sought.ids == [*sides[0], *sides[1]] == [*range(1, 7), *range(11, 17)]
 
 
 @pytest.mark.slow

@@ -104,11 +104,12 @@ def test_a_hold_after_a_way_that_was_broken_off_has_a_budget_of_its_own(pair: Ma
     two.run(50)
     s = two.slave.control.axes[two.slave.control._own[0]]
     rest = two.slave.control._meeting.rest
-    (capital,) = (rest._capital[i] for i in two.slave.control._own)
+    (which,) = two.slave.control._own
+    capital = rest.holds.capital[which]
     assert -s.port_energy > capital  # the way took more than a hold may
     two.slave.ask("hold")
     two.run(20)
-    assert s.port_energy > rest._floor[0] - capital
+    assert s.port_energy > rest.holds._floor[which] - capital
     assert np.any(two.slave["slave.lever.commanded"][-10:])
     assert two.slave.residual() < 1e-9
 
@@ -122,12 +123,15 @@ def test_a_pair_that_starts_out_of_place_is_a_fault_and_its_books_close(
     two.master.ask("engage")
     two.run(3)
     assert both(two, "aligning")
-    two.slave.control.axes[two.slave.control._own[0]].port_energy = -1e-3  # as if it was moved
+    for half in (two.master, two.slave):
+        half.control.axes[half.control._own[0]].port_energy = -1e-3  # as if it was moved
     two.run(40)
     assert both(two, "holding")
     assert "the slave starts" in two.slave.control.journal.entries[-1].text
-    assert two.slave.residual() < 1e-9
-    assert two.slave.control._resting
+    for half in (two.master, two.slave):  # the master finds it, the slave is told
+        assert half.residual() < 1e-9
+        assert half.control._resting
+        assert half[f"{half.side}.lever.port_energy"][-1] == pytest.approx(-1e-3, abs=1e-6)
 
 
 @SLOW
@@ -343,6 +347,11 @@ def test_episodes_are_marked_at_both(pair: Make) -> None:
     for half in (two.master, two.slave):
         (episode,) = half.control.journal.episodes
         assert (episode.name, episode.task, episode.success) == ("pick", "the red block", True)
+    two.master.ask("episode", "success")  # as the other one did
+    two.run(10)
+    for half in (two.master, two.slave):
+        assert len(half.control.journal.episodes) == 1
+    assert two.master.control.journal.entries[-1].text == "episode success: no episode is running"
 
 
 @SLOW

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from tautwave import registry
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError, DriverError
+from tautwave.session.certified import certificate_of
 from tautwave.session.running import run
 from tests.commands import keep_in_one_process
 
@@ -47,3 +49,22 @@ def test_a_bus_that_is_refused_leaves_no_directory(
         with pytest.raises(DriverError, match="/dev/no-such-port: there is no such device"):
             run(rig, out=out, allow_uncertified=True, allow_unwatched=True)
         assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+@pytest.mark.parametrize(("given", "threads"), [(None, "1"), ("3", "3")])
+def test_the_certificate_computes_on_one_thread_unless_told(
+    monkeypatch: pytest.MonkeyPatch, given: str | None, threads: str
+) -> None:
+    """More wait for each other: ten times as long on a busy machine, beyond the limit."""
+    asked: dict[str, str] = {}
+
+    def computed(*_: object, env: dict[str, str], **__: object) -> object:
+        asked.update(env)
+        return subprocess.CompletedProcess([], 0, '{"passed": true}', "")
+
+    monkeypatch.setattr(subprocess, "run", computed)
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    if given is not None:
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", given)
+    assert certificate_of(load_rig(RIG), {})["passed"]
+    assert asked["OPENBLAS_NUM_THREADS"] == threads

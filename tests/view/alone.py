@@ -165,6 +165,24 @@ def pictures(browser: Browser, directory: Path) -> list[str]:
     return found
 
 
+OVERPRINTS = """(async () => {
+  const { Schematic } = await import("/schematic.js");
+  const svg = document.getElementById("schematic");
+  const drawing = new Schematic(svg, tautwave.store, tautwave.facts);
+  const elements = ["port", "receiver", "align"].flatMap((e) => [`${e}_master`, `${e}_slave`]);
+  drawing.show({ ...tautwave.facts.pairs[0], elements: [...elements, "network"] });
+  drawing.draw();
+  const boxes = [...svg.querySelectorAll("rect")].map((one) => one.getBBox());
+  return drawing.flows.map(({ label }) => {
+    label.textContent = "−123 mW";
+    const a = label.getBBox();
+    return boxes.filter((b) => a.x < b.x + b.width && b.x < a.x + a.width
+                            && a.y < b.y + b.height && b.y < a.y + a.height).length;
+  });
+})()"""
+"""By flow of a drawing with many boxes: how many of them the flow's number is printed over."""
+
+
 def start(out: Path, sets: Sequence[str], *options: str) -> tuple[subprocess.Popen[str], str]:
     """Start a run with its page; return it and the address."""
     words = ["run", str(BENCH), *(word for override in sets for word in ("--set", override)),
@@ -223,6 +241,7 @@ def main(directory: Path, looked_at: bool) -> None:
         browser.run("(e=>{e.value = 5; e.onchange()})(document.getElementById('span'))")
         if looked_at:
             found["pictures"] = pictures(browser, directory)
+        found["overprints"] = browser.run(OVERPRINTS)
         click(browser, "#stop")
         found["ended"] = browser.wait("tautwave.ended")
         found["seen"] = browser.run("tautwave.store.end")

@@ -57,6 +57,10 @@ def test_every_button_works(seen: dict[str, Any]) -> None:
     assert len(seen["buttons"]) == 17
 
 
+def test_no_number_is_printed_over_a_box(seen: dict[str, Any]) -> None:
+    assert seen["overprints"] == [0] * 8
+
+
 def test_a_trigger_fires_at_the_row_of_the_edge(seen: dict[str, Any]) -> None:
     for mode in ("normal", "auto"):
         nearest = min(abs(seen["fired"][mode] - edge) for edge in seen["edges"])

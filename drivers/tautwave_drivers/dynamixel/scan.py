@@ -52,7 +52,7 @@ class ScanOptions(BaseModel):
         default=None, description="Only protocol 2.0 or 1.0; else both."
     )
     ids: list[Annotated[int, Field(ge=0, le=252)]] = Field(
-        default=[], description="Only these ids, e.g. 1,2,3; else all. Faster in protocol 1.0."
+        default=[], description="Only these ids, e.g. 1,2 or 1-6; else all. Faster in protocol 1.0."
     )
 
 

@@ -178,7 +178,7 @@ class BenchOptions(BaseModel):
     model_config = STRICT
 
     model: str = Field("XM430-W350", description=f"Model of all: {', '.join(MODELS)}.")
-    ids: list[DeviceId] = Field([1], min_length=1, description="Ids, e.g. 1,2.")
+    ids: list[DeviceId] = Field([1], min_length=1, description="Ids, e.g. 1,2 or 1-6.")
     baud: int = Field(1_000_000, ge=9600, description="Baud rate that the servos are set to.")
     return_delay_us: int = Field(
         500, ge=0, le=508, multiple_of=2, description="Return Delay Time; 500 is the factory's."

@@ -20,6 +20,8 @@ from tautwave.cli.terminal.streams import drop, open_streams
 from tautwave.errors import TautwaveError, WritingError
 from tautwave.files import create, reason
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # see `tautwave.session.certified`
+
 COMMANDS = (
     "example", "new", "calibrate", "accept", "doctor", "run", "trials", "view", "ros", "check",
     "sim", "scan", "sweep", "identify", "report", "export", "drivers", "bench", "reproduce",

@@ -6,9 +6,10 @@ import csv
 import importlib
 import math
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,12 @@ from tautwave.errors import ConfigError
 from tautwave.recordings import RUN
 
 Array = NDArray[np.float64]
+
+MEND = "fill the gap or cut the recording there"
+
+SEPARATORS = (",", ";", "\t")
+_TIMES = ("time_s", "time", "t", "timestamp_s", "t_s", "time_sec", "seconds")
+_FINER = re.compile(r"(^|[^a-z])(ms|us|ns|msec|usec|millis|micros|nanos)$")
 
 
 def recording_file(path: Path) -> Path:
@@ -41,14 +48,28 @@ def column_names(path: Path) -> list[str]:
         return list(read_recording(path, rows=slice(0, 1)).columns)
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
-            heading = next(csv.reader([stream.readline(1 << 16)]), [])
+            return _heading(path, stream)[0]
     except (OSError, ValueError, csv.Error) as err:
         raise ConfigError(f"{path}: cannot be read as CSV text: {err}") from err
-    return [name.strip() for name in heading]
 
 
-def read_columns(path: Path, names: Sequence[str], time_column: str) -> dict[str, Array]:
+def time_columns(names: Sequence[str]) -> list[str]:
+    """Return which of the columns are named as times in seconds: `t`, `Time [s]`, `log.t`."""
+    if "time_s" in names:
+        return ["time_s"]
+    return [name for name in names if _plain(name.rpartition(".")[2]) in _TIMES]
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+
+
+def read_columns(
+    path: Path, names: Sequence[str], time_column: str, *, holes: bool = False
+) -> dict[str, Array]:
     """Read some columns of a recording and its times [s], which increase, by their names.
+
+    With `holes` values may be missing, and are NaN then; times never.
 
     Raises
     ------
@@ -56,6 +77,10 @@ def read_columns(path: Path, names: Sequence[str], time_column: str) -> dict[str
         Its message names the file and its columns, or the first value that is wrong.
     """
     path = recording_file(path)
+    if _FINER.search(_plain(time_column)):
+        raise ConfigError(
+            f"{path}: {time_column!r} is not in seconds, by its name; times are read in seconds"
+        )
     wanted = list(dict.fromkeys([time_column, *names]))
     if path.suffix == ".mcap":
         from tautwave.recordings.recording import read_recording
@@ -65,8 +90,8 @@ def read_columns(path: Path, names: Sequence[str], time_column: str) -> dict[str
     elif path.suffix == ".mat":
         found = _of(path, _mat(path), wanted)
     else:
-        return _csv(path, wanted)
-    _check(path, found, time_column)
+        return _csv(path, wanted, holes)
+    _check(path, found, time_column, holes)
     return found
 
 
@@ -86,16 +111,16 @@ def _of(path: Path, columns: Mapping[str, Array], wanted: Sequence[str]) -> dict
     return {name: columns[name] for name in wanted}
 
 
-def _check(path: Path, found: Mapping[str, Array], time_column: str) -> None:
+def _check(path: Path, found: Mapping[str, Array], time_column: str, holes: bool) -> None:
     times = found[time_column]
     for name, values in found.items():
         if len(values) != len(times):
             raise ConfigError(
                 f"{path}: {name!r} has {len(values)} values, {time_column!r} has {len(times)}"
             )
-        if not np.all(np.isfinite(values)):
+        if not (holes and name != time_column) and not np.all(np.isfinite(values)):
             at = int(np.argmin(np.isfinite(values)))
-            raise ConfigError(f"{path}: row {at + 1}: {name!r} is not a finite number")
+            raise ConfigError(f"{path}: row {at + 1}: {name!r} is not a finite number; {MEND}")
     if len(times) < 2:
         raise ConfigError(f"{path}: a recording needs at least two rows, it has {len(times)}")
     steps = np.diff(times)
@@ -149,13 +174,36 @@ def _flatten(name: str, value: Any, found: dict[str, Array]) -> None:
         found[f"{name}[{at}]"] = column.astype(np.float64)
 
 
-def _csv(path: Path, wanted: Sequence[str]) -> dict[str, Array]:
+def _heading(path: Path, file: TextIO) -> tuple[list[str], str, int]:
+    """Read the names of the columns, their separator, and the number of their line."""
+    number, line = 1, file.readline(1 << 16)
+    while line.startswith("#"):
+        number, line = number + 1, file.readline(1 << 16)
+    separator = max(SEPARATORS, key=line.count)
+    names = [name.strip() for name in next(csv.reader([line], delimiter=separator), [])]
+    if names and all(_number(name, separator) is not None for name in names):
+        raise ConfigError(
+            f"{path}:{number}: starts with numbers; a first line with the names of its columns is "
+            "needed"
+        )
+    return names, separator, number
+
+
+def _number(cell: str, separator: str) -> float | None:
+    """Return a number, with a decimal comma where commas separate nothing; None if it is none."""
+    try:
+        return float(cell if separator == "," else cell.replace(",", "."))
+    except ValueError:
+        return None
+
+
+def _csv(path: Path, wanted: Sequence[str], holes: bool) -> dict[str, Array]:
     """Read some columns of a CSV file with a header line; the first of them is the time."""
     rows_read: list[list[float]] = []
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = csv.reader(file)
-            header = [name.strip() for name in next(rows, [])]
+            header, separator, before = _heading(path, file)
+            rows = csv.reader(file, delimiter=separator)
             for name in wanted:
                 if name not in header:
                     raise ConfigError(
@@ -166,22 +214,22 @@ def _csv(path: Path, wanted: Sequence[str]) -> dict[str, Array]:
             for row in rows:
                 if not any(cell.strip() for cell in row):
                     continue
-                numbers = []
+                numbers: list[float] = []
                 for name, index in zip(wanted, places, strict=True):
                     cell = row[index].strip() if index < len(row) else ""
-                    try:
-                        number = float(cell)
-                    except ValueError:
-                        number = math.nan
-                    if not math.isfinite(number):
+                    number = _number(cell, separator) if cell else math.nan
+                    missing = number is not None and math.isnan(number)
+                    if number is None or not (
+                        math.isfinite(number) or (missing and holes and numbers)
+                    ):
                         raise ConfigError(
-                            f"{path}:{rows.line_num}: column {name!r} holds {cell!r}, "
-                            "not a finite number"
+                            f"{path}:{before + rows.line_num}: column {name!r} holds {cell!r}, "
+                            f"not a finite number; {MEND}"
                         )
                     numbers.append(number)
                 if rows_read and not numbers[0] > rows_read[-1][0]:
                     raise ConfigError(
-                        f"{path}:{rows.line_num}: time must increase, "
+                        f"{path}:{before + rows.line_num}: time must increase, "
                         f"but {numbers[0]:g} s follows {rows_read[-1][0]:g} s"
                     )
                 rows_read.append(numbers)

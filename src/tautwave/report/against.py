@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tautwave.errors import ConfigError
 from tautwave.motion import resample
-from tautwave.recordings.columns import column_names, read_columns
+from tautwave.recordings.columns import column_names, read_columns, time_columns
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import units_of
 
@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 Column = tuple[str, float]
 """A column of the recording, and what it is to be multiplied with."""
 
-_TIMES = ("time_s", "time", "t", "timestamp_s", "t_s")
 _WORDS = {"position": ("position", "angle"), "commanded": ("command", "motor")}
 _MAPPED = re.compile(r"(?P<ours>[^=]+)=(?P<sign>-?)(?:(?P<factor>[0-9.eE+]+)\*)?(?P<theirs>.+)")
 _LEAST = 100
@@ -151,7 +150,7 @@ def compare_recording(
         A column is missing, or too little of the time is in both.
     """
     columns = mapped_columns(run, file, given)
-    clock = time or next((name for name in _TIMES if name in column_names(file)), "time_s")
+    clock = time or next(iter(time_columns(column_names(file))), "time_s")
     read = read_columns(file, [name for name, _ in columns.values()], clock)
     times = read[clock] - read[clock][0]
     now = run.read("time_s")["time_s"]

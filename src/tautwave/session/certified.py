@@ -6,6 +6,7 @@ The analysis stays out of the process that moves motors, which gets the certific
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -18,6 +19,9 @@ from tautwave.rig import BusWay, real_buses
 from tautwave.types import Choice
 
 TIMEOUT_S = 120.0
+
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}
+"""Of small matrices; several wait for each other, and on a busy machine take ten times as long."""
 
 
 def certificate_of(rig: Rig, ways: Mapping[str, BusWay]) -> dict[str, Any]:
@@ -39,6 +43,7 @@ def certificate_of(rig: Rig, ways: Mapping[str, BusWay]) -> dict[str, Any]:
             text=True,
             timeout=TIMEOUT_S,
             check=False,
+            env={**ONE_THREAD, **os.environ},
         )
     except subprocess.TimeoutExpired:
         return _none(rig, f"it took more than {TIMEOUT_S:g} s")

@@ -91,7 +91,7 @@ def fit_device(
         The device did not move enough to tell anything.
     """
     kernel = Kernel(period, cutoff_hz)
-    noise = white_noise(position)
+    noise = white_noise(position, known)
     sharp = Kernel(period, 2.0 * cutoff_hz)
     velocity = np.zeros_like(position)
     velocity[sharp.half : len(position) - sharp.half] = sharp.apply(position, 1)

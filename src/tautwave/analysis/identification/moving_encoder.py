@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tautwave.analysis.identification.regression import (
     Array,
     Estimate,
+    noise_squares,
     student_quantile,
-    white_noise,
 )
 
 BLOCKS = 20
@@ -39,15 +40,16 @@ def moving_step(position: Array) -> float:
     return 0.0
 
 
-def moving_noise(position: Array, step: float) -> Estimate:
+def moving_noise(position: Array, step: float, known: NDArray[np.bool_] | None = None) -> Estimate:
     """Return the standard deviation of the noise without the step's own, q / sqrt 12.
 
     Fourth differences of a smooth motion are those of its white noise; the interval is from the
     scatter between parts.
     """
     own = step * step / 12.0
-    parts = [white_noise(part) ** 2 - own for part in np.array_split(position, BLOCKS)]
-    value = max(white_noise(position) ** 2 - own, 0.0)
+    squares = noise_squares(position, known)
+    parts = [float(np.mean(part)) - own for part in np.array_split(squares, BLOCKS)]
+    value = max(float(np.mean(squares)) - own, 0.0)
     half = student_quantile(BLOCKS - 1) * float(np.std(parts, ddof=1)) / math.sqrt(BLOCKS)
     return Estimate(
         math.sqrt(value), math.sqrt(max(value - half, 0.0)), math.sqrt(max(value + half, 0.0))

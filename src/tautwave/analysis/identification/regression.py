@@ -166,10 +166,22 @@ def goodness(target: Array, residual: Array) -> tuple[float, float]:
     return math.sqrt(square), 1.0 - square / spread if spread > 0.0 else 0.0
 
 
-def white_noise(position: Array) -> float:
+def white_noise(position: Array, known: NDArray[np.bool_] | None = None) -> float:
     """Standard deviation of the white noise in a smooth motion, from fourth differences."""
+    squares = noise_squares(position, known)
+    return math.sqrt(float(np.mean(squares))) if len(squares) else 0.0
+
+
+def noise_squares(position: Array, known: NDArray[np.bool_] | None = None) -> Array:
+    """Squares whose mean is the variance of the white noise in a smooth motion.
+
+    Of five `known` samples in succession, where there are any: what fills a gap has kinks.
+    """
     steps = np.diff(position, 4)
-    return math.sqrt(float(np.mean(steps**2)) / 70.0) if len(steps) else 0.0
+    if known is not None:
+        whole = np.convolve(known, np.ones(5), "valid") > 4.5
+        steps = steps[whole] if whole.any() else steps
+    return np.asarray(steps**2 / 70.0)
 
 
 class RecursiveLeastSquares:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tautwave.bench.couplings.recorded import COULOMB, MET, VISCOUS
+from tautwave.bench.couplings.recorded import COULOMB, GAINS, MET, VISCOUS, controllers
 from tautwave.bench.port.hands import CONTACTS, LEAD_S, PERIOD, Hand
 from tautwave.bench.port.rigs import HERE, IMPOSED, bench_rig
 from tautwave.bench.port.tracking import RELEASED_S, SETTLED_S, chatter, rms
@@ -38,7 +38,8 @@ class Setting(NamedTuple):
     filter_s: float = 0.0
 
 
-def _lab(name: str, stiffness: float, damping: float) -> Setting:
+def _lab(pair: str) -> Setting:
+    (stiffness, damping), name = GAINS[pair], ", ".join(pair)
     part = HERE / "derivative.py"
     keys = f"stiffness: {stiffness}, damping: {damping}, derivative_filter_s: 0.001"
     return Setting(LAB, name, f"{{part: {part}, pairs: {{lever: {{{keys}}}}}}}")
@@ -62,11 +63,11 @@ def _account(
 BEST = _wave(0.07, 50.0)
 """One certified setting for all hands and contacts."""
 
-LAWS_OF_LAB = (_lab("a, d", 8.1, 0.091), _lab("b", 15.2, 0.083), _lab("c", 25.4, 0.121))
+LAWS_OF_LAB = {pair: _lab(pair) for pair in GAINS}
 """Controllers of the recordings, by regression of their commands; derivative filter as well."""
 
 SETTINGS = (
-    *LAWS_OF_LAB,
+    *LAWS_OF_LAB.values(),
     *(BEST if b == 0.07 else _wave(b, 50.0) for b in (0.03, 0.05, 0.07, 0.1, 0.15)),
     *(_account("position", k, d, 1e-3) for k, d in ((10, 0.08), (20, 0.1), (40, 0.15))),
     *(
@@ -157,7 +158,8 @@ def frontier(
     noise : float
         Of the slave's encoder [rad].
     settings : sequence of Setting
-        The first is the laboratory's own.
+        The first is the laboratory's own: what a hand is measured by, unless its name says that
+        another of the laboratory's laws moved it, which is among them.
     engine : str
         Of the simulation.
     tell : callable
@@ -166,24 +168,26 @@ def frontier(
     first, last = (round(it / PERIOD) for it in (SETTLED_S, RELEASED_S))
     met = {hand.contact for hand in hands}
     found: dict[str, list[Point]] = {contact: [] for contact in CONTACTS if contact in met}
-    own: Mapping[str, tuple[float, float, bool]] = {}
+    runs: dict[Setting, Mapping[str, tuple[float, float, bool]]] = {}
     with TemporaryDirectory() as name:
         for setting in settings:
             tell(f"{setting.family}, {setting.name}, noise {noise:g} rad")
-            runs = {hand.name: run_hand(setting, hand, noise, Path(name), engine) for hand in hands}
-            own = own or runs
-            for contact, points in found.items():
-                scores = []
-                for hand in hands:
-                    if hand.contact != contact:
-                        continue
-                    error, effort, ended = runs[hand.name]
-                    known = own[hand.name][0]
-                    if hand.recorded is not None:
-                        known = rms(hand.recorded[first : len(hand.positions) - last])
-                    by = own[hand.name][1]
-                    scores.append(Score(error, effort, error / known, effort / by, ended))
-                points.append(_median(setting, scores))
+            runs[setting] = {
+                hand.name: run_hand(setting, hand, noise, Path(name), engine) for hand in hands
+            }
+    for setting in settings:
+        for contact, points in found.items():
+            scores = []
+            for hand in hands:
+                if hand.contact != contact:
+                    continue
+                error, effort, ended = runs[setting][hand.name]
+                lab = LAWS_OF_LAB.get(controllers(hand.name), settings[0])
+                known, by, _ = runs[lab if lab in runs else settings[0]][hand.name]
+                if hand.recorded is not None:
+                    known = rms(hand.recorded[first : len(hand.positions) - last])
+                scores.append(Score(error, effort, error / known, effort / by, ended))
+            points.append(_median(setting, scores))
     return found
 
 

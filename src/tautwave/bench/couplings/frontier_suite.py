@@ -96,8 +96,8 @@ def _table(points: Mapping[str, Sequence[Point]], noise: float, whose: str) -> T
     return Table(
         f"Error and motor noise, slave's encoder noise {noise:g} rad",
         f"Medians over the {whose}, the master's motion imposed: rms of master minus slave, over "
-        "the recorded; both motors above 20 Hz, over those of the laboratory's own law (a, d) in "
-        "the same simulation; runs that ended early.",
+        "the recorded; both motors above 20 Hz, over those of the law that was recorded, in the "
+        "same simulation; runs that ended early.",
         ("contact", "coupling", "setting", "error_mrad", "over recorded", "effort_mNm", "over lab",
          "ended"),
         rows,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -13,10 +14,10 @@ from tautwave.bench.port.rigs import CONTACTS, IMPOSED, bench_rig
 from tautwave.bench.port.tracking import RELEASED_S, SETTLED_S, rms
 from tautwave.simulation import simulate
 
-LAW = "{law: position, pairs: {lever: {stiffness: 8.1, damping: 0.091}}}"
-"""Slave's law of the laboratory's controllers a and d, by regression of its logged commands."""
+GAINS = {"ad": (8.1, 0.091), "be": (15.2, 0.083), "cf": (25.4, 0.121)}
+"""Slave's law of the laboratory's controllers, by regression of its logged commands: two of each
+[N m/rad, N m s/rad]."""
 
-CONTROLLERS = ("_a", "_d")
 COULOMB, VISCOUS = 0.03, 0.015
 """Friction of the levers in the recordings, by torque balance [N m, N m s/rad]."""
 
@@ -37,12 +38,20 @@ class Likeness(NamedTuple):
         return self.ours / self.recorded
 
 
+def controllers(name: str) -> str:
+    """Return the pair of controllers of whose recordings this is one, by its name; else none."""
+    letter = re.search(r"_([a-f])_", name)
+    return next((pair for pair in GAINS if letter is not None and letter[1] in pair), "")
+
+
 def likeness(hand: Hand, folder: Path, engine: str = "compiled") -> Likeness:
     """Impose a recorded motion on the simulated bench, without noise."""
     assert hand.recorded is not None
+    stiffness, damping = GAINS[controllers(hand.name)]
+    law = f"{{law: position, pairs: {{lever: {{stiffness: {stiffness}, damping: {damping}}}}}}}"
     reference = f"{{type: recording, file: {hand.write(folder)}, column: hand, repeat: false}}"
     rig = bench_rig(
-        LAW,
+        law,
         reference,
         MET[hand.contact],
         noise=0.0,
@@ -59,13 +68,14 @@ def likeness(hand: Hand, folder: Path, engine: str = "compiled") -> Likeness:
 
 
 def likenesses(recordings: Path) -> list[Likeness]:
-    """Return every recording of a folder that was made with controller a or d."""
-    hands = recorded_hands(recordings)
-    hands = [hand for hand in hands if any(f"{it}_" in hand.name for it in CONTROLLERS)]
+    """Return every recording of a folder that was made with one of the controllers."""
+    hands = [hand for hand in recorded_hands(recordings) if controllers(hand.name)]
     with TemporaryDirectory() as folder:
         return [likeness(hand, Path(folder)) for hand in hands]
 
 
 def median_ratio(found: list[Likeness]) -> float:
-    """Return the median of ours over the recorded [1]."""
+    """Return the median of ours over the recorded [1], nan of none."""
+    if not found:
+        return float("nan")
     return float(np.median([each.ratio for each in found]))

@@ -131,8 +131,8 @@ def _credible(recordings: Path | None, tell: Tell) -> tuple[list[Table], list[Go
     found = likenesses(recordings)
     table = Table(
         "The laboratory's law, recorded and simulated",
-        "Its gains of controllers a and d in our law position, the master's motion imposed, no "
-        "noise, friction and spring as torque balance finds them in the recordings.",
+        "The gains of its controllers (a to f) in our law position, the master's motion imposed, "
+        "no noise, friction and spring as torque balance finds them in the recordings.",
         ("recording", "recorded_mrad", "ours_mrad", "ratio"),
         [[it.name, 1e3 * it.recorded, 1e3 * it.ours, it.ratio] for it in found],
     )

@@ -30,6 +30,8 @@ SWAPPED = ("m1_a", "m1_b", "m1_c")
 """Sets in which the hand is on the lever that is logged as slave."""
 
 SYNTHETIC_S = 5.0
+LEAST_S = 1.5
+"""Shortest recording: half a second at its start and 0.3 s at its end are left out."""
 
 
 class Hand(NamedTuple):
@@ -77,7 +79,10 @@ def recorded_hands(folder: Path, seconds: float = math.inf) -> list[Hand]:
         if name.removesuffix(f"_{ending[0]}") in SWAPPED:
             master, slave = slave, master
         (times, moved), (_, far) = (read_column(path, each, "time_s") for each in (master, slave))
-        new = np.arange(0.0, min(float(times[-1] - times[0]), seconds) + 0.5 * PERIOD, PERIOD)
+        whole = float(times[-1] - times[0])
+        if whole < LEAST_S:
+            raise ConfigError(f"{path}: has {whole:.3g} s; a hand needs {LEAST_S:g} s at least")
+        new = np.arange(0.0, min(whole, seconds) + 0.5 * PERIOD, PERIOD)
         moved, far = (recorded_positions(times, each, new, False) for each in (moved, far))
         found.append(Hand(name, FILES[ending[0]], moved, moved - far))
     if not found:

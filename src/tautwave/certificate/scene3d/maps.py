@@ -21,12 +21,14 @@ def network3d_map(
     period: float,
     scales: Matrix,
     closed: Mapping[int, Pressed] | None = None,
+    near: Tangent | None = None,
 ) -> PortMap:
     """Return the linearised step of a scheme at the present positions; `scales` are of the axes.
 
-    `closed` are contacts by the number of their link.
+    `closed` are contacts by the number of their link; `near` is `tangent` there, if it is known.
     """
-    near = tangent(s)
+    near = tangent(s) if near is None else near
+    near = near._replace(damping=near.damping.copy(), stiffness=near.stiffness.copy())
     for link, one in (closed or {}).items():
         _close(near, s, link, one)
     n, axes = len(near.mass), len(scales)

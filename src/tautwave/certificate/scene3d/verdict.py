@@ -72,13 +72,13 @@ class _Scene:
         self.law: PortMap | None = None
         self.least = 0.0
         if not self.large:
-            self.law = network3d_map(
-                self.arrays, self.scheme, rig.period_s, np.array(axis_scales(rig))
-            )
+            self.near = tangent(self.arrays)
+            scales = np.array(axis_scales(rig))
+            self.law = network3d_map(self.arrays, self.scheme, rig.period_s, scales, near=self.near)
             n = 3 * len(self.network.masses)
-            stiffness = tangent(self.arrays).stiffness[:n, :n]
+            stiffness = self.near.stiffness[:n, :n]
             if n:
-                size = np.sqrt(tangent(self.arrays).mass)
+                size = np.sqrt(self.near.mass)
                 values = np.linalg.eigvalsh(stiffness / np.outer(size, size))
                 self.least = float(values.min()) if values.min() < -1e-9 * values.max() else 0.0
 
@@ -90,7 +90,7 @@ class _Scene:
 
         def close(regime: Regime) -> PortMap:
             links = {order[name]: one for name, one in regime.closed.items()}
-            return network3d_map(self.arrays, self.scheme, rig.period_s, scales, links)
+            return network3d_map(self.arrays, self.scheme, rig.period_s, scales, links, self.near)
 
         efforts = {
             name: rig.axes[f"master.{name}"].effort_limit / abs(scale)
@@ -99,7 +99,7 @@ class _Scene:
         found = []
         if self.law is not None and active_links(self.network) is None:
             energy = press_energy(rig, self.network.axes)
-            found = regimes3d(self.network, tangent(self.arrays), efforts, energy)
+            found = regimes3d(self.network, self.near, efforts, energy)
         laws = close_all(found, close)
         return ClosedScene(rig, self.axes, self.delays, laws, close, self.conditions())
 

@@ -15,7 +15,8 @@ from tautwave.errors import ConfigError
 def parse_model(model: type[Any], arguments: Sequence[str], command: str) -> Any:
     """Return the model filled from `--some-key value` arguments.
 
-    A key of type bool is a flag; of a list or tuple, values separated by commas.
+    A key of type bool is a flag; of a list or tuple, values separated by commas, and whole numbers
+    may be written 1-6.
 
     Raises
     ------
@@ -74,7 +75,10 @@ def print_help(command: str, summary: str, model: type[Any]) -> None:
 def _value(text: str, kind: Any) -> Any:
     origin = getattr(kind, "__origin__", None)
     if origin in (tuple, list):
-        return [_value(part, None) for part in text.split(",") if part]
+        (item, *_) = kind.__args__
+        whole = getattr(item, "__origin__", item) is int
+        parts = [part for part in text.split(",") if part]
+        return [one for part in parts for one in (_span(part) if whole else [_value(part, None)])]
     if kind is str:
         return text
     from tautwave.config.guard import parse_json
@@ -83,6 +87,15 @@ def _value(text: str, kind: Any) -> Any:
         return parse_json(text)
     except ValueError:
         return text
+
+
+def _span(text: str) -> list[Any]:
+    """Return the numbers of `1-6`; what is no such span is read as one value."""
+    first, _, last = text.partition("-")
+    small = all(word.isascii() and word.isdigit() and len(word) < 4 for word in (first, last))
+    if not (small and int(first) <= int(last)):
+        return [_value(text, None)]
+    return list(range(int(first), int(last) + 1))
 
 
 def _shown(value: Any) -> str:
@@ -94,12 +107,12 @@ def _shown(value: Any) -> str:
 
 
 def _root_causes(problems: Sequence[Any]) -> list[Any]:
-    """Drop "list too short" errors that follow from invalid items."""
-    wrong = {problem["loc"][0] for problem in problems if len(problem["loc"]) > 1}
+    """Keep the first problem of each list, without "too short" that follows from invalid items."""
+    wrong = {problem["loc"][0]: problem for problem in reversed(problems) if problem["loc"][1:]}
     return [
         problem
         for problem in problems
-        if problem["type"] != "too_short" or problem["loc"][0] not in wrong
+        if problem is wrong.get(problem["loc"][0] if problem["loc"] else "", problem)
     ]
 
 

@@ -24,12 +24,7 @@ from tautwave.runtime.operate.engagement import begin_session, drop_commands, en
 from tautwave.runtime.operate.inbox import People
 from tautwave.runtime.operate.journal import Entry, Journal
 from tautwave.runtime.operate.rescaling import held_by, take_scale
-from tautwave.runtime.operate.resting import (
-    hold_capital,
-    hold_effort,
-    send_resting,
-    sense_resting,
-)
+from tautwave.runtime.operate.resting import Holds, send_resting, sense_resting
 
 STATE_COLUMNS = (
     "operation.state",
@@ -73,10 +68,7 @@ class OperatedControl(CoupledControl):
         self.lamps, self.inbox = people.lamps, people.inbox
         self._engages = people.engage_at_start
         self._free = [p._replace(site=p.site._replace(has_wall=False)) for p in plain.params]
-        self.capital = [
-            hold_capital(p, quantum)
-            for p, quantum in zip(plain.params, operation.quanta, strict=True)
-        ]
+        self.holds = Holds(plain.params, operation.quanta)
         self._seated = [False] * len(plain.params)
         self.alignment = Alignment(
             self.axes, self.pairs, operation.pulls, operation.quanta, self.run.period_ns
@@ -158,7 +150,7 @@ class OperatedControl(CoupledControl):
                 if self.samples[which].valid and not free and not alignment.let_go:
                     pull = alignment.pulls.get(k) if which == q.slave else None
                     effort = (
-                        hold_effort(s, p, self.capital[which]) if pull is None else pull.effort(s)
+                        self.holds.effort(which, slot, s, p) if pull is None else pull.effort(s)
                     )
                 send_resting(s, p, effort, share * p.ceiling)
 
@@ -175,7 +167,9 @@ class OperatedControl(CoupledControl):
             )
             return
         self._command = WORDS.index(word) + 1
-        if word == EPISODE:
+        if word == EPISODE and (why := self.journal.misplaced(order.argument)):
+            self._note(word, order.source, why, refused=True)
+        elif word == EPISODE:
             self._note(word, order.source, self.journal.mark(self._seconds(), order.argument))
             for lamp in self.lamps:
                 lamp.shows(on=self.journal.running > 0)
@@ -352,7 +346,7 @@ class OperatedControl(CoupledControl):
         super().fill(row, 0)
         self._books.bank(row)
         if not self._coupled:
-            self.granted += sum(self.capital)
+            self.granted += sum(self.holds.capital)
             for k in range(len(self.pairs)):
                 self._outside[k] += self._now_outside(k)
 
@@ -362,6 +356,7 @@ class OperatedControl(CoupledControl):
         self._clear_energies()
 
     def _clear_energies(self) -> None:
+        self.holds.begin()
         for s in self.axes:
             s.port_energy = s.gross_flow = s.uncertainty = 0.0
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from tautwave.controller.axis import pass_slot, start_axis, take_sample
@@ -89,10 +90,45 @@ def send_resting(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> 
     s.stopping = False
 
 
-def hold_effort(s: AxisState, p: AxisParams, capital: float) -> float:
-    """Return the certified damping [N m or N], none once a hold gave out its `capital` [J]."""
-    effort = stop_effort(p.site.limit, s.velocity)
-    return effort if s.port_energy > -capital else 0.0
+class Holds:
+    """Certified damping of axes at rest, each with a capital of energy.
+
+    Parameters
+    ----------
+    params : sequence of AxisParams
+        Constants of the axes.
+    quanta : sequence of float
+        Their encoder steps [rad or m].
+    """
+
+    def __init__(self, params: Sequence[AxisParams], quanta: Sequence[float]) -> None:
+        self.capital = [hold_capital(p, q) for p, q in zip(params, quanta, strict=True)]
+        """[J] What a hold may give out, by axis."""
+        # The last command of before acts for as many closings after the first; a late share of it
+        # acts in one more.
+        self._acts = [p.delay + (p.late > 0.0) for p in params]
+        self.begin()
+
+    def begin(self) -> None:
+        """Count what the axes give out from 0 on."""
+        self._until = [-1] * len(self._acts)
+        self._closed = [-1] * len(self._acts)
+        self._floor = [0.0] * len(self._acts)
+
+    def effort(self, which: int, slot: int, s: AxisState, p: AxisParams) -> float:
+        """Return the damping effort of an axis [N m or N], none once its capital is gone.
+
+        What commands of before the hold still give out was granted to them: the capital counts
+        from there, else a hold that follows a push would not damp.
+        """
+        if self._until[which] < 0:
+            self._until[which] = slot + self._acts[which]
+        if self._closed[which] < self._until[which]:
+            self._floor[which] = min(self._floor[which], s.port_energy)
+        self._closed[which] = slot
+        if s.port_energy <= self._floor[which] - self.capital[which]:
+            return 0.0
+        return stop_effort(p.site.limit, s.velocity)
 
 
 def hold_capital(p: AxisParams, quantum: float) -> float:

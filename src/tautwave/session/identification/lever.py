@@ -18,6 +18,7 @@ from tautwave.session.identification.recorded_columns import (
     motor_column,
     read_positions,
     read_series,
+    with_beside,
 )
 
 FILTER_HZ = 20.0
@@ -92,9 +93,13 @@ class LeverResult(NamedTuple):
         if offset is not None and self.fit.outside is not None and self.fit.outside.value > 0.0:
             scale = 1.0 / self.fit.outside.value
             sensor = [f"effort_sensor: {{offset: {offset.value:.3g}, scale: {scale:.3g}}}"]
-        return "\n".join(
-            [device_snippet(self.series.position_name, self.fit), *step, noise, *sensor]
-        )
+        return "\n".join([*self._device, *step, noise, *sensor])
+
+    @property
+    def _device(self) -> list[str]:
+        if self.fit.inertia.lower <= 0.0:  # a rig that believed that could not be certified
+            return [f"# {self.series.position_name}: inertia and friction are not known from this"]
+        return [device_snippet(self.series.position_name, self.fit)]
 
 
 def identify_lever(
@@ -135,7 +140,7 @@ def identify_lever(
     series = read_series(source, position, effort, time, axis, part)
     felt = None
     if outside is not None:
-        felt = read_series(source, series.position_name, outside, time, axis, part).effort
+        series, felt = with_beside(series, source, outside, time, axis)
     cutoff = min(filter_hz or FILTER_HZ, 0.04 / series.period)
     best: tuple[DeviceFit, float, bool] | None = None
     for delay in DELAYS:
@@ -164,9 +169,9 @@ def identify_lever(
         )
     fit, delay, turned = best
     raw = read_positions(source, series.position_name, time, axis, part)
-    measured = raw.position[raw.known]
-    step = moving_step(measured)
-    found = LeverResult(series, outside, fit, step, moving_noise(measured, step), delay, turned, [])
+    step = moving_step(raw.position[raw.known])
+    noise = moving_noise(raw.position, step, raw.known)
+    found = LeverResult(series, outside, fit, step, noise, delay, turned, [])
     return found._replace(notes=[*series.notes, *_doubts(found)])
 
 

@@ -21,7 +21,7 @@ from tautwave.analysis.identification.regression import Array, RecursiveLeastSqu
 from tautwave.analysis.identification.sensor_lag import Recorded, fit_lagged
 from tautwave.errors import RecordingError
 from tautwave.files import make_directory, write_text
-from tautwave.session.identification.recorded_columns import Series, read_series
+from tautwave.session.identification.recorded_columns import Series, read_series, with_beside
 
 DEFAULT_FILTER_HZ = 40.0
 FORGETTING_S = 1.0
@@ -118,6 +118,9 @@ def identify_recording(
         Not readable, ambiguous columns, or too short.
     """
     series = read_series(source, position, effort, time, axis, (begin_s, end_s))
+    wanted = None
+    if intent is not None:
+        series, wanted = with_beside(series, source, intent, time, axis)
     cutoff = min(filter_hz or DEFAULT_FILTER_HZ, 0.04 / series.period)
     try:
         motion = motion_of(
@@ -129,9 +132,7 @@ def identify_recording(
         still = series.position_name if not np.ptp(series.position) > 0.0 else series.effort_name
         raise RecordingError(f"{source}: {still} never changes, so nothing can be identified")
     names = AUTOMATIC if model == "auto" else (model,)
-    if intent is not None:
-        part = (begin_s, end_s)
-        wanted = read_series(source, intent, series.effort_name, time, axis, part).position
+    if wanted is not None:
         fits = [fit_hand(motion, wanted)]
     else:
         fits = [fit for name in names if (fit := fit_contact(motion, name)) is not None]

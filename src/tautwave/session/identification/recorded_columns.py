@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from tautwave.analysis.identification.regression import Array
 from tautwave.errors import ConfigError, RecordingError
-from tautwave.recordings.columns import column_names, read_columns, recording_file
+from tautwave.recordings.columns import column_names, read_columns, recording_file, time_columns
 
 MOST_SAMPLES = 100_000
 """Most samples used of a recording; more would take minutes without improving the fit."""
 
 UNEVEN = 0.6  # share of a period: a larger gap in time is filled in and not used
-_TIMES = ("time_s", "time", "t", "timestamp_s", "t_s")
 _EFFORTS = ("effort", "torque", "force")
 
 
@@ -120,9 +119,9 @@ def _read(
                 "use --position and --effort"
             )
         header = column_names(source)
-        clock = time or _one(source, "time", "--time", [n for n in header if n in _TIMES], header)
+        clock = time or _one(source, "time", "--time", time_columns(header), header)
         position, effort = csv_columns(source, header, position, effort)
-        read = read_columns(source, [position, effort], clock)
+        read = read_columns(source, [position, effort], clock, holes=True)
         times, places, efforts = read[clock], read[position], read[effort]
         valid = np.ones(len(times), dtype=bool)
         rotary = _rotary(position, effort)
@@ -152,10 +151,18 @@ def _inside(
         inside &= times >= begin
     if end is not None:
         inside &= times <= end
+    asked = np.count_nonzero(inside)
     inside &= np.isfinite(series.position) & np.isfinite(series.effort) & series.known
+    missing = asked - np.count_nonzero(inside)
     if np.count_nonzero(inside) < 3:
-        raise RecordingError(f"{series.source}: no samples between --from and --to")
+        raise RecordingError(
+            f"{series.source}: no samples between --from and --to"
+            + (f" in which both {series.position_name} and {series.effort_name} are known"
+               if missing else "")
+        )  # fmt: skip
     notes = []
+    if missing:
+        notes.append(f"{missing} of {asked} samples are missing or not valid, and were left out.")
     if np.count_nonzero(inside) > MOST_SAMPLES:
         inside[np.flatnonzero(inside)[MOST_SAMPLES:]] = False
         last = times[inside][-1]
@@ -177,16 +184,41 @@ def _even(series: Series, times: Array, part: tuple[float | None, float | None])
     period = _period(series, t)
     count = min(round((t[-1] - t[0]) / period) + 1, 4 * MOST_SAMPLES)
     grid = t[0] + period * np.arange(count)
-    nearest = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
-    away = np.minimum(np.abs(t[nearest] - grid), np.abs(t[nearest - 1] - grid))
     return series._replace(
         start_s=float(t[0]),
         period=period,
         position=np.interp(grid, t, x),
         effort=np.interp(grid, t, force),
-        known=away < UNEVEN * period,
+        known=_near(grid, t, period),
         notes=notes,
     )
+
+
+def _near(grid: Array, times: Array, period: float) -> NDArray[np.bool_]:
+    """Return which slots of a grid have a sample."""
+    after = np.clip(np.searchsorted(times, grid), 1, len(times) - 1)
+    away = np.minimum(np.abs(times[after] - grid), np.abs(times[after - 1] - grid))
+    return np.asarray(away < UNEVEN * period)
+
+
+def with_beside(
+    series: Series, source: Path, column: str, time: str | None, axis: str | None
+) -> tuple[Series, Array]:
+    """Return another column on the grid of a series, which is known only where both are.
+
+    Raises
+    ------
+    ConfigError, RecordingError
+        There is no such column, or no number in it.
+    """
+    raw, times = _read(source, series.position_name, column, time, axis)
+    good = np.isfinite(raw.effort) & raw.known
+    if np.count_nonzero(good) < 3:
+        raise RecordingError(f"{source}: {column} holds no numbers")
+    slots: Array = np.arange(len(series.position), dtype=np.float64)
+    grid = series.start_s + series.period * slots
+    known = series.known & _near(grid, times[good], series.period)
+    return series._replace(known=known), np.interp(grid, times[good], raw.effort[good])
 
 
 def motor_column(source: Path, axis: str | None, effort: str | None) -> str | None:

@@ -13,10 +13,9 @@ from tautwave.laws.limit import guard_axis
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.operate.aligning import PATIENCE_S
 from tautwave.runtime.operate.resting import (
+    Holds,
     Pull,
     PullParams,
-    hold_capital,
-    hold_effort,
     send_resting,
     sense_resting,
 )
@@ -57,10 +56,7 @@ class Rest:
         self._own = own
         self._approach = approach
         self._params = [p._replace(site=p.site._replace(has_wall=False)) for p in control.params]
-        self._capital = [
-            hold_capital(p, quantum)
-            for p, quantum in zip(control.params, approach.quanta, strict=True)
-        ]
+        self.holds = Holds(control.params, approach.quanta)
         self._latency = max((control.params[i].delay for i in own), default=0) + 2
         self._pulls: dict[int, Pull] = {}
         self._limit = self._let_go = 0
@@ -70,8 +66,6 @@ class Rest:
         self.hindrance = ""
         self._resting = False
         self._taken = [0.0] * len(own)
-        self._floor = [0.0] * len(own)
-        self._late = 0
         self.free = False
         """Whether nothing holds the axes."""
         self.dead: set[int] = set()
@@ -81,21 +75,18 @@ class Rest:
         """Begin to rest; `seated`: the axes have been measured before."""
         self._resting = True
         self._seated = dict.fromkeys(self._own, seated)
-        self._late = 0
-        self._floor = [0.0] * len(self._own)
+        self.holds.begin()
         for k, i in enumerate(self._own):
-            self.granted[k] += self._capital[i]
+            self.granted[k] += self.holds.capital[i]
             s = self._control.axes[i]
             s.port_energy = s.gross_flow = s.uncertainty = 0.0
 
     def anew(self) -> None:
         """Count what the motors take from 0 on; axes stay seated."""
-        seated, pulled = self._seated, bool(self._pulls)
+        seated = self._seated
         self.release()
         self.begin(seated=False)
         self._seated = seated
-        # What the last pulls still give out, by commands that act late, was granted to them.
-        self._late = self._latency if pulled else 0
 
     def unseat(self) -> None:
         """Have the axes measured anew: their devices were enabled anew."""
@@ -173,17 +164,10 @@ class Rest:
             s, p = control.axes[i], self._params[i]
             effort = 0.0
             free = self.free or self._let_go or i in self.dead
-            if self._late:
-                self._floor[k] = min(self._floor[k], s.port_energy)
             if control.samples[i].valid and not free:
                 pull = None if ending else self._pulls.get(k)
-                effort = (
-                    hold_effort(s, p, self._capital[i] - self._floor[k])
-                    if pull is None
-                    else pull.effort(s)
-                )
+                effort = self.holds.effort(i, slot, s, p) if pull is None else pull.effort(s)
             send_resting(s, p, effort, share * p.ceiling)
-        self._late = max(0, self._late - 1)
 
     def end(self) -> None:
         """Rest no more; what the motors took is kept."""

@@ -55,7 +55,9 @@ export class Schematic {
       this.walls[side].forEach((name, n) => {
         const y = TOP + 96 + 60 * n;
         this.box(x, y, 110, 48, "wall", name.replace(/_(master|slave)$/, ""), null, name);
-        this.flow(x + 30, TOP + 56 + (n ? 44 : 0), x + 30, y, () => this.power(`${pair.name}.${name}.absorbed`));
+        const power = () => this.power(`${pair.name}.${name}.absorbed`);
+        if (n === 0) this.flow(x + 30, TOP + 56, x + 30, y, power);
+        else this.branch(at ? 530 : 110, y + 24, at ? -1 : 1, power);
       });
       const port = this.ports[side][0];
       const [outer, near, far, line] = at ? [530, 481, 411, 364] : [110, 159, 229, 276];
@@ -101,13 +103,23 @@ export class Schematic {
     this.flows.push({ tip, line, label, power, x1, y1, x2, y2 });
   }
 
+  // A flow from a device into a box that is not the first below it, around those above.
+  branch(edge, y, inwards, power) {
+    const [trunk, label] = [edge + 32 * inwards, edge + 40 * inwards];
+    this.svg.append(make("path", { d: `M${edge} ${TOP + 46}H${trunk}V${y}`, class: "trunk" }));
+    this.flow(trunk, y, edge, y, power);
+    const place = { x: label, y: y + 5, "text-anchor": inwards > 0 ? "start" : "end" };
+    for (const [key, value] of Object.entries(place)) this.flows.at(-1).label.setAttribute(key, value);
+  }
+
   // Mean power of a column that counts energy [W].
   power(name) {
     const { store } = this;
     const column = store.columns.indexOf(name);
     const last = store.end - 1;
     const first = Math.max(store.begin, last - Math.round(OVER_S * this.facts.rate_hz));
-    if (column < 0 || last <= first) return 0;
+    if (column < 0) return NaN; // another site's
+    if (last <= first) return 0;
     return (store.value(column, last) - store.value(column, first)) / (store.timeOf(last) - store.timeOf(first));
   }
 
@@ -130,7 +142,7 @@ export class Schematic {
       const width = flows ? Math.min(9, 1.5 + 1.1 * Math.log10(size / LEAST_W)) : 1;
       line.setAttribute("stroke-width", width);
       line.setAttribute("opacity", flows ? 1 : 0.35);
-      label.textContent = watts(value);
+      label.textContent = Number.isNaN(value) ? "" : watts(value);
       tip.setAttribute("visibility", flows ? "visible" : "hidden");
       const [fx, fy, tx, ty] = value >= 0 ? [x1, y1, x2, y2] : [x2, y2, x1, y1];
       const length = Math.hypot(tx - fx, ty - fy);
