@@ -56,7 +56,7 @@ def test_folder(tmp_path: Path) -> None:
 
 
 def test_too_large_file(tmp_path: Path) -> None:
-    path = tmp_path / "recording.csv"
+    path = tmp_path / "recording.txt"
     path.write_bytes(b"0.0,0.0\n" * 100_000)
     with pytest.raises(ConfigError, match="larger than 256 KiB, so not a rig file"):
         load_rig(path)

@@ -127,18 +127,37 @@ def test_what_ended_beside_a_failure_is_kept(monkeypatch: pytest.MonkeyPatch) ->
         next(results)
 
 
+def test_a_cluster_that_lost_its_workers_is_not_waited_for_without_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    cluster, client = told(monkeypatch, cycle([2, 0, 0]))
+    monkeypatch.setattr(module, "GONE_S", 0.0)
+    monkeypatch.setattr(client, "map", lambda *_, **__: [Future()])  # nobody ever does it
+    with pytest.raises(LinkError, match=r"has had no worker for 0 s; rows so far are kept"):
+        list(cluster(times_ten, [(0, 1)]))
+
+
 @pytest.mark.parametrize(
     ("where", "part"),
-    [("tcp://127.0.0.1:1", "no scheduler answers"), ("none.json", "no such scheduler file")],
+    [
+        ("tcp://127.0.0.1:1", "no scheduler answers"),
+        ("none.json", "no such scheduler file"),
+        ("rig.yaml", "neither an address"),
+        ("http://127.0.0.1:1", "neither an address"),
+        ("list.json", "neither an address"),
+        ("half.json", "line 1, column"),
+    ],
 )
 def test_no_scheduler_is_one_sentence(
     where: str, part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "ANSWER_S", 1)
     (tmp_path / "sweep.yaml").write_text(GOOD)
-    words = ["sweep", str(tmp_path / "sweep.yaml"), "--out", str(tmp_path), "--scheduler", where]
-    done = CliRunner().invoke(main, words)
-    assert done.exit_code == 5
+    (tmp_path / "list.json").write_text("[1]")
+    (tmp_path / "half.json").write_text('{"address"')
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(main, ["sweep", "sweep.yaml", "--scheduler", where])
+    assert done.exit_code == (5 if where in ("tcp://127.0.0.1:1", "none.json") else 2)
     assert part in done.output
     assert "Traceback" not in done.output
 

@@ -13,12 +13,14 @@ from tautwave.cli.options import (
     clock_option,
     echo_json,
     json_option,
+    of_kind,
     out_option,
     positive,
     set_option,
     simulate_option,
 )
 from tautwave.errors import ConfigError
+from tautwave.kinds import RECORDING, RIG, RUN, TABLE
 
 RIG_SUFFIXES = (".yaml", ".yml")
 RECORDINGS = (".mcap", ".csv", ".mat")
@@ -37,7 +39,12 @@ _NOT_NOISE = (
 
 
 @click.command(short_help="Identify a device, an encoder's noise, or an environment.")
-@click.argument("source", type=PATH, metavar="RIG|RECORDING")
+@click.argument(
+    "source",
+    type=PATH,
+    metavar="RIG|RECORDING",
+    callback=of_kind(RIG, RUN, RECORDING, TABLE),
+)
 @click.option("--axis", metavar="NAME", help="Such as master.wrist; required if there are several.")
 @click.option(
     "--noise",

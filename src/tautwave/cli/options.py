@@ -7,15 +7,50 @@ import math
 import os
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import click
 
 from tautwave.cli.terminal.streams import unheard
+from tautwave.errors import ConfigError
+from tautwave.kinds import RUN, kind_of_keys, kind_of_path, mistaken
 
 PATH = click.Path(path_type=Path)
 
+
+def of_kind(*wanted: str) -> Callable[..., Any]:
+    """Return a callback for paths that refuses one of another kind by what it is."""
+
+    def check(ctx: click.Context, _param: click.Parameter, value: Any) -> Any:
+        if not ctx.resilient_parsing and value is not None:
+            for path in value if isinstance(value, tuple) else (value,):
+                refuse_other(path, *wanted)
+        return value
+
+    return check
+
+
+def refuse_other(path: Path, *wanted: str) -> None:
+    """Refuse what is there, but of another kind; what cannot be told is left to its reader.
+
+    Raises
+    ------
+    ConfigError
+        It is none of the `wanted` kinds; the sentence says what it is.
+    """
+    from tautwave.config.text.document import open_document, read_text
+
+    kind = kind_of_path(path)
+    if not kind and path.is_file():
+        with suppress(ConfigError):
+            kind = kind_of_keys(open_document(read_text(path, "file"), "", path, "file").value)
+    if sentence := mistaken(path, kind, *wanted):
+        raise ConfigError(sentence)
+
+
+run_argument = click.argument("directory", type=PATH, metavar="DIR", callback=of_kind(RUN))
 rig_argument = click.argument("rig", type=PATH)
 
 set_option = click.option(

@@ -8,13 +8,14 @@ from typing import Any
 
 import click
 
-from tautwave.cli.options import PATH, positive
+from tautwave.cli.options import PATH, of_kind, positive, run_argument
 from tautwave.errors import RecordingError
+from tautwave.kinds import RECORDING, RUN, TABLE
 
 
 @click.command(short_help="Rebuild the report of a run, or compare two.")
-@click.argument("directory", type=PATH, metavar="DIR")
-@click.argument("other", type=PATH, metavar="[DIR2]", required=False)
+@run_argument
+@click.argument("other", type=PATH, metavar="[DIR2]", required=False, callback=of_kind(RUN))
 @click.option(
     "--out",
     type=PATH,
@@ -25,6 +26,7 @@ from tautwave.errors import RecordingError
 @click.option(
     "--against",
     type=PATH,
+    callback=of_kind(RECORDING, RUN, TABLE),
     metavar="FILE",
     help="Compare the run with a recording of the same motion: run, MCAP, CSV or MAT file.",
 )

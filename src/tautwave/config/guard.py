@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tautwave.errors import ConfigError
+from tautwave.kinds import refused
 
 DEEPEST_JSON = 64
 """Python's parser recurses; our own files need 8 levels."""
@@ -49,10 +50,12 @@ def read_guarded(
     except FileNotFoundError as err:
         raise ConfigError(f"{path}: no such file") from err
     except IsADirectoryError as err:
-        raise ConfigError(f"{path}: a folder, not {_a(kind)}") from err
+        raise ConfigError(refused(path, kind) or f"{path}: a folder, not {_a(kind)}") from err
     except (OSError, ValueError) as err:
         reason = getattr(err, "strerror", None) or err
         raise ConfigError(f"{path}: cannot be read: {reason}") from err
+    if other := refused(path, kind):
+        raise ConfigError(other)
     if len(raw) > largest:
         raise ConfigError(f"{path}: larger than {largest // 1024} KiB, so not {_a(kind)}")
     return _decoded(path, kind, raw, encodings)

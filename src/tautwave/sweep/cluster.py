@@ -15,6 +15,7 @@ import importlib
 import math
 import pickle
 import queue
+import re
 import threading
 import time
 import uuid
@@ -27,6 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tautwave import __version__
+from tautwave.config.guard import parse_json, read_guarded
 from tautwave.errors import ConfigError, LinkError
 from tautwave.sweep.pool import AHEAD, Piece, Worker
 
@@ -40,6 +42,11 @@ COUNT_S = 5.0
 """[s] How often the workers are counted, for as many pieces as keep them busy."""
 RETRIES = 2
 """A piece is given out again so often when its worker dies."""
+GONE_S = 300.0
+"""[s] How long a sweep waits when all workers are gone; a queue may bring others."""
+LARGEST = 256 * 1024
+"""Bytes of a scheduler's file."""
+_ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?([^\s/:\[\]]+|\[[^\s\]]+\]):\d{1,5}/?")
 
 
 class About(NamedTuple):
@@ -61,6 +68,33 @@ def about() -> About:
     plain = [f(x) for x in at.tolist() for f in (math.sin, math.exp, math.log, math.atan)]
     digest = hashlib.sha256(b"".join(one.tobytes() for one in values) + np.array(plain).tobytes())
     return About(__version__, np.__version__, digest.hexdigest()[:12])
+
+
+def read_address(scheduler: str) -> str:
+    """Return the address of a scheduler that is named by it, or by its file.
+
+    Raises
+    ------
+    ConfigError
+        It is neither. Dask would find out in half a minute, and say so with a traceback.
+    LinkError
+        There is no such file: no scheduler has written it yet.
+    """
+    address: Any = scheduler
+    if scheduler.endswith(".json"):
+        if not Path(scheduler).is_file():
+            raise LinkError(f"{scheduler}: no such scheduler file; is the scheduler running?")
+        try:
+            found = parse_json(read_guarded(Path(scheduler), "scheduler file", LARGEST))
+        except ValueError as err:
+            raise ConfigError(f"{scheduler}: no scheduler file of Dask: {err}") from err
+        address = found.get("address") if isinstance(found, dict) else None
+    if not isinstance(address, str) or not _ADDRESS.fullmatch(address):
+        raise ConfigError(
+            f"--scheduler {scheduler}: neither an address, such as tcp://10.0.0.5:8786, nor the "
+            "file that `dask scheduler --scheduler-file FILE.json` writes"
+        )
+    return address
 
 
 class Cluster:
@@ -93,21 +127,17 @@ class Cluster:
             ) from err
         self._name = scheduler
         self._client = self._connect(scheduler)
-        self.jobs, self._counted = 1, -math.inf
+        self.jobs, self._counted, self._manned = 1, -math.inf, time.monotonic()
         self._count()
 
     def _connect(self, scheduler: str) -> Any:
-        named: dict[str, Any] = {"address": scheduler}
-        if scheduler.endswith(".json"):
-            if not Path(scheduler).is_file():
-                raise LinkError(f"{scheduler}: no such scheduler file; is the scheduler running?")
-            named = {"scheduler_file": scheduler}
+        address = read_address(scheduler)
         settings = importlib.import_module("dask.config")
         try:
             # It keeps what it sent last, and a piece carries what makes its worker.
             with settings.set({"distributed.admin.low-level-log-length": KEPT}):
-                client = self._dask.Client(**named, timeout=ANSWER_S, set_as_default=False)
-        except (OSError, ValueError, TimeoutError, KeyError) as err:
+                client = self._dask.Client(address, timeout=ANSWER_S, set_as_default=False)
+        except (OSError, TimeoutError) as err:
             raise LinkError(
                 f"no scheduler answers at {scheduler} ({err}); start one with `dask scheduler`, "
                 "and workers with `dask worker`"
@@ -124,9 +154,11 @@ class Cluster:
 
     def _count(self) -> None:
         """Count the threads again, now and then: workers come and go."""
-        if time.monotonic() - self._counted > COUNT_S:
-            self.jobs = max(1, sum(self._client.nthreads().values()))
-            self._counted = time.monotonic()
+        now = time.monotonic()
+        if now - self._counted > COUNT_S:
+            threads = sum(self._client.nthreads().values())
+            self.jobs, self._counted = max(1, threads), now
+            self._manned = now if threads else self._manned
 
     def close(self) -> None:
         """Leave the cluster; its workers stay."""
@@ -184,7 +216,7 @@ class Cluster:
                     future.cancel()
 
     def _next(self, finished: queue.SimpleQueue[Any]) -> list[Any]:
-        """Wait for a piece, take all that have ended; a scheduler that is gone never sends one."""
+        """Wait for a piece and take all that ended; without scheduler or workers none comes."""
         while True:
             with suppress(queue.Empty):
                 ended = [finished.get(timeout=1.0)]
@@ -193,6 +225,12 @@ class Cluster:
                 return ended
             if self._client.status != "running":
                 raise self._lost()
+            self._count()
+            if time.monotonic() - self._manned > GONE_S:
+                raise LinkError(
+                    f"the scheduler at {self._name} has had no worker for {GONE_S:g} s; rows so "
+                    "far are kept, and the same command resumes"
+                )
 
     def _lost(self) -> LinkError:
         return LinkError(

@@ -140,6 +140,17 @@ class SweepPlan(NamedTuple):
     points: Points
 
 
+def read_sweep_file(path: Path) -> Document:
+    """Read the keys of a sweep file, or of a map file.
+
+    Raises
+    ------
+    ConfigError
+        It is not YAML, or is a file for something else.
+    """
+    return open_document(read_text(path, "sweep file"), str(path), path.parent, "sweep file")
+
+
 def load_sweep(path: str | Path) -> SweepPlan:
     """Read and check a sweep file and all of its rigs.
 
@@ -149,12 +160,7 @@ def load_sweep(path: str | Path) -> SweepPlan:
         Anything is wrong; `problems` holds every mistake with its line.
     """
     path = Path(path)
-    try:
-        document = open_document(read_text(path), str(path), path.parent)
-    except ConfigError as err:  # the shared reader's messages say "rig file"
-        raise ConfigError(
-            [text.replace("rig file", "sweep file") for text in err.problems]
-        ) from err
+    document = read_sweep_file(path)
     sweep: Sweep | None = validate(document, Sweep)
     if document.problems or sweep is None:
         raise ConfigError(document.sentences())

@@ -32,9 +32,10 @@ from tautwave.config import Rig, load_rig
 from tautwave.config.keys.common import AxisName, Block, Name, NonNegative, Positive
 from tautwave.config.keys.rig import simulation_of
 from tautwave.config.messages import validate
-from tautwave.config.text.document import Document, nearest, open_document, read_text
+from tautwave.config.text.document import Document, nearest
 from tautwave.errors import ConfigError, WritingError
 from tautwave.files import make_directory
+from tautwave.sweep.file import read_sweep_file
 from tautwave.sweep.predict import true_device
 
 Floats = npt.NDArray[np.float64]
@@ -119,7 +120,7 @@ class MapResult(NamedTuple):
 def is_map(path: str | Path) -> bool:
     """Return whether a sweep file has planes; unreadable files are left to the reader."""
     try:
-        document = open_document(read_text(Path(path)), str(path), Path(path).parent)
+        document = read_sweep_file(Path(path))
     except ConfigError:
         return False
     return "planes" in document.value
@@ -134,7 +135,7 @@ def load_map(path: str | Path) -> MapPlan:
         Anything is wrong; `problems` holds every mistake with its line.
     """
     path = Path(path)
-    document = open_document(read_text(path), str(path), path.parent)
+    document = read_sweep_file(path)
     file: MapFile | None = validate(document, MapFile)
     if document.problems or file is None:
         raise ConfigError(document.sentences())

@@ -29,7 +29,7 @@ def read_live(directory: Path) -> Live:
     try:
         fields = parse_json(path.read_text(encoding="utf-8"))
         return Live(**{name: fields[name] for name in Live._fields})
-    except FileNotFoundError as error:
+    except (FileNotFoundError, NotADirectoryError) as error:
         raise RecordingError(f"{directory}: no run is going on here") from error
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read ({error.strerror})") from error

@@ -6,11 +6,19 @@ from pathlib import Path
 
 import click
 
-from tautwave.cli.options import PATH, out_option
+from tautwave.cli.options import PATH, of_kind, out_option
+from tautwave.kinds import RECORDING, RUN
 
 
 @click.command(short_help="Write runs as CSV, Parquet, npz, MAT or a LeRobot dataset.")
-@click.argument("directories", type=PATH, nargs=-1, required=True, metavar="DIR...")
+@click.argument(
+    "directories",
+    type=PATH,
+    nargs=-1,
+    required=True,
+    metavar="DIR...",
+    callback=of_kind(RUN, RECORDING),
+)
 @click.option(
     "--to",
     type=click.Choice(["csv", "parquet", "npz", "mat", "lerobot"]),

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import click
 
-from tautwave.cli.options import PATH, wait_option
+from tautwave.cli.options import run_argument, wait_option
 
 
 @click.command(short_help="Publish a run that is going on to ROS 2.")
-@click.argument("directory", type=PATH, metavar="DIR")
+@run_argument
 @click.option(
     "--rate",
     type=click.FloatRange(0.1),

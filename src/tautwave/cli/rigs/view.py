@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tautwave.cli.options import PATH, echo_json, wait_option
+from tautwave.cli.options import PATH, echo_json, run_argument, wait_option
 
 LOOK_NS = 200_000_000
 PATIENCE_NS = 5_000_000_000
@@ -15,7 +15,7 @@ PATIENCE_NS = 5_000_000_000
 
 
 @click.command(short_help="Look at a run that is going on, in the terminal or as a page.")
-@click.argument("directory", type=PATH, metavar="DIR")
+@run_argument
 @click.option("--once", is_flag=True, help="Show the newest row and end.")
 @click.option("--json", "as_json", is_flag=True, help="The newest row as JSON, every column; ends.")
 @click.option("--page", is_flag=True, help="Serve a page: curves, states, buttons, tuning.")

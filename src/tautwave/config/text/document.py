@@ -12,6 +12,7 @@ from typing import Any
 from tautwave.config.guard import read_guarded
 from tautwave.config.text.yaml12 import KeyPath, Mark, Problem, SyntaxProblem, parse_yaml
 from tautwave.errors import ConfigError
+from tautwave.kinds import WANTED, kind_of_keys, mistaken
 
 LARGEST = 256 * 1024
 """[bytes] A rig is about a page; a larger file is not a rig (perhaps a recording given by
@@ -138,7 +139,7 @@ def open_document(text: str, name: str, folder: Path, kind: str = "rig file") ->
     Raises
     ------
     ConfigError
-        It is not YAML, is empty, or has no mapping at the top.
+        It is not YAML, is empty, has no mapping at the top, or is a file for something else.
     """
     try:
         parsed = parse_yaml(text)
@@ -156,6 +157,9 @@ def open_document(text: str, name: str, folder: Path, kind: str = "rig file") ->
                 f"this is {describe_kind(parsed.value)}",
             ]
         )
+    wanted = (WANTED[kind],) if kind in WANTED else ()
+    if other := wanted and mistaken(name, kind_of_keys(parsed.value), *wanted):
+        raise ConfigError(other)
     return Document(name, folder, parsed.value, parsed.marks, parsed.spoiled, parsed.problems)
 
 

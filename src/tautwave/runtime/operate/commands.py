@@ -177,6 +177,8 @@ def read_script(text: str, name: str) -> list[tuple[int, Order]]:
             )
             continue
         found.append((round(seconds * 1e9), Order(word, argument.strip(), "script")))
+    if problems and not found:
+        raise ConfigError(f"{name}: no line of it is TIME COMMAND, such as `1.5 engage`")
     if problems:
         raise ConfigError(problems)
     return found

@@ -94,6 +94,8 @@ def read_answers(text: str, name: str) -> Scripted:
             )
             continue
         found.append((seconds, answer))
+    if problems and not found:
+        raise ConfigError(f"{name}: no line of it is SECONDS ANSWER, such as `1.5 yes`")
     if problems:
         raise ConfigError(problems)
     return Scripted(found)
