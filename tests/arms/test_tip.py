@@ -290,7 +290,7 @@ WRONG = (
     (
         "slave.defaults={bus: arm, kind: linear, causality: admittance, effort_limit: 12, "
         "effort_rate_limit: 6000, velocity_limit: 3, position_range: [-0.6, 0.6]}",
-        "would have to invert its Jacobian",
+        "would invert its Jacobian",
     ),
     ("buses.hand.options.home=[0.0]", "home needs a position for each joint"),
     ("buses.hand.options.home=[0.0, 3.0]", "joint elbow: home is not in its position_range"),

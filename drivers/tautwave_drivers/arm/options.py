@@ -213,8 +213,8 @@ def coordinates(bus: BusSpec) -> list[int]:
             )
         if axis.causality != "impedance":
             raise ConfigError(
-                f"{place}.causality: an arm's tip takes effort: impedance (got {axis.causality}); to "
-                "follow velocities it would have to invert its Jacobian, which has no bound where "
+                f"{place}.causality: an arm's tip takes effort: impedance (got {axis.causality}); "
+                "to follow velocities it would invert its Jacobian, which has no bound where "
                 "the arm is stretched. Couple the joints themselves, each an axis of its own"
             )
     if len({axis.name.partition(".")[0] for axis in bus.axes}) > 1:
