@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import textwrap
@@ -10,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
+from tautwave.config.guard import parse_json
 from tautwave.runtime.operate.states import STATES
 from tautwave.runtime.tap import Live
 
@@ -77,7 +77,7 @@ def news_lines(news: str, columns: int = 80) -> list[str]:
     Why a command was refused, or what a fault is, has to be seen where the key was pressed.
     """
     try:
-        *_, (_, entry) = json.loads(news)
+        *_, (_, entry) = parse_json(news)
         at_s, word, source, text = (entry[key] for key in ("at_s", "word", "source", "text"))
     except (ValueError, KeyError, TypeError):
         return []
