@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import zlib
 from collections import Counter
 from collections.abc import Generator, Iterator
 from pathlib import Path
@@ -39,6 +40,10 @@ from tests import compiling
 
 # `.ci/run` sets it: it has installed every library, so a test that misses one is a hole in the net.
 LIBRARIES_REQUIRED = os.environ.get("TAUTWAVE_LIBRARIES") == "required"
+
+# Which third of the tests marked `long` are to run: `.ci/run` takes turns; None: all of them.
+TURNS = 3
+TURN = int(os.environ["TAUTWAVE_TURN"]) % TURNS if "TAUTWAVE_TURN" in os.environ else None
 
 # The same cases each time, so that a red run is about the change and not about luck; the machine's
 # speed is nobody's business. `.ci/run` tries twice as many, also where a default test has a
@@ -96,7 +101,7 @@ def no_bytecode(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.hookimpl(tryfirst=True)  # before markers are looked at
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     without_vcan = all(name != "vcan0" for _, name in socket.if_nameindex())
     seen: Counter[str] = Counter()
     for item in items:
@@ -104,15 +109,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.skip(reason="there is no interface vcan0; see .ci/vcan"))
         if item.name == "test_compiled_it_is_the_same_to_the_bit":
             item.add_marker(pytest.mark.slow)  # of the suite for authors: a compile for each law
+            item.add_marker(pytest.mark.long)
         sparse = item.get_closest_marker("sparse")
         if sparse is not None:
             function = item.nodeid.partition("[")[0]
             if seen[function] % sparse.args[0]:
                 item.add_marker(pytest.mark.slow)
             seen[function] += 1
+    if TURN is not None:
+        others = {item for item in items if item.get_closest_marker("long") and not in_turn(item)}
+        config.hook.pytest_deselected(items=list(others))
+        items[:] = [item for item in items if item not in others]
     if not LIBRARIES_REQUIRED:
         default = [item for item in items if not item.get_closest_marker("slow")]
         try_fewer({item.function for item in default if isinstance(item, pytest.Function)})
+
+
+def in_turn(item: pytest.Item) -> bool:
+    """Return whether a test is of this turn; those of a file are, as they share what they compile."""
+    return zlib.crc32(item.nodeid.partition("::")[0].encode()) % TURNS == TURN
 
 
 def try_fewer(tests: set[Any]) -> None:

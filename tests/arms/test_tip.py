@@ -358,6 +358,7 @@ def test_home_has_a_place_along_the_frames_axes() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(600)
 def test_the_compiled_controller_leads_an_arm_to_the_same_bits() -> None:
     pytest.importorskip("numba")
@@ -368,6 +369,7 @@ def test_the_compiled_controller_leads_an_arm_to_the_same_bits() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(300)
 def test_random_motions_through_singular_poses_stay_below_what_was_claimed() -> None:
     """`python -m tests.arms.motions --count 1000` has more of them."""

@@ -62,6 +62,7 @@ def test_the_figure_shows_every_family_and_what_is_asked_for() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(120)
 @pytest.mark.skipif(not DATA.is_dir(), reason="no recordings")
 def test_one_setting_halves_the_error_of_the_laboratory_in_free_motion_and_foam() -> None:

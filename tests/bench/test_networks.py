@@ -11,6 +11,7 @@ from tautwave.bench.networks import chain_network, networks
 from tautwave.scene.pruning import prune
 
 
+@pytest.mark.long
 @pytest.mark.slow  # numba compiles for ten seconds
 def test_the_suite_has_its_tables_and_goals():
     pytest.importorskip("numba")

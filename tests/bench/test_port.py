@@ -102,6 +102,7 @@ def test_synthetic_hands_meet_every_contact_and_are_always_the_same() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(400)
 def test_the_whole_suite_without_recordings(tmp_path: Path) -> None:
     suite = port(quick=True, out=tmp_path).as_dict()

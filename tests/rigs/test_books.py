@@ -249,6 +249,7 @@ def test_the_books_of_any_rig_close(data: Tree) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)  # shrinking a counterexample takes its time
 @settings(max_examples=80, suppress_health_check=list(HealthCheck))
 @given(rigs(cycles=600))

@@ -157,6 +157,7 @@ def test_the_hand_feels_as_much_less_as_is_stated() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_python_and_compiled_are_one_to_the_bit() -> None:
     built = load_rig(
         CONFIGS / "bench-position-coupling.yaml",

@@ -119,6 +119,7 @@ def test_another_checkout_of_the_same_sources_finds_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_an_edited_model_is_compiled_again(tmp_path: Path) -> None:
     shutil.copytree(SOURCE, tmp_path / "tautwave")
     where = {"PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
