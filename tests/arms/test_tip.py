@@ -287,6 +287,11 @@ DISC = "buses.hand.options.walls.disc"
 WRONG = (
     ("master.axes.x.id=7", "an axis of an arm is 1, 2, 3 (x, y, z of its tip)"),
     ("master.axes.x.id=4", "coordinate rx of an arm is rotary, got linear"),
+    (
+        "slave.defaults={bus: arm, kind: linear, causality: admittance, effort_limit: 12, "
+        "effort_rate_limit: 6000, velocity_limit: 3, position_range: [-0.6, 0.6]}",
+        "would invert its Jacobian",
+    ),
     ("buses.hand.options.home=[0.0]", "home needs a position for each joint"),
     ("buses.hand.options.home=[0.0, 3.0]", "joint elbow: home is not in its position_range"),
     ("buses.hand.options.chain.dh=[{a: 0.1}]", "the chain has 1 joints"),

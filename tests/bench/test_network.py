@@ -69,16 +69,16 @@ def test_compiled_it_is_the_same_to_the_bit() -> None:
 
 
 @pytest.mark.slow
-def test_a_thousand_patterns_are_passive_to_the_bit_and_the_test_can_fail() -> None:
-    found = many.run_many(0, 1000, jobs=2)
+def test_hundreds_of_patterns_are_passive_to_the_bit_and_the_test_can_fail() -> None:
+    found = many.run_many(0, 300, jobs=1)
     for law in many.OURS:
-        assert found[law].patterns == 1000
+        assert found[law].patterns == 300
         assert found[law].violations == 0
         assert found[law].excess <= 0.0
         assert found[law].made < 0.1  # no more than the ports have in reserve
-    assert found["hold-last"].makers > 700
-    assert found["null packets"].makers > 20
-    assert found["fixed buffer"].makers > 20
+    assert found["hold-last"].makers > 210
+    assert found["null packets"].makers > 6
+    assert found["fixed buffer"].makers > 6
 
 
 def test_what_is_done_is_kept_and_not_done_again(

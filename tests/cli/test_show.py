@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import fcntl
 import io
+import json
 import os
 import pty
+import re
 import signal
+import struct
 import subprocess
 import sys
+import termios
 import time
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,6 +24,7 @@ from tautwave.cli.terminal import progress_bar
 from tautwave.cli.terminal.progress import Progress
 from tautwave.cli.terminal.show import Cell, Section, plain, plain_lines
 from tautwave.cli.terminal.summary import left_out_rows
+from tests.view.served import Run
 
 TABLE = Section(
     "Tracking", ("pair", ">rms"), [("wrist", "1.5 mrad"), ("elbow", Cell("12 µrad", "red"))]
@@ -83,6 +90,39 @@ def test_a_terminal_gets_a_bar_that_is_gone_at_the_end() -> None:
         os.close(side)
     assert "bench" in printed
     assert "\x1b[2K" in printed, "the bar erases itself"
+
+
+@pytest.mark.slow
+def test_a_run_is_drawn_in_the_room_there_is_with_what_was_said_last(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    entry = {"at_s": 1.0, "word": "engage", "source": "key", "text": "engage: " + 20 * "refused "}
+    run.recorder.tell(json.dumps([[1, entry]]))
+    main, side = pty.openpty()
+    fcntl.ioctl(side, termios.TIOCSWINSZ, struct.pack("HHHH", 12, 40, 0, 0))
+    os.set_blocking(main, False)
+    printed = b""
+    try:
+        with subprocess.Popen(
+            [sys.executable, "-P", progress_bar.__file__, "bench", str(tmp_path)],
+            stdin=subprocess.PIPE, stderr=side, env=os.environ | {"TERM": "xterm"},
+        ) as child:  # fmt: skip
+            assert child.stdin is not None
+            child.stdin.write(b"0.1\trunning\n")
+            child.stdin.flush()
+            until = time.monotonic() + 60.0
+            while printed.count(b"space engage") < 3 and time.monotonic() < until:
+                run.commit(5)
+                with suppress(BlockingIOError):
+                    printed += os.read(main, 100_000)
+                time.sleep(0.02)
+            child.stdin.close()
+    finally:
+        os.close(main)
+        os.close(side)
+        run.close()
+    shown = re.sub(r"\x1b\[\??\d*[A-Za-z]", "", printed.decode()).splitlines()
+    assert any(line.startswith("last  1.0 s, engage: refused") for line in shown)
+    assert max(len(line) for line in shown[:20]) <= 40  # else a line wraps, and is never erased
 
 
 def test_progress_goes_to_a_process_of_its_own(capfd: pytest.CaptureFixture[str]) -> None:

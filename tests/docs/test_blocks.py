@@ -10,8 +10,6 @@ import pytest
 from tests.docs.blocks import KINDS, ROOT, Block, agrees, blocks, commands, pages
 from tests.docs.running import Page
 
-pytestmark = pytest.mark.realtime
-
 PAGES = [page for page in pages() if any(blocks(page))]
 
 
@@ -35,6 +33,7 @@ LONG = ("delay-and-waves.md", "dynamixel-arms.md", "modbus-profile.md", "cia402-
 """Their quick blocks take seconds too."""
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize(
     "path",
     [pytest.param(p, marks=pytest.mark.slow) if p.name in LONG else p for p in PAGES],
@@ -45,11 +44,19 @@ def test_blocks_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     _run(path, quick, tmp_path, monkeypatch)
 
 
+OFFLINE = ("docs/gallery.md",)
+"""Their slow blocks need no real clock."""
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize(
     "path",
-    [page for page in PAGES if any(block.note.startswith("slow") for block in blocks(page))],
+    [
+        pytest.param(page, marks=() if _name(page) in OFFLINE else pytest.mark.realtime)
+        for page in PAGES
+        if any(block.note.startswith("slow") for block in blocks(page))
+    ],
     ids=_name,
 )
 def test_slow_blocks_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

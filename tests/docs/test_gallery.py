@@ -1,14 +1,13 @@
-"""The gallery shows what `tautwave reproduce` makes, all of it, and is small."""
+"""The gallery shows what `tautwave reproduce` makes, all of it, and is small.
+
+The command itself is a block of its page, run with the others (`test_blocks`).
+"""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
-import pytest
-from click.testing import CliRunner
-
-from tautwave.cli import main
 from tautwave.report.reproduce import CHAPTERS, chapter
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -27,10 +26,3 @@ def test_its_pictures_are_small_and_follow_dark_mode() -> None:
     drawn = [path.read_text() for path in (DOCS / "gallery").glob("*.svg")]
     assert all("prefers-color-scheme: dark" in text for text in drawn)
     assert sum(map(len, drawn)) < 600_000
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(300)
-def test_the_command_makes_the_same_set(tmp_path: Path) -> None:
-    assert CliRunner().invoke(main, ["reproduce", "--out", str(tmp_path)]).exit_code == 0
-    assert {path.name for path in tmp_path.iterdir() if path.suffix in (".svg", ".txt")} == KEPT

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -118,18 +119,27 @@ def test_every_public_name_has_an_entry() -> None:
 def test_the_site_builds_without_a_warning_and_fetches_nothing(tmp_path: Path) -> None:
     pytest.importorskip("sphinx")
     pytest.importorskip("furo")
-    out = tmp_path / "html"
+    out = Path(os.environ.get("TAUTWAVE_SITE", tmp_path / "html"))  # `.ci/run` has built it
+    if out.exists():
+        assert not _foreign(out)
+        return
     done = subprocess.run(
         [sys.executable, "-m", "sphinx", "-W", "-n", "-q", "-d", str(tmp_path / "trees"),
          str(DOCS), str(out)],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
+    assert not _foreign(out)
+
+
+def _foreign(out: Path) -> list[str]:
+    """Return what pages of a site would load from elsewhere."""
     loads = re.compile(
         r"<(?:script|img|iframe|source)\b[^>]*\bsrc=\"(?:https?:)?//"
         r"|<link\b[^>]*rel=\"(?:stylesheet|icon|preload|preconnect)\"[^>]*href=\"(?:https?:)?//"
         r"|@import\s+(?:url\()?[\"']?(?:https?:)?//|url\([\"']?(?:https?:)?//"
     )
-    for path in [*out.rglob("*.html"), *out.rglob("*.css")]:
-        found = loads.search(path.read_text(encoding="utf-8"))
-        assert found is None, f"{path.relative_to(out)}: {found}"
+    pages = [*out.rglob("*.html"), *out.rglob("*.css")]
+    assert len(pages) > 50
+    found = {path: loads.search(path.read_text(encoding="utf-8")) for path in pages}
+    return [f"{path.relative_to(out)}: {one[0]}" for path, one in found.items() if one]

@@ -88,9 +88,24 @@ def test_a_sensor_of_what_touched_it_is_compared_with_the_motor(tmp_path: Path) 
     assert found.fit.inertia.value == pytest.approx(INERTIA, rel=0.05)
     assert found.fit.bias.value == pytest.approx(0.05, abs=0.005)  # what the sensor is off
     assert any("one unit of force is -0.5 units" in note for note in found.notes)
+    assert "inertia: {" in found.snippet
+    wild = csv(tmp_path / "w.csv", angle_rad=shown, motor_nm=effort, force=0.1 * outside)
+    assert "inertia: {" not in identify_lever(wild, outside="force").snippet
     without = identify_lever(file)
     assert any("something else (a hand, a contact) acts" in note for note in without.notes)
     assert ("inertia: {" in without.snippet) == (without.fit.inertia.lower > 0.0)
+
+
+def test_friction_that_helps_is_doubtful_and_not_for_a_rig(tmp_path: Path) -> None:
+    """A motor that follows the motion a little, and did not make it, explains itself only."""
+    shown = 0.2 * np.sin(2 * np.pi * 1.1 * TIMES) + 0.05 * np.sin(2 * np.pi * 2.7 * TIMES)
+    speed, jerk = np.gradient(shown, T), np.gradient(np.gradient(shown, T), T)
+    echo = 4e-5 * jerk + 2e-3 * speed - 1e-3 * np.sign(speed)
+    noise = 1e-5 * np.random.default_rng(5).standard_normal(COUNT)
+    found = identify_lever(csv(tmp_path / "a.csv", angle_rad=shown + noise, motor_nm=echo))
+    assert found.fit.coulomb.upper < 0.0
+    assert "inertia: {" not in found.snippet
+    assert any("friction comes out negative" in note for note in found.notes)
 
 
 def test_what_is_missing_is_left_out_and_said(tmp_path: Path) -> None:

@@ -70,7 +70,7 @@ def test_no_rig_with_slow_buses_generates_energy(data: Tree) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)  # shrinking a counterexample takes its time
-@settings(max_examples=50, suppress_health_check=list(HealthCheck))
+@settings(max_examples=20, suppress_health_check=list(HealthCheck))
 @given(slow_rigs(cycles=1500))
 def test_many_rigs_with_slow_buses_generate_no_energy(data: Tree) -> None:
     check_any(data)

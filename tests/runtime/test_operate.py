@@ -355,6 +355,21 @@ def test_episodes_are_marked_and_the_last_one_ends_with_the_run() -> None:
     assert (two["name"], two["end_s"], two["success"]) == ("episode-2", 5.0, None)
 
 
+def test_who_presses_the_same_button_as_another_undoes_nothing() -> None:
+    script = "0.1 episode success\n0.2 episode pick\n0.3 episode pick\n0.4 episode failed\n"
+    done = operate(bench(STILL), script + "0.41 episode failed\n0.5 scale 0.5", 0.6)
+    (episode,) = done.control.journal.episodes
+    assert (episode.name, episode.begin_s, episode.end_s, episode.success) == (
+        "pick", 0.2, 0.4, False
+    )  # fmt: skip
+    assert [one.text for one in done.control.journal.entries if one.refused] == [
+        "episode success: no episode is running",
+        "episode 1 is running; end it first, with success or failed",
+        "episode failed: no episode is running",
+        "scale: this rig has its own only; others are listed in operate.scales",
+    ]
+
+
 def test_an_effort_sensor_that_friction_cannot_balance_blocks_an_alignment(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from tautwave.cli import main
-from tautwave.cli.terminal.live import Health, live_lines, watch_health
+from tautwave.cli.terminal.live import Health, live_lines, news_lines, watch_health
 from tautwave.errors import RecordingError, SafetyStop
 from tautwave.runtime import ring as words
 from tautwave.runtime.recorder import Recorder
@@ -156,6 +156,22 @@ def test_a_run_is_shown_in_80_columns_whatever_its_numbers() -> None:
     lines = live_lines(wild, live, Health(1e9, 10**9), 10**9)
     assert all(len(line) <= 80 for line in lines)
     assert "no sample of slave" in lines[1]
+
+
+def test_what_was_said_last_is_shown_in_two_lines_without_controls() -> None:
+    def said(word: str, text: str) -> str:
+        entry = {"at_s": 3.25, "word": word, "source": "key", "state": "idle", "text": text}
+        return json.dumps([[1, {"text": "older"}], [2, entry]])
+
+    assert news_lines("") == news_lines("[]") == news_lines('[[1, {"at_s": 1}]]') == []
+    assert news_lines(said("engage", "")) == ["last  3.2 s, engage by key"]
+    refusal = "engage: refused after a fault; look at it, then: rest"
+    assert news_lines(said("engage", refusal)) == [f"last  3.2 s, {refusal}"]
+    assert news_lines(said("fault", "it \x1b[2Jis hot")) == ["last  3.2 s, fault: it ?[2Jis hot"]
+    long = news_lines(said("fault", 40 * "over-temperature "), 40)
+    assert len(long) == 2
+    assert all(len(line) <= 40 for line in long)
+    assert long[1].endswith("...")
 
 
 def test_news_are_read_whole_or_as_before() -> None:

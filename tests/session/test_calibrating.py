@@ -332,6 +332,15 @@ def test_a_folder_that_may_not_be_written_is_said_before_anything_is_asked(
     assert "bring" not in done.output
 
 
+def test_what_does_not_end_says_after_how_long(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tautwave.session.guided.running.SIMULATED_S", 2.0)
+    done = calibrate(written(tmp_path))
+    assert done.exit_code == 2
+    assert "the procedure was not over after 2 s" in done.output
+
+
 def test_the_digest_of_a_file_is_that_of_its_bytes() -> None:
     assert digest("a\n") == "87428fc522803d31065e7bce3cf03fe475096631e5e07bbd7a0fde60c4cf25c7"
     rig = load_rig(BENCH)

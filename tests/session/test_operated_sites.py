@@ -347,6 +347,10 @@ def test_episodes_are_marked_at_both(pair: Make) -> None:
     for half in (two.master, two.slave):
         (episode,) = half.control.journal.episodes
         assert (episode.name, episode.task, episode.success) == ("pick", "the red block", True)
+    two.master.ask("episode", "success")  # as the other one did
+    two.run(10)
+    assert all(len(half.control.journal.episodes) == 1 for half in (two.master, two.slave))
+    assert two.master.control.journal.entries[-1].text == "episode success: no episode is running"
 
 
 @SLOW

@@ -103,7 +103,7 @@ def test_who_is_killed_is_lost(start: Start, killed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("seconds", "backlog"), [(0.05, 10.0), (0.5, 10.0), (3.0, 0.01), (10.0, 10.0)]
+    ("seconds", "backlog"), [(0.05, 10.0), (0.5, 10.0), (3.0, 1e-4), (10.0, 10.0)]
 )
 def test_who_is_stopped_for_a_while_goes_on_or_begins_anew(
     start: Start, seconds: float, backlog: float

@@ -179,7 +179,7 @@ def test_services_give_commands_and_say_what_became_of_them(
 def test_nonsense_is_answered_and_ends_nothing(serving: tuple[Run, Door, Desk]) -> None:
     _, door, _ = serving
     with client(door, "secret-token") as socket:
-        for text in ("[]", "{", '{"op": 3}',
+        for text in ("[]", "{", '{"op": 3}', '{"op": "getParameters", "id": "\\ud800"}',
                      '{"op": "subscribe", "subscriptions": [3, {"id": []}]}',
                      '{"op": "setParameters", "parameters": "x"}',
                      '{"op": "unsubscribe", "subscriptionIds": [[], "a", -1]}'):  # fmt: skip

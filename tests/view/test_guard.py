@@ -85,8 +85,10 @@ def test_without_the_token_one_may_look_and_stop(serving: tuple[Run, Door]) -> N
         assert heard(socket, "may")["may"] is True
         # What a page sends is one line, whatever it holds.
         socket.send(json.dumps({"op": "command", "line": "episode a\nstop b"}))
-        socket.send("[")
-        heard(socket, "note")
+        for nonsense in ("[", '{"op": "hello", "token": "\\ud800"}',
+                         '{"op": "command", "line": "episode \\ud800"}'):  # fmt: skip
+            socket.send(nonsense)
+            heard(socket, "note")
         assert run.orders() == [("episode", "a stop b", "page")]
 
 

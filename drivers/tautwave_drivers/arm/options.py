@@ -212,7 +212,11 @@ def coordinates(bus: BusSpec) -> list[int]:
                 f"{axis.kind}"
             )
         if axis.causality != "impedance":
-            raise ConfigError(f"{place}.causality: an arm takes effort: impedance")
+            raise ConfigError(
+                f"{place}.causality: an arm's tip takes effort: impedance (got {axis.causality}); "
+                "to follow velocities it would invert its Jacobian, which has no bound where "
+                "the arm is stretched. Couple the joints themselves, each an axis of its own"
+            )
     if len({axis.name.partition(".")[0] for axis in bus.axes}) > 1:
         raise ConfigError(f"bus {bus.name}: an arm is on one side; give the other a bus of its own")
     turns = [a.position_range for a in bus.axes if a.device_id > 3]

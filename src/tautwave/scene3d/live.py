@@ -56,13 +56,18 @@ class Model3d:
         self.scheme = scheme
         self.period = period
         self.keep_books = keep_books
-        self._axes = range(len(network.axes))
+        self._axes = range(len(network.coordinates))
         self._ports = range(len(network.ports))
-        self.reset([0.0] * len(self._axes))
+        self._carried = network.carried() if network.tools else None
+        self.reset([0.0] * len(network.axes))
+
+    def _spread(self, positions: Sequence[float]) -> Sequence[float]:
+        """Return the coordinates of the ports."""
+        return positions if self._carried is None else self._carried.spread(positions)
 
     def reset(self, positions: Sequence[float]) -> None:
-        """Reset to the start, with the axes of the ports at `positions` [m]."""
-        self.compiled: Compiled3d = compile_network3d(self.network, positions)
+        """Reset to the start, with the devices' axes at `positions` [m or rad]."""
+        self.compiled: Compiled3d = compile_network3d(self.network, self._spread(positions))
         self.arrays = self.compiled.arrays
         self._forced = [
             (3 * self.compiled.masses.index(name), way) for name, way in self.network.forced
@@ -72,13 +77,20 @@ class Model3d:
         self.start = self.booked = self.ledger()
 
     def advance(self, positions: Sequence[float], pushes: Sequence[float] = ()) -> list[float]:
-        """Take axis positions [m] and external forces [N]; step; return the efforts.
+        """Take axis positions [m or rad] and external forces [N]; step; return the efforts.
 
         Returns
         -------
         list of float
-            Resisting effort on each axis [N], to be held until the next call.
+            Resisting effort on each axis [N or N m], to be held until the next call.
         """
+        if self._carried is None:
+            return self._advance(positions, pushes)
+        efforts = self._advance(self._carried.spread(positions), pushes)
+        return self._carried.gather(efforts)
+
+    def _advance(self, positions: Sequence[float], pushes: Sequence[float]) -> list[float]:
+        """Step, with the ports' coordinates at `positions` [m]; return the efforts on them [N]."""
         s = self.arrays
         period = self.period
         places = list(positions)
@@ -106,7 +118,7 @@ class Model3d:
         return [axis_effort(s, axis) for axis in self._axes]
 
     def resting_efforts(self) -> list[float]:
-        """Return the static efforts of springs and contacts on the axes [N]."""
+        """Return the static efforts of springs and contacts on the axes [N or N m]."""
         s = self.arrays
         efforts = [0.0] * len(self._axes)
         ports = self._ports
@@ -122,7 +134,7 @@ class Model3d:
                 efforts[axis] -= sum(
                     sign * pull * along for at, sign in ends if at == s.axis_port[axis]
                 )
-        return efforts
+        return efforts if self._carried is None else self._carried.gather(efforts)
 
     def ledger(self) -> Ledger:
         """Return the present energies."""

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from tautwave.scene.network import GROUND, Link, Mass, Network
 from tautwave.scene.pruning import prune
 from tautwave.scene3d.elements import Element
+from tautwave.scene3d.tool import Carried, Tool3d
 
 Vector = tuple[float, float, float]
 ORIGIN: Vector = (0.0, 0.0, 0.0)
@@ -44,7 +45,8 @@ class Network3d(NamedTuple):
     """Masses, links, ports and grounds (name, position [m]); `gravity` [m/s**2] is a vector.
 
     `forced` are masses and the unit vectors of their external forces; `elements` tetrahedra of
-    tissue between masses and grounds.
+    tissue between masses and grounds; `tools` carry ports that follow each other, with the axes
+    `NAME.x`, `NAME.y` and `NAME.z`.
     """
 
     masses: tuple[Mass3d, ...]
@@ -55,11 +57,35 @@ class Network3d(NamedTuple):
     recorded: tuple[str, ...] = ()
     gravity: Vector = ORIGIN
     elements: tuple[Element, ...] = ()
+    tools: tuple[Tool3d, ...] = ()
+
+    @property
+    def grips(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        """What devices hold, ports and tools by name, and the axes of each."""
+        carried = {point: tool for tool in self.tools for point, _ in tool.points}
+        found: dict[str, tuple[str, ...]] = {}
+        for port in self.ports:
+            tool = carried.get(port.name)
+            if tool is None:
+                found[port.name] = port.axes
+            else:
+                found[tool.name] = tool.axes + tool.turns
+        return tuple(found.items())
 
     @property
     def axes(self) -> tuple[str, ...]:
         """Names of the devices' axes, port by port."""
+        return tuple(name for _, axes in self.grips for name in axes)
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the ports' own axes: the devices' where no tool is between."""
         return tuple(name for port in self.ports for name in port.axes)
+
+    def carried(self) -> Carried:
+        """Return what is between the devices' axes and the ports' coordinates."""
+        tools = {tool.name: tool for tool in self.tools}
+        return Carried([(len(axes), tools.get(name)) for name, axes in self.grips])
 
 
 class Pruned3d(NamedTuple):

@@ -106,7 +106,10 @@ def _scene3d(rig: Rig) -> Iterator[PlanItem]:
         what = f"{count} tetrahedra of {body.young:g} Pa" + (f", relaxing {relax}" if relax else "")
         yield _item(f"tissue {name}", count > 0, what, "no port feels it")
     for name, port in keys.ports.items():
-        yield _item(f"port {name}", True, f"moved by {', '.join(keys.axes_of(name))}")
+        moved = f"moved by {', '.join(keys.movers_of(name))}"
+        moved += f", turned by {', '.join(port.turns)}" if port.turns else ""
+        moved += f", {len(port.points)} points" if port.points else ""
+        yield _item(f"port {name}", True, moved)
         why = "" if port.stiffness is None else f"k_c {port.stiffness:g} to {port.to}"
         yield _item(f"coupling spring of {name}", port.to is not None, why, "links are at the port")
     pulls = ", ".join(f"{part:g}" for part in network.gravity)

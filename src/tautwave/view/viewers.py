@@ -115,5 +115,6 @@ def fields_of(message: str | bytes) -> Mapping[str, Any]:
     with suppress(ValueError, RecursionError):
         found = parse_json(message) if isinstance(message, str) else None
         if isinstance(found, dict):
+            json.dumps(found, ensure_ascii=False).encode()  # half a character is no text
             return found
     return {}

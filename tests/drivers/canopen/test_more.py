@@ -155,6 +155,7 @@ def test_check_shows_the_arithmetic_and_a_rig_that_is_too_fast_exits_4() -> None
 
 
 @pytest.mark.slow
+@pytest.mark.realtime
 @pytest.mark.parametrize("clock", ["fake", "real"])
 def test_the_shipped_rig_runs_as_a_new_user_would_run_it(tmp_path: Path, clock: str) -> None:
     out = tmp_path / "out"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +11,7 @@ from tautwave.certificate.scene.contacts import Pressed
 from tautwave.scene.sampled import PortMap
 from tautwave.scene3d.arrays import Arrays3d
 from tautwave.scene3d.matrices import Tangent, tangent
+from tautwave.scene3d.network import Network3d
 
 Matrix = npt.NDArray[np.float64]
 
@@ -23,7 +24,9 @@ def network3d_map(
     closed: Mapping[int, Pressed] | None = None,
     near: Tangent | None = None,
 ) -> PortMap:
-    """Return the linearised step of a scheme at the present positions; `scales` are of the axes.
+    """Return the linearised step of a scheme at the present positions.
+
+    `scales` are of the axes, or the matrix from them to the ports' coordinates, see `levers`.
 
     `closed` are contacts by the number of their link; `near` is `tangent` there, if it is known.
     """
@@ -31,8 +34,8 @@ def network3d_map(
     near = near._replace(damping=near.damping.copy(), stiffness=near.stiffness.copy())
     for link, one in (closed or {}).items():
         _close(near, s, link, one)
-    n, axes = len(near.mass), len(scales)
-    ways = near.ways * scales
+    n, axes = len(near.mass), scales.shape[-1]
+    ways = near.ways * scales if scales.ndim == 1 else near.ways @ scales
     k, kp, kpp = _blocks(near.stiffness, n, ways)
     z, zp, zpp = _blocks(near.damping, n, ways)
     mass, eye = np.diag(near.mass), np.eye(n)
@@ -72,6 +75,17 @@ def network3d_map(
     whole = np.vstack([at + moved, faster, *after, place])
     size = own + axes
     return PortMap(whole[:, :size], whole[:, size:], effort[:, :size], effort[:, size:], period)
+
+
+def levers(network: Network3d, scales: Sequence[float]) -> Matrix:
+    """Return what each port's coordinate moves by per motion of each axis, at the start.
+
+    Also the share of a force on the coordinate that the axis bears: (coordinates, axes).
+    """
+    carried = network.carried()
+    carried.spread([0.0] * len(network.axes))
+    ways = [carried.gather(row) for row in np.eye(len(network.coordinates)).tolist()]
+    return np.asarray(np.array(ways).reshape(-1, len(scales)) * np.array(scales), np.float64)
 
 
 def _close(near: Tangent, s: Arrays3d, link: int, one: Pressed) -> None:

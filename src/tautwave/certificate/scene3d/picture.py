@@ -22,7 +22,7 @@ from tautwave.canvas import (
 )
 from tautwave.certificate.panels import SCENE, decades
 from tautwave.certificate.scene.joint import leak_together, needed_together, seen
-from tautwave.certificate.scene3d.maps import network3d_map
+from tautwave.certificate.scene3d.maps import levers, network3d_map
 from tautwave.certificate.scene3d.verdict import LARGE
 from tautwave.config import Rig
 from tautwave.rig.scene.network3d import axis_scales, pruned_network3d, scene3d_of
@@ -48,9 +48,9 @@ def scene3d_certificate(rig: Rig, delays: Mapping[str, CommandDelay]) -> Figure:
     heading(right, "all axes together")
     law = None
     if len(network.masses) <= LARGE:
-        scales = np.array(axis_scales(rig))
+        ways = levers(network, axis_scales(rig))
         law = network3d_map(
-            compile_network3d(network).arrays, scene3d_of(rig).scheme, rig.period_s, scales
+            compile_network3d(network).arrays, scene3d_of(rig).scheme, rig.period_s, ways
         )
         law = seen(law)
     if law is None:

@@ -40,7 +40,7 @@ from tautwave.certificate.scene.joint import (
 )
 from tautwave.certificate.scene.verdict import active_links, joined
 from tautwave.certificate.scene3d.contacts import regimes3d
-from tautwave.certificate.scene3d.maps import network3d_map
+from tautwave.certificate.scene3d.maps import levers, network3d_map
 from tautwave.config import Rig
 from tautwave.rig.scene.hands import stated_hand
 from tautwave.rig.scene.network import hold_limit, press_energy
@@ -69,12 +69,14 @@ class _Scene:
         self.axes = [f"master.{name}" for name in self.network.axes]
         self.delays = [delays[name] for name in self.axes]
         self.large = len(self.network.masses) > LARGE
+        self.ways = levers(self.network, axis_scales(rig))
         self.law: PortMap | None = None
         self.least = 0.0
         if not self.large:
             self.near = tangent(self.arrays)
-            scales = np.array(axis_scales(rig))
-            self.law = network3d_map(self.arrays, self.scheme, rig.period_s, scales, near=self.near)
+            self.law = network3d_map(
+                self.arrays, self.scheme, rig.period_s, self.ways, near=self.near
+            )
             n = 3 * len(self.network.masses)
             stiffness = self.near.stiffness[:n, :n]
             if n:
@@ -85,16 +87,18 @@ class _Scene:
     def closed(self) -> ClosedScene:
         """Return the scene with its contacts closed."""
         rig = self.rig
-        scales = np.array(axis_scales(rig))
         order = {name: at for at, name in enumerate(compile_network3d(self.network).links)}
 
         def close(regime: Regime) -> PortMap:
             links = {order[name]: one for name, one in regime.closed.items()}
-            return network3d_map(self.arrays, self.scheme, rig.period_s, scales, links, self.near)
+            return network3d_map(
+                self.arrays, self.scheme, rig.period_s, self.ways, links, self.near
+            )
 
-        efforts = {
-            name: rig.axes[f"master.{name}"].effort_limit / abs(scale)
-            for name, scale in zip(self.network.axes, scales.tolist(), strict=True)
+        limits = np.array([rig.axes[name].effort_limit for name in self.axes])
+        efforts = {  # at which the first axis that bears a share of the force is at its limit
+            name: float(np.min(limits[row != 0.0] / np.abs(row[row != 0.0]), initial=math.inf))
+            for name, row in zip(self.network.coordinates, self.ways, strict=True)
         }
         found = []
         if self.law is not None and active_links(self.network) is None:
@@ -120,6 +124,12 @@ class _Scene:
                 "small: no theorem bounds it; a run measures it (scene.hold) and stops beyond "
                 f"{self.limit:.4g} J"
             )
+        conditions += [
+            f"what holding the wrench on {tool.name} creates as it turns stays small: it is that "
+            f"of one pose; a run measures it (scene.hold) and stops beyond {self.limit:.4g} J"
+            for tool in self.network.tools
+            if tool.turns
+        ]
         if self.network.elements:
             conditions.append(
                 "what the tissue does as it turns and strains away from the start position stays "
@@ -161,7 +171,7 @@ def scene3d_certificate(
     """Return the certificate of a rig with a 3D scene; `passes` as for other scenes."""
     scene = _Scene(rig, delays)
     closed = scene.closed()
-    ports = ", ".join(port.name for port in scene.network.ports)
+    ports = ", ".join(name for name, _ in scene.network.grips)
     elements = (_network(scene), *_ports(scene), *closed_element(closed))
     loops = (_loop(scene), *closed_loop(closed, ports))
     return joined(rig, elements, loops, passes)
@@ -278,7 +288,7 @@ def _loop(scene: _Scene) -> PairLoop:
     """Return the verdict on the loop of all hands, devices and the linear part, near the start."""
     rig = scene.rig
     names = list(scene.network.axes)
-    ports = ", ".join(port.name for port in scene.network.ports)
+    ports = ", ".join(name for name, _ in scene.network.grips)
     hands = [stated_hand(rig, name) for name in names]
     text = "; ".join(dict.fromkeys(hand.text for hand in hands))
     bad = active_links(scene.network)

@@ -67,7 +67,7 @@ def view(
         origins = foxglove_origin if foxglove else None
         serve_page(directory, address, port, tls_cert, tls_key, wait, origins)
         return
-    from tautwave.cli.terminal.live import Health, live_lines, watch_health
+    from tautwave.cli.terminal.live import Health, live_lines, news_lines, room, watch_health
     from tautwave.clock import MonotonicClock
     from tautwave.errors import RecordingError
     from tautwave.runtime.tap import Tap
@@ -90,7 +90,12 @@ def view(
             echo_json(dict(zip(live.columns, newest, strict=True)))
             return
         if newest:
-            lines = live_lines(newest, live, health, tap.missed)
+            columns, most = room(sys.stdout.fileno()) if sys.stdout.isatty() else (80, 1_000)
+            lines = [
+                *live_lines(newest, live, health, tap.missed),
+                *news_lines(tap.news(), columns),
+            ]
+            lines = [line[:columns] for line in lines[:most]]
             if shown and sys.stdout.isatty():
                 click.echo(f"\x1b[{shown}A\x1b[J", nl=False)
             if not shown or sys.stdout.isatty() or once:

@@ -1,11 +1,15 @@
-"""A live run as lines of text: one per pair, and the loop's health. 80 columns."""
+"""A live run as lines of text: one per pair, the loop's health, what was said last. 80 columns."""
 
 from __future__ import annotations
 
 import math
+import os
+import textwrap
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
+from tautwave.config.guard import parse_json
 from tautwave.runtime.operate.states import STATES
 from tautwave.runtime.tap import Live
 
@@ -65,6 +69,35 @@ def live_lines(row: Sequence[float], live: Live, health: Health, missed: int) ->
     parts += [f"{missed} rows not seen"] if missed else []
     lines.append("loop  " + ", ".join(parts))
     return [line[:80].rstrip() for line in lines]
+
+
+def news_lines(news: str, columns: int = 80) -> list[str]:
+    """Return the newest of the journal's entries in `news` [JSON], in two lines at most.
+
+    Why a command was refused, or what a fault is, has to be seen where the key was pressed.
+    """
+    try:
+        *_, (_, entry) = parse_json(news)
+        at_s, word, source, text = (entry[key] for key in ("at_s", "word", "source", "text"))
+    except (ValueError, KeyError, TypeError):
+        return []
+    if not text:
+        text = f"{word} by {source}"
+    elif not text.startswith(word):
+        text = f"{word}: {text}"
+    shown = "".join(one if one.isprintable() else "?" for one in f"last  {at_s:.1f} s, {text}")
+    return textwrap.wrap(
+        shown, max(columns, 20), subsequent_indent="      ", max_lines=2, placeholder=" ..."
+    )
+
+
+def room(descriptor: int) -> tuple[int, int]:
+    """Return the columns and lines of a terminal; what is none has room for everything."""
+    with suppress(OSError):
+        columns, lines = os.get_terminal_size(descriptor)
+        if columns > 0 and lines > 1:
+            return columns, lines - 1
+    return 80, 1_000
 
 
 def _number(value: float | None) -> str:

@@ -77,7 +77,7 @@ def draw_run(stream: TextIO, title: str, directory: str) -> None:
 
 def draw_pairs(stream: TextIO, directory: Path) -> None:
     """Draw the newest row now and then until the loop has finished."""
-    from tautwave.cli.terminal.live import Health, live_lines, watch_health
+    from tautwave.cli.terminal.live import Health, live_lines, news_lines, room, watch_health
     from tautwave.errors import RecordingError
     from tautwave.runtime.tap import Tap
     from tautwave.view.watched import read_live
@@ -98,7 +98,10 @@ def draw_pairs(stream: TextIO, directory: Path) -> None:
         rows = tap.take()
         health = watch_health(rows, live, health)
         if rows:
-            lines = [*live_lines(rows[-1], live, health, tap.missed), *keys]
+            columns, most = room(sys.stderr.fileno())
+            said = news_lines(tap.news(), columns)
+            lines = [*live_lines(rows[-1], live, health, tap.missed), *said, *keys]
+            lines = [line[:columns] for line in lines[:most]]  # a wrapped line is not erased
             up = f"\x1b[{shown}A\x1b[J" if shown else "\r\x1b[K"
             sys.stderr.write(up + "\n".join(lines) + "\n")
             sys.stderr.flush()

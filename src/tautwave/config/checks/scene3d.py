@@ -8,7 +8,7 @@ from typing import Any
 
 from tautwave.config.checks.scene import check_between, named_ends
 from tautwave.config.inputs.sounds import check_sound
-from tautwave.config.keys.scene3d import Scene3d, mesh_of
+from tautwave.config.keys.scene3d import Scene3d, Vector, mesh_of
 from tautwave.config.pieces import Parts
 from tautwave.config.text.document import Document, nearest, show_path
 from tautwave.config.text.yaml12 import KeyPath
@@ -16,7 +16,10 @@ from tautwave.errors import ConfigError
 from tautwave.models.tissue.mesh import on_faces, shape_of
 
 GROUND = "ground"
-SPACE_ONLY = ("directions", "axes", "normal", "direction", "rows", "row_spacing", "clamped")
+SPACE_ONLY = (
+    *("directions", "axes", "turns", "points"),
+    *("normal", "direction", "rows", "row_spacing", "clamped"),
+)
 
 
 def check_dimension(document: Document) -> None:
@@ -115,7 +118,7 @@ def _check_names(document: Document, scene: Scene3d) -> None:
         ("grounds", scene.grounds),
     ):
         for name in block:
-            grouped = kind in ("masses", "tissues")
+            grouped = kind != "grounds"
             nodes = {name, *scene.nodes_of(name)} if grouped else {name}
             for node in sorted(nodes & seen)[:1]:
                 document.report(("scene", kind, name), f"another node is named {node!r} already")
@@ -169,6 +172,7 @@ def _check_ports(document: Document, parts: Parts, scene: Scene3d) -> None:
                     where, "a scene outputs effort, so its axis must be an impedance axis"
                 )
         _check_directions(document, scene, name)
+        _check_tool(document, parts, scene, name)
         if port.to is not None and port.stiffness is None:
             document.report((*path, "stiffness"), "required key is missing (coupling spring k_c)")
         if port.to is None and (port.stiffness is not None or port.damping > 0.0):
@@ -207,11 +211,30 @@ def _check_directions(document: Document, scene: Scene3d, name: str) -> None:
     path: KeyPath = ("scene", "ports", name, "directions")
     if given is None:
         return
-    if len(given) != len(scene.axes_of(name)):
+    if len(given) != len(scene.movers_of(name)):
         document.report(
-            path, f"one for each of its axes: {len(scene.axes_of(name))} (got {len(given)})"
+            path, f"one for each of its axes: {len(scene.movers_of(name))} (got {len(given)})"
         )
         return
+    _check_apart(document, path, given)
+
+
+def _check_tool(document: Document, parts: Parts, scene: Scene3d, name: str) -> None:
+    """Note mistakes of a rigid tool."""
+    port, path = scene.ports[name], ("scene", "ports", name)
+    if port.turns is not None and port.points is None:
+        document.report((*path, "points"), "required key is missing: a turning tool has points")
+    if port.points is not None and port.to is not None:
+        document.report((*path, "to"), "of a tool each point is linked: a spring under links")
+    for axis_name in port.turns or {}:
+        axis = parts.sides.get("master", {}).get(axis_name)
+        if axis is not None and axis.kind != "rotary":
+            document.report((*path, "turns", axis_name), f"a {axis.kind} axis turns nothing")
+    _check_apart(document, (*path, "turns"), list((port.turns or {}).values()))
+
+
+def _check_apart(document: Document, path: KeyPath, given: list[Vector]) -> None:
+    """Note directions that do not span as many dimensions as they are."""
     kept: list[list[float]] = []
     for vector in given:
         size = math.hypot(*vector)

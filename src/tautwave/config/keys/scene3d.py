@@ -130,7 +130,10 @@ Link3d = Annotated[
 
 
 class Port3d(Block):
-    """A point that one to three axes move; `to` couples it by a spring."""
+    """A point that one to three axes move; `to` couples it by a spring.
+
+    With `points` it is a rigid tool, which `turns` turn as well.
+    """
 
     axes: Annotated[list[Name], Field(min_length=1, max_length=3)] | None = Field(
         default=None, description="Axes of the master that move it; default: that of its name."
@@ -138,6 +141,15 @@ class Port3d(Block):
     directions: Annotated[list[Vector], Field(min_length=1, max_length=3)] | None = Field(
         default=None,
         description="Direction in which each axis moves it, of any length; default: x, y and z.",
+    )
+    turns: Annotated[dict[Name, Vector], Field(min_length=1, max_length=3)] | None = Field(
+        default=None,
+        description="Rotary axes of the master that turn it, each with the direction of its part "
+        "of the rotation vector; needs `points`.",
+    )
+    points: Annotated[list[Vector], Field(min_length=1, max_length=100)] | None = Field(
+        default=None,
+        description="[m] Points of a rigid tool, in its own axes: nodes NAME1, NAME2, ...",
     )
     to: Name | None = Field(default=None, description="Node the coupling spring ends at.")
     stiffness: Positive | None = Field(
@@ -230,6 +242,8 @@ class Scene3d(Block):
         """Return how many nodes a name stands for."""
         if name in self.tissues:
             return len(mesh_of(self.tissues[name]).nodes)
+        if name in self.ports:
+            return len(self.ports[name].points or [ZERO])
         mass = self.masses.get(name)
         return 1 if mass is None else mass.count * mass.rows
 
@@ -267,9 +281,13 @@ class Scene3d(Block):
             or across * down == 1
         }
 
-    def axes_of(self, name: str) -> list[str]:
+    def movers_of(self, name: str) -> list[str]:
         """Return the axes that move a port."""
         return self.ports[name].axes or [name]
+
+    def axes_of(self, name: str) -> list[str]:
+        """Return the axes that move a port, then those that turn it."""
+        return [*self.movers_of(name), *(self.ports[name].turns or {})]
 
     def axes(self) -> list[str]:
         """Return the axes of all ports."""

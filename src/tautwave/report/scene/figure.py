@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -65,22 +66,24 @@ def scene_figure(view: SceneView) -> Figure:
     """Return the figure: positions, effort and sound, energies, and the scene at its liveliest."""
     figure, (place, effort, heard, energy) = panels([2.0, 1.3, 1.1, 1.6], "The scene")
     _positions(place, view)
-    draw_efforts(effort, view)
+    draw_efforts(effort, view.time, view.efforts)
     draw_heard(heard, view)
     draw_energies(energy, view)
     return figure
 
 
-def draw_efforts(axes: Axes, view: SceneView | View3d) -> None:
-    """Draw the force on every axis."""
-    peak = max((float(np.abs(values).max()) for values in view.efforts.values()), default=0.0)
-    factor, unit = scale_for(peak, "N")
-    for at, (name, values) in enumerate(view.efforts.items()):
-        time, shown = thin(view.time, values)
+def draw_efforts(
+    axes: Axes, time: Floats, efforts: Mapping[str, Floats], what: str = "Force"
+) -> None:
+    """Draw the force or torque on axes."""
+    peak = max((float(np.abs(values).max()) for values in efforts.values()), default=0.0)
+    factor, unit = scale_for(peak, "N" if what == "Force" else "N m")
+    for at, (name, values) in enumerate(efforts.items()):
+        shown_at, shown = thin(time, values)
         colour, style = AXES[at % 3]
-        axes.plot(time, factor * shown, style, color=colour, linewidth=1.0, label=plain(name))
+        axes.plot(shown_at, factor * shown, style, color=colour, linewidth=1.0, label=plain(name))
     axes.set_ylabel(f"effort [{unit}]")
-    heading(axes, "Force on the device, resisting")
+    heading(axes, f"{what} on the device, resisting")
     draw_legend(axes)
 
 

@@ -62,7 +62,7 @@ def _scene3d(run: Run) -> Shown | None:
     if view is None:
         return None
     network = view.network
-    ports = ", ".join(f"{port.name} ({', '.join(port.axes)})" for port in network.ports)
+    ports = ", ".join(f"{name} ({', '.join(axes)})" for name, axes in network.grips)
     text = f"{_parts(len(network.masses), 0, len(network.links))} in space under {ports}."
     return Shown(
         view,

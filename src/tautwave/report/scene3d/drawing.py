@@ -7,6 +7,7 @@ scenes of one dimension.
 
 from __future__ import annotations
 
+import itertools
 import math
 from functools import partial
 from pathlib import Path
@@ -184,6 +185,12 @@ def _draw(view: View3d, frame: _Frame, row: int, title: str, hue: Colours = LIGH
             share = min(max(share, 0.0), 1.0)
             nearness = 0.5 * float(seen[link.a][2] + seen[link.b][2])
             shapes.append((nearness, "link", (link.a, link.b), share))
+    shapes += [
+        (0.5 * float(seen[one][2] + seen[two][2]), "tool", (one, two), 0.0)
+        for tool in view.network.tools
+        for (one, _), (two, _) in itertools.pairwise(tool.points)
+        if one in seen and two in seen
+    ]
     now = {name: view.at[name][row : row + 1] for face in frame.skin for name in face}
     for face in frame.skin:
         if seen.keys() >= set(face):
@@ -208,6 +215,9 @@ def _draw(view: View3d, frame: _Frame, row: int, title: str, hue: Colours = LIGH
             )
         if kind == "skin":
             pen.polygon(ends, fill=colour, outline=hue[EDGE], width=OVER)
+            continue
+        if kind == "tool":
+            pen.line(ends, fill=hue[MASTER], width=4 * OVER)
             continue
         if kind == "link":
             pen.line(ends, fill=colour, width=round(1.5 * OVER))

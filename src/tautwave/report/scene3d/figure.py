@@ -19,12 +19,17 @@ if TYPE_CHECKING:
 
 def figure3d(view: View3d) -> Figure:
     """Return the figure: heights, the device's path, efforts, sound and energies."""
-    figure, axes = panels([1.8, 1.3, 1.3, 1.0, 1.6], "The scene")
+    kinds = {name: view.rig.axes[f"master.{name}"].kind for name in view.efforts}
+    turning = {name: one for name, one in view.efforts.items() if kinds[name] == "rotary"}
+    moving = {name: one for name, one in view.efforts.items() if name not in turning}
+    felt = [("Force", moving)] * bool(moving) + [("Torque", turning)] * bool(turning)
+    figure, axes = panels([1.8, 1.3, *[1.3] * len(felt), 1.0, 1.6], "The scene")
     _heights(axes[0], view)
     _across(axes[1], view)
-    draw_efforts(axes[2], view)
-    draw_heard(axes[3], view)
-    draw_energies(axes[4], view, ("lifted", "stored"))
+    for panel, (what, efforts) in zip(axes[2:], felt, strict=False):
+        draw_efforts(panel, view.time, efforts, what)
+    draw_heard(axes[-2], view)
+    draw_energies(axes[-1], view, ("lifted", "stored"))
     return figure
 
 

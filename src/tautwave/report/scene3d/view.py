@@ -32,7 +32,7 @@ class View3d(NamedTuple):
     at : dict of str to (rows, 3)
         Position of every recorded node over time [m], ports and grounds included.
     efforts : dict of str to (rows,)
-        Resisting force on each axis of a port [N].
+        Resisting effort on each axis of a port [N or N m].
     energies : dict of str to (rows,)
         Energies of the ledger [J], and `hold`.
     """
@@ -69,15 +69,20 @@ def view_scene3d(run: Run) -> View3d | None:
     for name, place in network.grounds:
         at[name] = np.tile(np.array(place), (len(time), 1))
     efforts: dict[str, Floats] = {}
-    scales = iter(axis_scales(rig))
+    moved = np.zeros((len(time), len(network.axes)))
+    for which, (axis, scale) in enumerate(zip(network.axes, axis_scales(rig), strict=True)):
+        for values in run.read(f"master.{axis}.position").values():
+            moved[:, which] = scale * values
+        for values in run.read(f"master.{axis}.port_effort").values():
+            efforts[axis] = values
+    if network.tools:
+        carried = network.carried()
+        moved = np.array([carried.spread(row) for row in moved.tolist()])
+    columns = iter(moved.T)
     for port in network.ports:
         where = np.tile(np.array(port.offset), (len(time), 1))
-        for axis, way in zip(port.axes, port.directions, strict=False):
-            scale = next(scales)
-            for values in run.read(f"master.{axis}.position").values():
-                where += scale * np.outer(values, unit(way))
-            for values in run.read(f"master.{axis}.port_effort").values():
-                efforts[axis] = values
+        for _, way in zip(port.axes, port.directions, strict=False):
+            where += np.outer(next(columns), unit(way))
         at[port.name] = where
     energies = {
         name: values

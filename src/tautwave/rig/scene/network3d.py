@@ -34,6 +34,7 @@ from tautwave.scene3d.network import (
     unit,
 )
 from tautwave.scene3d.tissue import Material, tissue_of
+from tautwave.scene3d.tool import Tool3d
 from tautwave.types import CommandDelay
 
 
@@ -77,15 +78,7 @@ def whole_network3d(rig: Rig) -> Network3d:
     return Network3d(
         masses=tuple(masses),
         links=tuple(links),
-        ports=tuple(
-            Port3d(
-                name,
-                tuple(scene.axes_of(name)),
-                tuple(unit(way) for way in (port.directions or WAYS)),
-                port.offset,
-            )
-            for name, port in scene.ports.items()
-        ),
+        ports=tuple(port for name in scene.ports for port in _ports(scene, name)),
         grounds=tuple(grounds),
         forced=tuple(forced),
         recorded=tuple(
@@ -93,6 +86,36 @@ def whole_network3d(rig: Rig) -> Network3d:
         ),
         gravity=down if isinstance(down, tuple) else (0.0, 0.0, -down),
         elements=tuple(elements),
+        tools=tuple(
+            _tool(scene, name) for name, port in scene.ports.items() if port.points is not None
+        ),
+    )
+
+
+def _ports(scene: Scene3d, name: str) -> list[Port3d]:
+    """Return a port, or the points of a tool."""
+    port = scene.ports[name]
+    if port.points is None:
+        ways = tuple(unit(way) for way in (port.directions or WAYS))
+        return [Port3d(name, tuple(scene.movers_of(name)), ways, port.offset)]
+    return [
+        Port3d(node, (f"{node}.x", f"{node}.y", f"{node}.z"), WAYS, _sum(port.offset, (1, where)))
+        for node, where in zip(scene.nodes_of(name), port.points, strict=True)
+    ]
+
+
+def _tool(scene: Scene3d, name: str) -> Tool3d:
+    """Return a rigid tool."""
+    port = scene.ports[name]
+    movers, turns = scene.movers_of(name), port.turns or {}
+    ways = tuple(unit(way) for way in (port.directions or WAYS))
+    return Tool3d(
+        name,
+        tuple(movers),
+        ways[: len(movers)],
+        tuple(turns),
+        tuple(unit(way) for way in turns.values()),
+        tuple(zip(scene.nodes_of(name), port.points or [], strict=True)),
     )
 
 
@@ -164,9 +187,13 @@ def columns3d(network: Network3d) -> list[str]:
 
 
 def axis_scales(rig: Rig) -> list[float]:
-    """Return the scale from each port axis to the scene, in the network's order."""
+    """Return the scale from each axis to the scene, in the network's order; 1 of turning ones."""
     scene = scene3d_of(rig)
-    return [port.position_scale for name, port in scene.ports.items() for _ in scene.axes_of(name)]
+    found = []
+    for name, port in scene.ports.items():
+        found += [port.position_scale] * len(scene.movers_of(name))
+        found += [1.0] * len(port.turns or {})
+    return found
 
 
 def build_network3d(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -> SceneControl:

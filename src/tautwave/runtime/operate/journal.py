@@ -41,6 +41,9 @@ class Episode(NamedTuple):
     success: bool | None = None
 
 
+VERDICTS = {"success": True, "failed": False}
+
+
 class Journal:
     """Entries and episodes of one run; `tell` is called with the newest ones as JSON."""
 
@@ -68,6 +71,18 @@ class Journal:
             del self._newest[0]
         self.tell(text)
 
+    def misplaced(self, argument: str) -> str:
+        """Say why an episode is neither begun nor ended by `argument`, '' if it is.
+
+        Two people may press the same button: the second one must not undo what the first one did.
+        """
+        verdict = argument in VERDICTS
+        if verdict and not self.running:
+            return f"episode {argument}: no episode is running"
+        if argument and not verdict and self.running:
+            return f"episode {self.running} is running; end it first, with success or failed"
+        return ""
+
     def mark(self, at_s: float, argument: str) -> str:
         """Begin an episode, named by the first word of `argument`, or end the one that runs.
 
@@ -78,7 +93,7 @@ class Journal:
             number = len(self.episodes) + 1
             self.episodes.append(Episode(number, name or f"episode-{number}", task.strip(), at_s))
             return f"episode {number} begins"
-        success = {"success": True, "failed": False}.get(argument)
+        success = VERDICTS.get(argument)
         self.episodes[-1] = self.episodes[-1]._replace(end_s=at_s, success=success)
         return f"episode {self.episodes[-1].number} ends"
 

@@ -167,7 +167,9 @@ class OperatedControl(CoupledControl):
             )
             return
         self._command = WORDS.index(word) + 1
-        if word == EPISODE:
+        if word == EPISODE and (why := self.journal.misplaced(order.argument)):
+            self._note(word, order.source, why, refused=True)
+        elif word == EPISODE:
             self._note(word, order.source, self.journal.mark(self._seconds(), order.argument))
             for lamp in self.lamps:
                 lamp.shows(on=self.journal.running > 0)

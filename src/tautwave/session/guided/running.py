@@ -116,11 +116,12 @@ def run_guided(
     # Devices simulated in this process are held until they are enabled.
     torque = torque or any(way.way is Way.MEMORY for way in taken.values())
     here = any(way.way in (Way.MEMORY, Way.SERVED) for way in taken.values())
+    longest_s = SIMULATED_S if here else LONGEST_S
     with run_directory(out) as keep, devices(rig, taken) as taken:
         assembly = build_rig(
             rig,
             clock=ways.clock,
-            duration_s=SIMULATED_S if here else LONGEST_S,
+            duration_s=longest_s,
             ways=taken,
             allow_unwatched=ways.allow_unwatched,
             configure=ways.configure,
@@ -163,7 +164,7 @@ def run_guided(
     control = assembly.control
     assert isinstance(control, GuidedControl)
     if not control.over:
-        raise ConfigError(f"the procedure was not over after {LONGEST_S:g} s")
+        raise ConfigError(f"the procedure was not over after {longest_s:g} s")
     said = {k: v for bus in assembly.buses for k, v in identities(bus.driver).items()}
     notes = [note for bus in assembly.buses for note in getattr(bus.driver, "notes", ())]
     return Guided(control.result, said, notes)

@@ -27,8 +27,8 @@ DELAYS = (0.0, 1.0, 2.0)
 
 DOUBTFUL = 0.9
 
-WRONG = 0.1
-"""Greatest error of a sensor's scale without a word."""
+WRONG, WILD = 0.1, 4.0
+"""Greatest error of a sensor's scale without a word; factor at which no rig should believe it."""
 
 
 class LeverResult(NamedTuple):
@@ -97,7 +97,9 @@ class LeverResult(NamedTuple):
 
     @property
     def _device(self) -> list[str]:
-        if self.fit.inertia.lower <= 0.0:  # a rig that believed that could not be certified
+        scale = 1.0 if self.fit.outside is None else abs(self.fit.outside.value)
+        wild = not 1.0 / WILD < scale < WILD  # a mass in units of a sensor, not of the motor
+        if self.fit.inertia.lower <= 0.0 or pushes(self.fit) or wild:
             return [f"# {self.series.position_name}: inertia and friction are not known from this"]
         return [device_snippet(self.series.position_name, self.fit)]
 
@@ -175,6 +177,11 @@ def identify_lever(
     return found._replace(notes=[*series.notes, *_doubts(found)])
 
 
+def pushes(fit: DeviceFit) -> bool:
+    """Return whether friction would help the motion, which no friction does."""
+    return fit.coulomb.upper < 0.0 or fit.damping.upper < 0.0
+
+
 def _doubts(found: LeverResult) -> list[str]:
     fit = found.fit
     notes = []
@@ -187,6 +194,11 @@ def _doubts(found: LeverResult) -> list[str]:
             f"Doubtful: inertia and friction explain {fit.explained:.0%} of the effort; something "
             "else (a hand, a contact) acts on the lever. Name its sensor with --outside, or choose "
             "a free part with --from and --to."
+        )
+    elif pushes(fit):
+        notes.append(
+            f"Doubtful: friction comes out negative, so {found.series.effort_name} is not what "
+            "moved the lever. Choose a part or a recording in which it is."
         )
     if fit.outside is not None:
         one = fit.outside

@@ -209,7 +209,7 @@ def with_beside(
     Raises
     ------
     ConfigError, RecordingError
-        There is no such column, or no number in it.
+        There is no such column, or it holds no numbers.
     """
     raw, times = _read(source, series.position_name, column, time, axis)
     good = np.isfinite(raw.effort) & raw.known

@@ -120,7 +120,7 @@ class OperatedSite(SiteControl):
             word = st.CLUTCH if now.state == st.ENGAGED else st.ENGAGE
         self._command = WORDS.index(word) + 1 if word in WORDS else 0
         after = st.follow(now, word)
-        why = self._refusal(word)
+        why = self._refusal(word, order.argument)
         if why:
             self._note(word[:40], order.source, why, refused=True)
         elif word == EPISODE:
@@ -134,14 +134,16 @@ class OperatedSite(SiteControl):
             self._change(word, order.source, "", after, keep=now.state == st.CLUTCHED)
             self._note(word, order.source)
 
-    def _refusal(self, word: str) -> str:
+    def _refusal(self, word: str, argument: str) -> str:
         """Say why a command is refused here, '' if it is not."""
         if word not in WORDS:
             return f"unknown; there are {', '.join(WORDS)}"
         if word == st.SCALE:
             return "scale: not at one of two sites: both ends would have to change in one slot"
+        if word == EPISODE:
+            return self.journal.misplaced(argument)
         resets = word == st.REST and self._suspect
-        if word != EPISODE and not resets and st.follow(self.standing, word) is None:
+        if not resets and st.follow(self.standing, word) is None:
             return st.refusal(self.standing, word)
         if word == st.ENGAGE and self._left and not self._renewing:
             return f"engage: {self.peer} is not there: {self._left}"

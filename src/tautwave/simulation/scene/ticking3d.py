@@ -46,15 +46,14 @@ class CompiledModel3d(Model3d):
         self.reset([0.0] * len(network.axes))
 
     def reset(self, positions: Sequence[float]) -> None:
-        """Reset to the start, with the axes of the ports at `positions` [m]."""
+        """Reset to the start, with the devices' axes at `positions` [m or rad]."""
         super().reset(positions)
-        axes = len(self.network.axes)
         given: dict[str, Any] = {
             **_numbers(self.arrays),
-            "axes_at": list(positions),
+            "axes_at": list(self._spread(positions)),
             "pushes": [0.0] * len(self._forced),
             "ways": [part for _, way in self._forced for part in way],
-            "efforts": [0.0] * axes,
+            "efforts": [0.0] * len(self.network.coordinates),
             "ledger": [0.0] * len(Ledger._fields),
             "forced": [at for at, _ in self._forced],
         }
@@ -76,8 +75,8 @@ class CompiledModel3d(Model3d):
                 own[name][at] = value
         self.start, self.booked = model.start, model.booked
 
-    def advance(self, positions: Sequence[float], pushes: Sequence[float] = ()) -> list[float]:
-        """Take axis positions and external forces; step; return the efforts."""
+    def _advance(self, positions: Sequence[float], pushes: Sequence[float]) -> list[float]:
+        """Take coordinates of the ports and external forces; step; return the efforts."""
         put(self._axes_in, positions)
         put(self._pushes, pushes)
         self._tick(*self._given)
