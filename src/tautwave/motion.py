@@ -122,12 +122,17 @@ def _played(path: Path, names: Sequence[str], time_column: str) -> tuple[Array, 
     times = read[time_column]
     steps = np.diff(times)
     at = int(np.argmax(steps))
-    if steps[at] > max(_GAP_S, _GAP * float(np.median(steps))):
+    if steps[at] > longest_step(times):
         raise ConfigError(
             f"{path}: row {at + 2}: nothing was recorded for {steps[at]:.3g} s, from "
             f"{times[at]:.6g} s on; {MEND}"
         )
     return times, [read[name] for name in names]
+
+
+def longest_step(times: Array) -> float:
+    """Return the longest time between two samples of a recording that is no gap in it [s]."""
+    return max(_GAP_S, _GAP * float(np.median(np.diff(times))))
 
 
 def wanted_motion(

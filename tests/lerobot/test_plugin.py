@@ -40,7 +40,7 @@ class Session:
     """A run that gives rows at once: column k of row n is n + k / 64."""
 
     begun: ClassVar[list[Session]] = []
-    frozen = False
+    age = 0.0
     standing = "engaged"
 
     def __init__(self, rig: Any, *, out: Path) -> None:
@@ -65,13 +65,14 @@ class Session:
     def state(self) -> str:
         return self.standing
 
+    def age_s(self, row: dict[str, float]) -> float:
+        return self.age + 0.001 * (row["time_s"] > 0.0)
+
     def lead(self, positions: dict[str, float]) -> None:
         self.calls.append(f"lead {positions}")
 
     def row(self) -> dict[str, float]:
-        if self.frozen:
-            number = 0
-        elif (number := next(self._number)) > 90:
+        if (number := next(self._number)) > 90:
             raise RecordingError("the run has ended")
         leaves = ("position", "velocity", "commanded")
         names = ["time_s"] + [
@@ -255,17 +256,17 @@ def test_a_row_that_is_old_is_no_measurement(
     lost = sys.modules["lerobot.utils.errors"].DeviceNotConnectedError
     with pytest.raises(lost, match="not connected"):
         slave.get_observation()
-    clock = sys.modules["lerobot_robot_tautwave.site"].time
-    now = clock.monotonic()
-    monkeypatch.setattr(clock, "monotonic", lambda: now)
+    slave, master = devices(plugin)
     slave.connect()
+    master.connect()
     slave.get_observation()
-    monkeypatch.setattr(Session, "frozen", True)
-    slave.get_observation()
-    monkeypatch.setattr(clock, "monotonic", lambda: now + 1.0)
-    with pytest.raises(lost, match="no new row"):
+    monkeypatch.setattr(Session, "age", 0.06)  # also the first look after a long frame
+    with pytest.raises(lost, match=r"no new row for 0\.06. s"):
         slave.get_observation()
+    with pytest.raises(lost, match="no new row"):  # nor is the row that the other has seen
+        master.get_action()
     slave.disconnect()
+    master.disconnect()
 
 
 def test_the_distribution_has_a_name_that_lerobot_looks_for(tmp_path: Path) -> None:

@@ -60,6 +60,21 @@ def test_names_signs_and_factors_are_taken(run: Run, tmp_path: Path) -> None:
     assert half.explained == pytest.approx(0.75)
 
 
+def test_what_is_missing_in_the_recording_is_not_compared(run: Run, tmp_path: Path) -> None:
+    """A gap of 0.2 s, and as long without numbers: neither is made up."""
+    shown = np.where((T >= 0.2) & (T < 0.4), np.nan, Y)
+    kept = (T < 0.8) | (T >= 1.0)
+    file = csv(tmp_path / "a.csv", t=T[kept], slave_position=shown[kept])
+    [found] = compare_recording(run, file)
+    left = found.time_s
+    assert not np.any(((left > 0.2) & (left < 0.398)) | ((left > 0.8) & (left < 0.998)))
+    assert len(left) == pytest.approx(1100, abs=5)
+    assert found.explained > 0.999
+    none = csv(tmp_path / "b.csv", t=T, slave_position=np.nan * Y)
+    with pytest.raises(ConfigError, match="no two rows"):
+        compare_recording(run, none)
+
+
 @pytest.mark.parametrize(
     ("mapped", "said"),
     [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,9 @@ def test_a_program_engages_marks_clutches_and_stops(tmp_path: Path) -> None:
         assert session.wait_for("clutched")
         assert session.row()["operation.engagement"] == 1.0
         assert not session.wait_for("engaged", timeout_s=0.1)
+        row = session.row()
+        assert 0.0 <= (age := session.age_s(row)) < 20.0  # by the loop's clock, so never below 0
+    assert session.age_s(row) == math.inf > age
     assert session.exit_code == 0
     operation = session.wait()["operation"]
     assert [entry["source"] for entry in operation["journal"]].count("stdin") == 5

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -45,7 +44,6 @@ class Site:
         self._session: Session | None = None
         self._row: dict[str, float] = {}
         self._seen: set[str] = set()
-        self._came = -math.inf
         self._last: dict[str, float] = {}
 
     @classmethod
@@ -86,7 +84,7 @@ class Site:
             folder = Path(out) / time.strftime("%Y%m%d-%H%M%S")
             session = Session(self.rig, out=folder)
             session.__enter__()
-            self._session, self._row, self._came = session, {}, time.monotonic()
+            self._session, self._row = session, {}
             if engage:
                 session.engage()
                 if not session.wait_for("engaged", ENGAGE_S):
@@ -122,24 +120,18 @@ class Site:
         if session is None or not self.joined(who):
             raise DeviceNotConnectedError(f"{who} of {self.path} is not connected")
         if not self._row or who in self._seen:
-            self._row, self._seen = self._newest(session), set()
+            try:
+                self._row, self._seen = session.row(), set()
+            except TautwaveError as err:
+                raise DeviceNotConnectedError(str(err)) from err
         self._seen.add(who)
-        return self._row
-
-    def _newest(self, session: Session) -> dict[str, float]:
-        try:
-            row = session.row()
-        except TautwaveError as err:
-            raise DeviceNotConnectedError(str(err)) from err
-        now = time.monotonic()
-        if row["time_s"] != self._row.get("time_s"):
-            self._came = now
-        elif now - self._came > max(STALE_S, 3.0 / self.rig.rate_hz):
+        age = session.age_s(self._row)
+        if age > max(STALE_S, 3.0 / self.rig.rate_hz):
             raise DeviceNotConnectedError(
-                f"{self.path}: no new row for {now - self._came:.3f} s: the run has ended, or its "
-                f"machine is held up; see {session.directory}"
+                f"{self.path}: no new row for {age:.3f} s: the run has ended, or its machine is "
+                f"held up; see {session.directory}"
             )
-        return row
+        return self._row
 
     def lead(self, action: dict[str, float]) -> dict[str, float]:
         """Remember an action that the master gave."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tautwave.errors import ConfigError
-from tautwave.motion import resample
+from tautwave.motion import longest_step, resample
 from tautwave.recordings.columns import column_names, read_columns, time_columns
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import units_of
@@ -141,8 +141,8 @@ def compare_recording(
 ) -> list[Compared]:
     """Return the quantities that a run and a recording have in common, on the times of the run.
 
-    The run's time 0 is the recording's first row, as a replay has it. Of a pair whose positions
-    are both there, the position error is one of the quantities.
+    The run's time 0 is the recording's first row, as a replay has it; gaps in it are left out. Of
+    a pair whose positions are both there, the position error is one of the quantities.
 
     Raises
     ------
@@ -151,10 +151,19 @@ def compare_recording(
     """
     columns = mapped_columns(run, file, given)
     clock = time or next(iter(time_columns(column_names(file))), "time_s")
-    read = read_columns(file, [name for name, _ in columns.values()], clock)
-    times = read[clock] - read[clock][0]
+    read = read_columns(file, [name for name, _ in columns.values()], clock, holes=True)
+    good = np.all([np.isfinite(values) for values in read.values()], axis=0)
+    if np.count_nonzero(good) < 2:
+        raise ConfigError(f"{file}: has no two rows in which all that is compared is known")
+    times = (read[clock] - read[clock][0])[good]
     now = run.read("time_s")["time_s"]
-    inside = (now >= (begin_s or 0.0)) & (now <= min(times[-1], np.inf if end_s is None else end_s))
+    after = np.clip(np.searchsorted(times, now, side="right"), 1, len(times) - 1)
+    measured = (now >= times[0]) & (times[after] - times[after - 1] <= longest_step(times))
+    inside = (
+        measured
+        & (now >= (begin_s or 0.0))
+        & (now <= min(times[-1], np.inf if end_s is None else end_s))
+    )
     if np.count_nonzero(inside) < _LEAST:
         raise ConfigError(
             f"{file}: less than {_LEAST} cycles of the run are in the recording's {times[-1]:.4g} s"
@@ -164,7 +173,7 @@ def compare_recording(
     found = []
     values: dict[str, tuple[Array, Array]] = {}
     for ours, (theirs, factor) in columns.items():
-        recorded = factor * np.asarray(resample(times, read[theirs], now), dtype=np.float64)
+        recorded = factor * np.asarray(resample(times, read[theirs][good], now), dtype=np.float64)
         values[ours] = recorded, run.read(ours)[ours][inside]
         found.append(Compared(ours, _unit(run, ours), now, *values[ours]))
     for pair in run.pairs:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 import tempfile
@@ -152,6 +153,18 @@ class Session:
             if self._newest:
                 return dict(zip(self._live.columns, self._newest, strict=True))
         raise RecordingError(f"{self.directory}: no row has come yet")
+
+    def age_s(self, row: Mapping[str, float]) -> float:
+        """Return how long ago the slot of a row was [s], by the loop's clock.
+
+        Rows of a run that stands still get older; infinite once it has ended. With two sites a
+        machine whose pace follows the other's is off by the difference of the clocks.
+        """
+        if self._tap is None:
+            return math.inf
+        if not self._tap.begun_ns:
+            return 0.0  # the first slot is still to come
+        return 1e-9 * (self._clock.now_ns() - self._tap.begun_ns) - row["time_s"]
 
     @property
     def state(self) -> str:
