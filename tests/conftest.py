@@ -126,7 +126,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def in_turn(item: pytest.Item) -> bool:
-    """Return whether a test is of this turn; those of a file are, as they share what they compile."""
+    """Return whether a test is of this turn: a whole file, whose tests share what they compile."""
     return zlib.crc32(item.nodeid.partition("::")[0].encode()) % TURNS == TURN
 
 

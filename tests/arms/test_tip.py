@@ -358,7 +358,6 @@ def test_home_has_a_place_along_the_frames_axes() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
 @pytest.mark.timeout(600)
 def test_the_compiled_controller_leads_an_arm_to_the_same_bits() -> None:
     pytest.importorskip("numba")
