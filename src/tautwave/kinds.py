@@ -72,12 +72,16 @@ def kind_of_path(path: Path) -> str:
         return SWEPT if (path / "points.csv").exists() else ""
     try:
         with path.open("rb") as file:
-            start = file.read(64)
+            return kind_of_bytes(path, file.read(64))
     except (OSError, ValueError):
         return ""
+
+
+def kind_of_bytes(path: Path, start: bytes) -> str:
+    """Return what a file that begins so is, if that is no YAML; '' if that cannot be told."""
     if start.startswith(_MCAP):
         return PICTURES if path.name.startswith("camera-") else RECORDING
-    if start.lower().startswith(b"<!doctype html"):
+    if start[:64].lower().startswith(b"<!doctype html"):
         return PAGE
     return TABLE if path.suffix in _TABLES else ""
 
@@ -101,6 +105,12 @@ def mistaken(path: str | Path, kind: str, *wanted: str) -> str:
     return f"{path}: {kind}, not {wanted[0]}; {use}"
 
 
-def refused(path: Path, kind: str) -> str:
-    """Return the sentence for a path that a reader of `kind` files cannot read; '' for none."""
-    return mistaken(path, kind_of_path(path), WANTED[kind]) if kind in WANTED else ""
+def refused(path: Path, kind: str, raw: bytes | None = None) -> str:
+    """Return the sentence for a path that a reader of `kind` files cannot read; '' for none.
+
+    `raw`: how it begins, where it was read.
+    """
+    if kind not in WANTED:
+        return ""
+    found = kind_of_path(path) if raw is None else kind_of_bytes(path, raw)
+    return mistaken(path, found, WANTED[kind])

@@ -54,7 +54,7 @@ def read_guarded(
     except (OSError, ValueError) as err:
         reason = getattr(err, "strerror", None) or err
         raise ConfigError(f"{path}: cannot be read: {reason}") from err
-    if other := refused(path, kind):
+    if other := refused(path, kind, raw):
         raise ConfigError(other)
     if len(raw) > largest:
         raise ConfigError(f"{path}: larger than {largest // 1024} KiB, so not {_a(kind)}")

@@ -77,6 +77,10 @@ class Scripted:
         return self._left.pop(0)[1]
 
 
+MANY = 3
+"""Wrong lines, and no right one: it is another file."""
+
+
 def read_answers(text: str, name: str) -> Scripted:
     """Return the answers of a file with lines `SECONDS [ANSWER]`, one a question.
 
@@ -94,7 +98,7 @@ def read_answers(text: str, name: str) -> Scripted:
             )
             continue
         found.append((seconds, answer))
-    if problems and not found:
+    if len(problems) > MANY and not found:
         raise ConfigError(f"{name}: no line of it is SECONDS ANSWER, such as `1.5 yes`")
     if problems:
         raise ConfigError(problems)

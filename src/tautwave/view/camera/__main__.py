@@ -52,11 +52,15 @@ def main() -> int:
 def record(directory: Path, name: str, source: V4l2 | Synthetic, fps: float) -> int:
     """Wait for the run's first slot, then write every picture; tell how many."""
     run = begun(directory, MonotonicClock(), PATIENCE_S)
-    frame: Frame | None = None
+    seen: list[Frame] = []
     while not run.tap.begun_ns:
-        frame = source.read(LOOK_S) or frame  # the newest of before is what the first slot saw
+        frame = source.read(LOOK_S)
+        if frame is not None:  # the first slot may come while it is waited for
+            seen = [*seen[-1:], frame]
         if run.ended or os.getppid() == 1:
             return 0
+    if seen and seen[-1].time_ns <= run.tap.begun_ns:
+        del seen[:-1]  # the newest of before is what the first slot saw
     file = CameraFile(
         directory / FILE.format(name=name), name, fps, run.tap.epoch_ns, run.tap.begun_ns
     )
@@ -64,7 +68,7 @@ def record(directory: Path, name: str, source: V4l2 | Synthetic, fps: float) -> 
     last = -1
     error = ""
     while not run.ended:
-        if frame is not None:
+        for frame in seen:
             lost += max(0, frame.number - last - 1) if last >= 0 else 0
             last = frame.number
             file.add(frame.time_ns, frame.jpeg, count)
@@ -72,6 +76,7 @@ def record(directory: Path, name: str, source: V4l2 | Synthetic, fps: float) -> 
             by_kernel += frame.by_kernel
         try:
             frame = source.read(LOOK_S)
+            seen = [] if frame is None else [frame]
         except RecordingError as gone:
             error = str(gone)
             break
