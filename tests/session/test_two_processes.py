@@ -18,7 +18,7 @@ from tautwave.sites.certificates import make_authority
 from tautwave_sim.network import NetworkOptions, Relay
 from tests.session.programs import COMMAND, RIG, Site
 
-pytestmark = [pytest.mark.slow, pytest.mark.realtime, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.slow, pytest.mark.long, pytest.mark.realtime, pytest.mark.timeout(400)]
 PATIENT = ("loop.overrun_limit=20000", "duration_s=1000", "link.lost_s=60", "sites.wait_s=100")
 """A loaded machine oversleeps for longer than a rig should allow."""
 
