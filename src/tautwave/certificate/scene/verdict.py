@@ -78,6 +78,9 @@ SMALL = 6
 LARGE = 60
 """Masses above which the linear part is not turned into matrices."""
 
+ROUNDED = 1e-9
+"""Below this an error of the modes is rounding, of which each machine has another."""
+
 
 def scene_elements(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Element]:
     """Yield the network, then each of its ports with every contact open."""
@@ -204,7 +207,7 @@ def _modes(tuned: Tuned) -> Iterator[str]:
 
     yield (
         f"network: discretised with device and hand; sampled, its modes are "
-        f"{listed(tuned.found)}, the ideal's within {tuned.error:.0e}; "
+        f"{listed(tuned.found)}, the ideal's within {max(tuned.error, ROUNDED):.0e}; "
         f"with the file's numbers {listed(tuned.plain)}."
     )
     springs = [
