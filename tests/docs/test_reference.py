@@ -94,6 +94,7 @@ def test_columns_of_the_shipped_rigs_are_explained() -> None:
     kept = ["coupling={law: mediated, account: {}, pairs: {lever: {}}}"]
     parts += _columns(load_rig(CONFIGS / "bench-1dof-2khz.yaml", kept))
     parts += _columns(load_rig(CONFIGS / "arms" / "planar.yaml"))
+    parts += _columns(load_rig(CONFIGS / "arms" / "planar.yaml", list(FOLLOWING)))
     parts += [*LINK_COLUMNS, *(f"lever.{name}.absorbed" for name in ALIGNED.values())]
     # of elements, the page spells out the three columns of the first only
     plain = {

@@ -204,7 +204,7 @@ def _modes(tuned: Tuned) -> Iterator[str]:
 
     yield (
         f"network: discretised with device and hand; sampled, its modes are "
-        f"{listed(tuned.found)}, the ideal's within {tuned.error:.0e}; "
+        f"{listed(tuned.found)}, the ideal's within {max(tuned.error, 1e-10):.0e}; "
         f"with the file's numbers {listed(tuned.plain)}."
     )
     springs = [
