@@ -17,6 +17,7 @@ from tautwave.rig import build_rig
 from tautwave.session.operating import with_operation
 from tautwave.session.sites.agreed import ALIGNED, LINK_COLUMNS
 from tautwave.session.viewing.tuning import tuning_of
+from tests.arms.motions import FOLLOWING
 
 DOCS = Path(__file__).parents[2] / "docs"
 CONFIGS = DOCS.parent / "configs"
