@@ -147,8 +147,9 @@ def test_tissue_that_is_twisted_keeps_its_books_and_gives_back_what_it_took():
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)  # of which most may go by until they are compiled
-def test_compiled_steps_are_those_of_plain_python(compiled3d):
+@pytest.mark.timeout(900)
+@pytest.mark.usefixtures("compiled3d")
+def test_compiled_steps_are_those_of_plain_python():
     from tautwave.simulation.scene.ticking3d import CompiledModel3d
 
     network = clipped()
