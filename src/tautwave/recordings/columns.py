@@ -135,7 +135,7 @@ def _check(path: Path, found: Mapping[str, Array], time_column: str, holes: bool
         at = int(np.argmax(steps <= 0.0))
         raise ConfigError(
             f"{path}: row {at + 2}: time must increase, "
-            f"but {times[at + 1]:g} s follows {times[at]:g} s"
+            f"but {times[at + 1]:.12g} s follows {times[at]:.12g} s"
         )
 
 
@@ -243,7 +243,7 @@ def _csv(path: Path, wanted: Sequence[str], holes: bool) -> dict[str, Array]:
                 if rows_read and not numbers[0] > rows_read[-1][0]:
                     raise ConfigError(
                         f"{path}:{before + rows.line_num}: time must increase, "
-                        f"but {numbers[0]:g} s follows {rows_read[-1][0]:g} s"
+                        f"but {numbers[0]:.12g} s follows {rows_read[-1][0]:.12g} s"
                     )
                 rows_read.append(numbers)
     except (OSError, UnicodeDecodeError, csv.Error) as err:
