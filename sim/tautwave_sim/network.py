@@ -260,7 +260,7 @@ def resolved(to: str) -> tuple[str, int]:
     Raises
     ------
     ConfigError
-        It is none, or nobody knows the name.
+        It is none, or its name is unknown.
     """
     host, port = parse(to, "--to")
     try:
