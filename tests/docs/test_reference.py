@@ -96,6 +96,8 @@ def test_columns_of_the_shipped_rigs_are_explained() -> None:
     parts += _columns(load_rig(CONFIGS / "bench-1dof-2khz.yaml", kept))
     parts += _columns(load_rig(CONFIGS / "arms" / "planar.yaml"))
     parts += _columns(load_rig(CONFIGS / "arms" / "planar.yaml", list(FOLLOWING)))
+    payloads = ["operate={}", "slave.arm.payloads={box: {mass: 0.3}}"]
+    parts += _columns(load_rig(CONFIGS / "arms-loopback.yaml", payloads))
     parts += [*LINK_COLUMNS, *(f"lever.{name}.absorbed" for name in ALIGNED.values())]
     # of elements, the page spells out the three columns of the first only
     plain = {
