@@ -121,7 +121,20 @@ class Session:
 
         The reference `type: policy` of a rig's hand says how it is followed. When three frames in a
         row have no action the rig holds, until it is engaged again.
+
+        Raises
+        ------
+        ConfigError
+            A position is no finite number; nothing is sent then.
+        RecordingError
+            The run has ended.
         """
+        wrong = [name for name, x in positions.items() if not math.isfinite(x)]
+        if wrong:
+            raise ConfigError(
+                f"{self.directory}: action {wrong[0]} is {positions[wrong[0]]}, no position; "
+                "nothing was sent, and without an action the rig holds after three frames"
+            )
         self._send("lead " + " ".join(f"{name}={x!r}" for name, x in positions.items()))
 
     def begin_episode(self, name: str, task: str = "") -> None:
@@ -200,10 +213,13 @@ class Session:
         return self._child is not None and self._child.poll() is None
 
     def _send(self, line: str) -> None:
-        if self._child is None or self._child.stdin is None or not self._running():
-            raise RecordingError(f"{self.directory}: the run has ended")
-        self._child.stdin.write(f"{line}\n".encode())
-        self._child.stdin.flush()
+        try:
+            if self._child is None or self._child.stdin is None or not self._running():
+                raise BrokenPipeError
+            self._child.stdin.write(f"{line}\n".encode())
+            self._child.stdin.flush()
+        except BrokenPipeError as err:  # perhaps while it was written
+            raise RecordingError(f"{self.directory}: the run has ended") from err
 
     def _wait_for_rows(self) -> None:
         """Wait until the loop runs.
