@@ -74,7 +74,8 @@ class Session:
             raise RecordingError("the run has ended")
         self.calls.append(f"lead {positions}")
 
-    def row(self) -> dict[str, float]:
+    def row(self, *, whole: bool) -> dict[str, float]:
+        assert whole  # a sample that is missing is no observation
         if (number := next(self._number)) > 90:
             raise RecordingError("the run has ended")
         leaves = ("position", "velocity", "commanded")

@@ -115,14 +115,14 @@ class Site:
         Raises
         ------
         DeviceNotConnectedError
-            The device has not joined, or no row has come for too long.
+            The device has not joined, or no row with a sample of every axis has come for too long.
         """
         session = self._session
         if session is None or not self.joined(who):
             raise DeviceNotConnectedError(f"{who} of {self.path} is not connected")
         if not self._row or who in self._seen:
             try:
-                self._row, self._seen = session.row(), set()
+                self._row, self._seen = session.row(whole=True), set()
             except TautwaveError as err:
                 raise DeviceNotConnectedError(str(err)) from err
         self._seen.add(who)

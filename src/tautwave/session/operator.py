@@ -63,6 +63,8 @@ class Session:
         self._live: Live | None = None
         self._tap: Tap | None = None
         self._newest: list[float] = []
+        self._whole: list[float] = []
+        self._valid: list[int] = []
         self._clock = MonotonicClock()
         self._said = ""
 
@@ -152,19 +154,27 @@ class Session:
 
     # -- what is seen -------------------------------------------------------------------------
 
-    def row(self) -> dict[str, float]:
+    def row(self, *, whole: bool = False) -> dict[str, float]:
         """Return the newest row of the recording, by column; SI units.
+
+        Parameters
+        ----------
+        whole : bool
+            The newest one in which every axis had a sample; in others the columns of an axis
+            without one keep what was before.
 
         Raises
         ------
         RecordingError
-            No row has come yet.
+            No such row has come yet.
         """
         if self._tap is not None and self._live is not None:
             rows = self._tap.take()
             self._newest = rows[-1] if rows else self._newest
-            if self._newest:
-                return dict(zip(self._live.columns, self._newest, strict=True))
+            valid = self._valid
+            self._whole = next((r for r in reversed(rows) if all(r[k] for k in valid)), self._whole)
+            if found := self._whole if whole else self._newest:
+                return dict(zip(self._live.columns, found, strict=True))
         raise RecordingError(f"{self.directory}: no row has come yet")
 
     def age_s(self, row: Mapping[str, float]) -> float:
@@ -221,6 +231,16 @@ class Session:
         except BrokenPipeError as err:  # perhaps while it was written
             raise RecordingError(f"{self.directory}: the run has ended") from err
 
+    def _attach(self) -> None:
+        """Open the rows of the run, once they are there."""
+        if self._tap is None and (self.directory / LIVE).exists():
+            fields = parse_json((self.directory / LIVE).read_text(encoding="utf-8"))
+            self._live = Live(**fields)
+            columns = enumerate(self._live.columns)
+            self._valid = [k for k, name in columns if name.endswith(".valid")]
+            with suppress(RecordingError):
+                self._tap = Tap.of_run(self._live)
+
     def _wait_for_rows(self) -> None:
         """Wait until the loop runs.
 
@@ -231,11 +251,7 @@ class Session:
         """
         until = self._clock.now_ns() + BEGIN_NS
         while self._running() and self._clock.now_ns() < until:
-            if self._tap is None and (self.directory / LIVE).exists():
-                fields = parse_json((self.directory / LIVE).read_text(encoding="utf-8"))
-                self._live = Live(**fields)
-                with suppress(RecordingError):
-                    self._tap = Tap.of_run(self._live)
+            self._attach()
             with suppress(RecordingError):
                 self.row()
                 return
