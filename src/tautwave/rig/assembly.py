@@ -102,7 +102,7 @@ def build_rig(
                 world = _simulate(rig, spec, bus.driver, options, the_clock, cycles)
             simulators.append(world)
             transport = world.transport
-            sources.extend(getattr(world, "axes", ()))
+            sources.extend([world] if isinstance(world, RowSource) else getattr(world, "axes", ()))
             sources.extend(getattr(world, "arms", ()))
         driver = plugin.make(plugin.options.model_validate(options), spec, the_clock, transport)
         if isinstance(driver, RowSource):

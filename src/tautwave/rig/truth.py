@@ -190,8 +190,10 @@ def _refuse_spare_truth(rig: Rig, axis_name: str) -> None:
     others = {name: keys for name, keys in rig.simulation.axes.items() if name != axis_name}
     bare = rig.simulation.model_copy(update={"axes": others})
     believed = simulation_of(rig.model_copy(update={"simulation": bare}), axis_name)._asdict()
+    if rig.axes[axis_name].causality == "admittance":
+        del believed["velocity_time_constant_s"]  # the drives' of all joints
     for key, value in simulation_of(rig, axis_name)._asdict().items():
-        if value != believed[key]:
+        if value != believed.get(key, value):
             raise ConfigError(
                 f"simulation.axes.{axis_name}.{key}: what moves a simulated tip is its joints; "
                 f"state theirs in buses.{bus}.options.truth, and remove it"
