@@ -222,7 +222,7 @@ def test_cameras_become_videos_frame_by_frame(tmp_path: Path) -> None:
     place = info["video_path"].format(video_key=key, chunk_index=0, file_index=0)
     with av.open(str(out / place)) as video:
         seen = [frame.to_ndarray(format="rgb24").mean() for frame in video.decode(video=0)]
-        assert float(video.streams.video[0].average_rate) == FPS
+        assert video.streams.video[0].average_rate == FPS
     starts, lengths = [20, 120], [19, 24]
     at = [(start + int(k * RATE / FPS + 1e-9)) / RATE for start, length in
           zip(starts, lengths, strict=True) for k in range(length)]  # fmt: skip

@@ -35,7 +35,7 @@ def test_a_rig_without_the_block_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_an_action_that_is_no_position_is_not_sent(tmp_path: Path, value: float) -> None:
     session = Session(bench("operate={}"), out=tmp_path / "run")
-    with pytest.raises(ConfigError, match="action lever is .*, no position; nothing was sent"):
+    with pytest.raises(ConfigError, match=r"action lever is .*, no position; nothing was sent"):
         session.lead({"lever": value})
     with pytest.raises(RecordingError, match="has ended"):
         session.lead({"lever": 0.1})

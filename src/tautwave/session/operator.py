@@ -223,13 +223,14 @@ class Session:
         return self._child is not None and self._child.poll() is None
 
     def _send(self, line: str) -> None:
+        gone = RecordingError(f"{self.directory}: the run has ended")
+        if self._child is None or self._child.stdin is None or not self._running():
+            raise gone
         try:
-            if self._child is None or self._child.stdin is None or not self._running():
-                raise BrokenPipeError
             self._child.stdin.write(f"{line}\n".encode())
             self._child.stdin.flush()
-        except BrokenPipeError as err:  # perhaps while it was written
-            raise RecordingError(f"{self.directory}: the run has ended") from err
+        except BrokenPipeError as err:  # while it was written
+            raise gone from err
 
     def _attach(self) -> None:
         """Open the rows of the run, once they are there."""

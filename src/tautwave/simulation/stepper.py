@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
-from typing import Any, Self
+from typing import Any, Self, SupportsFloat
 
 import numpy as np
 
@@ -94,7 +94,9 @@ class Stepper:
         return self._result is None and not self._closed
 
     def step(
-        self, positions: Mapping[str, float], velocities: Mapping[str, float] | None = None
+        self,
+        positions: Mapping[str, SupportsFloat],
+        velocities: Mapping[str, SupportsFloat] | None = None,
     ) -> dict[str, float]:
         """Run one cycle, and return the efforts that act until the next.
 
@@ -139,7 +141,7 @@ class Stepper:
             return dict.fromkeys(self.outside, 0.0)
         return {name: axis.acting() for name, axis in self._axes.items()}
 
-    def _numbers(self, given: Mapping[str, float], unit: str) -> dict[str, float]:
+    def _numbers(self, given: Mapping[str, SupportsFloat], unit: str) -> dict[str, float]:
         """Return what a program gives of axes outside as numbers; refuse what is none."""
         if not isinstance(given, Mapping):
             raise ConfigError(f"step: a mapping from axes to {unit} (got {type(given).__name__})")

@@ -141,8 +141,8 @@ class V4l2:
             )
         for wanted in (MJPEG, YUYV):
             block = FORMAT.pack(CAPTURE, camera.width, camera.height, wanted, ANY_FIELD, 0, 0, 0, 0)
-            given = FORMAT.unpack(self._ask(S_FMT, block))
-            _, self.width, self.height, self.format, _, self._stride, _, colours, quantum = given
+            answer = FORMAT.unpack(self._ask(S_FMT, block))
+            _, self.width, self.height, self.format, _, self._stride, _, colours, quantum = answer
             if self.format == wanted:
                 break
         if self.format not in (MJPEG, YUYV):
