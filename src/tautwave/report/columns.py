@@ -126,7 +126,7 @@ SECTIONS = {
         Column("link.slot", "", "own slot of the session, from 0 on; -1: not engaged"),
         Column("link.silence_s", "s", "since a packet of the other site came"),
         Column("link.holding", "0, 1", "whether it holds, for lack of the other site"),
-        Column("link.delay_s", "s", "one way of the newest packet, to half the least round trip"),
+        Column("link.delay_s", "s", "one way of the newest packet, to half a round trip"),
         Column("link.aligning", "0, 1", "whether slaves are brought into place, or wait there"),
         Column(
             "PAIR.align_slave.absorbed",
