@@ -1,4 +1,4 @@
-"""Registers that report an effort: what axis, unit and profile must agree on, in a sentence each."""
+"""Registers that report an effort: what axis, unit and profile must agree on, by sentence."""
 
 from __future__ import annotations
 
