@@ -21,9 +21,7 @@ from tautwave.models.chain.task import at_home, home_place, joint_efforts, task_
 from tautwave.registry import load_driver
 from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, JointState
 from tautwave_drivers.arm.driver import ArmDriver
-from tautwave_sim.arm import TipWorld
 from tests.arms.motions import move
-from tests.sim.truths import truth
 
 CONFIGS = Path(__file__).parents[2] / "configs" / "arms"
 PLANAR, SPATIAL = CONFIGS / "planar.yaml", CONFIGS / "six-seven.yaml"
@@ -332,10 +330,10 @@ def test_wrong_keys_are_refused(more: str, said: str) -> None:
 POLICY = "simulation.hand.x.reference={type: policy, velocity_limit: 1, effort_limit: 1}"
 SPARE = (
     ("simulation.environment.x={type: foam, stiffness: 1, position: 0}", "free, spring or wall"),
-    ("simulation.axes.master.x.inertia=0.5", "in buses.hand.options.truth, and remove it"),
+    ("simulation.axes.master.x.inertia=0.5", "in buses.hand.options.truth, and remove this"),
     ("simulation.integrator={scheme: exact}", "a simulated arm has its own"),
     (f"{POLICY};operate={{}}", "led by a hand with a reference"),
-    ("simulation.axes.slave.x.load.constant=1.0", "slave.x.load: what moves a simulated tip"),
+    ("simulation.axes.slave.x.load.constant=1.0", "slave.x.load: a simulated tip is moved"),
 )
 
 
@@ -400,14 +398,3 @@ def test_mapped_efforts_shrink_together_and_no_more_than_they_must(
     assert mapped == pytest.approx([shrunk * effort for effort in given])
     wanted = (shrunk * effort + other for effort, other in zip(given, beside, strict=True))
     assert sent == pytest.approx([min(max(effort, -1.0), 1.0) for effort in wanted])
-
-
-def test_a_hand_leads_a_coordinate_along_its_path_and_stays_at_its_end() -> None:
-    led = truth(reference=(0.0, 0.1, 0.3))
-    world = TipWorld(options_of(PLANAR, "arm").task(), [0], [led])
-    period = led.period
-    assert world.reference(led, 0.0) == (0.0, pytest.approx(0.1 / period))
-    assert world.reference(led, 1.25 * period) == pytest.approx((0.15, 0.2 / period))
-    for late in (2.0, 2.5, 9.0):
-        assert world.reference(led, late * period) == (0.3, 0.0)
-    assert world.reference(led._replace(reference=()), period) == (0.0, 0.0)
