@@ -168,9 +168,8 @@ def with_site(rig: Rig, assembly: Assembly, link: Joined, people: People | None 
         control, law, side, limits, approach, endpoint, link.line, link.session, link.peer,
         assembly.clock.now_ns,
     )  # fmt: skip
-    site = SiteControl(*given)
-    if people is not None:
-        site = OperatedSite(people, *given)
+    site = SiteControl(*given) if people is None else OperatedSite(people, *given)
+    if isinstance(site, OperatedSite):
         site.loads = [one for one in assembly.sources if isinstance(one, SideLoad)]
     sources = [site, *assembly.sources[1:]]
     columns = [*assembly.columns[: -sum(len(s.columns) for s in assembly.sources)]]
