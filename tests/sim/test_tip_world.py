@@ -28,7 +28,7 @@ def test_a_hand_leads_a_coordinate_along_its_path_and_stays_at_its_end() -> None
     led = truth(reference=(0.0, 0.1, 0.3))
     world = tip(led)
     period = led.period
-    assert world.reference(led, 0.0) == (0.0, pytest.approx(0.1 / period))
+    assert world.reference(led, 0.0) == pytest.approx((0.0, 0.1 / period))
     assert world.reference(led, 1.25 * period) == pytest.approx((0.15, 0.2 / period))
     for late in (2.0, 2.5, 9.0):
         assert world.reference(led, late * period) == (0.3, 0.0)
