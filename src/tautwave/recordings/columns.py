@@ -42,9 +42,9 @@ def column_names(path: Path) -> list[str]:
         It cannot be read.
     """
     path = recording_file(path)
-    if path.suffix == ".mat":
+    if path.suffix.lower() == ".mat":
         return list(_mat(path))
-    if path.suffix == ".mcap":
+    if path.suffix.lower() == ".mcap":
         from tautwave.recordings.recording import read_recording
 
         return list(read_recording(path, rows=slice(0, 1)).columns)
@@ -84,12 +84,12 @@ def read_columns(
             f"{path}: {time_column!r} is not in seconds, by its name; times are read in seconds"
         )
     wanted = list(dict.fromkeys([time_column, *names]))
-    if path.suffix == ".mcap":
+    if path.suffix.lower() == ".mcap":
         from tautwave.recordings.recording import read_recording
 
         recording = read_recording(path, wanted)
         found = {name: np.array(recording[name]) for name in wanted}
-    elif path.suffix == ".mat":
+    elif path.suffix.lower() == ".mat":
         found = _of(path, _mat(path), wanted)
     else:
         return _csv(path, wanted, holes)
