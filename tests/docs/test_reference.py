@@ -17,6 +17,7 @@ from tautwave.rig import build_rig
 from tautwave.session.operating import with_operation
 from tautwave.session.sites.agreed import ALIGNED, LINK_COLUMNS
 from tautwave.session.viewing.tuning import tuning_of
+from tests.arms.motions import FOLLOWING
 
 DOCS = Path(__file__).parents[2] / "docs"
 CONFIGS = DOCS.parent / "configs"
@@ -94,6 +95,9 @@ def test_columns_of_the_shipped_rigs_are_explained() -> None:
     kept = ["coupling={law: mediated, account: {}, pairs: {lever: {}}}"]
     parts += _columns(load_rig(CONFIGS / "bench-1dof-2khz.yaml", kept))
     parts += _columns(load_rig(CONFIGS / "arms" / "planar.yaml"))
+    parts += _columns(load_rig(CONFIGS / "arms" / "planar.yaml", list(FOLLOWING)))
+    payloads = ["operate={}", "slave.arm.payloads={box: {mass: 0.3}}"]
+    parts += _columns(load_rig(CONFIGS / "arms-loopback.yaml", payloads))
     parts += [*LINK_COLUMNS, *(f"lever.{name}.absorbed" for name in ALIGNED.values())]
     # of elements, the page spells out the three columns of the first only
     plain = {

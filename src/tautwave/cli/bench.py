@@ -185,8 +185,8 @@ def lanes(as_json: bool) -> None:
 @click.option(
     "--recordings",
     type=click.Path(file_okay=False, exists=True, path_type=Path),
-    help="Folder of recorded hands, <set>_<free_motion|foam|spring|rigid>.csv; without it hands "
-    "are multisines.",
+    help="Folder of recorded hands, SET_<free|foam|spring|rigid>.csv, .mat or .mcap; without it "
+    "hands are multisines.",
 )
 @click.option("--quick", is_flag=True, help="One hand per contact, 10 s of holding.")
 @click.option("--cost", is_flag=True, help="Measure CPU time too; numba compiles for a minute.")
@@ -302,7 +302,7 @@ def view(duration: float, as_json: bool) -> None:
 @click.option(
     "--recordings",
     type=click.Path(file_okay=False, exists=True, path_type=Path),
-    help="Folder of recorded hands, <set>_<free_motion|foam|spring|rigid>.csv: also run the "
+    help="Folder of recorded hands, SET_<free|foam|spring|rigid>.csv, .mat or .mcap: also run the "
     "laboratory's own law on them.",
 )
 @click.option(

@@ -20,7 +20,10 @@ EPISODE = "episode"
 LEAD = "lead"
 """An action for virtual hands that a policy leads; `argument` is `PAIR=POSITION ...`, master."""
 
-WORDS = (*COMMANDS, EPISODE)
+PAYLOAD = "payload"
+"""Has an arm take up a payload; `argument` is its name, after the side where both have some."""
+
+WORDS = (*COMMANDS, EPISODE, PAYLOAD)
 TOGGLE = "toggle"
 KEYS = {" ": TOGGLE, "c": CLUTCH, "g": ENGAGE, "p": HOLD, "r": REST, "e": EPISODE, "q": STOP}
 """Keys of the terminal; the space bar engages, and lets go while engaged."""

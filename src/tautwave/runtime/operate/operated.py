@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from tautwave.contracts import Row
 from tautwave.controller.records import (
     BROKEN,
@@ -15,10 +17,11 @@ from tautwave.controller.run import forget_stop, run_cycle
 from tautwave.controller.stops import stop_error
 from tautwave.laws.limit import guard_axis
 from tautwave.runtime.control import CoupledControl
+from tautwave.runtime.load import SideLoad, take_payload
 from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.aligning import Alignment
 from tautwave.runtime.operate.books import Books
-from tautwave.runtime.operate.commands import EPISODE, TOGGLE, WORDS, Order
+from tautwave.runtime.operate.commands import EPISODE, PAYLOAD, TOGGLE, WORDS, Order
 from tautwave.runtime.operate.constants import Operation
 from tautwave.runtime.operate.engagement import begin_session, drop_commands, end_session
 from tautwave.runtime.operate.inbox import People
@@ -51,6 +54,8 @@ class OperatedControl(CoupledControl):
         Commands, dead-men that have to be held while aligning and engaged, and lamps that are on
         while an episode runs.
     """
+
+    loads: Sequence[SideLoad] = ()
 
     def __init__(
         self,
@@ -173,6 +178,9 @@ class OperatedControl(CoupledControl):
             self._note(word, order.source, self.journal.mark(self._seconds(), order.argument))
             for lamp in self.lamps:
                 lamp.shows(on=self.journal.running > 0)
+        elif word == PAYLOAD:
+            text, refused = take_payload(self.loads, order.argument)
+            self._note(word, order.source, text, refused=refused)
         elif word == st.STOP:
             self.stop_after(slot)
             self._note(word, order.source)
