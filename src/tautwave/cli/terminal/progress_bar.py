@@ -58,7 +58,8 @@ def draw_bar(stream: TextIO, title: str) -> None:
     coming = reports(stream)
     for fraction, text in coming:  # a guided procedure talks before it has any
         with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task(text, total=1.0, completed=fraction, title=title)
+            task = bar.add_task(text, total=1.0, title=title)
+            bar.update(task, completed=fraction)
             for later, text in coming:
                 bar.update(task, completed=later, description=text)
 
