@@ -163,8 +163,7 @@ class Rest:
         if not far:
             self._let_go = slot
         elif slot > self._limit:
-            spent = any(self._pulls[k].spent(axes[self._own[k]]) for k in far)
-            why = "its energy budget is used up" if spent else "something is in its way"
+            why = self._pulls[far[0]].hindrance(axes[self._own[far[0]]])
             names = ", ".join(self._control.pair_names[k] for k in far)
             self.hindrance = f"slave {names} not aligned: {why}"
             targets = {k: pull.target for k, pull in self._pulls.items()}
@@ -184,7 +183,7 @@ class Rest:
             if control.samples[i].valid and not free:
                 pull = None if ending else self._pulls.get(k)
                 effort = self.holds.effort(i, slot, s, p) if pull is None else pull.effort(s)
-            send_resting(s, p, effort, share * p.ceiling)
+            send_resting(s, p, effort, share * control.params[i].ceiling)
 
     def end(self) -> None:
         """Rest no more; what the motors took is kept."""
