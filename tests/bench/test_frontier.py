@@ -25,7 +25,7 @@ def test_the_first_setting_is_the_laboratorys_and_the_best_is_one_of_them() -> N
 
 
 def test_a_recording_is_measured_by_the_law_that_made_it() -> None:
-    names = ("m1_a_foam", "m2_d_rigid", "Set3_E_Free", "m1_c_spring", "multisine_foam")
+    names = ("m1_a_foam", "m2_d_rigid", "Set3-E-Free", "m1_c_spring", "multisine_foam")
     assert [controllers(name) for name in names] == ["ad", "ad", "be", "cf", ""]
 
 

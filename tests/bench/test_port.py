@@ -96,13 +96,13 @@ def test_recordings_of_other_programs_are_hands_too(tmp_path: Path) -> None:
     """MATLAB, a name in capitals, degrees, semicolons, another order, another rate."""
     io = pytest.importorskip("scipy.io")
     log = {"Time": TIMES, "SlaveAngle": DRAGGED, "MasterAngle": LED, "MasterTorque": LED}
-    io.savemat(tmp_path / "Set3_E_Free.mat", {"log": log})
+    io.savemat(tmp_path / "Set3_E_FreeMotion.MAT", {"log": log})
     rows = np.column_stack([np.degrees(DRAGGED), TIMES, np.degrees(LED)])
     head = "slave angle [deg];t;master angle [deg]"
     np.savetxt(tmp_path / "x_spring_2.csv", rows, "%.12g", ";", header=head, comments="")
     found = recorded_hands(tmp_path)
     assert [(it.name, it.contact) for it in found] == [
-        ("Set3_E_Free", "free"), ("x_spring_2", "spring"),
+        ("Set3_E_FreeMotion", "free"), ("x_spring_2", "spring"),
     ]  # fmt: skip
     for hand in found:
         assert hand.positions[::2] == pytest.approx(LED, abs=1e-9)

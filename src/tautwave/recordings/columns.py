@@ -42,9 +42,9 @@ def column_names(path: Path) -> list[str]:
         It cannot be read.
     """
     path = recording_file(path)
-    if path.suffix == ".mat":
+    if path.suffix.lower() == ".mat":
         return list(_mat(path))
-    if path.suffix == ".mcap":
+    if path.suffix.lower() == ".mcap":
         from tautwave.recordings.recording import read_recording
 
         return list(read_recording(path, rows=slice(0, 1)).columns)
@@ -84,12 +84,12 @@ def read_columns(
             f"{path}: {time_column!r} is not in seconds, by its name; times are read in seconds"
         )
     wanted = list(dict.fromkeys([time_column, *names]))
-    if path.suffix == ".mcap":
+    if path.suffix.lower() == ".mcap":
         from tautwave.recordings.recording import read_recording
 
         recording = read_recording(path, wanted)
         found = {name: np.array(recording[name]) for name in wanted}
-    elif path.suffix == ".mat":
+    elif path.suffix.lower() == ".mat":
         found = _of(path, _mat(path), wanted)
     else:
         return _csv(path, wanted, holes)
@@ -155,7 +155,7 @@ def _mat(path: Path) -> dict[str, Array]:
         content = io.loadmat(os.fspath(path), simplify_cells=True)
     except NotImplementedError as err:
         raise ConfigError(
-            f"{path}: is of MATLAB's version 7.3, which is not read; save it with -v7"
+            f"{path}: is a MATLAB 7.3 file, which cannot be read; save it with -v7"
         ) from err
     except (OSError, ValueError, TypeError, io.matlab.MatReadError) as err:
         raise ConfigError(f"{path}: cannot be read as a MATLAB file: {err}") from err

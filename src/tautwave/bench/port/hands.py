@@ -28,7 +28,7 @@ LEAD_S = 1.0
 
 CONTACTS = ("free", "foam", "spring", "rigid")
 FORMATS = (".csv", ".mat", ".mcap")
-_NAMED = re.compile(r"(?:^|_)(free|foam|spring|rigid)(?=_|$)")
+_NAMED = re.compile(r"(?:^|[^a-z])(free|foam|spring|rigid)(?:motion)?(?=[^a-z]|$)")
 _POSITION = re.compile(r"position|angle")
 _DEGREES = re.compile(r"(^|[^a-z])deg(rees)?([^a-z]|$)")
 

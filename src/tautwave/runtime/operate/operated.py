@@ -307,11 +307,19 @@ class OperatedControl(CoupledControl):
         if self.standing.faulted or self.standing.state == st.STOPPING:
             return
         for s, p, name in zip(self.axes, self.params, self.names, strict=True):
-            code = guard_axis(p.site.limit, s.position, s.velocity)
+            limit = p.site.limit
+            code = guard_axis(limit, s.position, s.velocity)
             if code and s.valid:
-                found = {1: "outside its position range", 2: "faster than its velocity limit"}
-                where = f"position {s.position:.6g} {name.unit}"
-                self._event(st.FAULT, f"{name.name}: {found.get(code, 'not finite')}, {where}")
+                low, high = limit.position_low, limit.position_high
+                found = {
+                    1: f"outside its position range, {low:.4g} to {high:.4g} {name.unit}: move it "
+                    "back by hand",
+                    2: f"faster than its velocity limit, {limit.velocity:.4g} {name.unit}/s",
+                }
+                where = f"{s.position:.4g} {name.unit}"
+                self._event(
+                    st.FAULT, f"{name.name}: at {where}, {found.get(code, 'position not finite')}"
+                )
                 return
 
     def _forgive(self, *, device: bool) -> None:
