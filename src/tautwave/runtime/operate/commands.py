@@ -23,6 +23,7 @@ LEAD = "lead"
 PAYLOAD = "payload"
 """Has an arm take up a payload; `argument` is its name, after the side where both have some."""
 
+LEAD_WRONG = "no action for hands that a policy leads: PAIR=POSITION, finite, of pairs it leads"
 WORDS = (*COMMANDS, EPISODE, PAYLOAD)
 TOGGLE = "toggle"
 KEYS = {" ": TOGGLE, "c": CLUTCH, "g": ENGAGE, "p": HOLD, "r": REST, "e": EPISODE, "q": STOP}
