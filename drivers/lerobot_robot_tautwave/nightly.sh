@@ -17,12 +17,21 @@ lerobot-record "${both[@]}" --dataset.repo_id=me/try "--dataset.root=$work/recor
 
 # The same rig's own recordings, exported, are read by LeRobot, and have the same signals.
 tautwave export runs/lerobot/* --to lerobot --fps 30 --task press --out exported
-python - recorded exported <<'PYTHON'
+tautwave export runs/lerobot/* --to lerobot --fps 1000 --missing cut --task press --out fast
+python - recorded exported fast <<'PYTHON'
 import sys
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
+from torch.utils.data import DataLoader
 
-sets = [LeRobotDataset("me/try", root=root) for root in sys.argv[1:]]
-recorded, exported = sets
+recorded, exported, fast = (LeRobotDataset("me/try", root=root) for root in sys.argv[1:])
+for root, fps in (("exported", 30), ("fast", 1000)):
+    steps = {"action": [k / fps for k in range(8)], "observation.state": [-1 / fps, 0.0]}
+    one = LeRobotDataset("me/try", root=root, episodes=[1], delta_timestamps=steps)
+    batch = next(iter(DataLoader(one, batch_size=16, shuffle=True)))
+    assert one.fps == fps
+    assert batch["action"].shape == (16, 8, 2), batch["action"].shape
+    assert batch["observation.state"].shape == (16, 2, 6), batch["observation.state"].shape
+assert len(fast) > 25 * len(exported)
 for key in ("action", "observation.state"):
     assert recorded.features[key]["names"] == exported.features[key]["names"], key
 assert recorded.meta.total_episodes == 2 and len(recorded) >= 100

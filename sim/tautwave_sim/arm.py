@@ -20,8 +20,12 @@ from tautwave.config.keys.arm import Chain, Point
 from tautwave.contracts import AxisSpec, BusSpec, Clock, Row, SimulatorPlugin
 from tautwave.errors import ConfigError
 from tautwave.models.chain.build import roll_pitch_yaw
+from tautwave.models.chain.gravity import chain_gravity
+from tautwave.models.chain.kinematics import chain_frames
 from tautwave.models.chain.task import COORDINATES, TaskParams, at_home, joint_efforts, task_place
+from tautwave.models.plant import plant_forces
 from tautwave.models.plant_params import PlantParams
+from tautwave.models.servo import ServoParams
 from tautwave.truth import ArmModel, AxisModel
 from tautwave_sim.loopback import LoopbackOptions, LoopbackSimulator
 
@@ -40,7 +44,7 @@ class _Bus(_Shared):
 class _Joint(_Shared):
     id: int
     effort_limit: float
-    inertia_lower: float
+    inertia_lower: float = 0.0
     damping_lower: float = 0.0
     encoder_quantum: float = 0.0
     position_noise: float = 0.0
@@ -118,6 +122,14 @@ class TipWorld:
         joint_efforts(self._jacobian, total, found)
         return found
 
+    def efforts_at(self, x: Sequence[float], v: Sequence[float]) -> list[float]:
+        """Return the joints' efforts for an arm that is led, at `x` with the speeds `v`."""
+        self._look(x, v, self.time)
+        total = [a + b for a, b in zip(self.hand, self.outside, strict=True)]
+        found = [0.0] * len(x)
+        joint_efforts(self._jacobian, total, found)
+        return found
+
     def _look(self, x: Sequence[float], v: Sequence[float], time: float) -> None:
         self._jacobian = [0.0] * (COORDINATES * len(x))
         self.place = list(task_place(self._task, x, self._jacobian))
@@ -125,20 +137,43 @@ class TipWorld:
             at = self.place[k]
             speed = sum(self._jacobian[COORDINATES * j + k] * v[j] for j in range(len(x)))
             self.speed[k] = speed
-            p = model.plant
+            ahead, rate = self.reference(model, time)
+            hand, self.outside[k] = plant_forces(model.plant, at, speed, ahead, rate)
             if len(model.reference):
-                ahead, rate = self.reference(model, time)
-                self.hand[k] = p.grip_stiffness * (ahead - at) + p.grip_damping * (rate - speed)
-            push = -p.spring_stiffness * (at - p.spring_position)
-            depth = p.wall_side * (at - p.wall_position)
-            if depth > 0.0:
-                force = p.wall_stiffness * depth + p.wall_damping * p.wall_side * speed
-                push -= p.wall_side * max(force, 0.0)
-            self.outside[k] = push
+                self.hand[k] = hand
 
     def show(self, x: Sequence[float], v: Sequence[float]) -> None:
         """Look at an arm without moving it."""
         self._look(x, v, self.time)
+
+
+class FollowingJoints(LoopbackSimulator):
+    """Joints that follow velocities and feel what acts on the tip, and the weight of their links.
+
+    What the links' inertia asks of the drives is not felt.
+    """
+
+    def __init__(
+        self, axes: Sequence[AxisSpec], truths: Sequence[AxisModel], world: TipWorld, chain: Any
+    ) -> None:
+        super().__init__(axes, truths)
+        self._world = world
+        self._chain = chain
+        self._begun = False
+        self.settle()
+
+    def settle(self) -> None:
+        """Show every joint what acts on it."""
+        world = self._world
+        if self._begun:
+            world.time += self._period_ns * 1e-9
+        self._begun = True
+        x = [axis.physics.x for axis in self.axes]
+        pushes = world.efforts_at(x, [axis.physics.v for axis in self.axes])
+        held = [0.0] * len(x)
+        chain_gravity(self._chain, chain_frames(self._chain, x), held)
+        for axis, push, weight in zip(self.axes, pushes, held, strict=True):
+            axis.push(push - weight)
 
 
 class TipAxis:
@@ -188,11 +223,12 @@ class ArmSimulator:
         inner = LoopbackOptions.model_validate(options.bus.options)
         delay = inner.command_delay_s / models[0].period
         specs, joints = [], []
+        causality = bus.axes[0].causality
         for number, (name, joint) in enumerate(options.joints.items()):
             truth = options.truth.joints.get(name, _JointTruth())
             full = f"{bus.name}.{name}"
             start = believed[number] if truth.start_position is None else truth.start_position
-            specs.append(AxisSpec(full, joint.id, "rotary", "impedance", joint.effort_limit))
+            specs.append(AxisSpec(full, joint.id, "rotary", causality, joint.effort_limit))
             joints.append(
                 models[0]._replace(
                     plant=_motor(joint, truth),
@@ -208,13 +244,16 @@ class ArmSimulator:
                     foam=None,
                     load=None,
                     part=None,
-                    arm=ArmModel(bus.name, chain),
+                    **_moved_by(models[0], ArmModel(bus.name, chain)),
                 )
             )
-        self._joints = LoopbackSimulator(specs, joints)
-        (arm,) = self._joints.arms
-        arm.outside = world
-        arm.show()
+        if causality == "admittance":
+            self._joints: LoopbackSimulator = FollowingJoints(specs, joints, world, chain)
+        else:
+            self._joints = LoopbackSimulator(specs, joints)
+            (arm,) = self._joints.arms
+            arm.outside = world
+            arm.show()
         self.transport = self._joints
         self.arms = self._joints.arms
         self.axes = [
@@ -242,6 +281,14 @@ def _refuse_what_no_tip_has(axis: str, model: AxisModel) -> None:
     for text, found in refused.items():
         if found:
             raise ConfigError(text)
+
+
+def _moved_by(model: AxisModel, arm: ArmModel) -> dict[str, Any]:
+    """Return what moves a joint: the arm that it is of, or its own drive."""
+    if model.servo is None:
+        return {"arm": arm}
+    alone = ServoParams(model.servo.time_constant, *(0.0,) * 8, 1.0)
+    return {"servo": alone, "push": (0.0,)}
 
 
 def _motor(joint: _Joint, truth: _JointTruth) -> PlantParams:

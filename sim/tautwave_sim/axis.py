@@ -215,6 +215,11 @@ class SimulatedAxis:
         if self._pushed is not None:
             self._pushed.push = self._push[min(slot, len(self._push) - 1)]
 
+    def push(self, effort: float) -> None:
+        """Put an effort [N m or N] on an axis that something pushes, until the next slot."""
+        if self._pushed is not None:
+            self._pushed.push = effort
+
     def pass_slot(self) -> None:
         """Move by one slot of the loop's grid."""
         reference, rate = self._hand

@@ -68,6 +68,10 @@ class LoopbackSimulator:
             for axis in self.axes:
                 axis.pass_slot()
             self._slot += 1
+            self.settle()
+
+    def settle(self) -> None:
+        """A slot has passed, and all axes with it."""
 
     def measure(self) -> list[JointState]:
         """Return what every axis measures at this slot."""

@@ -109,7 +109,7 @@ class Relay:
             outage_every=options.outage_every_s,
         )  # fmt: skip
         self._delay_ns = round(options.delay_s * 1e9)
-        self._to = parse(options.to, "--to")
+        self._to = resolved(options.to)
         trace = read_trace(options.trace) if options.trace else ()
         self.ways = Way(params, options.seed, 0, trace), Way(params, options.seed, 1, trace)
         host, port = parse(options.listen, "--listen")
@@ -252,6 +252,21 @@ def parse(text: str, option: str) -> tuple[str, int]:
     if not host or not port.isdigit() or int(port) > 65535:
         raise ConfigError(f"sim network: {option} {text!r} is not HOST:PORT")
     return host, int(port)
+
+
+def resolved(to: str) -> tuple[str, int]:
+    """Return an IPv4 address to relay to, so that no datagram waits for a name.
+
+    Raises
+    ------
+    ConfigError
+        It is none, or its name is unknown.
+    """
+    host, port = parse(to, "--to")
+    try:
+        return str(socket.getaddrinfo(host, port, socket.AF_INET)[0][4][0]), port
+    except OSError as err:
+        raise ConfigError(f"sim network: --to {to}: {err.strerror or err}") from err
 
 
 def serve(

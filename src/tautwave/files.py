@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -68,8 +68,10 @@ def make_directory(path: Path) -> None:
             raise ConfigError(f"{path}: cannot be a directory: {reason(err)}") from err
 
 
-def write_bytes(path: Path, content: bytes) -> None:
+def write_bytes(path: Path, content: bytes | Iterable[bytes]) -> None:
     """Replace a file in one step: a full disk or a kill leaves the old one, never half a new one.
+
+    What is too large for memory comes in pieces.
 
     Raises
     ------
@@ -80,7 +82,7 @@ def write_bytes(path: Path, content: bytes) -> None:
     with writing(path):
         try:
             with open(create(draft), "wb") as file:
-                file.write(content)
+                file.writelines([content] if isinstance(content, bytes) else content)
             os.replace(draft, path)
         except BaseException:
             with suppress(OSError):

@@ -1,12 +1,13 @@
 """Random motions of two planar arms coupled at their tips: stretched, folded, clutched, walled.
 
-    python -m tests.arms.motions --count 1000 [--first 0]
+    python -m tests.arms.motions --count 1000 [--first 0] [--following]
 
 Each is 1.4 s with 20 ms of delay: a hand leads the tip to and fro, half of the arms begin stretched
 out or folded (singular), the coupling is let go of, the hand goes on, rests, and it is engaged
 again; walls are touched. What all motors
 together gave the arms, at any moment, must stay below what ports and mapping claim before the run;
-the truth is the simulated arms' own.
+the truth is the simulated arms' own. With `--following` the joints of the follower take velocities,
+and springs or walls hold its tip.
 """
 
 from __future__ import annotations
@@ -43,7 +44,19 @@ class Motion(NamedTuple):
     fault: str
 
 
-def random_rig(seed: int) -> Any:
+FOLLOWING = (
+    "slave.defaults={bus: arm, kind: linear, causality: admittance, effort_limit: 60, "
+    "effort_rate_limit: 10000, velocity_limit: 3, position_range: [-2.0, 2.0], "
+    "encoder_quantum: 1.5e-5, position_noise: 8.0e-6, position_noise_autocorrelation: [], "
+    "environment_stiffness_upper: 300}",
+    "coupling.defaults={wave_filter_hz: 100, position_scale: 1.5, wave_impedance: 5}",
+    "buses.arm.options.walls={}",
+    "require=coupled_stable",
+)
+"""What makes the joints of the follower take velocities."""
+
+
+def random_rig(seed: int, following: bool = False) -> Any:
     """Return a rig with a motion of its own."""
     rng = random.Random(seed)
     more = ["operate={start: engaged}", f"seed={seed}", f"duration_s={SECONDS}"]
@@ -55,6 +68,15 @@ def random_rig(seed: int) -> Any:
             at = rng.uniform(-0.1, 0.1) if moves else at
             way.append([time, at])
         more.append(f"simulation.hand.{c}.reference={{type: minimum_jerk, waypoints: {way}}}")
+    if following:
+        more += FOLLOWING
+        for c in "xy":
+            kind = rng.choice(("spring", "wall"))
+            keys = f"{{type: {kind}, stiffness: {rng.uniform(20, 290)}, "
+            keys += f"position: {rng.uniform(-0.05, 0.05)}}}"
+            more.append(f"simulation.environment.{c}={keys}")
+            lag = rng.choice((1e-4, 0.002))
+            more.append(f"simulation.axes.slave.{c}.velocity_time_constant_s={lag}")
     more += [f"{side}.defaults.position_range=[-2.0, 2.0]" for side in ("master", "slave")]
     for bus in ("hand", "arm"):
         joints = f"buses.{bus}.options.joints"
@@ -74,9 +96,9 @@ def random_rig(seed: int) -> Any:
     return rig, script
 
 
-def move(seed: int) -> Motion:
+def move(seed: int, following: bool = False) -> Motion:
     """Run one motion."""
-    rig, script = random_rig(seed)
+    rig, script = random_rig(seed, following)
     built = with_operation(rig, build_rig(rig, clock="fake"), [script], [])
     result, data = run_in_memory(built)
     rows = dict(zip(built.columns, data.T, strict=True))
@@ -103,10 +125,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--following", action="store_true")
     asked = parser.parse_args()
     motions = []
     for seed in range(asked.first, asked.first + asked.count):
-        motions.append(move(seed))
+        motions.append(move(seed, asked.following))
         if len(motions) % 50 == 0:
             print(summary(motions), flush=True)
     print(summary(motions))

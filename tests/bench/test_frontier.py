@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from tautwave import canvas
-from tautwave.bench.couplings.frontier import BEST, LAB, SETTINGS, Point, frontier
-from tautwave.bench.couplings.frontier_suite import BARS, frontier_figure
+from tautwave.bench.couplings.frontier import BEST, LAB, SETTINGS, Point, Score, frontier
+from tautwave.bench.couplings.frontier_suite import BARS, each_hand, frontier_figure
 from tautwave.bench.couplings.recorded import controllers
 from tautwave.bench.port.hands import CONTACTS, recorded_hands, synthetic_hands
 from tautwave.cli import main
@@ -25,7 +25,7 @@ def test_the_first_setting_is_the_laboratorys_and_the_best_is_one_of_them() -> N
 
 
 def test_a_recording_is_measured_by_the_law_that_made_it() -> None:
-    names = ("m1_a_foam", "m2_d_rigid", "set3_e_free_motion", "m1_c_spring", "multisine_foam")
+    names = ("m1_a_foam", "m2_d_rigid", "Set3-E-Free", "m1_c_spring", "multisine_foam")
     assert [controllers(name) for name in names] == ["ad", "ad", "be", "cf", ""]
 
 
@@ -36,10 +36,23 @@ def test_without_recordings_the_laboratorys_law_is_the_measure() -> None:
         hands, 1.5e-5, settings=(SETTINGS[0], BEST), engine="python", tell=lambda _: None
     )
     assert list(found) == [hand.contact for hand in hands]
-    for lab, best in found.values():
+    for hand, (lab, best) in zip(hands, found.values(), strict=True):
         assert (lab.share, lab.over_lab) == (1.0, 1.0)
+        [score] = best.scores
+        assert (score.hand, score.error, score.share) == (hand.name, best.error, best.share)
+        assert score.known == score.lab == lab.error
         assert 0.1 < best.share < 0.7
         assert not best.ended
+
+
+def test_each_hand_stands_in_a_table_beside_the_law_that_moved_it() -> None:
+    score = Score("m1_c_foam", 4e-3, 3.5e-3, 3e-3, 1e-3, 0.75, 1.1, ended=False)
+    points = [Point(it, 0.01, 0.004, 0.5, 1.0, 0, (score,)) for it in SETTINGS]
+    table = each_hand({"foam": points}, 1.5e-5)
+    [[name, *numbers]] = table.rows
+    assert name == "m1_c_foam"
+    assert numbers == pytest.approx([4.0, 3.5, 3.0, 0.75, 1.1])
+    assert len(table.columns) == len(table.rows[0])
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from tautwave.bench.lines.patterns import (
     end_params,
     run_pattern,
 )
-from tautwave.bench.lines.suite import WAYS, chosen_pattern
+from tautwave.bench.lines.suite import MAKERS, WAYS, chosen_pattern
 from tautwave.errors import ConfigError
 from tests.commands import tautwave
 
@@ -32,11 +32,32 @@ def reserves(seed: int) -> float:
 
 @pytest.mark.parametrize("law", ["play-out", "auto depth", "newest"])
 def test_random_patterns_make_no_energy(law: str) -> None:
-    for seed in range(6):
+    for seed in range(3):
         outcome, _ = run_pattern(draw_pattern(seed)._replace(**SHORT), law, compiled=False)
         assert outcome.violations == 0
         assert outcome.excess <= 0.0
         assert outcome.made < reserves(seed)
+
+
+def test_a_thousand_random_pairs_make_no_energy_and_the_test_can_fail() -> None:
+    pytest.importorskip("numba")  # as in Python, to the bit: below
+    through = {"rest": 0.8, "end": 1.2}  # most outages are over by then
+    for seed in range(1000):
+        x = draw_pattern(seed)._replace(**through)
+        outcome, _ = run_pattern(x, many.OURS[seed % len(many.OURS)])
+        assert outcome.violations == 0, seed
+        assert outcome.excess <= 0.0, seed
+        assert outcome.made < reserves(seed), seed
+    makers = {
+        law: sum(
+            run_pattern(draw_pattern(seed)._replace(**through), law)[0].excess > many.MADE
+            for seed in range(100)
+        )
+        for law in MAKERS
+    }
+    assert makers["hold-last"] > 50
+    assert makers["null packets"] > 2
+    assert makers["fixed buffer"] > 2
 
 
 def test_a_wave_that_is_held_makes_energy() -> None:

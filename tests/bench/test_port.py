@@ -24,6 +24,7 @@ from tautwave.bench.port.suite import imposed_goals, port
 from tautwave.bench.port.tracking import chatter, imposed, score
 from tautwave.cli import main
 from tautwave.errors import ConfigError
+from tautwave.recordings.columns import read_column
 from tautwave.simulation import simulate
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "teleop-1dof"
@@ -97,22 +98,67 @@ def test_chatter_is_what_is_above_twenty_hertz() -> None:
     assert chatter(3.0 + slow + fast) == pytest.approx(0.1 / np.sqrt(2.0), rel=1e-3)
 
 
-def test_recordings_are_read_with_the_hand_on_its_own_side(tmp_path: Path) -> None:
-    rows = "time_s,master_position_rad,slave_position_rad\n0,0.1,0.3\n1.5,0.2,0.5\n"
-    for name in ("m1_a_foam", "m2_a_rigid", "notes"):
-        (tmp_path / f"{name}.csv").write_text(rows)
-    swapped, plain = recorded_hands(tmp_path)
-    assert (swapped.contact, plain.contact) == ("foam", "rigid")
-    assert swapped.positions[[0, -1]] == pytest.approx([0.3, 0.5])
-    assert plain.positions[[0, -1]] == pytest.approx([0.1, 0.2])
-    assert plain.recorded is not None
-    assert plain.recorded[[0, -1]] == pytest.approx([-0.2, -0.3])
-    (tmp_path / "m2_a_foam.csv").write_text(rows.replace("1.5", "1.4"))
-    with pytest.raises(ConfigError, match=r"m2_a_foam.csv: has 1.4 s; a hand needs 1.5 s"):
+TIMES = 1e-3 * np.arange(1601)
+LED = 0.1 + 0.05 * np.sin(7.0 * TIMES)
+DRAGGED = 0.98 * LED - 0.004 * np.sign(np.cos(7.0 * TIMES))
+"""Behind a spring, against dry friction."""
+
+
+def recorded(path: Path, head: str, *columns: np.ndarray) -> None:
+    np.savetxt(path, np.column_stack([TIMES, *columns]), "%.9g", ",", header=head, comments="")
+
+
+def test_the_hand_is_at_the_lever_that_drags_the_other_along(tmp_path: Path) -> None:
+    head = "time_s,master_position_rad,slave_position_rad"
+    recorded(tmp_path / "m1_a_foam.csv", head, DRAGGED, LED)
+    recorded(tmp_path / "m2_a_rigid.csv", head, LED, DRAGGED)
+    (tmp_path / "notes.csv").write_text("none of the hands")
+    for hand in recorded_hands(tmp_path):
+        assert hand.positions[::2] == pytest.approx(LED, abs=1e-8)
+        assert hand.recorded is not None
+        assert hand.recorded[::2] == pytest.approx(LED - DRAGGED, abs=1e-8)
+    assert [hand.contact for hand in recorded_hands(tmp_path)] == ["foam", "rigid"]
+
+
+def test_recordings_of_other_programs_are_hands_too(tmp_path: Path) -> None:
+    """MATLAB, a name in capitals, degrees, semicolons, another order, another rate."""
+    io = pytest.importorskip("scipy.io")
+    log = {"Time": TIMES, "SlaveAngle": DRAGGED, "MasterAngle": LED, "MasterTorque": LED}
+    io.savemat(tmp_path / "Set3_E_FreeMotion.MAT", {"log": log})
+    rows = np.column_stack([np.degrees(DRAGGED), TIMES, np.degrees(LED)])
+    head = "slave angle [deg];t;master angle [deg]"
+    np.savetxt(tmp_path / "x_spring_2.csv", rows, "%.12g", ";", header=head, comments="")
+    found = recorded_hands(tmp_path)
+    assert [(it.name, it.contact) for it in found] == [
+        ("Set3_E_FreeMotion", "free"), ("x_spring_2", "spring"),
+    ]  # fmt: skip
+    for hand in found:
+        assert hand.positions[::2] == pytest.approx(LED, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("time_s,master_position_rad,slave_position_rad\n0,0,0\n1.4,1,1\n", "a hand needs 1.5 s"),
+        ("time_s,x\n0,1\n", "there is no one column for the master's lever"),
+        ("time_s,master_angle,master_position,slave_angle\n0,1,1,1\n", "no one column for the mas"),
+        ("time_s,master_angle,slave_angle\n0,1,\n1,2,2\n", "holds '', not a finite number"),
+    ],
+)
+def test_what_is_no_hand_is_said(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "m2_a_foam.csv").write_text(text)
+    with pytest.raises(ConfigError) as refused:
         recorded_hands(tmp_path)
-    (tmp_path / "m2_a_foam.csv").write_text("time_s,x\n0,1\n")
-    with pytest.raises(ConfigError, match="there is no column"):
-        recorded_hands(tmp_path)
+    assert "m2_a_foam.csv" in str(refused.value)
+    assert said in str(refused.value)
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason=f"no recordings in {DATA}")
+def test_in_one_set_the_hand_was_at_the_lever_that_is_logged_as_slave() -> None:
+    for hand in recorded_hands(DATA, 3.0):
+        side = "slave" if hand.name.startswith("m1_a") else "master"
+        _, first = read_column(DATA / f"{hand.name}.csv", f"{side}_position_rad", "time_s")
+        assert hand.positions[0] == first[0]
 
 
 def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:

@@ -109,6 +109,33 @@ def test_adversaries_shake_what_is_short_and_nothing_that_is_not(slots: int) -> 
     assert max(loops(slots, 100.0, 0.0, needed / 1.3)) > 1.0 + 1e-9
 
 
+def taken(slots: int, damping: float, turns: int, size: float, lag: float) -> float:
+    """Share of |work| that dampers and a spring of 100 N/m take from one who moves both ends."""
+    angle = 2.0 * math.pi * turns / 4000 * np.arange(slots + 4001)
+    one, other = np.cos(angle), size * np.cos(angle - lag)
+    work, path = 0.0, 0.0
+    for own, far in ((one, other), (other, one)):
+        held = 100.0 * (own[slots:] - far[: len(far) - slots])
+        moved = np.diff(own[slots:])
+        work += float(np.sum(held[:-1] * moved + damping * moved * moved / T))
+        path += float(np.sum(np.abs(held[:-1] * moved)))
+    return work / path
+
+
+@pytest.mark.parametrize("slots", [0, 4, 40])
+def test_one_who_holds_both_ends_gets_energy_out_of_what_is_short(slots: int) -> None:
+    """By the definition of work, without a transform; 1.3 times beyond the limit pays."""
+    needed = needs("position", {"stiffness": 100.0, "damping": 0.0}, slots).needed
+    draw = np.random.default_rng(4)
+    tries = [
+        (round(2000 ** draw.uniform(0.0, 1.0)), draw.uniform(0.0, 1.5), draw.uniform(0.0, 7.0))
+        for _ in range(300)
+    ]
+    tries += [(turns, 1.0, math.pi) for turns in (1, 2, 5, 1999, 2000)]
+    assert min(taken(slots, 1.001 * needed, *each) for each in tries) > -1e-9
+    assert min(taken(slots, needed / 1.3, *each) for each in tries) < -1e-3
+
+
 def test_the_certificate_says_by_what_a_law_holds() -> None:
     """By tuning where the devices have it, by account where there is one; else it names both."""
     line = "coupling.delay_s=0.002"

@@ -17,6 +17,8 @@ from tautwave.contracts import CouplingPlugin, DriverPlugin, SimulatorPlugin
 
 ROOT = Path(__file__).parents[2]
 KNOWN = packages_distributions()
+TOP_LEVEL = {"src", "drivers", "sim", "configs", "tests", "docs", "pyproject.toml", "README.md"}
+TOP_LEVEL |= {"LICENSE", "CHANGELOG.md", "CONTRIBUTING.md"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
@@ -30,6 +32,17 @@ def test_the_changelog_begins_with_this_version() -> None:
     when = re.fullmatch(rf"\[{re.escape(tautwave.__version__)}\] - (\S+)", heading[1])
     assert when is not None, heading[1]
     assert when[1] == "unreleased" or re.fullmatch(r"\d{4}-\d{2}-\d{2}", when[1])
+
+
+def test_nothing_else_lies_on_the_top_level() -> None:
+    """A redirect gone wrong was committed once as a file with a sentence for a name."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    if listed.returncode:
+        pytest.skip("not a git checkout")
+    there = {name.partition("/")[0] for name in listed.stdout.split("\0") if name}
+    assert {name for name in there - TOP_LEVEL if not name.startswith(".")} == set()
 
 
 @pytest.mark.parametrize("package", ["tautwave", "tautwave_drivers", "tautwave_sim"])

@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 
 from tautwave.analysis.identification.moving_encoder import moving_noise, moving_step
 from tautwave.cli import main
-from tautwave.errors import RecordingError
+from tautwave.errors import ConfigError, RecordingError
 from tautwave.models.plant import plant_step
 from tautwave.models.plant_params import PlantParams, plant_cache
 from tautwave.session.identification.lever import identify_lever
@@ -130,8 +130,36 @@ def test_what_is_missing_is_left_out_and_said(tmp_path: Path) -> None:
 
 def test_a_lever_that_stands_is_refused(tmp_path: Path) -> None:
     still = csv(tmp_path / "a.csv", angle_rad=np.zeros(COUNT), motor_nm=np.sin(TIMES))
-    with pytest.raises(RecordingError, match="hardly moved"):
+    with pytest.raises(RecordingError, match="angle_rad never changes"):
         identify_lever(still)
+
+
+def test_a_motor_that_never_changes_says_nothing(tmp_path: Path) -> None:
+    """Motor off, a hand moves it: with a sensor that was an unexpected error."""
+    shown, effort, outside = moved(stiffness=2.0)
+    off = csv(tmp_path / "a.csv", angle_rad=shown, motor_nm=0.0 * effort, force=outside)
+    for sensor in (None, "force"):
+        with pytest.raises(RecordingError, match="motor_nm never changes"):
+            identify_lever(off, outside=sensor)
+
+
+@pytest.mark.parametrize("scale", [1e-310, 1e60, 1e308])
+def test_what_no_lever_does_is_refused(tmp_path: Path, scale: float) -> None:
+    """Squares of such numbers are none."""
+    file = csv(tmp_path / "a.csv", angle_rad=scale * np.sin(TIMES), force=np.cos(TIMES))
+    for fit in (identify_lever, identify_recording):
+        with pytest.raises((ConfigError, RecordingError), match=r"never changes|beyond 1e\+50"):
+            fit(file, position="angle_rad", effort="force")
+
+
+def test_a_recording_full_of_gaps_says_that(tmp_path: Path) -> None:
+    shown, effort, _ = moved()
+    file = csv(tmp_path / "a.csv", angle_rad=shown, motor_nm=effort)
+    head, *lines = file.read_text().splitlines()
+    file.write_text("\n".join([head, *(line for at, line in enumerate(lines) if at % 9)]))
+    for fit in (identify_lever, identify_recording):
+        with pytest.raises(RecordingError, match=r"8\d\d of 79\d\d samples are missing"):
+            fit(file, position="angle_rad", effort="motor_nm")
 
 
 @pytest.mark.parametrize(("step", "noise"), [(STEP, 2e-5), (9e-5, 3e-5), (0.0, 2e-5)])

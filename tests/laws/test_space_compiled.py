@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tautwave.laws.space import proxy, triangles, wall
+from tautwave.laws.space import damped, proxy, triangles, wall
 from tautwave.models.chain import kinematics, task
 from tests.arms.test_tip import SPATIAL, options_of, postures
 from tests.laws.test_space_walls import SHAPES
@@ -63,3 +63,17 @@ def test_a_wall_is_the_same_compiled(shape: str) -> None:
         away = [a - b for a, b in zip(plain, x, strict=True)]
         assert wall.wall_force(p, *away, *x) == laws["wall_force"](packed, *away, *x)
         assert wall.allowed_share(0.1, *x[:2]) == laws["allowed_share"](0.1, *x[:2])
+
+
+@pytest.mark.slow
+def test_a_damped_inverse_is_the_same_compiled() -> None:
+    law = compiled((damped.diagonalise, damped.damped_inverse))["damped_inverse"]
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        jacobian = rng.normal(size=42)
+        plain, fast = np.eye(6).ravel().tolist(), np.eye(6).ravel()
+        scales = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2])
+        here = damped.damped_inverse(jacobian.tolist(), plain, scales.tolist(), 0.05)
+        there = law(jacobian, fast, scales, 0.05)
+        assert here[0] == list(there[0])
+        assert here[1] == there[1]

@@ -42,6 +42,7 @@ class Session:
     begun: ClassVar[list[Session]] = []
     age = 0.0
     standing = "engaged"
+    gone = False
 
     def __init__(self, rig: Any, *, out: Path) -> None:
         self.directory, self.rig = out, rig
@@ -69,9 +70,12 @@ class Session:
         return self.age + 0.001 * (row["time_s"] > 0.0)
 
     def lead(self, positions: dict[str, float]) -> None:
+        if self.gone:
+            raise RecordingError("the run has ended")
         self.calls.append(f"lead {positions}")
 
-    def row(self) -> dict[str, float]:
+    def row(self, *, whole: bool) -> dict[str, float]:
+        assert whole  # a sample that is missing is no observation
         if (number := next(self._number)) > 90:
             raise RecordingError("the run has ended")
         leaves = ("position", "velocity", "commanded")
@@ -244,6 +248,10 @@ def test_a_policy_leads_virtual_hands_of_its_own(
         slave.send_action({"elbow.pos": 0.0})
     monkeypatch.setattr(Session, "standing", "holding")
     with pytest.raises(lost, match="holding, not engaged"):
+        slave.send_action(action)
+    monkeypatch.setattr(Session, "standing", "engaged")
+    monkeypatch.setattr(Session, "gone", True)  # between the look and the action
+    with pytest.raises(lost, match="the run has ended"):
         slave.send_action(action)
     assert len(session.calls) == 2
     slave.disconnect()

@@ -9,6 +9,7 @@ from tautwave.link.clocks import (
     GREATEST_SLEW,
     WINDOWS,
     Exchange,
+    clock_doubt,
     clock_line,
     exchange,
     keep_best,
@@ -53,6 +54,29 @@ def test_unlike_ways_enter_by_half_and_stay_inside_half_the_round_trip() -> None
     _, lines = estimates(0.1e-3, out=0.015, back=0.005)
     assert np.mean(lines) == pytest.approx(0.005, abs=20e-6)
     assert np.abs(lines).max() < (0.015 + 0.005) / 2
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_doubt_covers_whatever_the_ways_were_like(seed: int) -> None:
+    """Also where loops that look once a period make one window's round trip short by chance."""
+    rng = np.random.default_rng(seed)
+    best: tuple[Exchange, ...] = ()
+    for k in range(12):
+        out, back = rng.uniform(0.0, 1e-3, 2) * (0.05 if k == 4 else 1.0)
+        came = 1.0 * k + 0.5
+        times = (came, came - back + AHEAD_S, came - back - out, 0.0)
+        best = keep_best(best, exchange(*(round(1e9 * t) for t in times)))
+    middle = sum(one.at for one in best[1:]) / len(best[1:])
+    assert abs(clock_line(best, middle)[0] - AHEAD_S) <= clock_doubt(best) + 1e-9
+    assert clock_doubt(best) > min(one.round_trip for one in best)  # half of it would be too little
+    assert clock_doubt(best[:1]) == 0.5 * best[0].round_trip
+    assert clock_doubt(()) == np.inf
+
+
+def test_what_came_while_a_clock_stood_still_says_nothing_of_the_other() -> None:
+    kept = (Exchange(1.0, AHEAD_S, 0.02),)
+    asleep = exchange(2_000_000_000, 5_000_000_000, 1_500_000_000, 600_000_000)
+    assert keep_best(kept, asleep) == kept
 
 
 def test_before_anything_came_nothing_is_said() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+from array import array
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from tautwave.cli import main
+from tautwave.report.export import tables
 from tautwave.report.export.episodes import episodes
 from tautwave.runtime.recorder import Recorder
 
@@ -128,9 +130,60 @@ def test_parquet_knows_its_units(run: Path, tmp_path: Path) -> None:
     assert schema.field("master.lever.position").metadata[b"unit"] == b"rad"
 
 
+def test_names_that_matlab_does_not_take_get_others(tmp_path: Path) -> None:
+    """Axes may be named so; what MATLAB ignores or takes for the same would be lost."""
+    scipy_io = pytest.importorskip("scipy.io")
+    long = "x" * 70
+    stems = ["_x", "a-b", "a_b", long, f"{long}y", "a", "a.value"]
+    columns = ("time_s", *(f"master.{stem}.position" for stem in stems[:-1]),
+               "master.a.position.value")  # fmt: skip
+    recorder = Recorder(
+        tmp_path / "recording.mcap", columns, metadata={}, attachments={}, rows=64, lossless=True,
+        rate_hz=10.0,
+    )  # fmt: skip
+    recorder.start()
+    recorder.row[:] = array("d", range(len(columns)))
+    recorder.commit()
+    recorder.close()
+    export(tmp_path, tmp_path / "out", "--to", "mat")
+    found = scipy_io.loadmat(tmp_path / "out" / "run.mat", simplify_cells=True)["recording"]
+    fields = ["x_x", "a_b", "a_b_2", long[:58], f"{long[:58]}_2"]
+    assert [found["master"][one]["position"] for one in fields] == [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert found["master"]["a"]["position"] == {"value": 6.0, "value_2": 7.0}
+    units = scipy_io.loadmat(tmp_path / "out" / "run.mat", simplify_cells=True)["units"]
+    assert units["master"]["x_x"]["position"] == "rad"
+
+
+def test_a_long_run_is_not_in_memory_at_once(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for number, block in enumerate((1 << 16, 2)):
+        monkeypatch.setattr(tables, "BLOCK", block)
+        for to in ("csv", "parquet"):
+            export(run, tmp_path / str(number), "--to", to)
+    one, two = ((tmp_path / at / "002-place.csv").read_bytes() for at in "01")
+    assert one == two
+    parquet = pytest.importorskip("pyarrow.parquet")
+    files = [parquet.ParquetFile(tmp_path / at / "002-place.parquet") for at in "01"]
+    assert [file.num_row_groups for file in files] == [1, 2]
+    assert files[0].read().equals(files[1].read())
+    monkeypatch.setattr(tables, "LARGEST_MAT", 10)
+    done = CliRunner().invoke(main, ["export", str(run), "--to", "mat", "--out", str(tmp_path)])
+    assert (done.exit_code, "too much for a MAT file" in done.output) == (2, True)
+
+
 def test_several_runs_have_a_folder_each(run: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     shutil.copytree(run, other)
     export(run, tmp_path / "out", str(other))
     assert (tmp_path / "out" / "other" / "episodes.csv").exists()
     assert (tmp_path / "out" / run.name / "002-place.csv").exists()
+    again = ["export", str(run), str(run), "--out", str(tmp_path / "again")]
+    assert f"two runs are named {run.name}" in CliRunner().invoke(main, again).output
+    assert not (tmp_path / "again").exists()
+
+
+def test_a_recording_by_itself_is_exported_beside_it(run: Path, tmp_path: Path) -> None:
+    shutil.copy(run / "recording.mcap", tmp_path)
+    done = CliRunner().invoke(main, ["export", str(tmp_path / "recording.mcap")])
+    assert (done.exit_code, len(list((tmp_path / "export").glob("*.csv")))) == (0, 3)

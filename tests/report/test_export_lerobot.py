@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ COLUMNS = (
     "master.lift.position", "master.lift.velocity", "slave.knee.position", "slave.knee.velocity",
     "slave.knee.commanded", "slave.lift.position", "slave.lift.velocity",
     "slave.lift.measured_effort",
+    "master.knee.valid", "master.lift.valid", "slave.knee.valid", "slave.lift.valid",
 )  # fmt: skip
 EPISODES = {1: range(20, 81), 2: range(120, 200)}
 # As LeRobot 0.6.1 writes it: names of columns, their types, and the note for its library.
@@ -45,19 +47,22 @@ index: int64
 task_index: int64"""
 
 
-def recorded(folder: Path, rig: str = RIG, lost: range = range(0)) -> Path:
-    """Record 250 rows whose values name row and column."""
+def recorded(
+    folder: Path, rig: str = RIG, lost: range = range(0), skipped: range = range(0)
+) -> Path:
+    """Record 250 rows whose values name row and column; some lack a sample, some are skipped."""
     folder.mkdir()
     recorder = Recorder(
         folder / "recording.mcap", COLUMNS, metadata={"rig": "twin", "rate_hz": str(RATE)},
         attachments={"rig.yaml": rig.encode()}, rows=512, lossless=True, rate_hz=RATE,
     )  # fmt: skip
     recorder.start()
-    for k in range(250):
+    for k in (k for k in range(250) if k not in skipped):
         episode = next((number for number, rows in EPISODES.items() if k in rows), 0)
         values = [k / RATE, float(episode)] + [k + at / 16.0 for at in range(len(COLUMNS) - 2)]
         for at, value in enumerate(values):
-            recorder.row[at] = math.nan if at == 6 and k in lost else value
+            recorder.row[at] = value
+        recorder.row[-2] = k not in lost  # as in a run: the other columns keep what was before
         recorder.commit()
     recorder.close()
     marks = [
@@ -150,6 +155,18 @@ def test_a_sample_that_is_missing_is_not_made_up(tmp_path: Path) -> None:
     )  # fmt: skip
 
 
+def test_a_row_does_not_stand_for_later_frames(tmp_path: Path) -> None:
+    """Slots that passed, or a chunk that is damaged: nothing was measured there."""
+    run = recorded(tmp_path / "run", skipped=range(31, 41))
+    code, said = export(run, "--task", "rest", "--out", tmp_path / "set")
+    assert (code, "3 of 19 frames of episode a miss a sample" in said) == (2, True)
+    one = recorded(tmp_path / "one", skipped=range(31, 32))
+    code, said = export(one, "--task", "rest", "--out", tmp_path / "set")  # 20 ms at 30 fps
+    assert code == 0, said
+    code, said = export(one, "--task", "rest", "--fps", int(RATE), "--out", tmp_path / "all")
+    assert (code, "1 of 61 frames of episode a miss a sample" in said) == (2, True)
+
+
 def test_what_cannot_be_is_refused_in_one_sentence(run: Path, tmp_path: Path) -> None:
     other = recorded(tmp_path / "other", RIG.replace("{kind: linear}", "{kind: rotary}"))
     bare = recorded(tmp_path / "bare", "{}")
@@ -178,15 +195,26 @@ def test_what_cannot_be_is_refused_in_one_sentence(run: Path, tmp_path: Path) ->
     assert "--fps is for --to lerobot" in done.output
 
 
-def filmed(folder: Path, lost: range = range(0), late_ns: int = 0) -> Path:
-    """Record as above, with a camera at 50 Hz whose pictures are as bright as their number."""
+def filmed(
+    folder: Path,
+    lost: range = range(0),
+    late_ns: int = 0,
+    damage: Callable[[bytes], bytes] | None = None,
+) -> Path:
+    """Record as above, with a camera at 50 Hz whose pictures are as bright as their number.
+
+    Some are damaged, if wished.
+    """
     run = recorded(folder)
     with open(run / "recording.mcap", "rb") as file:
         first = next(iter(make_reader(file).iter_messages()))[2].log_time
     camera = CameraFile(run / "camera-wrist.mcap", "wrist", 50.0, first + late_ns, 0)
     for k in (k for k in range(-1, 125) if k not in lost):
         grey = np.full((32, 48, 3), k + 1, np.uint8)
-        camera.add(20_000_000 * k + 1_000_000, jpeg_of(grey, "RGB"), k + 1)
+        jpeg = jpeg_of(grey, "RGB")
+        if damage is not None and k in range(20, 30):
+            jpeg = damage(jpeg)
+        camera.add(20_000_000 * k + 1_000_000, jpeg, k + 1)
     camera.close()
     return run
 
@@ -206,7 +234,7 @@ def test_cameras_become_videos_frame_by_frame(tmp_path: Path) -> None:
     place = info["video_path"].format(video_key=key, chunk_index=0, file_index=0)
     with av.open(str(out / place)) as video:
         seen = [frame.to_ndarray(format="rgb24").mean() for frame in video.decode(video=0)]
-        assert float(video.streams.video[0].average_rate) == FPS
+        assert video.streams.video[0].average_rate == FPS
     starts, lengths = [20, 120], [19, 24]
     at = [(start + int(k * RATE / FPS + 1e-9)) / RATE for start, length in
           zip(starts, lengths, strict=True) for k in range(length)]  # fmt: skip
@@ -237,6 +265,29 @@ def test_a_picture_that_stands_is_none(tmp_path: Path) -> None:
     code, said = export(run, "--task", "rest", "--out", tmp_path / "bare", "--no-video")
     assert said.endswith("2 episodes, 43 frames at 30 fps\n")
     assert json.loads((tmp_path / "bare/meta/info.json").read_text())["video_path"] is None
+
+
+@pytest.mark.parametrize(
+    ("damage", "text"),
+    [
+        (lambda jpeg: jpeg[: len(jpeg) // 2], "miss a sample or a picture"),
+        (lambda jpeg: b"", "miss a sample or a picture"),
+        (lambda jpeg: bytes(99), "miss a sample or a picture"),
+        (lambda jpeg: jpeg[:2] + bytes(99) + jpeg[-2:], "wrist: a picture is damaged"),
+        (lambda jpeg: jpeg_of(np.zeros((16, 16, 3), np.uint8), "RGB"), "differ in size"),
+    ],
+)
+def test_a_damaged_picture_is_none(
+    damage: Callable[[bytes], bytes], text: str, tmp_path: Path
+) -> None:
+    pytest.importorskip("av")
+    run = filmed(tmp_path / "run", damage=damage)
+    code, said = export(run, "--task", "rest", "--out", tmp_path / "set")
+    assert (code, said.count("\n"), list(tmp_path.glob("set*"))) == (2, 1, [])
+    assert text in said
+    padded = filmed(tmp_path / "padded", damage=lambda jpeg: jpeg + bytes(7))  # as some cameras do
+    code, said = export(padded, "--task", "rest", "--out", tmp_path / "set")
+    assert code == 0, said
 
 
 def test_pictures_of_another_run_are_refused(tmp_path: Path) -> None:

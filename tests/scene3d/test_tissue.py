@@ -330,6 +330,7 @@ def test_an_inverted_element_pushes_back_and_keeps_the_energy():
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 @pytest.mark.usefixtures("compiled3d")
 def test_undamped_its_energy_drifts_by_less_than_1e_12_in_100_000_steps():
     from tautwave.simulation.scene.ticking3d import CompiledModel3d

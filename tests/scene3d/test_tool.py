@@ -146,7 +146,10 @@ def test_tissue_that_is_twisted_keeps_its_books_and_gives_back_what_it_took():
     assert np.abs(efforts[3:]).max() > 0.0
 
 
-def test_compiled_steps_are_those_of_plain_python(compiled3d):
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.usefixtures("compiled3d")
+def test_compiled_steps_are_those_of_plain_python():
     from tautwave.simulation.scene.ticking3d import CompiledModel3d
 
     network = clipped()

@@ -10,10 +10,12 @@ import pytest
 from tautwave import Session, load_rig
 from tautwave.config import Rig
 from tautwave.errors import ConfigError, RecordingError
+from tests.view.served import Run
 
 pytestmark = pytest.mark.realtime
 
 BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
+VALID = ("master.lever.valid", "slave.lever.valid")
 QUIET = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0], [1, 0.1]]}"
 
 
@@ -28,6 +30,33 @@ def bench(*overrides: str) -> Rig:
 def test_a_rig_without_the_block_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no `operate` block"):
         Session(bench(), out=tmp_path)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_an_action_that_is_no_position_is_not_sent(tmp_path: Path, value: float) -> None:
+    session = Session(bench("operate={}"), out=tmp_path / "run")
+    with pytest.raises(ConfigError, match=r"action lever is .*, no position; nothing was sent"):
+        session.lead({"lever": value})
+    with pytest.raises(RecordingError, match="has ended"):
+        session.lead({"lever": 0.1})
+
+
+def test_a_whole_row_has_a_sample_of_every_axis(tmp_path: Path) -> None:
+    """An axis without one keeps its columns, which a dataset must not take for measured."""
+    run = Run(tmp_path, columns=("time_s", *VALID, "lever.position_error"))
+    session = Session(bench("operate={}"), out=tmp_path)
+    session._attach()
+    with pytest.raises(RecordingError, match="no row has come yet"):
+        session.row(whole=True)
+    for number, valid in enumerate([(1.0, 1.0), (1.0, 0.0), (0.0, 1.0)]):
+        run.recorder.row[1], run.recorder.row[2] = valid
+        run.commit(1)
+        if number != 1:
+            assert session.row()["time_s"] == pytest.approx(1e-3 * number)
+            assert session.row(whole=True)["time_s"] == 0.0
+    run.close()
+    assert session._tap is not None
+    session._tap.close()
 
 
 @pytest.mark.slow

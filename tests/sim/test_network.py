@@ -140,6 +140,8 @@ def test_a_connection_passes_whole_and_its_end_too() -> None:
 def test_what_cannot_be_is_a_sentence() -> None:
     with pytest.raises(ConfigError, match=r"--to 'lab' is not HOST:PORT"):
         Relay(NetworkOptions(to="lab"))  # type: ignore[call-arg]
+    with pytest.raises(ConfigError, match=r"--to nowhere\.invalid:1: "):
+        Relay(NetworkOptions(to="nowhere.invalid:1"))  # type: ignore[call-arg]
     with pytest.raises(ConfigError, match="raise --burst"):
         bench(NetworkOptions(to="a:1", loss=0.5, burst=1.0))  # type: ignore[call-arg]
     with pytest.raises(ConfigError, match="not a bus of a rig"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -99,9 +100,40 @@ def test_what_cannot_be_outside_is_refused(outside: list[str], rig: str, part: s
         Stepper(load_rig(CONFIGS / f"{rig}.yaml"), outside=outside)
 
 
-@pytest.mark.parametrize("given", [{}, {"slave.lever": math.nan}, {"slave.lever": math.inf}])
-def test_a_position_has_to_be_one(given: dict[str, float]) -> None:
+NONE = r"slave\.lever: one finite number of rad or m"
+
+
+@pytest.mark.parametrize(
+    ("given", "part"),
+    [
+        ({}, r"slave\.lever needs a position"),
+        ({"slave.lever": math.nan}, NONE),
+        ({"slave.lever": math.inf}, NONE),
+        ({"slave.lever": None}, NONE),
+        ({"slave.lever": np.zeros(2)}, NONE),
+        ({"slave.lever": 0.0, "slave.levr": 0.0}, r"slave\.levr is not outside"),
+        ([0.0], "a mapping from axes"),
+    ],
+)
+def test_a_position_has_to_be_one(given: Any, part: str) -> None:
     with Stepper(load_rig(CONFIGS / "bench-1dof-loopback.yaml"), duration_s=1.0) as stepper:
-        with pytest.raises(ConfigError, match=r"slave\.lever needs a position"):
+        with pytest.raises(ConfigError, match=part):
             stepper.step(given)
         assert stepper.running
+        stepper.step({"slave.lever": np.zeros(1)}, {"slave.lever": np.ones((1, 1))})  # as MuJoCo's
+        with pytest.raises(ConfigError, match=r"slave\.lever: one finite number of rad/s"):
+            stepper.step({"slave.lever": 0.0}, {"slave.lever": math.nan})
+    assert not stepper.running
+    with pytest.raises(ConfigError, match="has ended"):
+        stepper.step({"slave.lever": 0.0})
+
+
+@pytest.mark.parametrize("length", [0.0, -1.0, math.nan, math.inf])
+def test_a_length_or_a_clock_that_is_none_is_refused(length: float) -> None:
+    rig = load_rig(CONFIGS / "bench-1dof-loopback.yaml")
+    with pytest.raises(ConfigError, match="duration_s: a finite number"):
+        Stepper(rig, duration_s=length)
+    with pytest.raises(ConfigError, match="duration_s: a finite number"):
+        simulate(rig, duration_s=length)
+    with pytest.raises(ConfigError, match="clock: real or fake"):
+        Stepper(rig, outside="slave", clock="wall")

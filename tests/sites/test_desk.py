@@ -165,6 +165,17 @@ def test_a_site_that_says_nothing_is_dropped_and_not_before(
         kept._woken.close()
 
 
+def test_a_word_too_long_for_the_loop_is_not_cut_in_two(keys: Path) -> None:
+    order = Order("slave", "master", True, "127.0.0.1", 1, str(keys / "ours"), SHARED, {})
+    one, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with one, other:
+        desk = Desk(order, one)
+        desk._tell("peer", "\u00e9" * 20_000)  # of which JSON makes six times as many
+        assert json.loads(other.recv(65536)) == {"note": "master sent more than a message holds"}
+        desk._wake.close()
+        desk._woken.close()
+
+
 def test_whoever_closes_without_a_word_is_tried_again(keys: Path) -> None:
     # A relay that has nobody behind it yet takes a connection and ends it.
     with socket.create_server(("127.0.0.1", 0)) as relay:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 import random
 import socket
+import struct
 import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -158,11 +161,30 @@ def test_no_datagrams_are_a_sentence(
     run_test(served[0], keys, "master", "slave", Asked(100.0, 1.0))
 
 
+def test_who_dials_and_is_gone_at_once_ends_nothing(
+    served: tuple[str, list[str]], keys: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(probe, "SILENCE_S", 60.0)  # a loaded machine
+    for _ in range(3):
+        with socket.create_connection(parse_address(served[0])) as gone:
+            gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    run_test(served[0], keys, "master", "slave", Asked(100.0, 1.0))
+
+
 class Mute(path.DataPort):
     """A firewall that lets no datagram out."""
 
     def send(self, payload: bytes) -> None:
         """Drop it."""
+
+
+def test_a_report_without_numbers_is_a_sentence() -> None:
+    ours = heard(dict.fromkeys(range(1000), 5.0))
+    good = way_of(ours, 1000)._asdict()
+    for said in ({}, {"way": 5}, {"way": good | {"least": None}}, {"way": good | {"more": 1}}):
+        channel: Any = SimpleNamespace(send=lambda _: None, receive=lambda _, said=said: said)
+        with pytest.raises(LinkError, match="did not report what it received"):
+            path._swap(channel, ours, Asked(1000.0, 1.0))
 
 
 def test_a_taken_port_is_a_sentence(keys: Path) -> None:

@@ -55,6 +55,7 @@ class Device:
         self.streams, self.opened, self.sequence = False, False, 0
         self.pictures: list[bytes] = []
         self.gone = False
+        self.colours = (7, 0)  # those of a JPEG
 
     def open(self, path: str) -> int:
         self.opened = True
@@ -81,6 +82,8 @@ class Device:
         elif kind == 5:
             struct.pack_into("<II4sIII", block, 8, self.width, self.height, self.fourcc, 1,
                              2 * self.width + 8, 4096)  # fmt: skip
+            struct.pack_into("<I", block, 8 + 24, self.colours[0])
+            struct.pack_into("<I", block, 8 + 40, self.colours[1])
         elif kind == 8:
             struct.pack_into("<I", block, 0, 3)  # fewer than were asked for
         elif kind == 9:
@@ -139,16 +142,31 @@ def test_without_the_kernel_s_time_the_process_takes_it_and_broken_pictures_are_
     camera.close()
 
 
-def test_yuyv_becomes_jpeg_in_its_colours() -> None:
+@pytest.mark.parametrize(
+    ("colours", "yuv", "rgb"),
+    [
+        ((7, 0), (76, 85, 255), (254, 0, 0)),  # full range, by its colours
+        ((8, 1), (76, 85, 255), (254, 0, 0)),  # by what it says
+        ((8, 0), (82, 90, 240), (255, 0, 0)),  # BT.601 as televisions have it, by default
+        ((8, 2), (235, 128, 128), (255, 255, 255)),
+        ((7, 2), (16, 128, 128), (0, 0, 0)),
+    ],
+)
+def test_yuyv_becomes_jpeg_in_its_colours(
+    colours: tuple[int, int], yuv: tuple[int, int, int], rgb: tuple[int, int, int]
+) -> None:
     device = Device(b"YUYV")
+    device.colours = colours
     camera = V4l2(SMALL, device)
-    red = bytes([76, 85, 76, 255]) * 16  # Y U Y V, BT.601 at full range
-    device.pictures = [(red + bytes(8)) * 16]  # a line is longer than its pixels
+    luma, blue, red = yuv
+    line = bytes([luma, blue, luma, red]) * 16
+    device.pictures = [(line + bytes(8)) * 16, line]  # a line is longer than its pixels
     frame = camera.read(0.0)
     assert frame is not None
     seen = np.asarray(Image.open(io.BytesIO(frame.jpeg)).convert("RGB"), float)
     assert seen.shape == (16, 32, 3)
-    assert np.abs(seen - [254, 0, 0]).max() < 6
+    assert np.abs(seen - rgb).max() < 6
+    assert camera.read(0.0) is None  # half a picture
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 from lerobot.utils.errors import DeviceNotConnectedError
 
 from tautwave import ConfigError, Session, TautwaveError, load_rig
+from tautwave.errors import RecordingError
 from tautwave.report.export.lerobot import Signals, signals
 from tautwave.rig.led import led_by_policy
 
@@ -114,14 +115,14 @@ class Site:
         Raises
         ------
         DeviceNotConnectedError
-            The device has not joined, or no row has come for too long.
+            The device has not joined, or no row with a sample of every axis has come for too long.
         """
         session = self._session
         if session is None or not self.joined(who):
             raise DeviceNotConnectedError(f"{who} of {self.path} is not connected")
         if not self._row or who in self._seen:
             try:
-                self._row, self._seen = session.row(), set()
+                self._row, self._seen = session.row(whole=True), set()
             except TautwaveError as err:
                 raise DeviceNotConnectedError(str(err)) from err
         self._seen.add(who)
@@ -145,6 +146,8 @@ class Site:
         ------
         DeviceNotConnectedError
             The rig is not engaged: it has stopped, or holds because actions came too late.
+        ConfigError
+            A signal is not the rig's, or a value is no finite number; the rig gets no action then.
         """
         session = self._session
         if session is None:
@@ -158,7 +161,10 @@ class Site:
                 f"{self.path}: {state}, not engaged: three frames without an action, a guard or a "
                 f"person let go of it; see the report in {session.directory}"
             )
-        session.lead({names[name]: float(value) for name, value in action.items()})
+        try:
+            session.lead({names[name]: float(value) for name, value in action.items()})
+        except RecordingError as err:
+            raise DeviceNotConnectedError(str(err)) from err
 
     def check(self, action: Mapping[str, Any]) -> None:
         """Refuse an action that the master did not give.

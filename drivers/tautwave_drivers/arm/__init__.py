@@ -10,6 +10,7 @@ from tautwave.contracts import (
     Budget,
     BusSpec,
     Clock,
+    Driver,
     DriverPlugin,
     Endpoint,
     ScanProgress,
@@ -19,11 +20,13 @@ from tautwave.errors import ConfigError
 from tautwave.registry import load_driver
 from tautwave.types import BusElement
 from tautwave_drivers.arm.driver import ArmDriver
-from tautwave_drivers.arm.options import ArmOptions, coordinates, joint_bus
+from tautwave_drivers.arm.following import FollowingArm
+from tautwave_drivers.arm.options import ArmOptions, accept, follows, joint_bus
 
 
-def _make(options: ArmOptions, bus: BusSpec, clock: Clock, transport: Any) -> ArmDriver:
-    return ArmDriver(options, bus, clock, transport)
+def _make(options: ArmOptions, bus: BusSpec, clock: Clock, transport: Any) -> Driver:
+    make = FollowingArm if follows(bus) else ArmDriver
+    return make(options, bus, clock, transport)
 
 
 def _budget(options: ArmOptions, bus: BusSpec) -> Budget:
@@ -35,7 +38,7 @@ def _budget(options: ArmOptions, bus: BusSpec) -> Budget:
 
 
 def _facts(options: ArmOptions, bus: BusSpec) -> Sequence[AxisFacts]:
-    coordinates(bus)
+    accept(options, bus)
     return [AxisFacts()] * len(bus.axes)
 
 

@@ -14,61 +14,26 @@ from collections.abc import Sequence
 from typing import Any
 
 from tautwave.contracts import BusSpec, Clock, Row
-from tautwave.models.chain.gravity import chain_gravity
-from tautwave.models.chain.kinematics import chain_frames
 from tautwave.models.chain.task import COORDINATES, home_place, joint_efforts, task_place
-from tautwave.registry import load_driver
-from tautwave.types import SAFE_COMMAND, AxisCommand, Fault, JointState
-from tautwave_drivers.arm.options import ArmOptions, coordinates, joint_bus
+from tautwave.types import SAFE_COMMAND, AxisCommand, JointState
+from tautwave_drivers.arm.behind import JointsBehind
+from tautwave_drivers.arm.options import ArmOptions
 from tautwave_drivers.arm.parts import Effort, TipWall
 
 
-class ArmDriver:
-    """The driver of an arm; a row source.
-
-    Parameters
-    ----------
-    options : ArmOptions
-        The arm.
-    bus : BusSpec
-        Its axes are coordinates of the tip.
-    clock, transport
-        For the driver of the joints.
-    """
+class ArmDriver(JointsBehind):
+    """The driver of an arm whose joints take efforts; a row source."""
 
     def __init__(self, options: ArmOptions, bus: BusSpec, clock: Clock, transport: Any) -> None:
-        plugin = load_driver(options.bus.driver)
-        joints = joint_bus(options, bus)
-        own = plugin.options.model_validate(options.bus.options)
-        inner = plugin.make(own, joints, clock, transport)
-        self._inner = inner
-        self.command_delay = inner.command_delay
-        self.open = inner.open
-        self.enable_step = inner.enable_step
-        self.request = inner.request
-        self.disable = inner.disable
-        self.close = inner.close
-        self._which = coordinates(bus)
-        self._axes = [axis.name for axis in bus.axes]
-        self._joints = joints.axes
-        self._task = options.task()
+        super().__init__(options, bus, clock, transport)
         self._home = options.at_home
         self._origin = home_place(self._task)
-        self._beyond = False
         self._carry = options.carry
         self._posture = options.posture
-        self._period_ns = bus.period_ns
-        self._period = 1.0 / bus.rate_hz
         late = self.command_delay.remainder_s / self._period
         self._ahead = 0.5 + self.command_delay.periods + late
         self._softness = [1.0 / joint.inertia_lower for joint in options.joints.values()]
-        count = self._count = len(joints.axes)
-        self._known = False
-        self._q = [0.0] * count
-        self._stride = [0.0] * count  # per period
-        self._place = [0.0] * COORDINATES
-        self._jacobian = [0.0] * (COORDINATES * count)
-        self._deadline_ns: int | None = None
+        count = self._count
         noise = [
             joint.position_noise**2 + joint.encoder_quantum**2 / 12.0
             for joint in options.joints.values()
@@ -83,37 +48,22 @@ class ArmDriver:
         self._mapped = self._most = 0.0
         self._carried = self._least = self._potential = 0.0
         self._start: float | None = None
-        self._faults: list[Fault] = []
-        self._sent = [0.0] * count
-        self.columns = [f"joints.{axis.name}.position" for axis in joints.axes]
-        self.columns += [f"joints.{axis.name}.effort" for axis in joints.axes]
+        self.columns = [f"joints.{axis.name}.position" for axis in self._joints]
+        self.columns += [f"joints.{axis.name}.effort" for axis in self._joints]
         self.columns += [f"tip.{bus.name}.{what}" for what in BOOKS]
         for wall in self._walls:
             self.columns += [f"space.{bus.name}.{wall.name}.{what}" for what in TipWall.COLUMNS]
 
-    def __getattr__(self, name: str) -> Any:
-        """Return what else a driver may have: `poll`, `notes`."""
-        return getattr(self._inner, name)
-
-    def faults(self) -> Sequence[Fault]:
-        """Return the joints' faults since the last call, and what a joint did beyond its limits."""
-        found, self._faults = self._faults, []
-        return [*self._inner.faults(), *found]
-
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Return the tip's coordinates, valid where every joint has a sample; close the books."""
-        states = self._inner.read(deadline_ns)
-        slots = 0
-        if self._deadline_ns is not None:
-            slots = max(round((deadline_ns - self._deadline_ns) / self._period_ns), 0)
-        self._deadline_ns = deadline_ns
+        states, slots = self._sampled(deadline_ns)
         for part in (self._tip, self._held, *(wall.effort for wall in self._walls)):
             part.pass_slots(slots)
-        age = max((state.age_ns for state in states), default=0)
         if not all(state.valid and math.isfinite(state.position) for state in states):
-            return [JointState(math.nan, math.nan, math.nan, False, age)] * len(self._which)
+            return self._missed(states)
         self._take([state.position for state in states])
         place = self._place
+        age = max((state.age_ns for state in states), default=0)
         return [JointState(place[k], math.nan, math.nan, True, age) for k in self._which]
 
     def _take(self, q: list[float]) -> None:
@@ -141,30 +91,11 @@ class ArmDriver:
         self._potential = height - self._start
         self._least = min(self._least, self._carried + self._potential)
 
-    def _watch(self, q: Sequence[float]) -> None:
-        """Note the first joint that is beyond its limits, once."""
-        if self._beyond:
-            return
-        for joint, at, stride in zip(self._joints, q, self._stride, strict=True):
-            low, high = joint.position_range
-            speed = abs(stride) / self._period
-            if not low <= at <= high:
-                what = f"stands at {at:.4g}, outside of its position_range [{low:g}, {high:g}]"
-            elif speed > joint.velocity_limit:
-                what = f"moves at {speed:.4g}, beyond its velocity_limit {joint.velocity_limit:g}"
-            else:
-                continue
-            self._beyond = True
-            self._faults.append(Fault(self._axes[0], f"joint {joint.name} {what}", fatal=True))
-            return
-
     def _weight(self, q: Sequence[float]) -> tuple[list[float], float]:
         """Return what holds weight and posture at `q`, and the potential of both [J]."""
-        held = [0.0] * self._count
-        height = 0.0
+        held, height = [0.0] * self._count, 0.0
         if self._carry:
-            chain = self._task.chain
-            height = chain_gravity(chain, chain_frames(chain, q), held)
+            held, height = self._weighs(q)
         if self._posture > 0.0:
             for j, home in enumerate(self._home):
                 off = q[j] - home

@@ -40,8 +40,10 @@ class ArmJoint(Block):
     position_range: tuple[float, float] = Field(
         description="[rad | m] Outside of it the run stops."
     )
-    inertia_lower: Positive = Field(
-        description="[kg m^2 | kg] Lower bound of what the motor itself has, beside the links."
+    inertia_lower: NonNegative = Field(
+        default=0.0,
+        description="[kg m^2 | kg] Lower bound of the motor's own inertia, beside the links'; "
+        "for a joint that takes effort.",
     )
     damping_lower: NonNegative = Field(
         default=0.0, description="[N m s/rad | N s/m] Lower bound of the joint's damping."
@@ -85,7 +87,11 @@ class ArmOptions(Block):
         default=None,
         description="[rad | m] Joint positions at which all coordinates are 0; default 0.",
     )
-    carry: bool = Field(default=True, description="Carry the arm's weight by the joints' efforts.")
+    carry: bool = Field(
+        default=True,
+        description="Carry the arm's weight by the joints' efforts; where they follow velocities, "
+        "take it off the efforts that they measure.",
+    )
     posture: NonNegative = Field(
         default=0.0,
         description="[N m/rad | N/m] Spring of every joint towards home, for what no coordinate "
@@ -94,6 +100,16 @@ class ArmOptions(Block):
     walls: dict[Name, ArmWall] = Field(
         default_factory=dict,
         description="Walls in space, for the tip; along the frame's axes, from the base's origin.",
+    )
+    least_lever: Positive = Field(
+        default=0.05,
+        description="[m] Of joints that follow velocities: with less of a lever in a direction, as "
+        "near a singular pose, the tip lags there. A turn counts as 0.2 m a rad.",
+    )
+    reserve: Positive = Field(
+        default=0.01,
+        description="[J] Of joints that follow velocities: what a tip that lags may give out "
+        "beyond what its ports know of.",
     )
     truth: ArmTruth = Field(default_factory=ArmTruth, description="What is simulated.")
 
@@ -179,9 +195,10 @@ class ArmOptions(Block):
 def joint_bus(options: ArmOptions, bus: BusSpec) -> BusSpec:
     """Return the bus of the joints, whose names are `SIDE.JOINT`."""
     side = bus.axes[0].name.partition(".")[0] if bus.axes else "arm"
+    causality = bus.axes[0].causality if bus.axes else "impedance"
     axes = tuple(
         AxisSpec(
-            f"{side}.{name}", joint.id, kind, "impedance", joint.effort_limit,
+            f"{side}.{name}", joint.id, kind, causality, joint.effort_limit,
             joint.velocity_limit, joint.position_range,
         )
         for (name, joint), kind in zip(options.joints.items(), options.kinds(), strict=True)
@@ -211,12 +228,11 @@ def coordinates(bus: BusSpec) -> list[int]:
                 f"{place}.kind: coordinate {NAMES[axis.device_id - 1]} of an arm is {kind}, got "
                 f"{axis.kind}"
             )
-        if axis.causality != "impedance":
-            raise ConfigError(
-                f"{place}.causality: an arm's tip takes effort: impedance (got {axis.causality}); "
-                "to follow velocities it would invert its Jacobian, which has no bound where "
-                "the arm is stretched. Couple the joints themselves, each an axis of its own"
-            )
+    if len({axis.causality for axis in bus.axes}) > 1:
+        raise ConfigError(
+            f"bus {bus.name}: its joints take effort, or follow velocities; give all coordinates "
+            "one causality"
+        )
     if len({axis.name.partition(".")[0] for axis in bus.axes}) > 1:
         raise ConfigError(f"bus {bus.name}: an arm is on one side; give the other a bus of its own")
     turns = [a.position_range for a in bus.axes if a.device_id > 3]
@@ -227,6 +243,40 @@ def coordinates(bus: BusSpec) -> list[int]:
             f"home, beyond {TURN:g} a rotation vector is close to its end; narrow them"
         )
     return [axis.device_id - 1 for axis in bus.axes]
+
+
+def accept(options: ArmOptions, bus: BusSpec) -> None:
+    """Refuse what joints of the bus' causality have no use for, or lack.
+
+    Raises
+    ------
+    ConfigError
+        Naming the key.
+    """
+    coordinates(bus)
+    place = f"buses.{bus.name}.options"
+    if not follows(bus):
+        for name, joint in options.joints.items():
+            if joint.inertia_lower == 0.0:
+                raise ConfigError(
+                    f"{place}.joints.{name}.inertia_lower: a joint that takes effort needs one; "
+                    "state what its motor surely has [kg m^2 | kg]"
+                )
+    elif options.walls:
+        raise ConfigError(
+            f"{place}.walls: walls in space push by efforts, and these joints follow velocities; "
+            "put the wall on the other side, or remove it"
+        )
+    elif options.posture > 0.0:
+        raise ConfigError(
+            f"{place}.posture: a spring of the joints needs efforts, and these follow velocities; "
+            "remove it"
+        )
+
+
+def follows(bus: BusSpec) -> bool:
+    """Return whether the joints of an arm follow velocities."""
+    return any(axis.causality == "admittance" for axis in bus.axes)
 
 
 TURN = 2.5

@@ -23,7 +23,7 @@ from tautwave.models.chain.inertia import chain_bodies, chain_screws, mass_matri
 from tautwave.models.chain.kinematics import chain_frames
 from tautwave.models.chain.task import COORDINATES, task_place
 from tautwave.types import BusElement
-from tautwave_drivers.arm.options import NAMES, ArmOptions, coordinates
+from tautwave_drivers.arm.options import NAMES, ArmOptions, coordinates, follows
 from tautwave_drivers.arm.walls import ArmWall
 
 POSTURES = 300
@@ -60,6 +60,8 @@ def arm_elements(
     late : float
         Command delay in periods.
     """
+    if follows(bus):
+        return [_following(options, bus)]
     which = coordinates(bus)
     period = 1.0 / bus.rate_hz
     believed = [axes[axis.name] for axis in bus.axes]
@@ -126,6 +128,24 @@ def _sample(
     loose = 1.0 / np.sqrt(np.maximum(left, 1e-12))
     damping = max((float(np.linalg.norm(one * loose, 2)) ** 2 for one in moved), default=0.0)
     return Sampled(slope, effort, inertia, damping, reach)
+
+
+def _following(options: ArmOptions, bus: BusSpec) -> BusElement:
+    """Return the verdict on an arm whose joints follow velocities."""
+    names = ", ".join(NAMES[k] for k in coordinates(bus))
+    sentence = (
+        f"tip of bus {bus.name} ({names}): where a direction has less than {options.least_lever:g} "
+        f"m of a lever it lags, and may give out {options.reserve:.3g} J beyond the books of its "
+        f"ports; a command that would give more is held back, and beyond twice that the run stops."
+    )
+    conditions = (
+        f"the joints of bus {bus.name} reach the velocities that they are commanded, and measure "
+        "what acts on them from outside" + (", their weight beside it" if options.carry else ""),
+    )
+    numbers = {"least_lever": options.least_lever, "reserve_j": options.reserve}
+    return BusElement(
+        f"tip of {bus.name}", "tip", bus.axes[0].name, True, sentence, conditions, numbers
+    )
 
 
 def _place(task: Any, q: Sequence[float]) -> tuple[Sequence[float], Any]:

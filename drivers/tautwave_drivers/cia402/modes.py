@@ -51,8 +51,6 @@ CONTROL_BITS = {
 }
 """Controlword bits that a mode adds to the common ones; halt (bit 8) is common."""
 
-NEW_SET_POINT = 1 << 4
-CHANGE_IMMEDIATELY = 1 << 5
 RELATIVE = 1 << 6
 HOMING_START = 1 << 4
 CYCLIC_MODES = frozenset((Mode.CSP, Mode.CSV, Mode.CST))

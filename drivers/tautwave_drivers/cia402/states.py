@@ -59,7 +59,6 @@ TORQUE_STATES = frozenset(
 """States in which the drive applies torque."""
 
 VOLTAGE_ENABLED = 1 << 4
-QUICK_STOP_INACTIVE = 1 << 5
 WARNING = 1 << 7
 REMOTE = 1 << 9
 TARGET_REACHED = 1 << 10

@@ -10,21 +10,18 @@ from typing import NamedTuple
 
 TOGGLE = 0x05030000
 COMMAND = 0x05040001
-UNSUPPORTED_ACCESS = 0x06010000
 WRITE_ONLY = 0x06010001
 READ_ONLY = 0x06010002
 COUNT_FIRST = 0x06010003
 NO_OBJECT = 0x06020000
 NOT_MAPPABLE = 0x06040041
 MAPPING_TOO_LONG = 0x06040042
-WRONG_LENGTH = 0x06070010
 TOO_LONG = 0x06070012
 TOO_SHORT = 0x06070013
 NO_SUBINDEX = 0x06090011
 WRONG_VALUE = 0x06090030
 TOO_HIGH = 0x06090031
 TOO_LOW = 0x06090032
-GENERAL = 0x08000000
 NOT_STORED = 0x08000020
 WRONG_STATE = 0x08000022
 
@@ -128,7 +125,7 @@ class ObjectDictionary:
         self._saved.clear()
 
     def entry(self, index: int, sub: int) -> Entry:
-        """Return an object; refuses where there is none."""
+        """Return an object, or refuse if there is none."""
         if (index, sub) in self.refusals:
             raise SdoAbort(self.refusals[index, sub])
         subs = self.entries.get(index)

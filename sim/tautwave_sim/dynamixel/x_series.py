@@ -11,8 +11,6 @@ from typing import Any, NamedTuple
 
 from tautwave_sim.dynamixel.items import EEPROM, RW, Indirect, Item, Model, R, indirect_items
 
-TOP_430 = 661
-TOP_330 = 227
 RPM = "0.229 rev/min"
 S32 = 2**31 - 1
 HOMING = 1_044_479

@@ -14,7 +14,14 @@ from collections.abc import Mapping
 
 from tautwave.certificate.data import Element, Verdict
 from tautwave.config import Rig
-from tautwave.rig.arms import felt_axes, greatest_loads, load_reserves, load_stiffnesses
+from tautwave.rig.arms import (
+    arm_axes,
+    felt_axes,
+    greatest_loads,
+    load_reserves,
+    load_stiffnesses,
+    payload_swing,
+)
 from tautwave.rig.rates import load_offset
 from tautwave.types import CommandDelay
 
@@ -65,6 +72,14 @@ def _carried(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], taken
         f"most "
         f"{slope:.3g} {stiff}, and takes {needed:.3g} {unit} of the device's damping."
     )
+    if axis_name == arm_axes(rig, axis_name.partition(".")[0])[0]:
+        swing = payload_swing(rig, axis_name.partition(".")[0])
+        if swing > 0.0:
+            numbers["payload_j"] = swing
+            said += (
+                f" Each payload that is taken up may give out {swing:.3g} J more over the range, "
+                "where the tip does not hold it."
+            )
     passive = Verdict(True, said, margin=left - needed)
     if needed > left:
         wall = f", of which a wall takes {taken:.3g}" if taken > 0.0 else ""

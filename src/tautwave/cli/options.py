@@ -55,7 +55,7 @@ def recordings_option(what: str) -> Callable[..., Any]:
     return click.option(
         "--recordings",
         type=click.Path(file_okay=False, exists=True, path_type=Path),
-        help=f"Folder of recorded hands, <set>_<free_motion|foam|spring|rigid>.csv{what}",
+        help=f"Folder of recorded hands, SET_<free|foam|spring|rigid>.csv, .mat or .mcap{what}",
     )
 
 

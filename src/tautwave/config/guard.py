@@ -7,6 +7,7 @@ libraries, which take any size, overflow on deep nesting and report errors in th
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +19,22 @@ from tautwave.kinds import refused
 DEEPEST_JSON = 64
 """Python's parser recurses; our own files need 8 levels."""
 
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"{text[:20]} is no finite number")
+    return number
+
+
+def _whole(text: str) -> int:
+    _finite(text)  # whoever takes it for a float may
+    return int(text)
+
+
+_FINITE: dict[str, Any] = {
+    "parse_float": _finite, "parse_int": _whole, "parse_constant": _finite,
+}  # fmt: skip
 _CONTROL = re.compile(r"[\0-\x08\x0e-\x1f]")
 _STRING = re.compile(r'"(?:[^"\\]|\\.)*+"?', re.DOTALL)
 _BRACKET = re.compile(r"[][{}]")
@@ -86,13 +103,14 @@ def _decoded(path: Path, kind: str, raw: bytes, encodings: Sequence[str]) -> str
     ) from first
 
 
-def parse_json(text: str, deepest: int = DEEPEST_JSON) -> Any:
+def parse_json(text: str, deepest: int = DEEPEST_JSON, *, finite: bool = False) -> Any:
     """Return the value of a JSON text.
 
     Raises
     ------
     ValueError
-        Not JSON, or nested too deeply; one sentence with line and column.
+        Not JSON, nested too deeply, or with `finite` a number that is no finite double; one
+        sentence, with line and column where they are known.
     """
     depth = 0
     for bracket in _BRACKET.finditer(_STRING.sub(lambda found: "_" * len(found[0]), text)):
@@ -101,6 +119,6 @@ def parse_json(text: str, deepest: int = DEEPEST_JSON) -> Any:
             line = text.count("\n", 0, bracket.start()) + 1
             raise ValueError(f"line {line}: nested deeper than {deepest} levels")
     try:
-        return json.loads(text)
+        return json.loads(text, **(_FINITE if finite else {}))
     except json.JSONDecodeError as err:
         raise ValueError(f"line {err.lineno}, column {err.colno}: {err.msg}") from err

@@ -2,8 +2,9 @@
 
 Of each window only the packet with the least round trip counts: what waited in a queue tells of
 the queue. A line through the last windows gives offset and rate. An unlike delay of the two ways
-enters by half and cannot be seen, so an offset is right to half the least round trip at best: it
-is for plots and for the slot grid, never for a decision on safety.
+enters by half and cannot be seen, so an offset is right to half the round trips at best, and
+`clock_doubt` says to how much: it is for plots and for the slot grid, never for a decision on
+safety.
 
 The follower's slots are stretched by at most `GREATEST_SLEW`, never shifted in a step: T differs by
 2e-4 at most, and each side's slots keep one numbering.
@@ -13,6 +14,7 @@ Source: Mills, RFC 5905 (clock filter and discipline of NTP).
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 GREATEST_SLEW = 200e-6
@@ -42,10 +44,14 @@ def exchange(now_ns: int, clock_ns: int, echo_ns: int, held_ns: int) -> Exchange
     return Exchange(now_ns * 1e-9, offset_ns * 1e-9, round_trip_ns * 1e-9)
 
 
-def keep_best(best: tuple[Exchange, ...], new: Exchange) -> tuple[Exchange, ...]:
+def keep_best(
+    best: tuple[Exchange, ...], new: Exchange, windows: int = WINDOWS
+) -> tuple[Exchange, ...]:
     """Return the best exchange of this window and of those before, newest first."""
+    if new.round_trip < 0.0:  # one of the clocks stood still meanwhile
+        return best
     if not best or new.at // WINDOW_S > best[0].at // WINDOW_S:
-        return (new, *best[:WINDOWS])
+        return (new, *best[:windows])
     if new.round_trip < best[0].round_trip:
         return (new, *best[1:])
     return best
@@ -67,6 +73,17 @@ def clock_line(best: tuple[Exchange, ...], now: float) -> tuple[float, float]:
         return level, 0.0
     rate = sum((one.at - middle) * (one.offset - level) for one in best) / spread
     return level + rate * (now - middle), rate
+
+
+def clock_doubt(best: tuple[Exchange, ...]) -> float:
+    """Return by how much the offset of `clock_line` may be off in the middle of its windows [s].
+
+    There all exchanges weigh alike, and each may be off by half its round trip.
+    """
+    best = best[1:] or best
+    if not best:
+        return math.inf
+    return 0.5 * sum(one.round_trip for one in best) / len(best)
 
 
 def slot_stretch(rate: float, late: float, settle: float) -> float:

@@ -12,6 +12,8 @@ from tautwave.errors import ConfigError
 from tautwave.models.network import LOST
 
 HEADER = "time_s,delay_s,lost"
+LATEST_S = 9e6
+"""A hundred days: whole nanoseconds of it are exact in the table."""
 
 
 def parse_trace(text: str, name: str) -> list[float]:
@@ -31,9 +33,10 @@ def parse_trace(text: str, name: str) -> list[float]:
             at, delay, lost = (float(part) for part in line.split(","))
         except ValueError as err:
             raise ConfigError(f"{name}:{number}: a line has three numbers: {HEADER}") from err
-        if not (math.isfinite(at) and 0.0 <= delay <= 60.0 and lost in (0.0, 1.0)):
+        if not (math.fabs(at) <= LATEST_S and 0.0 <= delay <= 60.0 and lost in (0.0, 1.0)):
             raise ConfigError(
-                f"{name}:{number}: a delay is 0 to 60 s, and lost is 0 or 1 (got {line.strip()})"
+                f"{name}:{number}: a time is {LATEST_S:.0e} s at most, a delay 0 to 60 s, and lost "
+                f"0 or 1 (got {line.strip()[:80]})"
             )
         if found and round(1e9 * at) <= found[-2]:
             raise ConfigError(f"{name}:{number}: times have to rise")

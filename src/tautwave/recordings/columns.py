@@ -20,6 +20,8 @@ from tautwave.recordings import RUN
 Array = NDArray[np.float64]
 
 MEND = "fill the gap or cut the recording there"
+GREATEST = 1e50
+"""Of a number in a recording: far beyond all that is measured, and its square is a number."""
 
 SEPARATORS = (",", ";", "\t")
 _TIMES = ("time_s", "time", "t", "timestamp_s", "t_s", "time_sec", "seconds")
@@ -40,9 +42,9 @@ def column_names(path: Path) -> list[str]:
         It cannot be read.
     """
     path = recording_file(path)
-    if path.suffix == ".mat":
+    if path.suffix.lower() == ".mat":
         return list(_mat(path))
-    if path.suffix == ".mcap":
+    if path.suffix.lower() == ".mcap":
         from tautwave.recordings.recording import read_recording
 
         return list(read_recording(path, rows=slice(0, 1)).columns)
@@ -82,12 +84,12 @@ def read_columns(
             f"{path}: {time_column!r} is not in seconds, by its name; times are read in seconds"
         )
     wanted = list(dict.fromkeys([time_column, *names]))
-    if path.suffix == ".mcap":
+    if path.suffix.lower() == ".mcap":
         from tautwave.recordings.recording import read_recording
 
         recording = read_recording(path, wanted)
         found = {name: np.array(recording[name]) for name in wanted}
-    elif path.suffix == ".mat":
+    elif path.suffix.lower() == ".mat":
         found = _of(path, _mat(path), wanted)
     else:
         return _csv(path, wanted, holes)
@@ -118,9 +120,14 @@ def _check(path: Path, found: Mapping[str, Array], time_column: str, holes: bool
             raise ConfigError(
                 f"{path}: {name!r} has {len(values)} values, {time_column!r} has {len(times)}"
             )
-        if not (holes and name != time_column) and not np.all(np.isfinite(values)):
-            at = int(np.argmin(np.isfinite(values)))
-            raise ConfigError(f"{path}: row {at + 1}: {name!r} is not a finite number; {MEND}")
+        good = np.abs(values) < GREATEST
+        if holes and name != time_column:
+            good |= np.isnan(values)
+        if not np.all(good):
+            at = int(np.argmin(good))
+            raise ConfigError(
+                f"{path}: row {at + 1}: {name!r} is {_wrong(float(values[at]))}; {MEND}"
+            )
     if len(times) < 2:
         raise ConfigError(f"{path}: a recording needs at least two rows, it has {len(times)}")
     steps = np.diff(times)
@@ -128,8 +135,14 @@ def _check(path: Path, found: Mapping[str, Array], time_column: str, holes: bool
         at = int(np.argmax(steps <= 0.0))
         raise ConfigError(
             f"{path}: row {at + 2}: time must increase, "
-            f"but {times[at + 1]:g} s follows {times[at]:g} s"
+            f"but {times[at + 1]:.12g} s follows {times[at]:.12g} s"
         )
+
+
+def _wrong(number: float | None) -> str:
+    if number is None or not math.isfinite(number):
+        return "not a finite number"
+    return f"beyond {GREATEST:g}, which nothing is"
 
 
 def _mat(path: Path) -> dict[str, Array]:
@@ -142,7 +155,7 @@ def _mat(path: Path) -> dict[str, Array]:
         content = io.loadmat(os.fspath(path), simplify_cells=True)
     except NotImplementedError as err:
         raise ConfigError(
-            f"{path}: is of MATLAB's version 7.3, which is not read; save it with -v7"
+            f"{path}: is a MATLAB 7.3 file, which cannot be read; save it with -v7"
         ) from err
     except (OSError, ValueError, TypeError, io.matlab.MatReadError) as err:
         raise ConfigError(f"{path}: cannot be read as a MATLAB file: {err}") from err
@@ -220,17 +233,17 @@ def _csv(path: Path, wanted: Sequence[str], holes: bool) -> dict[str, Array]:
                     number = _number(cell, separator) if cell else math.nan
                     missing = number is not None and math.isnan(number)
                     if number is None or not (
-                        math.isfinite(number) or (missing and holes and numbers)
+                        abs(number) < GREATEST or (missing and holes and numbers)
                     ):
                         raise ConfigError(
                             f"{path}:{before + rows.line_num}: column {name!r} holds {cell!r}, "
-                            f"not a finite number; {MEND}"
+                            f"{_wrong(number)}; {MEND}"
                         )
                     numbers.append(number)
                 if rows_read and not numbers[0] > rows_read[-1][0]:
                     raise ConfigError(
                         f"{path}:{before + rows.line_num}: time must increase, "
-                        f"but {numbers[0]:g} s follows {rows_read[-1][0]:g} s"
+                        f"but {numbers[0]:.12g} s follows {rows_read[-1][0]:.12g} s"
                     )
                 rows_read.append(numbers)
     except (OSError, UnicodeDecodeError, csv.Error) as err:

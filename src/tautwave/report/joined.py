@@ -335,7 +335,7 @@ def session_table(run: Run) -> Table:
     if clocks:
         notes.append(
             f"clock of the other site: {1e6 * float(clocks['rate']):+.1f} ppm, delays of one way "
-            f"known to +-{quantity(clocks['unknown_s'], 's')} (half the least round trip)"
+            f"known to +-{quantity(clocks['unknown_s'], 's')} (half the round trips)"
         )
     refused = {why: n for why, n in block(link, "refused").items() if n}
     if refused:

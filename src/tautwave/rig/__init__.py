@@ -3,6 +3,7 @@
 from tautwave.rig.assembly import (
     Assembly,
     build_rig,
+    cycles_in,
     make_clock,
 )
 from tautwave.rig.controller import (
@@ -76,6 +77,7 @@ __all__ = [
     "coupled_axis",
     "coupling_law",
     "coupling_part",
+    "cycles_in",
     "end_constants",
     "foam_params",
     "limit_params",

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 from tautwave.config import Rig, TrueLoad
 from tautwave.config.inputs.chains import chain_constants, chain_links
-from tautwave.config.keys.arm import Chain
+from tautwave.config.keys.arm import Arm, Chain, Payload
 from tautwave.errors import ConfigError
 from tautwave.models.chain.gravity import chain_gravity, gravity_stiffness
 from tautwave.models.chain.kinematics import chain_frames
@@ -29,6 +29,11 @@ MARGIN = 1.1
 LOAD_SHARE = 0.5
 """Of an axis' effort rate that its load may take; the rest is the coupling's."""
 
+STILL_SHARE = 0.02
+"""Of its velocity limit below which an axis stands, so that another payload may be taken up."""
+
+TAKEN_UP_S = 0.5
+
 SAMPLES = 2000
 CORNERS = 512
 
@@ -38,7 +43,12 @@ def arm_axes(rig: Rig, side: str) -> list[str]:
     return [name for name in rig.axes if name.startswith(f"{side}.")]
 
 
-@lru_cache(maxsize=8)
+def bare_chain(keys: Chain, payload: Payload | None) -> Chain:
+    """Return the keys of a chain alone, without what else an arm has, and with a payload."""
+    own = {name: getattr(keys, name) for name in Chain.model_fields}
+    return Chain.model_construct(**{**own, "payload": payload})
+
+
 def arm_chain(keys: Chain) -> ChainParams:
     """Return the constants of a chain with its payload; its file is read once.
 
@@ -47,6 +57,11 @@ def arm_chain(keys: Chain) -> ChainParams:
     ConfigError
         The file cannot be read any more.
     """
+    return _constants(bare_chain(keys, keys.payload))
+
+
+@lru_cache(maxsize=16)
+def _constants(keys: Chain) -> ChainParams:
     return chain_constants(keys)
 
 
@@ -82,7 +97,9 @@ def greatest_loads(rig: Rig, side: str) -> dict[str, float]:
     keys = getattr(rig, side).arm
     found = {}
     if keys is not None:
-        most = greatest_weights(keys, tuple(joint_ranges(rig, side, keys)))
+        ranges = tuple(joint_ranges(rig, side, keys))
+        each = [greatest_weights(one, ranges) for one in _each_payload(keys)]
+        most = [max(values) for values in zip(*each, strict=True)]
         found = dict(zip(arm_axes(rig, side), most, strict=True))
     else:
         for name in arm_axes(rig, side):
@@ -112,7 +129,37 @@ def _force_scale(rig: Rig, master: str) -> float:
     return rig.coupling.pairs[master.partition(".")[2]].effective_force_scale
 
 
-@lru_cache(maxsize=8)
+def with_payloads(arm: Arm) -> dict[str, Chain]:
+    """Return an arm's chain with each of the payloads that it may take up."""
+    return {name: bare_chain(arm, payload) for name, payload in arm.payloads.items()}
+
+
+def _each_payload(arm: Arm) -> list[Chain]:
+    return [bare_chain(arm, arm.payload), *with_payloads(arm).values()]
+
+
+def payload_swing(rig: Rig, side: str) -> float:
+    """Return the most that taking up one payload may give out [J], sampled; 0 without any.
+
+    That is how far, over the range, the potentials with two payloads are apart.
+    """
+    arm = getattr(rig, side).arm
+    if arm is None or not arm.payloads:
+        return 0.0
+    chains = [arm_chain(one) for one in _each_payload(arm)]
+    held = [0.0] * len(arm_axes(rig, side))
+    heights = [
+        [chain_gravity(chain, chain_frames(chain, q), held) for chain in chains]
+        for q in postures(joint_ranges(rig, side, arm))
+    ]
+    most = 0.0
+    for one, other in itertools.combinations(range(len(chains)), 2):
+        apart = [row[one] - row[other] for row in heights]
+        most = max(most, max(apart) - min(apart))
+    return MARGIN * most
+
+
+@lru_cache(maxsize=16)
 def greatest_weights(keys: Chain, ranges: tuple[tuple[float, float], ...]) -> tuple[float, ...]:
     """Return the greatest effort of a chain's weight on each joint [N m or N], sampled."""
     chain = arm_chain(keys)
@@ -200,7 +247,10 @@ def load_stiffnesses(rig: Rig, side: str) -> dict[str, float]:
     elif names:
         bounds = [0.0] * len(names)
         slides = [max(abs(low), abs(high)) for low, high in joint_ranges(rig, side, arm)]
-        gravity_stiffness(arm_chain(arm), slides, bounds)
+        for one in _each_payload(arm):
+            slopes = [0.0] * len(names)
+            gravity_stiffness(arm_chain(one), slides, slopes)
+            bounds = [max(a, b) for a, b in zip(bounds, slopes, strict=True)]
         found = dict(zip(names, bounds, strict=True))
     if side == "master" and felt_axes(rig):
         theirs = load_stiffnesses(rig, "slave")
@@ -230,10 +280,21 @@ def side_loads(
             if keys.effort_rate_limit is not None:
                 step = LOAD_SHARE * keys.effort_rate_limit * rig.period_s
             late = delay.remainder_s / rig.period_s
+            still = STILL_SHARE * (keys.velocity_limit or math.inf) * rig.period_s
             axes.append(
-                CarriedAxis(name, reserves[name], step, keys.effort_quantum, delay.periods, late)
+                CarriedAxis(
+                    name, reserves[name], step, keys.effort_quantum, delay.periods, late, still
+                )
             )
-        sides.append(SideLoad(side, axes, _weighing(rig, side)))
+        arm = getattr(rig, side).arm
+        others = {} if arm is None else with_payloads(arm)
+        sides.append(
+            SideLoad(
+                side, axes, _weighing(rig, side),
+                {payload: _chain_weighing(one) for payload, one in others.items()},
+                max(1, round(TAKEN_UP_S * rig.rate_hz)),
+            )
+        )  # fmt: skip
         seats.update({name: (sides[-1], which) for which, name in enumerate(names)})
     return sides, seats
 
@@ -285,7 +346,11 @@ def _own_weighing(rig: Rig, side: str) -> Weighing:
             [-load_effort(p, at) for p, at in zip(loads, x, strict=True)],
             sum(load_energy(p, at) for p, at in zip(loads, x, strict=True)),
         )
-    chain = arm_chain(arm)
+    return _chain_weighing(arm)
+
+
+def _chain_weighing(keys: Chain) -> Weighing:
+    chain = arm_chain(keys)
 
     def weigh(x: Sequence[float]) -> tuple[list[float], float]:
         held = [0.0] * len(x)

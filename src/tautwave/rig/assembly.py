@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tautwave.clock import FakeClock, MonotonicClock
 from tautwave.config import Rig, bus_spec, has_loads
 from tautwave.contracts import BusSpec, Clock, RowSource, Simulator
+from tautwave.errors import ConfigError
 from tautwave.registry import load_driver, load_simulator
 from tautwave.rig.arms import side_loads
 from tautwave.rig.calibrated import calibrated
@@ -74,11 +76,10 @@ def build_rig(
     Raises
     ------
     ConfigError
-        A driver is not installed, a recorded reference cannot be read, or nothing would respond on
-        a bus.
+        A driver is not installed, a recorded reference cannot be read, nothing would respond on a
+        bus, or the length is none.
     """
-    cycles = round((rig.duration_s if duration_s is None else duration_s) * rig.rate_hz)
-    cycles = max(cycles, 1)
+    cycles = cycles_in(rig, duration_s)
     the_clock = make_clock(rig, clock)
     if ways is None:
         ways = bus_ways(rig, clock=clock)
@@ -101,7 +102,7 @@ def build_rig(
                 world = _simulate(rig, spec, bus.driver, options, the_clock, cycles)
             simulators.append(world)
             transport = world.transport
-            sources.extend(getattr(world, "axes", ()))
+            sources.extend([world] if isinstance(world, RowSource) else getattr(world, "axes", ()))
             sources.extend(getattr(world, "arms", ()))
         driver = plugin.make(plugin.options.model_validate(options), spec, the_clock, transport)
         if isinstance(driver, RowSource):
@@ -151,6 +152,21 @@ def carry_loads(rig: Rig, buses: Sequence[LoopBus]) -> tuple[Sequence[SideLoad],
     return loads, carrying
 
 
+def cycles_in(rig: Rig, duration_s: float | None = None) -> int:
+    """Return the cycles of a length [s], of the rig's own by default; at least one.
+
+    Raises
+    ------
+    ConfigError
+        It is not finite, or not greater than 0.
+    """
+    if duration_s is None:
+        return max(rig.cycles, 1)
+    if not 0.0 < duration_s < math.inf:
+        raise ConfigError(f"duration_s: a finite number of seconds greater than 0 ({duration_s!r})")
+    return max(round(duration_s * rig.rate_hz), 1)
+
+
 def _simulate(
     rig: Rig, spec: BusSpec, driver: str, options: Mapping[str, Any], clock: Clock, cycles: int
 ) -> Simulator:
@@ -160,9 +176,17 @@ def _simulate(
 
 
 def make_clock(rig: Rig, clock: str) -> Clock:
-    """Return the clock of a run; a fake one oversleeps by the rig's seeded faults."""
+    """Return the clock of a run, `real` or `fake`; this one oversleeps by the rig's seeded faults.
+
+    Raises
+    ------
+    ConfigError
+        It is neither.
+    """
     if clock == "real":
         return MonotonicClock()
+    if clock != "fake":
+        raise ConfigError(f"clock: real or fake (got {clock!r})")
     faults = None if rig.simulation is None else rig.simulation.faults
     if faults is None or faults.overrun_probability == 0.0:
         return FakeClock()

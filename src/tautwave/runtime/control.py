@@ -111,6 +111,12 @@ class Control(ABC):
         check_sample(self.run, self.state, self.quick[which], self.axes, m, slot, which)
         return m.valid
 
+    def take_all(self, first: int, measured: Sequence[JointState], slot: int) -> Sequence[int]:
+        """Take the samples of a bus, whose first axis is `first`; return which are unusable."""
+        return [
+            which for which, one in enumerate(measured, first) if not self.take(which, one, slot)
+        ]
+
     def miss(self, first: int, count: int) -> None:
         """Skip the samples of some axes without counting them as missing."""
         for m in self.samples[first : first + count]:
@@ -155,6 +161,10 @@ class Control(ABC):
     def engaged(self) -> bool:
         """Whether the coupling holds the axes."""
         return True
+
+    def axis(self, which: int) -> AxisState:
+        """Return the state of an axis as it is between two steps."""
+        return self.axes[which]
 
     def retune(self, which: int, p: AxisParams) -> None:
         """Put other constants in place of an axis'."""

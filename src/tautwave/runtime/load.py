@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from tautwave.contracts import Driver, Row
@@ -26,7 +26,7 @@ class CarriedAxis(NamedTuple):
 
     `reserve` is the greatest effort for it [N m or N], `step` its greatest change per period,
     `quantum` the drive's step; `delay` the command's, in whole periods, and `late` the remainder
-    as a share of one.
+    as a share of one. Below `still` [rad or m per period] it stands.
     """
 
     name: str
@@ -35,6 +35,7 @@ class CarriedAxis(NamedTuple):
     quantum: float
     delay: int
     late: float
+    still: float = 0.0
 
 
 class SideLoad:
@@ -48,11 +49,27 @@ class SideLoad:
         From base to tip if there is a chain.
     weigh : Weighing
         What they weigh, the gradient of its potential.
+    others : mapping of str to Weighing
+        What they weigh with other payloads.
+    ramp : int
+        Periods in which another payload is taken up.
     """
 
-    def __init__(self, name: str, axes: Sequence[CarriedAxis], weigh: Weighing) -> None:
+    def __init__(
+        self,
+        name: str,
+        axes: Sequence[CarriedAxis],
+        weigh: Weighing,
+        others: Mapping[str, Weighing] | None = None,
+        ramp: int = 1,
+    ) -> None:
+        self.name = name
         self.axes = axes
-        self._loads = weigh
+        self.others = others or {}
+        self._loads = self._before = weigh
+        self._ramp = ramp
+        self._left = 0  # periods, while a payload is taken up
+        self._changed = 0.0
         count = len(axes)
         self._known = [False] * count
         self._x = [0.0] * count
@@ -71,6 +88,8 @@ class SideLoad:
             f"load.{axis.name}.{what}" for axis in axes for what in ("effort", "energy")
         ]
         self.columns += [f"load.{name}.{what}" for what in ("potential", "leak", "given")]
+        if self.others:
+            self.columns.append(f"load.{name}.changed")
 
     def pass_slots(self, which: int, slots: int) -> None:
         """File the effort that acted in each of the slots that went by."""
@@ -107,13 +126,39 @@ class SideLoad:
                 self._update()
         return self._effort[which]
 
+    def take_up(self, payload: str) -> str:
+        """Weigh with another payload from now on, over the ramp; return why not, or ''."""
+        if payload not in self.others:
+            return f"there are {', '.join(self.others)}"
+        if self._left:
+            return "the last one is still being taken up"
+        if any(abs(s) > axis.still for s, axis in zip(self._stride, self.axes, strict=True)):
+            return f"the {self.name}'s arm moves; let it stand"
+        self._before, self._loads = self._loads, self.others[payload]
+        self._left = self._ramp
+        return ""
+
+    def _weigh(self, x: Sequence[float]) -> tuple[list[float], float]:
+        """Return what holds the loads at `x`, and their potential; linear in what they weigh."""
+        efforts, height = self._loads(x)
+        if not self._left:
+            return efforts, height
+        share = self._left / self._ramp
+        before, lower = self._before(x)
+        mixed = [b + share * (a - b) for a, b in zip(before, efforts, strict=True)]
+        return mixed, height + share * (lower - height)
+
     def rest(self, which: int) -> None:
         """Nothing is sent to an axis: it gets its safe command."""
         self._effort[which] = 0.0
 
     def _update(self) -> None:
         axes = self.axes
-        wanted, _ = self._loads(
+        if self._left:
+            _, before = self._weigh(self._x)
+            self._left -= 1
+            self._changed += self._weigh(self._x)[1] - before
+        wanted, _ = self._weigh(
             [
                 x + stride * (0.5 + axis.delay + axis.late)
                 for x, stride, axis in zip(self._x, self._stride, axes, strict=True)
@@ -123,10 +168,10 @@ class SideLoad:
             last = self._effort[which]
             change = clamp(clamp(wanted[which], axis.reserve) - last, axis.step)
             self._effort[which] = truncate(last + change, axis.quantum)
-        _, potential = self._loads(self._x)
+        _, potential = self._weigh(self._x)
         if self._start is None:
             self._start = potential
-        self._potential = potential - self._start
+        self._potential = potential - self._start - self._changed
         self._least = min(self._least, self.leak)
 
     @property
@@ -143,6 +188,26 @@ class SideLoad:
         row[at] = self._potential
         row[at + 1] = self.leak
         row[at + 2] = -self._least
+        if self.others:
+            row[at + 3] = self._changed
+
+
+def take_payload(loads: Sequence[SideLoad], argument: str) -> tuple[str, bool]:
+    """Do what the command `payload` asks for: return what to note, and whether it was refused.
+
+    `argument` is the payload's name, after that of its side where both have payloads.
+    """
+    sides = [side for side in loads if side.others]
+    if not sides:
+        return "payload: no arm of the rig has `payloads`", True
+    first, _, rest = argument.partition(" ")
+    if len(sides) > 1:
+        sides = [side for side in sides if side.name == first]
+        argument = rest.strip()
+    if not sides:
+        return f"payload: say whose, master or slave (got {first[:40]!r})", True
+    why = sides[0].take_up(argument)
+    return (f"payload {argument[:40]!r}: {why}", True) if why else (argument, False)
 
 
 class CarryingDriver:

@@ -93,11 +93,12 @@ class Sensing:
                     f"bus {bus.name!r}: {len(measured)} samples for {len(bus.axes)} axes; "
                     "its driver must return one per axis, valid or not"
                 )
-            take, stale_ns = control.take, self._period_ns * bus.divisor
-            for which, state in enumerate(measured, first):
-                if not take(which, state, slot):
-                    self.lost[which] += 1
-                elif state.age_ns > stale_ns:
+            unusable = control.take_all(first, measured, slot)
+            for which in unusable:
+                self.lost[which] += 1
+            stale_ns = self._period_ns * bus.divisor
+            for which, (_, _, _, _, age_ns) in enumerate(measured, first):
+                if age_ns > stale_ns and which not in unusable:
                     self.late[which] += 1
             for fault in bus.driver.faults():
                 who = fault.axis or bus.name

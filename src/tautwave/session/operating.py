@@ -14,6 +14,7 @@ from tautwave.rig import Assembly, BusWay
 from tautwave.rig.operation import LOOK_HZ, operation_of, scaled
 from tautwave.rig.ways import Way
 from tautwave.runtime.control import CoupledControl
+from tautwave.runtime.load import SideLoad
 from tautwave.runtime.loop import TIMING_COLUMNS
 from tautwave.runtime.operate.commands import DeadMan, Source, Watcher
 from tautwave.runtime.operate.inbox import Inbox, People
@@ -112,6 +113,7 @@ def _with_table(rig: Rig, assembly: Assembly, people: People) -> Assembly:
     assert isinstance(plain, CoupledControl)
     delays = {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
     control = OperatedControl(plain, operation_of(rig, plain, delays), people)
+    control.loads = [one for one in assembly.sources if isinstance(one, SideLoad)]
     sources = [control, *assembly.sources[1:]]
     columns = [*TIMING_COLUMNS, *(name for source in sources for name in source.columns)]
     return assembly._replace(control=control, sources=sources, columns=columns)

@@ -63,6 +63,8 @@ class Session:
         self._live: Live | None = None
         self._tap: Tap | None = None
         self._newest: list[float] = []
+        self._whole: list[float] = []
+        self._valid: list[int] = []
         self._clock = MonotonicClock()
         self._said = ""
 
@@ -121,7 +123,20 @@ class Session:
 
         The reference `type: policy` of a rig's hand says how it is followed. When three frames in a
         row have no action the rig holds, until it is engaged again.
+
+        Raises
+        ------
+        ConfigError
+            A position is no finite number; nothing is sent then.
+        RecordingError
+            The run has ended.
         """
+        wrong = [name for name, x in positions.items() if not math.isfinite(x)]
+        if wrong:
+            raise ConfigError(
+                f"{self.directory}: action {wrong[0]} is {positions[wrong[0]]}, no position; "
+                "nothing was sent, and without an action the rig holds after three frames"
+            )
         self._send("lead " + " ".join(f"{name}={x!r}" for name, x in positions.items()))
 
     def begin_episode(self, name: str, task: str = "") -> None:
@@ -139,19 +154,27 @@ class Session:
 
     # -- what is seen -------------------------------------------------------------------------
 
-    def row(self) -> dict[str, float]:
+    def row(self, *, whole: bool = False) -> dict[str, float]:
         """Return the newest row of the recording, by column; SI units.
+
+        Parameters
+        ----------
+        whole : bool
+            The newest one in which every axis had a sample; in others the columns of an axis
+            without one keep what was before.
 
         Raises
         ------
         RecordingError
-            No row has come yet.
+            No such row has come yet.
         """
         if self._tap is not None and self._live is not None:
             rows = self._tap.take()
             self._newest = rows[-1] if rows else self._newest
-            if self._newest:
-                return dict(zip(self._live.columns, self._newest, strict=True))
+            valid = self._valid
+            self._whole = next((r for r in reversed(rows) if all(r[k] for k in valid)), self._whole)
+            if found := self._whole if whole else self._newest:
+                return dict(zip(self._live.columns, found, strict=True))
         raise RecordingError(f"{self.directory}: no row has come yet")
 
     def age_s(self, row: Mapping[str, float]) -> float:
@@ -200,10 +223,24 @@ class Session:
         return self._child is not None and self._child.poll() is None
 
     def _send(self, line: str) -> None:
+        gone = RecordingError(f"{self.directory}: the run has ended")
         if self._child is None or self._child.stdin is None or not self._running():
-            raise RecordingError(f"{self.directory}: the run has ended")
-        self._child.stdin.write(f"{line}\n".encode())
-        self._child.stdin.flush()
+            raise gone
+        try:
+            self._child.stdin.write(f"{line}\n".encode())
+            self._child.stdin.flush()
+        except BrokenPipeError as err:  # while it was written
+            raise gone from err
+
+    def _attach(self) -> None:
+        """Open the rows of the run, once they are there."""
+        if self._tap is None and (self.directory / LIVE).exists():
+            fields = parse_json((self.directory / LIVE).read_text(encoding="utf-8"))
+            self._live = Live(**fields)
+            columns = enumerate(self._live.columns)
+            self._valid = [k for k, name in columns if name.endswith(".valid")]
+            with suppress(RecordingError):
+                self._tap = Tap.of_run(self._live)
 
     def _wait_for_rows(self) -> None:
         """Wait until the loop runs.
@@ -215,11 +252,7 @@ class Session:
         """
         until = self._clock.now_ns() + BEGIN_NS
         while self._running() and self._clock.now_ns() < until:
-            if self._tap is None and (self.directory / LIVE).exists():
-                fields = parse_json((self.directory / LIVE).read_text(encoding="utf-8"))
-                self._live = Live(**fields)
-                with suppress(RecordingError):
-                    self._tap = Tap.of_run(self._live)
+            self._attach()
             with suppress(RecordingError):
                 self.row()
                 return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
-from typing import Any, Self
+from typing import Any, Self, SupportsFloat
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class Stepper:
     ----------
     rig : Rig
         A checked rig with a `simulation` block.
-    outside : sequence of str
+    outside : str or sequence of str
         Axes, such as `slave.lever`, or sides, `slave`; impedance axes on simulated buses.
     clock : str
         `fake`: a call takes as long as it takes. `real`: it waits for the next period, with a real
@@ -44,7 +44,7 @@ class Stepper:
     Raises
     ------
     ConfigError
-        The rig has no simulation, or an axis cannot be outside.
+        The rig has no simulation, an axis cannot be outside, or clock or length are none.
 
     Examples
     --------
@@ -59,7 +59,7 @@ class Stepper:
         self,
         rig: Rig,
         *,
-        outside: Sequence[str] = ("slave",),
+        outside: str | Sequence[str] = ("slave",),
         clock: str = "fake",
         duration_s: float | None = None,
     ) -> None:
@@ -71,14 +71,15 @@ class Stepper:
         self.period_s = rig.period_s
         self._simulators = built.simulators
         axes = {axis.name: axis for world in built.simulators for axis in _axes(world)}
-        self.outside = _chosen(rig, outside, list(axes))
+        wanted = (outside,) if isinstance(outside, str) else outside
+        self.outside = _chosen(rig, wanted, list(axes))
         self._axes = {name: axes[name] for name in self.outside}
         self._worlds = {name: _given(name, axis) for name, axis in self._axes.items()}
         self._columns = tuple(built.columns)
         self._sink = KeptRows(len(self._columns))
         loop = Loop(built.clock, built.buses, built.control, built.sources, self._sink)
         self._steps: Generator[None, None, LoopResult] = loop.steps()
-        self._begun = False
+        self._begun = self._closed = False
         self._result: LoopResult | None = None
 
     def __enter__(self) -> Self:
@@ -90,10 +91,12 @@ class Stepper:
     @property
     def running(self) -> bool:
         """Whether there is a cycle to come."""
-        return self._result is None
+        return self._result is None and not self._closed
 
     def step(
-        self, positions: Mapping[str, float], velocities: Mapping[str, float] | None = None
+        self,
+        positions: Mapping[str, SupportsFloat],
+        velocities: Mapping[str, SupportsFloat] | None = None,
     ) -> dict[str, float]:
         """Run one cycle, and return the efforts that act until the next.
 
@@ -103,7 +106,8 @@ class Stepper:
             Where each axis outside is now [rad or m]. Its encoder sees it with its quantum and
             noise.
         velocities : mapping, optional
-            How fast it moves [rad/s or m/s]: recorded as its truth, and seen by nobody.
+            How fast it moves [rad/s or m/s]: recorded as its truth, and seen by nobody. Arrays of
+            one element, as MuJoCo gives of a joint, are numbers, too.
 
         Returns
         -------
@@ -114,18 +118,19 @@ class Stepper:
         Raises
         ------
         ConfigError
-            A position is missing or no finite number, or the run has ended before.
+            A position is missing or no finite number, a name is no axis outside, or the run has
+            ended before.
         TautwaveError
             What ended the run early, such as a limit.
         """
-        if self._result is not None:
+        if self._result is not None or self._closed:
             raise ConfigError("the run has ended; make another Stepper")
+        places = self._numbers(positions, "rad or m")
+        rates = {} if velocities is None else self._numbers(velocities, "rad/s or m/s")
         for name, world in self._worlds.items():
-            position = float(positions.get(name, np.nan))
-            velocity = float((velocities or {}).get(name, 0.0))
-            if not np.isfinite([position, velocity]).all():
+            if name not in places:
                 raise ConfigError(f"step: {name} needs a position, a finite number of rad or m")
-            world.place(position, velocity)
+            world.place(places[name], rates.get(name, 0.0))
             if not self._begun:
                 world.step(0.0, 0.0, 0.0, 0.0)
         self._begun = True
@@ -136,6 +141,23 @@ class Stepper:
             return dict.fromkeys(self.outside, 0.0)
         return {name: axis.acting() for name, axis in self._axes.items()}
 
+    def _numbers(self, given: Mapping[str, SupportsFloat], unit: str) -> dict[str, float]:
+        """Return what a program gives of axes outside as numbers; refuse what is none."""
+        if not isinstance(given, Mapping):
+            raise ConfigError(f"step: a mapping from axes to {unit} (got {type(given).__name__})")
+        found = {}
+        for name, value in given.items():
+            if name not in self._worlds:
+                raise ConfigError(f"step: {name} is not outside; axes: {', '.join(self.outside)}")
+            try:
+                number = float(np.asarray(value, dtype=np.float64).item())
+            except (TypeError, ValueError):
+                number = np.nan
+            if not np.isfinite(number):
+                raise ConfigError(f"step: {name}: one finite number of {unit} (got {value!r})")
+            found[name] = number
+        return found
+
     @property
     def rows(self) -> Simulation:
         """The rows so far, as `simulate` returns them."""
@@ -145,6 +167,7 @@ class Stepper:
 
     def close(self) -> None:
         """Leave every axis without effort; idempotent."""
+        self._closed = True
         self._steps.close()
         for simulator in self._simulators:
             simulator.close()

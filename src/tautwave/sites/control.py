@@ -160,7 +160,7 @@ class Channel:
     def _message(self) -> dict[str, Any]:
         line, _, self._waiting = self._waiting.partition(b"\n")
         try:
-            message = parse_json(line.decode())
+            message = parse_json(line.decode(), finite=True)
         except ValueError as err:
             raise _Broken("sent something that is not a message") from err
         if not isinstance(message, dict):
@@ -211,7 +211,11 @@ def accept(
     LinkError
         It is not that site, or something differs; the other one gets a sentence too.
     """
-    where = "{}:{}".format(*connection.getpeername()[:2])
+    try:
+        where = "{}:{}".format(*connection.getpeername()[:2])
+    except OSError as err:
+        connection.close()
+        raise LinkError(f"somebody dialled and went at once ({err.strerror})") from err
     connection.settimeout(PATIENCE_S)
     spare = connection.dup()  # TLS closes its own on a failure
     try:
@@ -376,6 +380,8 @@ def _why(err: OSError) -> str:
         return f"TLS failed ({word})"
     if isinstance(err, ConnectionRefusedError):
         return "nothing listens there; start the other site first, and look at address and port"
+    if isinstance(err, socket.gaierror):
+        return "no machine of that name is known; look at the address"
     if isinstance(err, TimeoutError):
         return f"no answer within {PATIENCE_S:g} s; look at address, port and firewall"
     return f"connection lost ({err.strerror or err})"

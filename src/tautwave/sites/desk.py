@@ -213,8 +213,12 @@ class Desk:
     # -- the loop ---------------------------------------------------------------------------
 
     def _tell(self, kind: str, what: Any) -> None:
+        message = json.dumps({kind: what}).encode()
+        if len(message) > MOST_BYTES:  # of which the loop would get a part
+            note = f"{self._order.peer} sent more than a message holds"
+            message = json.dumps({"note": note}).encode()
         with suppress(OSError):
-            self._local.send(json.dumps({kind: what}).encode())
+            self._local.send(message)
 
     def _obey(self) -> bool:
         """Do what the loop says; return False where that was the last."""

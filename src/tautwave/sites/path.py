@@ -152,9 +152,12 @@ def _swap(channel: Channel, heard: Heard, asked: Asked) -> tuple[Way, Way]:
     here = way_of(heard, round(asked.rate_hz * asked.duration_s))
     channel.send({"way": here._asdict()})
     try:
-        return here, Way(**channel.receive(15.0)["way"])
+        there = Way(**channel.receive(15.0)["way"])
     except (KeyError, TypeError) as err:
         raise LinkError("the other site did not report what it received") from err
+    if not all(isinstance(value, int | float) for value in there):
+        raise LinkError("the other site did not report what it received in numbers")
+    return here, there._replace(sent=here.sent)
 
 
 def table(found: Found, site: str, peer: str) -> Iterator[str]:
@@ -174,7 +177,7 @@ def table(found: Found, site: str, peer: str) -> Iterator[str]:
         yield f"{name:14}{text(found.there):>20}{text(found.back):>20}"
     yield (
         f"clock: {_clock(found.back, peer)}; a delay of one way is known to "
-        f"+-{1e3 * found.back.unknown:.3g} ms (half the least round trip)"
+        f"+-{1e3 * found.back.unknown:.3g} ms (half the round trips)"
     )
     yield (
         f"play-out: {1e3 * found.depth_s:.3g} ms takes in 99 % of the worse way, a line of "

@@ -1,6 +1,6 @@
 """How good a path between two sites is: both send at a rate and look at what comes.
 
-The delay of one way rests on two clocks whose offset is known to half the least round trip; what
+The delay of one way rests on two clocks whose offset is known to half the round trips; what
 varies in it, loss and order are known surely.
 """
 
@@ -14,13 +14,15 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from tautwave.errors import LinkError
-from tautwave.link.clocks import Exchange, clock_line, exchange, keep_best
+from tautwave.link.clocks import Exchange, clock_doubt, clock_line, exchange, keep_best
 from tautwave.sites.datagrams import DataPort
 
 PAYLOAD = struct.Struct(">QQQQ24x")
 """Number, sender's clock, echo of ours and how long it was held [ns]; padded to a wave's size."""
 
 MOST_AT_ONCE = 256
+MOST_WINDOWS = 3600
+"""All of a test: a line through its end would err at its beginning."""
 SILENCE_S = 3.0
 TAIL_S = 0.5
 """For so long the last datagrams are waited for [s]."""
@@ -46,7 +48,7 @@ class Way(NamedTuple):
     """One way of a path.
 
     sent, lost, reordered: datagrams; longest: most lost in a row; delays [s]: least, median, p99,
-    p99.9, greatest; unknown [s]: by how much all delays may be off, half the least round trip;
+    p99.9, greatest; unknown [s]: by how much all delays may be off, half the round trips;
     rate [1]: by how much the sender's clock is faster, and by how much that may be off.
     """
 
@@ -104,7 +106,7 @@ def probe(port: DataPort, rate_hz: float, duration_s: float) -> Heard:
             if clock > newest[0]:
                 newest = (clock, came)
             if echo:
-                best = keep_best(best, exchange(came, clock, echo, held))
+                best = keep_best(best, exchange(came, clock, echo, held), MOST_WINDOWS)
         if sent == count and now >= end:
             return Heard(tuple(arrivals), best, sent)
         if sent < count and now - heard_ns > SILENCE_S * 1e9:
@@ -140,7 +142,7 @@ def way_of(heard: Heard, sent: int) -> Way:
     return Way(
         sent, sent - len(known), late, max(gaps),
         ordered[0], quantile(ordered, 0.5), quantile(ordered, 0.99), quantile(ordered, 0.999),
-        ordered[-1], 0.5 * min(trips), rate, rate_unknown,
+        ordered[-1], clock_doubt(heard.best), rate, rate_unknown,
     )  # fmt: skip
 
 

@@ -86,8 +86,4 @@ WATCHDOG_FIRMWARE = 38
 """First firmware of the 430 and 540 models with a bus watchdog; every 330 has one."""
 
 FIRST_MODEL_NUMBER = Register("model number", 0, 2, eeprom=True)
-FIRST_FIRMWARE = Register("firmware version", 2, 1, eeprom=True)
-FIRST_TORQUE_ENABLE = Register("torque enable", 24, 1)
 FIRST_PRESENT = Register("present position, speed, load", 36, 6)
-FIRST_VOLTAGE = Register("present voltage", 42, 1)
-FIRST_TEMPERATURE = Register("present temperature", 43, 1)

@@ -81,9 +81,13 @@ SETTINGS = (
 class Score(NamedTuple):
     """One hand: error [rad], motors above 20 Hz, master and slave together [N m], and how it ended.
 
-    share, over_lab: error over the recorded, effort over that of the laboratory's law [1].
+    known: error that was recorded, or that of the laboratory's law; lab: that of its law, simulated
+    [rad]; share, over_lab: error over the known, effort over that of the laboratory's law [1].
     """
 
+    hand: str
+    known: float
+    lab: float
     error: float
     effort: float
     share: float
@@ -100,6 +104,7 @@ class Point(NamedTuple):
     share: float
     over_lab: float
     ended: int
+    scores: tuple[Score, ...] = ()
 
 
 def rig_of(setting: Setting, hand: Hand, noise: float, folder: Path) -> Rig:
@@ -183,10 +188,12 @@ def frontier(
                     continue
                 error, effort, ended = runs[setting][hand.name]
                 lab = LAWS_OF_LAB.get(controllers(hand.name), settings[0])
-                known, by, _ = runs[lab if lab in runs else settings[0]][hand.name]
+                simulated, by, _ = runs[lab if lab in runs else settings[0]][hand.name]
+                known = simulated
                 if hand.recorded is not None:
                     known = rms(hand.recorded[first : len(hand.positions) - last])
-                scores.append(Score(error, effort, error / known, effort / by, ended))
+                ratios = error / known, effort / by
+                scores.append(Score(hand.name, known, simulated, error, effort, *ratios, ended))
             points.append(_median(setting, scores))
     return found
 
@@ -202,4 +209,5 @@ def _median(setting: Setting, scores: Sequence[Score]) -> Point:
         middle([it.share for it in scores]),
         middle([it.over_lab for it in scores]),
         sum(it.ended for it in scores),
+        tuple(scores),
     )

@@ -65,7 +65,7 @@ def frontier_suite(
         engine = "python" if quick else "compiled"
         points = frontier(hands, noise, settings=settings, engine=engine, tell=tell)
         found[noise] = points
-        tables.append(_table(points, noise, whose))
+        tables += [_table(points, noise, whose), each_hand(points, noise)]
         goals += _goals(points, noise)
     goals.append(_certified(hands))
     if out is not None:
@@ -102,6 +102,25 @@ def _table(points: Mapping[str, Sequence[Point]], noise: float, whose: str) -> T
          "ended"),
         rows,
     )  # fmt: skip
+
+
+def each_hand(points: Mapping[str, Sequence[Point]], noise: float) -> Table:
+    """Return the one setting on each of the hands."""
+    rows: list[list[Value]] = [
+        [it.hand, 1e3 * it.known, 1e3 * it.lab, 1e3 * it.error, it.share, it.over_lab]
+        for each in points.values()
+        for at in each
+        if at.setting == BEST
+        for it in at.scores
+    ]
+    return Table(
+        f"{BEST.family}, {BEST.name}: each hand, {noise:g} rad",
+        "rms of master minus slave: as recorded, of the laboratory's law in the same simulation, "
+        "of this setting, and this over the recorded; its effort over that of the laboratory's "
+        "law. A stiffer law of the laboratory (b, e; c, f) left less to be bettered.",
+        ("hand", "recorded_mrad", "lab's_mrad", "error_mrad", "over recorded", "over lab"),
+        rows,
+    )
 
 
 def _goals(points: Mapping[str, Sequence[Point]], noise: float) -> list[Goal]:

@@ -40,7 +40,7 @@ class Likeness(NamedTuple):
 
 def controllers(name: str) -> str:
     """Return the pair of controllers of whose recordings this is one, by its name; else none."""
-    letter = re.search(r"_([a-f])_", name)
+    letter = re.search(r"(?:^|[^a-z])([a-f])(?=[^a-z])", name.lower())
     return next((pair for pair in GAINS if letter is not None and letter[1] in pair), "")
 
 

@@ -1,7 +1,11 @@
 """One of two loops that send each other a sealed packet and a bare datagram in every slot.
 
 `python -m tautwave.bench.sites.ends < ORDER.json` prints what it measured as one JSON object. Both
-datagrams are as large as a wave pair's, are sent and asked for in the same cycles, in turn first.
+datagrams are as large as a wave pair's, are sent and asked for in the same cycles, in turn first;
+a way counts for the kind that is asked for first, until it can be used: opened and read, or taken.
+
+How long a datagram waits until the other loop looks depends on how the two loops stand to each
+other. One has slots longer by `SWEEP`, so that they stand in every way in turn.
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ from tautwave.sites.datagrams import DataPort, open_socket
 
 PAIRS = tuple((k, k) for k in range(4))
 LINES = (Line(1, 2, PAIRS),)
+SWEEP = 1e-3
 BLOCK_NS = 1_000_000_000
 """With and without network in turn, for so long each [ns], both ends at the same time."""
 
@@ -39,38 +44,35 @@ class End:
         self._bare = open_socket(HOST, order.own[1])
         peer = (HOST, order.other[0])
         self._port = DataPort(open_socket(HOST, order.own[0]), session, names[order.side], peer)
-        self.sealed, self.bare = Histogram(), Histogram()
+        self.sealed, self.bare, self.unread = Histogram(), Histogram(), Histogram()
         self.sealing, self.sending = Histogram(), Histogram()
 
     def exchange(self, slot: int) -> None:
         """Take what came, and send, either kind first in turn."""
         if slot & 1:
-            self.take_sealed()
-            self.take_bare()
+            self.take_sealed(self.sealed)
+            self.take_bare(self.unread)
             self.send_bare(slot)
             self.send_sealed(slot)
         else:
-            self.take_bare()
-            self.take_sealed()
+            self.take_bare(self.bare)
+            self.take_sealed(self.unread)
             self.send_sealed(slot)
             self.send_bare(slot)
 
     def drain(self) -> None:
         """Throw away what has waited while there was no network."""
-        counts = self.sealed, self.bare
-        self.sealed, self.bare = Histogram(), Histogram()
-        self.take_sealed()
-        self.take_bare()
-        self.sealed, self.bare = counts
+        self.take_sealed(self.unread)
+        self.take_bare(self.unread)
 
-    def take_sealed(self) -> None:
+    def take_sealed(self, times: Histogram) -> None:
         """Open and read packets; count how long they were under way."""
-        for payload, came in self._port.receive(32):
+        for payload, _ in self._port.receive(32):
             found = read_packet(payload, self._side)
             if isinstance(found, Packet):
-                self.sealed.add(came - found.clock_ns)
+                times.add(time.monotonic_ns() - found.clock_ns)
 
-    def take_bare(self) -> None:
+    def take_bare(self, times: Histogram) -> None:
         """Take bare datagrams; count how long they were under way."""
         for _ in range(32):
             try:
@@ -79,7 +81,7 @@ class End:
                 return
             except OSError:
                 continue
-            self.bare.add(time.monotonic_ns() - int.from_bytes(datagram[:8], "big"))
+            times.add(time.monotonic_ns() - int.from_bytes(datagram[:8], "big"))
 
     def send_sealed(self, slot: int) -> None:
         """Write, seal and send a packet."""
@@ -101,7 +103,7 @@ def measure(order: Order) -> dict[str, Any]:
     """Run an end, with and without network in turn, and return its figures [us]."""
     end = End(order)
     clock = MonotonicClock()
-    period = round(1e9 / order.rate_hz)
+    period = round((1.0 + SWEEP * order.side) * 1e9 / order.rate_hz)
     late = {True: Histogram(), False: Histogram()}
     memory = []
     with realtime(50, None, lock_memory=True) as sentences, quiet_collector():

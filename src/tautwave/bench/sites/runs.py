@@ -31,7 +31,7 @@ def run_sites(duration_s: float, rate_hz: float) -> list[dict[str, Any]]:
     """Run both sites of the example on this machine; return what each measured.
 
     `late`: loop lateness [us]; `delay`: of one way of the waves' packets [us], by clocks known to
-    half the least round trip; `memory`: resident sizes [bytes], every `LOOK_S`; `sessions`,
+    half a round trip; `memory`: resident sizes [bytes], every `LOOK_S`; `sessions`,
     `silences`, `lost` rows.
 
     Raises

@@ -66,8 +66,9 @@ def link(
     tables = [
         Table(
             f"{name}'s loop [us]",
-            "Both kinds are sent and asked for in the same cycles; a way includes the wait until "
-            "the other loop looks. Lateness with and without network in turn, a second each. "
+            "Both kinds are sent and asked for in the same cycles, in turn first; a way includes "
+            "opening, and the wait until the other loop looks, at any moment of a slot alike. "
+            "Lateness with and without network in turn, a second each. "
             f"{'; '.join(end['realtime'])}.",
             ("", *FIGURES),
             [(row, *(end[key][figure] for figure in FIGURES)) for row, key in ROWS.items()],
@@ -81,7 +82,7 @@ def link(
         Table(
             f"The {side}'s run [us]",
             "`tautwave run --site` of the example network-loopback, recording and all. One way is "
-            "by clocks that are known to half the least round trip. "
+            "by clocks that are known to half a round trip. "
             f"{run['sessions']} session, {run['silences']} silences, {run['dropped']} rows lost, "
             f"{max(run['memory'], default=0) / 1e6:.0f} MB resident.",
             ("", *FIGURES),

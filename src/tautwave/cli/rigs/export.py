@@ -36,7 +36,7 @@ from tautwave.kinds import RECORDING, RUN
     help="LeRobot: frames that miss a sample; default: refuse.",
 )
 @click.option("--no-video", is_flag=True, help="LeRobot: leave out what cameras saw.")
-@out_option("Output directory; default: DIR/export. A dataset's must not exist.")
+@out_option("Output directory; default: export in DIR. A dataset's must not exist.")
 def export(
     directories: tuple[Path, ...],
     to: str,
@@ -69,7 +69,7 @@ def export(
             raise click.UsageError("several runs make one dataset: say where with --out DIR")
         from tautwave.report.export.lerobot import export_dataset
 
-        where = directories[0] / "export" if out is None else out
+        where = _beside(directories[0]) if out is None else out
         cut = missing == "cut"
         click.echo(
             export_dataset(
@@ -88,9 +88,15 @@ def export(
     from tautwave.report.export.tables import export_tables
 
     chosen = None if columns is None else [name.strip() for name in columns.split(",")]
-    for directory in directories:
-        folder = directory / "export" if out is None else out
-        if out is not None and len(directories) > 1:
-            folder = out / directory.resolve().name
+    several = out is not None and len(directories) > 1
+    names = [directory.resolve().name for directory in directories]
+    if several and (twice := next((one for one in names if names.count(one) > 1), None)):
+        raise click.UsageError(f"two runs are named {twice}; export them one by one")
+    for directory, name in zip(directories, names, strict=True):
+        folder = _beside(directory) if out is None else out / name if several else out
         for path in export_tables(directory, to, folder, chosen):
             click.echo(str(path))
+
+
+def _beside(run: Path) -> Path:
+    return (run.parent if run.is_file() else run) / "export"

@@ -24,6 +24,7 @@ def check_arms(document: Document, parts: Parts) -> None:
         _check_arm(document, parts, side, ("simulation", "arms", side), Chain)
         if parts.simulated:
             _check_simulated(document, parts, side)
+        _check_payloads(document, side)
     _check_reflected(document, parts)
     for side, name, axis in parts.axes():
         if axis.load is not None:
@@ -75,6 +76,23 @@ def _check_reflected(document: Document, parts: Parts) -> None:
             "the pairs scale power differently, so what the hand felt would have no potential; "
             "give them one force_scale times position_scale",
         )
+
+
+def _check_payloads(document: Document, side: str) -> None:
+    """Note payloads that no command can take up."""
+    path = (side, "arm", "payloads")
+    arm: Arm | None = salvage(Arm, document.get((side, "arm")))
+    if arm is None or not arm.payloads:
+        return
+    why = ""
+    if document.get(("operate",)) is None:
+        why = "people take up a payload by the command `payload`; write `operate: {}`"
+    elif not arm.compensate:
+        why = "the coupling carries this arm (compensate: false), whatever it holds; remove it"
+    elif arm.reflect_load:
+        why = "what the hand feels of an arm stays as it is; give payloads or reflect_load"
+    if why:
+        document.report(path, why)
 
 
 def _check_simulated(document: Document, parts: Parts, side: str) -> None:

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from tautwave.config.keys.common import Block, NonNegative
+from tautwave.config.keys.common import Block, Name, NonNegative
 from tautwave.config.keys.load import REFLECTED
 
 Point = tuple[float, float, float]
@@ -85,3 +85,8 @@ class Arm(Chain):
         "carries it.",
     )
     reflect_load: bool = Field(default=False, description=REFLECTED)
+    payloads: dict[Name, Payload] = Field(
+        default_factory=dict,
+        description="Payloads that the command `payload NAME` of an operated rig takes up in "
+        "place of `payload`, while the arm stands.",
+    )

@@ -27,16 +27,22 @@ from tautwave.report.units import plural
 
 SLACK_S = 1e-9
 """[s] A row this much after its frame is at the frame: times are rounded."""
+OLDEST_S = 0.05
+"""[s] A row that is older than this, or than a frame, is none of that frame."""
 EFFORT = {"rotary": "torque", "linear": "force"}
 
 
 class Signals(NamedTuple):
-    """Columns that become action and observation, the names a dataset has for them, cameras."""
+    """Columns that become action and observation, the names a dataset has for them, cameras.
+
+    `valid` are columns that are 0 where an axis had no sample, and others keep what was before.
+    """
 
     robot: str
     action: dict[str, str]
     state: dict[str, str]
     units: dict[str, str]
+    valid: tuple[str, ...]
     cameras: tuple[str, ...] = ()
 
 
@@ -73,14 +79,15 @@ def signals(robot: str, axes: Mapping[str, Mapping[str, Any]], velocities: bool)
         named = {"pos": length, "vel": f"{length}/s", "torque": "N m", "force": "N"}
         for column, name in picked.items():
             units[column] = named[name.rpartition(".")[2]]
-    return Signals(robot, action, state, units)
+    return Signals(robot, action, state, units, tuple(f"{axis}.valid" for axis in axes))
 
 
 def _recorded(recording: Recording, velocities: bool) -> Signals:
     """Return the signals of a recording; raise `RecordingError` where it lacks one."""
     axes = axis_blocks(recording.attachments)
     found = signals(recording.metadata.get("rig", "tautwave"), axes, velocities)
-    lacking = [one for one in (*found.action, *found.state) if one not in recording.columns]
+    needed = (*found.action, *found.state, *found.valid)
+    lacking = [one for one in needed if one not in recording.columns]
     if not found.action or not found.state or lacking:
         what = f"column {lacking[0]}" if lacking else "both sides' axes in a rig file of its own"
         raise RecordingError(
@@ -89,8 +96,12 @@ def _recorded(recording: Recording, velocities: bool) -> Signals:
     return found
 
 
-def frame_rows(times: npt.NDArray[np.float64], fps: int) -> npt.NDArray[np.intp]:
-    """Return the row of each frame: the newest not after it.
+def frame_rows(
+    times: npt.NDArray[np.float64], fps: int, period_s: float
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.bool_]]:
+    """Return the row of each frame, the newest not after it, and whether it is recent.
+
+    Where slots or a chunk of the recording are missing, a row would stand for frames after its own.
 
     Parameters
     ----------
@@ -98,11 +109,14 @@ def frame_rows(times: npt.NDArray[np.float64], fps: int) -> npt.NDArray[np.intp]
         Time of each row [s], rising.
     fps : int
         Frames a second.
+    period_s : float
+        Of a cycle [s].
     """
     span = times[-1] - times[0] + SLACK_S
     at = times[0] + np.arange(int(span * fps) + 1) / fps
     newest: npt.NDArray[np.intp] = np.searchsorted(times, at + SLACK_S, side="right") - 1
-    return newest
+    oldest = max(min(1.0 / fps, OLDEST_S), period_s)
+    return newest, at - times[newest] < oldest - SLACK_S
 
 
 def export_dataset(
@@ -173,16 +187,18 @@ def _episodes_of(
     run: Path, wanted: Signals, fps: int, task: str | None, cut: bool
 ) -> Iterator[Frames]:
     cameras = [Camera.of_run(run, name) for name in wanted.cameras]
+    columns = ["time_s", *wanted.action, *wanted.state, *wanted.valid]
+    split, end = len(wanted.action), len(wanted.action) + len(wanted.state)
     for episode in episodes(run):
-        rows = read_recording(run, ["time_s", *wanted.action, *wanted.state], rows=episode.rows)
+        rows = read_recording(run, columns, rows=episode.rows)
         text = episode.task or task
         if not text:
             raise ConfigError(
                 f"{run}: {_name(episode)} has no task; say what was done with --task TEXT"
             )
-        taken = frame_rows(rows.time_s, fps)
+        taken, recent = frame_rows(rows.time_s, fps, 1.0 / float(rows.metadata["rate_hz"]))
         data = rows.data[taken, 1:]
-        whole: npt.NDArray[np.bool_] = np.all(np.isfinite(data), axis=1)
+        whole = recent & np.all(np.isfinite(data), axis=1) & np.all(data[:, end:] != 0.0, axis=1)
         also = " or a picture" if cameras else ""
         filmed = [camera.numbers(rows.time_s[taken]) for camera in cameras]
         for seen in filmed:
@@ -195,8 +211,7 @@ def _episodes_of(
             )
         if not whole.any():
             raise RecordingError(f"{run}: {_name(episode)} has no frame with all samples")
-        kept = data[whole].astype(np.float32)
-        split = len(wanted.action)
+        kept = data[whole, :end].astype(np.float32)
         pictures = {
             camera.name: camera.jpegs(seen[whole].tolist())
             for camera, seen in zip(cameras, filmed, strict=True)

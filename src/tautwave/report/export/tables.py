@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 import importlib
 import io
-from collections.abc import Callable, Sequence
+import itertools
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +18,12 @@ from tautwave.files import make_directory, write_bytes, write_text
 from tautwave.recordings.recording import Recording, read_recording
 from tautwave.report.export.episodes import episodes, units
 
+BLOCK = 1 << 16
+"""Rows that are in memory at once, of a format that grows."""
+LARGEST_MAT = 2**32 - 2**20
+"""Bytes; a structure states its length in 32 bits."""
+LONGEST = 58
+"""Characters of a field in MATLAB that is not numbered: of 63, with room for a number."""
 INDEX = ("file", "number", "name", "task", "success", "begin_s", "end_s", "rows")
 
 
@@ -63,50 +71,79 @@ def export_tables(
     make_directory(out)
     written, lines = [], []
     for episode, path in zip(found, paths, strict=True):
-        rows = read_recording(directory, columns, rows=episode.rows)
         times = read_recording(directory, ["time_s"], rows=episode.rows).time_s
-        write_bytes(path, content(rows, units(rows.columns, rows.attachments)))
+        write_bytes(path, content(_Rows(directory, columns, episode.rows.start or 0, len(times))))
         written.append(path)
         success = "" if episode.success is None else str(episode.success).lower()
         ends = [f"{times[0]:.9g}", f"{times[-1]:.9g}"] if len(times) else ["", ""]
         named = [path.name, episode.number, episode.name, episode.task]
-        lines.append([*named, success, *ends, len(rows)])
+        lines.append([*named, success, *ends, len(times)])
     index = io.StringIO()
     csv.writer(index, lineterminator="\n").writerows([INDEX, *lines])
     write_text(out / "episodes.csv", index.getvalue())
     return [*written, out / "episodes.csv"]
 
 
-def _csv(rows: Recording, units: dict[str, str]) -> bytes:
-    del units  # a heading of names only is what every reader of CSV takes
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(rows.columns)
-    writer.writerows(row.tolist() for row in rows.data)
-    return text.getvalue().encode("utf-8")
+class _Rows(NamedTuple):
+    """Rows of an episode, read when they are asked for: all columns of an hour are gigabytes."""
+
+    directory: Path
+    columns: Sequence[str] | None
+    begin: int
+    length: int
+
+    def all(self) -> Recording:
+        """Return all of them."""
+        return self._read(0, self.length)
+
+    def blocks(self) -> Iterator[Recording]:
+        """Give them in their order, some at a time."""
+        for at in range(0, self.length, BLOCK):
+            yield self._read(at, min(at + BLOCK, self.length))
+
+    def _read(self, begin: int, end: int) -> Recording:
+        rows = slice(self.begin + begin, self.begin + end)
+        return read_recording(self.directory, self.columns, rows=rows)
 
 
-def _npz(rows: Recording, units: dict[str, str]) -> bytes:
-    del units  # an array of npz has no place for one
+def _csv(episode: _Rows) -> Iterator[bytes]:
+    # A heading of names only is what every reader of CSV takes: no units.
+    for number, rows in enumerate(episode.blocks()):
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        if not number:
+            writer.writerow(rows.columns)
+        writer.writerows(row.tolist() for row in rows.data)
+        yield text.getvalue().encode("utf-8")
+
+
+def _npz(episode: _Rows) -> bytes:
+    rows = episode.all()  # an array of npz has no place for a unit
     packed = io.BytesIO()
     arrays: dict[str, Any] = {name: rows[name] for name in rows.columns}
     np.savez_compressed(packed, **arrays)
     return packed.getvalue()
 
 
-def _parquet(rows: Recording, units: dict[str, str]) -> bytes:
-    table = rows.to_arrow()
-    fields = [
-        field.with_metadata({"unit": units[field.name]}) if field.name in units else field
-        for field in table.schema
-    ]
-    schema = importlib.import_module("pyarrow").schema(fields, table.schema.metadata)
+def _parquet(episode: _Rows) -> bytes:
+    writer: Any = None
     packed = io.BytesIO()
-    importlib.import_module("pyarrow.parquet").write_table(table.cast(schema), packed)
+    for rows in episode.blocks():
+        table = rows.to_arrow()
+        if writer is None:
+            stated = units(rows.columns, rows.attachments)
+            fields = [
+                field.with_metadata({"unit": stated[field.name]}) if field.name in stated else field
+                for field in table.schema
+            ]
+            schema = importlib.import_module("pyarrow").schema(fields, table.schema.metadata)
+            writer = importlib.import_module("pyarrow.parquet").ParquetWriter(packed, schema)
+        writer.write_table(table.cast(schema))
+    writer.close()
     return packed.getvalue()
 
 
-def _mat(rows: Recording, units: dict[str, str]) -> bytes:
+def _mat(episode: _Rows) -> bytes:
     """Return a MAT file, level 5: `recording`, a structure by the dots of names, and `units`."""
     try:
         io_module = importlib.import_module("scipy.io")
@@ -114,33 +151,70 @@ def _mat(rows: Recording, units: dict[str, str]) -> bytes:
         raise ConfigError(
             "--to mat needs SciPy: pip install 'tautwave[analysis]', or export --to csv"
         ) from err
-    tree = _nested({name: rows[name][:, None] for name in rows.columns})
+    rows = episode.all()
+    if rows.data.nbytes > LARGEST_MAT:
+        raise ConfigError(
+            f"{episode.directory}: {rows.data.nbytes / 1e9:.1f} GB are too much for a MAT file of "
+            "level 5; choose --columns, or --to parquet"
+        )
+    places = _places(rows.columns)
+    content = {name: rows[name][:, None] for name in rows.columns}
     packed = io.BytesIO()
     io_module.savemat(
         packed,
-        {"recording": tree, "units": _nested(units)},
+        {
+            "recording": _nested(content, places),
+            "units": _nested(units(rows.columns, rows.attachments), places),
+        },
         long_field_names=True,
         do_compression=True,
     )
     return packed.getvalue()
 
 
-def _nested(flat: dict[str, Any]) -> dict[str, Any]:
-    """Return a tree by the dots of the names; a name beside longer ones of its own is `value`."""
+def _places(columns: Sequence[str]) -> dict[str, list[str]]:
+    """Return each column's way through a structure: by its dots, in names that MATLAB takes.
+
+    A column that others go on from is `value` beside them. What MATLAB would take for the same, or
+    not at all, gets another name: an `x` before it, a number after it.
+    """
+    parts = {name: name.split(".") for name in columns}
+    inner = {".".join(way[:k]) for way in parts.values() for k in range(1, len(way))}
+    found: dict[str, list[str]] = {}
+    known: dict[str, dict[str, str]] = {}
+    for name, way in parts.items():
+        found[name] = []
+        for part in [*way, "value"] if name in inner else way:
+            # No part has a dot, so a column's own value is not its child of that name.
+            own = f"{part}." if len(found[name]) == len(way) else part
+            taken = known.setdefault(".".join(found[name]), {})
+            if own not in taken:
+                taken[own] = _field(part, taken.values())
+            found[name].append(taken[own])
+    return found
+
+
+def _field(part: str, taken: Collection[str]) -> str:
+    """Return a name of a field in MATLAB, at most 63 characters, that is not taken."""
+    name = re.sub(r"\W", "_", part, flags=re.ASCII)
+    name = (name if name[:1].isalpha() else f"x{name}")[:LONGEST]
+    numbered = (f"{name}_{k}" for k in itertools.count(2))
+    return next(one for one in itertools.chain([name], numbered) if one not in taken)
+
+
+def _nested(flat: Mapping[str, Any], places: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """Return a tree of the columns' places."""
     tree: dict[str, Any] = {}
-    for name in sorted(flat, key=lambda one: one.count("."), reverse=True):
-        *way, leaf = name.replace("-", "_").split(".")
+    for name, value in flat.items():
+        *way, leaf = places[name]
         branch = tree
         for step in way:
             branch = branch.setdefault(step, {})
-        if leaf in branch:
-            branch[leaf]["value"] = flat[name]
-        else:
-            branch[leaf] = flat[name]
+        branch[leaf] = value
     return tree
 
 
-TABLES: dict[str, Callable[[Recording, dict[str, str]], bytes]] = {
+TABLES: dict[str, Callable[[_Rows], bytes | Iterable[bytes]]] = {
     "csv": _csv, "parquet": _parquet, "npz": _npz, "mat": _mat,
 }  # fmt: skip
 """What makes the content of a file, by its ending."""

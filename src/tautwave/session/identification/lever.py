@@ -15,9 +15,11 @@ from tautwave.errors import RecordingError
 from tautwave.session.identification.identifying import device_snippet
 from tautwave.session.identification.recorded_columns import (
     Series,
+    changing,
     motor_column,
     read_positions,
     read_series,
+    too_little,
     with_beside,
 )
 
@@ -139,7 +141,7 @@ def identify_lever(
     """
     part = (begin_s, end_s)
     effort = motor_column(source, axis, effort)
-    series = read_series(source, position, effort, time, axis, part)
+    series = changing(read_series(source, position, effort, time, axis, part))
     felt = None
     if outside is not None:
         series, felt = with_beside(series, source, outside, time, axis)
@@ -158,7 +160,7 @@ def identify_lever(
                     outside=felt,
                 )
             except ValueError as err:
-                raise RecordingError(f"{source}: {err}") from err
+                raise too_little(series, err) from err
             if fit.coulomb.value + fit.damping.value * fit.peak_velocity < 0.0:
                 continue  # the effort's sign is the other way round
             if best is None or fit.explained > best[0].explained:

@@ -21,7 +21,13 @@ from tautwave.analysis.identification.regression import Array, RecursiveLeastSqu
 from tautwave.analysis.identification.sensor_lag import Recorded, fit_lagged
 from tautwave.errors import RecordingError
 from tautwave.files import make_directory, write_text
-from tautwave.session.identification.recorded_columns import Series, read_series, with_beside
+from tautwave.session.identification.recorded_columns import (
+    Series,
+    changing,
+    read_series,
+    too_little,
+    with_beside,
+)
 
 DEFAULT_FILTER_HZ = 40.0
 FORGETTING_S = 1.0
@@ -117,7 +123,7 @@ def identify_recording(
     ConfigError, RecordingError
         Not readable, ambiguous columns, or too short.
     """
-    series = read_series(source, position, effort, time, axis, (begin_s, end_s))
+    series = changing(read_series(source, position, effort, time, axis, (begin_s, end_s)))
     wanted = None
     if intent is not None:
         series, wanted = with_beside(series, source, intent, time, axis)
@@ -127,10 +133,7 @@ def identify_recording(
             series.position, series.effort, series.period, cutoff_hz=cutoff, known=series.known
         )
     except ValueError as err:
-        raise RecordingError(f"{source}: {err}") from err
-    if not np.ptp(series.position) > 0.0 or not np.ptp(series.effort) > 0.0:
-        still = series.position_name if not np.ptp(series.position) > 0.0 else series.effort_name
-        raise RecordingError(f"{source}: {still} never changes, so nothing can be identified")
+        raise too_little(series, err) from err
     names = AUTOMATIC if model == "auto" else (model,)
     if wanted is not None:
         fits = [fit_hand(motion, wanted)]

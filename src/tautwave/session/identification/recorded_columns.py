@@ -16,6 +16,9 @@ from tautwave.recordings.columns import column_names, read_columns, recording_fi
 MOST_SAMPLES = 100_000
 """Most samples used of a recording; more would take minutes without improving the fit."""
 
+LEAST_CHANGE = 1e-50
+"""Change in SI whose squares are still numbers."""
+
 UNEVEN = 0.6  # share of a period: a larger gap in time is filled in and not used
 _EFFORTS = ("effort", "torque", "force")
 
@@ -51,6 +54,35 @@ def read_series(
         No such recording or column, or names that leave the columns ambiguous.
     """
     return _even(*_read(source, position, effort, time, axis), part)
+
+
+def changing(series: Series) -> Series:
+    """Return a series from which something can be found.
+
+    Raises
+    ------
+    RecordingError
+        Its position or its effort never changes.
+    """
+    for name, values in (
+        (series.position_name, series.position),
+        (series.effort_name, series.effort),
+    ):
+        if not np.ptp(values) > LEAST_CHANGE:
+            raise RecordingError(
+                f"{series.source}: {name} never changes, so nothing can be identified"
+            )
+    return series
+
+
+def too_little(series: Series, why: ValueError) -> RecordingError:
+    """Return why nothing can be found in a series, with what is missing in it."""
+    missing = np.count_nonzero(~series.known)
+    gaps = (
+        f"; {missing} of {len(series.known)} samples are missing, and the filter takes none for "
+        "granted: choose a part without gaps with --from and --to"
+    )
+    return RecordingError(f"{series.source}: {why}{gaps if missing else ''}")
 
 
 def read_positions(

@@ -6,7 +6,14 @@ import socket
 from collections.abc import Callable, Sequence
 
 from tautwave.errors import LinkError
-from tautwave.link.clocks import Exchange, clock_line, exchange, keep_best, slot_stretch
+from tautwave.link.clocks import (
+    Exchange,
+    clock_doubt,
+    clock_line,
+    exchange,
+    keep_best,
+    slot_stretch,
+)
 from tautwave.link.packet import Line, Packet, read_packet, write_packet
 from tautwave.sites.control import Session
 from tautwave.sites.datagrams import DataPort
@@ -141,16 +148,16 @@ class Endpoint:
 
     @property
     def offset(self) -> float:
-        """Return by how much the other's clock is ahead [s], to half the least round trip."""
+        """Return by how much the other's clock is ahead [s], to half a round trip."""
         return self._line[0]
 
     def clocks(self) -> dict[str, float] | None:
-        """Return offset and rate of the other's clock, and what is unknown of the offset [s]."""
+        """Return offset and rate of the other's clock when it was last heard, and the doubt [s]."""
         if not self._best:
             return None
-        offset, rate = clock_line(self._best, self._now_ns() * 1e-9)
-        unknown = 0.5 * min(one.round_trip for one in self._best)
-        return {"offset_s": offset, "rate": rate, "unknown_s": unknown}
+        heard = self._best[0].at
+        offset, rate = clock_line(self._best, heard)
+        return {"offset_s": offset, "rate": rate, "unknown_s": clock_doubt(self._best)}
 
     def count(self) -> dict[str, int]:
         """Return how many datagrams were refused so far, by reason."""

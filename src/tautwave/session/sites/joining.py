@@ -18,6 +18,7 @@ from tautwave.errors import LinkError
 from tautwave.rig import Assembly, coupling_part
 from tautwave.rig.operation import quantum_of, site_pulls
 from tautwave.runtime.control import CoupledControl
+from tautwave.runtime.load import SideLoad
 from tautwave.runtime.operate.inbox import People
 from tautwave.session.sites.agreed import SiteLimits
 from tautwave.session.sites.control import SiteControl
@@ -168,6 +169,8 @@ def with_site(rig: Rig, assembly: Assembly, link: Joined, people: People | None 
         assembly.clock.now_ns,
     )  # fmt: skip
     site = SiteControl(*given) if people is None else OperatedSite(people, *given)
+    if isinstance(site, OperatedSite):
+        site.loads = [one for one in assembly.sources if isinstance(one, SideLoad)]
     sources = [site, *assembly.sources[1:]]
     columns = [*assembly.columns[: -sum(len(s.columns) for s in assembly.sources)]]
     columns += [name for source in sources for name in source.columns]

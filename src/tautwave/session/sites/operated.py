@@ -9,15 +9,16 @@ end the keys and numbers of its packets end, so nothing of it can arrive in the 
 from __future__ import annotations
 
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tautwave.contracts import Row
 from tautwave.controller.records import FINISHED, GUARD, LINK, OVERRUN
 from tautwave.controller.run import forget_stop
 from tautwave.controller.stops import stop_error
+from tautwave.runtime.load import SideLoad, take_payload
 from tautwave.runtime.operate import states as st
-from tautwave.runtime.operate.commands import EPISODE, TOGGLE, WORDS, Order
+from tautwave.runtime.operate.commands import EPISODE, PAYLOAD, TOGGLE, WORDS, Order
 from tautwave.runtime.operate.engagement import drop_commands, end_session
 from tautwave.runtime.operate.inbox import People
 from tautwave.runtime.operate.journal import Entry, Journal
@@ -42,6 +43,7 @@ class OperatedSite(SiteControl):
     """
 
     master_rests = True
+    loads: Sequence[SideLoad] = ()
 
     def __init__(self, people: People, *given: Any) -> None:
         self.inbox, self.lamps = people.inbox, people.lamps
@@ -121,7 +123,10 @@ class OperatedSite(SiteControl):
         self._command = WORDS.index(word) + 1 if word in WORDS else 0
         after = st.follow(now, word)
         why = self._refusal(word, order.argument)
-        if why:
+        if word == PAYLOAD:
+            text, refused = take_payload(self.loads, order.argument)
+            self._note(word, order.source, text, refused=refused)
+        elif why:
             self._note(word[:40], order.source, why, refused=True)
         elif word == EPISODE:
             self._mark(order.argument, order.source)

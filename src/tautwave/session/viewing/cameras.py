@@ -45,7 +45,9 @@ def cameras_of(rig: Rig, clock: str, directory: Path) -> Iterator[dict[str, dict
         for name, child in children.items():
             said = _line(child, READY_S)
             if "ready" not in said:
-                raise ConfigError(f"cameras.{name}: {said.get('error', 'its process ended')}")
+                ended = child.poll() is not None
+                why = "its process ended" if ended else f"not ready after {READY_S:g} s"
+                raise ConfigError(f"cameras.{name}: {said.get('error', why)}")
         yield found
         for name, child in children.items():
             found[name] = _line(child, END_S) or {"error": "its process ended before the run"}

@@ -26,6 +26,7 @@ from tautwave.rig import (
     build_rig,
     check_ends,
     coupling_law,
+    cycles_in,
     pair_params,
     run_params,
     true_delay_s,
@@ -129,7 +130,7 @@ def pack_rig(rig: Rig, duration_s: float | None = None, facts: RigFacts | None =
         raise ConfigError(
             f"{rig.name}: arms and loads are not compiled; tautwave run --clock fake simulates them"
         )
-    cycles = max(round((rig.duration_s if duration_s is None else duration_s) * rig.rate_hz), 1)
+    cycles = cycles_in(rig, duration_s)
     facts = rig_facts(rig) if facts is None else facts
     delays = facts.delays
     law = coupling_law(rig)

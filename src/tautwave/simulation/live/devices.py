@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from tautwave.contracts import AxisSpec, BusSpec, Row
+from tautwave.contracts import BusSpec, Row
 from tautwave.controller.records import Sample
 from tautwave.simulation.kernel.pack import Pieces, pack_device
 from tautwave.simulation.kernel.records import DeviceParams, DeviceState
@@ -18,35 +19,6 @@ from tautwave.truth import AxisModel
 from tautwave.types import JointState
 
 _made = tuple.__new__
-
-
-class CompiledAxis:
-    """One device of `CompiledDevices`, as a loopback driver and the recording see it."""
-
-    def __init__(self, name: str, world: CompiledDevices, hand: bool) -> None:
-        self.name = name
-        self._row = world.row
-        names = ["position", "velocity", *(["reference", "hand_effort"] if hand else [])]
-        books = ["hand_work", "motor_work", "kinetic", "grip_stored", "environment_stored"]
-        books += ["grip_loss", "viscous_loss", "coulomb_loss", "environment_loss"]
-        self.columns = [f"true.{name}.{it}" for it in (*names, "environment_effort")]
-        self.columns += [f"plant.{name}.{it}" for it in books]
-        self._part = world.row[:0]
-
-    def place_after(self, first: int) -> int:
-        """Fill from column `first` of the bus on; return the next one."""
-        after = first + len(self.columns)
-        self._part = self._row[first:after]
-        return after
-
-    def fill(self, row: Row, at: int) -> None:
-        """Write the truth at this slot into `row` from index `at` on."""
-        part = self._part
-        if isinstance(row, memoryview):
-            row[at : at + len(part)] = part
-            return
-        for place, value in enumerate(part, at):
-            row[place] = value
 
 
 class CompiledDevices:
@@ -60,6 +32,11 @@ class CompiledDevices:
         What is true of them.
     cycles : int
         Cycles of the run, for which noise and missing samples are drawn.
+
+    Attributes
+    ----------
+    columns : list of str
+        What `fill` writes: the truth about every axis, in their order.
     """
 
     def __init__(self, bus: BusSpec, models: Sequence[AxisModel], cycles: int) -> None:
@@ -69,21 +46,19 @@ class CompiledDevices:
             models = [it._replace(command_delay=max(it.command_delay, 1.0)) for it in models]
         floats, flags = Pieces(np.float64), Pieces(np.bool_)
         params = [pack_device(model, floats, flags, cycles + 1) for model in models]
-        self._count = count = len(models)
+        count = len(models)
         bodies = blank_records(DeviceState, count)
         bodies["x"] = [model.start_position for model in models]
         values = np.zeros(max(3 * count, 1))
-        self.values = view_of(values)
-        specs: Sequence[AxisSpec] = bus.axes
-        row = np.zeros(15 * max(count, 1))
-        self.row = view_of(row)
-        self.axes = [
-            CompiledAxis(spec.name, self, hand=params[place].last >= 0)
-            for place, spec in enumerate(specs)
+        self.values = view_of(values)[: 3 * count]
+        self.axes = bus.axes
+        self.columns = [
+            name
+            for spec, of in zip(bus.axes, params, strict=True)
+            for name in _columns(spec.name, hand=of.last >= 0)
         ]
-        first = 0
-        for axis in self.axes:
-            first = axis.place_after(first)
+        row = np.zeros(max(len(self.columns), 1))
+        self.row = view_of(row)[: len(self.columns)]
         tables: tuple[Any, ...] = (
             records_of(DeviceParams, params),
             bodies,
@@ -95,7 +70,7 @@ class CompiledDevices:
         )
         self._tables = tables  # whose addresses are in use
         self._step = partial(entry("step_devices"), *(table.ctypes.data for table in tables), count)
-        self._commands = [0.0] * count
+        self._commands = self.values[:count]
         self._period_ns = round(models[0].period * 1e9) if models else 0
         self._origin_ns: int | None = None
         self._slot = 0
@@ -108,7 +83,7 @@ class CompiledDevices:
 
     def measure(self) -> list[JointState]:
         """Return what the drives report at this slot."""
-        each = iter(self.values[: 3 * self._count].tolist())
+        each = iter(self.values.tolist())
         return [  # as JointState(...) does, at half the time
             _made(JointState, (position, math.nan, effort, valid != 0.0, 0))
             for position, effort, valid in zip(each, each, each, strict=True)
@@ -116,23 +91,36 @@ class CompiledDevices:
 
     def command(self, values: Sequence[float]) -> None:
         """Take an effort or a velocity of each device for the slots to come."""
-        self._commands[:] = values
+        self._commands[:] = array("d", values)
         self._commanded = True
 
     def advance(self, to_ns: int) -> None:
         """Move all devices over the slots that have passed at `to_ns`, and measure them."""
-        if self._commanded:
-            for place, value in enumerate(self._commands):
-                self.values[place] = value
-            self._step(self._slot, 1)
-            self._commanded = False
         if self._origin_ns is None:
             self._origin_ns = to_ns
             self._slot = 0
         else:
             slot = (to_ns - self._origin_ns + self._period_ns // 2) // self._period_ns
             self._slot = max(slot, self._slot)
-        self._step(self._slot, 0)
+        self._step(self._slot, self._commanded)
+        self._commanded = False
+
+    def fill(self, row: Row, at: int) -> None:
+        """Write the truth at this slot into `row` from index `at` on."""
+        if isinstance(row, memoryview):
+            row[at : at + len(self.row)] = self.row
+            return
+        for place, value in enumerate(self.row, at):
+            row[place] = value
 
     def close(self) -> None:
         """Nothing to release."""
+
+
+def _columns(name: str, *, hand: bool) -> list[str]:
+    """Return what is recorded of the truth about an axis."""
+    true = ["position", "velocity", *(["reference", "hand_effort"] if hand else [])]
+    books = ["hand_work", "motor_work", "kinetic", "grip_stored", "environment_stored"]
+    books += ["grip_loss", "viscous_loss", "coulomb_loss", "environment_loss"]
+    columns = [f"true.{name}.{it}" for it in (*true, "environment_effort")]
+    return columns + [f"plant.{name}.{it}" for it in books]

@@ -129,14 +129,13 @@ def step_devices(
     slot: int,
     command: bool,
 ) -> None:
-    """Move devices on to `slot` and measure there, or hand them their commands.
+    """Hand devices their commands, if there are new ones, move them on to `slot`, measure there.
 
-    `values` is position, effort and validity of each device then, its command before.
+    `values` begins with the commands, then is position, effort and validity of each device.
     """
     if command:
         for i in range(count):
             command_device(bodies[i], devices[i], values[i])
-        return
     at = 0
     for i in range(count):
         b = bodies[i]

@@ -15,6 +15,8 @@ import time
 from contextlib import suppress
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from tautwave.config.keys.devices import Camera
 from tautwave.errors import ConfigError, RecordingError
 
@@ -27,9 +29,15 @@ CAN_CAPTURE, CAN_STREAM, HAS_DEVICE_CAPS = 0x1, 0x04000000, 0x80000000
 BROKEN, CLOCK_MASK, MONOTONIC = 0x40, 0xE000, 0x2000
 MJPEG, YUYV = b"MJPG", b"YUYV"
 BUFFERS = 4
-FORMAT = struct.Struct("<I4xII4sIII176x")
+FORMAT = struct.Struct("<I4xII4sIIII4x4x4xI156x")
+JPEG_COLOURS, FULL_RANGE = 7, 1
 BUFFER = struct.Struct("<IIIII4xqq16xIIIIIII4x")
 QUALITY = 90
+LUMA, CHROMA = (
+    np.clip(np.rint((np.arange(256) - zero) * 255.0 / span + to), 0, 255).astype(np.uint8)
+    for zero, span, to in ((16, 219, 0), (128, 224, 128))
+)
+"""From BT.601's limited range to the full one of a JPEG."""
 
 
 class Frame(NamedTuple):
@@ -132,13 +140,15 @@ class V4l2:
                 f"{camera.device}: is no camera that streams; see v4l2-ctl --list-devices"
             )
         for wanted in (MJPEG, YUYV):
-            block = FORMAT.pack(CAPTURE, camera.width, camera.height, wanted, ANY_FIELD, 0, 0)
-            given = self._ask(S_FMT, block)
-            _, self.width, self.height, self.format, _, self._stride, _ = FORMAT.unpack(given)
+            block = FORMAT.pack(CAPTURE, camera.width, camera.height, wanted, ANY_FIELD, 0, 0, 0, 0)
+            answer = FORMAT.unpack(self._ask(S_FMT, block))
+            _, self.width, self.height, self.format, _, self._stride, _, colours, quantum = answer
             if self.format == wanted:
                 break
         if self.format not in (MJPEG, YUYV):
             raise ConfigError(f"{camera.device}: gives neither MJPEG nor YUYV pictures")
+        # Others leave room below black and above white (`V4L2_QUANTIZATION_LIM_RANGE`).
+        self._full = quantum == FULL_RANGE or (quantum == 0 and colours == JPEG_COLOURS)
         if (self.width, self.height) != (camera.width, camera.height):
             raise ConfigError(
                 f"{camera.device}: gives {self.width} x {self.height} pixels instead of "
@@ -182,17 +192,18 @@ class V4l2:
             return None
         except OSError as error:
             raise RecordingError(f"{self._where}: has gone ({error.strerror})") from error
-        if flags & BROKEN or not data:
+        least = 1 if self.format == MJPEG else self.height * self._stride
+        if flags & BROKEN or len(data) < least:
             return None
         kernel = flags & CLOCK_MASK == MONOTONIC
         at = sec * 1_000_000_000 + usec * 1000 if kernel else now
         return Frame(at, data if self.format == MJPEG else self._jpeg(data), number, kernel)
 
     def _jpeg(self, data: bytes) -> bytes:
-        import numpy as np
-
         lines = np.frombuffer(data, np.uint8, self.height * self._stride)
         pairs = lines.reshape(self.height, self._stride)[:, : 2 * self.width]
+        if not self._full:
+            pairs = np.where(np.arange(2 * self.width) % 2, CHROMA[pairs], LUMA[pairs])
         pairs = pairs.reshape(self.height, self.width // 2, 4)
         picture = np.empty((self.height, self.width, 3), np.uint8)
         picture[..., 0] = pairs[..., ::2].reshape(self.height, self.width)

@@ -1,0 +1,108 @@
+"""What a tip has in common, whatever its joints take: the driver behind it, samples, limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from tautwave.contracts import BusSpec, Clock
+from tautwave.models.chain.gravity import chain_gravity
+from tautwave.models.chain.kinematics import chain_frames
+from tautwave.models.chain.task import COORDINATES
+from tautwave.registry import load_driver
+from tautwave.types import CommandDelay, Fault, JointState
+from tautwave_drivers.arm.options import ArmOptions, coordinates, joint_bus
+
+
+class JointsBehind:
+    """The joints of an arm on a bus of their own driver, and where they are.
+
+    Parameters
+    ----------
+    options : ArmOptions
+        The arm.
+    bus : BusSpec
+        Its axes are coordinates of the tip.
+    clock, transport
+        For the driver of the joints.
+    """
+
+    def __init__(self, options: ArmOptions, bus: BusSpec, clock: Clock, transport: Any) -> None:
+        plugin = load_driver(options.bus.driver)
+        joints = joint_bus(options, bus)
+        own = plugin.options.model_validate(options.bus.options)
+        inner = plugin.make(own, joints, clock, transport)
+        self._inner = inner
+        self.command_delay: CommandDelay = inner.command_delay
+        self.open = inner.open
+        self.enable_step = inner.enable_step
+        self.request = inner.request
+        self.disable = inner.disable
+        self.close = inner.close
+        self._which = coordinates(bus)
+        self._axes = [axis.name for axis in bus.axes]
+        self._joints = joints.axes
+        self._task = options.task()
+        self._period_ns = bus.period_ns
+        self._period = 1.0 / bus.rate_hz
+        count = self._count = len(joints.axes)
+        self._known = False
+        self._beyond = False
+        self._q = [0.0] * count
+        self._stride = [0.0] * count  # per period
+        self._place = [0.0] * COORDINATES
+        self._jacobian = [0.0] * (COORDINATES * count)
+        self._deadline_ns: int | None = None
+        self._faults: list[Fault] = []
+        self._sent = [0.0] * count
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what else a driver may have: `poll`, `notes`."""
+        return getattr(self._inner, name)
+
+    def faults(self) -> Sequence[Fault]:
+        """Return the joints' faults since the last call, and what a joint did beyond its limits."""
+        found, self._faults = self._faults, []
+        return [*self._inner.faults(), *found]
+
+    def _sampled(self, deadline_ns: int) -> tuple[Sequence[JointState], int]:
+        """Return the joints' samples, and how many slots passed since the last were asked for."""
+        states = self._inner.read(deadline_ns)
+        slots = 0
+        if self._deadline_ns is not None:
+            slots = max(round((deadline_ns - self._deadline_ns) / self._period_ns), 0)
+        self._deadline_ns = deadline_ns
+        return states, slots
+
+    def _missed(self, states: Sequence[JointState]) -> Sequence[JointState]:
+        """Return what a tip reports of which a joint is missing."""
+        age = max((state.age_ns for state in states), default=0)
+        return [JointState(math.nan, math.nan, math.nan, False, age)] * len(self._which)
+
+    def _weighs(self, q: Sequence[float]) -> tuple[list[float], float]:
+        """Return what holds the believed weight at `q`, and its potential [J]."""
+        held = [0.0] * self._count
+        return held, chain_gravity(self._task.chain, chain_frames(self._task.chain, q), held)
+
+    def _watch(self, q: Sequence[float]) -> None:
+        """Note the first joint that is beyond its limits, once."""
+        if self._beyond:
+            return
+        for joint, at, stride in zip(self._joints, q, self._stride, strict=True):
+            low, high = joint.position_range
+            speed = abs(stride) / self._period
+            if not low <= at <= high:
+                what = f"stands at {at:.4g}, outside of its position_range [{low:g}, {high:g}]"
+            elif speed > joint.velocity_limit:
+                what = f"moves at {speed:.4g}, beyond its velocity_limit {joint.velocity_limit:g}"
+            else:
+                continue
+            self._fail(f"joint {joint.name} {what}")
+            return
+
+    def _fail(self, sentence: str) -> None:
+        """End the run, once."""
+        if not self._beyond:
+            self._beyond = True
+            self._faults.append(Fault(self._axes[0], sentence, fatal=True))

@@ -1,0 +1,157 @@
+"""An arm takes up another payload during a run: ramped while it stands, booked, certified."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tautwave.certificate.belief import declared_delays
+from tautwave.certificate.loads import load_element
+from tautwave.config import load_rig
+from tautwave.errors import ConfigError
+from tautwave.rig import build_rig
+from tautwave.rig.arms import greatest_loads, load_reserves, load_stiffnesses
+from tautwave.rig.rates import load_offset
+from tautwave.runtime.load import CarriedAxis, SideLoad, take_payload
+from tautwave.runtime.operate.commands import PAYLOAD, Order, Script
+from tautwave.session.operating import with_operation
+from tautwave.simulation.scene.live import run_in_memory
+
+ARMS = Path(__file__).parents[2] / "configs" / "arms-loopback.yaml"
+MORE = ("operate={start: engaged}", "slave.arm.payloads={none: {mass: 0.0}, box: {mass: 0.6}}")
+
+
+def lever(mass: float) -> Any:
+    """Return what holds a mass at a metre, and its potential."""
+
+    def weigh(x: Any) -> tuple[list[float], float]:
+        return [9.81 * mass * math.cos(x[0])], 9.81 * mass * math.sin(x[0])
+
+    return weigh
+
+
+def side(ramp: int = 10) -> SideLoad:
+    axis = CarriedAxis("slave.lever", 100.0, math.inf, 0.0, 0, 0.0, still=1e-4)
+    return SideLoad("slave", [axis], lever(1.0), {"box": lever(3.0), "none": lever(0.0)}, ramp)
+
+
+def pass_slot(load: SideLoad, x: float) -> float:
+    load.pass_slots(0, 1)
+    load.take(0, x)
+    return load.effort(0)
+
+
+def test_a_payload_is_taken_up_over_the_ramp_and_booked_as_that() -> None:
+    load = side()
+    x = 0.3
+    for _ in range(3):
+        assert pass_slot(load, x) == pytest.approx(9.81 * math.cos(x))
+    assert load.take_up("box") == ""
+    efforts = [pass_slot(load, x) for _ in range(12)]
+    assert np.diff(efforts[:10]) == pytest.approx(0.2 * 9.81 * math.cos(x))
+    assert efforts[-1] == pytest.approx(3 * 9.81 * math.cos(x))
+    row = [0.0] * len(load.columns)
+    load.fill(row, 0)
+    books = dict(zip(load.columns, row, strict=True))
+    assert books["load.slave.changed"] == pytest.approx(2 * 9.81 * math.sin(x))
+    assert books["load.slave.leak"] == pytest.approx(0.0, abs=1e-12)
+    assert books["load.slave.given"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_what_moves_under_another_payload_leaks_no_more_than_under_one() -> None:
+    """Energy given through a change is potential, whatever the arm does meanwhile."""
+    load = side(ramp=400)
+    place = 0.0
+    for k in range(1000):
+        place = 0.4 * math.sin(2e-3 * k)
+        pass_slot(load, place)
+        if k == 1:
+            load._stride = [0.0]
+            assert load.take_up("box") == ""
+    row = [0.0] * len(load.columns)
+    load.fill(row, 0)
+    books = dict(zip(load.columns, row, strict=True))
+    work = -books["load.slave.lever.energy"]
+    potential = books["load.slave.potential"]
+    assert work == pytest.approx(potential - books["load.slave.leak"])
+    assert abs(books["load.slave.leak"]) < 2e-3 * abs(work)
+
+
+def test_it_is_refused_with_why() -> None:
+    load = side()
+    pass_slot(load, 0.0)
+    assert take_payload([load], "crate") == ("payload 'crate': there are box, none", True)
+    pass_slot(load, 0.01)
+    assert take_payload([load], "box") == (
+        "payload 'box': the slave's arm moves; let it stand",
+        True,
+    )
+    pass_slot(load, 0.01)
+    assert take_payload([load], "box") == ("box", False)
+    assert "still being taken up" in take_payload([load], "none")[0]
+    assert take_payload([], "box") == ("payload: no arm of the rig has `payloads`", True)
+    other = side()
+    other.name = "master"
+    assert "say whose" in take_payload([load, other], "box")[0]
+    assert take_payload([load, other], "master box") == ("box", False)
+
+
+def test_verdict_and_room_are_those_of_the_heaviest() -> None:
+    light, rig = load_rig(ARMS), load_rig(ARMS, list(MORE))
+    heavy = load_rig(ARMS, ["slave.arm.payload.mass=0.6"])
+    assert greatest_loads(rig, "slave") == greatest_loads(heavy, "slave")
+    assert load_stiffnesses(rig, "slave") == load_stiffnesses(heavy, "slave")
+    assert load_reserves(rig) == load_reserves(heavy)
+    delays = declared_delays(rig)
+    found = load_element(rig, "slave.waist", delays, 0.0)
+    assert found is not None
+    # 0.6 kg at the tip, over all heights that it reaches
+    assert found.numbers["payload_j"] == pytest.approx(1.1 * 0.6 * 9.81 * 1.1, rel=0.15)
+    assert "may give out" in found.passive.reason
+    bare = load_element(light, "slave.waist", delays, 0.0)
+    assert bare is not None
+    assert "payload_j" not in bare.numbers
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["operate=null"], "write `operate: {}`"),
+        (["slave.arm.compensate=false"], "compensate: false"),
+        (["slave.arm.payloads={box: {mass: -1}}"], "greater than or equal to 0"),
+        (["slave.arm.payloads={box: {mass: 9}}"], "leaves too little for the coupling"),
+    ],
+)
+def test_wrong_payloads_are_refused(more: list[str], said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_reserves(load_rig(ARMS, [*MORE, *more]))
+    assert said in str(caught.value)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_a_payload_that_is_not_there_lifts_the_arm_by_what_the_coupling_gives_way() -> None:
+    """0.2 kg hang at the tip, as believed, until people say that it holds 0.6."""
+    still = [
+        f"simulation.hand.{name}.reference={{type: hold, position: 0.0}}"
+        for name in ("waist", "shoulder", "elbow", "forearm", "wrist", "flange")
+    ]
+    rig = load_rig(ARMS, [*MORE, *still, "duration_s=3.6"])
+    script = Script([(at, Order(PAYLOAD, name)) for at, name in ((1_000_000_000, "box"),)])
+    built = with_operation(rig, build_rig(rig, clock="fake"), [script], [])
+    result, data = run_in_memory(built)
+    assert result.error is None
+    table = dict(zip(built.columns, data.T, strict=True))
+    effort = table["load.slave.shoulder.effort"]
+    apart = table["slave.shoulder.position"] - table["master.shoulder.position"]
+    more = effort[-1] - effort[990]
+    each = load_offset(rig, "slave.shoulder", declared_delays(rig))
+    assert more == pytest.approx(0.4 * 9.81 * 0.55, rel=0.2)  # N m: stretched out
+    assert apart[2900:3250].mean() == pytest.approx(each * more, rel=0.12)
+    assert np.ptp(apart[2900:3250]) < 6e-3  # and there it stays
+    assert abs(table["load.slave.changed"][-1]) > 0.1
+    assert table["load.slave.given"][-1] < 1e-3
