@@ -14,8 +14,8 @@ from tautwave.bench.port.hold import EMPTY, SETTLED_S, held_rig
 from tautwave.bench.port.rigs import IMPEDANCE, SETTING
 from tautwave.bench.port.tracking import chatter
 from tautwave.bench.result import Goal, Suite, Table, Value
-from tautwave.couplings.wave.claim import claimed_joules
 from tautwave.errors import ConfigError, SafetyStop
+from tautwave.registry import load_coupling, load_named
 from tautwave.rig import command_delays, end_constants
 from tautwave.simulation import simulate_pieces
 
@@ -60,6 +60,7 @@ def lasting(noise: float, seconds: float, engine: str = "compiled") -> list[Last
     delays = command_delays(rig)
     names = [f"{side}.lever" for side in SIDES]
     reserve = min(end_constants(rig, name, delays[name]).port.reserve for name in names)
+    claimed_joules = load_named(load_coupling(rig.coupling.law).claim)
     claim = min(claimed_joules(rig, name, delays) for name in names)
     found: list[Lasting] = []
     start, rough, tank, given = math.nan, 0.0, math.inf, -math.inf
