@@ -23,6 +23,7 @@ from tautwave.models.chain.build import roll_pitch_yaw
 from tautwave.models.chain.gravity import chain_gravity
 from tautwave.models.chain.kinematics import chain_frames
 from tautwave.models.chain.task import COORDINATES, TaskParams, at_home, joint_efforts, task_place
+from tautwave.models.plant import plant_forces
 from tautwave.models.plant_params import PlantParams
 from tautwave.models.servo import ServoParams
 from tautwave.truth import ArmModel, AxisModel
@@ -136,16 +137,10 @@ class TipWorld:
             at = self.place[k]
             speed = sum(self._jacobian[COORDINATES * j + k] * v[j] for j in range(len(x)))
             self.speed[k] = speed
-            p = model.plant
+            ahead, rate = self.reference(model, time)
+            hand, self.outside[k] = plant_forces(model.plant, at, speed, ahead, rate)
             if len(model.reference):
-                ahead, rate = self.reference(model, time)
-                self.hand[k] = p.grip_stiffness * (ahead - at) + p.grip_damping * (rate - speed)
-            push = -p.spring_stiffness * (at - p.spring_position)
-            depth = p.wall_side * (at - p.wall_position)
-            if depth > 0.0:
-                force = p.wall_stiffness * depth + p.wall_damping * p.wall_side * speed
-                push -= p.wall_side * max(force, 0.0)
-            self.outside[k] = push
+                self.hand[k] = hand
 
     def show(self, x: Sequence[float], v: Sequence[float]) -> None:
         """Look at an arm without moving it."""

@@ -11,6 +11,7 @@ from typing import Protocol
 from tautwave.contracts import Row
 from tautwave.models.chain.motion import Flows, chain_step, kinetic_energy, place_chain
 from tautwave.models.load import LoadParams, load_effort, load_energy
+from tautwave.models.plant import plant_forces, plant_stored
 from tautwave.models.plant_params import PlantParams
 from tautwave.truth import ArmModel
 from tautwave_sim.physics import Physics, PhysicsAround
@@ -83,24 +84,12 @@ class JointPhysics:
 
     def stored(self, reference: float) -> tuple[float, float, float]:
         """Return what the arm has got through this joint, grip and environment energy."""
-        p = self.plant
-        ahead = reference - self.x
-        stretch = self.x - p.spring_position
-        depth = max(p.wall_side * (self.x - p.wall_position), 0.0)
-        environment = 0.5 * p.spring_stiffness * stretch * stretch
-        environment += 0.5 * p.wall_stiffness * depth * depth
-        return self.given, 0.5 * p.grip_stiffness * ahead * ahead, environment
+        _, grip, environment = plant_stored(self.plant, self.x, self.v, reference)
+        return self.given, grip, environment
 
     def forces(self, reference: float, rate: float) -> tuple[float, float]:
         """Return the efforts of hand and environment on the joint."""
-        p = self.plant
-        hand = p.grip_stiffness * (reference - self.x) + p.grip_damping * (rate - self.v)
-        environment = -p.spring_stiffness * (self.x - p.spring_position)
-        depth = p.wall_side * (self.x - p.wall_position)
-        if depth > 0.0:
-            push = p.wall_stiffness * depth + p.wall_damping * p.wall_side * self.v
-            environment -= p.wall_side * max(push, 0.0)
-        return hand, environment
+        return plant_forces(self.plant, self.x, self.v, reference, rate)
 
 
 class Outside(Protocol):

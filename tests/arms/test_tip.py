@@ -330,10 +330,10 @@ def test_wrong_keys_are_refused(more: str, said: str) -> None:
 POLICY = "simulation.hand.x.reference={type: policy, velocity_limit: 1, effort_limit: 1}"
 SPARE = (
     ("simulation.environment.x={type: foam, stiffness: 1, position: 0}", "free, spring or wall"),
-    ("simulation.axes.master.x.inertia=0.5", "in buses.hand.options.truth, and remove it"),
+    ("simulation.axes.master.x.inertia=0.5", "in buses.hand.options.truth, and remove this"),
     ("simulation.integrator={scheme: exact}", "a simulated arm has its own"),
     (f"{POLICY};operate={{}}", "led by a hand with a reference"),
-    ("simulation.axes.slave.x.load.constant=1.0", "slave.x.load: what moves a simulated tip"),
+    ("simulation.axes.slave.x.load.constant=1.0", "slave.x.load: a simulated tip is moved"),
 )
 
 

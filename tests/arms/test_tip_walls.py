@@ -73,3 +73,26 @@ def test_what_noise_costs_a_held_force_is_put_back_and_booked() -> None:
     row = [0.0] * 7
     assert tip.fill(row, 0) == 7
     assert row[6] == pytest.approx(4 * 1000.0 * 3e-8)
+
+
+@pytest.mark.parametrize(
+    ("keys", "depth"),
+    [
+        ({"shape": "plane", "normal": (2.0, 0.0, 0.0), "centre": (0.2, 5.0, 0.0)}, 0.02),
+        ({"shape": "sphere", "radius": 0.2}, 0.02),
+        ({"shape": "cylinder", "radius": 0.2, "axis": (0.0, 0.0, 3.0)}, 0.02),
+        ({"shape": "cylinder", "radius": 0.4, "axis": (1.0, 0.0, 0.0), "length": 0.4}, 0.02),
+        ({"shape": "box", "size": (0.4, 0.8, 1.0)}, 0.02),
+        ({"shape": "box", "size": (0.8, 0.4, 1.0), "turn": (0.0, 0.0, math.pi / 2)}, 0.02),
+        ({"shape": "box", "size": (0.8, 0.4, 1.0), "centre": (-0.2, 0.0, 0.0)}, 0.02),
+        ({"shape": "convex", "planes": ((1.0, 0.0, 0.0, 0.2), (-1.0, 0.0, 0.0, 0.2))}, 0.02),
+        ({"shape": "path", "points": ((0.25, -1.0, 0.0), (0.25, 1.0, 0.0)), "radius": 0.05}, 0.02),
+    ],
+    ids=lambda given: given["shape"] if isinstance(given, dict) else "",
+)
+def test_every_shape_pushes_out_where_its_keys_put_it(keys: dict[str, Any], depth: float) -> None:
+    wall = ArmWall(stiffness=1000.0, force_limit=1e6, **keys)
+    tip = TipWall("body", wall, [0.0] * 3, Effort(3, 0, 0.0), [1.0 / MASS] * 3, PERIOD)
+    assert tip.push([0.25, 0.0, 0.0], SLIDES, [0.0] * 3) == pytest.approx([0.0] * 3)
+    moved = [-0.07, 0.0, 0.0]
+    assert tip.push([0.18, 0.0, 0.0], SLIDES, moved) == pytest.approx([1e3 * depth, 0.0, 0.0])

@@ -83,7 +83,7 @@ def test_wall_and_port_share_the_damping() -> None:
     assert port.numbers["damping_left"] == pytest.approx(1e-4)
     assert port.passive.passed
     whole = element(certified(wall(4.0)), "slave.lever port")
-    assert "its wall takes 0.002 N m s/rad of the 0.002 that the device surely has" in (
+    assert "wall and load take 0.002 N m s/rad of the 0.002 that the device surely has" in (
         whole.passive.reason
     )
 

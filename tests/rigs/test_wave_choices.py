@@ -94,6 +94,18 @@ def test_a_first_rig_is_certified_firm_and_quiet() -> None:
     assert float(np.max(np.abs(run["lever.position_error"][still]))) < 5e-3
 
 
+@pytest.mark.parametrize("spent", ["compensation={viscous: 0.8}", "load={cosine: -9.0}"])
+def test_auto_counts_with_the_damping_that_friction_and_loads_leave(spent: str) -> None:
+    """What it takes without them is refused with them, and what it takes with them passes."""
+    shared = ["rate_hz=1000", "coupling.delay_s=0.01", *both("effort_limit", 20.0)]
+    shared += ["coupling.pairs={lever: {wave_filter_hz: auto, wave_impedance: auto}}"]
+    own = [f"{axis}.{spent}" for axis in AXES]
+    path = Path(__file__).parents[2] / "configs" / "bench-1dof-2khz.yaml"
+    bare, rig = load_rig(path, shared), load_rig(path, [*shared, *own])
+    assert certify(rig).passed
+    assert not certify(rig.model_copy(update={"coupling": bare.coupling})).passed
+
+
 def test_a_choice_is_the_number_itself_to_the_bit() -> None:
     rig = first()
     number = [f"{PAIR}.{key}={value}" for key, value in zip(KEYS, chosen(rig), strict=True)]

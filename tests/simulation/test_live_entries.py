@@ -39,5 +39,5 @@ def test_devices_pass_to_the_slot_that_is_nearest(monkeypatch: pytest.MonkeyPatc
     devices.command([0.5])
     devices.advance(start + 3 * period - period // 3)
     devices.advance(start + 2 * period)  # never back
-    assert taken == [(0, 0), (1, 0), (1, 1), (3, 0), (3, 0)]
+    assert taken == [(0, 0), (1, 0), (3, 1), (3, 0)]  # a command goes with the next step
     assert devices.values[0] == 0.5

@@ -42,8 +42,8 @@ class ArmJoint(Block):
     )
     inertia_lower: NonNegative = Field(
         default=0.0,
-        description="[kg m^2 | kg] Lower bound of what the motor itself has, beside the links; for "
-        "a joint that takes effort.",
+        description="[kg m^2 | kg] Lower bound of the motor's own inertia, beside the links'; "
+        "for a joint that takes effort.",
     )
     damping_lower: NonNegative = Field(
         default=0.0, description="[N m s/rad | N s/m] Lower bound of the joint's damping."

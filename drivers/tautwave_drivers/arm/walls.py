@@ -41,7 +41,7 @@ class ArmWall(Block):
     normal: Point | None = Field(default=None, description="plane: out of the body.")
     axis: Point | None = Field(default=None, description="cylinder: along it.")
     radius: Positive | None = Field(
-        default=None, description="[m] sphere, cylinder; path: how far it lets go."
+        default=None, description="[m] sphere, cylinder; path: the tip is free within it."
     )
     length: Positive | None = Field(default=None, description="[m] cylinder: default endless.")
     hollow: bool = Field(

@@ -125,7 +125,7 @@ class ObjectDictionary:
         self._saved.clear()
 
     def entry(self, index: int, sub: int) -> Entry:
-        """Return an object; refuses where there is none."""
+        """Return an object, or refuse if there is none."""
         if (index, sub) in self.refusals:
             raise SdoAbort(self.refusals[index, sub])
         subs = self.entries.get(index)

@@ -155,7 +155,7 @@ def _mat(path: Path) -> dict[str, Array]:
         content = io.loadmat(os.fspath(path), simplify_cells=True)
     except NotImplementedError as err:
         raise ConfigError(
-            f"{path}: is of MATLAB's version 7.3, which is not read; save it with -v7"
+            f"{path}: is a MATLAB 7.3 file, which cannot be read; save it with -v7"
         ) from err
     except (OSError, ValueError, TypeError, io.matlab.MatReadError) as err:
         raise ConfigError(f"{path}: cannot be read as a MATLAB file: {err}") from err

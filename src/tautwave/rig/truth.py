@@ -182,7 +182,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
 
 
 def _refuse_spare_truth(rig: Rig, axis_name: str) -> None:
-    """Refuse what is stated of an axis that its driver makes of others: they have the truth."""
+    """Refuse truth stated for an axis that its driver derives from others, which hold it."""
     assert rig.simulation is not None
     bus = rig.axes[axis_name].bus
     if not registry.load_driver(rig.buses[bus].driver).plain:
@@ -195,8 +195,8 @@ def _refuse_spare_truth(rig: Rig, axis_name: str) -> None:
     for key, value in simulation_of(rig, axis_name)._asdict().items():
         if value != believed.get(key, value):
             raise ConfigError(
-                f"simulation.axes.{axis_name}.{key}: what moves a simulated tip is its joints; "
-                f"state theirs in buses.{bus}.options.truth, and remove it"
+                f"simulation.axes.{axis_name}.{key}: a simulated tip is moved by its joints; "
+                f"state their truth in buses.{bus}.options.truth, and remove this"
             )
     if rig.simulation.integrator is not None:
         raise ConfigError("simulation.integrator: a simulated arm has its own; remove it")

@@ -108,7 +108,7 @@ class Link(ABC):
     def _abandon_pending(self) -> None: ...
 
     def abandon(self) -> None:
-        """Wait for nothing any more; a response that still comes is not believed."""
+        """Stop waiting; a response that still arrives is ignored."""
         self._abandon_pending()
         for transaction in self._queue:
             transaction.give_up()

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 @click.option("--profile", type=PATH, metavar="FILE", help="Modbus drives from a profile; no scan.")
 @click.option("--from", "example", metavar="EXAMPLE", help="Copy a shipped rig instead.")
 @click.option("--master", metavar="DEVICES", help="In the hand: BUS:IDS, BUS or IDS, such as 1-6.")
-@click.option("--slave", metavar="DEVICES", help="At the task, as many, in the same order.")
+@click.option("--slave", metavar="DEVICES", help="At the task: as many, in the same order.")
 @click.option(
     "--joints", metavar="NAMES", help="Names of the pairs, with commas; default j1, j2 ..."
 )

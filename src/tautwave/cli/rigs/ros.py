@@ -41,7 +41,7 @@ from tautwave.cli.options import run_argument, wait_option
     "--peer",
     multiple=True,
     metavar="ADDRESS",
-    help="A machine to ask where no multicast passes; repeat for more.",
+    help="Address of a machine to contact directly where multicast does not pass; may be repeated.",
 )
 @click.option(
     "--allow-commands",

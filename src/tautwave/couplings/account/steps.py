@@ -344,7 +344,7 @@ def fill_account(out: Row, at: int, s: AxisState, p: AxisParams, held: float) ->
 
 
 def fill_held(out: Row, at: int, p: AxisParams, held: float) -> int:
-    """Write what the law holds at the master: its account fed it, and is given it back."""
+    """Write what the law holds at the master: its account paid for it and gets it back."""
     stored = p.weight * held
     return fill_element(out, at, stored, stored, 0.0)
 

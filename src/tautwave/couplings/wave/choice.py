@@ -30,7 +30,9 @@ from typing import NamedTuple
 
 from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.analysis.wave_port.chatter import NoisyEnd, chatter, step_effort
+from tautwave.certificate.compensation import left_of_friction, spent_coulomb
 from tautwave.certificate.derate import derate_walls
+from tautwave.certificate.loads import load_element
 from tautwave.certificate.walls import sampled_wall
 from tautwave.config import Rig, local_wall
 from tautwave.config.keys.common import AUTO
@@ -68,7 +70,7 @@ class Bound(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """A pair, and what its walls leave of the damping of each device that takes effort."""
+    """A pair, and what walls and loads leave of the damping of each device that takes effort."""
 
     rig: Rig
     name: str
@@ -86,8 +88,10 @@ def choose_pair(rig: Rig, name: str) -> dict[str, Choice]:
     pair = rig.coupling.pairs[name]
     assert isinstance(pair, WavePair)
     delays = command_delays(rig)
+    spent = {axis_name: spent_coulomb(rig, axis_name) for axis_name in rig.axes}
+    rig = left_of_friction(rig)
     if rig.require != "coupled_stable":  # there a wall's limit needs the whole pair
-        friction = {axis_name: axis.coulomb.lower for axis_name, axis in rig.axes.items()}
+        friction = {one: axis.coulomb.lower - spent[one] for one, axis in rig.axes.items()}
         rig, _ = derate_walls(rig, delays, friction)
     asked = Asked(rig, name, delays, _damping_left(rig, name, delays))
     chosen: dict[str, Choice] = {}
@@ -132,6 +136,9 @@ def _damping_left(rig: Rig, name: str, delays: Delays) -> dict[str, float]:
             needed = wall_leak(sampled_wall(own, axis_name, wall, delays[axis_name])).damping
             if needed <= left[side] or not wall.passivity_control:
                 left[side] -= needed
+        load = load_element(rig, axis_name, delays, axis.damping.lower - left[side])
+        if load is not None:
+            left[side] -= float(load.numbers.get("needed_damping", 0.0))
     return left
 
 

@@ -192,8 +192,8 @@ def _passive(
     if left <= 0.0:
         return Verdict(
             False,
-            f"{name}: its wall takes {taken:.4g} {unit} of the {axis.damping.lower:.4g} that the "
-            "device surely has, and a port needs some; soften the wall",
+            f"{name}: wall and load take {taken:.4g} {unit} of the {axis.damping.lower:.4g} that "
+            "the device surely has, and a port needs some; soften the wall, or raise rate_hz",
         )
     conditions = tuple(assumed(axis, axis_name, inertia=True, damping=True))
     if _is_augmented(rig, axis_name):

@@ -62,7 +62,7 @@ class Scripted:
         self._waited_for = False
 
     def ask(self, now_ns: int) -> None:
-        """Count from here; the answer to a question that was cut short is dropped."""
+        """Start counting; the answer to a question that was cut short is dropped."""
         if self._waited_for:
             self._left.pop(0)
         self._asked_ns, self._waited_for = now_ns, True

@@ -74,7 +74,8 @@ class DeskLine:
                     tell(said)
         finally:
             self._line.setblocking(False)
-        raise LinkError(f"{peer} did not come within {wait_s:g} s" + (f"; {said}" if said else ""))
+        last = f"; {said}" if said else ""
+        raise LinkError(f"{peer} did not connect within {wait_s:g} s{last}")
 
     def _next(self) -> Mapping[str, Any]:
         try:

@@ -80,12 +80,13 @@ export class Schematic {
 
   box(x, y, width, height, kind, name, note, element) {
     this.svg.append(make("rect", { x, y, width, height, rx: 7, class: kind }));
-    const title = make("text", { x: x + width / 2, y: y + 22, "text-anchor": "middle" }, shorten(name, width));
+    const [upper, lower] = [y + 0.4 * height, y + 0.76 * height]; // base lines
+    const title = make("text", { x: x + width / 2, y: upper, "text-anchor": "middle" }, shorten(name, width));
     title.append(make("title", {}, name));
     this.svg.append(title);
-    if (note) this.svg.append(make("text", { x: x + width / 2, y: y + 42, "text-anchor": "middle", class: "soft" }, shorten(note, width)));
+    if (note) this.svg.append(make("text", { x: x + width / 2, y: lower, "text-anchor": "middle", class: "soft" }, shorten(note, width)));
     if (element) {
-      const text = make("text", { x: x + width / 2, y: y + 42, "text-anchor": "middle", class: "soft" });
+      const text = make("text", { x: x + width / 2, y: lower, "text-anchor": "middle", class: "soft" });
       this.svg.append(text);
       this.texts.push({ text, value: () => joules(this.store.newest(`${this.pair.name}.${element}.stored`) ?? 0) });
     }

@@ -151,7 +151,7 @@ export class Scope {
 
   valueRows() {
     const { a, b } = this.cursors;
-    if (a === null && b === null) return [this.store.end - 1];
+    if (a === null && b === null) return [this.running ? this.store.end - 1 : Math.min(this.store.end - 1, this.store.rowAt(this.view.to))];
     const rows = [a, b].filter((at) => at !== null).map((at) => Math.min(this.store.end - 1, this.store.rowAt(at)));
     return rows;
   }

@@ -20,7 +20,7 @@ NEVER = 1 << 50
 
 
 def keep_last(e: LinkEnd, far: LinkEndParams, table: MutableSequence[float]) -> None:
-    """Put where packets are made from what this end has to say to the `far` one."""
+    """Keep this end's message to the `far` one where packets are made."""
     keep_sent(table, far.post, far.days, e.sender, e.receiver.granted, e.receiver.asked)
     table[far.last] = e.sender.slot
 
