@@ -14,12 +14,14 @@ import subprocess
 import sys
 import termios
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from tautwave.cli.rigs.talking import Screen
 from tautwave.cli.terminal import progress_bar
 from tautwave.cli.terminal.progress import Progress
 from tautwave.cli.terminal.show import Cell, Section, plain, plain_lines
@@ -90,6 +92,51 @@ def test_a_terminal_gets_a_bar_that_is_gone_at_the_end() -> None:
         os.close(side)
     assert "bench" in printed
     assert "\x1b[2K" in printed, "the bar erases itself"
+
+
+END = "the end"
+
+
+def on_a_terminal(columns: int, talk: Callable[[Screen], None]) -> str:
+    main, side = pty.openpty()
+    fcntl.ioctl(side, termios.TIOCSWINSZ, struct.pack("HHHH", 12, columns, 0, 0))
+    try:
+        with open(side, "w", encoding="utf-8", closefd=False) as out:
+            talk(Screen(out))
+            out.write(END)
+        printed = ""
+        while END not in printed:
+            printed += os.read(main, 100_000).decode()
+        return printed.removesuffix(END)
+    finally:
+        os.close(main)
+        os.close(side)
+
+
+def test_a_guided_procedure_wraps_sentences_and_replaces_numbers() -> None:
+    def talk(screen: Screen) -> None:
+        screen.say("  master: bring j1, j2, j3, j4, j5, j6 to the zero pose and hold")
+        screen.show("j1 +0.1\nj2 +0.2")
+        screen.show("j1 +0.3\nj2 +0.4")
+        screen.say("well done")
+
+    printed = on_a_terminal(40, talk)
+    printed = re.sub("\r(\x1b\\[K)?", "", printed)
+    first, replaced, last = re.split(r"\x1b\[2A\x1b\[J|(?=well)", printed)
+    lines = first.splitlines()
+    assert max(map(len, lines)) <= 40
+    assert " ".join(" ".join(lines[:2]).split()).endswith("j6 to the zero pose and hold")
+    assert lines[2:] == ["j1 +0.1", "j2 +0.2"]
+    assert replaced == "j1 +0.3\nj2 +0.4\n"
+    assert last == "well done\n"
+
+
+def test_a_guided_procedure_in_a_pipe_is_one_line_a_sentence() -> None:
+    out = io.StringIO()
+    screen = Screen(out)
+    screen.say("word " * 40)
+    screen.show("numbers")
+    assert out.getvalue() == f"{'word ' * 40}\n"
 
 
 @pytest.mark.slow

@@ -267,7 +267,8 @@ def test_a_rig_at_rest_outside_its_range_is_held_too() -> None:
     rig = bench(away, FREE, *BARE, "master.axes.lever.position_range=[-0.3, 0.3]")
     done = operate(rig, "", 1.0)
     assert done.words() == [("fault", "holding")]
-    assert "outside its position range" in done.control.journal.entries[0].text
+    (entry,) = done.control.journal.entries
+    assert "outside its position range, -0.3 to 0.3 rad: move it back by hand" in entry.text
 
 
 @pytest.mark.parametrize("before", ["", "0.2 engage", "0.2 hold"])
@@ -311,6 +312,18 @@ def test_a_descriptor_never_waits_and_is_left_alone_once_it_ends() -> None:
     assert source.take(0) == []
     os.close(reading)
     assert source.take(0) == ()
+
+
+def test_keys_pressed_before_the_rig_was_seen_idle_engage_nothing() -> None:
+    reading, writing = os.pipe()
+    os.write(writing, b" ")
+    keys = Descriptor(reading, read_keys, fresh=True)
+    assert keys.take(0) == ()
+    os.write(writing, b"p")
+    assert [order.word for order in keys.take(0)] == ["hold"]
+    os.close(writing)
+    assert keys.take(0) == []
+    os.close(reading)
 
 
 def test_a_script_is_taken_in_order_of_time_and_its_mistakes_all_at_once() -> None:

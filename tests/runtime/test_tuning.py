@@ -19,15 +19,16 @@ import pytest
 from tautwave.config import Rig, load_rig
 from tautwave.couplings.wave.port import tune
 from tautwave.couplings.wave.records import WaveEnd
-from tautwave.errors import ConfigError, RecordingError
+from tautwave.errors import RecordingError
 from tautwave.rig import build_rig
 from tautwave.rig.controller import end_constants
+from tautwave.rig.tuning import knobs_of, tunables
 from tautwave.runtime.loop import Loop
 from tautwave.runtime.tuning.desk import Desk, last_left, leave
 from tautwave.session.engine import with_engine
 from tautwave.session.operating import with_operation
+from tautwave.session.scene_pace import use_engine
 from tautwave.session.viewing.tuning import (
-    refuse_tuning,
     tuning_facts,
     tuning_of,
     with_tuning,
@@ -54,10 +55,12 @@ class Tuned(NamedTuple):
         return float(np.abs(sum(ports) - sum(kept)).max())
 
 
-def tuned(rig: Rig, duration_s: float, sets: Mapping[float, Mapping[str, float]]) -> Tuned:
+def tuned(
+    rig: Rig, duration_s: float, sets: Mapping[float, Mapping[str, float]], engine: str = "python"
+) -> Tuned:
     """Run a rig on the fake clock, with sets of values left on its desk at some times [s]."""
     assembly = with_engine(rig, build_rig(rig, clock="fake", duration_s=duration_s))
-    assembly = with_operation(rig, assembly, (), ())
+    assembly = use_engine(with_operation(rig, assembly, (), ()), engine)
     with tuning_of(rig, assembly, allowed=True) as tuning:
         assert tuning is not None
         assembly = with_tuning(assembly, tuning)
@@ -242,14 +245,45 @@ def test_of_two_writers_one_waits_and_neither_keeps_the_desk_open() -> None:
     desk.close()
 
 
-@pytest.mark.parametrize(
-    ("config", "override", "why"),
-    [
-        ("scene-string.yaml", "seed=1", "scene"),
-        ("network-loopback.yaml", "seed=1", "over a network"),
-    ],
-)
-def test_rigs_that_are_not_tuned_say_so(config: str, override: str, why: str) -> None:
-    rig = load_rig(Path(BENCH).parent / config, [override], choose=False)
-    with pytest.raises(ConfigError, match=why):
-        refuse_tuning(rig)
+def rig_of(name: str, *overrides: str) -> Rig:
+    return load_rig(Path(BENCH).parent / name, list(overrides))
+
+
+LIMIT = "master.axes.stylus.effort_limit"
+PRESSED = {0.15: {LIMIT: 1.0}, 0.35: {LIMIT: 20.0}}
+
+
+def test_a_scene_has_the_ceilings_of_its_axes_and_they_act() -> None:
+    run = tuned(rig_of("scene-resonator.yaml"), 0.4, PRESSED)
+    acts = run["tuning.master.stylus.effort_ceiling"]
+    assert acts[0] == 20.0
+    assert acts.min() == pytest.approx(1.0)
+    sent = np.abs(run["master.stylus.commanded"])
+    assert np.abs(run["scene.asked.stylus"]).max() > 2.0  # it would push harder
+    assert np.all(sent[1:] <= acts[:-1] + 1e-12)
+
+
+@pytest.mark.slow
+def test_a_compiled_scene_takes_the_same_ceilings() -> None:
+    rig = rig_of("scene-resonator.yaml")
+    plain, compiled = (tuned(rig, 0.4, PRESSED, engine) for engine in ("python", "compiled"))
+    for name in ("tuning.master.stylus.effort_ceiling", "master.stylus.commanded"):
+        assert np.array_equal(plain[name], compiled[name])
+
+
+def test_a_coupling_over_a_network_has_ceilings_and_walls_but_no_filter() -> None:
+    limit, wall = "slave.axes.lever.effort_limit", "coupling.pairs.lever.wall_slave"
+    rig = rig_of("network-loopback.yaml", f"{wall}={{position: -0.6, stiffness: 3, damping: 4e-4}}")
+    run = tuned(rig, 0.6, {0.1: {limit: 0.06, f"{wall}.stiffness": 1.0}})
+    assert run["tuning.slave.lever.effort_ceiling"][-1] == pytest.approx(0.06)
+    assert run["tuning.slave.lever.wall_stiffness"][-1] == 1.0
+    late = run["time_s"] > 0.35
+    assert np.abs(run["slave.lever.commanded"][late]).max() <= 0.06 + 1e-12
+    assert not any("wave_filter" in name for name in run.columns)
+
+
+def test_a_site_tunes_its_own_devices_only() -> None:
+    rig = rig_of("network-loopback.yaml", "sites.here=slave")
+    knobs = {knob.path for knob in knobs_of(rig, build_rig(rig, clock="fake").control)}
+    assert "slave.axes.lever.effort_limit" in knobs
+    assert not any("master" in path for path, *_ in tunables(rig))

@@ -78,6 +78,8 @@ def test_other_meshes_are_refused_by_name(change, said):
         (("size: [0.1, 0.02, 0.02]", "size: [0.1, -0.02, 0.02]"), "greater than 0"),
         (('clamped: ["-x"]', 'clamped: ["-x", "+x", "-z", "+z"]'), "every node is fixed"),
         (("  gravity: 9.81", "  scheme: symplectic"), "symplectic does not run tissues"),
+        (("cells: [4, 1, 1]", "cells: [1000, 1000, 1000]"), "5000000000 tetrahedra; 100000 are"),
+        (("size: [0.1, 0.02, 0.02]", "size: [1.0e+14, 0.02, 0.02]"), "look at the mesh's scale"),
         (("poisson: 0.4", "poisson: 0.5"), "less than or equal to 0.49"),
         (("between: [probe, beam13]", "between: [beam, beam], chain: true"), "only masses are"),
         (("between: [probe, beam13]", "between: [probe, beam21]"), "unknown node 'beam21'"),
@@ -96,3 +98,18 @@ def test_flat_inverted_and_infinite_tetrahedra_are_refused():
                          ((0.0, 0.0, float("nan")), "not all finite")):  # fmt: skip
         with pytest.raises(ValueError, match=said):
             shape_of((*good[:3], corner), "one")
+
+
+def test_tetrahedra_that_overlap_are_refused():
+    mesh = block((1.0, 1.0, 1.0), (1, 1, 1))
+    for number in range(5):  # one of them twice, in another order
+        a, b, c, d = mesh.tetrahedra[number]
+        doubled = mesh._replace(tetrahedra=(*mesh.tetrahedra, (c, a, b, d)))
+        with pytest.raises(ValueError, match="same side of the face of nodes"):
+            gmsh_mesh(gmsh(doubled), "it.msh")
+    nodes = (*mesh.nodes, (0.4, 0.5, 0.6))  # a peak inside of another one
+    a, b, c, _ = mesh.tetrahedra[4]
+    with pytest.raises(ValueError, match="overlap"):
+        gmsh_mesh(
+            gmsh(mesh._replace(nodes=nodes, tetrahedra=(*mesh.tetrahedra, (a, b, c, 8)))), "i"
+        )

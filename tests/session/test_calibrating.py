@@ -6,22 +6,26 @@ import math
 import os
 from collections.abc import Generator, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from tautwave.analysis.identification.regression import Estimate
 from tautwave.cli import main
 from tautwave.config import load_rig, resolved_yaml
 from tautwave.config.calibrated import digest
 from tautwave.config.keys.calibration import AxisCalibration
-from tautwave.errors import ConfigError, DriverError
+from tautwave.errors import ConfigError, DriverError, RecordingError
 from tautwave.recordings.recording import read_recording
 from tautwave.rig.calibrated import CalibratedDriver
+from tautwave.session.calibration import calibrating
 from tautwave.session.calibration.by_hand import measure_by_hand
 from tautwave.session.calibration.file import named_in
-from tautwave.session.guided.answers import read_answers
+from tautwave.session.guided.answers import Scripted, read_answers
+from tautwave.session.guided.running import Conversation
 from tautwave.types import AxisCommand, CommandDelay, JointState
 
 pytestmark = pytest.mark.realtime
@@ -167,6 +171,37 @@ def test_a_stop_is_found_gently_and_friction_is_identified(tmp_path: Path) -> No
     assert np.abs(np.diff(rows["true.slave.lever.position"])).max() <= 0.2e-3
 
 
+@pytest.mark.parametrize(
+    ("moves_at", "damped_at", "shares"),
+    [(0.3, 0.3, 1), (0.3, 0.6, 2), (1.0, 0.3, 3), (2.0, 0.3, 3)],
+)
+def test_an_axis_is_shaken_harder_and_longer_where_friction_holds_or_hides_it(
+    moves_at: float, damped_at: float, shares: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried, said = [], []
+
+    def identify(rig: Any, *, share: float, duration_s: float, **rest: Any) -> Any:
+        tried.append((share, duration_s))
+        if share < moves_at:
+            raise RecordingError("free it") from ValueError("it hardly moved")
+        damping = Estimate(1e-3, 1e-4 if share >= damped_at else -1e-4, 2e-3)
+        return SimpleNamespace(share=share, fit=SimpleNamespace(damping=damping))
+
+    monkeypatch.setattr(calibrating, "identify_device", identify)
+    rig, asked, ways = (SimpleNamespace() for _ in range(3))
+    asked.identify_s = 4.0
+    ways.clock, ways.simulate, ways.attach = "fake", (), False
+    talk = Conversation(Scripted([]), said.append, said.append)
+    everything: tuple[Any, ...] = (rig, "slave.a", asked, talk, tmp_path, ways, None)
+    if moves_at <= 1.0:
+        assert calibrating._identified(*everything).share == max(moves_at, damped_at)
+    else:
+        with pytest.raises(RecordingError, match=r"all of its effort limit.*: it hardly moved"):
+            calibrating._identified(*everything)
+    assert tried == [(0.3, 4.0), (0.6, 8.0), (1.0, 16.0)][:shares]
+    assert len(said) == shares - 1
+
+
 # -- devices --------------------------------------------------------------------------------------
 
 
@@ -290,7 +325,7 @@ def test_a_person_who_moves_nothing_or_another_axis_is_asked_once_more() -> None
 
 def test_a_range_needs_both_axes_to_have_moved() -> None:
     found, said = led(["range"], {"master.a": 1.0}, {"master.a": -1.0, "master.b": 0.4})
-    assert any(text.startswith("master.b has hardly moved; master: move") for text in said)
+    assert any(text.startswith("b has hardly moved; master: move") for text in said)
     assert found["master.a"].low == pytest.approx(-0.96)
     assert found["master.a"].high == pytest.approx(0.96)
 

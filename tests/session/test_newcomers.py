@@ -15,9 +15,12 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from tautwave import read_recording
 from tautwave.cli.terminal.model_options import parse_model
+from tautwave.runtime.operate.states import STATES
 from tautwave.session.new.choosing import numbers
 from tautwave_drivers.dynamixel.scan import ScanOptions
 from tautwave_sim.dynamixel.options import BenchOptions
@@ -26,6 +29,7 @@ from tests.session.newcomers import HEARTBEATS, Newcomer, Talk, served, shows, w
 pytestmark = pytest.mark.realtime
 
 MOVE_S = 0.15
+IDENTIFY = "zero,direction,range,identify"
 DAY = "runs/day"
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorials" / "two-arms.md"
 STALLS = ("--set", "loop.overrun_limit=200", "--set", "loop.missing_limit=200")
@@ -68,14 +72,24 @@ def settle(path: Path, *changes: tuple[str, str]) -> None:
 def a_day(
     me: Newcomer, rig: str, hands: Talk, sides: Sequence[Sequence[int]], *options: str
 ) -> None:
-    """Calibrate, check, engage, clutch, record two episodes, stop, export."""
+    """Calibrate, check, align, engage, clutch, record two episodes, stop, export."""
     master, slave = (",".join(str(one) for one in side) for side in sides)
     words = ("calibrate", rig, "--out", "runs/calibrate", *options)
     with me.talks(*words) as talk:
         shows(talk, hands, sides, MOVE_S)
+        if IDENTIFY in options:
+            talk.hears("identify: bring every axis")
+            hands.types(f"{master},{slave} 0 {2 * MOVE_S}")
+            time.sleep(4 * MOVE_S)
+            hands.types(f"{master},{slave} free")
+            talk.types()
     me.does("check", rig)
+    hands.types(f"{master} 0.4 {2 * MOVE_S}")
+    hands.types(f"{slave} 0 {2 * MOVE_S}")
+    time.sleep(4 * MOVE_S)
     hands.types(f"{slave} free")
-    words = ("run", rig, "--commands", "-", "--quiet", "--out", DAY, *options, *STALLS)
+    configure = [option for option in options if option == "--configure"]
+    words = ("run", rig, "--view", "--commands", "-", "--quiet", "--out", DAY, *configure, *STALLS)
     with me.talks(*words) as talk:
         assert wait_for(me.folder / DAY, "idle")
         talk.types("engage")
@@ -126,8 +140,11 @@ def page_commands() -> list[list[str]]:
     return [shlex.split(line)[1:] for line in lines if line.startswith("    tautwave ")]
 
 
-def two_arms(folder: Path, joints: int, model: str) -> Newcomer:
-    """Walk the tutorial by its own commands, with other ids and another model."""
+def two_arms(folder: Path, joints: int, model: str, friction: str = "") -> Newcomer:
+    """Walk the tutorial by its own commands, with other ids and another model.
+
+    `friction`: what was identified before, in place of identifying it now.
+    """
     me = Newcomer(folder)
     sides = [list(range(base + 1, base + 1 + joints)) for base in (0, 10)]
     master, slave = (f"{side[0]}-{side[-1]}" for side in sides)
@@ -145,10 +162,21 @@ def two_arms(folder: Path, joints: int, model: str) -> Newcomer:
         swap["/dev/pts/5"] = said["endpoint"]
         me.does(*mine(new))
         rig = new[1]
+        patient = "missing_limit: 3, overrun_limit: 5", "missing_limit: 200, overrun_limit: 200"
+        settle(folder / rig, ("offset: at_engage ", "offset: 0 "), patient)
+        if friction:
+            settle(
+                folder / rig, ("    effort_limit:", f"    coulomb: {friction}\n    effort_limit:")
+            )
+            calibrate = [word for word in calibrate if word not in ("--steps", IDENTIFY)]
         assert calibrate[:2] == ["calibrate", rig]
         assert (check, run) == (["check", rig], ["run", rig, "--view"])
         assert (export[0], export[2:]) == ("export", ["--to", "csv"])
         a_day(me, rig, hands, sides, *calibrate[2:])
+    rows = read_recording(folder / DAY, ["operation.state", "j1.position_error"])
+    error, state = np.abs(rows["j1.position_error"]), rows["operation.state"]
+    assert error[state == STATES.index("idle")][-1] > 0.3  # then it was brought there
+    assert error[state == STATES.index("engaged")][0] < 0.05
     return me
 
 
@@ -169,7 +197,8 @@ def test_the_tutorials_servos_are_found_in_its_words() -> None:
 @pytest.mark.slow
 @pytest.mark.timeout(400)
 def test_two_arms_of_servos(tmp_path: Path) -> None:
-    patiently(lambda folder: two_arms(folder, 1, "XM430-W350"), tmp_path)
+    friction = "{value: 0.08, lower: 0.07, source: identified}"
+    patiently(lambda folder: two_arms(folder, 1, "XM430-W350", friction), tmp_path)
 
 
 def two_drives(tmp_path: Path) -> Newcomer:

@@ -331,8 +331,8 @@ def test_a_slave_that_is_not_in_its_place_in_time_is_held_and_both_say_so(
     two.run(1)
     two.until(lambda: both(two, "holding"))
     for half in (two.master, two.slave):
-        said = [one.text for one in half.control.journal.entries if one.word == "blocked"]
-        assert said == ["slave lever not aligned: something is in its way"]
+        (said,) = [one.text for one in half.control.journal.entries if one.word == "blocked"]
+        assert said.startswith("slave lever not aligned: something is in its way, or its fric")
     assert two.slave.control.error() is None
 
 

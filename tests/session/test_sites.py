@@ -17,6 +17,7 @@ from tests.session.sites import Pair
 
 Make = Callable[..., Pair]
 SLOW = pytest.mark.slow
+PLACE = ("coupling.pairs.lever.offset=0.1", "coupling.pairs.lever.engage_tolerance=0.01")
 
 
 @pytest.fixture
@@ -98,6 +99,20 @@ def test_another_start_is_a_session_into_which_nothing_crosses(pair: Make) -> No
     stored = two.slave["lever.receiver_slave.stored"]
     assert stored[two.slave["link.slot"] == 0].max() < 1e-12
     assert abs(two.slave["slave.lever.port_energy"][501] - before) < 1e-3  # the sum goes on
+
+
+@pytest.mark.parametrize("stands", [5.0, -1e308, 1e308])
+def test_a_place_that_the_slave_cannot_reach_is_not_gone_to(pair: Make, stands: float) -> None:
+    two = pair(*PLACE, "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0]]}")
+    said = {"at": {"lever": stands}, "to": None, "offsets": {}}
+    two.slave.line.inbox.append({"peer": {"stands": said}})
+    two.run(300, two.slave)
+    assert "is outside of its position_range" in two.slave.control._meeting.hindrance
+    assert np.abs(two.slave["slave.lever.position"]).max() < 1e-3
+    assert sum(two.slave.control._meeting.rest.granted) < 1e-2  # a hold's only
+    two.until(lambda: two.slave.control._engaged, 5000)  # the master stands elsewhere in truth
+    assert two.slave["slave.lever.position"][-1] == pytest.approx(-0.1, abs=0.01)
+    assert two.slave.control._meeting.hindrance == ""
 
 
 def test_too_much_missed_is_a_new_session(pair: Make) -> None:

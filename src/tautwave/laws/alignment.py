@@ -40,6 +40,9 @@ STIFF = 0.1
 DAMPED = 0.7
 """Its damping ratio."""
 
+EARLY = 10.0
+"""How much sooner than the spring friction is pushed against."""
+
 
 def align_law(
     mass: float,
@@ -126,7 +129,10 @@ def align_effort(
     p: AlignParams, reference: float, rate: float, position: float, velocity: float
 ) -> float:
     """Return the effort on the device [N], positive along its position."""
-    pull = p.stiffness * (reference - position) + p.damping * (rate - velocity)
+    pull = p.stiffness * (reference - position)
+    # Friction would hold the device short of its target by c / k. What it surely has it dissipates
+    # again, so a push of that size makes no motion faster.
+    pull += clamp(EARLY * pull, p.friction) + p.damping * (rate - velocity)
     return limit_speed(p, clamp(pull, p.effort), velocity)
 
 

@@ -29,19 +29,20 @@ def declared(keys: BaseModel) -> Iterator[tuple[str, str]]:
 
 
 def tunables(rig: Rig) -> Iterator[tuple[str, str, Any]]:
-    """Yield path, `when` and value of every key of a rig that may be tuned."""
+    """Yield path, `when` and value of every key of this site that may be tuned."""
+    sides = ("master", "slave") if rig.site is None else (rig.site,)
     for name, pair in rig.coupling.pairs.items():
         path = f"coupling.pairs.{name}"
         for key, when in declared(pair):
             yield f"{path}.{key}", when, getattr(pair, key)
-        for side in ("master", "slave"):
+        for side in sides:
             wall = local_wall(rig, f"{side}.{name}")
             if wall is not None:
                 for key, when in declared(wall):
                     yield f"{path}.wall_{side}.{key}", when, getattr(wall, key)
     for axis_name, axis in rig.axes.items():
         side, name = axis_name.split(".")
-        for key, when in declared(axis):
+        for key, when in declared(axis) if side in sides else ():
             yield f"{side}.axes.{name}.{key}", when, getattr(axis, key)
 
 
@@ -84,8 +85,8 @@ def _knob(
             return None  # what its wall does depends on its law
         return _wall(rig, control, places[axis_name], axis_name, words[4], path, when, value)
     tune = coupling_part(rig).tune
-    if not tune:
-        return None
+    if not tune or rig.link is not None:
+        return None  # a receiver takes the place of the line and its filter
     ends = (places[f"master.{name}"], places[f"slave.{name}"])
     turning = coupling_knob(control, ends, registry.load_named(tune), words[3])
     low = LEAST_CEILING * value

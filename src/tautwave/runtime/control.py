@@ -162,6 +162,10 @@ class Control(ABC):
         """Whether the coupling holds the axes."""
         return True
 
+    def axis(self, which: int) -> AxisState:
+        """Return the state of an axis as it is between two steps."""
+        return self.axes[which]
+
     def retune(self, which: int, p: AxisParams) -> None:
         """Put other constants in place of an axis'."""
         self.params = [*self.params[:which], p, *self.params[which + 1 :]]

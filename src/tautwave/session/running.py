@@ -48,7 +48,7 @@ from tautwave.session.reporting import recording_block, report_run
 from tautwave.session.sites.agreed import claim_sessions
 from tautwave.session.viewing.cameras import cameras_of
 from tautwave.session.viewing.facts import facts_of, mailbox_of, tell_end, tell_viewers
-from tautwave.session.viewing.tuning import refuse_tuning, tuning_facts, tuning_of, with_tuning
+from tautwave.session.viewing.tuning import tuning_facts, tuning_of, with_tuning
 from tautwave.types import CommandDelay
 
 
@@ -126,8 +126,6 @@ def run(
         are in the result, not raised.
     """
     require_drivers(rig)
-    if allow_tuning:
-        refuse_tuning(rig)
     if duration_s is not None:
         rig = rig.model_copy(update={"duration_s": duration_s})
     ways = bus_ways(rig, clock=clock, simulate=simulate, attach=attach)

@@ -40,6 +40,8 @@ FEWEST_FREE = 50
 """Patterns that are free, for a median of their errors."""
 AT_REST = 5e-5
 """Error [rad] to which both devices shall agree at rest, with noise."""
+COULOMB = 1e-3
+"""Dry friction of either device [N m], where there is some."""
 MAKERS = {"hold-last": 0.5, "null packets": 0.02, "fixed buffer": 0.02}
 """Least share of patterns in which another receiver makes energy: so the test can fail."""
 
@@ -111,13 +113,15 @@ def network(
         name: {title: run_pattern(chosen_pattern(way), name)[0] for title, way in WAYS.items()}
         for name in RECEIVERS
     }
+    dry = [chosen_pattern(way)._replace(coulomb=COULOMB) for way in WAYS.values()]
+    stuck = max(run_pattern(x)[0].rest / _allowed(x) for x in dry)
     tell("a force held for two minutes")
     held = [_held_row("clean", offset) for offset in (0.0, 100e-6, -100e-6)]
     held += [_held_row(title) for title in HELD]
     after: list[list[Value]] = []
     if hour:
         tell("an hour")
-        after = [_hour_row(*of) for of in ((False, 0.0), (True, 0.0), (True, 1e-3))]
+        after = [_hour_row(*of) for of in ((False, 0.0), (True, 0.0), (True, COULOMB))]
     lossy, clean = (chosen["play-out"][title] for title in ("30 %, jitter, 5 % twice", "clean"))
     roughness = lossy.chatter / clean.chatter
     worst = max(o.rest for o in chosen["play-out"].values())
@@ -149,6 +153,7 @@ def network(
             ),
             Goal("chatter at 30 % loss and jitter over clean", 1.15, "", roughness),
             Goal("error 3 s after the hand rests, worst", 1e3 * AT_REST, "mrad", 1e3 * worst),
+            Goal("and with dry friction, over c tau / b and an encoder step", 1.0, "", stuck),
             *(
                 Goal(f"{name} makes energy, share", least, "", _makers(found[name]), at_least=True)
                 for name, least in MAKERS.items()
@@ -220,6 +225,14 @@ def _chosen_table(title: str, outcomes: dict[str, Outcome]) -> Table:
     )
 
 
+def _allowed(x: Pattern) -> float:
+    """Return the error at rest [rad] that friction c explains, and a step of the encoder.
+
+    It holds an effort up to c, which stands on a line of delay tau by c tau / b.
+    """
+    return QUANTUM + x.coulomb * (DELAY + x.depth + x.periods[0]) / x.impedance
+
+
 def _hour_row(noisy: bool, coulomb: float) -> list[Value]:
     way, depth = network_params(DELAY, jitter=0.02, loss=0.05), 0.025
     x = chosen_pattern(way, offset=50e-6)._replace(
@@ -231,10 +244,7 @@ def _hour_row(noisy: bool, coulomb: float) -> list[Value]:
         end=3600.0,
     )
     result, _ = run_pattern(x)
-    # Friction c holds an effort up to c, which stands on a line of delay tau by c tau / b.
-    allowed = QUANTUM + coulomb * (DELAY + depth + x.periods[0]) / x.impedance
-    if noisy and not coulomb:
-        allowed = AT_REST
+    allowed = AT_REST if noisy and not coulomb else _allowed(x)
     found = 1e3 * result.rms, 1e3 * result.rest, 1e3 * allowed, result.violations
     return [1e6 * x.noise, 1e3 * coulomb, *found]
 

@@ -97,7 +97,7 @@ def accept(
         ctx.exit(2 if found.wrong else 0)
     if by is None:
         raise click.UsageError("--by NAME: who accepts?")
-    from tautwave.cli.rigs.calibrate import conversation
+    from tautwave.cli.rigs.talking import conversation
     from tautwave.cli.run import fresh_directory
     from tautwave.config import load_rig
     from tautwave.session.acceptance.accepting import Acceptance

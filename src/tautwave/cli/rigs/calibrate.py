@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -20,11 +18,7 @@ from tautwave.cli.options import (
 )
 from tautwave.errors import ConfigError
 
-if TYPE_CHECKING:
-    from tautwave.session.guided.running import Conversation
-
 STEPS = ("zero", "direction", "range", "identify")
-LARGEST = 1 << 16
 
 
 @click.command(short_help="Show a rig its zero, directions and ranges by hand.")
@@ -90,6 +84,7 @@ def calibrate(
         tautwave calibrate arms.yaml --steps range,identify --axis master.j1
         tautwave calibrate arms.yaml --stop slave.j6=-1.57
     """
+    from tautwave.cli.rigs.talking import conversation
     from tautwave.cli.run import fresh_directory
     from tautwave.cli.terminal.progress import Progress
     from tautwave.config import load_rig
@@ -118,36 +113,6 @@ def calibrate(
         span = f", range {low:.3f} to {high:.3f}" if "position_range" in one else ""
         click.echo(f"{name}: zero {one['zero']:+.4f}, direction {one['direction']:+d}{span}")
     click.echo(f"{file}: {len(found)} axes, named in {rig}")
-
-
-def conversation(script: str | None) -> Conversation:
-    """Return how the person is asked: on this terminal, with answers from a file if there is one.
-
-    Raises
-    ------
-    ConfigError
-        The file cannot be read, or is wrong.
-    """
-    from tautwave.config.guard import read_guarded
-    from tautwave.session.guided.answers import Answers, Typed, read_answers
-    from tautwave.session.guided.running import Conversation
-
-    answers: Answers
-    if script is None:
-        answers = Typed(sys.stdin.fileno())
-    else:
-        answers = read_answers(read_guarded(Path(script), "script", LARGEST), script)
-    live = sys.stdout.isatty()
-
-    def say(text: str) -> None:
-        click.echo(f"\r\x1b[K{text}" if live else text)
-        sys.stdout.flush()
-
-    def show(text: str) -> None:
-        if live:
-            click.echo(f"\r\x1b[K{text[:78]}", nl=False)
-
-    return Conversation(answers, say, show)
 
 
 def _stops(given: Sequence[str]) -> dict[str, float]:

@@ -61,6 +61,6 @@ def keys_of(rig: Any, clock: str, commands: str | None) -> Iterator[Sequence[Sou
     before = termios.tcgetattr(terminal)
     tty.setcbreak(terminal)  # Ctrl-C stays what it is
     try:
-        yield (Descriptor(terminal, read_keys),)
+        yield (Descriptor(terminal, read_keys, fresh=True),)
     finally:
         termios.tcsetattr(terminal, termios.TCSADRAIN, before)

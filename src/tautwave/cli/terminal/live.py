@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
+from tautwave.cli.terminal.show import printable
 from tautwave.config.guard import parse_json
 from tautwave.runtime.operate.states import STATES
 from tautwave.runtime.tap import Live
@@ -85,9 +86,12 @@ def news_lines(news: str, columns: int = 80) -> list[str]:
         text = f"{word} by {source}"
     elif not text.startswith(word):
         text = f"{word}: {text}"
-    shown = "".join(one if one.isprintable() else "?" for one in f"last  {at_s:.1f} s, {text}")
     return textwrap.wrap(
-        shown, max(columns, 20), subsequent_indent="      ", max_lines=2, placeholder=" ..."
+        printable(f"last  {at_s:.1f} s, {text}"),
+        max(columns, 20),
+        subsequent_indent="      ",
+        max_lines=2,
+        placeholder=" ...",
     )
 
 

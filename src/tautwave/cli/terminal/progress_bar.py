@@ -38,7 +38,7 @@ def draw_lines(stream: TextIO, out: TextIO, title: str) -> None:
 
 
 def draw_bar(stream: TextIO, title: str) -> None:
-    """Draw a bar that is erased at the end: the summary follows."""
+    """Draw a bar from the first report on, erased at the end: the summary follows."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -55,10 +55,13 @@ def draw_bar(stream: TextIO, title: str) -> None:
         TimeRemainingColumn(),
         TextColumn("{task.description}"),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0, title=title)
-        for fraction, text in reports(stream):
-            bar.update(task, completed=fraction, description=text)
+    coming = reports(stream)
+    for fraction, text in coming:  # a guided procedure talks before it has any
+        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task(text, total=1.0, title=title)
+            bar.update(task, completed=fraction)
+            for later, text in coming:
+                bar.update(task, completed=later, description=text)
 
 
 def draw_run(stream: TextIO, title: str, directory: str) -> None:

@@ -14,6 +14,12 @@ from tautwave.cli.terminal.streams import unheard
 GOOD, BAD, NOTE, FAINT = "green", "bold red", "yellow", "dim"
 
 
+def printable(text: str, most: int = 1000) -> str:
+    """Return what others wrote, such as a name, without what a terminal would obey, and cut."""
+    shown = "".join(one if one.isprintable() else "?" for one in text[: most + 1])
+    return shown if len(shown) <= most else f"{shown[: most - 3]}..."
+
+
 class Cell(NamedTuple):
     """Text with a colour. Use sparingly: most text is a plain str."""
 

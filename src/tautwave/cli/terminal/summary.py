@@ -6,13 +6,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tautwave.cli.terminal.show import BAD, GOOD, NOTE, Cell, Section
+from tautwave.cli.terminal.show import BAD, GOOD, NOTE, Cell, Section, printable
 from tautwave.report.calm import UNCALM, worst_share
 from tautwave.report.claims import blows_of, claims_sentence, exceeds, kept_claims
-from tautwave.report.units import axis_units, count, microseconds, number, quantity, ratio
+from tautwave.report.units import axis_units, count, microseconds, number, plural, quantity, ratio
+from tautwave.runtime.operate.journal import said_of
 
 FILES = ("report.html", "summary.json", "recording.mcap", "rig.yaml", "output.wav", "scene.gif")
 
+
+MOST_LEFT_OUT = 20
+"""Rows of what was left out that are shown."""
 
 LINK_HEADS = ("", ">lost", ">delay p50", ">p99", ">owed at most", ">energy short", ">held")
 
@@ -33,9 +37,10 @@ def summary_sections(
     ]
     return [
         _headline(name, summary, exit_code),
+        *([Section("Operation", ("", ""), list(_operation(summary)))] * ("operation" in summary)),
         *(motion if number(summary.get("cycles")) != 0.0 else ()),
         Section("Devices", ("", ">lost", ">late", "faults"), list(_devices(summary))),
-        Section("Left out", ("", ""), list(left_out_rows(summary.get("left_out", ())))),
+        Section("Left out", ("", ""), list(_left_out(summary))),
         Section(
             "Files",
             ("",),
@@ -83,6 +88,38 @@ def _headline(name: str, summary: Mapping[str, Any], exit_code: int) -> Section:
         notes.append(Cell(f"{lost[0].upper()}{lost[1:]}.", BAD))
     style = f"bold {NOTE if word == 'interrupted' else GOOD}" if exit_code == 0 else BAD
     return Section(", ".join(parts), ("",), [(note,) for note in notes], style)
+
+
+def _operation(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
+    """Yield what people did with the rig: engagements, episodes, faults, refusals."""
+    operation = summary.get("operation")
+    if not isinstance(operation, Mapping):
+        return
+    times, during = int(operation["engagements"]), quantity(operation.get("engaged_s"), "s", 3)
+    yield "engaged", f"{plural(times, 'time')}, {during} in all" if times else "never"
+    for one in operation["episodes"]:
+        task = f", {one['task']}" if one["task"] else ""
+        span = f"{quantity(one['begin_s'], 's', 3)} to {quantity(one['end_s'], 's', 3)}"
+        name = printable(f"{one['name']}{task}", 60)
+        yield f"episode {one['number']}", f"{name}: {said_of(one['success'])}, {span}"
+    for label, chosen in (
+        ("faults", [one for one in operation["journal"] if one["word"] == "fault"]),
+        ("refused", [one for one in operation["journal"] if one["refused"]]),
+    ):
+        if chosen:
+            last = chosen[-1]
+            at = quantity(last["at_s"], "s", 3)
+            text = f"{count(len(chosen))}; the last after {at}: {printable(last['text'], 200)}"
+            yield label, Cell(text, NOTE)
+
+
+def _left_out(summary: Mapping[str, Any]) -> Iterator[Sequence[str]]:
+    """Yield what was left out, or how much where it is more than a screen has room for."""
+    rows = list(left_out_rows(summary.get("left_out", ())))
+    if len(rows) <= MOST_LEFT_OUT:
+        yield from rows
+    else:
+        yield f"{count(len(rows))} elements", "the report lists them"
 
 
 def _tracking(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:

@@ -7,10 +7,12 @@ coordinate; z points upwards. Groups may have rows, which makes a net of them.
 from __future__ import annotations
 
 import functools
+import math
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
 
 from tautwave.config.keys.common import Block, Name, NonNegative, Positive
 from tautwave.config.keys.scene import (
@@ -34,7 +36,7 @@ from tautwave.config.keys.scene import (
 )
 from tautwave.errors import ConfigError
 from tautwave.models.tissue.gmsh import gmsh_mesh
-from tautwave.models.tissue.mesh import Mesh, block, on_faces, placed
+from tautwave.models.tissue.mesh import CELL, MOST_TETRAHEDRA, Mesh, block, on_faces, placed
 
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
@@ -68,6 +70,17 @@ class Cells(Block):
 
     size: tuple[Positive, Positive, Positive] = Field(description="[m] Edges along x, y and z.")
     cells: tuple[Count, Count, Count] = Field(description="How many cells along each.")
+
+    @model_validator(mode="after")
+    def _check_count(self) -> Self:
+        count = CELL * math.prod(self.cells)
+        if count > MOST_TETRAHEDRA:
+            raise PydanticCustomError(
+                "count",
+                "{count} tetrahedra; {most} are the limit",
+                {"count": count, "most": MOST_TETRAHEDRA},
+            )
+        return self
 
 
 class Branch(Block):

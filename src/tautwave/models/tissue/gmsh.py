@@ -10,9 +10,8 @@ from __future__ import annotations
 import math
 from typing import Iterator, NamedTuple  # noqa: UP035 - models import arithmetic only
 
-from tautwave.models.tissue.mesh import Corners, Mesh, righted
+from tautwave.models.tissue.mesh import MOST_TETRAHEDRA, Corners, Mesh, doubled_face, righted
 
-MOST_TETRAHEDRA = 100_000
 _TETRAHEDRON = 4
 _SKIPPED = {1: "lines", 2: "triangles", 15: "points"}
 _KINDS = {
@@ -115,4 +114,11 @@ def _mesh(
     for corners in found:
         a, b, c, d = (order[number] for number in corners)
         tetrahedra.append(righted(where, (a, b, c, d)))
+    twice = doubled_face(tetrahedra)
+    if twice is not None:
+        numbers = ", ".join(str(used[at]) for at in twice)
+        raise ValueError(
+            f"{name}: two tetrahedra lie on the same side of the face of nodes {numbers}: they "
+            "overlap, or one is there twice; mesh the part again"
+        )
     return Mesh(where, tuple(tetrahedra))

@@ -7,8 +7,12 @@ from typing import Iterable, NamedTuple, Sequence  # noqa: UP035 - models import
 
 from tautwave.models.tissue.algebra import Vector
 
+MOST_TETRAHEDRA = 100_000
 FACES = ("-x", "+x", "-y", "+y", "-z", "+z")
 Corners = tuple[int, int, int, int]
+
+CELL = 5
+"""Tetrahedra of a cell of a block."""
 
 _EVEN = (
     ((0, 0, 0), (1, 1, 0), (1, 0, 1), (0, 1, 1)),
@@ -78,6 +82,23 @@ def righted(nodes: tuple[Vector, ...], corners: Corners) -> Corners:
     return corners if volume > 0.0 else (corners[0], corners[2], corners[1], corners[3])
 
 
+def doubled_face(tetrahedra: Sequence[Corners]) -> tuple[int, ...] | None:
+    """Return the nodes of a face that has two tetrahedra on the same side, None without one.
+
+    Of a body's tetrahedra, all of positive volume, each face has one on either side: two on the
+    same overlap, or are the same one twice.
+    """
+    seen: set[tuple[int, ...]] = set()
+    for a, b, c, d in tetrahedra:
+        for face in ((a, c, b), (a, b, d), (a, d, c), (b, c, d)):
+            first = face.index(min(face))
+            turned = face[first:] + face[:first]
+            if turned in seen:
+                return turned
+            seen.add(turned)
+    return None
+
+
 def on_faces(mesh: Mesh, faces: Iterable[str]) -> set[int]:
     """Return the numbers of the nodes on faces of the box around a mesh, one of `FACES` each."""
     found: set[int] = set()
@@ -90,6 +111,9 @@ def on_faces(mesh: Mesh, faces: Iterable[str]) -> set[int]:
         found |= {number for number, place in enumerate(places) if abs(place - edge) <= near}
     return found
 
+
+LONGEST = 1e6
+"""[m] Greatest edge of a tetrahedron."""
 
 THIN = 1e-4
 """Six volumes over the cube of the longest edge below which a tetrahedron counts as flat."""
@@ -109,9 +133,11 @@ def shape_of(corners: Sequence[Vector], name: str) -> tuple[tuple[float, ...], f
     )
     if not all(math.isfinite(part) for corner in corners for part in corner):
         raise ValueError(f"{name}: its corners are not all finite numbers")
+    longest = max(math.dist(a, b) for a in corners for b in corners)
+    if longest > LONGEST:
+        raise ValueError(f"{name}: its longest edge is {longest:.3g} m; look at the mesh's scale")
     across = (_cross(two, three), _cross(three, one), _cross(one, two))
     six = sum(p * q for p, q in zip(one, across[0], strict=True))
-    longest = max(math.dist(a, b) for a in corners for b in corners)
     if not abs(six) > THIN * longest**3:
         raise ValueError(
             f"{name}: it is flat (volume {six / 6.0:.3g} m^3, longest edge {longest:.3g} m); "

@@ -15,7 +15,7 @@ import numpy as np
 from tautwave.files import write_text
 from tautwave.report.fast_motion import fast_shares
 from tautwave.report.run.rebuild import rebuild_summary
-from tautwave.report.run.rundir import Run, served_rows
+from tautwave.report.run.rundir import Run, engaged_s, served_rows
 
 _GAINS = ("hand_work", "motor_work")
 _LOSSES = ("grip_loss", "viscous_loss", "coulomb_loss", "environment_loss")
@@ -43,6 +43,8 @@ def complete_summary(run: Run) -> dict[str, Any]:
     energy = dict(rebuilt.get("energy_j", {}))
     energy.update(plant_energy(run, {name: power_ratio(block) for name, block in pairs.items()}))
     summary["energy_j"] = energy
+    if "operation" in summary:
+        summary["operation"] = {**summary["operation"], "engaged_s": engaged_s(run)}
     return summary
 
 

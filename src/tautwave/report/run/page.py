@@ -18,6 +18,7 @@ from tautwave.report.html import (
     verdict_rows,
 )
 from tautwave.report.run import tables
+from tautwave.report.run.operation import episode_table, journal_table
 from tautwave.report.run.parts import Part, Picture, certificate_picture, pair_parts, scene_parts
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import invalidated, outcome, uncertified, verdicts
@@ -89,6 +90,7 @@ def _body(run: Run) -> Iterator[Part]:
 
 def _motion(run: Run) -> Iterator[Part]:
     """The content for a run with at least one cycle."""
+    yield from _operation(run)
     yield from pair_parts(run)
     yield from _arms(run)
     if run.ports:
@@ -97,6 +99,13 @@ def _motion(run: Run) -> Iterator[Part]:
     yield from _books(run)
     yield from _precision(run)
     yield from _timing(run)
+
+
+def _operation(run: Run) -> Iterator[Part]:
+    if "operation" in run.summary:
+        yield '<h2 id="operation">Operation</h2>'
+        yield table(episode_table(run), "text")
+        yield table(journal_table(run), "text")
 
 
 def _arms(run: Run) -> Iterator[Part]:
@@ -125,6 +134,7 @@ def _head(run: Run) -> Iterator[str]:
     yield verdict_rows(verdicts(run))
     links = []
     if run.began:
+        links += [("Operation", "operation")] if "operation" in run.summary else []
         links += [(f"Pair {pair}", anchor(pair)) for pair in run.pairs]
         links += [("Scene", "scene")] if run.ports else []
         links += [("Energy books", "books"), ("Precision", "precision"), ("Timing", "timing")]

@@ -14,6 +14,7 @@ from tautwave.report.run.rundir import (
     Run,
     block,
     delay_of,
+    engaged_rows,
     kind_of,
     offset_per_effort,
     served_rows,
@@ -178,8 +179,11 @@ class Balance:
 
 def _pair(run: Run, pair: str) -> dict[str, Any]:
     summary: dict[str, Any] = {"kind": kind_of(run, pair), "elements": {}}
+    engaged = engaged_rows(run)
     for key in ("position_error", "effort_error"):
         values = run.read(f"{pair}.{key}").get(f"{pair}.{key}")
+        if values is not None and engaged is not None:
+            values = values[engaged]  # what is not coupled is no error
         if values is not None and np.isfinite(values).any():
             summary[key] = _size(values)
     late = _delayed_error(run, pair)
@@ -223,6 +227,9 @@ def _delayed_error(run: Run, pair: str) -> Floats | None:
         return None
     error, master = read.values()
     found = error[late:] - master[late:] + master[:-late]
+    engaged = engaged_rows(run)
+    if engaged is not None:
+        found = found[engaged[late:]]
     return found if np.isfinite(found).any() else None
 
 

@@ -18,6 +18,7 @@ from tautwave.registry import coupling_messages
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.scratch import Scratch
 from tautwave.report.units import number
+from tautwave.runtime.operate.states import ENGAGED, STATES
 from tautwave.wording import CouplingMessages
 
 if TYPE_CHECKING:
@@ -191,6 +192,20 @@ def served_rows(run: Run, axis: str) -> slice | npt.NDArray[np.bool_]:
         return slice(None)
     slots = np.cumsum(1.0 + np.nan_to_num(skipped)) - 1.0
     return np.asarray(slots % divisor == divisor - 1)
+
+
+def engaged_rows(run: Run) -> npt.NDArray[np.bool_] | None:
+    """Return in which rows the pairs were coupled; None where they always were."""
+    state = run.read("operation.state").get("operation.state")
+    return None if state is None else np.asarray(state == STATES.index(ENGAGED))
+
+
+def engaged_s(run: Run) -> float | None:
+    """Return for how long the pairs were coupled [s]; None where they always were."""
+    engaged = engaged_rows(run)
+    if engaged is None or not np.isfinite(run.rate_hz):
+        return None
+    return int(engaged.sum()) / run.rate_hz
 
 
 def delay_of(run: Run, pair: str) -> float:

@@ -148,6 +148,9 @@ def _tracking(run: Run) -> Verdict:
         figures = block(run.summary, "pairs", pair)
         position, effort = axis_units(str(figures.get("kind") or axis_kind(run, "master", pair)))
         error = block(figures, "position_error")
+        if not error and "operation" in run.summary:
+            sentences.append(f"{pair}: was never engaged.")
+            continue
         text = (
             f"{pair}: position error {quantity(error.get('rms'), position)} rms, "
             f"{quantity(error.get('max'), position)} at most"

@@ -117,8 +117,7 @@ class Alignment:
                 return unbalanced_sentence(axis, p, s.outside)
         if not far:
             return "an axis moves, or is in its wall; keep the devices still to engage"
-        spent = any(self.pulls[k].spent(self._slave(k)) for k in far)
-        why = "its energy budget is used up" if spent else "something is in its way"
+        why = self.pulls[far[0]].hindrance(self._slave(far[0]))
         return f"{', '.join(names[k] for k in far)} not aligned: {why}"
 
     def _slave(self, k: int) -> AxisState:

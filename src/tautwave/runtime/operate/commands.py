@@ -39,6 +39,13 @@ class Order(NamedTuple):
     source: str = "script"
 
 
+def unknown(word: str) -> str:
+    """Return why a command is none; an action that hands took would not have come so far."""
+    if word == LEAD:
+        return "no action for hands that a policy leads: PAIR=POSITION, finite, of pairs it leads"
+    return f"unknown; there are {', '.join(WORDS)}"
+
+
 class Source(Protocol):
     """Something that commands come from."""
 
@@ -87,21 +94,29 @@ class Script:
 
 
 class Descriptor:
-    """Bytes on a file descriptor: keys of a terminal, or lines of a pipe; `last` at its end."""
+    """Bytes on a file descriptor: keys of a terminal, or lines of a pipe; `last` at its end.
+
+    `fresh`: what came before the first look is dropped. A key that was pressed while the devices
+    were opened must not engage a rig that nobody has seen idle.
+    """
 
     def __init__(
         self,
         descriptor: int,
         read: Callable[[bytes], Sequence[Order]],
         last: Sequence[Order] = (),
+        *,
+        fresh: bool = False,
     ) -> None:
         self._descriptor = descriptor
         self._read = read
         self._last = last
+        self._stale = fresh
         self._open = True
 
     def take(self, now_ns: int) -> Sequence[Order]:
         """Return what has been typed or sent; a descriptor that fails is not looked at again."""
+        stale, self._stale = self._stale, False
         if not self._open:
             return ()
         try:
@@ -111,7 +126,9 @@ class Descriptor:
         except (OSError, ValueError):
             data = b""
         self._open = bool(data)
-        return self._read(data) if data else list(self._last)
+        if not data:
+            return list(self._last)
+        return () if stale else self._read(data)
 
 
 def read_keys(data: bytes) -> Sequence[Order]:

@@ -44,6 +44,11 @@ class Episode(NamedTuple):
 VERDICTS = {"success": True, "failed": False}
 
 
+def said_of(success: bool | None) -> str:
+    """Return what was said of an episode."""
+    return "not said" if success is None else "success" if success else "failed"
+
+
 class Journal:
     """Entries and episodes of one run; `tell` is called with the newest ones as JSON."""
 

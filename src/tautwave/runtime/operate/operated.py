@@ -21,7 +21,7 @@ from tautwave.runtime.load import SideLoad, take_payload
 from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.aligning import Alignment
 from tautwave.runtime.operate.books import Books
-from tautwave.runtime.operate.commands import EPISODE, PAYLOAD, TOGGLE, WORDS, Order
+from tautwave.runtime.operate.commands import EPISODE, PAYLOAD, TOGGLE, WORDS, Order, unknown
 from tautwave.runtime.operate.constants import Operation
 from tautwave.runtime.operate.engagement import begin_session, drop_commands, end_session
 from tautwave.runtime.operate.inbox import People
@@ -167,9 +167,7 @@ class OperatedControl(CoupledControl):
         if word == TOGGLE:
             word = st.CLUTCH if self.standing.state == st.ENGAGED else st.ENGAGE
         if word not in WORDS:
-            self._note(
-                word[:40], order.source, f"unknown; there are {', '.join(WORDS)}", refused=True
-            )
+            self._note(word[:40], order.source, unknown(word), refused=True)
             return
         self._command = WORDS.index(word) + 1
         if word == EPISODE and (why := self.journal.misplaced(order.argument)):
@@ -300,11 +298,19 @@ class OperatedControl(CoupledControl):
         if self.standing.faulted or self.standing.state == st.STOPPING:
             return
         for s, p, name in zip(self.axes, self.params, self.names, strict=True):
-            code = guard_axis(p.site.limit, s.position, s.velocity)
+            limit = p.site.limit
+            code = guard_axis(limit, s.position, s.velocity)
             if code and s.valid:
-                found = {1: "outside its position range", 2: "faster than its velocity limit"}
-                where = f"position {s.position:.6g} {name.unit}"
-                self._event(st.FAULT, f"{name.name}: {found.get(code, 'not finite')}, {where}")
+                low, high = limit.position_low, limit.position_high
+                found = {
+                    1: f"outside its position range, {low:.4g} to {high:.4g} {name.unit}: move it "
+                    "back by hand",
+                    2: f"faster than its velocity limit, {limit.velocity:.4g} {name.unit}/s",
+                }
+                where = f"{s.position:.4g} {name.unit}"
+                self._event(
+                    st.FAULT, f"{name.name}: at {where}, {found.get(code, 'position not finite')}"
+                )
                 return
 
     def _forgive(self, *, device: bool) -> None:

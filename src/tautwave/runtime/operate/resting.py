@@ -53,6 +53,12 @@ class Pull:
         """Return whether the budget is at its end."""
         return -s.port_energy + self.params.law.reserve > self.budget
 
+    def hindrance(self, s: AxisState) -> str:
+        """Say what may keep the device from its target."""
+        if self.spent(s):
+            return "its energy budget is used up"
+        return "something is in its way, or its friction is more than the rig's `coulomb`"
+
     def there(self, s: AxisState) -> bool:
         """Return whether the device is at its target."""
         return self.reference == self.target and abs(s.position - self.target) <= self.params.reach

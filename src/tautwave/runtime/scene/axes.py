@@ -20,7 +20,7 @@ from tautwave.controller.braking import fade_axis, stop_axis
 from tautwave.controller.records import FINISHED, AxisParams, AxisState, RunParams
 from tautwave.controller.rows import axis_columns, fill_axis
 from tautwave.controller.run import arm, ramp_share, stop_on_guard
-from tautwave.controller.slotted import all_slotted
+from tautwave.controller.slotted import all_slotted, slotted
 from tautwave.controller.steps import Guard, Law, Steps
 from tautwave.controller.stops import AxisName
 from tautwave.laws.limit import OVERDRAWN, RUNAWAY, RUNAWAY_TIMES
@@ -252,6 +252,11 @@ class SceneControl(Control):
             self.scene.begin()
             self.scene.think(0, ramp_share(r, o, slot))
         return True
+
+    def retune(self, which: int, p: AxisParams) -> None:
+        """Put other constants in place of an axis'."""
+        super().retune(which, p)
+        self.scene.params[self.ports.index(which)] = slotted(p)
 
     def fill(self, row: Row, at: int) -> None:
         """Write all columns of the scene at index `at`: axes, energies, where its nodes are."""

@@ -43,7 +43,7 @@ def wall_knob(control: Control, which: int, key: str) -> Turning:
     """Return how `stiffness`, `damping` or `position` of an axis' wall is turned."""
 
     def turn(value: float) -> None:
-        p, s = control.params[which], control.axes[which]
+        p, s = control.params[which], control.axis(which)
         wall = p.site.wall
         if key == "stiffness":
             s.wall_dissipated += 0.5 * (wall.stiffness - value) * s.depth * s.depth
@@ -54,7 +54,7 @@ def wall_knob(control: Control, which: int, key: str) -> Turning:
         if key == "position":
             return not control.engaged
         wall = control.params[which].site.wall
-        return key == "damping" or value <= wall.stiffness or control.axes[which].depth == 0.0
+        return key == "damping" or value <= wall.stiffness or control.axis(which).depth == 0.0
 
     return Turning(turn, ready)
 
@@ -66,7 +66,7 @@ def ceiling_knob(control: Control, which: int) -> Turning:
         control.retune(which, control.params[which]._replace(ceiling=value))
 
     def ready(value: float) -> bool:
-        s, ceiling = control.axes[which], control.params[which].ceiling
+        s, ceiling = control.axis(which), control.params[which].ceiling
         return value <= ceiling or (s.depth == 0.0 and math.fabs(s.asked) <= ceiling)
 
     return Turning(turn, ready)
@@ -83,7 +83,7 @@ def coupling_knob(
     def turn(value: float) -> None:
         for which in whiches:
             p = control.params[which]
-            end = tune(p.end, control.axes[which].end, key, value, p.site.period)
+            end = tune(p.end, control.axis(which).end, key, value, p.site.period)
             control.retune(which, p._replace(end=end))
 
     return Turning(turn, lambda value: True)

@@ -195,5 +195,6 @@ def _coupled(
         **{key: float(energy[key]) for key in ("residual", "generated") if key in energy},
     }
     for pair, found in summary["pairs"].items():
-        numbers[f"{pair}.position_error_rms"] = float(found["position_error"]["rms"])
+        if "position_error" in found:  # it has engaged
+            numbers[f"{pair}.position_error_rms"] = float(found["position_error"]["rms"])
     yield Check(stage, rig.name, numbers, "a run that ends well", result.exit_code == 0)

@@ -113,16 +113,20 @@ def _ranges(
     rig: Rig, side: str, own: Sequence[str], control: GuidedControl, found: Found
 ) -> Generator[None, None, None]:
     ends = {name: [control.position(name)] * 2 for name in own}
+    wide = max(map(len, own))
 
     def numbers() -> str:
-        return "  ".join(
-            f"{name} {low:+.2f} {control.position(name):+.2f} {high:+.2f}"
+        return "\n".join(
+            f"  {name:<{wide}}  {low:+.3f} to {high:+.3f} {_unit(rig, name)}, "
+            f"now {control.position(name):+.3f}"
             for name, (low, high) in ends.items()
         )
 
     why = ""
     while True:
-        question = f"{why}{side}: move {_listed(own)} to both ends of where it may go; then Enter"
+        question = (
+            f"{why}{side}: move {_listed(own)} to both ends of where each may go; then press Enter"
+        )
         for _ in control.ask(question):
             for name, pair in ends.items():
                 at = control.position(name)
@@ -141,7 +145,8 @@ def _ranges(
 
 
 def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names)
+    """Return axes of one side without it."""
+    return ", ".join(name.partition(".")[2] for name in names)
 
 
 def _unit(rig: Rig, name: str) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, load_rig
-from tautwave.errors import ConfigError
+from tautwave.errors import ConfigError, RecordingError
 from tautwave.session.calibration.by_hand import (
     DIRECTION,
     IDENTIFY,
@@ -19,9 +19,17 @@ from tautwave.session.calibration.by_hand import (
 from tautwave.session.calibration.by_stop import find_stops
 from tautwave.session.calibration.file import read_calibration, write_calibration
 from tautwave.session.guided.running import Conversation, Ways, run_guided
-from tautwave.session.identification.identifying import beliefs, identify_device
+from tautwave.session.identification.identifying import (
+    DeviceResult,
+    beliefs,
+    identify_device,
+)
 
 Axes = dict[str, dict[str, Any]]
+
+TRIES = ((0.3, 1.0), (0.6, 2.0), (1.0, 4.0))
+"""Share of the effort limit with which an axis is shaken, and for how many times the time that was
+asked for: more where friction holds it for most of the time."""
 
 
 class Asked(NamedTuple):
@@ -96,7 +104,6 @@ def calibrate(
     file = write_calibration(path, rig.name, _rounded(axes))
     if IDENTIFY in asked.steps:
         _identify(path, asked, axes, talk, out, ways, progress)
-        file = write_calibration(path, rig.name, _rounded(axes))
     load_rig(path, choose=False)  # what was written is a rig
     return file, axes
 
@@ -174,7 +181,7 @@ def _identify(
     ways: Ways,
     progress: Callable[[float, str], None] | None,
 ) -> None:
-    """Measure inertia and friction of each axis alone, in the middle of its range."""
+    """Measure inertia and friction of each axis alone, in the middle of its range; write each."""
     rig = load_rig(path)
     able = [name for name in asked.axes if rig.axes[name].causality == "impedance"]
     middle = run_guided(
@@ -191,20 +198,55 @@ def _identify(
     )
     assert middle.result is not None
     for name in able:
-        found = identify_device(
+        found = _identified(rig, name, asked, talk, out, ways, progress)
+        believed = beliefs(found.fit)
+        axes[name] |= believed
+        write_calibration(path, rig.name, _rounded(axes))  # the next one may fail
+        numbers = ", ".join(f"{key} {belief['value']:.3g}" for key, belief in believed.items())
+        talk.say(f"  {name}: {numbers}; explains {found.fit.explained:.0%}")
+
+
+def _identified(
+    rig: Rig,
+    name: str,
+    asked: Asked,
+    talk: Conversation,
+    out: Path,
+    ways: Ways,
+    progress: Callable[[float, str], None] | None,
+) -> DeviceResult:
+    """Identify an axis with as little effort and time as suffices."""
+
+    def shaken(share: float, longer: float) -> DeviceResult:
+        return identify_device(
             rig,
             axis=name,
-            out=out / f"identify-{name}",
+            out=out / f"identify-{name}-{share:g}",
             clock=ways.clock,
-            duration_s=asked.identify_s,
+            duration_s=longer * asked.identify_s,
+            share=share,
             simulate=ways.simulate,
             attach=ways.attach,
             progress=progress,
         )
-        believed = beliefs(found.fit)
-        axes[name] |= believed
-        numbers = ", ".join(f"{key} {belief['value']:.3g}" for key, belief in believed.items())
-        talk.say(f"  {name}: {numbers}; explains {found.fit.explained:.0%}")
+
+    *gentle, most = TRIES
+    for share, longer in gentle:
+        try:
+            found = shaken(share, longer)
+        except RecordingError:
+            talk.say(f"  {name}: {share:.0%} of its effort limit does not move it enough; more")
+            continue
+        if found.fit.damping.lower > 0.0:
+            return found
+        talk.say(f"  {name}: its damping cannot be distinguished from its friction yet; longer")
+    try:
+        return shaken(*most)
+    except RecordingError as error:
+        raise RecordingError(
+            f"{name} cannot be identified with all of its effort limit; free it, or raise "
+            f"effort_limit: {error.__cause__}"
+        ) from error
 
 
 def _rounded(axes: Axes) -> Axes:

@@ -12,10 +12,12 @@ from tautwave.config import Rig
 from tautwave.config.calibrated import MEASURED, digest
 from tautwave.config.text.resolved import flow_yaml
 from tautwave.config.text.yaml12 import parse_yaml
+from tautwave.errors import ConfigError
 from tautwave.files import write_text
 
 Axes = Mapping[str, Mapping[str, Any]]
 
+_NAME = re.compile(r"^name:.*(?:\n|\Z)", re.M)
 _LINE = re.compile(r"^calibration:.*(?:\n[ \t]+.*)*\n?", re.M)
 
 
@@ -35,11 +37,32 @@ def calibration_text(rig_name: str, axes: Axes) -> str:
 
 
 def named_in(rig_text: str, file: str, text: str) -> str:
-    """Return a rig file that names a calibration file with this text, in place of any other."""
+    """Return a rig file that names a calibration file with this text, in place of any other.
+
+    Raises
+    ------
+    ConfigError
+        The rig file has no line that it could stand below.
+    """
     line = f"calibration: {{file: {flow_yaml(file)}, sha256: {digest(text)}}}\n"
     if _LINE.search(rig_text):
         return _LINE.sub(lambda _: line, rig_text, count=1)
-    return re.sub(r"^(name:.*\n)", lambda found: found[1] + line, rig_text, count=1, flags=re.M)
+    named, count = re.subn(
+        r"^name:.*(?:\n|\Z)",
+        lambda found: _with_end(found[0]) + line,
+        rig_text,
+        count=1,
+        flags=re.M,
+    )
+    if not count:
+        raise ConfigError(
+            f"the rig file has no line `name: ...`; write below its name: {line.strip()}"
+        )
+    return named
+
+
+def _with_end(line: str) -> str:
+    return line if line.endswith("\n") else f"{line}\n"
 
 
 def read_calibration(rig: Rig, rig_path: Path) -> dict[str, dict[str, Any]]:

@@ -12,6 +12,9 @@ from tautwave.types import FoundBus, Setting
 _BEHIND = 32
 """Column of comments."""
 
+NEAR = {"rotary": (0.05, "rad"), "linear": (0.005, "m")}
+"""How near to its place a slave has to be before a pair with a fixed offset engages, by kind."""
+
 
 class Draft(NamedTuple):
     """A rig file to be written: one joint a pair, `rate_hz` [Hz]."""
@@ -52,6 +55,15 @@ def _lines(draft: Draft) -> Iterator[str]:
     yield "coupling:"
     yield _line(1, "law", Setting("wave", "impedances, filters and poles: the law's own choice"))
     yield _line(1, "engage_ramp_s", Setting(1.0, "forces come up over a second"))
+    kind = draft.master[0].device.axis["kind"].value
+    tolerance, unit = NEAR[kind]
+    yield "  defaults:"
+    yield _line(
+        2,
+        "offset",
+        Setting("at_engage", "TODO: 0 once calibrated: the slave comes to its master first"),
+    )
+    yield _line(2, "engage_tolerance", Setting(tolerance, f"[{unit}] how near it has to be then"))
     yield "  pairs:"
     for joint in draft.joints:
         yield f"    {joint}: {{}}"

@@ -60,6 +60,7 @@ class Rest:
         self._latency = max((control.params[i].delay for i in own), default=0) + 2
         self._pulls: dict[int, Pull] = {}
         self._limit = self._let_go = 0
+        self._beyond = False
         self._seated: dict[int, bool] = {}
         self.granted = [0.0] * len(own)
         """[J] By pair, what all alignments and holds so far might give out."""
@@ -93,8 +94,21 @@ class Rest:
         self._seated = dict.fromkeys(self._own, False)
 
     def aim(self, targets: Mapping[int, float], slot: int) -> None:
-        """Bring the slaves of some pairs to their places [rad or m], or on to other ones."""
+        """Bring the slaves of some pairs to their places [rad or m], or on to other ones.
+
+        None is moved while one has a place that its range does not reach.
+        """
         self._let_go = 0
+        if self._beyond:
+            self._beyond, self.hindrance = False, ""
+        for k, target in targets.items():
+            limit = self._params[self._own[k]].site.limit
+            if not limit.position_low <= target <= limit.position_high:
+                name = self._control.pair_names[k]
+                where = f"its place, {target:.4g}, is outside of its position_range"
+                self.release()
+                self._beyond, self.hindrance = True, f"slave {name} not aligned: {where}"
+                return
         slots = 0.0
         for k, target in targets.items():
             params = self._approach.pulls[k]
@@ -125,6 +139,7 @@ class Rest:
         """Pull no more: hold."""
         self._pulls.clear()
         self._let_go = 0
+        self._beyond = False
 
     def sense(self, slot: int, skipped: int) -> None:
         """Close the slots that went by with the sample of this one; stop outside the limits."""
@@ -140,14 +155,15 @@ class Rest:
         """Go on; return whether all are in place, and no command of before acts."""
         axes = self._control.axes
         far = [k for k, pull in self._pulls.items() if not pull.there(axes[self._own[k]])]
+        if self._beyond:
+            return False
         if self._let_go:
             gone = all(axes[i].total == 0.0 for i in self._own)
             return gone and slot - self._let_go >= self._latency
         if not far:
             self._let_go = slot
         elif slot > self._limit:
-            spent = any(self._pulls[k].spent(axes[self._own[k]]) for k in far)
-            why = "its energy budget is used up" if spent else "something is in its way"
+            why = self._pulls[far[0]].hindrance(axes[self._own[far[0]]])
             names = ", ".join(self._control.pair_names[k] for k in far)
             self.hindrance = f"slave {names} not aligned: {why}"
             targets = {k: pull.target for k, pull in self._pulls.items()}
@@ -167,7 +183,7 @@ class Rest:
             if control.samples[i].valid and not free:
                 pull = None if ending else self._pulls.get(k)
                 effort = self.holds.effort(i, slot, s, p) if pull is None else pull.effort(s)
-            send_resting(s, p, effort, share * p.ceiling)
+            send_resting(s, p, effort, share * control.params[i].ceiling)
 
     def end(self) -> None:
         """Rest no more; what the motors took is kept."""

@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from typing import Any
 
 from tautwave.config import Rig
-from tautwave.errors import ConfigError
 from tautwave.rig import Assembly
 from tautwave.rig.tuning import knobs_of, tunables
 from tautwave.runtime.control import Control
@@ -16,23 +15,6 @@ from tautwave.runtime.operate.journal import Entry
 from tautwave.runtime.operate.operated import OperatedControl
 from tautwave.runtime.tuning.desk import Desk
 from tautwave.runtime.tuning.source import Tuning
-
-
-def refuse_tuning(rig: Rig) -> None:
-    """Refuse to tune what cannot be.
-
-    Raises
-    ------
-    ConfigError
-        The rig is a scene, or spans a network.
-    """
-    reasons = {
-        "its scene is not tuned": rig.scene is not None,
-        "a coupling over a network claims for both sites at once": rig.link is not None,
-    }
-    for reason, holds in reasons.items():
-        if holds:
-            raise ConfigError(f"--allow-tuning: not for this rig: {reason}")
 
 
 @contextmanager

@@ -196,6 +196,17 @@ class CompiledSceneControl(SceneControl):
         self._push()
         return first
 
+    def axis(self, which: int) -> AxisState:
+        """Return the state of an axis as it is between two steps."""
+        self._pull()
+        return super().axis(which)
+
+    def retune(self, which: int, p: AxisParams) -> None:
+        """Put other constants in place of an axis'."""
+        super().retune(which, p)
+        if self._begun:
+            self._tables[2][which] = records_of(AxisParams, [p])[0]
+
     def error(self) -> Any:
         """Return the controller's reason to end the run early, or None."""
         self._pull()

@@ -29,8 +29,8 @@ export class Controls {
     el("episode").onsubmit = (event) => {
       event.preventDefault();
       const name = el("episode-name").value.trim().replace(/\s+/g, "-");
-      const task = name ? el("episode-task").value.trim() : "";
-      this.command(`episode ${name} ${task}`.trim());
+      const task = el("episode-task").value.trim();
+      this.command(`episode ${name || (task && "episode")} ${task}`.trim());
     };
     el("episode-success").onclick = () => this.command("episode success");
     el("episode-failed").onclick = () => this.command("episode failed");
@@ -50,7 +50,7 @@ export class Controls {
   scaleButton(scale) {
     const button = document.createElement("button");
     button.textContent = plain(scale);
-    button.title = "Let go for a moment, and go on with the slave's motion times this";
+    button.title = "The slave's motion times this, from where it is; the journal says whether the pairs let go for it";
     button.value = scale;
     button.onclick = () => this.command(`scale ${scale}`);
     return button;

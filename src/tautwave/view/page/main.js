@@ -119,7 +119,7 @@ function frame(now) {
   if (episode) parts.push(`episode ${episode}`);
   if (store.missed) parts.push(`${store.missed} rows not seen`);
   if (!app.controls.may) parts.push("looking only");
-  el("health").textContent = parts.join("   ");
+  el("health").textContent = parts.join(" · ");
 }
 
 el("stop").onclick = () => send({ op: "command", line: "stop" });

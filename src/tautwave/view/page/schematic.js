@@ -41,6 +41,7 @@ export class Schematic {
     this.flows = [];
     this.texts = [];
     this.svg.replaceChildren();
+    this.svg.closest("article").hidden = !pair; // a scene is drawn in its report
     if (!pair) return;
     const ends = pair.elements.filter((e) => /_(master|slave)$/.test(e));
     this.middle = pair.elements.filter((e) => !ends.includes(e) && e !== "operate");
@@ -71,8 +72,8 @@ export class Schematic {
     });
     this.box(276, TOP, 88, 56, "middle", this.middle[0] ?? this.facts.law, null, this.middle[0]);
     this.middle.slice(1).forEach((name, n) => this.box(250, TOP + 96 + 60 * n, 140, 48, "middle", name, null, name));
-    const rows = Math.max(this.walls.master.length, this.walls.slave.length, this.middle.length - 1, 1);
-    this.svg.setAttribute("viewBox", `-4 -4 648 ${TOP + 92 + 60 * rows}`);
+    const rows = Math.max(this.walls.master.length, this.walls.slave.length, this.middle.length - 1);
+    this.svg.setAttribute("viewBox", `-4 -4 648 ${TOP + 64 + (rows > 0 ? 28 + 60 * rows : 0)}`);
     const delay = this.facts.delay_s;
     const law = delay ? `${this.facts.law}, ${1e3 * delay} ms` : this.facts.law;
     this.svg.append(make("text", { x: 320, y: 16, "text-anchor": "middle", class: "soft" }, law));
@@ -80,12 +81,13 @@ export class Schematic {
 
   box(x, y, width, height, kind, name, note, element) {
     this.svg.append(make("rect", { x, y, width, height, rx: 7, class: kind }));
-    const title = make("text", { x: x + width / 2, y: y + 22, "text-anchor": "middle" }, shorten(name, width));
+    const [upper, lower] = [y + 0.4 * height, y + 0.76 * height]; // base lines
+    const title = make("text", { x: x + width / 2, y: upper, "text-anchor": "middle" }, shorten(name, width));
     title.append(make("title", {}, name));
     this.svg.append(title);
-    if (note) this.svg.append(make("text", { x: x + width / 2, y: y + 42, "text-anchor": "middle", class: "soft" }, shorten(note, width)));
+    if (note) this.svg.append(make("text", { x: x + width / 2, y: lower, "text-anchor": "middle", class: "soft" }, shorten(note, width)));
     if (element) {
-      const text = make("text", { x: x + width / 2, y: y + 42, "text-anchor": "middle", class: "soft" });
+      const text = make("text", { x: x + width / 2, y: lower, "text-anchor": "middle", class: "soft" });
       this.svg.append(text);
       this.texts.push({ text, value: () => joules(this.store.newest(`${this.pair.name}.${element}.stored`) ?? 0) });
     }

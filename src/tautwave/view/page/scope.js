@@ -27,7 +27,7 @@ export class Scope {
 
   show(pair) {
     el("panels").replaceChildren();
-    this.panels = (pair ? groupsOf(this.facts, pair) : [{ title: "Timing", unit: "µs", names: ["lateness_us", "compute_us"] }])
+    this.panels = groupsOf(this.facts, pair)
       .map((group) => new Panel(el("panels"), this.store, group, this));
     this.dirty = true;
   }
@@ -151,7 +151,7 @@ export class Scope {
 
   valueRows() {
     const { a, b } = this.cursors;
-    if (a === null && b === null) return [this.store.end - 1];
+    if (a === null && b === null) return [this.running ? this.store.end - 1 : Math.min(this.store.end - 1, this.store.rowAt(this.view.to))];
     const rows = [a, b].filter((at) => at !== null).map((at) => Math.min(this.store.end - 1, this.store.rowAt(at)));
     return rows;
   }
