@@ -7,17 +7,20 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import click
 import pytest
 
 import tautwave
-from tautwave import errors
+from tautwave import errors, registry
 from tautwave.config import Rig, load_rig
 from tautwave.rig import build_rig
 from tautwave.session.operating import with_operation
 from tautwave.session.sites.agreed import ALIGNED, LINK_COLUMNS
 from tautwave.session.viewing.tuning import tuning_of
 from tests.arms.motions import FOLLOWING
+from tests.docs.blocks import pages
 
 DOCS = Path(__file__).parents[2] / "docs"
 CONFIGS = DOCS.parent / "configs"
@@ -50,6 +53,45 @@ def test_every_command_is_on_the_page() -> None:
     page = commands_page()
     for words, _ in walk(main, ("tautwave",)):
         assert f"\n## {' '.join(words)}\n" in page
+
+
+def _options(words: list[str]) -> tuple[set[str], list[str]]:
+    """Return the options that a command knows, and its words from there on; none of a group."""
+    from tautwave.cli import main
+
+    command: Any = main
+    at = 1
+    while isinstance(command, click.Group):
+        found = command.get_command(click.Context(command), words[at]) if at < len(words) else None
+        if found is None:
+            return set(), []
+        command, at = found, at + 1
+    known = {"--help", *(o for p in command.params for o in (*p.opts, *p.secondary_opts))}
+    parts = {
+        "sim": (registry.load_simulator, "bench_options"),
+        "scan": (registry.load_driver, "scan_options"),
+    }
+    driver = words[at] if at < len(words) else ""
+    if command.name in parts and driver in (*registry.driver_names(), "network"):
+        load, options = parts[command.name]
+        fields = getattr(load(driver), options).model_fields
+        known |= {"--" + name.replace("_", "-") for name in fields}
+    return known, words[at:]
+
+
+def test_every_option_that_a_page_names_exists() -> None:
+    """Also within a line, where no test runs the command."""
+    seen = 0
+    for page in pages():
+        text = page.read_text(encoding="utf-8")
+        for found in re.findall(r"(?<![\w./-])tautwave [a-z][^`\n]*", text):
+            plain = re.sub(r"'[^']*'|\"[^\"]*\"", "_", found)
+            words = re.split(r" #| [|&>;] ", plain)[0].split()
+            known, rest = _options(words)
+            named = {word.split("=")[0] for word in rest if re.match(r"--[a-z]", word)}
+            seen += len(named)
+            assert not known or named <= known, f"{page.name}: {found}: {named - known}"
+    assert seen > 100
 
 
 def test_every_exit_code_is_on_the_page() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -194,15 +195,26 @@ def test_what_cannot_be_is_refused_in_one_sentence(run: Path, tmp_path: Path) ->
     assert "--fps is for --to lerobot" in done.output
 
 
-def filmed(folder: Path, lost: range = range(0), late_ns: int = 0) -> Path:
-    """Record as above, with a camera at 50 Hz whose pictures are as bright as their number."""
+def filmed(
+    folder: Path,
+    lost: range = range(0),
+    late_ns: int = 0,
+    damage: Callable[[bytes], bytes] | None = None,
+) -> Path:
+    """Record as above, with a camera at 50 Hz whose pictures are as bright as their number.
+
+    Some are damaged, if wished.
+    """
     run = recorded(folder)
     with open(run / "recording.mcap", "rb") as file:
         first = next(iter(make_reader(file).iter_messages()))[2].log_time
     camera = CameraFile(run / "camera-wrist.mcap", "wrist", 50.0, first + late_ns, 0)
     for k in (k for k in range(-1, 125) if k not in lost):
         grey = np.full((32, 48, 3), k + 1, np.uint8)
-        camera.add(20_000_000 * k + 1_000_000, jpeg_of(grey, "RGB"), k + 1)
+        jpeg = jpeg_of(grey, "RGB")
+        if damage is not None and k in range(20, 30):
+            jpeg = damage(jpeg)
+        camera.add(20_000_000 * k + 1_000_000, jpeg, k + 1)
     camera.close()
     return run
 
@@ -253,6 +265,29 @@ def test_a_picture_that_stands_is_none(tmp_path: Path) -> None:
     code, said = export(run, "--task", "rest", "--out", tmp_path / "bare", "--no-video")
     assert said.endswith("2 episodes, 43 frames at 30 fps\n")
     assert json.loads((tmp_path / "bare/meta/info.json").read_text())["video_path"] is None
+
+
+@pytest.mark.parametrize(
+    ("damage", "text"),
+    [
+        (lambda jpeg: jpeg[: len(jpeg) // 2], "miss a sample or a picture"),
+        (lambda jpeg: b"", "miss a sample or a picture"),
+        (lambda jpeg: bytes(99), "miss a sample or a picture"),
+        (lambda jpeg: jpeg[:2] + bytes(99) + jpeg[-2:], "wrist: a picture is damaged"),
+        (lambda jpeg: jpeg_of(np.zeros((16, 16, 3), np.uint8), "RGB"), "differ in size"),
+    ],
+)
+def test_a_damaged_picture_is_none(
+    damage: Callable[[bytes], bytes], text: str, tmp_path: Path
+) -> None:
+    pytest.importorskip("av")
+    run = filmed(tmp_path / "run", damage=damage)
+    code, said = export(run, "--task", "rest", "--out", tmp_path / "set")
+    assert (code, said.count("\n"), list(tmp_path.glob("set*"))) == (2, 1, [])
+    assert text in said
+    padded = filmed(tmp_path / "padded", damage=lambda jpeg: jpeg + bytes(7))  # as some cameras do
+    code, said = export(padded, "--task", "rest", "--out", tmp_path / "set")
+    assert code == 0, said
 
 
 def test_pictures_of_another_run_are_refused(tmp_path: Path) -> None:

@@ -120,7 +120,9 @@ def test_a_policy_moves_both_ends_and_its_silence_holds_the_rig() -> None:
 
 def test_a_wrong_action_is_in_the_journal_and_moves_nothing() -> None:
     run = led("0.5 lead elbow=1.0\n0.6 lead lever=fast")
-    assert [word for word, _ in run.words()].count("lead") == 2
+    refused = [entry.text for entry in run.control.journal.entries if entry.word == "lead"]
+    assert len(refused) == 2
+    assert all("PAIR=POSITION" in text for text in refused)
     assert abs(run.columns["slave.lever.position"]).max() < 1e-3
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import random
 import subprocess
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,8 +17,11 @@ import pytest
 from tautwave import read_recording
 from tautwave.bench.sites.order import free_port
 from tautwave.sites.certificates import make_authority
+from tautwave.sites.datagrams import open_socket
+from tautwave.sites.seal import Sealer
 from tautwave_sim.network import NetworkOptions, Relay
 from tests.session.programs import COMMAND, RIG, Site
+from tests.sites.test_datagrams import hostile
 
 pytestmark = [pytest.mark.slow, pytest.mark.long, pytest.mark.realtime, pytest.mark.timeout(400)]
 PATIENT = ("loop.overrun_limit=20000", "duration_s=1000", "link.lost_s=60", "sites.wait_s=100")
@@ -202,6 +207,30 @@ def test_of_a_master_that_is_started_anew_old_packets_are_refused(
     # The relay sent on what either master sent: not one more was accepted.
     assert 150 < link["refused"]["old_session"] <= 200  # a stalled loop's buffer is soon full
     assert 0 < link["packets"] <= len(relay.kept)
+
+
+def test_a_hundred_thousand_hostile_datagrams_disturb_no_session(
+    start: Start, relay: Eavesdropper, port: int
+) -> None:
+    changes = ("sites.slave.address={}:{}".format(*relay.address), "sites.greatest_backlog=10")
+    master, slave = both(start, *changes)
+    good = [send.args[0] for send in relay.kept[-50:]]  # type: ignore[attr-defined]
+    source = random.Random(8)
+    old = Sealer(source.randbytes(32), source.randbytes(8), "master")
+    other = Sealer(source.randbytes(32), good[0][1:9], "master")  # knows the session, not its key
+    with open_socket("127.0.0.1", 0) as stranger:
+        for k in range(100_000):
+            stranger.sendto(hostile(source, good, old, other), ("127.0.0.1", port))
+            if k % 15 == 0:
+                time.sleep(1e-3)
+    together(master, slave)
+    slave.interrupt()
+    assert (master.ended(), slave.ended()) == (0, 0)
+    assert len(master.link()["sessions"]) == len(slave.link()["sessions"]) == 1
+    link = slave.link()
+    assert 0 < link["packets"] <= len(relay.kept)
+    assert sum(link["refused"].values()) > 50_000  # a stalled loop's buffer is soon full
+    assert all(link["refused"].values())
 
 
 def renewed(other: Site, again: Site) -> None:

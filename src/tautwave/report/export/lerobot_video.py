@@ -18,9 +18,10 @@ import numpy.typing as npt
 
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.files import make_directory, writing
-from tautwave.recordings.cameras import camera_fps, pictures
+from tautwave.recordings.cameras import Picture, camera_fps, pictures
 
 PERIODS = 3.0
+BEGIN, END = b"\xff\xd8", b"\xff\xd9"
 CODEC, PIXELS = "h264", "yuv420p"
 SAMPLED, THINNED = 100, 8
 """Pictures of an episode for its statistics, and every which of their lines and columns."""
@@ -38,7 +39,7 @@ class Camera(NamedTuple):
     @classmethod
     def of_run(cls, directory: Path, name: str) -> Camera:
         """Read the times of its pictures."""
-        times = np.array([one.time_s for one in pictures(directory, name)])
+        times = np.array([one.time_s for one in _whole(directory, name)])
         return cls(directory, name, times, PERIODS / camera_fps(directory, name))
 
     def numbers(self, at_s: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
@@ -51,7 +52,7 @@ class Camera(NamedTuple):
 
     def jpegs(self, numbers: Sequence[int]) -> Iterator[bytes]:
         """Give the pictures of these numbers, which rise."""
-        found = enumerate(pictures(self.directory, self.name))
+        found = enumerate(_whole(self.directory, self.name))
         at, jpeg = -1, b""
         for number in numbers:
             while at < number:
@@ -86,7 +87,8 @@ class Video:
         every = max(1, count // SAMPLED)
         seen = []
         for number, jpeg in enumerate(jpegs):
-            picture = _decoded(jpeg)
+            picture = _decoded(jpeg, self.key)
+            self._open(picture)
             if number % every == 0:
                 seen.append(picture[::THINNED, ::THINNED])
             with writing(self._path):
@@ -96,11 +98,13 @@ class Video:
         self._all.append(some)
         return picture_statistics(some)
 
-    def _encode(self, picture: npt.NDArray[np.uint8]) -> None:
+    def _open(self, picture: npt.NDArray[np.uint8]) -> None:
+        """Begin with the first picture; refuse one of another size."""
         height, width, _ = picture.shape
         if self._container is None:
             make_directory(self._path.parent)
-            self._container = self._av.open(str(self._path), "w")
+            with writing(self._path):
+                self._container = self._av.open(str(self._path), "w")
             # Key frames are dense, so that training may begin anywhere.
             options = {"g": "2", "crf": "23"}
             self._stream = self._container.add_stream(CODEC, rate=self.fps, options=options)
@@ -109,6 +113,8 @@ class Video:
             self._stream.time_base = Fraction(1, self.fps)
         if (width, height) != (self._stream.width, self._stream.height):
             raise RecordingError(f"{self.key}: its pictures differ in size; a dataset has one")
+
+    def _encode(self, picture: npt.NDArray[np.uint8]) -> None:
         frame = self._av.VideoFrame.from_ndarray(picture, format="rgb24")
         self._container.mux(self._stream.encode(frame))
 
@@ -145,10 +151,22 @@ def picture_statistics(some: npt.NDArray[np.uint8]) -> dict[str, Any]:
     return {**shaped, "count": [len(some)]}
 
 
-def _decoded(jpeg: bytes) -> npt.NDArray[np.uint8]:
+def _whole(directory: Path, name: str) -> Iterator[Picture]:
+    """Give the pictures that begin and end as a JPEG does; cameras send some that are cut off."""
+    for one in pictures(directory, name):
+        if one.jpeg.startswith(BEGIN) and one.jpeg.rstrip(b"\0").endswith(END):
+            yield one
+
+
+def _decoded(jpeg: bytes, key: str) -> npt.NDArray[np.uint8]:
     from PIL import Image
 
-    return np.asarray(Image.open(io.BytesIO(jpeg)).convert("RGB"))
+    try:
+        return np.asarray(Image.open(io.BytesIO(jpeg)).convert("RGB"))
+    except OSError as err:
+        raise RecordingError(
+            f"{key}: a picture is damaged ({err}); --no-video leaves the camera out"
+        ) from err
 
 
 def _pyav() -> Any:

@@ -39,6 +39,13 @@ class Order(NamedTuple):
     source: str = "script"
 
 
+def unknown(word: str) -> str:
+    """Return why a command is none; an action that hands took would not have come so far."""
+    if word == LEAD:
+        return "no action for hands that a policy leads: PAIR=POSITION, finite, of pairs it leads"
+    return f"unknown; there are {', '.join(WORDS)}"
+
+
 class Source(Protocol):
     """Something that commands come from."""
 
