@@ -9,7 +9,16 @@ import pytest
 from click.testing import CliRunner
 
 from tautwave import canvas
-from tautwave.bench.couplings.frontier import BEST, LAB, SETTINGS, Point, Score, frontier
+from tautwave.bench.couplings.frontier import (
+    BEST,
+    KEPT,
+    LAB,
+    SETTINGS,
+    Point,
+    Score,
+    frontier,
+    run_hand,
+)
 from tautwave.bench.couplings.frontier_suite import BARS, each_hand, frontier_figure
 from tautwave.bench.couplings.recorded import controllers
 from tautwave.bench.port.hands import CONTACTS, recorded_hands, synthetic_hands
@@ -86,6 +95,20 @@ def test_one_setting_halves_the_error_of_the_laboratory_in_free_motion_and_foam(
     for contact in ("free", "foam"):
         best = found[contact][1]
         assert best.share <= BARS[contact]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not DATA.is_dir(), reason="no recordings")
+def test_a_spring_is_given_back_at_the_master_without_chatter(tmp_path: Path) -> None:
+    """All that the master's tank gives is what the slave's, full of the spring's energy, sends."""
+    [hand] = [it for it in recorded_hands(DATA) if it.name == "m2_a_spring"]
+    [setting] = [it for it in SETTINGS if it.family.startswith("four_") and it.name == "K 10"]
+    old = setting._replace(block=setting.block.replace(KEPT, "{}"))
+    (error, calm, _), (before, loud, _) = (
+        run_hand(it, hand, 1.5e-5, tmp_path, "python") for it in (setting, old)
+    )
+    assert calm < 0.2 * loud
+    assert error < before
 
 
 def test_the_command_says_what_it_compares(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -104,6 +105,22 @@ def test_only_what_stands_above_the_mark_is_sent() -> None:
     assert credit_due(P, P.mark + 1e-3, 2.0) == pytest.approx(2e-4)
     assert credit_due(P, P.least, 0.0) == 0.0
     assert credit_due(P, P.mark, 0.0) == pytest.approx(0.2 * (P.mark - P.least))
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.05, 0.5, 1.0])
+def test_a_follower_gives_back_to_a_leader_that_has_little_and_never_to_and_fro(
+    kept: float,
+) -> None:
+    leader = P._replace(full=8e-3, mark=4e-3, least=1e-3)
+    follower = P._replace(full=8e-3, mark=8e-3, least=kept * 8e-3, enough=0.5)
+    assert credit_due(follower, 6e-3, 0.5) == 0.0
+    assert credit_due(follower, 6e-3, 0.0) == pytest.approx(0.2 * max(0.0, 6e-3 - kept * 8e-3))
+    levels = np.linspace(0.0, 1.0, 41)
+    for one in levels:
+        for two in levels:
+            ahead = credit_due(leader, one * leader.full, two)
+            back = credit_due(follower, two * follower.full, one)
+            assert min(ahead, back) < 1e-15
 
 
 def test_a_full_account_spills() -> None:

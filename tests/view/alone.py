@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import atexit
 import fcntl
 import json
 import socket
@@ -70,10 +71,12 @@ def state(browser: Browser, word: str) -> bool:
 def operate(browser: Browser) -> dict[str, bool]:
     """Press every button of the rig that its state allows; return which had its effect."""
     found = {}
+    click(browser, "#sound")
     for word, after in (("engage", "engaged"), ("clutch", "clutched"), ("hold", "holding"),
                         ("rest", "idle"), ("engage", "engaged")):  # fmt: skip
         click(browser, f'[data-word="{word}"]')
         found[f"{word} {after}"] = state(browser, after)
+    found["sound"] = browser.run("tautwave.controls.audio?.currentTime !== undefined")
     browser.run("document.getElementById('episode-name').value = 'pick'")
     click(browser, "#episode-begin")
     found["episode begins"] = browser.wait("!document.getElementById('episode-success').disabled")
@@ -191,6 +194,7 @@ def start(out: Path, sets: Sequence[str], *options: str) -> tuple[subprocess.Pop
         [sys.executable, "-c", RUN, *words],
         stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
     )  # fmt: skip
+    atexit.register(run.kill)  # whatever becomes of the browser
     assert run.stderr is not None
     return run, run.stderr.readline().split()[1]
 
@@ -199,7 +203,7 @@ def rescale(browser: Browser, out: Path) -> bool:
     """Press the button of another scale; return whether it acts, and the rig is engaged again."""
     run, url = start(out, (*CALM, "operate={scales: [0.5]}", *POLES))
     browser.open(url)
-    browser.wait("window.tautwave?.store?.end > 10", 30.0)
+    browser.wait("window.tautwave?.store?.end > 10", 120.0)
     click(browser, '[data-word="engage"]')
     state(browser, "engaged")
     click(browser, '#scales button[value="0.5"]')
@@ -220,7 +224,7 @@ def main(directory: Path, looked_at: bool) -> None:
     with Browser() as browser:
         browser.look(1400, 1000, dark=False)
         browser.open(url)
-        found["loads"] = browser.wait("window.tautwave?.store?.end > 10")
+        found["loads"] = browser.wait("window.tautwave?.store?.end > 10", 120.0)
         found["name"] = text(browser, "rig")
         found["token in address"] = "#" in browser.run("location.href")
         found["buttons"] = operate(browser)

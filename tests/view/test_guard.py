@@ -131,9 +131,15 @@ def test_a_message_that_is_too_long_and_one_viewer_too_many_are_refused(
             pass
 
 
+@pytest.mark.parametrize("address", ["0.0.0.0", "::"])
+def test_every_address_at_once_is_none(address: str) -> None:
+    with pytest.raises(ConfigError, match="name the one address that viewers open"):
+        open_door(address, 0, None, None)
+
+
 def test_other_addresses_need_tls() -> None:
     with pytest.raises(ConfigError, match="needs --tls-cert"):
-        open_door("0.0.0.0", 0, None, None)
+        open_door("10.0.0.1", 0, None, None)
     with pytest.raises(ConfigError, match="numeric address"):
         open_door("evil.example", 0, None, None)
     with pytest.raises(ConfigError, match="belong together"):

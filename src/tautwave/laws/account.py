@@ -16,7 +16,10 @@ sent, so that a message that is lost, late or doubled changes nothing but the ti
 share of what stands above its mark. The leader's rises from its reserve to half a tank as the
 follower's tank fills, for a follower with friction needs its first energy at once. The follower's
 is its full tank: were both the same, a tank could never be filled, and a law that gives at the
-follower (a reflected force) would stand still. While the follower's tank is not full the leader
+follower (a reflected force) would stand still. Where a spring gives back at the follower what the
+law has to give back at the leader, the follower's may fall with the leader's level, from a full
+tank at half a tank there: as the leader's mark is half the follower's level then, no credit goes to
+and fro. While the follower's tank is not full the leader
 resists its own motion: who moves pays.
 
 How large a tank is has nothing to do with the bound below, for what is in it was taken before. A
@@ -65,7 +68,8 @@ class AccountParams(NamedTuple):
     """Constants of one end's account, in its device's own units.
 
     reserve E0, debt D, least, mark, full, capacity [J]: held at the start, allowed below 0, sent
-    above while the far tank is empty, and once it is full, reported as 1, spilled above; income,
+    above while the far tank is empty, and once it has `enough` [1], reported as 1, spilled above;
+    income,
     level_income, edge_income [J per period]: what noise takes while the law's effort passes, the
     level control's in full, or a bound of the gate; share of the funds that a command may plan to
     give, less than 1 where others are on their way; level_damping, 0 at a follower, and edge
@@ -91,6 +95,7 @@ class AccountParams(NamedTuple):
     slip: float = 1.0
     drag: float = 0.0
     smoothing: float = 1.0
+    enough: float = 1.0
 
 
 def planned_share(late: int) -> float:
@@ -166,7 +171,7 @@ def close_account(p: AccountParams, funds: float, income: float) -> tuple[float,
 
 def credit_due(p: AccountParams, funds: float, far_level: float) -> float:
     """Return the credit [J] that an end sends now, to a tank of that level [1]."""
-    spare = funds - p.mark + (p.mark - p.least) * level_missing(far_level)
+    spare = funds - p.mark + (p.mark - p.least) * level_missing(far_level / p.enough)
     if spare > 0.0:
         return SENT_SHARE * spare
     return 0.0

@@ -85,9 +85,14 @@ def open_door(address: str, port: int, certificate: Path | None, key: Path | Non
         cannot be used.
     """
     try:
-        local = ipaddress.ip_address(address).is_loopback
+        given = ipaddress.ip_address(address)
     except ValueError as error:
         raise ConfigError(f"--address: give a numeric address (got {address[:80]!r})") from error
+    local = given.is_loopback
+    if given.is_unspecified:  # what requests name as their host could be anything
+        raise ConfigError(
+            f"--address {address}: name the one address that viewers open, such as 192.0.2.7"
+        )
     if (certificate is None) != (key is None):
         raise ConfigError("--tls-cert and --tls-key belong together")
     if certificate is None and not local:

@@ -52,11 +52,15 @@ def _wave(impedance: float, corner: float) -> Setting:
     return Setting(OURS, name, f"{{law: wave, pairs: {{lever: {{{keys}}}}}}}")
 
 
+KEPT = "{kept: 0.05}"
+"""A spring at the slave is given back at the master: the slave's tank gives, too."""
+
+
 def _account(
     law: str, stiffness: float, damping: float, filter_s: float, more: str = ""
 ) -> Setting:
     keys = f"stiffness: {stiffness}, damping: {damping}{more}"
-    block = f"{{law: {law}, account: {{}}, pairs: {{lever: {{{keys}}}}}}}"
+    block = f"{{law: {law}, account: {KEPT}, pairs: {{lever: {{{keys}}}}}}}"
     return Setting(f"{law}, account", f"K {stiffness:g}", block, filter_s)
 
 

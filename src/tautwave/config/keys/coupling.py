@@ -152,6 +152,13 @@ class Account(Block):
         "may be given later, at this end or the other, beside the claim; default: a fifth of the "
         "device's kinetic energy at its velocity limit.",
     )
+    kept: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=1.0,
+        description="Share of a full tank that the follower keeps, and a reserve at least, while "
+        "the leader's is empty; half full the leader's takes nothing. Less than 1 calms laws that "
+        "give back at the leader what a spring gave at the follower; 1 suits laws that give at the "
+        "follower, such as position_force.",
+    )
     level_damping: NonNegative | None = Field(
         default=None,
         description="[N m s/rad | N s/m] Of the leader, while the other's tank is empty; default: "

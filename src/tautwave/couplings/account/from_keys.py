@@ -124,7 +124,7 @@ def account_params(
     return AccountParams(
         reserve=reserve,
         debt=reserve + 0.5 * axis.effort_limit * axis.velocity_limit * axis.fade,
-        least=reserve if leads else full,
+        least=reserve if leads else max(reserve, keys.kept * full),
         mark=LEADER_SHARE * full if leads else full,
         full=full,
         capacity=full + kinetic,
@@ -135,6 +135,7 @@ def account_params(
         level_damping=level,
         edge=edge,
         quantum=1.001 * axis.effort_quantum + 1e-12,
+        enough=1.0 if leads else LEADER_SHARE,
         **resistance,
     )
 

@@ -23,7 +23,6 @@ LEAD = "lead"
 PAYLOAD = "payload"
 """Has an arm take up a payload; `argument` is its name, after the side where both have some."""
 
-LEAD_WRONG = "no action for hands that a policy leads: PAIR=POSITION, finite, of pairs it leads"
 WORDS = (*COMMANDS, EPISODE, PAYLOAD)
 TOGGLE = "toggle"
 KEYS = {" ": TOGGLE, "c": CLUTCH, "g": ENGAGE, "p": HOLD, "r": REST, "e": EPISODE, "q": STOP}
@@ -38,6 +37,13 @@ class Order(NamedTuple):
     word: str
     argument: str = ""
     source: str = "script"
+
+
+def unknown(word: str) -> str:
+    """Return why a command is none; an action that hands took would not have come so far."""
+    if word == LEAD:
+        return "no action for hands that a policy leads: PAIR=POSITION, finite, of pairs it leads"
+    return f"unknown; there are {', '.join(WORDS)}"
 
 
 class Source(Protocol):

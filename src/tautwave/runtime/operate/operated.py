@@ -21,15 +21,7 @@ from tautwave.runtime.load import SideLoad, take_payload
 from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.aligning import Alignment
 from tautwave.runtime.operate.books import Books
-from tautwave.runtime.operate.commands import (
-    EPISODE,
-    LEAD,
-    LEAD_WRONG,
-    PAYLOAD,
-    TOGGLE,
-    WORDS,
-    Order,
-)
+from tautwave.runtime.operate.commands import EPISODE, PAYLOAD, TOGGLE, WORDS, Order, unknown
 from tautwave.runtime.operate.constants import Operation
 from tautwave.runtime.operate.engagement import begin_session, drop_commands, end_session
 from tautwave.runtime.operate.inbox import People
@@ -175,8 +167,7 @@ class OperatedControl(CoupledControl):
         if word == TOGGLE:
             word = st.CLUTCH if self.standing.state == st.ENGAGED else st.ENGAGE
         if word not in WORDS:
-            wrong = LEAD_WRONG if word == LEAD else f"unknown; there are {', '.join(WORDS)}"
-            self._note(word[:40], order.source, wrong, refused=True)
+            self._note(word[:40], order.source, unknown(word), refused=True)
             return
         self._command = WORDS.index(word) + 1
         if word == EPISODE and (why := self.journal.misplaced(order.argument)):

@@ -18,7 +18,7 @@ from tautwave.controller.run import forget_stop
 from tautwave.controller.stops import stop_error
 from tautwave.runtime.load import SideLoad, take_payload
 from tautwave.runtime.operate import states as st
-from tautwave.runtime.operate.commands import EPISODE, PAYLOAD, TOGGLE, WORDS, Order
+from tautwave.runtime.operate.commands import EPISODE, PAYLOAD, TOGGLE, WORDS, Order, unknown
 from tautwave.runtime.operate.engagement import drop_commands, end_session
 from tautwave.runtime.operate.inbox import People
 from tautwave.runtime.operate.journal import Entry, Journal
@@ -142,7 +142,7 @@ class OperatedSite(SiteControl):
     def _refusal(self, word: str, argument: str) -> str:
         """Say why a command is refused here, '' if it is not."""
         if word not in WORDS:
-            return f"unknown; there are {', '.join(WORDS)}"
+            return unknown(word)
         if word == st.SCALE:
             return "scale: not at one of two sites: both ends would have to change in one slot"
         if word == EPISODE:

@@ -2,6 +2,7 @@
 
 const OTHER = ["--line", "--wall", "--filter", "--damper", "--limit", "--soft"];
 const HEIGHT = 150;
+const FLAT = 0.01; // of a line that does not move, what is seen above and below it
 
 export function colour(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -28,9 +29,22 @@ export function plain(value) {
   return String(+value.toPrecision(6)).replace("-", "−");
 }
 
+// Of a rig without pairs: a scene and the axes that touch it.
+function sceneGroups(facts) {
+  const axes = facts.columns.map((name) => /^master\.([^.]+)\.position$/.exec(name)?.[1]).filter(Boolean);
+  const of = (...names) => axes.flatMap((axis) => names.map((name) => name.replace("*", axis)));
+  return [
+    { title: "Positions", unit: "rad, m", names: of("master.*.position") },
+    { title: "Efforts", unit: "N m, N", names: of("master.*.commanded", "scene.asked.*") },
+    { title: "Energy", unit: "J", names: [...of("master.*.port_energy"), "scene.kinetic", "scene.stored"] },
+    { title: "Timing", unit: "µs", names: ["lateness_us", "compute_us"] },
+  ];
+}
+
 export function groupsOf(facts, pair) {
   const has = new Set(facts.columns);
   const some = (...names) => names.filter((name) => has.has(name));
+  if (!pair) return sceneGroups(facts).map((group) => ({ ...group, names: some(...group.names) })).filter((group) => group.names.length);
   const ends = (what) => some(`master.${pair.name}.${what}`, `slave.${pair.name}.${what}`);
   const groups = [
     { title: "Tracking", unit: pair.unit, names: ends("position") },
@@ -74,7 +88,10 @@ export class Panel {
         width: this.plotBox.clientWidth || 600,
         height: HEIGHT,
         legend: { show: false },
-        scales: { x: { time: false, range: () => [this.scope.view.from, this.scope.view.to] } },
+        scales: {
+          x: { time: false, range: () => [this.scope.view.from, this.scope.view.to] },
+          y: { range: (u, low, high) => (low < high ? uPlot.rangeNum(low, high, 0.1, true) : [(low ?? 0) - FLAT, (high ?? 0) + FLAT]) },
+        },
         axes: [
           { ...axis, size: 26, values: (u, ticks) => ticks.map((t) => `${+t.toFixed(6)} s`) },
           { ...axis, size: 66, space: 26, values: (u, ticks) => ticks.map((t) => (t !== 0 && (Math.abs(t) < 1e-3 || Math.abs(t) >= 1e5) ? t.toExponential(1) : String(+t.toPrecision(6))).replace("-", "−")) },

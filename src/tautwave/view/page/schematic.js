@@ -41,6 +41,7 @@ export class Schematic {
     this.flows = [];
     this.texts = [];
     this.svg.replaceChildren();
+    this.svg.closest("article").hidden = !pair; // a scene is drawn in its report
     if (!pair) return;
     const ends = pair.elements.filter((e) => /_(master|slave)$/.test(e));
     this.middle = pair.elements.filter((e) => !ends.includes(e) && e !== "operate");
@@ -71,8 +72,8 @@ export class Schematic {
     });
     this.box(276, TOP, 88, 56, "middle", this.middle[0] ?? this.facts.law, null, this.middle[0]);
     this.middle.slice(1).forEach((name, n) => this.box(250, TOP + 96 + 60 * n, 140, 48, "middle", name, null, name));
-    const rows = Math.max(this.walls.master.length, this.walls.slave.length, this.middle.length - 1, 1);
-    this.svg.setAttribute("viewBox", `-4 -4 648 ${TOP + 92 + 60 * rows}`);
+    const rows = Math.max(this.walls.master.length, this.walls.slave.length, this.middle.length - 1);
+    this.svg.setAttribute("viewBox", `-4 -4 648 ${TOP + 64 + (rows > 0 ? 28 + 60 * rows : 0)}`);
     const delay = this.facts.delay_s;
     const law = delay ? `${this.facts.law}, ${1e3 * delay} ms` : this.facts.law;
     this.svg.append(make("text", { x: 320, y: 16, "text-anchor": "middle", class: "soft" }, law));

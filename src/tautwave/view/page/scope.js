@@ -27,7 +27,7 @@ export class Scope {
 
   show(pair) {
     el("panels").replaceChildren();
-    this.panels = (pair ? groupsOf(this.facts, pair) : [{ title: "Timing", unit: "µs", names: ["lateness_us", "compute_us"] }])
+    this.panels = groupsOf(this.facts, pair)
       .map((group) => new Panel(el("panels"), this.store, group, this));
     this.dirty = true;
   }
