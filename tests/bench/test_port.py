@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from tautwave.bench.port import long_hold
 from tautwave.bench.port.hands import (
     CONTACTS,
     LEAD_S,
@@ -62,6 +63,33 @@ def test_before_went_limp_and_after_does_not() -> None:
     assert after.cut == 0.0
     assert after.error < 3e-3
     assert after.share == pytest.approx(1.0, abs=0.005)
+
+
+def test_a_hold_is_judged_piece_by_piece(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the same force as in one run."""
+    monkeypatch.setattr(long_hold, "PIECE_S", 3.0)
+    first, last = long_hold.lasting(9e-5, 6.0, "python")
+    whole = hold("after", 9e-5, 6.0)
+    assert last.seconds == 6.0
+    assert last.effort == pytest.approx(whole.effort, rel=1e-3)
+    assert abs(last.share - 1.0) < 1e-3
+    assert abs(last.drift) < 1e-4
+    assert first.chatter <= last.chatter < 0.015
+    assert 0.9 < last.tank <= first.tank < 1.1  # the filter's share counts as well
+    assert 0.0 <= last.given < 0.01
+
+
+@pytest.mark.slow
+def test_ten_minutes_of_a_held_force() -> None:
+    suite = long_hold.holding(seconds=600.0, tell=lambda _: None)
+    assert [goal.name for goal in suite.goals if not goal.met] == []
+    assert [row[1] for row in suite.tables[0].rows] == [60.0, 600.0] * 2
+
+
+def test_an_hour_goes_with_nothing_else() -> None:
+    result = CliRunner().invoke(main, ["bench", "port", "--hold", "3600", "--quick"])
+    assert result.exit_code == 2
+    assert "--hold goes with --json only" in result.output
 
 
 def test_chatter_is_what_is_above_twenty_hertz() -> None:

@@ -220,6 +220,14 @@ def test_only_a_plain_port_pays_for_the_work_that_passes(pole: float | None, del
     assert (before - account) / work == pytest.approx(share, rel=1e-6, abs=1e-9)
 
 
+def test_the_leak_pays_in_the_period_in_which_it_is_given() -> None:
+    """Before the clip: an empty tank that gets a milliwatt sends a wave of as much."""
+    port = ends(leak=1e-3).port
+    leaving, account, *_ = port_close(port, 0.0, 0.0, 1.0, 0, 0, 1.0, 0, 0, 0, False)
+    assert 0.5 * leaving * leaving == pytest.approx(1e-3)
+    assert account == pytest.approx(0.0, abs=1e-18)
+
+
 def test_an_effort_is_never_planned_to_give_what_is_not_there() -> None:
     port = ends().port
     whole = port_effort(port, 1.0, -3.0, 0.0, 0.0, 0.0)

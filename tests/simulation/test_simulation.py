@@ -6,11 +6,12 @@ import subprocess
 import sys
 from dataclasses import FrozenInstanceError
 
+import numpy as np
 import pytest
 
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError
-from tautwave.simulation import simulate
+from tautwave.simulation import simulate, simulate_pieces
 from tautwave.simulation.kernel import compiled
 from tests.simulation.live import CONFIGS
 
@@ -26,6 +27,29 @@ def test_columns_by_name() -> None:
         simulation["master.lever.positon"]
     with pytest.raises(FrozenInstanceError):
         simulation.data = simulation.data[:1]  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("engine", ["python", pytest.param("compiled", marks=pytest.mark.slow)])
+def test_pieces_laid_end_to_end_are_the_whole(engine: str) -> None:
+    """With slots skipped and samples lost, and the last piece shorter; and a second time."""
+    faults = "{missing_probability: 0.02, overrun_probability: 0.02, overrun_slots: 3}"
+    rig = load_rig(RIG.source, [f"simulation.faults={faults}"])
+    whole = simulate(rig, duration_s=0.4, engine=engine)
+    for _ in range(2):
+        pieces = [
+            piece.data.copy() for piece in simulate_pieces(rig, 77, duration_s=0.4, engine=engine)
+        ]
+        assert [len(piece) for piece in pieces[:-1]] == [77] * (len(whole) // 77)
+        np.testing.assert_array_equal(np.concatenate(pieces), whole.data)
+
+
+def test_the_last_piece_says_what_ended_it() -> None:
+    rig = load_rig(RIG.source, ["master.axes.lever.velocity_limit=0.05"])
+    pieces = [(len(piece), piece.error) for piece in simulate_pieces(rig, 100, engine="python")]
+    whole = simulate(rig, engine="python")
+    assert sum(count for count, _ in pieces) == len(whole) < 10_000
+    assert str(pieces[-1][1]) == str(whole.error)
+    assert "velocity" in str(whole.error)
 
 
 def test_errors_say_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,7 @@ from tautwave.bench.extremes.suite import extremes
 from tautwave.bench.lines.suite import network
 from tautwave.bench.networks import networks
 from tautwave.bench.plain.lanes import lanes
+from tautwave.bench.port.long_hold import holding
 from tautwave.bench.port.suite import port
 from tautwave.bench.result import Goal, Suite, Table
 from tautwave.bench.sites.suite import link
@@ -30,6 +31,7 @@ __all__ = [
     "couplings",
     "extremes",
     "frontier_suite",
+    "holding",
     "lanes",
     "laws",
     "link",

@@ -9,7 +9,14 @@ from typing import Any
 
 import click
 
-from tautwave.cli.options import jobs_option, json_option, keep_option, out_option, positive
+from tautwave.cli.options import (
+    jobs_option,
+    json_option,
+    keep_option,
+    out_option,
+    positive,
+    recordings_option,
+)
 from tautwave.cli.terminal.measured import print_suites
 
 QUICK_REALTIME_S = 5.0
@@ -182,17 +189,13 @@ def lanes(as_json: bool) -> None:
 
 
 @bench.command(short_help="The wave port against the one before it and a laboratory's PD.")
-@click.option(
-    "--recordings",
-    type=click.Path(file_okay=False, exists=True, path_type=Path),
-    help="Folder of recorded hands, SET_<free|foam|spring|rigid>.csv, .mat or .mcap; without it "
-    "hands are multisines.",
-)
+@recordings_option("; without it hands are multisines.")
 @click.option("--quick", is_flag=True, help="One hand per contact, 10 s of holding.")
 @click.option("--cost", is_flag=True, help="Measure CPU time too; numba compiles for a minute.")
+@click.option("--hold", type=click.FloatRange(10.0, 86400.0), help="Only hold a force, so many s.")
 @out_option("Directory for the picture of a held force; default: none.")
 @json_option
-def port(recordings: Path | None, quick: bool, cost: bool, out: Path | None, as_json: bool) -> None:
+def port(hold: float | None, as_json: bool, **given: Any) -> None:
     """Compare tracking, holding and cost of the wave port: before, after, lab.
 
     On the identified bench at 2 kHz, in one simulator. Before is the port with an account and a
@@ -202,8 +205,14 @@ def port(recordings: Path | None, quick: bool, cost: bool, out: Path | None, as_
     Examples:
         tautwave bench port --quick
         tautwave bench port --recordings teleop-1dof --out pictures
+        tautwave bench port --hold 3600
     """
-    suite = _backend().port(recordings=recordings, quick=quick, cost=cost, out=out, tell=_tell)
+    if hold is None:
+        suite = _backend().port(**given, tell=_tell)
+    elif any(given.values()):
+        raise click.UsageError("--hold goes with --json only; it measures nothing else")
+    else:
+        suite = _backend().holding(seconds=hold, tell=_tell)
     print_suites([suite], as_json)
 
 
@@ -299,12 +308,7 @@ def view(duration: float, as_json: bool) -> None:
     type=click.Path(dir_okay=False, exists=True, path_type=Path),
     help="CSV file of a recorded hand with the column hand_reference [rad]; default: a multisine.",
 )
-@click.option(
-    "--recordings",
-    type=click.Path(file_okay=False, exists=True, path_type=Path),
-    help="Folder of recorded hands, SET_<free|foam|spring|rigid>.csv, .mat or .mcap: also run the "
-    "laboratory's own law on them.",
-)
+@recordings_option(": also run the laboratory's own law on them.")
 @click.option(
     "--frontier",
     is_flag=True,
@@ -351,22 +355,20 @@ def couplings(
         tautwave bench couplings --delays
     """
     if delays:
-        print_suites([_backend().long_delays(tell=_tell)], as_json)
-        return
-    if frontier:
+        suite = _backend().long_delays(tell=_tell)
+    elif frontier:
         suite = _backend().frontier_suite(recordings=recordings, quick=quick, out=out, tell=_tell)
-        print_suites([suite], as_json)
-        return
-    suite = _backend().couplings(
-        rigs=rigs,
-        first=first,
-        hand=hand,
-        recordings=recordings,
-        quick=quick,
-        jobs=jobs,
-        keep=keep,
-        tell=_tell,
-    )
+    else:
+        suite = _backend().couplings(
+            rigs=rigs,
+            first=first,
+            hand=hand,
+            recordings=recordings,
+            quick=quick,
+            jobs=jobs,
+            keep=keep,
+            tell=_tell,
+        )
     print_suites([suite], as_json)
 
 

@@ -33,7 +33,7 @@ def of_kind(*wanted: str) -> Callable[..., Any]:
 
 
 def refuse_other(path: Path, *wanted: str) -> None:
-    """Refuse what is there, but of another kind; what cannot be told is left to its reader.
+    """Refuse what is there, but of another kind; what cannot be determined is left to its reader.
 
     Raises
     ------
@@ -48,6 +48,15 @@ def refuse_other(path: Path, *wanted: str) -> None:
             kind = kind_of_keys(open_document(read_text(path, "file"), "", path, "file").value)
     if sentence := mistaken(path, kind, *wanted):
         raise ConfigError(sentence)
+
+
+def recordings_option(what: str) -> Callable[..., Any]:
+    """Return the option of a folder of recorded hands; `what` they are for."""
+    return click.option(
+        "--recordings",
+        type=click.Path(file_okay=False, exists=True, path_type=Path),
+        help=f"Folder of recorded hands, SET_<free|foam|spring|rigid>.csv, .mat or .mcap{what}",
+    )
 
 
 run_argument = click.argument("directory", type=PATH, metavar="DIR", callback=of_kind(RUN))

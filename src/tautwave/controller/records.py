@@ -53,6 +53,8 @@ class RunState:
     """Where a run stands, and how it ended: which way, when, at which axis or pair, and numbers.
 
     `end` is the slot after the last one, `armed_at` the slot in which the pairs engaged, -1 before.
+    `done`, `next_slot` and `skipped`: of a simulation that comes in pieces, its cycles so far, the
+    slot of the next one and the slots skipped before it; 0 before it and after its end.
     """
 
     kind: int = FINISHED
@@ -65,6 +67,9 @@ class RunState:
     second: float = 0.0
     found: float = 0.0
     allowed: float = 0.0
+    done: int = 0
+    next_slot: int = 0
+    skipped: int = 0
 
 
 @dataclass(slots=True)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import functools
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 from tautwave.config import Rig, has_plain_devices
+from tautwave.controller.records import RunState
 from tautwave.controller.slotted import slotted
 from tautwave.controller.steps import Law
 from tautwave.controller.stops import never_began
@@ -74,6 +75,38 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
     return simulation_of_run(job, tables, rows)
 
 
+def simulate_pieces(
+    rig: Rig, rows: int, *, duration_s: float | None = None, engine: str = "compiled"
+) -> Iterator[Simulation]:
+    """Simulate as `simulate` does, in pieces of at most `rows` rows: hours in the memory of one.
+
+    The pieces share their memory: each overwrites the rows of the one before.
+
+    Parameters
+    ----------
+    rig : Rig
+        A checked rig with a `simulation` block; no scene, arm or load.
+    rows : int
+        Rows of a piece.
+    duration_s, engine : float, str
+        As for `simulate`.
+
+    Raises
+    ------
+    ConfigError, SafetyStop
+        As for `simulate`.
+    """
+    job = pack_rig(rig, duration_s)
+    run, tables_of = engine_of(engine, job.law)
+    size = min(rows, job.run.cycles) * len(job.columns)
+    tables = tables_of(job, np.empty(size) if engine == "compiled" else [0.0] * size)
+    going_on = True
+    while going_on:
+        count = run(*tables)
+        yield simulation_of_run(job, tables, count)
+        going_on = _outcome(tables).done > 0
+
+
 def is_compiled(rig: Rig) -> bool:
     """Return whether what a compiled simulation of a rig runs is in the cache."""
     if rig.scene is not None:
@@ -123,7 +156,7 @@ def check_engine(name: str) -> None:
         raise ConfigError(f"unknown engine {name!r}; engines: {', '.join(ENGINES)}")
 
 
-def engine_of(name: str, law: Law) -> tuple[Callable[..., int], Callable[[Job], Tables]]:
+def engine_of(name: str, law: Law) -> tuple[Callable[..., int], Callable[..., Tables]]:
     """Return the kernel of an engine for a coupling, and what makes its tables."""
     check_engine(name)
     if name == "compiled":
@@ -135,13 +168,18 @@ def engine_of(name: str, law: Law) -> tuple[Callable[..., int], Callable[[Job], 
 
 def simulation_of_run(job: Job, tables: Tables, rows: int) -> Simulation:
     """Return the rows of a run from its tables; raise if the coupling never engaged."""
-    outcomes = tables.outcomes
-    if isinstance(outcomes, np.ndarray):
-        outcomes = outcomes.view(np.recarray)  # its records have attributes
-    outcome = outcomes[0]
+    outcome = _outcome(tables)
     error = error_of(job, outcome)
     if error is not None and never_began(outcome):
         raise error
     width = len(job.columns)
     data = np.asarray(tables.out, dtype=np.float64)[: rows * width].reshape(rows, width)
     return Simulation(job.columns, data, error)
+
+
+def _outcome(tables: Tables) -> RunState:
+    outcomes = tables.outcomes
+    if isinstance(outcomes, np.ndarray):
+        outcomes = outcomes.view(np.recarray)  # its records have attributes
+    found: RunState = outcomes[0]
+    return found

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from tautwave.bench.port.hands import PERIOD
 from tautwave.bench.port.rigs import IMPEDANCE, bench_rig, fastest
 from tautwave.bench.port.tracking import chatter, rms
+from tautwave.config import Rig
 from tautwave.rig import command_delays, end_constants
 from tautwave.simulation import simulate
 
@@ -23,6 +24,9 @@ WALL = "{type: wall, position: 0.08, stiffness: 250.0, damping: 5.0e-3}"
 RESTING = "{type: minimum_jerk, waypoints: [[0.2, 0.0], [0.7, 0.1]]}"
 NEARER = "{type: wall, position: 0.05, stiffness: 250.0, damping: 5.0e-3}"
 RESTING_S = 10.0
+SETTLED_S = 2.0
+"""By then the hand has come to rest and the knock has died out [s]."""
+
 EMPTY = 1e-9
 """Share of its reserve below which a tank is empty."""
 
@@ -49,9 +53,9 @@ class Held(NamedTuple):
     errors: Float
 
 
-def hold(port: str, noise: float, seconds: float, *, resting: bool = False) -> Held:
-    """Hold 0.3 N m (or rest at 0.1 rad before a wall) with a law, devices without dry friction."""
-    rig = bench_rig(
+def held_rig(port: str, noise: float, seconds: float, *, resting: bool = False) -> Rig:
+    """Return a rig that holds 0.3 N m (or rests at 0.1 rad before a wall) without dry friction."""
+    return bench_rig(
         port,
         RESTING if resting else HELD,
         NEARER if resting else WALL,
@@ -60,10 +64,15 @@ def hold(port: str, noise: float, seconds: float, *, resting: bool = False) -> H
         coulomb=0.0,
         viscous=2.0e-3,
     )
+
+
+def hold(port: str, noise: float, seconds: float, *, resting: bool = False) -> Held:
+    """Hold 0.3 N m (or rest at 0.1 rad before a wall) with a law, devices without dry friction."""
+    rig = held_rig(port, noise, seconds, resting=resting)
     run = simulate(rig, engine=fastest(rig))
     efforts, errors = run["slave.lever.port_effort"], run["lever.position_error"]
     end = len(efforts) - round(0.3 / PERIOD)
-    sixth = max((end - round(2.0 / PERIOD)) // 6, 1)
+    sixth = max((end - round(SETTLED_S / PERIOD)) // 6, 1)
     last = slice(end - sixth, end)
     first = slice(end - 6 * sixth, end - 5 * sixth)
     share = cut = math.nan

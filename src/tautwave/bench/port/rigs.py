@@ -14,6 +14,8 @@ WAVE = "wave"
 IMPEDANCE, POLE, FILTER_HZ = 0.06, 0.5, 200.0
 """One setting of the law for everything [N m s/rad, 1, Hz]."""
 
+SETTING = f"after: b {IMPEDANCE:g} N m s/rad, pole {POLE:g}, wave filter {FILTER_HZ:g} Hz"
+
 LAWS: Mapping[str, str] = {
     "before": f"{{part: {HERE / 'account_port.py'}, pairs: {{lever: {{wave_impedance: 0.02, "
     "wave_filter_hz: 200, velocity_filter_s: 0.002}}}",

@@ -14,7 +14,7 @@ from tautwave.bench.port.figure import held_figure
 from tautwave.bench.port.hands import CONTACTS, SYNTHETIC_S, Hand, recorded_hands, synthetic_hands
 from tautwave.bench.port.hold import RESTING_S, Held, hold
 from tautwave.bench.port.line import line_table
-from tautwave.bench.port.rigs import FILTER_HZ, IMPEDANCE, LAWS, POLE
+from tautwave.bench.port.rigs import LAWS, SETTING
 from tautwave.bench.port.tracking import Score, gripped, imposed
 from tautwave.bench.result import Goal, Suite, Table, Value
 
@@ -26,7 +26,6 @@ QUICK_S = 2.5
 WORSE = {"free": 0.5, "foam": 0.5, "spring": 0.75, "rigid": 0.75}
 """Goals for the median error over that of the laboratory's recording."""
 
-SETTING = f"after: b {IMPEDANCE:g} N m s/rad, pole {POLE:g}, wave filter {FILTER_HZ:g} Hz"
 SYNTHETIC = "synthetic hands, multisines: give --recordings DIR for recorded ones"
 PICTURE = "held-force"
 

@@ -136,11 +136,15 @@ def _level(line: Sequence[Axes], keys: Panel) -> None:
 
 
 def _has(row: Row, wanted: Mapping[str, Any]) -> bool:
-    """Return whether a row has these values, as the table writes them."""
-    return all(
-        row[key] == (value if isinstance(value, str) else json.dumps(value))
-        for key, value in wanted.items()
-    )
+    """Return whether a row has these values; 0 and 0.0 are the same one."""
+    return all(value in (row[key], _value(row[key])) for key, value in wanted.items())
+
+
+def _value(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
 
 
 def _points(rows: Sequence[Row], figure: Figure, measure: str) -> tuple[list[float], list[float]]:

@@ -73,21 +73,30 @@ def run_rig(
     out: MutableSequence[float],
     steps: Steps,
 ) -> int:
-    """Run all cycles; return how many rows were written into `out`, one after the other."""
+    """Run until `out` is full or the run is at its end; return how many rows were written.
+
+    Called again before its end, it goes on with the next row, at the beginning of `out`.
+    """
     r = runs[0]
     f = fakes[0]
     o = outcomes[0]
-    begin_run(r, o, params, axes)
-    for i in range(r.axes):
-        aim_hand(bodies[i], devices[i], table)
-        begin_sensor(bodies[i], devices[i], table)
-        asking = bodies[i]
-        asking.asked = -1
+    slot = o.next_slot
+    began = o.done
+    cycle = began
+    skipped = o.skipped
+    o.done = 0
+    o.next_slot = 0
+    o.skipped = 0
+    if cycle == 0:
+        begin_run(r, o, params, axes)
+        for i in range(r.axes):
+            aim_hand(bodies[i], devices[i], table)
+            begin_sensor(bodies[i], devices[i], table)
+            asking = bodies[i]
+            asking.asked = -1
     at = 0
-    slot = 0
-    cycle = 0
-    skipped = 0
-    while slot < o.end:
+    size = len(out)
+    while slot < o.end and at < size:
         # sense
         for i in range(r.axes):
             m = samples[i]
@@ -109,7 +118,7 @@ def run_rig(
             check_sample(r, o, params[i], axes, m, slot, i)
         # close, exchange and think
         if not run_cycle(r, o, params, axes, samples, pairs, states, table, slot, skipped, steps):
-            return cycle
+            return cycle - began
         # act and record
         whole = f.measured < 0
         if whole:
@@ -148,7 +157,11 @@ def run_rig(
             if skipped >= r.overrun_limit:
                 begin_stop(r, o, axes, slot, OVERRUN, 0, skipped)
         cycle = cycle + 1
-    return cycle
+    if slot < o.end:
+        o.done = cycle
+        o.next_slot = slot
+        o.skipped = skipped
+    return cycle - began
 
 
 STEPS: Any = None

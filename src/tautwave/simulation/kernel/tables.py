@@ -118,7 +118,7 @@ def _bytes_of(table: Array) -> Array:
     return table.view(np.uint8).reshape(-1)
 
 
-def object_tables(job: Job) -> Tables:
+def object_tables(job: Job, out: list[float] | None = None) -> Tables:
     """Return tables of Python objects and floats, for the kernel as plain Python."""
     bodies = [DeviceState(x=x) for x in job.start]
     return Tables(
@@ -134,7 +134,7 @@ def object_tables(job: Job) -> Tables:
         states=[PairState(link=job.law.link()) for _ in job.pairs],
         table=job.table.tolist(),
         flags=job.flags.tolist(),
-        out=[0.0] * (job.run.cycles * len(job.columns)),
+        out=[0.0] * (job.run.cycles * len(job.columns)) if out is None else out,
     )
 
 
