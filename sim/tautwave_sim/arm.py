@@ -213,6 +213,9 @@ class ArmSimulator:
             )
         for axis, model in zip(bus.axes, models, strict=True):
             _refuse_what_no_tip_has(axis.name, model)
+        causality = bus.axes[0].causality
+        if causality == "admittance":
+            _refuse_what_no_drive_has(bus.name, options.truth)
         believed = options.home or (0.0,) * len(options.joints)
         turn = roll_pitch_yaw(*options.frame)
         axes = tuple(row[column] for column in range(3) for row in turn)
@@ -223,7 +226,6 @@ class ArmSimulator:
         inner = LoopbackOptions.model_validate(options.bus.options)
         delay = inner.command_delay_s / models[0].period
         specs, joints = [], []
-        causality = bus.axes[0].causality
         for number, (name, joint) in enumerate(options.joints.items()):
             truth = options.truth.joints.get(name, _JointTruth())
             full = f"{bus.name}.{name}"
@@ -281,6 +283,16 @@ def _refuse_what_no_tip_has(axis: str, model: AxisModel) -> None:
     for text, found in refused.items():
         if found:
             raise ConfigError(text)
+
+
+def _refuse_what_no_drive_has(bus: str, truth: _Truth) -> None:
+    for name, joint in truth.joints.items():
+        for key in ("inertia", "damping", "coulomb"):
+            if getattr(joint, key):
+                raise ConfigError(
+                    f"buses.{bus}.options.truth.joints.{name}.{key}: a simulated joint that "
+                    "follows velocities has none; remove it"
+                )
 
 
 def _moved_by(model: AxisModel, arm: ArmModel) -> dict[str, Any]:

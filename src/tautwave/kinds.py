@@ -43,7 +43,7 @@ _TABLES = (".csv", ".parquet", ".npz", ".mat")
 
 
 def kind_of_keys(value: Mapping[str, Any]) -> str:
-    """Return what a file with these keys at its top is, '' if that cannot be told."""
+    """Return what a file with these keys at its top is, '' if that cannot be determined."""
     keys = set(value)
     sides = keys & {"master", "slave"}
     if isinstance(value.get("rig"), str) and not sides:
@@ -63,7 +63,7 @@ def kind_of_keys(value: Mapping[str, Any]) -> str:
 
 
 def kind_of_path(path: Path) -> str:
-    """Return what a directory, or a file that is no YAML, is; '' if that cannot be told."""
+    """Return what a directory, or a file that is no YAML, is; '' if that cannot be determined."""
     if path.is_dir():
         if any((path / name).exists() for name in ("recording.mcap", "summary.json", "live.json")):
             return RUN
@@ -78,7 +78,7 @@ def kind_of_path(path: Path) -> str:
 
 
 def kind_of_bytes(path: Path, start: bytes) -> str:
-    """Return what a file that begins so is, if that is no YAML; '' if that cannot be told."""
+    """Return what a file that begins so is, if that is no YAML; '' if that cannot be determined."""
     if start.startswith(_MCAP):
         return PICTURES if path.name.startswith("camera-") else RECORDING
     if start[:64].lower().startswith(b"<!doctype html"):

@@ -51,6 +51,7 @@ FOLLOWING = (
     "environment_stiffness_upper: 300}",
     "coupling.defaults={wave_filter_hz: 100, position_scale: 1.5, wave_impedance: 5}",
     "buses.arm.options.walls={}",
+    "buses.arm.options.truth={}",
     "require=coupled_stable",
 )
 """What makes the joints of the follower take velocities."""
@@ -88,8 +89,9 @@ def random_rig(seed: int, following: bool = False) -> Any:
             more.append(f"{joints}.{joint}.position_range=[-50.0, 50.0]")
             more.append(f"{joints}.{joint}.velocity_limit=500")
     # A follower that is let go of has to come to rest before it is engaged again.
-    more.append("buses.arm.options.truth.joints.shoulder={damping: 0.6, coulomb: 0.05}")
-    more.append("buses.arm.options.truth.joints.elbow={damping: 0.6, coulomb: 0.05}")
+    if not following:
+        for joint in ("shoulder", "elbow"):
+            more.append(f"buses.arm.options.truth.joints.{joint}={{damping: 0.6, coulomb: 0.05}}")
     rig = load_rig(PLANAR, more)
     orders = [(0.62, "clutch"), (0.8, "engage")]
     script = Script([(round(1e9 * at), Order(word)) for at, word in orders])

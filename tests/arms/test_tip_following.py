@@ -22,7 +22,7 @@ LEVELS = (0.30, 0.25)
 
 
 def following(monkeypatch: pytest.MonkeyPatch, *more: str) -> tuple[Any, Joints]:
-    return made(monkeypatch, PLANAR, "arm", *FOLLOWING, "buses.arm.options.truth={}", *more)
+    return made(monkeypatch, PLANAR, "arm", *FOLLOWING, *more)
 
 
 def derivative(shoulder: float, elbow: float) -> Any:
@@ -142,6 +142,7 @@ def test_books_that_are_far_overdrawn_stop_the_run(monkeypatch: pytest.MonkeyPat
             "walls: walls in space push by efforts",
         ),
         ("buses.arm.options.reserve=0", "greater than 0"),
+        ("buses.arm.options.least_lever=1e-6", "greater than or equal to 0.001"),
     ],
 )
 def test_what_such_joints_have_no_use_for_is_refused(more: str, said: str) -> None:
@@ -162,6 +163,13 @@ def test_coordinates_are_all_of_one_causality() -> None:
 def test_joints_that_take_effort_have_to_have_inertia() -> None:
     with pytest.raises(ConfigError, match=r"elbow\.inertia_lower: a joint that takes effort"):
         load_rig(PLANAR, ["buses.arm.options.joints.elbow.inertia_lower=0"])
+
+
+def test_friction_that_no_simulated_drive_has_is_refused() -> None:
+    more = "buses.arm.options.truth.joints.shoulder.coulomb=0.1"
+    rig = load_rig(PLANAR, [*FOLLOWING, more])
+    with pytest.raises(ConfigError, match=r"truth\.joints\.shoulder\.coulomb: a simulated joint"):
+        simulate(rig, duration_s=0.01)
 
 
 def test_the_verdict_states_reserve_and_conditions() -> None:

@@ -157,7 +157,7 @@ def test_names_that_matlab_does_not_take_get_others(tmp_path: Path) -> None:
 def test_a_long_run_is_not_in_memory_at_once(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for number, block in enumerate((1 << 16, 2)):
+    for number, block in enumerate((1 << 14, 2)):
         monkeypatch.setattr(tables, "BLOCK", block)
         for to in ("csv", "parquet"):
             export(run, tmp_path / str(number), "--to", to)

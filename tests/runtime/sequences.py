@@ -21,7 +21,11 @@ from tests.runtime.operating import BARE, BENCH, Operated, bench, operate
 NETWORK = BENCH.with_name("network-loopback.yaml")
 SECONDS = 2.0
 COMMANDS = 10
-ALIGNED = ("coupling.pairs.lever.offset=0.2", "coupling.pairs.lever.engage_tolerance=0.01")
+ALIGNED = (
+    "coupling.pairs.lever.offset=0.2", "coupling.pairs.lever.engage_tolerance=0.01",
+    "slave.axes.lever.coulomb={value: 4e-3, lower: 3e-3, source: identified}",
+    "simulation.axes.slave.lever.coulomb=4e-3",
+)  # fmt: skip
 STALLS = ("simulation.faults.overrun_probability=0.004", "simulation.faults.overrun_slots=8")
 LOSSES = ("simulation.faults.missing_probability=0.25", "loop.missing_limit=5")
 COUNTS = ("rate_hz=250", "loop.overrun_limit=6", "coupling.pairs.lever.wave_filter_hz=25")

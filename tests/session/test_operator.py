@@ -59,6 +59,17 @@ def test_a_whole_row_has_a_sample_of_every_axis(tmp_path: Path) -> None:
     session._tap.close()
 
 
+def test_what_names_an_episode_gives_no_other_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    sent: list[str] = []
+    monkeypatch.setattr(Session, "_send", lambda _, line: sent.append(line))
+    session = object.__new__(Session)
+    session.begin_episode("pick", "the red\nstop one")
+    assert sent == ["episode pick the red stop one"]
+    for name in ("", "two words", "a\nstop", "success", "failed"):
+        with pytest.raises(ConfigError, match="a name of one word"):
+            session.begin_episode(name)
+
+
 @pytest.mark.slow
 def test_a_program_engages_marks_clutches_and_stops(tmp_path: Path) -> None:
     with Session(bench("operate={}"), out=tmp_path / "run") as session:

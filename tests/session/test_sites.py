@@ -222,6 +222,14 @@ def test_packets_of_an_old_session_and_of_a_third_change_nothing(pair: Make) -> 
         assert found == {"old_session": 8, "forged": 8}
 
 
+def test_notes_of_strangers_do_not_pile_up(pair: Make) -> None:
+    two = pair()
+    for k in range(60):
+        two.slave.line.inbox.append({"note": f"{k}: TLS failed"})
+    two.run(2)
+    assert two.slave.control.sessions[-1]["notes"] == [f"{k}: TLS failed" for k in range(50)]
+
+
 def test_a_session_is_never_used_twice(pair: Make) -> None:
     two = pair()
     with pytest.raises(LinkError, match="was used before"):

@@ -15,11 +15,13 @@ import pytest
 from click.testing import CliRunner
 
 from tautwave.cli import main
+from tautwave.clock import FakeClock
 from tautwave.errors import ConfigError, DriverError
 from tautwave.recordings.recording import read_recording
 from tautwave.runtime.operate import trigger
 from tautwave.runtime.operate.trigger import TriggerLine
-from tautwave.session.trials.protocol import read_protocol, trials_of
+from tautwave.session.trials import running
+from tautwave.session.trials.protocol import Trial, read_protocol, trials_of
 from tautwave.session.trials.running import FIRST, TrialSource, _free
 
 pytestmark = pytest.mark.realtime
@@ -150,6 +152,29 @@ def test_the_order_is_listed_and_nothing_is_run(tmp_path: Path) -> None:
     assert len(done.output.splitlines()) == 6
     assert not (tmp_path / "runs").exists()
     assert "write one word" in trials(study(tmp_path), "--participant", "a b").output
+
+
+def test_a_break_is_kept_before_the_trial_that_follows_it_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The clock stands still unless somebody sleeps: it says how long the breaks were."""
+    clock = FakeClock()
+
+    def three_trials(study: Any, ready: Any, judge: Any, live: Any) -> Path:
+        for number, rested in ((1, False), (2, True), (3, False)):
+            ready(Trial(number, "near", 1), rested)
+        assert judge(Trial(1, "near", 1)) is True
+        return tmp_path / "trials.csv"
+
+    monkeypatch.setattr(running, "run_study", three_trials)
+    monkeypatch.setattr("tautwave.clock.MonotonicClock", lambda: clock)
+    path = study(tmp_path, f"{STUDY}break_every: 1\nbreak_s: 30\n")
+    began = clock.now_ns()
+    done = trials(path, typed="\n\n\ny\n")
+    assert done.exit_code == 0, done.output
+    assert done.output.count("break of 30 s") == 1
+    assert clock.now_ns() - began == 30_000_000_000
+    assert "trial 2 of 6; Enter begins it" in done.output
 
 
 # -- triggers -------------------------------------------------------------------------------------

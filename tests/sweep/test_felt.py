@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ import pytest
 from tautwave.analysis.felt import FELT, felt_measures
 from tautwave.errors import ConfigError
 from tautwave.report.figures.across import across_drawing, looks_of
-from tautwave.sweep.file import load_sweep
+from tautwave.sweep.file import Figure, load_sweep
 
 SHIPPED = Path(__file__).parents[2] / "configs" / "sweeps" / "compare-couplings.yaml"
 TIME = np.arange(2000) * 1e-3
@@ -75,3 +77,44 @@ def test_the_shipped_comparison_is_valid_and_its_figure_has_a_column_for_each_co
     assert plan.sweep.figure is not None
     drawn = across_drawing(plan.sweep, plan.sweep.figure, rows)
     assert len(drawn.axes) >= 4 * len(plan.sweep.figure.panels)
+
+
+def test_each_curve_of_a_figure_has_the_points_of_its_case_column_and_condition() -> None:
+    figure = Figure.model_validate_json(json.dumps(
+        {
+            "title": "Delays", "x": "delay", "label": "delay [ms]", "factor": 1000.0,
+            "across": "wall", "labels": ["free"], "where": {"loss": 0}, "marked": {"loss": 0.5},
+            "panels": [{"measures": ["energy_made"], "label": "error [rad]"}],
+        }
+    ))  # fmt: skip
+    case = SimpleNamespace(label=None, beside=None)
+    cases = {"one": case, "two": SimpleNamespace(label="bare", beside="one")}
+    sweep = SimpleNamespace(name="s", cases=cases)
+
+    def error(case: str, wall: str, loss: float, delay: float) -> float:
+        return (case == "two") + 10.0 * (wall == "rigid") + 100.0 * loss + delay
+
+    rows = [
+        {"case": name, "wall": wall, "loss": repr(loss), "delay": repr(delay),
+         "energy_made": repr(error(name, wall, loss, delay))}
+        for delay in (0.2, 0.1)
+        for name in cases
+        for wall in ("none", "rigid")
+        for loss in (0.0, 0.5)
+    ]  # fmt: skip
+    drawn = across_drawing(sweep, figure, [*rows, {**rows[0], "delay": "0.3", "energy_made": ""}])
+    assert len(drawn.axes) == 2
+    assert drawn.axes[0].get_ylim() == drawn.axes[1].get_ylim()
+    for axis, wall in zip(drawn.axes, ("none", "rigid"), strict=True):
+        curves = [line for line in axis.lines if len(line.get_xdata())]
+        for name, line, marks in zip(cases, curves[::2], curves[1::2], strict=True):
+            for curve, loss in ((line, 0.0), (marks, 0.5)):
+                assert list(curve.get_xdata()) == [100.0, 200.0]
+                wanted = [error(name, wall, loss, delay) for delay in (0.1, 0.2)]
+                assert list(curve.get_ydata()) == pytest.approx(wanted)
+            assert (line.get_linestyle() == "--") is (name == "two")
+            assert line.get_label() == ("bare" if name == "two" else "one")
+            assert marks.get_linestyle() == "None"
+            assert line.get_linewidth() == (1.0 if name == "two" else 1.5)
+            hollow = marks.get_markerfacecolor() != marks.get_color()
+            assert hollow is (name == "two")

@@ -71,10 +71,12 @@ def state(browser: Browser, word: str) -> bool:
 def operate(browser: Browser) -> dict[str, bool]:
     """Press every button of the rig that its state allows; return which had its effect."""
     found = {}
+    click(browser, "#sound")
     for word, after in (("engage", "engaged"), ("clutch", "clutched"), ("hold", "holding"),
                         ("rest", "idle"), ("engage", "engaged")):  # fmt: skip
         click(browser, f'[data-word="{word}"]')
         found[f"{word} {after}"] = state(browser, after)
+    found["sound"] = browser.run("tautwave.controls.audio?.currentTime !== undefined")
     browser.run("document.getElementById('episode-name').value = 'pick'")
     click(browser, "#episode-begin")
     found["episode begins"] = browser.wait("!document.getElementById('episode-success').disabled")

@@ -101,7 +101,7 @@ class ArmOptions(Block):
         default_factory=dict,
         description="Walls in space, for the tip; along the frame's axes, from the base's origin.",
     )
-    least_lever: Positive = Field(
+    least_lever: Annotated[float, Field(ge=1e-3)] = Field(
         default=0.05,
         description="[m] Of joints that follow velocities: with less of a lever in a direction, as "
         "near a singular pose, the tip lags there. A turn counts as 0.2 m a rad.",

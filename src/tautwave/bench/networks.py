@@ -12,18 +12,15 @@ import numpy as np
 from tautwave.bench import compiled
 from tautwave.bench.chunks import Cost, Work, costs
 from tautwave.bench.result import Goal, Suite, Table, Value
-from tautwave.scene import batch
-from tautwave.scene.compiling import as_arrays, compile_network
+from tautwave.scene.compiling import as_arrays
 from tautwave.scene.ledger import take_ledger
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Link, Mass, Network
 from tautwave.scene.pruning import prune
-from tautwave.scene.schemes.stepping import pull_links
 
 AUDIO_HZ = 44_100.0
 GRAINS = 10
 SIZES = (1, 10, 100, 1000, 10_000)
-SCHEMES = {"symplectic": batch.SYMPLECTIC, "discrete_gradient": batch.GRADIENT}
 GOALS = {"symplectic": 300.0, "discrete_gradient": 20.0}
 Tell = Callable[[str], None]
 
@@ -81,7 +78,7 @@ def networks(*, rounds: int = 30, sizes: tuple[int, ...] = SIZES, tell: Tell = s
     fast = compiled.has_numba()
     tell("granular scene")
     works: dict[str, Work] = {}
-    for scheme in SCHEMES:
+    for scheme in GOALS:
         works[f"live/{scheme}"] = _live(scheme)
         if fast:
             works[f"compiled/{scheme}"] = _compiled(granular_network(), scheme, grains=True)
@@ -143,21 +140,20 @@ def _live(scheme: str) -> Work:
 
 
 def _compiled(network: Network, scheme: str, *, grains: bool = False) -> Work:
-    from tautwave.simulation.scene.networks import compiled_batch
+    from tautwave.simulation.scene import playing
 
     rows = int(AUDIO_HZ)
     bar, push = _motion(rows)
     if not grains:
         bar, push = 1e-3 * (bar - bar[0]), np.zeros((rows, 0))
-    lists = compile_network(network, [float(bar[0, 0])]).arrays
-    if scheme == "symplectic":
-        pull_links(lists)
-    arrays = as_arrays(lists)
+    model = SceneModel(network, scheme, 1.0 / AUDIO_HZ)
+    model.reset([float(bar[0, 0])])
+    arrays = as_arrays(model.arrays)
     forced = np.arange(len(network.forced), dtype=np.int64)
-    efforts = np.zeros((rows, 1))
-    run = compiled_batch()
-    number, period = SCHEMES[scheme], 1.0 / AUDIO_HZ
-    run(arrays, number, period, bar[:1], forced, push[:1], efforts[:1])
+    kept = np.zeros((1, 1)), np.zeros((1, len(model.compiled.masses)))  # of the last step
+    run, number = playing.compiled_play(), playing.SCHEMES[scheme]
+    head = (arrays, playing.lines_of(network), playing.flows_of(model), number, model.period)
+    run(*head, bar[:1], forced, push[:1], *kept, 1)
     at = 0
 
     def work(n: int) -> float:
@@ -165,9 +161,9 @@ def _compiled(network: Network, scheme: str, *, grains: bool = False) -> Work:
         left, spent = n, 0
         while left:
             to = min(at + left, rows)
-            part = bar[at:to], forced, push[at:to], efforts[at:to]
+            part = bar[at:to], forced, push[at:to], *kept, to - at
             began = time.thread_time_ns()
-            run(arrays, number, period, *part)
+            run(*head, *part)
             spent += time.thread_time_ns() - began
             left -= to - at
             at = to % rows

@@ -1,4 +1,4 @@
-"""Much work by seed, in pieces: told how far it is, and kept in a file from which it goes on."""
+"""Much work by seed, in pieces: it reports its progress, and a file lets it continue."""
 
 from __future__ import annotations
 

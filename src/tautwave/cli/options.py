@@ -33,7 +33,7 @@ def of_kind(*wanted: str) -> Callable[..., Any]:
 
 
 def refuse_other(path: Path, *wanted: str) -> None:
-    """Refuse what is there, but of another kind; what cannot be told is left to its reader.
+    """Refuse what is there, but of another kind; what cannot be determined is left to its reader.
 
     Raises
     ------

@@ -157,7 +157,7 @@ SECTIONS = {
             "operation.command",
             "",
             "command taken in this cycle: 1 engage, 2 clutch, 3 hold, 4 rest, 5 stop, 6 scale, "
-            "7 episode",
+            "7 episode, 8 payload",
         ),
         Column("operation.engagement", "", "how often the pairs have engaged so far"),
         Column("operation.episode", "", "number of the episode that runs, 0 for none"),

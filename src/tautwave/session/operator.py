@@ -15,6 +15,7 @@ from tautwave.clock import MonotonicClock
 from tautwave.config import Rig, resolved_yaml
 from tautwave.config.guard import parse_json
 from tautwave.errors import ConfigError, RecordingError
+from tautwave.runtime.operate.journal import VERDICTS
 from tautwave.runtime.operate.states import STATES
 from tautwave.runtime.tap import LIVE, Live, Tap
 
@@ -140,8 +141,17 @@ class Session:
         self._send("lead " + " ".join(f"{name}={x!r}" for name, x in positions.items()))
 
     def begin_episode(self, name: str, task: str = "") -> None:
-        """Begin an episode; its name is one word."""
-        self._send(f"episode {name} {task}".strip())
+        """Begin an episode.
+
+        Raises
+        ------
+        ConfigError
+            Its name is not one word, or one that ends an episode.
+        """
+        if len(name.split()) != 1 or name.strip() in VERDICTS:
+            words = " nor ".join(VERDICTS)
+            raise ConfigError(f"episode {name[:40]!r}: give it a name of one word, neither {words}")
+        self._send(" ".join(("episode", name.strip(), *task.split())))
 
     def end_episode(self, success: bool | None = None) -> None:
         """End the episode that runs."""
@@ -227,7 +237,7 @@ class Session:
         if self._child is None or self._child.stdin is None or not self._running():
             raise gone
         try:
-            self._child.stdin.write(f"{line}\n".encode())
+            self._child.stdin.write(f"{line}\n".encode("utf-8", "replace"))
             self._child.stdin.flush()
         except BrokenPipeError as err:  # while it was written
             raise gone from err

@@ -13,10 +13,11 @@ from __future__ import annotations
 import json
 import sys
 import time
+from contextlib import suppress
 from typing import Any
 
 from tautwave.bench.live.loop import resident_bytes
-from tautwave.bench.sites.order import HOST, Order
+from tautwave.bench.sites.order import HOST, HOSTILE, NETWORK, QUIET, Order, turn_of
 from tautwave.clock import MonotonicClock
 from tautwave.link.packet import Line, Packet, read_packet, write_packet
 from tautwave.runtime.machine import quiet_collector, realtime
@@ -27,8 +28,6 @@ from tautwave.sites.datagrams import DataPort, open_socket
 PAIRS = tuple((k, k) for k in range(4))
 LINES = (Line(1, 2, PAIRS),)
 SWEEP = 1e-3
-BLOCK_NS = 1_000_000_000
-"""With and without network in turn, for so long each [ns], both ends at the same time."""
 
 
 class End:
@@ -40,30 +39,40 @@ class End:
             bytes.fromhex(order.session), bytes.fromhex(order.secret), names[1 - order.side], {}
         )
         self._side = order.side
+        self._sent = 0
         self._to = (HOST, order.other[1])
         self._bare = open_socket(HOST, order.own[1])
         peer = (HOST, order.other[0])
-        self._port = DataPort(open_socket(HOST, order.own[0]), session, names[order.side], peer)
+        self._sealed = open_socket(HOST, order.own[0])
+        self._port = DataPort(self._sealed, session, names[order.side], peer)
         self.sealed, self.bare, self.unread = Histogram(), Histogram(), Histogram()
         self.sealing, self.sending = Histogram(), Histogram()
 
-    def exchange(self, slot: int) -> None:
+    def exchange(self, slot: int, *, counts: bool) -> None:
         """Take what came, and send, either kind first in turn."""
         if slot & 1:
-            self.take_sealed(self.sealed)
+            self.take_sealed(self.sealed if counts else self.unread)
             self.take_bare(self.unread)
             self.send_bare(slot)
             self.send_sealed(slot)
         else:
-            self.take_bare(self.bare)
+            self.take_bare(self.bare if counts else self.unread)
             self.take_sealed(self.unread)
             self.send_sealed(slot)
             self.send_bare(slot)
 
+    def counts(self) -> dict[str, int]:
+        """Return how many packets were sent, how many datagrams accepted and refused."""
+        opener = self._port.opener
+        refused = sum(opener.refused.values())
+        return {"sent": self._sent, "accepted": opener.accepted, "refused": refused}
+
     def drain(self) -> None:
         """Throw away what has waited while there was no network."""
-        self.take_sealed(self.unread)
-        self.take_bare(self.unread)
+        for sock in (self._sealed, self._bare):
+            with suppress(BlockingIOError):
+                while True:
+                    sock.recv(2048)
 
     def take_sealed(self, times: Histogram) -> None:
         """Open and read packets; count how long they were under way."""
@@ -88,6 +97,7 @@ class End:
         now = time.monotonic_ns()
         self._port.send(write_packet(Packet(self._side, slot + 4, now, 0, 0, LINES)))
         self.sealing.add(time.monotonic_ns() - now)
+        self._sent += 1
 
     def send_bare(self, slot: int) -> None:
         """Send as many bytes, as they are."""
@@ -104,20 +114,20 @@ def measure(order: Order) -> dict[str, Any]:
     end = End(order)
     clock = MonotonicClock()
     period = round((1.0 + SWEEP * order.side) * 1e9 / order.rate_hz)
-    late = {True: Histogram(), False: Histogram()}
+    late = {turn: Histogram() for turn in (QUIET, NETWORK, HOSTILE)}
     memory = []
     with realtime(50, None, lock_memory=True) as sentences, quiet_collector():
         deadline = clock.now_ns()
-        before = False
+        before = QUIET
         for slot in range(round(order.duration_s * order.rate_hz)):
             now = clock.now_ns()
-            with_network = not (deadline // BLOCK_NS) & 1
-            late[with_network].add(now - deadline)
-            if with_network and not before:
+            turn = turn_of(deadline)
+            late[turn].add(now - deadline)
+            if turn != QUIET and before == QUIET:
                 end.drain()
-            if with_network:
-                end.exchange(slot)
-            before = with_network
+            if turn != QUIET:
+                end.exchange(slot, counts=turn == NETWORK)
+            before = turn
             if slot % round(5.0 * order.rate_hz) == 0:
                 memory.append(resident_bytes())
             deadline = max(deadline + period, now)
@@ -125,7 +135,8 @@ def measure(order: Order) -> dict[str, Any]:
     return {
         "sealed": end.sealed.summary(), "bare": end.bare.summary(),
         "sealing": end.sealing.summary(), "sending": end.sending.summary(),
-        "late_with": late[True].summary(), "late_without": late[False].summary(),
+        "late_with": late[NETWORK].summary(), "late_without": late[QUIET].summary(),
+        "late_hostile": late[HOSTILE].summary(), **end.counts(),
         "memory": [*memory, resident_bytes()], "realtime": list(sentences),
     }  # fmt: skip
 

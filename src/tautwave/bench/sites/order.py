@@ -10,6 +10,10 @@ from typing import NamedTuple
 from tautwave.errors import LinkError
 
 HOST = "127.0.0.1"
+QUIET, NETWORK, HOSTILE = range(3)
+"""Turns: without network, with it, and with a stranger's datagrams as well."""
+TURN_NS = 200_000_000
+"""Length of a turn, at all processes at the same time: short beside what else a machine does."""
 
 
 class Order(NamedTuple):
@@ -35,3 +39,8 @@ def free_port() -> int:
             continue
         return port
     raise LinkError(f"no free port at {HOST} between 10000 and 30000")
+
+
+def turn_of(now_ns: int) -> int:
+    """Return whose turn it is at a moment of the machine's clock [ns]."""
+    return now_ns // TURN_NS % 3

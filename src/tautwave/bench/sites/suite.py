@@ -22,6 +22,7 @@ ROWS = {
     "send bare": "sending",
     "late, with network": "late_with",
     "late, without": "late_without",
+    "late, with a stranger's, too": "late_hostile",
 }
 
 
@@ -62,13 +63,20 @@ def link(
         child.stdin.write(json.dumps(order._asdict()).encode())
         child.stdin.close()
         child.stdin = None
+    stranger = subprocess.Popen(
+        [sys.executable, "-m", "tautwave.bench.sites.stranger", session, str(duration_s),
+         *(str(own[0]) for own in ports)],
+        stdout=subprocess.PIPE,
+    )  # fmt: skip
     ends: list[dict[str, Any]] = [json.loads(child.communicate()[0]) for child in children]
+    hostile = int(stranger.communicate()[0])
     tables = [
         Table(
             f"{name}'s loop [us]",
             "Both kinds are sent and asked for in the same cycles, in turn first; a way includes "
             "opening, and the wait until the other loop looks, at any moment of a slot alike. "
-            "Lateness with and without network in turn, a second each. "
+            "Lateness without network, with it, and with a stranger's datagrams as well in turn, "
+            f"0.2 s each. The stranger sent {hostile:,}; {end['refused']:,} were refused here. "
             f"{'; '.join(end['realtime'])}.",
             ("", *FIGURES),
             [(row, *(end[key][figure] for figure in FIGURES)) for row, key in ROWS.items()],
@@ -97,12 +105,18 @@ def link(
     def worst(above: str, below: str, figure: str) -> float:
         return max(float(end[above][figure]) / float(end[below][figure]) for end in ends)
 
+    accepted = sum(
+        max(0, one["accepted"] - other["sent"]) for one, other in zip(ends, ends[::-1], strict=True)
+    )
     more = max(end["memory"][-1] - end["memory"][min(1, len(end["memory"]) - 2)] for end in ends)
     goals = [
         Goal("sealed against bare, one way, p50", 1.5, "", worst("sealed", "bare", "p50")),
         Goal("sealed against bare, one way, p99", 1.5, "", worst("sealed", "bare", "p99")),
         Goal("lateness with network against without, p99", 1.1, "",
              worst("late_with", "late_without", "p99")),
+        Goal("lateness with a stranger's against without, p99", 1.1, "",
+             worst("late_hostile", "late_without", "p99")),
+        Goal("hostile datagrams accepted", 0.0, "", float(accepted)),
         Goal("loops: resident memory grown", 0.1, "MB", more / 1e6),
         Goal("runs: resident memory grown", 1.0, "MB", max(grown(run["memory"]) for run in runs)),
         Goal("runs: rows lost", 0.0, "", float(sum(run["dropped"] for run in runs))),

@@ -214,6 +214,13 @@ def _check_follower(
             "velocity or effort there, or put this one on a bus whose driver does (loopback, "
             "dynamixel)",
         )
+    assert axis.follower is not None
+    if axis.follower.stiffness * axis.encoder_quantum > axis.effort_limit:
+        document.report(
+            (*path, "follower", "stiffness"),
+            "the goal would reach effort_limit within a step of the encoder, and stay with the "
+            f"device; at most {axis.effort_limit / axis.encoder_quantum:.3g}",
+        )
     if axis.environment_stiffness_upper is not None:
         document.report(
             (*path, "environment_stiffness_upper"),

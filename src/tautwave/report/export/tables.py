@@ -18,7 +18,7 @@ from tautwave.files import make_directory, write_bytes, write_text
 from tautwave.recordings.recording import Recording, read_recording
 from tautwave.report.export.episodes import episodes, units
 
-BLOCK = 1 << 16
+BLOCK = 1 << 14
 """Rows that are in memory at once, of a format that grows."""
 LARGEST_MAT = 2**32 - 2**20
 """Bytes; a structure states its length in 32 bits."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tautwave import canvas
+from tautwave.config.guard import parse_json
 from tautwave.files import write_bytes
 
 if TYPE_CHECKING:
@@ -136,11 +136,15 @@ def _level(line: Sequence[Axes], keys: Panel) -> None:
 
 
 def _has(row: Row, wanted: Mapping[str, Any]) -> bool:
-    """Return whether a row has these values, as the table writes them."""
-    return all(
-        row[key] == (value if isinstance(value, str) else json.dumps(value))
-        for key, value in wanted.items()
-    )
+    """Return whether a row has these values; 0 and 0.0 are the same one."""
+    return all(value in (row[key], _value(row[key])) for key, value in wanted.items())
+
+
+def _value(text: str) -> Any:
+    try:
+        return parse_json(text)
+    except ValueError:
+        return text
 
 
 def _points(rows: Sequence[Row], figure: Figure, measure: str) -> tuple[list[float], list[float]]:

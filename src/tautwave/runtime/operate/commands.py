@@ -96,8 +96,8 @@ class Script:
 class Descriptor:
     """Bytes on a file descriptor: keys of a terminal, or lines of a pipe; `last` at its end.
 
-    `fresh`: what came before the first look is dropped. A key that was pressed while the devices
-    were opened must not engage a rig that nobody has seen idle.
+    `fresh`: of what came before the first look only a stop counts. A key that was pressed while
+    the devices were opened must not engage a rig that nobody has seen idle.
     """
 
     def __init__(
@@ -128,7 +128,8 @@ class Descriptor:
         self._open = bool(data)
         if not data:
             return list(self._last)
-        return () if stale else self._read(data)
+        orders = self._read(data)
+        return [order for order in orders if order.word == STOP] if stale else orders
 
 
 def read_keys(data: bytes) -> Sequence[Order]:

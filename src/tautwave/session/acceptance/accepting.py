@@ -78,7 +78,8 @@ def accept(
                 for key, value in check.measured.items()
             )
             verdict = "good" if check.good else f"NOT GOOD, expected {check.expected}"
-            talk.say(f"  {check.stage} {check.what}: {numbers}: {verdict}")
+            said = ": ".join(filter(None, (f"{check.stage} {check.what}", numbers, verdict)))
+            talk.say(f"  {said}")
         checks += found
         if not all(check.good for check in found):
             ended = stage

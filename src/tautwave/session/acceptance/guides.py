@@ -34,10 +34,10 @@ def sign_and_scale(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Che
     for name in axes:
         unit = _unit(rig, name)
         before = yield from mean_positions([name], control)
-        answer = yield from control.ask(
-            f"{name}: move it the positive way by an angle or distance that you know, and hold; "
-            f"type it in {'degrees' if unit == 'rad' else 'mm'}"
-        )
+        known_as = "an angle that you know, and hold; type it in degrees"
+        if unit == "m":
+            known_as = "a distance that you know, and hold; type it in mm"
+        answer = yield from control.ask(f"{name}: move it the positive way by {known_as}")
         now = yield from mean_positions([name], control)
         moved = now[name] - before[name]
         known = _number(answer) * (math.pi / 180.0 if unit == "rad" else 1e-3)

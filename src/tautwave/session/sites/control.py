@@ -30,7 +30,7 @@ from tautwave.link.packet import Line
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.operate.engagement import end_session
 from tautwave.session.sites.agreed import LINK_COLUMNS, SiteLimits, lost_words, unready_words
-from tautwave.session.sites.desk_line import DeskLine, session_of
+from tautwave.session.sites.desk_line import DeskLine, keep_note, session_of
 from tautwave.session.sites.endpoint import Endpoint
 from tautwave.session.sites.meeting import Meeting
 from tautwave.session.sites.pace import Pace
@@ -345,7 +345,7 @@ class SiteControl(CoupledControl):
         elif "lost" in message or "refused" in message:
             self._left = self._left or str(message.get("lost", message.get("refused")))
         elif "note" in message:
-            self.sessions[-1].setdefault("notes", []).append(message["note"])
+            keep_note(self.sessions[-1], message["note"])
         elif isinstance(message.get("peer"), Mapping):
             self._listen(message["peer"])
 

@@ -15,6 +15,8 @@ from tautwave.errors import LinkError
 from tautwave.sites.control import Session
 from tautwave.sites.desk import MOST_BYTES, Order
 
+MOST_NOTES = 50
+"""Of a session: anybody who reaches the port causes them."""
 DIED = "the process beside the loop, which keeps the session, has ended"
 
 
@@ -105,3 +107,10 @@ def session_of(joined: Mapping[str, Any]) -> Session:
         str(joined["peer"]),
         joined["facts"],
     )
+
+
+def keep_note(session: dict[str, Any], note: str) -> None:
+    """Keep a desk's note with what is known of a session, as long as there are few."""
+    notes = session.setdefault("notes", [])
+    if len(notes) < MOST_NOTES:
+        notes.append(note)

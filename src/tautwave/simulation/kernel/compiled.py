@@ -33,7 +33,7 @@ from tautwave.link import receiver as link_receiver
 from tautwave.link import trace as link_trace
 from tautwave.models import plant
 from tautwave.runtime.scene import hold
-from tautwave.scene import batch, ledger
+from tautwave.scene import ledger
 from tautwave.scene.schemes import gradient, islands, kutta, stepping
 from tautwave.scene.schemes import tension as link_tension
 from tautwave.scene3d import ledger as ledger3d
@@ -56,7 +56,7 @@ LINK_MODULES = (link_receiver, link_network, link_trace)
 KERNEL_MODULES = (*CONTROLLER_MODULES, *LINK_MODULES, records, device, rows, kernel, live_steps)
 MODULES_3D = (stepping3d, tension3d, straining3d, solving3d, ledger3d, tick3d)
 SCENE_MODULES = (
-    *(stepping, link_tension, islands, gradient, kutta, ledger, batch),
+    *(stepping, link_tension, islands, gradient, kutta, ledger),
     *(network_steps, network_tick, hold, live_scene),
 )
 
