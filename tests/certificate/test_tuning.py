@@ -144,6 +144,13 @@ def test_the_certificate_says_by_what_a_law_holds() -> None:
     assert found.passive.passed
     assert "by tuning" in found.passive.reason
     assert found.numbers["holds"] == "by tuning"
+    assert found.numbers["damping"] == [2e-3, 2e-3]
+    assert not found.passive.conditions
+    rated = certified(
+        line, soft, "slave.axes.lever.effort_rate_limit=1000", name="bench-position-coupling"
+    )
+    said = "the effort_rate_limit of slave.lever is not reached in the coupling"
+    assert said in element(rated, "coupling of lever").passive.conditions
     hard = certified(line, name="bench-position-coupling")
     assert "coupling.account" in element(hard, "coupling of lever").passive.reason
     limits = [

@@ -14,7 +14,7 @@ import numpy as np
 from tautwave.bench import inertia as inertia_bench
 from tautwave.bench.inertia import Attacks, attacks_of, inertia_tables
 from tautwave.bench.pieces import Work, run_pieces
-from tautwave.bench.port.rigs import IMPOSED, bench_rig
+from tautwave.bench.port.rigs import IMPOSED, bench_rig, fastest
 from tautwave.bench.result import Goal, Suite, Table, Value
 from tautwave.controller import inertia as inertia_laws
 from tautwave.laws import account as account_laws
@@ -52,7 +52,7 @@ class Free(NamedTuple):
     given: float
 
 
-def free_motion(share: float, seconds: float = SECONDS, engine: str = "compiled") -> Free:
+def free_motion(share: float, seconds: float = SECONDS, engine: str | None = None) -> Free:
     """Move the bench freely with `share` of the certain Coulomb friction taken off."""
     rig = bench_rig(
         LAW, HAND, "{type: free}", noise=1.5e-5, seconds=seconds, grip=IMPOSED, coulomb=TRUE
@@ -67,7 +67,8 @@ def free_motion(share: float, seconds: float = SECONDS, engine: str = "compiled"
              "compensation": {"coulomb": share} if share else None}
         )  # fmt: skip
         sides[side] = whole.model_copy(update={"axes": {"lever": keys}})
-    run = simulate(rig.model_copy(update=sides), engine=engine)
+    rig = rig.model_copy(update=sides)
+    run = simulate(rig, engine=engine or fastest(rig))
     moving = run["time_s"] > BEGUN_S
     steps = np.diff(run["true.master.lever.position"][moving])
     way = float(np.sum(np.abs(steps)))

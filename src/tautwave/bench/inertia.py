@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tautwave.bench.port.rigs import IMPOSED, bench_rig
+from tautwave.bench.port.rigs import IMPOSED, bench_rig, fastest
 from tautwave.bench.result import Goal, Table, Value
 from tautwave.config import Axis, Rig
 from tautwave.contracts import CoupledAxis
@@ -62,10 +62,11 @@ def felt(
     keys: dict[str, float] | None,
     noise: float,
     seconds: float = SECONDS,
-    engine: str = "compiled",
+    engine: str | None = None,
 ) -> Felt:
     """Return what is felt: effort on the hand over its motion, at the motion's frequency."""
-    run = simulate(lightened_rig(law, keys, noise, seconds), engine=engine)
+    rig = lightened_rig(law, keys, noise, seconds)
+    run = simulate(rig, engine=engine or fastest(rig))
     moving = run["time_s"] > BEGUN_S
     turn = 2.0 * math.pi * FREQUENCY
     time = run["time_s"][moving]

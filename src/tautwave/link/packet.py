@@ -16,6 +16,7 @@ is forged, repeated or of another session. Nothing that comes from a wire raises
 
 from __future__ import annotations
 
+import functools
 import struct
 from enum import Enum
 from typing import NamedTuple
@@ -27,6 +28,8 @@ GREATEST_BYTES = 1160
 """What passes every path unfragmented, tunnels and the seal included."""
 
 HEADER = struct.Struct(">BBBBIQQQQ")
+FIELDS = 9
+"""Numbers of the header."""
 COUNTER = struct.Struct(">Q")
 
 
@@ -72,6 +75,12 @@ def packet_size(lines: int, repeated: int) -> int:
     return HEADER.size + lines * (2 + 2 * (1 + repeated)) * COUNTER.size
 
 
+@functools.cache
+def layout(lines: int, repeated: int) -> struct.Struct:
+    """Return header and numbers of a packet that fits a datagram: as few as there are of those."""
+    return struct.Struct(f"{HEADER.format}{lines * (2 + 2 * (1 + repeated))}Q")
+
+
 def write_packet(packet: Packet) -> bytes:
     """Return a packet as bytes.
 
@@ -80,18 +89,22 @@ def write_packet(packet: Packet) -> bytes:
     ValueError
         The packet has no line, lines of unlike length, or does not fit a datagram.
     """
-    repeated = {len(line.pairs) - 1 for line in packet.lines}
-    if len(repeated) != 1 or min(repeated) < 0:
+    site, slot, clock_ns, echo_ns, held_ns, lines = packet
+    count = len(lines[0].pairs) if lines else 0
+    numbers: list[int] = []
+    for granted, asked, pairs in lines:
+        if len(pairs) != count:
+            count = 0
+        numbers += (granted, asked)
+        for pair in pairs:
+            numbers += pair
+    if count == 0:
         raise ValueError("all lines of a packet repeat the same slots, and there is at least one")
-    count = repeated.pop()
-    if packet_size(len(packet.lines), count) > GREATEST_BYTES:
+    if packet_size(len(lines), count - 1) > GREATEST_BYTES:
         raise ValueError(f"a packet has at most {GREATEST_BYTES} bytes: repeat fewer slots")
-    times = (packet.clock_ns, packet.echo_ns, packet.held_ns)
-    parts = [HEADER.pack(VERSION, packet.site, len(packet.lines), count, 0, packet.slot, *times)]
-    for line in packet.lines:
-        numbers = (line.granted, line.asked, *(part for pair in line.pairs for part in pair))
-        parts.append(struct.pack(f">{len(numbers)}Q", *numbers))
-    return b"".join(parts)
+    return layout(len(lines), count - 1).pack(
+        VERSION, site, len(lines), count - 1, 0, slot, clock_ns, echo_ns, held_ns, *numbers
+    )
 
 
 def read_packet(data: bytes, site: int) -> Packet | Refusal:
@@ -106,23 +119,21 @@ def read_packet(data: bytes, site: int) -> Packet | Refusal:
     """
     if len(data) < packet_size(1, 0):
         return Refusal.SHORT
-    version, sender, lines, repeated, zero, slot, *times = HEADER.unpack_from(data)
-    clock_ns, echo_ns, held_ns = times
-    if version != VERSION:
+    if data[0] != VERSION:
         return Refusal.VERSION
+    lines, repeated = data[2], data[3]
     if lines == 0 or len(data) != packet_size(lines, repeated) or len(data) > GREATEST_BYTES:
         return Refusal.LENGTH
+    found = layout(lines, repeated).unpack(data)
+    _, sender, _, _, zero, slot, clock_ns, echo_ns, held_ns = found[:FIELDS]
     if sender == site:
         return Refusal.SITE
-    count = (len(data) - HEADER.size) // COUNTER.size
-    numbers = struct.unpack_from(f">{count}Q", data, HEADER.size)
-    if zero or sender > 1 or repeated > slot or max(slot, *numbers) >= SPAN:
+    if zero or sender > 1 or repeated > slot or max(slot, *found[FIELDS:]) >= SPAN:
         return Refusal.RANGE
-    each = len(numbers) // lines
-    found = []
-    for at in range(0, len(numbers), each):
-        pairs = numbers[at + 2 : at + each]
-        found.append(
-            Line(numbers[at], numbers[at + 1], tuple(zip(pairs[::2], pairs[1::2], strict=True)))
-        )
-    return Packet(sender, slot, clock_ns, echo_ns, held_ns, tuple(found))
+    each = (len(found) - FIELDS) // lines
+    read = []
+    for at in range(FIELDS, len(found), each):
+        to = at + each
+        pairs = tuple(zip(found[at + 2 : to : 2], found[at + 3 : to : 2], strict=True))
+        read.append(Line(found[at], found[at + 1], pairs))
+    return Packet(sender, slot, clock_ns, echo_ns, held_ns, tuple(read))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tautwave import canvas
+from tautwave.config.guard import parse_json
 from tautwave.files import write_bytes
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def _has(row: Row, wanted: Mapping[str, Any]) -> bool:
 
 def _value(text: str) -> Any:
     try:
-        return json.loads(text)
+        return parse_json(text)
     except ValueError:
         return text
 
