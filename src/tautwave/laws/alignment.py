@@ -131,7 +131,7 @@ def lead_reference(
 def grow_push(p: AlignParams, push: float, reference: float, position: float) -> float:
     """Return what is pushed beside the spring [N], one period on.
 
-    It grows while friction that nobody knows holds the device short of the reference, and is gone
+    It grows while unknown friction holds the device short of the reference, and is gone
     once the device has passed it. Effort and speed stay limited whatever it is.
     """
     gap = reference - position
