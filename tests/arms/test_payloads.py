@@ -84,7 +84,10 @@ def test_what_moves_under_another_payload_leaks_no_more_than_under_one() -> None
 def test_it_is_refused_with_why() -> None:
     load = side()
     pass_slot(load, 0.0)
-    assert take_payload([load], "crate") == ("payload 'crate': there are box, none", True)
+    assert take_payload([load], "crate") == (
+        "payload 'crate': unknown; give one of box, none",
+        True,
+    )
     pass_slot(load, 0.01)
     assert take_payload([load], "box") == (
         "payload 'box': the slave's arm moves; let it stand",

@@ -37,6 +37,22 @@ def test_every_help_has_an_example(tautwave_cli: Cli, words: tuple[str, ...]) ->
     assert re.search(rf"^ +tautwave {' '.join(words)}", result.output, re.MULTILINE)
 
 
+def test_a_number_on_the_command_line_is_finite() -> None:
+    """Whatever the option: click takes `nan` for a float, and as in any range."""
+    for words in all_commands(main):
+        command: click.Command = main
+        for word in words:
+            assert isinstance(command, click.Group)
+            found = command.get_command(click.Context(command), word)
+            assert found is not None
+            command = found
+        for option in command.params:
+            if not isinstance(option.type, click.FloatRange | click.types.FloatParamType):
+                continue
+            with pytest.raises(click.BadParameter, match="finite number"):
+                option.process_value(click.Context(command), "nan")
+
+
 def test_version(tautwave_cli: Cli) -> None:
     assert re.fullmatch(r"tautwave \d+\.\d+\.\d+\n", tautwave_cli("--version").output)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -333,11 +332,29 @@ def test_without_noise_and_step_there_is_no_filter() -> None:
     assert found == (None, "none, for no noise and no encoder step is stated")
 
 
+def test_a_coarse_effort_step_raises_the_impedance_as_far_as_the_certificate_goes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It was refused, with the impedance to give."""
+    rig = first(*both("effort_quantum", 0.4))
+    found = rig.choices["pairs.lever.wave_impedance"]
+    assert found.value == 0.054  # half of it times 15 rad/s is 0.405 N m
+    assert "as much as the effort step of slave.lever needs; else 0.045, bound" in found.reason
+    assert certify(rig).passed
+    monkeypatch.setattr(choice, "_blocked", lambda *_: "the certificate of slave.lever")
+    refused = first(*both("effort_quantum", 0.4))
+    assert refused.choices["pairs.lever.wave_impedance"].value == 0.045
+    assert "raise wave_impedance to 0.0533" in certify(refused).sentences()[0]
+
+
 @pytest.mark.parametrize("value", [0.0123456, 0.05, 5.09e-3, 0.1, 99.9, 1234.0])
 def test_two_digits_are_never_above(value: float) -> None:
     found = two_digits(value)
     assert 0.9 * value < found <= value * (1.0 + 1e-12)
     assert float(f"{found:.1e}") == found
+    up = two_digits(value, up=True)
+    assert value * (1.0 - 1e-12) <= up < 1.1 * value
+    assert float(f"{up:.1e}") == up
 
 
 @pytest.mark.parametrize("bad", ["0", "-1", "yes", "'0.02'", "[0.02]", "true"])
@@ -374,19 +391,3 @@ def test_a_changed_rig_can_be_asked_again() -> None:
     assert chosen(choose_again(weaker))[1] == pytest.approx(0.5 * chosen(rig)[1], rel=0.05)
     given_numbers = parse_rig(resolved_yaml(rig))
     assert choose_again(given_numbers) is given_numbers
-
-
-def test_check_says_what_the_standing_offset_is_made_of() -> None:
-    """Three parts that add up to it, and the weight that halving it would double."""
-    rig = first(
-        "coupling.delay_s=0.02", f"{PAIR}.wave_impedance=0.02", f"{PAIR}.wave_filter_hz=200"
-    )
-    text = dict(check(rig).facts)["offset of lever"]
-    words = re.findall(r"[0-9.]+(?= rad per| of sampling| of the wave)", text)
-    parts = [float(word) for word in words]
-    assert parts[0] == pytest.approx(0.02 / 0.02)
-    assert parts[1] == pytest.approx(0.0005 / 0.02)
-    delays = command_delays(rig)
-    assert sum(parts) == pytest.approx(standing_offset(rig, "lever", delays), rel=1e-2)
-    weight = 0.02 * 0.02 * standing_offset(rig, "lever", delays)
-    assert f"b tau = {weight:.2g} kg m^2 beside the devices' 0.0032" in text

@@ -115,3 +115,6 @@ def test_each_curve_of_a_figure_has_the_points_of_its_case_column_and_condition(
             assert (line.get_linestyle() == "--") is (name == "two")
             assert line.get_label() == ("bare" if name == "two" else "one")
             assert marks.get_linestyle() == "None"
+            assert line.get_linewidth() == (1.0 if name == "two" else 1.5)
+            hollow = marks.get_markerfacecolor() != marks.get_color()
+            assert hollow is (name == "two")

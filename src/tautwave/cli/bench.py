@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from tautwave.cli.options import (
+    Number,
     jobs_option,
     json_option,
     keep_option,
@@ -192,7 +193,7 @@ def lanes(as_json: bool) -> None:
 @recordings_option("; without it hands are multisines.")
 @click.option("--quick", is_flag=True, help="One hand per contact, 10 s of holding.")
 @click.option("--cost", is_flag=True, help="Measure CPU time too; numba compiles for a minute.")
-@click.option("--hold", type=click.FloatRange(10.0, 86400.0), help="Only hold a force, so many s.")
+@click.option("--hold", type=Number(10.0, 86400.0), help="Only hold a force, so many s.")
 @out_option("Directory for the picture of a held force; default: none.")
 @json_option
 def port(hold: float | None, as_json: bool, **given: Any) -> None:
@@ -266,9 +267,7 @@ def network(
 
 @bench.command(short_help="Two loops over sealed datagrams, compared with unsealed ones.")
 @duration_option
-@click.option(
-    "--rate", type=click.FloatRange(50.0, 5000.0), default=1000.0, show_default=True, help="[Hz]"
-)
+@click.option("--rate", type=Number(50.0, 5000.0), default=1000.0, show_default=True, help="[Hz]")
 @json_option
 def link(duration: float, rate: float, as_json: bool) -> None:
     """Exchange sealed packets and bare datagrams between two processes: ways, lateness, memory.

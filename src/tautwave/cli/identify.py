@@ -10,6 +10,7 @@ import click
 
 from tautwave.cli.options import (
     PATH,
+    Number,
     clock_option,
     echo_json,
     json_option,
@@ -82,7 +83,7 @@ _NOT_NOISE = (
 @clock_option("RIG: as for run.")
 @click.option(
     "--share",
-    type=click.FloatRange(0.0, 1.0, min_open=True),
+    type=Number(0.0, 1.0, min_open=True),
     default=0.3,
     metavar="0..1",
     help="RIG: greatest effort as a share of the axis' effort_limit; default 0.3.",
@@ -120,8 +121,8 @@ _NOT_NOISE = (
     metavar="HZ",
     help="RECORDING: low-pass on force and motion alike; default 40, at most rate / 25.",
 )
-@click.option("--from", "begin_s", type=float, metavar="S", help="RECORDING: use from here.")
-@click.option("--to", "end_s", type=float, metavar="S", help="RECORDING: use up to here.")
+@click.option("--from", "begin_s", type=Number(), metavar="S", help="RECORDING: use from here.")
+@click.option("--to", "end_s", type=Number(), metavar="S", help="RECORDING: use up to here.")
 @click.pass_context
 def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
     """Identify the device of an axis of RIG, or the environment in a RECORDING.

@@ -20,6 +20,19 @@ from tautwave.kinds import RUN, kind_of_keys, kind_of_path, mistaken
 PATH = click.Path(path_type=Path)
 
 
+class Number(click.FloatRange):
+    """A finite number in a range; click itself takes `nan` as in any."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number."""
+        found = super().convert(value, param, ctx)
+        if not math.isfinite(found):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return found
+
+
 def of_kind(*wanted: str) -> Callable[..., Any]:
     """Return a callback for paths that refuses one of another kind by what it is."""
 
@@ -138,7 +151,7 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON i
 
 wait_option = click.option(
     "--wait",
-    type=click.FloatRange(0.0, 3600.0),
+    type=Number(0.0, 3600.0),
     default=0.0,
     metavar="S",
     help="Wait for a run that is still to begin [s].",

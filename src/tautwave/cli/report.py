@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from tautwave.cli.options import PATH, of_kind, positive, run_argument
+from tautwave.cli.options import PATH, Number, of_kind, positive, run_argument
 from tautwave.errors import RecordingError
 from tautwave.kinds import RECORDING, RUN, TABLE
 
@@ -39,8 +39,10 @@ from tautwave.kinds import RECORDING, RUN, TABLE
     "(slave.lever.commanded=-tau). Default: by name.",
 )
 @click.option("--time", metavar="COLUMN", help="--against: the file's column of the time [s].")
-@click.option("--from", "begin_s", type=float, metavar="S", help="--against: compare from here on.")
-@click.option("--to", "end_s", type=float, metavar="S", help="--against: compare up to here.")
+@click.option(
+    "--from", "begin_s", type=Number(), metavar="S", help="--against: compare from here on."
+)
+@click.option("--to", "end_s", type=Number(), metavar="S", help="--against: up to here.")
 @click.option(
     "--figures",
     "kind",
@@ -49,14 +51,14 @@ from tautwave.kinds import RECORDING, RUN, TABLE
 )
 @click.option(
     "--width",
-    type=click.FloatRange(40.0, 400.0),
+    type=Number(40.0, 400.0),
     callback=positive,
     metavar="MM",
     help="Width of these figures; default 174, two columns of most journals (one is about 84).",
 )
 @click.option(
     "--font-size",
-    type=click.FloatRange(4.0, 24.0),
+    type=Number(4.0, 24.0),
     callback=positive,
     metavar="PT",
     help="Font size of these figures [pt]; default 8.",

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from tautwave.cli.options import PATH, echo_json, json_option
+from tautwave.cli.options import PATH, Number, echo_json, json_option
 
 PORT = 7447
 
@@ -63,12 +63,10 @@ def serve(directory: Path, site: str, peer: str, bind: str, port: int, once: boo
 @_name_option("--site", "master", "Name of this site.")
 @_name_option("--peer", "slave", "Name of the other site.")
 @click.option(
-    "--rate", type=click.FloatRange(1.0, 10000.0), default=1000.0, show_default=True,
+    "--rate", type=Number(1.0, 10000.0), default=1000.0, show_default=True,
     help="Datagrams a second each way [Hz].",
 )  # fmt: skip
-@click.option(
-    "--duration", type=click.FloatRange(1.0, 3600.0), default=10.0, show_default=True, help="[s]"
-)
+@click.option("--duration", type=Number(1.0, 3600.0), default=10.0, show_default=True, help="[s]")
 @click.option("--rig", type=PATH, help="Say what the delay means for this rig's pairs.")
 @click.option(
     "--record", type=PATH, metavar="FILE",

@@ -129,7 +129,7 @@ class SideLoad:
     def take_up(self, payload: str) -> str:
         """Weigh with another payload from now on, over the ramp; return why not, or ''."""
         if payload not in self.others:
-            return f"there are {', '.join(self.others)}"
+            return f"unknown; give one of {', '.join(self.others)}"
         if self._left:
             return "the last one is still being taken up"
         if any(abs(s) > axis.still for s, axis in zip(self._stride, self.axes, strict=True)):

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import click
 
-from tautwave.cli.options import run_argument, wait_option
+from tautwave.cli.options import Number, run_argument, wait_option
 
 
 @click.command(short_help="Publish a run that is going on to ROS 2.")
 @run_argument
 @click.option(
     "--rate",
-    type=click.FloatRange(0.1),
+    type=Number(0.1),
     default=100.0,
     show_default=True,
     metavar="HZ",

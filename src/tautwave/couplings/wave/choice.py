@@ -18,8 +18,10 @@ wave_impedance: a stiffer line holds the devices closer together. It is the grea
   share b T / m of what it transports. Only where that would take less than an eighth of what the
   others allow are plain ports tried.
 
-It is rounded down to two digits. All is decided by the rig's beliefs and by the contact that the
-certificate counts with, so that the same rig gets the same choice.
+It is rounded down to two digits. Where a drive's effort step needs a stiffer line than all this
+allows (`coarsest_step`), the line is as stiff as that, if the certificate takes it. All is decided
+by the rig's beliefs and by the contact that the certificate counts with, so that the same rig gets
+the same choice.
 """
 
 from __future__ import annotations
@@ -37,12 +39,12 @@ from tautwave.certificate.walls import sampled_wall
 from tautwave.config import Rig, local_wall
 from tautwave.config.keys.common import AUTO
 from tautwave.couplings.wave.device_port import SOFTER, port_of
-from tautwave.couplings.wave.from_keys import bare_port, observer_of
+from tautwave.couplings.wave.from_keys import bare_port, coarsest_step, observer_of
 from tautwave.couplings.wave.keys import PLAIN, POLES, WavePair
 from tautwave.couplings.wave.standing import line_time, moved_inertia
 from tautwave.errors import UnchosenKeyError
 from tautwave.laws.port import port_reserve
-from tautwave.rig import at_axis_rate, command_delays, one_way_delay
+from tautwave.rig import at_axis_rate, command_delays, coupled_axis, one_way_delay
 from tautwave.types import Choice, CommandDelay
 
 SIDES = ("master", "slave")
@@ -58,6 +60,8 @@ FEWER = 8.0
 """Greatest factor by which the impedance is lowered to do without a plain port."""
 
 HALVINGS = 6
+
+CERTIFICATE = "the certificate"
 
 Delays = Mapping[str, CommandDelay]
 
@@ -113,10 +117,14 @@ def choose_pair(rig: Rig, name: str) -> dict[str, Choice]:
     return chosen
 
 
-def two_digits(value: float) -> float:
-    """Return a positive value rounded down to two digits."""
+def two_digits(value: float, *, up: bool = False) -> float:
+    """Return a value rounded down, or up, to two digits; 0 of 0."""
+    if value == 0.0:
+        return 0.0
     step = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return float(f"{math.floor(value / step * (1.0 + 1e-12)) * step:.1e}")
+    count = value / step
+    whole = math.ceil(count * (1.0 - 1e-12)) if up else math.floor(count * (1.0 + 1e-12))
+    return float(f"{whole * step:.1e}")
 
 
 def _with(pair: WavePair, **values: object) -> WavePair:
@@ -188,6 +196,11 @@ def _impedance(asked: Asked, pair: WavePair) -> Choice:
             break
         else:
             cause += "; the certificate takes none"
+    coarse = _coarse(asked, pair)
+    needed = two_digits(coarse.impedance, up=True)
+    if needed > found and not _blocked(asked, pair, POLES, needed).startswith(CERTIFICATE):
+        cause = f"as much as {coarse.cause} needs; else {found:g}, {cause}"
+        found = needed
     return Choice(found, f"{found:g} {unit}, {cause}")
 
 
@@ -199,11 +212,23 @@ def _blocked(asked: Asked, pair: WavePair, poles: Sequence[float | str], impedan
         if getattr(pair, key) == AUTO:
             pair = _with(pair, **{key: _pole(asked, pair, side, poles).value})
             if getattr(pair, key) not in poles:
-                return f"the certificate of {side}.{asked.name}"
+                return f"{CERTIFICATE} of {side}.{asked.name}"
         if not asked.takes(pair, side):
-            return f"the certificate of {side}.{asked.name}"
+            return f"{CERTIFICATE} of {side}.{asked.name}"
     bound = least_bound(asked, pair)
     return bound.cause if bound.impedance < impedance else ""
+
+
+def _coarse(asked: Asked, pair: WavePair) -> Bound:
+    """Return the least impedance with which ports work with the steps of their drives' efforts."""
+    unit = _with(pair, wave_impedance=1.0)
+    needed = [Bound(0.0, "no effort step")]
+    for side in asked.left:
+        axis_name = f"{side}.{asked.name}"
+        axis = coupled_axis(asked.rig, axis_name, asked.delays[axis_name])
+        least = axis.effort_quantum / coarsest_step(unit, side, axis)
+        needed.append(Bound(least, f"the effort step of {axis_name}"))
+    return max(needed)
 
 
 def least_bound(asked: Asked, pair: WavePair) -> Bound:

@@ -65,10 +65,11 @@ def load_energy(run: Run, side: str) -> dict[str, float]:
     """Return what carrying a side's loads did [J]; empty where none are carried.
 
     `potential` is what the loads hold more than at the start, `leak` what was taken out of the
-    devices beyond that (below 0: given to them), `given` the most that was given at any time.
+    devices beyond that (below 0: given to them), `given` the most that was given at any time;
+    `changed` what payloads that were taken up put in, where there are some.
     """
     found = {}
-    for what in ("potential", "leak", "given"):
+    for what in ("potential", "leak", "given", "changed"):
         values = run.read(f"load.{side}.{what}").get(f"load.{side}.{what}")
         if values is not None and len(values):
             found[f"{what}_j"] = float(values[-1])
