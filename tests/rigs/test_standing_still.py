@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from tautwave.config import Rig
 from tautwave.couplings.wave.standing import held_share
-from tautwave.rig import command_delays
+from tautwave.rig import command_delays, standing_offset
+from tautwave.session import check
 from tautwave.session.facts import pair_facts, pair_sentence
 from tests.certificate.rigs import rig
 from tests.rigs.running import Run, pair_of, run_rig
+from tests.rigs.test_wave_choices import first
 
 PAIR = "coupling.pairs.lever"
 QUIET = [
@@ -97,3 +101,19 @@ def test_a_position_pair_is_as_stiff_as_check_says(changes: tuple[str, ...]) -> 
     assert (acts < 20.0) is (changes != ())
     said = pair_sentence(loaded, "lever", command_delays(loaded))
     assert said.endswith(f"held still, K = 25.4 N m/rad acts as {acts:.4g}")
+
+
+def test_check_says_what_the_standing_offset_is_made_of() -> None:
+    """Three parts that add up to it, and the weight that halving it would double."""
+    made = first(
+        "coupling.delay_s=0.02", f"{PAIR}.wave_impedance=0.02", f"{PAIR}.wave_filter_hz=200"
+    )
+    text = dict(check(made).facts)["offset of lever"]
+    words = re.findall(r"[0-9.]+(?= rad per| of sampling| of the wave)", text)
+    parts = [float(word) for word in words]
+    assert parts[0] == pytest.approx(0.02 / 0.02)
+    assert parts[1] == pytest.approx(0.0005 / 0.02)
+    delays = command_delays(made)
+    assert sum(parts) == pytest.approx(standing_offset(made, "lever", delays), rel=1e-2)
+    weight = 0.02 * 0.02 * standing_offset(made, "lever", delays)
+    assert f"b tau = {weight:.2g} kg m^2 beside the devices' 0.0032" in text

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -392,19 +391,3 @@ def test_a_changed_rig_can_be_asked_again() -> None:
     assert chosen(choose_again(weaker))[1] == pytest.approx(0.5 * chosen(rig)[1], rel=0.05)
     given_numbers = parse_rig(resolved_yaml(rig))
     assert choose_again(given_numbers) is given_numbers
-
-
-def test_check_says_what_the_standing_offset_is_made_of() -> None:
-    """Three parts that add up to it, and the weight that halving it would double."""
-    rig = first(
-        "coupling.delay_s=0.02", f"{PAIR}.wave_impedance=0.02", f"{PAIR}.wave_filter_hz=200"
-    )
-    text = dict(check(rig).facts)["offset of lever"]
-    words = re.findall(r"[0-9.]+(?= rad per| of sampling| of the wave)", text)
-    parts = [float(word) for word in words]
-    assert parts[0] == pytest.approx(0.02 / 0.02)
-    assert parts[1] == pytest.approx(0.0005 / 0.02)
-    delays = command_delays(rig)
-    assert sum(parts) == pytest.approx(standing_offset(rig, "lever", delays), rel=1e-2)
-    weight = 0.02 * 0.02 * standing_offset(rig, "lever", delays)
-    assert f"b tau = {weight:.2g} kg m^2 beside the devices' 0.0032" in text

@@ -209,9 +209,13 @@ class DynamixelDriver:
                 self._sent_ns = now
             return True
         if self._enabling is None:
-            port.write(self._staging.packet() + self._torque(1))  # zero since they were made
-            self._enabling = Enabling(port, self._clock, self._servos, self._bus)
+            on = self._torque(1)
+            port.write(self._staging.packet() + on)  # zero since they were made
+            self._enabling = Enabling(port, self._clock, self._servos, self._bus, on)
+            self._sent_ns = now
             return False
+        if now - self._sent_ns > self._watchdog_ns:
+            self._watch.note_silence(now - self._sent_ns)
         self._on = self._enabling.step()
         self._sent_ns = now
         return self._on

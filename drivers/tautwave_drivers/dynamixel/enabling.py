@@ -20,12 +20,21 @@ TRIES = 20
 class Enabling:
     """Reads from one servo after the other whether its torque, just switched on, is on.
 
-    Nothing is pending when `step` returns True, so that the loop's first request collides with
-    no response.
+    `torque_on`, to all of them, goes out before each read: one servo's command may have been lost,
+    and the others' watchdogs run while it is asked. Nothing is pending when `step` returns True, so
+    that the loop's first request collides with no response.
     """
 
-    def __init__(self, port: BytePort, clock: Clock, servos: Sequence[Servo], bus: BusSpec) -> None:
+    def __init__(
+        self,
+        port: BytePort,
+        clock: Clock,
+        servos: Sequence[Servo],
+        bus: BusSpec,
+        torque_on: bytes,
+    ) -> None:
         self._port = port
+        self._torque_on = torque_on
         self._clock = clock
         self._servos = servos
         self._bus = bus
@@ -78,12 +87,7 @@ class Enabling:
                 f"{self._where(servo)}: torque does not switch on, or it stopped answering; check "
                 "its power and cable"
             )
-        device_id = servo.options.id
-        message = packet.read_packet(device_id, FIRST, SIZE)
-        if self._tries > 1:
-            # The command may have been lost.
-            message = packet.sync_write_packet(FIRST, 1, [(device_id, b"\x01")]) + message
-        self._port.write(message)
+        self._port.write(self._torque_on + packet.read_packet(servo.options.id, FIRST, SIZE))
         self._sent_ns = now_ns
 
     def _where(self, servo: Servo) -> str:

@@ -40,6 +40,9 @@ STIFF = 0.1
 DAMPED = 0.7
 """Its damping ratio."""
 
+PATIENT = 0.35
+"""Of the pull's natural frequency, how fast a push grows: a fifth of what would make it swing."""
+
 EARLY = 10.0
 """How much sooner than the spring friction is pushed against."""
 
@@ -125,11 +128,29 @@ def lead_reference(
     return reference, rate
 
 
+def grow_push(p: AlignParams, push: float, reference: float, position: float) -> float:
+    """Return what is pushed beside the spring [N], one period on.
+
+    It grows while unknown friction holds the device short of the reference, and is gone
+    once the device has passed it. Effort and speed stay limited whatever it is.
+    """
+    gap = reference - position
+    if push * gap < 0.0:
+        return 0.0
+    rate = PATIENT * p.stiffness * p.stiffness / p.damping
+    return clamp(push + rate * gap * p.period, p.effort)
+
+
 def align_effort(
-    p: AlignParams, reference: float, rate: float, position: float, velocity: float
+    p: AlignParams,
+    reference: float,
+    rate: float,
+    position: float,
+    velocity: float,
+    push: float = 0.0,
 ) -> float:
     """Return the effort on the device [N], positive along its position."""
-    pull = p.stiffness * (reference - position)
+    pull = p.stiffness * (reference - position) + push
     # Friction would hold the device short of its target by c / k. What it surely has it dissipates
     # again, so a push of that size makes no motion faster.
     pull += clamp(EARLY * pull, p.friction) + p.damping * (rate - velocity)

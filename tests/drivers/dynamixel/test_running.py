@@ -211,6 +211,32 @@ def test_the_watchdog_is_fed_while_other_buses_are_still_enabling() -> None:
     assert made.world.servos[0].torque_on
 
 
+def enabled_slowly(made: Bench, step_ns: int) -> None:
+    made.driver.open()
+    while not made.driver.enable_step():
+        made.clock.sleep_until(made.clock.now_ns() + step_ns)
+        made.world.advance(made.clock.now_ns())
+
+
+def test_the_watchdogs_of_many_servos_are_fed_while_each_is_asked_for_its_torque() -> None:
+    """An adapter of 16 ms a response and a dozen servos take longer than a watchdog waits."""
+    made = bench(*(spec(one) for one in range(1, 9)))
+    enabled_slowly(made, 25_000_000)
+    made.cycle(*[0.2] * 8)
+    assert [made.peek(index, "Bus Watchdog") for index in range(8)] == [5] * 8
+    assert all(one.torque_on for one in made.world.servos)
+
+
+def test_a_host_that_stalls_while_it_enables_asks_the_watchdogs() -> None:
+    made = bench(spec(1))
+    enabled_slowly(made, 300_000_000)
+    faults = []
+    for _ in range(20):
+        made.cycle(0.2)
+        faults += made.driver.faults()
+    assert any("bus watchdog tripped" in fault.text for fault in faults)
+
+
 def test_leaving_tells_all_at_once_before_it_asks_anybody() -> None:
     """A servo whose answers are lost is stopped too, and at once."""
     made = bench(spec(1), spec(2))

@@ -12,6 +12,7 @@ from tautwave.laws.alignment import (
     AlignParams,
     align_effort,
     gate_effort,
+    grow_push,
     lead_reference,
     move_reference,
 )
@@ -39,14 +40,15 @@ class Pull:
         self.target = target
         self.budget = budget
         self.reference = position
-        self.rate = 0.0
+        self.rate = self.push = 0.0
 
     def effort(self, s: AxisState) -> float:
         """Return the resisting effort of this period [N m or N]; `s` counts what went in."""
         law = self.params.law
         moved = move_reference(law, self.reference, self.rate, self.target)
         self.reference, self.rate = lead_reference(law, *moved, s.position)
-        wanted = align_effort(law, self.reference, self.rate, s.position, s.velocity)
+        self.push = grow_push(law, self.push, self.reference, s.position)
+        wanted = align_effort(law, self.reference, self.rate, s.position, s.velocity, self.push)
         return -gate_effort(law, wanted, s.velocity, -s.port_energy, self.budget)
 
     def spent(self, s: AxisState) -> bool:
