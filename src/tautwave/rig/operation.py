@@ -91,7 +91,15 @@ def _pull(rig: Rig, keys: Aligning, name: str, p: AxisParams, tolerance: float) 
     )
     reach = REACH * tolerance
     friction = axis.coulomb.value or UNKNOWN_FRICTION * law.effort
-    return PullParams(law, friction, axis.damping.value, axis.inertia.value, reach)
+    return PullParams(
+        law,
+        friction,
+        axis.damping.value,
+        axis.inertia.value,
+        reach,
+        p.site.limit.position_low,
+        p.site.limit.position_high,
+    )
 
 
 def quantum_of(rig: Rig, axis_name: str) -> float:

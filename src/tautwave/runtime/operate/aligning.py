@@ -49,6 +49,7 @@ class Alignment:
         self._since = [0.0] * len(axes)
         self._still_from = self._began = self._limit = 0
         self.pulls: dict[int, Pull] = {}
+        self._refused: dict[int, str] = {}
         self.keep_offset = self._moving = False
         self.let_go = 0
         self.granted = 0.0
@@ -68,20 +69,28 @@ class Alignment:
     def clear(self) -> None:
         """Pull no more."""
         self.pulls = {}
+        self._refused = {}
         self.let_go = 0
 
     def start(self, slot: int) -> None:
-        """Once all axes are measured, begin the pulls that are needed."""
+        """Once all axes are measured, begin the pulls that are needed.
+
+        None begins while one slave has a place that its range does not reach.
+        """
         if self._limit:
             return
         slots = 0.0
+        targets: dict[int, float] = {}
         for k, params in self._params.items():
             q = self.pairs[k]
-            master, slave = self._axes[q.master], self._axes[q.slave]
-            target = q.ratio * master.position + q.offset
+            target = q.ratio * self._axes[q.master].position + q.offset
+            if not self.keep_offset and abs(target - self._slave(k).position) > params.reach:
+                targets[k] = target
+        refusals = {k: self._params[k].refusal(target) for k, target in targets.items()}
+        self._refused = {k: why for k, why in refusals.items() if why}
+        for k, target in targets.items() if not self._refused else ():
+            params, slave = self._params[k], self._slave(k)
             gap = target - slave.position
-            if self.keep_offset or abs(gap) <= params.reach:
-                continue
             law = params.law
             budget = align_budget(law, gap, params.coulomb, params.viscous, params.inertia)
             self.pulls[k] = Pull(params, slave.position, target, budget)
@@ -91,8 +100,8 @@ class Alignment:
         self._limit = slot + round(2.0 * slots + PATIENCE_S / self._period_s)
 
     def is_late(self, slot: int) -> bool:
-        """Return whether it has taken too long."""
-        return slot > self._limit
+        """Return whether it has taken too long, or cannot be done."""
+        return slot > self._limit or bool(self._refused)
 
     def arrived(self, slot: int) -> bool:
         """Return whether all slaves are in place, and all axes stand."""
@@ -112,6 +121,8 @@ class Alignment:
     ) -> str:
         """Say why the pairs `names` cannot engage."""
         far = [k for k in self.pulls if not self._there(k)]
+        for k, why in self._refused.items():
+            return f"{names[k]} not aligned: {why}"
         for axis, s, p in zip(axes, self._axes, params, strict=True):
             if self.let_go and not is_balanced(s, p):
                 return unbalanced_sentence(axis, p, s.outside)

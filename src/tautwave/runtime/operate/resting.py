@@ -22,7 +22,8 @@ from tautwave.laws.limit import limit_effort, stop_effort
 class PullParams(NamedTuple):
     """Alignment of one axis: its law, and the friction and inertia that its budget is made of.
 
-    `reach` [rad or m] is how near to its target the device has to come.
+    `reach` [rad or m] is how near to its target the device has to come; a target below `low` or
+    above `high` [rad or m], the ends of its range, is not gone to.
     """
 
     law: AlignParams
@@ -30,6 +31,14 @@ class PullParams(NamedTuple):
     viscous: float
     inertia: float
     reach: float
+    low: float
+    high: float
+
+    def refusal(self, target: float) -> str:
+        """Say why the device is not brought to a target [rad or m], empty if it may be."""
+        if self.low <= target <= self.high:
+            return ""
+        return f"its place, {target:.4g}, is outside of its position_range"
 
 
 class Pull:

@@ -102,12 +102,11 @@ class Rest:
         if self._beyond:
             self._beyond, self.hindrance = False, ""
         for k, target in targets.items():
-            limit = self._params[self._own[k]].site.limit
-            if not limit.position_low <= target <= limit.position_high:
+            why = self._approach.pulls[k].refusal(target)
+            if why:
                 name = self._control.pair_names[k]
-                where = f"its place, {target:.4g}, is outside of its position_range"
                 self.release()
-                self._beyond, self.hindrance = True, f"slave {name} not aligned: {where}"
+                self._beyond, self.hindrance = True, f"slave {name} not aligned: {why}"
                 return
         slots = 0.0
         for k, target in targets.items():
