@@ -16,9 +16,9 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from tautwave.canvas import EDGE, GRID, INK, MASTER, PAPER, SHADE, SLAVE, SOFT, WALL, WALL_SHADE
-from tautwave.report.arms.view import PER_FRAME, ArmsView, ArmView
+from tautwave.report.arms.view import ArmsView, ArmView
 from tautwave.report.figures.envelope import Floats
-from tautwave.report.scene.drawing import OVER, Colours, ground, save_frames
+from tautwave.report.scene.drawing import FRAMES, OVER, Colours, ground, save_frames
 
 PANEL, HEIGHT = 360, 360
 MARGIN, TOP = 0.1, 30
@@ -52,7 +52,7 @@ def arms_still(view: ArmsView, dark: bool) -> bytes:
 def write_arms_animation(view: ArmsView, path: Path) -> None:
     """Write the whole run as a GIF."""
     panels = _panels(view)
-    rows = range(0, len(view.time), PER_FRAME)
+    rows = np.unique(np.linspace(0, len(view.time) - 1, FRAMES).astype(int))
     save_frames([_draw(view, panels, row, ground(False)) for row in rows], path)
 
 

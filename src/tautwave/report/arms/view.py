@@ -17,8 +17,8 @@ from tautwave.report.arms.solids import Wire, wires_of
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.rundir import Run
 
-FRAMES, PER_FRAME = 90, 8
-"""Pictures of the animation, and rows for each of them: the ways of the tips are drawn finer."""
+DRAWN = 720
+"""Rows of a run at which arms are drawn: points of their tips' ways."""
 
 AZIMUTH, ELEVATION = math.radians(-55.0), math.radians(22.0)
 
@@ -78,7 +78,7 @@ def view_arms(run: Run) -> ArmsView | None:
         return None
     try:
         rig = run.checked_rig
-        rows = np.unique(np.linspace(0, run.rows - 1, FRAMES * PER_FRAME).astype(int))
+        rows = np.unique(np.linspace(0, run.rows - 1, DRAWN).astype(int))
         arms = [*_of_sides(run, rig, rows), *_of_tips(run, rig, rows)]
     except TautwaveError:
         return None
