@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from typing import Any
 
 import numpy as np
 import pytest
 
-from tautwave.errors import ConfigError, LinkError
+from tautwave.errors import BusTimeout, ConfigError, LinkError
 from tautwave.link.clocks import Exchange
 from tautwave.link.packet import Packet, write_packet
+from tautwave.runtime.loop import LoopResult
+from tautwave.session.sites.joining import Joined
 from tautwave.sites.datagrams import DataPort, open_socket
 from tautwave.sites.seal import Sealer
 from tests.session.sites import Pair
@@ -186,6 +189,36 @@ def test_who_ends_ends_the_other_without_a_fault(pair: Make) -> None:
     assert ended.startswith("master ended the session at 0.")
     assert ended.endswith(" s of this run")
     assert two.slave.slot < 1000  # of ten thousand
+
+
+def left(two: Pair, error: Exception | None) -> None:
+    """Let the master's loop be over."""
+    line: Any = two.master.line
+    link = Joined(line, two.sockets[1], two.session("slave"), None)
+    link.leave(two.master.built, LoopResult(500, 0, (), (), (), error, None, False, True))
+
+
+def test_a_run_whose_last_slots_are_skipped_takes_its_leave(pair: Make) -> None:
+    two = pair()
+    two.run(500)
+    two.master.control.stop_after(two.master.slot)
+    assert not two.master.cycle(skipped=two.master.control.end)
+    left(two, None)
+    two.run(5, two.slave)
+    assert two.slave.control.ended.startswith("master ended the session at 0.")
+    left(two, BusTimeout("bus hand: silent"))
+    two.run(5, two.slave)
+    assert not two.slave.held  # said once
+
+
+def test_a_fault_of_a_bus_is_a_reason_to_the_other_site(pair: Make) -> None:
+    two = pair()
+    two.run(500)
+    left(two, BusTimeout("bus hand: silent"))
+    two.run(5, two.slave)
+    assert two.slave.held
+    why = two.slave.control.sessions[0]["silences"][0]["why"]
+    assert why == "it stopped: bus hand: silent"
 
 
 def test_the_other_rigs_numbers_are_refused_before_they_count(pair: Make) -> None:

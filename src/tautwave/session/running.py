@@ -186,6 +186,8 @@ def run(
             assembly = with_tuning(assembly, tuning)
             facts["tuning"] = tuning_facts(rig, tuning, sorted(real_buses(ways)))
             moved = _move(rig, clock, directory, text, assembly, progress, keep, facts)
+            if link is not None:
+                link.leave(assembly, moved.result)
     if progress is not None:
         progress(1.0, "reporting")
     loop, result = moved.loop, moved.result

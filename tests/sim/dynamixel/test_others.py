@@ -273,7 +273,7 @@ def seen_unplugged(link: Path, at_s: float) -> bool:
         try:
             with sdk(str(link)) as (port, packets):
                 return int(packets.ping(port, 1)[1])
-        except OSError:  # as from a real adapter
+        except (OSError, termios.error):  # as from a real adapter
             return None
 
     opened = gone = False
@@ -285,7 +285,7 @@ def seen_unplugged(link: Path, at_s: float) -> bool:
                 opened = True
                 while not gone and time.monotonic() < end:
                     gone = packets.ping(port, 1)[1] not in (COMM_SUCCESS, COMM_RX_TIMEOUT)
-        except OSError:
+        except (OSError, termios.error):  # which is no OSError
             gone = opened
         until(lambda: pinged() == COMM_SUCCESS)
     assert not link.exists()

@@ -145,7 +145,8 @@ class SiteControl(CoupledControl):
             self._endpoint.send(*self._say())
         elif self._where is not None and slot % GREETING_SLOTS == 0:
             self._endpoint.greet()
-        self._take_leave(slot)
+        if self.state.kind != FINISHED or slot + 1 >= self.state.end:
+            self.leave(self.error())
         self.trim_ns = self._pace.step(now, self._link_slot())
         if self._pace.ahead is not None:
             self.sessions[-1]["slots_ahead"] = self._pace.ahead
@@ -365,16 +366,11 @@ class SiteControl(CoupledControl):
             self.ended = f"{self.peer} ended the session at {self._seconds():g} s of this run"
             self.stop_after(self._slot)
 
-    def _take_leave(self, slot: int) -> None:
-        """Tell the other site, once, that this one stops, or that its run is over."""
-        if self._end_sent:
-            return
-        if self.state.kind != FINISHED:
+    def leave(self, error: BaseException | None) -> None:
+        """Tell the other site, once, that this run is over, or why it ended early."""
+        if not self._end_sent:
             self._end_sent = True
-            self._line.send(send={"stops": str(self.error())})
-        elif slot + 1 >= self.state.end:
-            self._end_sent = True
-            self._line.send(send={"ended": True})
+            self._line.send(send={"ended": True} if error is None else {"stops": str(error)})
 
     # -- counts ---------------------------------------------------------------------------------
 

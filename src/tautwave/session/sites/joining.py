@@ -19,6 +19,7 @@ from tautwave.rig import Assembly, coupling_part
 from tautwave.rig.operation import quantum_of, site_pulls
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.load import SideLoad
+from tautwave.runtime.loop import LoopResult
 from tautwave.runtime.operate.inbox import People
 from tautwave.session.sites.agreed import SiteLimits
 from tautwave.session.sites.control import SiteControl
@@ -43,6 +44,11 @@ class Joined(NamedTuple):
     sock: socket.socket
     session: Session
     peer: tuple[str, int] | None
+
+    def leave(self, assembly: Assembly, result: LoopResult) -> None:
+        """Say how a run ended, where its loop did not: in slots that it skipped, or by an error."""
+        assert isinstance(assembly.control, SiteControl)
+        assembly.control.leave(result.error)
 
     def summary(self, rig: Rig, assembly: Assembly) -> dict[str, Any]:
         """Return what is known of the link after a run."""
