@@ -2,7 +2,8 @@
 
     python -m tests.rigs.row_hashes                       compares all, names case and column
     python -m tests.rigs.row_hashes --record "REASON"     writes the file anew, with its reason
-    python -m tests.rigs.row_hashes --record "REASON" RIG ...    runs these rigs, keeps the others
+    python -m tests.rigs.row_hashes --record "REASON" RIG ...    runs these rigs, keeps the others:
+                                                          only where the file was made
 
 A case is a rig, what is changed in it, an engine (`live`: the loop on the fake clock, with the
 simulators of the rig's own buses; `compiled` and `python`: `simulate`) and a duration. Each has one
@@ -233,8 +234,11 @@ def main(arguments: Sequence[str]) -> int:
         print(__doc__)
         return 2
     made, kept = read_kept() if KEPT.exists() else ("", {})
-    if not record and made != math_of_this_machine():
+    if made and made != math_of_this_machine():
         print("C library or NumPy round otherwise here than where the file was made")
+        if record and len(arguments) > 2:
+            print(f"{KEPT.name} would mix two machines: record all rigs, without naming any")
+            return 2
     found = {}
     others = 0
     for case in cases():

@@ -34,8 +34,9 @@ headers = st.builds(m.Header, times, text)
 vectors = st.builds(m.Vector3, number, number, number)
 wrenches = st.builds(m.Wrench, vectors, vectors)
 values = st.builds(m.KeyValue, text, text)
+# Levels are 0 to 3, and a byte is signed for rosbags.
 statuses = st.builds(
-    m.DiagnosticStatus, st.integers(0, 255), text, text, text, st.lists(values, max_size=3)
+    m.DiagnosticStatus, st.integers(0, 127), text, text, text, st.lists(values, max_size=3)
 )
 gids = st.builds(m.Gid, st.lists(st.integers(0, 255), min_size=16, max_size=16))
 nodes = st.builds(m.NodeEntitiesInfo, text, text, *2 * [st.lists(gids, max_size=3)])
