@@ -46,7 +46,8 @@ def pedal(tmp_path: Path) -> Pedal:
 
 
 def test_the_words_of_a_rig_file_are_those_of_the_controller() -> None:
-    assert set(typing.get_args(Word)) == {TOGGLE, *WORDS} - {SCALE, PAYLOAD}  # a key has no argument
+    # A key has no argument.
+    assert set(typing.get_args(Word)) == {TOGGLE, *WORDS} - {SCALE, PAYLOAD}
 
 
 def test_a_press_is_a_command_and_repeats_are_none(pedal: Pedal) -> None:
