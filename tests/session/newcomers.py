@@ -21,6 +21,8 @@ from tautwave.view.watched import read_live
 
 TAUTWAVE = (sys.executable, "-c", "from tautwave.cli import main; main()")
 PATIENCE_S = 60.0
+END_S = 600.0
+"""`calibrate` of six joints on each side moves one after another to identify it."""
 HEARTBEATS = ("      bitrate: ", "      heartbeat_timeout_ms: 2000\n      bitrate: ")
 """Of drives that a busy machine serves: they are silent for longer than any drive is."""
 
@@ -77,7 +79,7 @@ class Talk:
         raise AssertionError(f"never said {words!r}: {''.join(self.heard)}")
 
     def end(self) -> None:
-        out, _ = self.child.communicate(timeout=PATIENCE_S)
+        out, _ = self.child.communicate(timeout=END_S)
         self.heard.append(out)
         assert self.child.returncode == 0, "".join(self.heard)
 
