@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -84,3 +85,8 @@ def test_an_account_allows_what_it_covers() -> None:
     assert room_for(0.0, 0.01, 0.01) == 1.0
     assert room_for(0.005, 0.01, 0.01) == pytest.approx(0.5)
     assert room_for(0.02, 1e-6, 0.01) == 0.0
+
+
+@pytest.mark.parametrize(("given", "gift"), [(0.0, math.nan), (math.nan, 1.0), (2.0, 1.0)])
+def test_an_account_that_is_empty_or_unknown_allows_no_motion(given: float, gift: float) -> None:
+    assert room_for(given, gift, 1.0) == 0.0

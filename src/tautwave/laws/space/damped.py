@@ -126,4 +126,5 @@ def room_for(given: float, gift: float, reserve: float) -> float:
     """
     if gift <= 0.0 or given + gift <= reserve:
         return 1.0
-    return max(reserve - given, 0.0) / gift
+    share = (reserve - given) / gift
+    return share if share > 0.0 else 0.0  # NaN moves nothing
