@@ -1,4 +1,4 @@
-"""Z-width and transparency against closed forms."""
+"""Z-width and what is felt, against closed forms."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from tautwave.analysis.ports.z_width import (
     greatest_impedance,
     least_impedance,
     transmitted,
-    transparency,
-    transparency_error,
     z_width,
 )
 from tests.analysis.reference.hybrids import Rig, position_position, wave_line
@@ -53,17 +51,3 @@ def test_a_coupler_in_series_and_nothing_else() -> None:
     s = 1j * W
     felt = transmitted(position_position(rig, s), Environment(stiffness=100.0).impedance(s))
     assert felt * s == pytest.approx(np.full(len(W), 75.0 + 0j), rel=1e-9)
-    decibels, degrees = transparency_error(
-        position_position(rig, s), Environment(stiffness=100.0).impedance(s)
-    )
-    assert decibels == pytest.approx(np.full(len(W), 20 * math.log10(0.75)), rel=1e-9)
-    assert degrees == pytest.approx(np.zeros(len(W)), abs=1e-9)
-
-
-def test_the_worst_of_a_class_is_reported() -> None:
-    rig = Rig(0.0, 0.0, 0.0, 0.0, 300.0)
-    soft, hard = Environment(stiffness=10.0), Environment(stiffness=1000.0)
-    found = transparency(lambda s: position_position(rig, s), [soft, hard], 1.0, 50.0)
-    assert found.magnitude_environment == hard
-    assert found.magnitude_db == pytest.approx(20 * math.log10(1300 / 300), rel=1e-9)
-    assert found.phase_deg == pytest.approx(0.0, abs=1e-9)

@@ -59,7 +59,6 @@ class Health:
         self.states: dict[int, int] = {}
         self.received = 0
         self.full_cycles = 0
-        self.full_frames = 0
         self._received_then = 0
         self._reported: dict[str, int] = {}
 
@@ -166,7 +165,6 @@ class Health:
         if not self.full_cycles:
             self.full_cycles = 1
             self._received_then = self.received
-        self.full_frames += 1
 
     def may_send(self, port: FramePort) -> bool:
         """Return whether frames may be sent in this cycle; called once a cycle while full.

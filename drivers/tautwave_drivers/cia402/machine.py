@@ -97,12 +97,6 @@ class Machine:
         if on:
             self.commanding = False
 
-    def restarted(self) -> None:
-        """Take note of a boot-up message: the drive was reset and has forgotten its mode."""
-        self._display = None
-        if self._enabled:
-            self._give_up(f"{self.name} was reset while enabled; check its logic supply")
-
     def take_events(self) -> tuple[Event, ...]:
         """Return what happened since the last call."""
         if not self._events:

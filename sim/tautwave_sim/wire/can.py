@@ -110,7 +110,6 @@ class CanTiming:
     def __init__(self, bitrate: int, data_bitrate: int | None = None) -> None:
         self.bitrate = bitrate
         self.data_bitrate = data_bitrate
-        self.greatest_size = 8 if data_bitrate is None else 64
 
     def frame_ns(self, can_id: int, data: bytes) -> int:
         """Return how long this frame and the pause after it occupy the bus [ns]."""

@@ -142,16 +142,6 @@ def test_quick_stop_halt_and_change_of_mode_in_silence() -> None:
     assert bench.cycle(heard=False) == 0x02
 
 
-def test_a_boot_up_message_ends_what_was_enabled() -> None:
-    bench = Bench(Drive())
-    bench.come_up()
-    bench.machine.restarted()
-    assert not bench.machine.commanding
-    bench.cycle()
-    assert "was reset while enabled" in bench.events[0].text
-    assert bench.words[-1] == 0x00
-
-
 def test_a_mode_shown_before_it_was_asked_for_confirms_nothing() -> None:
     machine = Machine("wrist", Quirks(timeouts=QUICK))
     machine.step(0x0240, 10, 0)

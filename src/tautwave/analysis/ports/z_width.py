@@ -1,16 +1,14 @@
-"""How well a rig shows its environment: least and greatest impedance, Z-width, transparency.
+"""How well a rig shows its environment: least and greatest impedance, Z-width, what is felt.
 
 Z_min is what the hand feels in free motion (F_s = 0), Z_max against a clamp (v_s = 0). Between
-them lies what a rig can show. Transparency is the ratio of what is felt to what is touched, over a
-stated band and a stated class of environments: there is no transparency as such.
+them lies what a rig can show.
 
-Sources: Colgate & Brown, ICRA 1994 (Z-width); Hannaford 1989, Lawrence 1993 (transparency).
+Sources: Colgate & Brown, ICRA 1994 (Z-width); Hannaford 1989 (hybrid two-ports).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -63,48 +61,3 @@ def z_width(response: Response, low: float, high: float, points: int = 2000) -> 
     apart = np.abs(np.log(np.abs(greatest_impedance(h))) - np.log(np.abs(least_impedance(h))))
     mean = float(np.sum(0.5 * (apart[1:] + apart[:-1]) * np.diff(w)) / (high - low))
     return Width(mean, 20.0 / math.log(10.0) * mean)
-
-
-class Transparency(NamedTuple):
-    """Greatest error of Z_felt / Z_touched over a band and a class of environments.
-
-    magnitude_db [dB] and phase_deg [degrees], each with the frequency [rad/s] and environment
-    where it is.
-    """
-
-    magnitude_db: float
-    magnitude_at: float
-    magnitude_environment: Environment
-    phase_deg: float
-    phase_at: float
-    phase_environment: Environment
-
-
-def transparency_error(h: Hybrid, environment: Complexes) -> tuple[Floats, Floats]:
-    """Return 20 log10 |Z_felt / Z_touched| [dB] and its phase [degrees]."""
-    ratio = transmitted(h, environment) / environment
-    return np.asarray(20.0 * np.log10(np.abs(ratio))), np.degrees(np.angle(ratio))
-
-
-def transparency(
-    response: Response,
-    environments: Sequence[Environment],
-    low: float,
-    high: float,
-    points: int = 1000,
-) -> Transparency:
-    """Return the greatest errors between two frequencies [rad/s] over the environments."""
-    w = np.geomspace(low, high, points)
-    h = response(np.asarray(1j * w))
-    loud: tuple[float, float, Environment] = (-1.0, low, environments[0])
-    turned = loud
-    for environment in environments:
-        decibels, degrees = transparency_error(h, environment.impedance(np.asarray(1j * w)))
-        for values, is_phase in ((np.abs(decibels), False), (np.abs(degrees), True)):
-            at = int(np.argmax(values))
-            found = (float(values[at]), float(w[at]), environment)
-            if is_phase:
-                turned = max(turned, found, key=lambda one: one[0])
-            else:
-                loud = max(loud, found, key=lambda one: one[0])
-    return Transparency(*loud, *turned)
