@@ -12,10 +12,16 @@ from typing import Any, NamedTuple, get_type_hints
 def bound(step: Callable[..., Any], own: Mapping[str, Any]) -> Callable[..., Any]:
     """Return a step in which some global names mean something else: those of the law inside.
 
-    It is a plain function, so that numba compiles it as it does any other.
+    It is a plain function, so that numba compiles it as it does any other. The same around the same
+    law is the same function: a law is wrapped for every rig, and compiled once.
     """
+    return _bound(step, tuple(own.items()))
+
+
+@lru_cache(maxsize=4096)
+def _bound(step: Callable[..., Any], own: tuple[tuple[str, Any], ...]) -> Callable[..., Any]:
     assert isinstance(step, FunctionType)
-    made = FunctionType(step.__code__, {**step.__globals__, **own}, step.__name__)
+    made = FunctionType(step.__code__, {**step.__globals__, **dict(own)}, step.__name__)
     made.__doc__ = step.__doc__
     made.__module__ = step.__module__
     return made

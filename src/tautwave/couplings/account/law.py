@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from typing import Any
 
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
@@ -68,11 +67,10 @@ def law_with_account(law: Law, over: str = "") -> Law:
     )
 
 
-@lru_cache(maxsize=64)
 def _steps(
     inner: Steps, rings: int, holding: Holding | None, over: str
 ) -> tuple[Steps, Callable[..., Sequence[str]]]:
-    """Return the account's steps around a law's and its elements; the same for the same law."""
+    """Return the account's steps around a law's, and its elements."""
     passing = inner.exchange
     if over:
         said = {"law_credit": own.credit, "law_level": own.level, "law_hear": own.hear}
