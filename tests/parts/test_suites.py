@@ -103,12 +103,16 @@ class TestPositionForceInAnAccount(CouplingContract):
 
 
 class TestFourChannelInAnAccount(CouplingContract):
-    """With rejection it spends what its account claims on a motion that nothing stops: 0.2 J."""
+    """With rejection it spends what its account claims on a motion that nothing stops: 0.2 J.
+
+    A small reserve, and a follower that keeps little: credit goes over both ways.
+    """
 
     @pytest.fixture
     def bench(self) -> CouplingBench:
         keys = {"stiffness": 20.0, "damping": 0.1, "rejection": 0.0}
-        plugin = with_account(registry.load_coupling("four_channel"), Account())
+        account = Account(kept=0.05, tank=0.01, reserve=1e-5)
+        plugin = with_account(registry.load_coupling("four_channel"), account)
         return CouplingBench(plugin, "four_channel", keys)
 
 

@@ -92,12 +92,16 @@ def test_books_close_and_simulated_is_live(law: str) -> None:
     run = assert_equal(rig_of(data(law, {}, BAD, **scaled)), "python")
     assert_kept(run)
     assert run["slave.a.link_lost"][-1] > 20.0
+    assert run["a.credits.stored"].max() > 0.0
     assert books(run).gross_flow > 1e-3
 
 
 @pytest.mark.long
 @pytest.mark.slow  # each compiles for half a minute: one bare law, and the fullest in an account
-@pytest.mark.parametrize(("law", "account"), [("position", None), ("four_channel", {})])
+@pytest.mark.parametrize(
+    ("law", "account"),
+    [("position", None), ("four_channel", {"kept": 0.05, "tank": 1.0, "reserve": 0.01})],
+)
 def test_compiled_is_live(law: str, account: Any) -> None:
     assert_equal(rig_of(data(law, account, BAD)), "compiled")
 
