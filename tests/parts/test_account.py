@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tautwave.analysis.claim import Claim
+from tautwave.analysis.claim import Claim, joules
 from tautwave.certificate import certify
 from tautwave.config import Rig
 from tautwave.config.keys.coupling import Account
@@ -126,7 +126,8 @@ def held(
     data["coupling"]["account"] = {"kept": kept, "reserve": 0.05}
     for side, effort, velocity in (("master", 60.0, 7.0), ("slave", 100.0, 5.0)):
         keys = {"effort_limit": effort, "velocity_limit": velocity, "effort_rate_limit": 5e5}
-        data[side]["axes"]["a"].update(keys, **(axis or {}))
+        changed = {**data[side]["axes"]["a"], **keys, **(axis or {})}
+        data[side]["axes"]["a"] = {key: it for key, it in changed.items() if it is not None}
     data["simulation"] = {"axes": {"slave.a": {"inertia": inertia}}}
     for bus in ("hand", "arm"):
         data["buses"][bus]["options"] = {"command_delay_s": late * T}
@@ -162,6 +163,30 @@ def test_a_device_that_is_lighter_than_believed_is_not_certified(kept: float) ->
     found = certify(held(kept, inertia=0.39)).verdicts["passive"]
     assert not found.passed
     assert "account of slave.a" in found.reason
+
+
+def test_without_a_limit_that_bounds_it_an_account_is_not_certified_or_refused() -> None:
+    free = held(axis={"effort_rate_limit": None})
+    found = certify(free).verdicts["passive"]
+    assert not found.passed
+    assert "nothing bounds what it may give out; give effort_rate_limit" in found.reason
+    assert claimed_joules(free, "slave.a", command_delays(free)) == math.inf
+    fast = held(axis={"velocity_limit": None})
+    with pytest.raises(ConfigError, match=r"the slave's axis has no velocity_limit"):
+        check_ends(fast, command_delays(fast))
+
+
+def test_what_is_certified_of_noise_is_what_may_come_out_in_the_whole_run() -> None:
+    rig = held(axis={"position_noise": 1e-4})
+    claim = claim_of(rig, "slave.a", command_delays(rig))
+    assert isinstance(claim, Claim)
+    whole = claimed_joules(rig, "slave.a", command_delays(rig))
+    assert whole == pytest.approx(claim.seen(0.0) + claim.leak * rig.claimed_s)
+    found = certify(rig)
+    assert not found.verdicts["passive_quantised"].passed
+    [ours] = [it for it in found.elements if it.name == "account of slave.a"]
+    assert ours.numbers["seen_j"] == whole
+    assert f"it gives out at most {joules(whole)} as its encoder sees it" in ours.passive.reason
 
 
 class Hands:
