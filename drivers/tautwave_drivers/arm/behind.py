@@ -35,7 +35,6 @@ class JointsBehind:
         inner = plugin.make(own, joints, clock, transport)
         self._inner = inner
         self.command_delay: CommandDelay = inner.command_delay
-        self.open = inner.open
         self.enable_step = inner.enable_step
         self.request = inner.request
         self.disable = inner.disable
@@ -61,13 +60,20 @@ class JointsBehind:
         """Return what else a driver may have: `poll`, `notes`."""
         return getattr(self._inner, name)
 
+    def open(self) -> None:
+        """Open the joints' bus, at first or for a reset: what was known and sent is past."""
+        self._known = self._beyond = False
+        self._stride = [0.0] * self._count
+        self._deadline_ns = None
+        self._inner.open()
+
     def faults(self) -> Sequence[Fault]:
         """Return the joints' faults since the last call, and what a joint did beyond its limits."""
         found, self._faults = self._faults, []
         return [*self._inner.faults(), *found]
 
     def _sampled(self, deadline_ns: int) -> tuple[Sequence[JointState], int]:
-        """Return the joints' samples, and how many slots passed since the last were asked for."""
+        """Return the joints' samples, and how many slots passed since they were last read."""
         states = self._inner.read(deadline_ns)
         slots = 0
         if self._deadline_ns is not None:

@@ -45,6 +45,7 @@ class ArmDriver(JointsBehind):
             TipWall(name, wall, noise, Effort(count, periods, late), self._softness, self._period)
             for name, wall in options.walls.items()
         ]
+        self._parts = (self._tip, self._held, *(wall.effort for wall in self._walls))
         self._mapped = self._most = 0.0
         self._carried = self._least = self._potential = 0.0
         self._start: float | None = None
@@ -54,10 +55,16 @@ class ArmDriver(JointsBehind):
         for wall in self._walls:
             self.columns += [f"space.{bus.name}.{wall.name}.{what}" for what in TipWall.COLUMNS]
 
+    def open(self) -> None:
+        """Open the joints' bus; no effort of before acts any more."""
+        for part in self._parts:
+            part.drop()
+        super().open()
+
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Return the tip's coordinates, valid where every joint has a sample; close the books."""
         states, slots = self._sampled(deadline_ns)
-        for part in (self._tip, self._held, *(wall.effort for wall in self._walls)):
+        for part in self._parts:
             part.pass_slots(slots)
         if not all(state.valid and math.isfinite(state.position) for state in states):
             return self._missed(states)
@@ -83,7 +90,7 @@ class ArmDriver(JointsBehind):
         self._known = True
         self._q = q
         self._place = place
-        for part in (self._tip, self._held, *(wall.effort for wall in self._walls)):
+        for part in self._parts:
             part.begin()
         _, height = self._weight(q)
         if self._start is None:
@@ -145,7 +152,7 @@ class ArmDriver(JointsBehind):
 
     def _rest(self) -> None:
         """Send the safe command."""
-        for part in (self._tip, self._held, *(wall.effort for wall in self._walls)):
+        for part in self._parts:
             part.set([0.0] * part.size)
         self._sent = [0.0] * self._count
         self._inner.write([SAFE_COMMAND] * self._count)

@@ -8,6 +8,7 @@ and what it then gives out beyond the controller's books is gated: as far as the
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -50,26 +51,39 @@ class FollowingArm(JointsBehind):
         self._torque = [0.0] * self._count
         self._mapped = self._most = 0.0
         self._allowed = 1.0
+        self._granted = options.reserve
+        self._slots = 0  # since the last sample
+        # What commands may give that do not act yet, or that no sample has shown yet.
+        delay = self.command_delay
+        self._waiting = deque([0.0] * (delay.periods + (delay.remainder_s > 0.0)))
+        self._unseen = 0.0
         self.columns = [f"joints.{axis.name}.position" for axis in self._joints]
         self.columns += [f"joints.{axis.name}.velocity" for axis in self._joints]
         self.columns += [f"tip.{bus.name}.{what}" for what in BOOKS]
 
+    def open(self) -> None:
+        """Open the joints' bus, with the whole reserve."""
+        self._granted = max(self._mapped, 0.0) + self._reserve
+        self._waiting = deque([0.0] * len(self._waiting))
+        super().open()
+
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Return coordinates and efforts, valid where every joint has both; close the books."""
         states, slots = self._sampled(deadline_ns)
+        self._slots += slots
         if not all(
             state.valid and math.isfinite(state.position) and math.isfinite(state.effort)
             for state in states
         ):
             return self._missed(states)
-        self._take([state.position for state in states], [state.effort for state in states], slots)
+        self._take([state.position for state in states], [state.effort for state in states])
         age = max((state.age_ns for state in states), default=0)
         return [
             JointState(self._place[k], math.nan, effort, True, age)
             for k, effort in zip(self._which, self._effort, strict=True)
         ]
 
-    def _take(self, q: list[float], torque: list[float], slots: int) -> None:
+    def _take(self, q: list[float], torque: list[float]) -> None:
         """Take all joints' positions and efforts, and book what acted since the last."""
         jacobian = self._jacobian
         place = list(task_place(self._task, q, jacobian))
@@ -82,9 +96,9 @@ class FollowingArm(JointsBehind):
         self._gain, self._lever = damped_inverse(flat, self._own, self._scales, self._floor)
         pushed = [sum(map(_times, row, torque)) for row in self._led]
         effort = self._gained(pushed)
-        if self._known and slots:
+        if self._known and self._slots:
             moved = [a - b for a, b in zip(q, self._q, strict=True)]
-            self._stride = [step / slots for step in moved]
+            self._stride = [step / self._slots for step in moved]
             booked = sum(
                 0.5 * (now + then) * (place[k] - self._place[k])
                 for k, now, then in zip(self._which, effort, self._effort, strict=True)
@@ -96,12 +110,15 @@ class FollowingArm(JointsBehind):
             self._mapped += booked - taken
             self._most = max(self._most, self._mapped)
             self._watch(q)
-            if self._mapped > OVERDRAWN * self._reserve:
+            # An account that is not a number is overdrawn, too.
+            if not self._mapped <= self._granted + (OVERDRAWN - 1.0) * self._reserve:
                 self._fail(
                     f"the arm gave out {self._mapped:.3g} J beyond what its tip's ports know of, "
                     f"reserve is {self._reserve:g}"
                 )
         self._known = True
+        self._slots = 0
+        self._unseen = 0.0
         self._q, self._place, self._torque, self._effort = q, place, torque, effort
 
     def _gained(self, values: Sequence[float]) -> list[float]:
@@ -115,6 +132,7 @@ class FollowingArm(JointsBehind):
         """Lead the joints so that the coordinates go as commanded, as far as they may."""
         if not self._known or all(command is SAFE_COMMAND for command in commands):
             self._sent = [0.0] * self._count
+            self._file(0.0)
             self._inner.write([SAFE_COMMAND] * self._count)
             return
         wanted = [command.velocity for command in commands]
@@ -133,9 +151,18 @@ class FollowingArm(JointsBehind):
             for effort, row, speed in zip(self._effort, self._led, wanted, strict=True)
         )
         gift = share * self._period * lag
-        self._allowed = room_for(self._mapped, gift, self._reserve)
-        self._sent = [share * self._allowed * speed for speed in speeds]
+        given = self._mapped + self._unseen + sum(self._waiting)
+        self._allowed = room_for(given, gift, self._granted)
+        self._file(max(self._allowed * gift, 0.0))
+        share = share * self._allowed
+        # A speed that is not a number has no share.
+        self._sent = [share * speed if share > 0.0 else 0.0 for speed in speeds]
         self._inner.write([AxisCommand(0.0, speed) for speed in self._sent])
+
+    def _file(self, gift: float) -> None:
+        """Keep what a command may give [J] until a sample shows what it gave."""
+        self._waiting.append(gift)
+        self._unseen += self._waiting.popleft()
 
     def fill(self, row: Row, at: int) -> None:
         """Write joints and books."""

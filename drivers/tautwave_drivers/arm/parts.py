@@ -20,12 +20,16 @@ class Effort:
 
     def __init__(self, size: int, delay: int, late: float) -> None:
         self.size = size
-        self.slots = 0
         self._late = late
-        self._now = [0.0] * size
-        self._acted = [0.0] * size
-        self._waiting = deque([[0.0] * size for _ in range(delay)])
-        self._sum = [0.0] * size
+        self._delay = delay
+        self.drop()
+
+    def drop(self) -> None:
+        """Begin with nothing sent."""
+        self._now = [0.0] * self.size
+        self._acted = [0.0] * self.size
+        self._waiting = deque([[0.0] * self.size for _ in range(self._delay)])
+        self.begin()
 
     @property
     def acted(self) -> Sequence[float]:

@@ -136,7 +136,8 @@ def _following(options: ArmOptions, bus: BusSpec) -> BusElement:
     sentence = (
         f"tip of bus {bus.name} ({names}): where a direction has less than {options.least_lever:g} "
         f"m of a lever it lags, and may give out {options.reserve:.3g} J beyond the books of its "
-        f"ports; a command that would give more is held back, and beyond twice that the run stops."
+        f"ports; a command that would give more is held back, and beyond twice that the run stops. "
+        f"After a reset of the devices it may give as much again."
     )
     conditions = (
         f"the joints of bus {bus.name} reach the velocities that they are commanded, and measure "
