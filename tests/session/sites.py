@@ -21,6 +21,7 @@ from tautwave.runtime.operate.states import STATES
 from tautwave.runtime.sensing import Sensing, bus_commands, first_axes
 from tautwave.session.operating import with_operation
 from tautwave.session.sites.control import SiteControl
+from tautwave.session.sites.desk_line import Leaving
 from tautwave.session.sites.joining import Joined, with_site
 from tautwave.sites.control import Session
 from tautwave.sites.datagrams import open_socket
@@ -52,7 +53,7 @@ class Inbox(deque[Mapping[str, Any]]):
         self.due.clear()
 
 
-class Line:
+class Line(Leaving):
     """A desk's line without a desk: what one site says, the other hears in its next slot."""
 
     def __init__(self, pair: Pair, side: str) -> None:

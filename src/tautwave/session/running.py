@@ -187,7 +187,7 @@ def run(
             facts["tuning"] = tuning_facts(rig, tuning, sorted(real_buses(ways)))
             moved = _move(rig, clock, directory, text, assembly, progress, keep, facts)
             if link is not None:
-                link.leave(assembly, moved.result)
+                link.leave(moved.result)
     if progress is not None:
         progress(1.0, "reporting")
     loop, result = moved.loop, moved.result

@@ -22,10 +22,10 @@ from typing import Any
 
 from tautwave.contracts import Row
 from tautwave.controller.axis import is_calm
-from tautwave.controller.records import FINISHED, GUARD, LINK
+from tautwave.controller.records import FAULT, FINISHED, GUARD, LINK
 from tautwave.controller.run import begin_stop, forget_stop
 from tautwave.controller.steps import SiteLaw
-from tautwave.errors import LinkError, TautwaveError
+from tautwave.errors import DeviceFault, LinkError, TautwaveError
 from tautwave.link.packet import Line
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.operate.engagement import end_session
@@ -103,10 +103,9 @@ class SiteControl(CoupledControl):
         self.columns = [*self._rows.names, *LINK_COLUMNS, *books]
         self._slot = 0
         self._engaged = False
-        self._end_sent = False
         self._held_from = -1
         self._left = ""
-        self._gone = ""
+        self._gone = self._fault = ""
         self.sessions: list[dict[str, Any]] = []
         self.ended = ""
         """Why the other site took its leave, as a sentence; empty unless it did."""
@@ -146,7 +145,7 @@ class SiteControl(CoupledControl):
         elif self._where is not None and slot % GREETING_SLOTS == 0:
             self._endpoint.greet()
         if self.state.kind != FINISHED or slot + 1 >= self.state.end:
-            self.leave(self.error())
+            self._line.leave(self.error())
         self.trim_ns = self._pace.step(now, self._link_slot())
         if self._pace.ahead is not None:
             self.sessions[-1]["slots_ahead"] = self._pace.ahead
@@ -168,7 +167,16 @@ class SiteControl(CoupledControl):
 
     def error(self) -> TautwaveError | None:
         """Return the reason to end the run early, or None."""
+        if self.state.kind == FAULT:
+            return DeviceFault(self._fault)
         return LinkError(self._gone) if self.state.kind == LINK else super().error()
+
+    def fault(self, slot: int, which: int, sentence: str) -> bool:
+        """Stop on the fault of a device (-1: a bus), and keep what the other site is told."""
+        first = super().fault(slot, which, sentence)
+        if first:
+            self._fault = sentence
+        return first
 
     def _take(self, slot: int, lines: Sequence[Line]) -> None:
         """Take a packet that came, a line for each pair."""
@@ -294,7 +302,7 @@ class SiteControl(CoupledControl):
     def _renew(self, why: str) -> None:
         """Have another session begun, into which nothing crosses; hold until then."""
         if not self._left:
-            self._left = why
+            self._miss(why)
             self._line.send(renew=why, of=self.sessions[-1]["id"])
 
     def _speak(self, said: Mapping[str, Any]) -> None:
@@ -344,11 +352,17 @@ class SiteControl(CoupledControl):
         if "joined" in message:
             self._rejoin(session_of(message["joined"]))
         elif "lost" in message or "refused" in message:
-            self._left = self._left or str(message.get("lost", message.get("refused")))
+            self._miss(str(message.get("lost", message.get("refused"))))
         elif "note" in message:
             keep_note(self.sessions[-1], message["note"])
         elif isinstance(message.get("peer"), Mapping):
             self._listen(message["peer"])
+
+    def _miss(self, why: str) -> None:
+        """Take note that the other site is away, and from when on that is."""
+        if not self._left and not self._engaged:
+            self._held_from = self._slot
+        self._left = self._left or why
 
     def _rejoin(self, session: Session) -> None:
         if self._engaged and self._held_from < 0:
@@ -359,18 +373,13 @@ class SiteControl(CoupledControl):
     def _listen(self, said: Mapping[str, Any]) -> None:
         self._meeting.hear(said)
         if "stops" in said:
+            self._miss("")
             self._left = f"it stopped: {said['stops']}"
         elif "left" in said:
-            self._left = self._left or str(said["left"])
+            self._miss(str(said["left"]))
         elif "ended" in said:
             self.ended = f"{self.peer} ended the session at {self._seconds():g} s of this run"
             self.stop_after(self._slot)
-
-    def leave(self, error: BaseException | None) -> None:
-        """Tell the other site, once, that this run is over, or why it ended early."""
-        if not self._end_sent:
-            self._end_sent = True
-            self._line.send(send={"ended": True} if error is None else {"stops": str(error)})
 
     # -- counts ---------------------------------------------------------------------------------
 

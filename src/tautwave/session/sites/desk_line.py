@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
@@ -17,10 +18,32 @@ from tautwave.sites.desk import MOST_BYTES, Order
 
 MOST_NOTES = 50
 """Of a session: anybody who reaches the port causes them."""
+MOST_TOLD = 2000
+"""Of a reason, which has to fit into a message."""
 DIED = "the process beside the loop, which keeps the session, has ended"
 
 
-class DeskLine:
+class Leaving(ABC):
+    """What takes leave of the other site."""
+
+    _gone = False
+
+    @abstractmethod
+    def send(self, **message: Any) -> None:
+        """Hand the desk a message."""
+
+    def leave(self, error: BaseException | None) -> None:
+        """Tell the other site, once, that this run is over, or why it ended early.
+
+        What is no `Exception` is a person who stopped it.
+        """
+        if not self._gone:
+            self._gone = True
+            why = str(error)[:MOST_TOLD] or type(error).__name__
+            self.send(send={"stops": why} if isinstance(error, Exception) else {"ended": True})
+
+
+class DeskLine(Leaving):
     """A desk in a process of its own, for as long as the line is open."""
 
     def __init__(self, order: Order) -> None:

@@ -45,10 +45,9 @@ class Joined(NamedTuple):
     session: Session
     peer: tuple[str, int] | None
 
-    def leave(self, assembly: Assembly, result: LoopResult) -> None:
+    def leave(self, result: LoopResult) -> None:
         """Say how a run ended, where its loop did not: in slots that it skipped, or by an error."""
-        assert isinstance(assembly.control, SiteControl)
-        assembly.control.leave(result.error)
+        self.line.leave(result.error)
 
     def summary(self, rig: Rig, assembly: Assembly) -> dict[str, Any]:
         """Return what is known of the link after a run."""
@@ -132,6 +131,9 @@ def joined(rig: Rig, tell: Callable[[str], None]) -> Iterator[Joined]:
         session = line.wait(order.peer, rig.sites.wait_s, tell)
         tell(f"{order.site} and {order.peer} are in session {session.id.hex()}")
         yield Joined(line, sock, session, peer)
+    except BaseException as err:
+        line.leave(err)  # nothing has moved yet
+        raise
     finally:
         line.close()
         sock.close()
