@@ -92,7 +92,7 @@ def test_the_law_that_brings_it_there_is_not_for_show(
     monkeypatch.setattr("tautwave.session.sites.rest.Pull.effort", lambda *_: 0.0)
     two = pair(STILL, "sites.greatest_backlog=0.01", "sites.wait_s=1")
     missed(two)
-    two.run(1500)
+    two.run(2600)  # until the master gives up, and `link.lost_s` for it to come back
     assert "engaged_s" not in two.slave.control.sessions[-1]
     assert two.slave.control.stopped
 

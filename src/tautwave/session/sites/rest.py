@@ -73,7 +73,8 @@ class Rest:
         """Places of axes whose device is in fault: they get no effort."""
 
     def begin(self, *, seated: bool) -> None:
-        """Begin to rest; `seated`: the axes have been measured before."""
+        """Begin to rest: to hold; `seated`: the axes have been measured before."""
+        self.release()
         self._resting = True
         self._seated = dict.fromkeys(self._own, seated)
         self.holds.begin()
@@ -85,7 +86,6 @@ class Rest:
     def anew(self) -> None:
         """Count what the motors take from 0 on; axes stay seated."""
         seated = self._seated
-        self.release()
         self.begin(seated=False)
         self._seated = seated
 
