@@ -15,6 +15,7 @@ from tautwave.laws.alignment import (
     align_law,
     gate_effort,
     grow_push,
+    is_spent,
     lead_reference,
     move_reference,
 )
@@ -149,7 +150,107 @@ def test_a_blocked_reference_does_not_wind_up() -> None:
 
 def test_at_the_end_of_the_budget_only_braking_is_left() -> None:
     p = params()
-    assert gate_effort(p, 0.1, 0.2, 1.0, 1.0) == 0.0
-    assert gate_effort(p, 0.1, 0.0, 1.0, 1.0) == 0.0
-    assert gate_effort(p, -0.1, 0.2, 1.0, 1.0) == -0.1
-    assert gate_effort(p, 0.1, 0.2, 1.0 - 2.0 * p.reserve, 1.0) == 0.1
+    for spent, pushes, brakes in ((-2.1, True, True), (-1.9, False, True), (-0.9, False, False)):
+        assert is_spent(p, spent * p.reserve, 0.0) is not pushes
+        assert gate_effort(p, 0.1, 0.2, spent * p.reserve, 0.0) == (0.1 if pushes else 0.0)
+        assert gate_effort(p, 0.1, 0.0, spent * p.reserve, 0.0) == (0.1 if pushes else 0.0)
+        assert gate_effort(p, -0.1, 0.2, spent * p.reserve, 0.0) == (-0.1 if brakes else 0.0)
+    assert gate_effort(p, -0.1, 0.2, math.nan, 1.0) == 0.0
+
+
+def test_the_budget_has_the_way_twice_and_what_two_commands_may_give_unseen() -> None:
+    p = align_law(
+        MASS,
+        0.0,
+        0.05,
+        0.3,
+        1.0,
+        PERIOD,
+        delay=3e-3,
+        lag=4e-3,
+        rate=50.0,
+        fastest=2.0,
+        stalled=0.02,
+    )
+    assert p.effort == pytest.approx(0.3 * MASS / 12e-3)
+    held = 2e-3 + 3e-3 + 0.02 + 0.5 * p.effort / 50.0
+    assert p.reserve == pytest.approx(p.effort * (2.0 * held + 0.5 * p.effort * held**2 / MASS))
+    way = (COULOMB + VISCOUS * 0.3) * 0.5 + 0.5 * 2.0 * MASS * 0.3**2
+    for gap in (0.5, -0.5):
+        budget = align_budget(p, gap, COULOMB, VISCOUS, 2.0 * MASS)
+        assert budget == pytest.approx(2.0 * way + 2.0 * p.reserve)
+
+
+def test_known_friction_is_pushed_against_at_once_and_unknown_friction_by_a_push_that_grows() -> (
+    None
+):
+    p = params()
+    small = 0.05 * p.friction / p.stiffness
+    for way in (1.0, -1.0):
+        asked = align_effort(p, way * small, 0.0, 0.0, 0.0)
+        assert asked == pytest.approx(way * 0.55 * p.friction)  # the spring's twentieth, and half
+        push = 0.0
+        for _ in range(400):
+            push = grow_push(p, push, way * 0.01, 0.0)
+        assert push == way * p.effort  # and no more
+        assert align_effort(p, way * small, 0.0, 0.0, 0.0, push) == way * p.effort
+        assert grow_push(p, push, 0.0, 0.0) == push
+        assert grow_push(p, push, 0.0, way * 1e-6) == 0.0  # it has passed
+
+
+def test_a_device_that_is_too_fast_is_braked_with_no_more_than_the_effort() -> None:
+    p = params()
+    for way in (1.0, -1.0):
+        assert align_effort(p, way, 0.0, 0.0, way * 50.0) == -way * p.effort
+        at_speed = align_effort(p, way, way * p.speed, 0.0, way * p.speed)
+        assert at_speed == pytest.approx(way * p.friction)
+        assert align_effort(p, way * math.inf, 0.0, 0.0, 0.0) == way * p.effort
+    assert align_effort(p, math.nan, 0.0, 0.0, 0.0) == 0.0
+    assert align_effort(p, 1.0, 0.0, 0.0, math.nan) == 0.0
+
+
+@pytest.mark.parametrize("stiffness", [4.0e3, 1.0e4])
+def test_a_device_that_swings_as_fast_as_the_law_is_late_gets_no_more_than_the_budget(
+    stiffness: float,
+) -> None:
+    """Brakes that come half a swing late push: braking without an end put in a joule a second."""
+    fastest = 2.0
+    p = align_law(MASS, 0.0, 0.2, 0.3, 1.0, PERIOD, delay=0.0, lag=PERIOD, fastest=fastest)
+    budget = align_budget(p, 0.3, 0.0, VISCOUS, MASS)
+    position = velocity = measured = spent = most = 0.0
+    for _ in range(4000):
+        if abs(measured) > fastest:
+            break  # the guard
+        before = position
+        effort = align_effort(p, 0.3, 0.0, position, measured)
+        effort = gate_effort(p, effort, measured, spent, budget)
+        for _ in range(20):
+            step = PERIOD / 20
+            velocity += (effort - stiffness * position) / MASS * step
+            position += velocity * step
+        measured = (position - before) / PERIOD
+        spent += effort * (position - before)
+        most = max(most, spent)
+    assert 0.5 * budget < most <= budget
+
+
+@pytest.mark.parametrize("rate", [0.05, 2.0, 700.0])
+def test_a_lever_that_is_let_go_of_keeps_its_speed_however_slowly_efforts_change(
+    rate: float,
+) -> None:
+    p = align_law(MASS, 0.0, 0.2, 0.3, 1.0, PERIOD, delay=0.0, lag=PERIOD, rate=rate)
+    reference = last = push = speed = position = velocity = fastest = 0.0
+    for now in range(9000):
+        reference, speed = move_reference(p, reference, speed, 0.3)
+        reference, speed = lead_reference(p, reference, speed, position)
+        push = grow_push(p, push, reference, position)
+        effort = align_effort(p, reference, speed, position, velocity, push)
+        last += max(-rate * PERIOD, min(rate * PERIOD, effort - last))
+        if now < 3000 and position > 0.05:  # something in its way
+            velocity = 0.0
+            continue
+        velocity += (last - VISCOUS * velocity) / MASS * PERIOD
+        position += velocity * PERIOD
+        fastest = max(fastest, abs(velocity))
+    assert fastest <= 1.001 * p.speed
+    assert position == pytest.approx(0.3, abs=5e-3)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tautwave.config import load_rig
 from tautwave.errors import LinkError
+from tautwave.laws.alignment import AlignParams
 from tautwave.rig import build_rig
 from tautwave.rig.operation import site_pulls
 from tautwave.runtime.control import CoupledControl
@@ -47,6 +49,11 @@ def engaged_again(two: Pair) -> None:
     two.until(lambda: len(sessions) > count and "engaged_s" in sessions[-1], 3000)
 
 
+def pulls_of(half: Half) -> AlignParams:
+    (params,) = half.control._meeting.rest._approach.pulls.values()
+    return params.law
+
+
 def place_of(half: Half, side: str) -> float:
     return float(half[f"{side}.lever.position"][-1])
 
@@ -71,7 +78,8 @@ def test_a_new_session_waits_until_the_slave_is_in_its_place(pair: Make) -> None
     assert 0.0 < effort.max() <= 0.2 * 1.125 + 1e-12
     given = -two.slave["lever.align_slave.absorbed"]
     (granted,) = two.slave.control.summary()["granted_j"].values()
-    assert 1e-5 < given.max() < granted < 0.05
+    motion = granted - 2.0 * pulls_of(two.slave).reserve
+    assert 1e-5 < given.max() < motion < 0.05
     two.run(200)
     for half in (two.master, two.slave):
         assert half.residual() < 1e-9
@@ -171,11 +179,26 @@ def test_a_peer_that_goes_while_the_slave_is_on_its_way_leaves_it_held(pair: Mak
 
 
 def test_what_brings_slaves_into_place_is_of_the_rigs_own_numbers() -> None:
-    rig = load_rig(RIG, ("sites.align_speed=0.1", "sites.place_tolerance=0.02"))
-    control = build_rig(rig, clock="fake").control
-    assert isinstance(control, CoupledControl)
-    pulls, tolerances = site_pulls(rig, control)
+    def found(*more: str) -> Any:
+        keys = ("sites.align_speed=0.1", "sites.place_tolerance=0.02", *more)
+        rig = load_rig(RIG, keys)
+        control = build_rig(rig, clock="fake").control
+        assert isinstance(control, CoupledControl)
+        return site_pulls(rig, control)
+
+    pulls, tolerances = found()
     assert tolerances == [0.02]
     assert pulls[0].reach == 0.01
     assert pulls[0].law.speed == 0.1
     assert pulls[0].law.effort <= 0.2 * 1.125
+    slow, short, weak = (
+        found(key)[0][0].law
+        for key in (
+            "slave.axes.lever.velocity_limit=5",
+            "loop.overrun_limit=5",
+            "slave.axes.lever.effort_rate_limit=1",
+        )
+    )
+    assert slow.reserve < 0.7 * pulls[0].law.reserve
+    assert short.reserve < 0.7 * pulls[0].law.reserve
+    assert weak.brake < 0.7 * pulls[0].law.brake

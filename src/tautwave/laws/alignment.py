@@ -3,8 +3,8 @@
 An active motion: a reference runs to the target with limited speed and acceleration, and a spring
 and damper pull the device along. The reference never runs further ahead than the greatest effort
 stretches the spring, so a blocked device is pushed with that effort and no more, and nothing winds
-up. What the motor has put into the device is counted; at the end of the budget it may only brake.
-SI units; rotary axes read N m for N and rad for m.
+up. What the motor has put into the device is counted, as the encoder sees it; at the end of the
+budget it may only brake, and then do nothing. SI units; rotary axes read N m for N and rad for m.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ class AlignParams(NamedTuple):
     """Constants of an alignment.
 
     stiffness [N/m] and damping [N s/m] of the pull; effort [N], speed [m/s] and acceleration
-    [m/s2] never exceeded; period [s]; reserve [J] is what one command may still put in after it was
-    decided; brake [N s/m] and friction [N], a lower bound, of the limit of speed.
+    [m/s2] never exceeded; period [s]; reserve [J] is what a command may put in until a sample has
+    shown it and another one acts; brake [N s/m] and friction [N], a lower bound, of the limit of
+    speed.
     """
 
     stiffness: float
@@ -56,18 +57,25 @@ def align_law(
     period: float,
     delay: float,
     lag: float,
+    rate: float = math.inf,
+    fastest: float = 0.0,
+    stalled: float = 0.0,
 ) -> AlignParams:
     """Return the constants for a device of at least `mass` [kg] and `friction` [N].
 
     A command acts `delay` [s] after its sample and for a period; `lag` [s] is from a motion until
     the effort that answers it acts, the filter of the velocity included. A brake of a third of mass
     over lag approaches the speed without passing it, and no effort is above what it allows a device
-    at rest. The last command before the budget's end acts for its delay and a period more.
+    at rest. Efforts change by `rate` [N/s] at most: neither brake nor spring may ask for more. A
+    command acts for its delay, a period more, and `stalled` [s] if the host stands still, on a
+    device that moves with up to `fastest` [m/s] and is driven beyond (`analysis.claim`).
     """
-    frequency = STIFF / (period + delay)
-    brake = mass / (3.0 * lag)
+    within = math.sqrt(rate / (3.0 * mass * speed))
+    frequency = min(STIFF / (period + delay), within)
+    brake = min(mass / (3.0 * lag), mass * within)
     effort = min(effort, friction + brake * speed)
-    reserve = effort * speed * (2.0 * period + delay)
+    held = 2.0 * period + delay + stalled + 0.5 * effort / rate
+    reserve = effort * held * (max(speed, fastest) + 0.5 * effort * held / mass)
     return AlignParams(
         stiffness=mass * frequency * frequency,
         damping=2.0 * DAMPED * mass * frequency,
@@ -86,10 +94,11 @@ def align_budget(
 ) -> float:
     """Return the energy [J] that a motion over `gap` [m] may take.
 
-    Twice what friction (coulomb [N], viscous [N s/m]) and the kinetic energy at full speed need.
+    Twice what friction (coulomb [N], viscous [N s/m]) and the kinetic energy at full speed need,
+    a reserve for the last push, and one for the last that brakes.
     """
     friction = (coulomb + viscous * p.speed) * math.fabs(gap)
-    return 2.0 * (friction + 0.5 * inertia * p.speed * p.speed) + p.reserve
+    return 2.0 * (friction + 0.5 * inertia * p.speed * p.speed + p.reserve)
 
 
 def move_reference(
@@ -154,7 +163,7 @@ def align_effort(
     # Friction would hold the device short of its target by c / k. What it surely has it dissipates
     # again, so a push of that size makes no motion faster.
     pull += clamp(EARLY * pull, p.friction) + p.damping * (rate - velocity)
-    return limit_speed(p, clamp(pull, p.effort), velocity)
+    return limit_speed(p, pull, velocity)
 
 
 def limit_speed(p: AlignParams, effort: float, velocity: float) -> float:
@@ -177,8 +186,14 @@ def gate_effort(
 ) -> float:
     """Return the effort [N] that may be sent when `spent` of the `budget` [J] has gone in.
 
-    At its end only braking is left, against the velocity [m/s].
+    At its end only braking is left, against the velocity [m/s]. It counts too: of a device that
+    swings as fast as it is late it is a push.
     """
-    if spent + p.reserve <= budget or effort * velocity < 0.0:
+    if not is_spent(p, spent, budget):
         return effort
-    return 0.0
+    return effort if effort * velocity < 0.0 and spent + p.reserve <= budget else 0.0
+
+
+def is_spent(p: AlignParams, spent: float, budget: float) -> bool:
+    """Return whether so much of the budget [J] has gone in that nothing may push any more."""
+    return not spent + 2.0 * p.reserve <= budget

@@ -13,6 +13,7 @@ from tautwave.laws.alignment import (
     align_effort,
     gate_effort,
     grow_push,
+    is_spent,
     lead_reference,
     move_reference,
 )
@@ -62,7 +63,7 @@ class Pull:
 
     def spent(self, s: AxisState) -> bool:
         """Return whether the budget is at its end."""
-        return -s.port_energy + self.params.law.reserve > self.budget
+        return is_spent(self.params.law, -s.port_energy, self.budget)
 
     def hindrance(self, s: AxisState) -> str:
         """Say what may keep the device from its target."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Mapping
 
 from tautwave.config import Rig
@@ -44,6 +45,7 @@ def stop_law(rig: Rig, name: str) -> AlignParams:
         period,
         period,
         2.0 * period + axis.velocity_filter_s,
+        axis.effort_rate_limit or math.inf,
     )
 
 
