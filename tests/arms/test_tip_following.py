@@ -156,27 +156,6 @@ def test_an_account_that_is_not_a_number_is_overdrawn(monkeypatch: pytest.Monkey
     assert "the arm gave out nan J" in fault.text
 
 
-def test_a_reset_begins_with_the_whole_reserve(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bent against its drives, as above, until it stops; reset, moved by hand; bent again."""
-    driver, joints = following(
-        monkeypatch, "buses.arm.options.home=[0, 0]", "buses.arm.options.reserve=1e-3"
-    )
-    joints.efforts = (1.0, -2.2)
-    given = []
-    for _ in range(3):
-        driver.open()
-        faults: list[Any] = []
-        for k in range(6):
-            joints.positions = (-0.25e-3 * k, 0.55e-3 * k)
-            driver.read(1_000_000 * k)
-            faults += driver.faults()
-            if faults:
-                break
-        given.append(columns(driver)["tip.arm.mapped"])
-        assert "reserve is 0.001" in faults[0].text
-    assert np.diff([0.0, *given]) == pytest.approx([2.92e-3] * 3, rel=1e-2)
-
-
 def test_a_sample_that_is_missing_makes_no_joint_faster(monkeypatch: pytest.MonkeyPatch) -> None:
     for more in (FOLLOWING, ()):
         driver, joints = made(monkeypatch, PLANAR, "arm", *more)

@@ -27,7 +27,11 @@ def alignment(*gaps: float, reach: float = 0.01) -> Alignment:
         master.position = 0.2 + at
         slave.position = 2.0 * master.position + 0.1 - gap
         axes += [master, slave]
-        pairs.append(SimpleNamespace(master=2 * at, slave=2 * at + 1, ratio=2.0, offset=0.1))
+        pairs.append(
+            SimpleNamespace(
+                master=2 * at, slave=2 * at + 1, ratio=2.0, offset=0.1, tolerance=2.0 * reach
+            )
+        )
     params = dict.fromkeys(range(len(gaps)), PullParams(LAW, 0.0, 0.0, 1e-3, reach, -9.0, 4.0))
     made: Any = pairs
     return Alignment(axes, made, params, [0.0] * len(axes), PERIOD_NS)
@@ -65,6 +69,21 @@ def test_only_what_is_out_of_place_is_pulled_and_nothing_that_keeps_its_offset()
     assert not made.is_late(50 + round(1e3 * PATIENCE_S))
 
 
+def test_a_second_way_has_a_budget_beside_what_the_first_one_took() -> None:
+    made = alignment(0.5)
+    made.begin(0, keep_offset=False)
+    made.start(0)
+    first, slave = made.granted, made._axes[1]
+    assert made.pulls[0].budget == pytest.approx(first)
+    slave.position, slave.port_energy = made.pulls[0].target, -0.2
+    made.pulls[0].reference = slave.position
+    made._axes[0].position += 0.1
+    assert not made.arrived(500)
+    assert not made.arrived(1000)
+    assert made.pulls[0].target == pytest.approx(0.7)
+    assert made.pulls[0].budget == pytest.approx(0.2 + made.granted - first)
+
+
 def test_none_is_pulled_while_one_has_a_place_outside_its_range() -> None:
     made = alignment(0.5, 0.5, 0.5)  # the third one's place is 4.5
     made.begin(0, keep_offset=False)
@@ -77,6 +96,50 @@ def test_none_is_pulled_while_one_has_a_place_outside_its_range() -> None:
     made.begin(50, keep_offset=True)
     made.start(50)
     assert not made.is_late(51)
+
+
+def engaged_by(*keys: str, script: str = "0.1 engage", duration_s: float = 1.5) -> Any:
+    """Return a run, and how far from its place the slave is when the pair engages."""
+    pair = "coupling.pairs.lever"
+    place = (f"{pair}.offset=0.1", f"{pair}.engage_tolerance=0.01")
+    done = operate(bench(FREE, *BARE, *place, *keys), script, duration_s)
+    (q,) = done.control.pairs
+    at = int(np.argmax(done.columns["operation.engagement"]))
+    one, two = (done.columns[f"{side}.lever.position"][at] for side in ("master", "slave"))
+    return done, abs(q.ratio * one + q.offset - two), q.tolerance
+
+
+def test_a_master_that_moves_meanwhile_is_followed_before_they_engage() -> None:
+    """It used to engage where the master had been: the coupling made up for it, at 0.9 rad/s."""
+    way = "waypoints: [[0, 0], [0.15, 0], [0.4, 0.15], [9, 0.15]]"
+    done, gap, tolerance = engaged_by(
+        f"simulation.hand.lever.reference={{type: minimum_jerk, {way}}}", "operate.align_speed=1",
+        "operate.align_acceleration=9",
+    )  # fmt: skip
+    assert done.words() == [("engage", "aligning"), ("aligned", "engaged")]
+    assert gap < tolerance
+    given = -done.columns["lever.operate.absorbed"]
+    assert 0.0 < given.max() < done.control.alignment.granted
+    assert np.abs(done.residual()).max() <= 1e-12
+
+
+def test_at_another_scale_they_engage_as_near_as_that_wants() -> None:
+    done, gap, tolerance = engaged_by(
+        STILL, "coupling.pairs.lever.offset=0.03", "operate.scales=[0.1]",
+        script="0.05 scale 0.1\n0.1 engage", duration_s=0.6,
+    )  # fmt: skip
+    assert done.words()[-1] == ("aligned", "engaged")
+    assert tolerance == pytest.approx(1e-3)
+    assert gap < tolerance
+
+
+def test_a_slave_that_moves_once_everything_let_go_is_not_engaged(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Alignment, "_astray", lambda self: [0] if self.let_go else [])
+    done, _, _ = engaged_by(STILL)
+    assert done.words() == [("engage", "aligning"), ("blocked", "holding")]
+    assert done.control.journal.entries[-1].text == "lever not aligned: moved as everything let go"
 
 
 def test_a_run_holds_where_a_slave_cannot_follow() -> None:

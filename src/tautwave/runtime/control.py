@@ -22,7 +22,7 @@ from tautwave.controller.run import begin_run, begin_stop, check_sample, end_by,
 from tautwave.controller.slotted import all_slotted, slotted
 from tautwave.controller.steps import ALONE, Law
 from tautwave.controller.stops import AxisName, StopPlace, stop_error, stop_place
-from tautwave.errors import TautwaveError
+from tautwave.errors import DeviceFault, TautwaveError
 from tautwave.runtime.wire import Wire
 from tautwave.types import AxisCommand, JointState
 
@@ -72,6 +72,7 @@ class Control(ABC):
         self.columns: list[str] = []
         self.trim_ns = 0
         self.wants_reset = False
+        self._complaint = ""
         begin_run(run, self.state, params, self.axes)
 
     @property
@@ -151,7 +152,9 @@ class Control(ABC):
 
     def fault(self, slot: int, which: int, sentence: str) -> bool:
         """Stop on the fault of a device (-1: a bus); return whether that is the first reason."""
-        return begin_stop(self.run, self.state, self.axes, slot, FAULT, which, 0)
+        first = begin_stop(self.run, self.state, self.axes, slot, FAULT, which, 0)
+        self._complaint = sentence if first else self._complaint
+        return first
 
     def devices_are(self, slot: int, refusal: str) -> None:
         """Take note of devices that were reset: all are enabled again, or why not."""
@@ -172,6 +175,8 @@ class Control(ABC):
 
     def error(self) -> TautwaveError | None:
         """Return the controller's reason to end the run early, or None."""
+        if self.state.kind == FAULT:
+            return DeviceFault(self._complaint)
         return stop_error(
             self.run, self.state, self.names, self.params, self.pairs_of_axes(), self.law
         )

@@ -80,12 +80,11 @@ class Alignment:
         if self._limit:
             return
         slots = 0.0
-        targets: dict[int, float] = {}
-        for k, params in self._params.items():
-            q = self.pairs[k]
-            target = q.ratio * self._axes[q.master].position + q.offset
-            if not self.keep_offset and abs(target - self._slave(k).position) > params.reach:
-                targets[k] = target
+        targets = {
+            k: self._slave(k).position + gap
+            for k, gap in self._gaps().items()
+            if abs(gap) > self._params[k].reach
+        }
         refusals = {k: self._params[k].refusal(target) for k, target in targets.items()}
         self._refused = {k: why for k, why in refusals.items() if why}
         for k, target in targets.items() if not self._refused else ():
@@ -93,7 +92,7 @@ class Alignment:
             gap = target - slave.position
             law = params.law
             budget = align_budget(law, gap, params.coulomb, params.viscous, params.inertia)
-            self.pulls[k] = Pull(params, slave.position, target, budget)
+            self.pulls[k] = Pull(params, slave.position, target, budget - slave.port_energy)
             self.granted += budget
             way_s = abs(gap) / law.speed + law.speed / law.acceleration
             slots = max(slots, way_s / self._period_s)
@@ -101,13 +100,31 @@ class Alignment:
 
     def is_late(self, slot: int) -> bool:
         """Return whether it has taken too long, or cannot be done."""
-        return slot > self._limit or bool(self._refused)
+        gone = self.let_go > 0 and bool(self._astray())
+        return slot > self._limit or bool(self._refused) or gone
 
     def arrived(self, slot: int) -> bool:
-        """Return whether all slaves are in place, and all axes stand."""
+        """Return whether all slaves are in place, and all axes stand.
+
+        Where masters have moved meanwhile, slaves go on to where they are wanted now.
+        """
         if self._moving:
             return True
-        return all(self._there(k) for k in self.pulls) and self._is_still(slot)
+        if not (all(self._there(k) for k in self.pulls) and self._is_still(slot)):
+            return False
+        if self._astray():
+            self._limit = 0
+            self.start(slot)
+            return False
+        return True
+
+    def rescale(self, pairs: Sequence[PairParams]) -> None:
+        """Take other constants of the pairs, of another scale."""
+        self._params = {
+            k: p._replace(reach=p.reach * pairs[k].tolerance / self.pairs[k].tolerance)
+            for k, p in self._params.items()
+        }
+        self.pairs = pairs
 
     def is_calm(self, params: Sequence[AxisParams], share: float) -> bool:
         """Return whether no wall pushes, and no effort sensor is off where all has to stand."""
@@ -121,6 +138,8 @@ class Alignment:
     ) -> str:
         """Say why the pairs `names` cannot engage."""
         far = [k for k in self.pulls if not self._there(k)]
+        if self.let_go and (gone := self._astray()):
+            return f"{', '.join(names[k] for k in gone)} not aligned: moved as everything let go"
         for k, why in self._refused.items():
             return f"{names[k]} not aligned: {why}"
         for axis, s, p in zip(axes, self._axes, params, strict=True):
@@ -130,6 +149,19 @@ class Alignment:
             return "an axis moves, or is in its wall; keep the devices still to engage"
         why = self.pulls[far[0]].hindrance(self._slave(far[0]))
         return f"{', '.join(names[k] for k in far)} not aligned: {why}"
+
+    def _gaps(self) -> dict[int, float]:
+        """Return how far slaves are from where their masters want them [rad or m]."""
+        if self.keep_offset:
+            return {}
+        return {
+            k: q.ratio * self._axes[q.master].position + q.offset - self._slave(k).position
+            for k, q in ((k, self.pairs[k]) for k in self._params)
+        }
+
+    def _astray(self) -> list[int]:
+        """Return the pairs whose mismatch is more than they engage at."""
+        return [k for k, gap in self._gaps().items() if abs(gap) > self.pairs[k].tolerance]
 
     def _slave(self, k: int) -> AxisState:
         return self._axes[self.pairs[k].slave]

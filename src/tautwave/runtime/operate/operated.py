@@ -213,7 +213,7 @@ class OperatedControl(CoupledControl):
         take_scale(self, scaled, holding=self._coupled)
         self.scale = scale
         self._free = [p._replace(site=p.site._replace(has_wall=False)) for p in self.params]
-        self.alignment.pairs = self.pairs
+        self.alignment.rescale(self.pairs)
 
     def _event(self, word: str, text: str = "") -> None:
         after = st.follow(self.standing, word)

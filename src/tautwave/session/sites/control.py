@@ -22,10 +22,10 @@ from typing import Any
 
 from tautwave.contracts import Row
 from tautwave.controller.axis import is_calm
-from tautwave.controller.records import FAULT, FINISHED, GUARD, LINK
+from tautwave.controller.records import FINISHED, GUARD, LINK
 from tautwave.controller.run import begin_stop, forget_stop
 from tautwave.controller.steps import SiteLaw
-from tautwave.errors import DeviceFault, LinkError, TautwaveError
+from tautwave.errors import LinkError, TautwaveError
 from tautwave.link.packet import Line
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.operate.engagement import end_session
@@ -105,7 +105,7 @@ class SiteControl(CoupledControl):
         self._engaged = False
         self._held_from = -1
         self._left = ""
-        self._gone = self._fault = ""
+        self._gone = ""
         self.sessions: list[dict[str, Any]] = []
         self.ended = ""
         """Why the other site took its leave, as a sentence; empty unless it did."""
@@ -167,16 +167,7 @@ class SiteControl(CoupledControl):
 
     def error(self) -> TautwaveError | None:
         """Return the reason to end the run early, or None."""
-        if self.state.kind == FAULT:
-            return DeviceFault(self._fault)
         return LinkError(self._gone) if self.state.kind == LINK else super().error()
-
-    def fault(self, slot: int, which: int, sentence: str) -> bool:
-        """Stop on the fault of a device (-1: a bus), and keep what the other site is told."""
-        first = super().fault(slot, which, sentence)
-        if first:
-            self._fault = sentence
-        return first
 
     def _take(self, slot: int, lines: Sequence[Line]) -> None:
         """Take a packet that came, a line for each pair."""

@@ -1,0 +1,67 @@
+"""The tip of an arm whose devices are reset within a run: watched, booked and limited as before."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tautwave.types import AxisCommand, CommandDelay
+from tests.arms.motions import FOLLOWING
+from tests.arms.test_tip import PLANAR, Joints, made
+from tests.arms.test_tip_following import columns, following
+
+
+@pytest.mark.parametrize("more", [(), FOLLOWING])
+def test_its_joints_are_watched_again(
+    monkeypatch: pytest.MonkeyPatch, more: tuple[str, ...]
+) -> None:
+    driver, joints = made(monkeypatch, PLANAR, "arm", *more)
+    joints.efforts = (0.0, 0.0)
+    for start in (1.6, 1.4):  # moved by hand meanwhile
+        driver.open()
+        for k in range(3):
+            joints.positions = (-0.3, start + 0.03 * k)
+            driver.read(int(1e9 / start) + 1_000_000 * k)
+        (fault,) = driver.faults()
+        assert "elbow moves at 30, beyond its velocity_limit 20" in fault.text
+
+
+def test_neither_what_was_sent_before_it_is_booked_nor_what_moved_in_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Joints, "command_delay", CommandDelay(2, 0.5e-3))
+    driver, joints = made(monkeypatch, PLANAR, "hand")
+    given = []
+    for at in (1.2, 1.201, 1.25):
+        if at == 1.25:
+            driver.open()
+        for k in range(4):
+            joints.positions = (0.6, at + 1e-3 * k)
+            driver.read(1_000_000 * k)
+            given.append(columns(driver)["tip.hand.mapped"])
+            driver.write([AxisCommand(3.0 if at < 1.25 else 0.0, 0.0)] * 2)
+    assert given[3] != 0.0
+    assert given[8:] == [given[7]] * 4
+
+
+def test_a_reset_begins_with_the_whole_reserve(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bent against its drives, as above, until it stops; reset, moved by hand; bent again."""
+    driver, joints = following(
+        monkeypatch, "buses.arm.options.home=[0, 0]", "buses.arm.options.reserve=1e-3"
+    )
+    joints.efforts = (1.0, -2.2)
+    given = []
+    for _ in range(3):
+        driver.open()
+        faults: list[Any] = []
+        for k in range(6):
+            joints.positions = (-0.25e-3 * k, 0.55e-3 * k)
+            driver.read(1_000_000 * k)
+            faults += driver.faults()
+            if faults:
+                break
+        given.append(columns(driver)["tip.arm.mapped"])
+        assert "reserve is 0.001" in faults[0].text
+    assert np.diff([0.0, *given]) == pytest.approx([2.92e-3] * 3, rel=1e-2)
