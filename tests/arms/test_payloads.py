@@ -83,6 +83,7 @@ def test_what_moves_under_another_payload_leaks_no_more_than_under_one() -> None
 
 def test_it_is_refused_with_why() -> None:
     load = side()
+    assert take_payload([load], "box")[0].endswith("not known yet where the slave's arm is")
     pass_slot(load, 0.0)
     assert take_payload([load], "crate") == (
         "payload 'crate': unknown; give one of box, none",
@@ -99,6 +100,7 @@ def test_it_is_refused_with_why() -> None:
     assert take_payload([], "box") == ("payload: no arm of the rig has `payloads`", True)
     other = side()
     other.name = "master"
+    pass_slot(other, 0.0)
     assert "say whose" in take_payload([load, other], "box")[0]
     assert take_payload([load, other], "master box") == ("box", False)
 

@@ -130,6 +130,8 @@ class SideLoad:
         """Weigh with another payload from now on, over the ramp; return why not, or ''."""
         if payload not in self.others:
             return f"unknown; give one of {', '.join(self.others)}"
+        if not all(self._known):
+            return f"it is not known yet where the {self.name}'s arm is"
         if self._left:
             return "the last one is still being taken up"
         if any(abs(s) > axis.still for s, axis in zip(self._stride, self.axes, strict=True)):
