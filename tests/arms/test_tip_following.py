@@ -12,10 +12,20 @@ from tautwave import simulate
 from tautwave.config import load_rig
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.errors import ConfigError
+from tautwave.registry import load_driver
 from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay
 from tautwave_drivers.arm.options import coordinates
 from tests.arms.motions import FOLLOWING, move
-from tests.arms.test_tip import PLANAR, Joints, elements, made
+from tests.arms.test_tip import (
+    PLANAR,
+    PLUGIN,
+    SPATIAL,
+    Joints,
+    elements,
+    made,
+    options_of,
+    place_of,
+)
 
 HELD = "simulation.environment={x: {type: spring, stiffness: 80.0, position: 0.02}}"
 LEVELS = (0.30, 0.25)
@@ -74,6 +84,12 @@ def test_a_sample_without_an_effort_is_none(monkeypatch: pytest.MonkeyPatch) -> 
     assert [state.valid for state in driver.read(0)] == [False, False]
     driver.write([AxisCommand(0.0, 1.0)] * 2)
     assert list(joints.written[-1]) == [SAFE_COMMAND] * 2
+    joints.efforts = (0.0, 0.0)
+    driver.read(1_000_000)
+    driver.write([SAFE_COMMAND] * 2)
+    assert joints.written[-1][0] is SAFE_COMMAND
+    driver.write([AxisCommand(0.0, math.nan), AxisCommand(0.0, 0.1)])
+    assert list(joints.written[-1]) == [AxisCommand(0.0, 0.0)] * 2
 
 
 def test_no_joint_is_asked_for_more_than_its_limit(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -84,6 +100,66 @@ def test_no_joint_is_asked_for_more_than_its_limit(monkeypatch: pytest.MonkeyPat
     driver.write([AxisCommand(0.0, -50.0), AxisCommand(0.0, 30.0)])
     speeds = [abs(command.velocity) for command in joints.written[-1]]
     assert max(speeds) == pytest.approx(0.9 * 20)
+
+
+def test_what_a_turn_is_worth_as_a_lever(monkeypatch: pytest.MonkeyPatch) -> None:
+    joints = Joints()
+    inner = load_driver("loopback")._replace(make=lambda *given: joints)
+    monkeypatch.setattr("tautwave_drivers.arm.behind.load_driver", lambda name: inner)
+    options = options_of(SPATIAL, "arm", "buses.arm.options.walls={}")
+    axes = tuple(
+        AxisSpec(
+            f"slave.{k}",
+            k,
+            "linear" if k < 4 else "rotary",
+            "admittance",
+            9.0,
+            position_range=(-1.0, 1.0),
+        )
+        for k in range(1, 7)
+    )
+    driver = PLUGIN.make(options, BusSpec("arm", axes, 1000.0), None, None)  # type: ignore[arg-type]
+    joints.positions, joints.efforts = options.at_home, (0.0,) * 7
+    driver.read(0)
+    _, jacobian = place_of(options.task(), options.at_home)
+    scaled = np.diag([1.0] * 3 + [0.2] * 3) @ jacobian
+    least = np.linalg.svd(scaled, compute_uv=False)[-1]
+    assert columns(driver)["tip.arm.lever"] == pytest.approx(least)
+
+
+def test_what_is_under_way_leaves_so_much_less_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands that each may give the same, of which none acts yet: nothing moves."""
+    way = AxisCommand(0.0, -0.4), AxisCommand(0.0, 0.0)
+    back = AxisCommand(0.0, 0.4), AxisCommand(0.0, 0.0)
+
+    def room(reserve: float, *commands: Any) -> list[float]:
+        driver, joints = following(
+            monkeypatch, "buses.arm.options.home=[0, 0.05]", f"buses.arm.options.reserve={reserve}"
+        )
+        joints.positions, joints.efforts = (0.0, 0.05), tuple(derivative(0.0, 0.05).T @ (60.0, 0.0))
+        found = []
+        for k, one in enumerate(commands):
+            if isinstance(one, float):  # a reset, with so much in the account
+                driver._mapped = one
+                driver.open()
+                continue
+            driver.read(1_000_000 * k)
+            driver.write(one)
+            found.append(columns(driver)["tip.arm.allowed"])
+        found.append(driver._unseen)
+        return found
+
+    gift = room(10.0, way)[-1]
+    assert gift > 1e-4
+    assert room(2.5 * gift, way, way, way, way)[:4] == [1.0] * 4
+    monkeypatch.setattr(Joints, "command_delay", CommandDelay(1, 0.5e-3))
+    assert room(2.5 * gift, way, way, way)[:3] == pytest.approx([1.0, 1.0, 0.5])
+    assert room(0.5 * gift, back, way)[:2] == pytest.approx([1.0, 0.5])
+    assert room(2.5 * gift, way, way, (SAFE_COMMAND,) * 2, way)[3] == 1.0
+    assert room(2.5 * gift, way, way, 0.0, way, way, way)[2:5] == pytest.approx([1.0, 1.0, 0.5])
+    assert room(2.5 * gift, way, way, -gift, way, way, way)[2:5] == pytest.approx([1.0] * 3)
+    fast = [AxisCommand(0.0, 1000.0 * command.velocity) for command in way]
+    assert room(50.0 * gift, fast)[0] == 1.0  # counted as far as the joints' limits let it
 
 
 @pytest.mark.parametrize(("delay", "missed"), [(0, 0), (8, 0), (0, 19)])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tautwave.types import AxisCommand, CommandDelay
+from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay
 from tests.arms.motions import FOLLOWING
 from tests.arms.test_tip import PLANAR, Joints, made
 from tests.arms.test_tip_following import columns, following
@@ -19,13 +19,33 @@ def test_its_joints_are_watched_again(
 ) -> None:
     driver, joints = made(monkeypatch, PLANAR, "arm", *more)
     joints.efforts = (0.0, 0.0)
+    opened = []
+    joints.open = lambda: opened.append(True)
     for start in (1.6, 1.4):  # moved by hand meanwhile
         driver.open()
+        driver.write([AxisCommand(1.0, 1.0)] * 2)
+        assert joints.written[-1][0] is SAFE_COMMAND  # where it is is not known
         for k in range(3):
             joints.positions = (-0.3, start + 0.03 * k)
             driver.read(int(1e9 / start) + 1_000_000 * k)
         (fault,) = driver.faults()
         assert "elbow moves at 30, beyond its velocity_limit 20" in fault.text
+    assert len(opened) == 2
+
+
+def test_what_moved_before_it_foretells_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    driver, joints = made(monkeypatch, PLANAR, "hand")
+    for k in range(3):
+        joints.positions = (0.6 + 0.01 * k, 1.2)
+        if k == 2:
+            driver.open()
+        driver.read(1_000_000 * k)
+        driver.write([AxisCommand(1.0, 0.0)] * 2)
+    fresh, others = made(monkeypatch, PLANAR, "hand")
+    others.positions = joints.positions
+    fresh.read(0)
+    fresh.write([AxisCommand(1.0, 0.0)] * 2)
+    assert list(joints.written[-1]) == list(others.written[-1])
 
 
 def test_neither_what_was_sent_before_it_is_booked_nor_what_moved_in_it(

@@ -81,7 +81,7 @@ def test_a_turn_counts_as_a_way_at_its_length() -> None:
 
 def test_an_account_allows_what_it_covers() -> None:
     assert room_for(0.0, -1.0, 0.01) == 1.0
-    assert room_for(0.02, -1.0, 0.01) == 1.0  # what earns is always allowed
+    assert room_for(0.02, -0.001, 0.01) == 1.0  # what earns is always allowed
     assert room_for(0.0, 0.01, 0.01) == 1.0
     assert room_for(0.005, 0.01, 0.01) == pytest.approx(0.5)
     assert room_for(0.02, 1e-6, 0.01) == 0.0

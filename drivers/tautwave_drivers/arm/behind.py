@@ -64,7 +64,6 @@ class JointsBehind:
         """Open the joints' bus, at first or for a reset: what was known and sent is past."""
         self._known = self._beyond = False
         self._stride = [0.0] * self._count
-        self._deadline_ns = None
         self._inner.open()
 
     def faults(self) -> Sequence[Fault]:
