@@ -69,7 +69,6 @@ class Alignment:
     def clear(self) -> None:
         """Pull no more."""
         self.pulls = {}
-        self._refused = {}
         self.let_go = 0
 
     def start(self, slot: int) -> None:
