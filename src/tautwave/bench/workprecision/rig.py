@@ -26,7 +26,7 @@ from tautwave.simulation.kernel.schemes import with_scheme
 
 Array = npt.NDArray[np.float64]
 
-STATE = ("outcomes", "sides", "bodies", "couples", "table")
+STATE = ("outcomes", "axes", "samples", "bodies", "states", "table")
 ORACLE = 1e-13
 
 
