@@ -117,7 +117,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
                 item.add_marker(pytest.mark.slow)
             seen[function] += 1
     if TURN is not None:
-        others = {item for item in items if item.get_closest_marker("long") and not in_turn(item)}
+        long = [item for item in items if item.get_closest_marker("long")]
+        alone = [item for item in long if item.get_closest_marker("realtime")]
+        others = {item for item in long if not in_turn(item)} - set(alone)
+        others |= set(alone) - set(alone[TURN::TURNS])
         config.hook.pytest_deselected(items=list(others))
         items[:] = [item for item in items if item not in others]
     if not LIBRARIES_REQUIRED:
@@ -126,7 +129,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def in_turn(item: pytest.Item) -> bool:
-    """Return whether a test is of this turn: a whole file, whose tests share what they compile."""
+    """Return whether a test is of this turn: a whole file, whose tests share what they compile.
+
+    Those of the real clock share nothing, and take turns one by one.
+    """
     return zlib.crc32(item.nodeid.partition("::")[0].encode()) % TURNS == TURN
 
 
