@@ -117,10 +117,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
                 item.add_marker(pytest.mark.slow)
             seen[function] += 1
     if TURN is not None:
-        long = [item for item in items if item.get_closest_marker("long")]
-        alone = [item for item in long if item.get_closest_marker("realtime")]
-        others = {item for item in long if not in_turn(item)} - set(alone)
-        others |= set(alone) - set(alone[TURN::TURNS])
+        others = {item for item, turn in turns(items) if turn != TURN}
         config.hook.pytest_deselected(items=list(others))
         items[:] = [item for item in items if item not in others]
     if not LIBRARIES_REQUIRED:
@@ -128,12 +125,22 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         try_fewer({item.function for item in default if isinstance(item, pytest.Function)})
 
 
-def in_turn(item: pytest.Item) -> bool:
-    """Return whether a test is of this turn: a whole file, whose tests share what they compile.
+def turns(items: list[pytest.Item]) -> Iterator[tuple[pytest.Item, int]]:
+    """Yield every test marked `long`, and its turn.
 
-    Those of the real clock share nothing, and take turns one by one.
+    Up to eight of a file go together, for they may share what they compile. Those of the real clock
+    share nothing, and go one by one.
     """
-    return zlib.crc32(item.nodeid.partition("::")[0].encode()) % TURNS == TURN
+    seen: Counter[str] = Counter()
+    for item in items:
+        if item.get_closest_marker("long"):
+            file = item.nodeid.partition("::")[0]
+            if item.get_closest_marker("realtime"):
+                file = "realtime"
+                yield item, seen[file] % TURNS
+            else:
+                yield item, (zlib.crc32(file.encode()) + seen[file] // 8) % TURNS
+            seen[file] += 1
 
 
 def try_fewer(tests: set[Any]) -> None:
