@@ -103,6 +103,11 @@ def test_a_scene_in_space_is_run_at_any_step(monkeypatch: pytest.MonkeyPatch) ->
     assert stage.run("symplectic", Fraction(16)) is None  # finer than the oracle
     assert stage.energy_error(oracle, oracle) < 1e-12
     assert list(peers_network.scipy_network(stage, oracle, (1e-3,))) == []
+    points = list(scene_points.scheme_points(stage, oracle, (Fraction(1),), 0))
+    assert [point.method for point in points] == [
+        *("discrete_gradient", "linearly_implicit", "symplectic_euler")
+    ]
+    assert points[0].error < points[2].error
 
 
 def test_a_scene_is_named_with_what_its_rig_runs(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,7 +21,6 @@ from tautwave.config.shipped import find_example
 from tautwave.motion import reference_positions
 from tautwave.report.scene.inputs import stage_of
 from tautwave.scene.network import LINEAR, Network, String
-from tautwave.scene3d.live import SPACE_SCHEMES
 from tautwave.scene3d.network import Network3d
 from tautwave.simulation.scene.playing import Played, play
 
@@ -30,6 +29,7 @@ Array = npt.NDArray[np.float64]
 NAMES = {
     "exact": "exact",
     "discrete_gradient": "discrete_gradient",
+    "linearly_implicit": "linearly_implicit",
     "symplectic": "symplectic_euler",
     "rk4": "rk4",
 }
@@ -86,7 +86,7 @@ SCENES = (RESONATOR, GRANULAR, STRING, DRUM, NET)
 def schemes_of(network: Network | Network3d) -> tuple[str, ...]:
     """Return the schemes that can run a network, that of the oracle first."""
     if isinstance(network, Network3d):
-        return SPACE_SCHEMES[::-1]
+        return ("discrete_gradient", "linearly_implicit", "symplectic")
     if network.strings:
         return ("discrete_gradient",)
     linear = all(link.kind in LINEAR for link in network.links)
