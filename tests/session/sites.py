@@ -208,3 +208,7 @@ class Pair:
         """Close the sockets."""
         for sock in self.sockets:
             sock.close()
+
+
+Make = Callable[..., Pair]
+"""Makes a pair with changes of the rig."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from typing import Any
 
 import pytest
@@ -14,22 +12,9 @@ from tautwave.runtime.loop import LoopResult
 from tautwave.session.sites.desk_line import Leaving
 from tautwave.session.sites.joining import Joined, joined
 from tautwave.sites.control import Session
-from tests.session.sites import RIG, Pair
+from tests.session.sites import RIG, Make, Pair
 
-Make = Callable[..., Pair]
 PLACE = ("coupling.pairs.lever.offset=0.3", "coupling.pairs.lever.engage_tolerance=0.01")
-
-
-@pytest.fixture
-def pair() -> Iterator[Make]:
-    with ExitStack() as stack:
-
-        def make(*changes: str) -> Pair:
-            made = Pair(*changes)
-            stack.callback(made.close)
-            return made
-
-        yield make
 
 
 def left(two: Pair, error: BaseException | None) -> None:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
-
 import numpy as np
 import pytest
 
@@ -13,23 +10,10 @@ from tautwave.link.clocks import Exchange
 from tautwave.link.packet import Packet, write_packet
 from tautwave.sites.datagrams import DataPort, open_socket
 from tautwave.sites.seal import Sealer
-from tests.session.sites import Pair
+from tests.session.sites import Make
 
-Make = Callable[..., Pair]
 SLOW = pytest.mark.slow
 PLACE = ("coupling.pairs.lever.offset=0.1", "coupling.pairs.lever.engage_tolerance=0.01")
-
-
-@pytest.fixture
-def pair() -> Iterator[Make]:
-    with ExitStack() as stack:
-
-        def make(*changes: str) -> Pair:
-            made = Pair(*changes)
-            stack.callback(made.close)
-            return made
-
-        yield make
 
 
 def test_both_engage_and_follow_and_their_books_close(pair: Make) -> None:

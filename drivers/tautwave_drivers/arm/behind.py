@@ -61,7 +61,7 @@ class JointsBehind:
         return getattr(self._inner, name)
 
     def open(self) -> None:
-        """Open the joints' bus, at first or for a reset: what was known and sent is past."""
+        """Open the joints' bus, at the start or for a reset: forget what was known and sent."""
         self._known = self._beyond = False
         self._stride = [0.0] * self._count
         self._inner.open()

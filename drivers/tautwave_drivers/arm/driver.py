@@ -56,7 +56,7 @@ class ArmDriver(JointsBehind):
             self.columns += [f"space.{bus.name}.{wall.name}.{what}" for what in TipWall.COLUMNS]
 
     def open(self) -> None:
-        """Open the joints' bus; no effort of before acts any more."""
+        """Open the joints' bus; no earlier effort acts any more."""
         for part in self._parts:
             part.drop()
         super().open()

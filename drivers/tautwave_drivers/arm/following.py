@@ -110,7 +110,7 @@ class FollowingArm(JointsBehind):
             self._mapped += booked - taken
             self._most = max(self._most, self._mapped)
             self._watch(q)
-            # An account that is not a number is overdrawn, too.
+            # A NaN in the account counts as overdrawn.
             if not self._mapped <= self._granted + (OVERDRAWN - 1.0) * self._reserve:
                 self._fail(
                     f"the arm gave out {self._mapped:.3g} J beyond what its tip's ports know of, "
@@ -155,7 +155,7 @@ class FollowingArm(JointsBehind):
         self._allowed = room_for(given, gift, self._granted)
         self._file(max(self._allowed * gift, 0.0))
         share = share * self._allowed
-        # A speed that is not a number has no share.
+        # A NaN speed is not sent.
         self._sent = [share * speed if share > 0.0 else 0.0 for speed in speeds]
         self._inner.write([AxisCommand(0.0, speed) for speed in self._sent])
 

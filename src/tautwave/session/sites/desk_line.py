@@ -18,8 +18,8 @@ from tautwave.sites.desk import MOST_BYTES, Order
 
 MOST_NOTES = 50
 """Of a session: anybody who reaches the port causes them."""
-MOST_TOLD = 2000
-"""Of a reason, which has to fit into a message."""
+LONGEST_REASON = 2000
+"""Characters of a reason, which has to fit into a message."""
 DIED = "the process beside the loop, which keeps the session, has ended"
 
 
@@ -35,11 +35,11 @@ class Leaving(ABC):
     def leave(self, error: BaseException | None) -> None:
         """Tell the other site, once, that this run is over, or why it ended early.
 
-        What is no `Exception` is a person who stopped it.
+        Anything that is not an `Exception` is a person who stopped it.
         """
         if not self._gone:
             self._gone = True
-            why = str(error)[:MOST_TOLD] or type(error).__name__
+            why = str(error)[:LONGEST_REASON] or type(error).__name__
             self.send(send={"stops": why} if isinstance(error, Exception) else {"ended": True})
 
 
