@@ -139,7 +139,10 @@ def test_a_slave_that_moves_once_everything_let_go_is_not_engaged(
     monkeypatch.setattr(Alignment, "_astray", lambda self: [0] if self.let_go else [])
     done, _, _ = engaged_by(STILL)
     assert done.words() == [("engage", "aligning"), ("blocked", "holding")]
-    assert done.control.journal.entries[-1].text == "lever not aligned: it moved while everything let go"
+    assert (
+        done.control.journal.entries[-1].text
+        == "lever not aligned: it moved while everything let go"
+    )
 
 
 def test_a_run_holds_where_a_slave_cannot_follow() -> None:
