@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tautwave.contracts import BusSpec
-from tautwave.models.chain.gravity import chain_gravity, gravity_stiffness
-from tautwave.models.chain.inertia import chain_bodies, chain_screws, mass_matrix
+from tautwave.models.chain.gravity import gravity_stiffness
+from tautwave.models.chain.inertia import mass_matrix
 from tautwave.models.chain.kinematics import chain_frames
 from tautwave.models.chain.task import COORDINATES, task_place
 from tautwave.types import BusElement
@@ -105,9 +105,7 @@ def _sample(
         used = jacobian[list(which)]
         frames = chain_frames(chain, q)
         weight, rows = [0.0] * count, [0.0] * (count * count)
-        if options.carry:
-            chain_gravity(chain, frames, weight)
-        mass_matrix(chain_bodies(chain, frames), chain_screws(frames), rows)
+        mass_matrix(chain, q, frames, rows, weight)
         matrix = np.array(rows).reshape(count, count)
         matrix += np.diag([joint.inertia_lower for joint in joints])
         soft = used @ np.linalg.solve(matrix, used.T)
@@ -115,8 +113,9 @@ def _sample(
         moved.append(damped[:, None] * used)
         walls = sum(wall.force_limit for wall in options.walls.values())
         asked = force @ np.abs(jacobian) + walls * np.linalg.norm(jacobian[:3], axis=0)
+        carried = np.abs(weight) if options.carry else 0.0
         off = np.abs(np.array(q) - options.at_home)
-        effort = np.maximum(effort, asked + np.abs(weight) + options.posture * off)
+        effort = np.maximum(effort, asked + carried + options.posture * off)
         reach = np.maximum(reach, np.linalg.norm(jacobian[:3], axis=0))
         if number % 3 == 0:
             slope = np.maximum(slope, _bent(task, q, jacobian, force))

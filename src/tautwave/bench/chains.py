@@ -13,7 +13,7 @@ from tautwave.bench.chunks import Work, calling, costs
 from tautwave.bench.result import Table, Value
 from tautwave.models.chain.build import Body, Link, build_chain, roll_pitch_yaw
 from tautwave.models.chain.gravity import chain_gravity
-from tautwave.models.chain.inertia import chain_bodies, chain_screws, mass_matrix
+from tautwave.models.chain.inertia import chain_screws, mass_matrix
 from tautwave.models.chain.kinematics import chain_frames, chain_jacobian, fill_jacobian, tip_pose
 
 JOINTS = 7
@@ -46,8 +46,7 @@ def moved(chain: Any, q: Any, jacobian: Any, weight: Any, matrix: Any) -> float:
     frames = chain_frames(chain, q)
     pose = tip_pose(chain, frames)
     fill_jacobian(frames, pose, jacobian)
-    mass_matrix(chain_bodies(chain, frames), chain_screws(frames), matrix)
-    return chain_gravity(chain, frames, weight) + pose[0]
+    return mass_matrix(chain, q, frames, matrix, weight) + pose[0]
 
 
 FUNCTIONS: tuple[Callable[..., Any], ...] = (
@@ -56,7 +55,6 @@ FUNCTIONS: tuple[Callable[..., Any], ...] = (
     fill_jacobian,
     chain_jacobian,
     chain_gravity,
-    chain_bodies,
     chain_screws,
     mass_matrix,
 )

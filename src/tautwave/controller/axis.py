@@ -71,6 +71,21 @@ def start_axis(s: AxisState, p: AxisParams, position: float, outside: float) -> 
 
 def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float], steps: Steps) -> None:
     """One slot went by: the command that acted in it joins the open interval."""
+    tag = s.tag
+    if p.delay > 0 or p.late > 0.0:
+        tag = pass_late(s, p, table)
+    else:
+        s.effort_sum += s.total
+        s.port_sum += s.port_effort
+        s.wall_sum += s.wall_effort
+        if p.site.lightens:
+            s.inertia.sum += s.inertia.effort
+    s.count += 1
+    steps.act(s, p, tag)
+
+
+def pass_late(s: AxisState, p: AxisParams, table: MutableSequence[float]) -> float:
+    """Let a command of an earlier slot act; return its tag. The present one takes its place."""
     total = s.total
     port = s.port_effort
     wall = s.wall_effort
@@ -116,8 +131,7 @@ def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float], steps:
     s.port_sum += port
     s.wall_sum += wall
     s.inertia.sum += lift
-    s.count += 1
-    steps.act(s, p, tag)
+    return tag
 
 
 def miss_sample(s: AxisState, p: AxisParams, steps: Steps) -> None:

@@ -38,7 +38,9 @@ def test_two_links_in_a_plane_have_the_textbooks_gravity_and_inertia() -> None:
     height = 1.5 * 0.3 * math.sin(a) + 0.5 * 0.2 * math.sin(a + b)
     assert energy == pytest.approx(G * height, rel=1e-14)
     matrix = [0.0] * 4
-    mass_matrix(chain_bodies(chain, frames), chain_screws(frames), matrix)
+    beside = [0.0, 0.0]
+    assert mass_matrix(chain, (a, b), frames, matrix, beside) == pytest.approx(energy, rel=1e-14)
+    assert beside == pytest.approx(weight, rel=1e-14)
     off = 0.5 * 0.2**2 + 0.5 * 0.3 * 0.2 * math.cos(b)
     first = 1.5 * 0.3**2 + 0.5 * 0.2**2 + 2 * 0.5 * 0.3 * 0.2 * math.cos(b)
     assert matrix == pytest.approx([first, off, off, 0.5 * 0.2**2], rel=1e-14)

@@ -54,7 +54,10 @@ def compare(seed: int) -> None:
 
     bodies, screws = chain_bodies(chain, frames), chain_screws(frames)
     matrix = [0.0] * (count * count)
-    mass_matrix(bodies, screws, matrix)
+    beside = [0.0] * count
+    again = mass_matrix(chain, q, frames, matrix, beside)
+    near(beside, held)
+    near([again], [energy], least=float(abs(held).max()))
     upper = np.triu(pin.crba(model, data, at))
     near(matrix, upper + np.triu(upper, 1).T)
     swung = [0.0] * count

@@ -207,7 +207,7 @@ def build_chain(
     for i, body in enumerate(bodies):
         _, ca, sa, gamma, shift = steps[i]
         seen = placed(body, transposed(times(z_along(axes[i]), about_z(betas[i + 1]))), ORIGIN)
-        (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = seen.inertia
+        (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = _shifted(seen, seen.centre)
         joints.append(
             JointParams(
                 ca, sa, *shift, gamma + betas[i + 1], kinds[i],

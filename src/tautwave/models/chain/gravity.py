@@ -25,7 +25,7 @@ def chain_gravity(c: ChainParams, frames: Any, out: Any) -> float:
     while i > 0:
         i = i - 1
         m, cx, cy, cz = c.joints[i][7:11]
-        xx, xy, xz, yx, yy, yz, zx, zy, zz, px, py, pz, turns = frames[i]
+        xx, xy, xz, yx, yy, yz, zx, zy, zz, px, py, pz, turns = frames[i][2:]
         mass = mass + m
         sx = sx + m * (px + xx * cx + yx * cy + zx * cz)
         sy = sy + m * (py + xy * cx + yy * cy + zy * cz)

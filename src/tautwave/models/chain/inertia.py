@@ -20,11 +20,11 @@ def chain_bodies(c: ChainParams, frames: Any) -> Any:
     bodies = []
     i = 0
     for frame in frames:
-        xx, xy, xz, yx, yy, yz, zx, zy, zz, px, py, pz, _ = frame
+        xx, xy, xz, yx, yy, yz, zx, zy, zz, px, py, pz, _ = frame[2:]
         m, cx, cy, cz, ia, ib, ic, iab, iac, ibc = c.joints[i][7:]
-        rx = px + xx * cx + yx * cy + zx * cz
-        ry = py + xy * cx + yy * cy + zy * cz
-        rz = pz + xz * cx + yz * cy + zz * cz
+        ux = m * (xx * cx + yx * cy + zx * cz)
+        uy = m * (xy * cx + yy * cy + zy * cz)
+        uz = m * (xz * cx + yz * cy + zz * cz)
         ax = ia * xx + iab * yx + iac * zx
         ay = ia * xy + iab * yy + iac * zy
         az = ia * xz + iab * yz + iac * zz
@@ -34,12 +34,12 @@ def chain_bodies(c: ChainParams, frames: Any) -> Any:
         dx = iac * xx + ibc * yx + ic * zx
         dy = iac * xy + ibc * yy + ic * zy
         dz = iac * xz + ibc * yz + ic * zz
-        sx = m * rx
-        sy = m * ry
-        sz = m * rz
-        square = sx * rx
-        other = sy * ry
-        third = sz * rz
+        sx = ux + m * px
+        sy = uy + m * py
+        sz = uz + m * pz
+        square = px * (ux + sx)
+        other = py * (uy + sy)
+        third = pz * (uz + sz)
         bodies.append(
             (
                 m,
@@ -49,9 +49,9 @@ def chain_bodies(c: ChainParams, frames: Any) -> Any:
                 ax * xx + bx * yx + dx * zx + other + third,
                 ay * xy + by * yy + dy * zy + square + third,
                 az * xz + bz * yz + dz * zz + square + other,
-                ax * xy + bx * yy + dx * zy - sx * ry,
-                ax * xz + bx * yz + dx * zz - sx * rz,
-                ay * xz + by * yz + dy * zz - sy * rz,
+                ax * xy + bx * yy + dx * zy - px * sy - ux * py,
+                ax * xz + bx * yz + dx * zz - px * sz - ux * pz,
+                ay * xz + by * yz + dy * zz - py * sz - uy * pz,
             )
         )
         i = i + 1
@@ -62,7 +62,7 @@ def chain_screws(frames: Any) -> Any:
     """Return every joint's angular velocity and velocity in the base's origin, six floats."""
     screws = []
     for frame in frames:
-        zx, zy, zz, px, py, pz, turns = frame[6:]
+        zx, zy, zz, px, py, pz, turns = frame[8:]
         if turns:
             screws.append((zx, zy, zz, py * zz - pz * zy, pz * zx - px * zz, px * zy - py * zx))
         else:
@@ -70,11 +70,19 @@ def chain_screws(frames: Any) -> Any:
     return screws
 
 
-def mass_matrix(bodies: Any, screws: Any, out: Any) -> None:
+def mass_matrix(c: ChainParams, q: Any, frames: Any, out: Any, weight: Any) -> float:
     """Fill `out` with the mass matrix, row by row [kg m^2, kg and between].
 
-    Row i is the momentum along every joint when joint i alone moves at unit speed.
+    `frames` are those of `chain_frames` at the positions `q` [rad or m]. Fills `weight` and returns
+    the potential energy [J], as `chain_gravity` does: the momentum along gravity is a by-product.
+
+    All that a joint carries is one rigid body in the joint's frame, taken from one joint to the
+    next; row i is its momentum along every joint when joint i alone moves at unit speed.
     """
+    gx = c.gx
+    gy = c.gy
+    gz = c.gz
+    screws = chain_screws(frames)
     count = len(screws)
     m = 0.0
     sx = 0.0
@@ -86,34 +94,96 @@ def mass_matrix(bodies: Any, screws: Any, out: Any) -> None:
     xy = 0.0
     xz = 0.0
     yz = 0.0
+    potential = 0.0
     i = count
     while i > 0:
         i = i - 1
-        bm, bx, by, bz, bxx, byy, bzz, bxy, bxz, byz = bodies[i]
+        ca, sa, ox, oy, oz, _, _, bm, bx, by, bz, bxx, byy, bzz, bxy, bxz, byz = c.joints[i]
+        cq, sq, ax, ay, az, ex, ey, ez, dx, dy, dz, px, py, pz, turns = frames[i]
         m = m + bm
-        sx = sx + bx
-        sy = sy + by
-        sz = sz + bz
+        sx = sx + bm * bx
+        sy = sy + bm * by
+        sz = sz + bm * bz
         xx = xx + bxx
         yy = yy + byy
         zz = zz + bzz
         xy = xy + bxy
         xz = xz + bxz
         yz = yz + byz
-        wx, wy, wz, vx, vy, vz = screws[i]
-        lx = m * vx + wy * sz - wz * sy
-        ly = m * vy + wz * sx - wx * sz
-        lz = m * vz + wx * sy - wy * sx
-        hx = xx * wx + xy * wy + xz * wz + sy * vz - sz * vy
-        hy = xy * wx + yy * wy + yz * wz + sz * vx - sx * vz
-        hz = xz * wx + yz * wy + zz * wz + sx * vy - sy * vx
-        j = i
-        while j >= 0:
+        # Momentum and its moment about the base's origin, in base axes.
+        if turns:
+            lx = sx * ex - sy * ax
+            ly = sx * ey - sy * ay
+            lz = sx * ez - sy * az
+            hx = xz * ax + yz * ex + zz * dx + py * lz - pz * ly
+            hy = xz * ay + yz * ey + zz * dy + pz * lx - px * lz
+            hz = xz * az + yz * ez + zz * dz + px * ly - py * lx
+            out[i * count + i] = zz
+        else:
+            lx = m * dx
+            ly = m * dy
+            lz = m * dz
+            hx = sy * ax - sx * ex + py * lz - pz * ly
+            hy = sy * ay - sx * ey + pz * lx - px * lz
+            hz = sy * az - sx * ez + px * ly - py * lx
+            out[i * count + i] = m
+        weight[i] = -(gx * lx + gy * ly + gz * lz)
+        row = i * count
+        column = i
+        for j in range(i):
             wx, wy, wz, vx, vy, vz = screws[j]
             entry = wx * hx + wy * hy + wz * hz + vx * lx + vy * ly + vz * lz
-            out[i * count + j] = entry
-            out[j * count + i] = entry
-            j = j - 1
+            out[row + j] = entry
+            out[column] = entry
+            column = column + count
+        if i == 0:
+            potential = -(
+                gx * (m * px + sx * ax + sy * ex + sz * dx)
+                + gy * (m * py + sx * ay + sy * ey + sz * dy)
+                + gz * (m * pz + sx * az + sy * ez + sz * dz)
+            )
+            break
+        # Back by the joint's turn about z, then about x; then the shift.
+        u = cq * sx - sq * sy
+        sy = sq * sx + cq * sy
+        sx = u
+        u = cq * xz - sq * yz
+        yz = sq * xz + cq * yz
+        xz = u
+        u = sq * (xx - yy) + (cq + cq) * xy
+        xx = xx - sq * u
+        yy = yy + sq * u
+        xy = cq * u - xy
+        u = ca * sy - sa * sz
+        sz = sa * sy + ca * sz
+        sy = u
+        u = ca * xy - sa * xz
+        xz = sa * xy + ca * xz
+        xy = u
+        u = sa * (yy - zz) + (ca + ca) * yz
+        yy = yy - sa * u
+        zz = zz + sa * u
+        yz = ca * u - yz
+        if not turns:
+            at = q[i]
+            oy = oy - at * sa
+            oz = oz + at * ca
+        tx = sx + m * ox
+        ty = sy + m * oy
+        tz = sz + m * oz
+        xy = xy - ox * ty - sx * oy
+        xz = xz - ox * tz - sx * oz
+        yz = yz - oy * tz - sy * oz
+        ex = ox * (sx + tx)
+        ey = oy * (sy + ty)
+        ez = oz * (sz + tz)
+        xx = xx + ey + ez
+        yy = yy + ex + ez
+        zz = zz + ex + ey
+        sx = tx
+        sy = ty
+        sz = tz
+    return potential
 
 
 def chain_coriolis(bodies: Any, screws: Any, v: Any, out: Any) -> None:

@@ -14,7 +14,8 @@ def chain_frames(c: ChainParams, q: Any) -> Any:
     Returns
     -------
     list of tuple
-        Per joint its x, y and z axis and its origin [m], 12 floats, and whether it turns.
+        Per joint cosine and sine of its turn about z, its x, y and z axis and its origin [m], 14
+        floats, and whether it turns.
     """
     xx = c.cb
     xy = c.sb
@@ -56,14 +57,14 @@ def chain_frames(c: ChainParams, q: Any) -> Any:
         xx = cq * xx + sq * ux
         xy = cq * xy + sq * uy
         xz = cq * xz + sq * uz
-        frames.append((xx, xy, xz, yx, yy, yz, zx, zy, zz, px, py, pz, turns))
+        frames.append((cq, sq, xx, xy, xz, yx, yy, yz, zx, zy, zz, px, py, pz, turns))
         i = i + 1
     return frames
 
 
 def tip_pose(c: ChainParams, frames: Any) -> tuple[float, ...]:
     """Return the tip's position [m], then its x, y and z axis, 12 floats."""
-    xx, xy, xz, yx, yy, yz, zx, zy, zz, px, py, pz, _ = frames[-1]
+    xx, xy, xz, yx, yy, yz, zx, zy, zz, px, py, pz, _ = frames[-1][2:]
     ca, sa, ox, oy, oz, cq, sq = c.tip
     ux = ca * yx + sa * zx
     uy = ca * yy + sa * zy
@@ -103,7 +104,7 @@ def fill_jacobian(frames: Any, pose: Any, out: Any) -> None:
     pz = pose[2]
     k = 0
     for frame in frames:
-        ax, ay, az, jx, jy, jz, turns = frame[6:]
+        ax, ay, az, jx, jy, jz, turns = frame[8:]
         if turns:
             jx = px - jx
             jy = py - jy

@@ -56,10 +56,10 @@ def place_chain(c: ChainParams, plants: Any, x: Any) -> Placed:
     frames = chain_frames(c, x)
     matrix = [0.0] * (count * count)
     weight = [0.0] * count
-    mass_matrix(chain_bodies(c, frames), chain_screws(frames), matrix)
+    potential = mass_matrix(c, x, frames, matrix, weight)
     for i in range(count):
         matrix[i * count + i] += plants[i].mass
-    return Placed(matrix, chain_gravity(c, frames, weight))
+    return Placed(matrix, potential)
 
 
 def kinetic_energy(matrix: Any, v: Any) -> float:

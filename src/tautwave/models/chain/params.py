@@ -15,8 +15,8 @@ class JointParams(NamedTuple):
 
     From the frame before: shift by `x, y, z` [m], turn about x by the angle whose cosine and sine
     are `ca, sa`, then about z by `offset` [rad], plus the joint's position where `turns`; else the
-    joint slides along z. The body has `mass` [kg], its centre at `cx, cy, cz` [m] and the inertia
-    about that centre [kg m^2], both in the joint's frame.
+    joint slides along z. The body has `mass` [kg], its centre at `cx, cy, cz` [m] in the joint's
+    frame, and the inertia about that frame's origin [kg m^2].
     """
 
     ca: float

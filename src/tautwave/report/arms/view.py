@@ -148,6 +148,6 @@ def _places(chain: Any, q: Floats) -> Floats:
             found[row] = found[row - 1]
             continue
         frames = chain_frames(chain, posture)
-        found[row, 1:-1] = [frame[9:12] for frame in frames]
+        found[row, 1:-1] = [frame[11:14] for frame in frames]
         found[row, -1] = tip_pose(chain, frames)[:3]
     return found

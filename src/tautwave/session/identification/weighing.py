@@ -330,9 +330,8 @@ def _needed(chain: ChainParams, q: Any, v: Any, a: Any) -> list[float]:
     frames = chain_frames(chain, q.tolist())
     bodies, screws = chain_bodies(chain, frames), chain_screws(frames)
     weight, swung, matrix = [0.0] * count, [0.0] * count, [0.0] * (count * count)
-    chain_gravity(chain, frames, weight)
     chain_coriolis(bodies, screws, v.tolist(), swung)
-    mass_matrix(bodies, screws, matrix)
+    mass_matrix(chain, q.tolist(), frames, matrix, weight)
     pushed = np.array(matrix).reshape(count, count) @ a
     return [w + s + float(p) for w, s, p in zip(weight, swung, pushed, strict=True)]
 
