@@ -327,7 +327,9 @@ class _Layout:
                 _draw_legend(panel, *keys[at], style, loc="lower left", bbox_to_anchor=anchor)
             above = style.size * (0.45 + 1.3 * max(deep))
             title = "\n".join(heads[at])
-            panel.set_title(title, loc="left", color=INK, fontsize=style.size, pad=above)
+            # With a height given, matplotlib does not lay all numbers out again to look for some
+            # above the panel.
+            panel.set_title(title, loc="left", y=1.0, color=INK, fontsize=style.size, pad=above)
         self.top += tall + max(_below(panel, em) for panel in row)
 
     def _draw_text(self, panel: Axes) -> None:
@@ -352,7 +354,9 @@ def _left_of(panel: Axes, renderer: Any) -> float:
 
 def _right_of(panel: Axes, renderer: Any) -> float:
     """Return how far the last number below a panel extends past its right edge [inch]."""
-    box = panel.xaxis.get_tightbbox(renderer) if panel.axison else None
+    box = None
+    if panel.axison and _is_numbered(panel):
+        box = panel.xaxis.get_tightbbox(renderer)
     if box is None:
         return 0.0
     return (float(box.x1) - float(panel.bbox.x1)) / float(renderer.dpi) + 0.04
@@ -362,5 +366,10 @@ def _below(panel: Axes, em: float) -> float:
     """Return the height of the numbers and the label below a panel [inch]."""
     if not panel.axison:
         return 0.6 * em
-    numbers = 1.7 * em if panel.xaxis.get_tick_params().get("labelbottom", True) else 0.6 * em
+    numbers = 1.7 * em if _is_numbered(panel) else 0.6 * em
     return numbers + (1.5 * em if panel.get_xlabel() else 0.0) + 0.4 * em
+
+
+def _is_numbered(panel: Axes) -> bool:
+    """Return whether there are numbers below a panel."""
+    return bool(panel.xaxis.get_tick_params().get("labelbottom", True))

@@ -13,8 +13,6 @@ Sources: Taylor models of first order (Makino & Berz); the padding is for IEEE d
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 import numpy.typing as npt
 
@@ -32,21 +30,11 @@ class Enclosed:
 
     def __init__(self, half: Float, value: Float, slope: Float, rest: Float) -> None:
         self.half, self.value, self.slope, self.rest = half, value, slope, rest
-
-    @cached_property
-    def reach(self) -> Float:
-        """Return how far the slope alone leads over half a cell."""
-        return np.abs(self.slope) * self.half
-
-    @cached_property
-    def size(self) -> Float:
-        """Return a bound of |u| over each cell."""
-        return self.spread + np.abs(self.value)
-
-    @cached_property
-    def spread(self) -> Float:
-        """Return a bound of |u - value| over each cell."""
-        return (self.reach + self.rest) * (1.0 + PAD)
+        # How far the slope alone leads over half a cell; bounds of |u - value| and |u|. Nearly all
+        # of them are asked for.
+        self.reach = np.abs(slope) * half
+        self.spread = (self.reach + rest) * (1.0 + PAD)
+        self.size = self.spread + np.abs(value)
 
     @property
     def least(self) -> Float:
