@@ -46,14 +46,15 @@ TURNS = 5
 TURN = int(os.environ["TAUTWAVE_TURN"]) % TURNS if "TAUTWAVE_TURN" in os.environ else None
 
 # The same cases each time, so that a red run is about the change and not about luck; the machine's
-# speed is nobody's business. `.ci/run` tries twice as many, also where a default test has a
-# number of its own; `pytest --hypothesis-profile=explore` looks for new ones.
+# speed is nobody's business. `TAUTWAVE_EXAMPLES=all` tries twice as many, also where a default test
+# has a number of its own; `pytest --hypothesis-profile=explore` looks for new ones.
 EXAMPLES, FEWER = 20, 0.5
+ALL_EXAMPLES = os.environ.get("TAUTWAVE_EXAMPLES") == "all"
 settings.register_profile(
     "steady",
     derandomize=True,
     deadline=None,
-    max_examples=EXAMPLES if LIBRARIES_REQUIRED else int(FEWER * EXAMPLES),
+    max_examples=EXAMPLES if ALL_EXAMPLES else int(FEWER * EXAMPLES),
     print_blob=True,
     suppress_health_check=[HealthCheck.too_slow],
 )
@@ -120,7 +121,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         others = {item for item, turn in turns(items) if turn != TURN}
         config.hook.pytest_deselected(items=list(others))
         items[:] = [item for item in items if item not in others]
-    if not LIBRARIES_REQUIRED:
+    if not ALL_EXAMPLES:
         default = [item for item in items if not item.get_closest_marker("slow")]
         try_fewer({item.function for item in default if isinstance(item, pytest.Function)})
 
