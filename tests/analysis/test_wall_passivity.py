@@ -241,6 +241,18 @@ def test_lifted_form_grows_without_bound_for_tustin_and_for_any_integrator() -> 
 # -- traps ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.25])
+def test_damping_to_spare_is_proved_as_tightly(delay: float) -> None:
+    """Of E = c: y**2 - c y (1 - f + f (2 cos theta + 1)) - f (1 - f) c**2 = 0, at theta = pi."""
+    leak = needed_damping(PulseTransfer((-1000.0,)), T, delay)
+    level = -1.0 + 2.0 * delay
+    least = 0.25 * (level + math.sqrt(level**2 + 4.0 * delay * (1.0 - delay)))
+    assert leak.supremum == pytest.approx(least if delay else -0.5, rel=1e-12)
+    assert leak.damping == max(leak.supremum, 0.0)
+    assert leak.supremum < leak.upper < leak.supremum + 1e-10
+    assert leak.theta == pytest.approx(math.pi if delay else 0.0)
+
+
 def test_tustin_is_infinite_at_half_the_rate_and_leaky_is_not() -> None:
     leak = needed_damping(tustin_velocity(0.2, T), T)
     assert (leak.damping, leak.theta) == (math.inf, math.pi)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +37,7 @@ def test_every_help_has_an_example(tautwave_cli: Cli, words: tuple[str, ...]) ->
     assert re.search(rf"^ +tautwave {' '.join(words)}", result.output, re.MULTILINE)
 
 
-def test_a_number_on_the_command_line_is_finite() -> None:
-    """Whatever the option: click takes `nan` for a float, and as in any range."""
+def all_options() -> Iterator[tuple[click.Context, click.Parameter]]:
     for words in all_commands(main):
         command: click.Command = main
         for word in words:
@@ -47,10 +46,33 @@ def test_a_number_on_the_command_line_is_finite() -> None:
             assert found is not None
             command = found
         for option in command.params:
-            if not isinstance(option.type, click.FloatRange | click.types.FloatParamType):
-                continue
-            with pytest.raises(click.BadParameter, match="finite number"):
-                option.process_value(click.Context(command), "nan")
+            yield click.Context(command), option
+
+
+def test_a_number_on_the_command_line_is_finite() -> None:
+    """Whatever the option: click takes `nan` for a float, and as in any range."""
+    for context, option in all_options():
+        if not isinstance(option.type, click.FloatRange | click.types.FloatParamType):
+            continue
+        with pytest.raises(click.BadParameter, match="finite number"):
+            option.process_value(context, "nan")
+
+
+def test_the_help_says_what_holds_where_an_option_is_left_out() -> None:
+    said = 0
+    for context, option in all_options():
+        default = option.get_default(context)
+        if not isinstance(option, click.Option) or option.is_flag or not default:
+            continue
+        if not isinstance(default, str | int | float | tuple):
+            continue  # click's own mark of none
+        shown = ", ".join(default) if isinstance(default, tuple) else str(default)
+        words = [f"default: {shown}"]
+        words += [] if isinstance(default, str | tuple) else [f"default {default:g}"]
+        _, text = option.get_help_record(context) or ("", "")
+        assert any(each in text for each in words), f"{context.command.name} {option.name}: {text}"
+        said += 1
+    assert said > 30
 
 
 def test_version(tautwave_cli: Cli) -> None:

@@ -15,6 +15,7 @@ from tautwave.config import resolved_yaml
 from tautwave.couplings.wave.claim import claimed_joules
 from tautwave.report.claims import blows_of, exceeds
 from tautwave.report.ends import End, ends_of
+from tautwave.report.noise import measured_deviation
 from tautwave.report.run.after_run import recheck_run
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.tables import claim_table
@@ -164,6 +165,46 @@ def test_noise_beyond_the_declared_is_reported(times: float, reported: bool) -> 
     said = [note for note in notes if "times the declared (position_noise 9e-05)" in note]
     assert bool(said) == reported
     assert all(note.startswith("master.lever: its position noise is") for note in said)
+
+
+AXIS = "master.lever"
+
+
+def shaken(rows: int, keys: dict[str, Any], slow: float = 1e-4) -> float | None:
+    """Of a lever that alternates by `slow` [rad] but for one window; `rows` of it are valid."""
+    found = run(0.0, 0.0)
+    assert found.whole is not None
+    columns: Any = found.whole
+    amplitude = np.full(ROWS, slow)
+    amplitude[810:990] = 0.1
+    columns[f"{AXIS}.position"][:] = amplitude * (-1.0) ** np.arange(ROWS)
+    columns[f"{AXIS}.valid"][rows:] = 0.0
+    return measured_deviation(found, AXIS, keys)
+
+
+@pytest.mark.parametrize(
+    ("quantum", "colour", "variance"),
+    [
+        (0.0, (), 64.0 / 20.0),
+        (1e-4, (), 48.0 / 20.0),
+        (1.9e-4, (), (64.0 - 16.0 * 3.61) / 20.0),
+        (2.1e-4, (), 0.0),
+        (0.0, (0.5, 0.1, 0.05), 64.0 / 6.1),
+        (0.0, (0.5,), 64.0 / 5.0),
+        (0.0, (0.9,), 0.0),  # no noise is so
+    ],
+)
+def test_noise_is_of_third_differences_beyond_the_step_of_the_encoder(
+    quantum: float, colour: tuple[float, ...], variance: float
+) -> None:
+    """One whose third differences are eight times its amplitude, 1e-4."""
+    keys = {"encoder_quantum": quantum, "position_noise_autocorrelation": colour}
+    assert shaken(ROWS, keys) == pytest.approx(1e-4 * np.sqrt(variance), rel=1e-9)
+
+
+def test_noise_needs_two_windows() -> None:
+    assert shaken(402, {}) is None
+    assert shaken(403, {}) == pytest.approx(1e-4 * np.sqrt(3.2))
 
 
 def test_lost_samples_are_no_noise() -> None:

@@ -61,11 +61,15 @@ class Run:
 
 
 @contextmanager
-def served(directory: Path, rig: str | None = None, **facts: Any) -> Iterator[tuple[Run, Door]]:
-    """Serve a run's viewers; both end with the block."""
+def served(
+    directory: Path, rig: str | None = None, *, plain: bool = False, **facts: Any
+) -> Iterator[tuple[Run, Door]]:
+    """Serve a run's viewers, with Foxglove's unless `plain`; both end with the block."""
     run = Run(directory, rig, **facts)
     urls: queue.Queue[str] = queue.Queue()
-    server = Server(directory, Door("127.0.0.1", 0, None, "secret-token"), urls.put, foxglove=True)
+    door = Door("127.0.0.1", 0, None, "secret-token")
+    more: dict[str, Any] = {} if plain else {"foxglove": True}
+    server = Server(directory, door, urls.put, **more)
     thread = threading.Thread(target=lambda: asyncio.run(server.serve()))
     thread.start()
     try:

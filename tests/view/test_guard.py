@@ -68,6 +68,17 @@ def test_only_our_hosts_and_origins_and_paths(serving: tuple[Run, Door]) -> None
     assert posted.startswith("HTTP/1.1 405")
 
 
+def test_foxglove_is_served_only_where_it_is_asked_for(
+    tmp_path: Path, serving: tuple[Run, Door]
+) -> None:
+    with served(tmp_path, plain=True) as (_, plain):
+        for door, found in ((plain, "404 Not Found"), (serving[1], "200 OK")):
+            text = f"GET /foxglove-layout.json HTTP/1.1\r\nHost: 127.0.0.1:{door.port}\r\n\r\n"
+            assert ask(door, text).startswith(f"HTTP/1.1 {found}\r\n")
+        text = f"GET /foxglove HTTP/1.1\r\nHost: 127.0.0.1:{plain.port}\r\n{UPGRADE}\r\n"
+        assert ask(plain, text).startswith("HTTP/1.1 404 Not Found\r\n")
+
+
 def test_without_the_token_one_may_look_and_stop(serving: tuple[Run, Door]) -> None:
     run, door = serving
     with page(door) as socket:

@@ -104,9 +104,32 @@ def test_a_changed_rig_is_checked_as_a_rig_file_is() -> None:
 
 def test_a_claim_that_would_grow_is_refused() -> None:
     rig = load_rig(BENCH)
+    tuner._keep_claims(rig, rig)
     tuner._keep_claims(rig, with_values(rig, {FILTER: 50.0}))
     with pytest.raises(NotCertifiedError, match="fixed before the run"):
         tuner._keep_claims(rig, with_values(rig, {"coupling.pairs.lever.wave_impedance": 0.05}))
+
+
+@pytest.mark.parametrize("side", ["master", "slave"])
+def test_a_claim_may_differ_by_its_rounding_and_no_more(
+    side: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = load_rig(BENCH)
+    changed = rig.model_copy(update={"name": "changed"})
+    claims = {"bench-1dof": {"master": 2.0, "slave": 3.0}, "changed": {"master": 1.0, "slave": 1.0}}
+    monkeypatch.setattr(tuner, "port_claims", lambda rig, *_: {"claim_j": claims[rig.name]})
+    before = claims["bench-1dof"][side]
+    for share in (0.0, 1.0, 1.0 + 0.9e-9):
+        claims["changed"][side] = before * share
+        tuner._keep_claims(rig, changed)
+    for share in (1.0 + 1.2e-9, 1.5):
+        claims["changed"][side] = before * share
+        with pytest.raises(NotCertifiedError) as refused:
+            tuner._keep_claims(rig, changed)
+        assert str(refused.value) == (
+            f"{side}.lever: its port would claim {before * share:.4g} J, more than the "
+            f"{before:.4g} J that were fixed before the run"
+        )
 
 
 @pytest.mark.slow
