@@ -357,6 +357,16 @@ def test_home_has_a_place_along_the_frames_axes() -> None:
     assert home_place(turned)[:2] == pytest.approx((y, -x))
 
 
+def test_of_a_skew_frame_every_axis_counts() -> None:
+    """A chain bent out of the plane, and axes none of which is one of the base's."""
+    options = options_of(SPATIAL, "arm")
+    frame = np.array([[2.0, 3.0, 6.0], [3.0, -6.0, 2.0], [6.0, 2.0, -3.0]]) / 7.0
+    task = at_home(options.believed(), tuple(frame.ravel()), np.array(options.at_home) + 0.4)
+    home = np.array(task.home[:3])
+    assert abs(home).min() > 0.01
+    assert home_place(task) == pytest.approx(frame @ home, rel=1e-12)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_the_compiled_controller_leads_an_arm_to_the_same_bits() -> None:

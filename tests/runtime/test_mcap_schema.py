@@ -80,6 +80,8 @@ def test_an_independent_parser_finds_the_fields_in_our_order() -> None:
         (["7th", "", "."], ["x_7th", "x", "x_2.x"]),
         (["cycle.time.t", "time.t"], ["cycle.time.t", "time.t"]),
         (["größe"], ["gr_e"]),
+        (["a.b.c.d.e.f.g.h.i"], ["a.b.c.d.e.f.g.h.i"]),
+        (["a.b.c.d.e.f.g.h.i.j.k"], ["a.b.c.d.e.f.g.h.i_j_k"]),  # eight deep, and no more
     ],
 )
 def test_names_are_made_legal_and_unique(columns: list[str], fields: list[str]) -> None:

@@ -134,6 +134,25 @@ def test_the_hand_moves_on_the_grid_and_stays_at_the_end() -> None:
     assert SimulatedAxis("slave.a", truth()).hand() == (0.0, 0.0)
 
 
+def test_who_is_moved_by_a_program_takes_from_it_what_the_motor_gives() -> None:
+    axis = SimulatedAxis("master.a", truth())
+    program = axis.give_over()
+    assert program is not None
+    last, work = program.x, 0.0
+    for command, x, v in ((2.0, 0.5, 3.0), (-1.0, 0.25, -1.0), (0.5, 1.0, 0.0)):
+        axis.command(command)
+        program.place(x, v)
+        assert program.x == last  # until the slot has passed
+        axis.pass_slot()
+        work += command * (x - last)
+        last = x
+        assert (program.x, program.v) == (x, v)
+        assert program.motor_work == pytest.approx(work, rel=1e-15)
+        assert program.hand_work == pytest.approx(-work, rel=1e-15)
+        assert program.forces(0.0, 0.0) == (-command, 0.0)
+        assert program.stored(0.0) == (0.0, 0.0, 0.0)
+
+
 def test_columns_match_what_is_filled() -> None:
     for reference in ((), (0.0, 0.1)):
         axis = SimulatedAxis("master.a", truth(reference=reference))

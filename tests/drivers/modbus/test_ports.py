@@ -170,7 +170,25 @@ def test_a_serial_device_carries_bytes_until_it_is_unplugged() -> None:
     with pytest.raises(DriverError, match=r"adapter is gone|unplugged"):
         port.read()
     port.close()
+    assert port.fileno() == -1
     port.close()
+
+
+def test_a_port_that_is_closed_has_no_descriptor_of_somebody_else() -> None:
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    path = os.ttyname(slave)
+    port = SerialPort(path, 115_200, "E")
+    port.close()
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(port.fileno())
+    gone = f"{path}: the adapter is gone (Bad file descriptor); plug it in and run again"
+    for use in (port.read, lambda: port.write(b"x")):
+        with pytest.raises(DriverError) as refused:
+            use()
+        assert str(refused.value) == gone
+    os.close(slave)
+    os.close(master)
 
 
 def test_another_program_that_reads_the_line_is_reported() -> None:
